@@ -25,7 +25,7 @@ OTHERS = (
 )
 TOGETHER = {
     **{"pipeline": STAGES, "files": ("simulate", "example", "show", "freeze", "schema")},
-    **{"predict": ("adapt", "invert"), "export": ("figure",), "compare": ("paper",)},
+    **{"tune": ("plan",), "predict": ("adapt", "invert"), "export": ("figure",), "compare": ("paper",)},
 }
 MODULES = {name: name for name in (*STAGES, *OTHERS)} | {name: module for module, names in TOGETHER.items() for name in names}
 """The module of `cli/` that has the function of each command, which bears its name."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -12,36 +12,35 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from mapmore_cli.cli.console import (
-    NO_OVERRIDES,
+    NONE,
     RUNS,
     AsJson,
     Force,
+    Junit,
     Overrides,
     Quiet,
     Rehash,
     Runs,
+    Summary,
+    View,
     error_document,
     exit_code,
     message,
     print_view,
+    write_ci_files,
 )
-from mapmore_cli.cli.outputs import CiFiles, Junit, Summary
-from mapmore_cli.cli.views.files import page_lines
-from mapmore_cli.cli.views.fitted import View
-from mapmore_cli.domain.errors import LimitMissed, RunWarning, UsageError, told
+from mapmore_cli.cli.progress import Reporter
+from mapmore_cli.domain.errors import LimitMissed, RunWarning, UsageError
 
 if TYPE_CHECKING:
-    from mapmore_cli.cli.progress import Reporter
-    from mapmore_cli.reporting.ci import RunReport
     from mapmore_cli.reporting.table import Cell, Table
     from mapmore_cli.study.campaigns.batch import Finished
-    from mapmore_cli.study.campaigns.page import CampaignPage
 
     Result = Finished | BaseException
 
 
 def batch(
-    configs: Annotated[list[Path], typer.Argument(metavar="CONFIG...", help="Experiment specs or campaigns (YAML).", show_default=False)],
+    configs: Annotated[list[Path], typer.Argument(metavar="CONFIG...", help="Experiment specs or campaigns (YAML).")],
     runs: Runs = RUNS,
     jobs: Annotated[int, typer.Option("--jobs", "-j", metavar="N", min=1, help="Runs at a time.")] = os.cpu_count() or 1,
     cluster: Annotated[
@@ -50,7 +49,7 @@ def batch(
     cluster_file: Annotated[
         Path | None, typer.Option("--cluster-file", metavar="FILE", help="The same, by the file that the scheduler wrote.")
     ] = None,
-    overrides: Overrides = NO_OVERRIDES,
+    overrides: Overrides = NONE,
     force: Force = False,
     rehash: Rehash = False,
     junit: Junit = None,
@@ -62,7 +61,7 @@ def batch(
 
     One that fails does not stop the rest; the exit code is the highest of all. A campaign gets a page of its own.
     """
-    from mapmore_cli.cli.progress import Reporter
+    from mapmore_cli.cli.views.files import page_lines
     from mapmore_cli.study.campaigns.batch import Job, planned, run_all
     from mapmore_cli.study.campaigns.cluster import ClusterWorkers
     from mapmore_cli.study.campaigns.page import expanded, refuse_foreign_folders, run_names, specs_of, write_page
@@ -87,14 +86,17 @@ def batch(
             for number, result in ended:
                 results[number] = result if isinstance(result, BaseException) else replace(result, run_dir=runs / result.name)
                 _tell(reporter, names[number], result, f"{len(results)} of {len(todo)}")
-    ordered = {names[number]: results[number] for number in range(len(entries))}
+    ordered = {name: results[number] for number, name in enumerate(names)}
     pages = [write_page(one.campaign, {names[number]: results[number] for number in one.jobs}, runs) for one in campaigns]
     taken = {names[number] for one in campaigns for number in one.jobs}
+    alone = {name: result for name, result in ordered.items() if name not in taken}
+    tables = [table for _, of_page in pages for table in of_page] + ([_joint_table(alone)] if alone else [])
+    lines = [line for run in ordered.values() if not isinstance(run, BaseException) for line in page_lines(run.run_dir)]
+    lines += [f"campaign page: {path}" for path, _ in pages]
     documents = [_document(entry.config, name, ordered[name]) for entry, name in zip(entries, names, strict=True)]
-    view = _joint(ordered, pages, {name: result for name, result in ordered.items() if name not in taken}, documents)
-    print_view(view, as_json)
-    CiFiles(junit, summary).write([_report(name, result) for name, result in ordered.items()], view.tables)
-    if code := max(_code(result) for result in ordered.values()):
+    print_view(View({"runs": documents}, tuple(tables), tuple(lines)), as_json)
+    write_ci_files(junit, summary, ordered, tables)
+    if code := max(map(_code, ordered.values())):
         raise typer.Exit(code)
 
 
@@ -115,22 +117,6 @@ def _code(result: Result) -> int:
     return LimitMissed.exit_code if result.missed else 0
 
 
-def _report(name: str, result: Result) -> RunReport:
-    from mapmore_cli.reporting.ci import RunReport
-
-    if isinstance(result, BaseException):
-        return RunReport(name, failure=told(result))
-    return RunReport(name, result.seconds, None, result.limits, result.warnings)
-
-
-def _joint(ordered: dict[str, Result], pages: Sequence[CampaignPage], alone: dict[str, Result], documents: list[dict[str, Any]]) -> View:
-    """One document for all runs; the tables of the campaigns and one of the runs that stand `alone`; and where the pages are."""
-    tables = [table for page in pages for table in page.tables]
-    lines = [line for run in ordered.values() if not isinstance(run, BaseException) for line in page_lines(run.run_dir)]
-    lines += [f"campaign page: {page.path}" for page in pages]
-    return View({"runs": documents}, (*tables, *((_joint_table(alone),) if alone else ())), tuple(lines))
-
-
 def _document(config: Path, name: str, result: Result) -> dict[str, Any]:
     from mapmore_cli.cli.views.compared import of_scores
 
@@ -141,7 +127,7 @@ def _document(config: Path, name: str, result: Result) -> dict[str, Any]:
     return {**head, **run, **of_scores(result.table).document}
 
 
-def _joint_table(results: dict[str, Result]) -> Table:
+def _joint_table(results: Mapping[str, Result]) -> Table:
     from mapmore_cli.reporting.table import Column, Table
 
     columns = (Column("run"), Column("model"), Column("data"), Column("NRMSE", "%", ".2f"), Column("published NRMSE", "%", ".3g"))

@@ -8,37 +8,41 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mapmore_cli.cli.console import NO_OVERRIDES, RUNS, AsJson, Overrides, Quiet, Runs, exit_code, message, print_view
+from mapmore_cli.cli.console import NONE, RUNS, AsJson, Overrides, Quiet, Runs, exit_code, message, print_view
+from mapmore_cli.cli.progress import Reporter
 from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.storage.atomic import write_text
 
 if TYPE_CHECKING:
-    from mapmore_cli.cli.progress import Reporter
-    from mapmore_cli.spec.campaign import Entry
-    from mapmore_cli.spec.experiment import ExperimentSpec
     from mapmore_cli.study.inspection.lint import Inspection
 
 
 def check(
-    config: Annotated[Path, typer.Argument(metavar="CONFIG", help="Experiment spec or campaign (YAML).", show_default=False)],
-    overrides: Overrides = NO_OVERRIDES,
+    config: Annotated[Path, typer.Argument(metavar="CONFIG", help="Experiment spec or campaign (YAML).")],
+    overrides: Overrides = NONE,
     confirm: Annotated[bool, typer.Option("--confirm", help="Take the guesses marked CHECK as right: remove the mark.")] = False,
     runs: Runs = RUNS,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
     """Check a spec and its data, or a campaign; compute nothing."""
-    from mapmore_cli.cli.progress import Reporter
-    from mapmore_cli.cli.views import measured
+    from mapmore_cli.cli.views.compared import of_campaign, of_inspection
+    from mapmore_cli.spec.loader import LoadedSpec, confirmed, load
     from mapmore_cli.study.campaigns.page import expanded
+    from mapmore_cli.study.inspection.lint import inspect
 
-    if confirm:
-        _confirm(config)
+    if confirm and load(config).spec.unconfirmed:
+        write_text(config, confirmed(config.read_text(encoding="utf-8")))
     campaigns, entries = expanded([config], overrides)
     with Reporter(quiet) as reporter:
+
+        def inspected(loaded: LoadedSpec) -> Inspection:
+            return inspect(loaded, runs / loaded.spec.name, progress=reporter.progress, warn=reporter.warn)
+
         if not campaigns:
-            spec, inspection = _inspected(entries[0], runs, reporter)
-            print_view(measured.of_inspection(inspection, spec.unconfirmed).under({"name": spec.name}), as_json)
+            loaded = load(entries[0].config, entries[0].overrides)
+            inspection = inspected(loaded)
+            print_view(of_inspection(inspection, loaded.spec.unconfirmed).under({"name": loaded.spec.name}), as_json)
             if inspection.verdict is not None:  # its issues stand in the document
                 print(message(inspection.verdict), file=sys.stderr)
                 raise typer.Exit(exit_code(inspection.verdict))
@@ -47,26 +51,10 @@ def check(
         for number, (run, entry) in enumerate(zip(campaigns[0].names, entries, strict=True)):
             reporter.progress("runs", number, len(entries))
             try:
-                results[run] = _inspected(entry, runs, reporter)[1]
+                results[run] = inspected(load(entry.config, entry.overrides))
             except MapmoreError as fault:
                 results[run] = fault
-    print_view(measured.of_campaign(results).under({"campaign": campaigns[0].campaign.campaign}), as_json)
+    print_view(of_campaign(results).under({"campaign": campaigns[0].campaign.campaign}), as_json)
     verdicts = [result if isinstance(result, MapmoreError) else result.verdict for result in results.values()]
     if code := max((exit_code(verdict) for verdict in verdicts if verdict is not None), default=0):
         raise typer.Exit(code)
-
-
-def _confirm(config: Path) -> None:
-    """Rewrite the spec without its marks; what cannot be read or is no spec is told by what follows."""
-    from mapmore_cli.spec.loader import confirmed, load
-
-    if load(config).spec.unconfirmed:
-        write_text(config, confirmed(config.read_text(encoding="utf-8")))
-
-
-def _inspected(entry: Entry, runs: Path, reporter: Reporter) -> tuple[ExperimentSpec, Inspection]:
-    from mapmore_cli.spec.loader import load
-    from mapmore_cli.study.inspection.lint import inspect
-
-    loaded = load(entry.config, entry.overrides)
-    return loaded.spec, inspect(loaded, runs / loaded.spec.name, progress=reporter.progress, warn=reporter.warn)

@@ -7,18 +7,26 @@ from typing import Annotated
 
 import typer
 
-from mapmore_cli.cli.console import ARCHIVE, RUNS, Archive, AsJson, Quiet, Runs, print_view
-from mapmore_cli.cli.views.fitted import View
+from mapmore_cli.cli.console import (
+    ARCHIVE,
+    FIGURE_FILES,
+    RUNS,
+    Archive,
+    AsJson,
+    Quiet,
+    Runs,
+    View,
+    print_view,
+    refuse_endings,
+    write_figure,
+)
+from mapmore_cli.cli.progress import Reporter
 from mapmore_cli.domain.errors import DataError, LimitMissed, UsageError
 from mapmore_cli.storage.atomic import refusals_told, write_text
 
-FIGURES = ("svg", "pdf", "png", "pgf")
-
 
 def compare(
-    models: Annotated[
-        list[str], typer.Argument(metavar="BEFORE AFTER...", help="Runs, tags (2026-spring, NAME@TAG) or model files.", show_default=False)
-    ],
+    models: Annotated[list[str], typer.Argument(metavar="BEFORE AFTER...", help="Runs, tags (2026-spring, NAME@TAG) or model files.")],
     margin: Annotated[float, typer.Option("--margin", metavar="SHARE", min=0.0, help="Relative change that is of no interest.")] = 0.01,
     fail_on: Annotated[
         str | None,
@@ -38,22 +46,22 @@ def compare(
     from mapmore_cli.cli.views.compared import of_comparisons
     from mapmore_cli.modelling.validation import comparison
     from mapmore_cli.storage.artefacts import read_model
-    from mapmore_cli.study.campaigns.archive import find_model, write_drift
+    from mapmore_cli.study.campaigns.archive import find_model
 
     if len(models) < 2:
         raise UsageError("compare needs two models", "name the earlier one first, as `mapmore compare 2025-autumn my-run`")
     limit = _limit(fail_on)
-    if figure is not None and figure.suffix.removeprefix(".") not in FIGURES:
-        raise UsageError(f"{figure}: the drift is drawn as .{', .'.join(FIGURES)}", "choose one of these")
+    refuse_endings([figure] if figure else [], FIGURE_FILES, "no figure of the drift ends so")
     found = [read_model(find_model(text, runs, archive)) for text in models]
     try:
         results = [comparison.compare(found[0], later, margin) for later in found[1:]]
     except ValueError as fault:
-        raise DataError(
-            f"{models[0]}, {models[-1]}: {fault}", "compare models of the same quantities that have curves in common"
-        ) from fault
+        remedy = "compare models of the same quantities that have curves in common"
+        raise DataError(f"{models[0]}, {models[-1]}: {fault}", remedy) from fault
     if figure is not None:
-        write_drift(figure, models, found)
+        from mapmore_cli.reporting.figures.campaign import drift_drawing
+
+        write_figure(figure, drift_drawing(models, comparison.reference_points(found), found[0].output))
     print_view(of_comparisons(models, results), as_json)
     last = results[-1]
     if last.changed if limit is None and fail_on else limit is not None and abs(last.ratio - 1) > limit:
@@ -74,7 +82,7 @@ def _limit(fail_on: str | None) -> float | None:
 
 
 def paper(
-    configs: Annotated[list[Path], typer.Argument(metavar="CONFIG...", help="Papers (YAML).", show_default=False)],
+    configs: Annotated[list[Path], typer.Argument(metavar="CONFIG...", help="Papers (YAML).")],
     runs: Runs = RUNS,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", metavar="FILE", help="The page; DIR/paper.html of the runs by default.")
@@ -87,7 +95,6 @@ def paper(
     Brings the runs of each paper up to date, judges by the rules of the file, and writes one page.
     The exit code is the highest of the runs.
     """
-    from mapmore_cli.cli.progress import Reporter
     from mapmore_cli.spec.paper import load_paper
     from mapmore_cli.study.paper.page import compare_paper, document, overview, page, verdicts_table
 

@@ -2,45 +2,27 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
-from mapmore_cli.cli.console import NO_OVERRIDES, RUNS, Quiet, Runs
+from mapmore_cli.cli.console import FIGURE_FILES, NONE, RUNS, ModelFile, Quiet, RunOrName, Runs, refuse_endings
+from mapmore_cli.cli.progress import Reporter
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.page import FIGURES
 from mapmore_cli.storage.atomic import refusals_told, write_bytes, write_text
 
 
-class Target(StrEnum):
-    """What a model can be written as."""
-
-    C = "c"
-    FMU = "fmu"
-    CSV = "csv"
-    TEX = "tex"
-    PY = "py"
-    NUMPY = "numpy"
-    TABLE = "table"
-    MUJOCO = "mujoco"
-    SIMULINK = "simulink"
-
-
 def export(
-    model_file: Annotated[Path, typer.Argument(metavar="MODEL", help="A model.h5.", show_default=False)],
-    to: Annotated[Target, typer.Option("--to", help="What to write; see above.")],
+    model_file: ModelFile,
+    to: Annotated[
+        Literal["c", "fmu", "csv", "tex", "py", "numpy", "table", "mujoco", "simulink"], typer.Option(help="What to write; see above.")
+    ],
     output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the files.")] = Path(),
-    pressure: Annotated[
-        Path | None,
-        typer.Option("--pressure", metavar="MODEL", help="A model of the pressure that the force is a function of.", show_default=False),
-    ] = None,
+    pressure: Annotated[Path | None, typer.Option(metavar="MODEL", help="A model of the pressure that the force is a function of.")] = None,
     single: Annotated[bool, typer.Option("--float", help="C in single precision.")] = False,
-    grid: Annotated[
-        str | None,
-        typer.Option("--grid", metavar="AXES", help="Points of the table: pressure=0:600:25,strain=0:0.25:0.01.", show_default=False),
-    ] = None,
+    grid: Annotated[str | None, typer.Option(metavar="AXES", help="Points of the table: pressure=0:600:25,strain=0:0.25:0.01.")] = None,
     no_verify: Annotated[bool, typer.Option("--no-verify", help="Do not compare the code with `predict` on 100 points.")] = False,
     quiet: Quiet = False,
 ) -> None:
@@ -57,22 +39,21 @@ def export(
 
     C, FMUs and modules are compared with `predict` on 100 points before they are written.
     """
-    from mapmore_cli.cli.progress import Reporter
     from mapmore_cli.modelling.sums.joint import actuator
     from mapmore_cli.storage.artefacts import read_model
     from mapmore_cli.study.exports import exported
 
-    if single and to is not Target.C:
+    if single and to != "c":
         raise UsageError("--float is for C alone", "leave it out, or write --to c")
-    if (grid is not None and to not in (Target.CSV, Target.TABLE)) or (grid is None and to is Target.CSV):
+    if (grid is not None and to not in ("csv", "table")) or (grid is None and to == "csv"):
         raise UsageError("--grid goes with --to csv and --to table", "as in: --to csv --grid pressure=0:600:25,strain=0:0.25:0.01")
-    if pressure is not None and to not in (Target.C, Target.FMU):
+    if pressure is not None and to not in ("c", "fmu"):
         raise UsageError("--pressure goes with --to c and --to fmu", "export both models one by one")
     with Reporter(quiet) as reporter:
         model = read_model(model_file, reporter.warn)
         if pressure is not None:
             model = actuator(model, read_model(pressure, reporter.warn))
-        files = exported(model, to.value, single=single, grid=grid, verify=not no_verify, warn=reporter.warn)
+        files = exported(model, to, single=single, grid=grid, verify=not no_verify, warn=reporter.warn)
         with refusals_told(output):
             output.mkdir(parents=True, exist_ok=True)
         for name, data in files.items():
@@ -81,25 +62,19 @@ def export(
                 typer.echo(str(output / name))
 
 
-SUFFIXES = ("svg", "pdf", "png", "pgf")
-
-
 def figure(
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder, or the name of a run.", show_default=False)],
-    name: Annotated[str, typer.Argument(metavar="FIGURE", help=f"One of {', '.join(FIGURES)}.", show_default=False)],
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help=f"Where to: .{', .'.join(SUFFIXES)}.", show_default=False)],
+    run: RunOrName,
+    name: Annotated[str, typer.Argument(metavar="FIGURE", help=f"One of {', '.join(FIGURES)}.")],
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help=f"Where to: .{', .'.join(FIGURE_FILES)}.")],
     curve: Annotated[
         str | None,
         typer.Option("--curve", "--panel", metavar="ID", help="One panel alone: of a curve (250 or pressure=250), a recording or a model."),
     ] = None,
-    data: Annotated[Path | None, typer.Option("--data", metavar="FILE", help="Also write what the panel was drawn from (CSV).")] = None,
-    models: Annotated[
-        str | None, typer.Option("--models", metavar="A,B", help="Competitors to draw, as sarosi,plane; else all.", show_default=False)
-    ] = None,
+    data: Annotated[Path | None, typer.Option(metavar="FILE", help="Also write what the panel was drawn from (CSV).")] = None,
+    models: Annotated[str | None, typer.Option(metavar="A,B", help="Competitors to draw, as sarosi,plane; else all.")] = None,
     looks: Annotated[
-        list[str],
-        typer.Option("--set", metavar="KEY=VALUE", help="Another look, as report.style.width=120mm. Repeatable.", show_default=False),
-    ] = NO_OVERRIDES,
+        list[str], typer.Option("--set", metavar="KEY=VALUE", help="Another look, as report.style.width=120mm. Repeatable.")
+    ] = NONE,
     runs: Runs = RUNS,
     quiet: Quiet = False,
 ) -> None:
@@ -108,18 +83,16 @@ def figure(
     All of it, or the panel of one curve by itself, also of a curve that the page leaves out. Width, font, size, labels and colours are
     those of the spec's report.style, or of --set.
     """
-    from mapmore_cli.cli.progress import Reporter
     from mapmore_cli.pipeline.report import drawn_figure
 
     suffix = out.suffix.removeprefix(".")
     if name not in FIGURES:
         raise UsageError(f"there is no figure {name!r}", f"choose one of {', '.join(FIGURES)}")
-    if suffix not in SUFFIXES:
-        raise UsageError(f"{out}: figures are not written as {out.suffix or 'a file without an ending'}", f"choose .{', .'.join(SUFFIXES)}")
+    refuse_endings([out], FIGURE_FILES, f"figures are not written as {out.suffix or 'a file without an ending'}")
     if data is not None and curve is None:
         raise UsageError("--data needs one panel", "name it with --curve")
     with Reporter(quiet) as reporter:
-        wanted = [] if models is None else [one.strip() for one in models.split(",") if one.strip()]
+        wanted = [one.strip() for one in (models or "").split(",") if one.strip()]
         drawn, numbers = drawn_figure(run if run.is_dir() else runs / run, name, curve, suffix, reporter.warn, looks, wanted)
     write_bytes(out, drawn)
     if data is not None and numbers is not None:

@@ -9,32 +9,31 @@ import typer
 
 from mapmore_cli.cli.console import (
     ARCHIVE,
-    NO_OVERRIDES,
+    NONE,
     RUNS,
     Archive,
     AsJson,
     Overrides,
     Quiet,
+    RunOrName,
     Runs,
     Unverified,
+    View,
     print_document,
     print_view,
 )
+from mapmore_cli.cli.progress import Reporter
 
 
 def simulate(
-    config: Annotated[Path, typer.Argument(metavar="CONFIG", help="The spec of the simulation (YAML).", show_default=False)],
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="DIR", help="Where to write; beside CONFIG by default.", show_default=False)
-    ] = None,
-    overrides: Overrides = NO_OVERRIDES,
+    config: Annotated[Path, typer.Argument(metavar="CONFIG", help="The spec of the simulation (YAML).")],
+    output: Annotated[Path | None, typer.Option("--output", "-o", metavar="DIR", help="Where to write; beside CONFIG by default.")] = None,
+    overrides: Overrides = NONE,
     force: Annotated[bool, typer.Option("--force", help="Replace recordings that exist.")] = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
     """Write recordings of a synthetic muscle."""
-    from mapmore_cli.cli.progress import Reporter
-    from mapmore_cli.cli.views.fitted import View
     from mapmore_cli.spec.loader import load_as
     from mapmore_cli.spec.simulation import SimulationSpec
     from mapmore_cli.study.simulation.simulate import simulate as run_rig
@@ -47,7 +46,7 @@ def simulate(
 
 
 def example(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="A new folder.", show_default=False)],
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="A new folder.")],
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
@@ -55,8 +54,6 @@ def example(
 
     Its recordings are of a simulated muscle.
     """
-    from mapmore_cli.cli.progress import Reporter
-    from mapmore_cli.cli.views.fitted import View
     from mapmore_cli.study.simulation.simulate import write_example
 
     with Reporter(quiet) as reporter:
@@ -66,13 +63,12 @@ def example(
 
 
 def show(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A file of a run folder, or the folder itself.", show_default=False)],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A file of a run folder, or the folder itself.")],
     as_json: AsJson = False,
     unverified: Unverified = False,
     quiet: Quiet = False,
 ) -> None:
     """Print what a result file holds."""
-    from mapmore_cli.cli.progress import Reporter
     from mapmore_cli.cli.views.files import of_file
 
     with Reporter(quiet) as reporter:
@@ -81,8 +77,8 @@ def show(
 
 
 def freeze(
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder, or the name of a run.", show_default=False)],
-    tag: Annotated[str, typer.Option("--tag", metavar="TAG", help="What this campaign is called, as 2026-spring.", show_default=False)],
+    run: RunOrName,
+    tag: Annotated[str, typer.Option("--tag", metavar="TAG", help="What this campaign is called, as 2026-spring.")],
     archive: Archive = ARCHIVE,
     runs: Runs = RUNS,
 ) -> None:

@@ -3,23 +3,35 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mapmore_cli.cli.console import NO_OVERRIDES, RUNS, AsJson, Config, Explain, Force, Overrides, Quiet, Rehash, Runs, Verbose, print_view
-from mapmore_cli.cli.outputs import CiFiles, Junit, Summary
-from mapmore_cli.cli.views.files import of_stage, page_lines
-from mapmore_cli.cli.views.fitted import View
-from mapmore_cli.domain.errors import LimitMissed, told
+from mapmore_cli.cli.console import (
+    NONE,
+    RUNS,
+    AsJson,
+    Config,
+    Explain,
+    Force,
+    Junit,
+    Overrides,
+    Quiet,
+    Rehash,
+    Runs,
+    Summary,
+    Verbose,
+    View,
+    print_view,
+    write_ci_files,
+)
+from mapmore_cli.cli.progress import Reporter
+from mapmore_cli.domain.errors import LimitMissed
 
 if TYPE_CHECKING:
-    from mapmore_cli.domain.scores import ScoreTable
-    from mapmore_cli.reporting.ci import RunReport
     from mapmore_cli.spec.loader import LoadedSpec
 
 
@@ -33,7 +45,8 @@ class Options:
     as_json: bool
     quiet: bool
     verbose: bool
-    files: CiFiles = field(default_factory=CiFiles)
+    junit: Path | None = None
+    summary: Path | None = None
 
 
 def _stage_command(stage: str, summary: str) -> Callable[..., None]:
@@ -42,7 +55,7 @@ def _stage_command(stage: str, summary: str) -> Callable[..., None]:
     def command(
         config: Config,
         runs: Runs = RUNS,
-        overrides: Overrides = NO_OVERRIDES,
+        overrides: Overrides = NONE,
         force: Force = False,
         rehash: Rehash = False,
         explain: Explain = False,
@@ -52,12 +65,7 @@ def _stage_command(stage: str, summary: str) -> Callable[..., None]:
     ) -> None:
         from mapmore_cli.spec.loader import load
 
-        loaded = load(config, overrides)
-        options = Options(runs, force, rehash, as_json, quiet, verbose)
-        if explain:
-            _explain(loaded, stage, options)
-        else:
-            _bring_up_to_date(loaded, stage, options)
+        (_explain if explain else _bring_up_to_date)(load(config, overrides), stage, Options(runs, force, rehash, as_json, quiet, verbose))
 
     command.__doc__ = f"{summary} Brings the stages before it up to date first."
     return command
@@ -74,7 +82,7 @@ report = _stage_command("report", "Write the page, its figures and tables.")
 def run(
     config: Config,
     runs: Runs = RUNS,
-    overrides: Overrides = NO_OVERRIDES,
+    overrides: Overrides = NONE,
     force: Force = False,
     rehash: Rehash = False,
     explain: Explain = False,
@@ -89,33 +97,23 @@ def run(
     from mapmore_cli.spec.loader import load
 
     loaded = load(config, overrides)
-    options = Options(runs, force, rehash, as_json, quiet, verbose, CiFiles(junit, summary))
+    options = Options(runs, force, rehash, as_json, quiet, verbose, junit, summary)
     if print_spec:
         print(loaded.resolved, end="")
     elif explain:
         _explain(loaded, "report", options)
     else:
-        with _failures_written(loaded.spec.name, options.files):
+        try:
             _bring_up_to_date(loaded, "run", options)
-
-
-@contextmanager
-def _failures_written(name: str, files: CiFiles) -> Iterator[None]:
-    """Write a failed run to the files that machines read; missed limits are in them already."""
-    from mapmore_cli.reporting.ci import RunReport
-
-    try:
-        yield
-    except LimitMissed:
-        raise
-    except Exception as error:
-        files.write([RunReport(name, failure=told(error))])
-        raise
+        except LimitMissed:  # which the files tell already
+            raise
+        except Exception as error:
+            write_ci_files(junit, summary, {loaded.spec.name: error})
+            raise
 
 
 def _explain(loaded: LoadedSpec, until: str, options: Options) -> None:
     """Print which stages would run, and why; null in the document is a stage that is up to date."""
-    from mapmore_cli.cli.progress import Reporter
     from mapmore_cli.pipeline.runner import explain
     from mapmore_cli.reporting.table import Column, Table
 
@@ -127,13 +125,15 @@ def _explain(loaded: LoadedSpec, until: str, options: Options) -> None:
 
 
 def _bring_up_to_date(loaded: LoadedSpec, command: str, options: Options) -> None:
-    """Do what is stale, and print what the command is for."""
-    from mapmore_cli.cli.progress import Reporter
+    """Do what is stale, print what the command is for, and then fail where the spec's limits are missed."""
+    from mapmore_cli.cli.views.compared import of_scores, search_document
+    from mapmore_cli.cli.views.files import of_stage, page_lines
     from mapmore_cli.pipeline.runner import bring_up_to_date
-    from mapmore_cli.reporting.ci import RunReport
-    from mapmore_cli.storage.run_folder import RunFiles
+    from mapmore_cli.pipeline.search import SEARCH, read_search
+    from mapmore_cli.study.campaigns.batch import Finished
 
     started, warnings = time.perf_counter(), list[str]()
+    until = "report" if command == "run" else command
     questions = loaded.spec.unconfirmed
 
     with Reporter(options.quiet, options.verbose) as reporter:
@@ -142,54 +142,25 @@ def _bring_up_to_date(loaded: LoadedSpec, command: str, options: Options) -> Non
             warnings.append(message)
             reporter.warn(message)
 
-        outcome = bring_up_to_date(
-            loaded,
-            options.runs,
-            until="report" if command == "run" else command,
-            force=options.force,
-            rehash=options.rehash,
-            progress=reporter.progress,
-            warn=warn,
-            on_stage=reporter.stage,
-        )
+        listeners = reporter.listeners
+        listeners["warn"] = warn
+        outcome = bring_up_to_date(loaded, options.runs, until, force=options.force, rehash=options.rehash, **listeners)
         if questions:
             guesses = "1 guess of the spec is" if len(questions) == 1 else f"{len(questions)} guesses of the spec are"
             warn(f"{guesses} not confirmed: see `mapmore check {loaded.path}`, and `--confirm` there where all are right")
-        found = RunFiles(outcome.run_dir).scores() if command in ("validate", "run") else None
-        for message in () if found is None else found.warnings:
+        found = Finished.of(loaded, outcome, warnings, started) if command in ("validate", "run") else None
+        for message in () if found is None else found.table.warnings:
             reporter.warn(message)
     head: dict[str, Any] = {"name": outcome.name, "run_dir": str(outcome.run_dir), "stages": outcome.stages}
     if "search" in outcome.stages:
-        from mapmore_cli.cli.views.compared import document_of
-        from mapmore_cli.pipeline.search import SEARCH, read_search
-
-        head["search"] = document_of(read_search(outcome.run_dir / SEARCH))
+        head["search"] = search_document(read_search(outcome.run_dir / SEARCH))
     if found is None:
         print_view(of_stage(command, outcome.run_dir).under(head), options.as_json)
         return
-    ended = RunReport(outcome.name, time.perf_counter() - started, None, (), (*found.warnings, *warnings))
-    _print_scores(loaded, found, head, ended, page_lines(outcome.run_dir) if command == "run" else (), options)
-
-
-def _print_scores(
-    loaded: LoadedSpec, found: ScoreTable, head: Mapping[str, Any], ended: RunReport, lines: tuple[str, ...], options: Options
-) -> None:
-    """Print the scores, and then fail where the spec's limits are missed."""
-    from mapmore_cli.cli.views.compared import of_scores
-    from mapmore_cli.pipeline.validate import limits
-
-    published = loaded.spec.report.published
-    scores = of_scores(found, published.numbers if published else None)
-    held_to = limits(loaded.spec.validation.require, found.scores)
-    missed = [limit.sentence for limit in held_to if not limit.kept]
-    print_view(
-        View(
-            {**head, **scores.document, "missed": missed, "warnings": ended.warnings, "unconfirmed": loaded.spec.unconfirmed},
-            scores.tables,
-            lines,
-        ),
-        options.as_json,
-    )
-    options.files.write([replace(ended, limits=held_to)], scores.tables)
-    if missed:
-        raise LimitMissed("; ".join(missed), "the results are complete; see validate.require in the spec")
+    scores = of_scores(found.table, found.published)
+    told = {"missed": found.missed, "warnings": found.warnings, "unconfirmed": questions}
+    lines = page_lines(outcome.run_dir) if command == "run" else ()
+    print_view(View({**head, **scores.document, **told}, scores.tables, lines), options.as_json)
+    write_ci_files(options.junit, options.summary, {found.name: found}, scores.tables)
+    if found.missed:
+        raise LimitMissed("; ".join(found.missed), "the results are complete; see validate.require in the spec")

@@ -15,6 +15,8 @@ from mapmore_cli.domain.foreign import printable
 if TYPE_CHECKING:
     from rich.progress import Progress
 
+    from mapmore_cli.study.tuning import Listeners
+
 PATIENCE = 1.0
 """Seconds that work may take before progress shows."""
 
@@ -59,6 +61,11 @@ class Reporter:
         self._cleanup.close()
         if self._doubt is not None and isinstance(error, Exception) and not isinstance(error, MapmoreError | OSError):
             raise self._doubt.explained(error) from error
+
+    @property
+    def listeners(self) -> Listeners:
+        """What is told of the stages of a run, as `bring_up_to_date` takes it."""
+        return {"progress": self.progress, "warn": self.warn, "on_stage": self.stage}
 
     def say(self, message: str) -> None:
         """Print one line."""

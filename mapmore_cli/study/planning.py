@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 
@@ -16,16 +16,16 @@ from mapmore_cli.fitting.kinds import maker_of
 from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices
 from mapmore_cli.fitting.left_out import residuals
 from mapmore_cli.fitting.refitting import refitted
-from mapmore_cli.fitting.stage import Warn
 from mapmore_cli.fitting.trials import training_only
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.literature.backbone import fit_formula, pooled_training
 from mapmore_cli.modelling.planning import levels as of_levels
 from mapmore_cli.modelling.planning import points as of_points
 from mapmore_cli.modelling.validation.intervals import refusal
-from mapmore_cli.pipeline.runner import OnStage, bring_up_to_date
+from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.pipeline.staleness import as_found
 from mapmore_cli.storage.run_folder import RunFiles
+from mapmore_cli.study.tuning import Listeners
 
 if TYPE_CHECKING:
     from mapmore_cli.fitting.stage import Progress
@@ -57,38 +57,30 @@ def plan(
     *,
     points: int | None = None,
     until: str | None = None,
-    prices: Mapping[str, float] | None = None,
-    progress: Progress = lambda _what, _done, _total: None,
-    warn: Warn = lambda _message: None,
-    on_stage: OnStage = lambda _stage, _reason: None,
+    prices: Mapping[str, float],
+    **listeners: Unpack[Listeners],
 ) -> Plan:
     """Rank the measurements that could be made: levels where the study has some, else (or with `points`) points of a map.
 
     The data are ingested in the folder of the run; nothing else is written. Held-out samples are not used. `until` is the wanted half
     width, in per cent of the largest |target| (`2%`) or in the target's unit; `prices` say what a change of each quantity costs.
 
-    Raises
-    ------
-    SpecError
-        For a model that runs over time, and a sum of other runs.
-    DataError
-        Where there is nothing to plan by: a single level, or a single place.
-    UsageError
-        Where `until` is no size, or a price is of a quantity that the study does not set.
+    Raises SpecError for a model that runs over time, and a sum of other runs; DataError where there is nothing to plan by: a single level,
+    or a single place; UsageError where `until` is no size, or a price is of a quantity that the study does not set.
     """
     searched = loaded.spec.model.type == "auto"
     if not searched:
         _refuse(loaded)
-    outcome = bring_up_to_date(loaded, runs, "fuse" if searched else "ingest", progress=progress, warn=warn, on_stage=on_stage)
+    outcome = bring_up_to_date(loaded, runs, "fuse" if searched else "ingest", **listeners)
     loaded = as_found(loaded, outcome.run_dir)
     choices = _refuse(loaded)
     whole = RunFiles(outcome.run_dir).dataset()
     dataset = training_only(whole)
     largest = max(float(np.abs(curve.columns[dataset.target]).max()) for curve in dataset.curves)
-    wanted = None if until is None else size_of(until, largest)
+    wanted = None if until is None else _size_of(until, largest)
     if dataset.level is not None and points is None:
-        return _of_levels(loaded.spec.name, choices, dataset, whole, largest, wanted, prices or {}, progress)
-    return _of_points(loaded.spec.name, choices, dataset, largest, points or 5, wanted, prices or {})
+        return _of_levels(loaded.spec.name, choices, dataset, whole, largest, wanted, prices, listeners["progress"])
+    return _of_points(loaded.spec.name, choices, dataset, largest, points or 5, wanted, prices)
 
 
 def _refuse(loaded: LoadedSpec) -> ModelChoices:
@@ -101,14 +93,8 @@ def _refuse(loaded: LoadedSpec) -> ModelChoices:
     return choices
 
 
-def size_of(text: str, largest: float) -> float:
-    """Return a half width in the target's unit: `2%` of the `largest` |target|, or a number.
-
-    Raises
-    ------
-    UsageError
-        Where it is neither, or not positive.
-    """
+def _size_of(text: str, largest: float) -> float:
+    """Return a half width in the target's unit: `2%` of the `largest` |target|, or a number; raises UsageError for anything else."""
     number, percent = text.strip().removesuffix("%"), text.strip().endswith("%")
     try:
         value = float(number)
@@ -191,25 +177,14 @@ def _of_points(
     places = measured.grid(STEPS[len(names)])
     formulas = formulas_of(dataset, measured, places)
 
-    def committee() -> of_points.Committee:
-        return of_points.Committee(measured, places, formulas)
-
-    planned = committee()
+    planned = of_points.Committee(measured, places, formulas)
     found, halves = of_points.chosen(planned, names, count, prices)
     notes = [MAP] if len(names) == 2 else []
-    forecast = None if wanted is None else of_points.until(committee(), wanted)
+    forecast = None if wanted is None else of_points.until(of_points.Committee(measured, places, formulas), wanted)
+    notes.append("Half widths are right on average; single ones miss by a factor of up to three.")
     quantities = {one: dataset.quantities[one] for one in names}
     picture = of_points.picture(planned, measured, halves)
-    return Plan(
-        name,
-        dataset.quantities[dataset.target],
-        quantities,
-        largest,
-        found,
-        picture,
-        forecast,
-        (*notes, "Half widths are right on average; single ones miss by a factor of up to three."),
-    )
+    return Plan(name, dataset.quantities[dataset.target], quantities, largest, found, picture, forecast, tuple(notes))
 
 
 def formulas_of(dataset: Dataset, measured: of_points.Measured, places: Array) -> dict[str, tuple[Array, Array]]:
@@ -226,10 +201,8 @@ def formulas_of(dataset: Dataset, measured: of_points.Measured, places: Array) -
         except (DataError, FitError):
             continue
         if not fit.failed:
-            said = [
-                literature.of(fit).predict(fit.parameters, {one: at[:, column] for column, one in enumerate(measured.names)})
-                for at in (measured.x, places)
-            ]
-            if np.ptp(np.append(measured.y, said[1])) <= ASTRAY * np.ptp(measured.y):
-                found[name] = (said[0], said[1])
+            columns = (dict(zip(measured.names, at.T, strict=True)) for at in (measured.x, places))
+            at_measured, at_places = (literature.of(fit).predict(fit.parameters, inputs) for inputs in columns)
+            if np.ptp(np.append(measured.y, at_places)) <= ASTRAY * np.ptp(measured.y):
+                found[name] = (at_measured, at_places)
     return found

@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 
@@ -31,19 +31,16 @@ from mapmore_cli.spec.loader import LoadedSpec, load
 from mapmore_cli.storage.atomic import write_text
 from mapmore_cli.storage.run_folder import RunFiles
 
-if TYPE_CHECKING:
-    from mapmore_cli.spec.experiment import ExperimentSpec
+
+class Listeners(TypedDict):
+    """What is told of the work, as `bring_up_to_date` takes it."""
+
+    progress: Progress
+    warn: Warn
+    on_stage: OnStage
 
 
-def tune(
-    loaded: LoadedSpec,
-    over: Mapping[str, Sequence[Any]],
-    runs: Path,
-    *,
-    progress: Progress = lambda _what, _done, _total: None,
-    warn: Warn = lambda _message: None,
-    on_stage: OnStage = lambda _stage, _reason: None,
-) -> Tuning:
+def tune(loaded: LoadedSpec, over: Mapping[str, Sequence[Any]], runs: Path, **listeners: Unpack[Listeners]) -> Tuning:
     """Try every combination of settings (`over`, by their place in the spec) on training data that its models were made without.
 
     The data are ingested in the folder of the run; nothing else is written. Held-out samples are dropped before anything is computed.
@@ -52,17 +49,13 @@ def tune(
     is wrong with some setting, or no combination can be fitted.
     """
     variants = list(_variants(loaded, over))
-    outcome = bring_up_to_date(loaded, runs, "ingest", progress=progress, warn=warn, on_stage=on_stage)
+    outcome = bring_up_to_date(loaded, runs, "ingest", **listeners)
     dataset = training_only(RunFiles(outcome.run_dir).dataset())
-    bench = bench_of(dataset, model_choices(loaded.spec), loaded.spec.validation.normaliser, _holds_levels_out(loaded.spec))
-    trials = shared_out(lambda variant: _tried(*variant, bench), variants, partial(progress, "combinations"))
-    return ranked(loaded.spec.name, bench, trials)
-
-
-def _holds_levels_out(spec: ExperimentSpec) -> bool:
-    """Whether the held-out data of a study are levels."""
-    split, levels = spec.data.split, spec.data.levels
-    return levels is not None and (split.leave_one_level_out or (split.hold_out is not None and levels.of in split.hold_out.quantities))
+    split, levels = loaded.spec.data.split, loaded.spec.data.levels
+    held = levels is not None and (split.leave_one_level_out or (split.hold_out is not None and levels.of in split.hold_out.quantities))
+    bench = bench_of(dataset, model_choices(loaded.spec), loaded.spec.validation.normaliser, held)
+    trials = shared_out(lambda variant: _tried(*variant, bench), variants, partial(listeners["progress"], "combinations"))
+    return _ranked(loaded.spec.name, bench, trials)
 
 
 def _variants(loaded: LoadedSpec, over: Mapping[str, Sequence[Any]]) -> Iterator[tuple[dict[str, Any], ModelChoices]]:
@@ -70,10 +63,8 @@ def _variants(loaded: LoadedSpec, over: Mapping[str, Sequence[Any]]) -> Iterator
         settings = dict(zip(over, values, strict=True))
         spec = load(loaded.path, (*loaded.overrides, *as_overrides(settings))).spec
         if slice_of(spec) != slice_of(loaded.spec):
-            named = ", ".join(over)
-            raise UsageError(
-                f"--over {named}: changes the data, so that errors could not be compared", "tune how the model is made of them"
-            )
+            what = f"--over {', '.join(over)}: changes the data, so that errors could not be compared"
+            raise UsageError(what, "tune how the model is made of them")
         choices = model_choices(spec)
         if maker_of(choices).refit is None:
             raise SpecError(f"{loaded.path}: a sum of other runs has no settings of its own", "tune the specs that it adds up")
@@ -93,7 +84,7 @@ def _tried(settings: Mapping[str, Any], choices: ModelChoices, bench: Bench) -> 
     return Trial(settings, size, tuple(errors), float(np.mean(errors)))
 
 
-def ranked(name: str, bench: Bench, trials: Sequence[Trial]) -> Tuning:
+def _ranked(name: str, bench: Bench, trials: Sequence[Trial]) -> Tuning:
     """Return the trials with what they err beyond the best, and the simplest within one standard error.
 
     Raises FitError where none of them could be fitted.
@@ -108,30 +99,18 @@ def ranked(name: str, bench: Bench, trials: Sequence[Trial]) -> Tuning:
     return Tuning(name, bench.left_out, bench.full_scale, tuple(told), told[usable[rank.best]], told[usable[rank.chosen]])
 
 
-def searched(
-    loaded: LoadedSpec,
-    runs: Path,
-    budget: str | None = None,
-    *,
-    progress: Progress = lambda _what, _done, _total: None,
-    warn: Warn = lambda _message: None,
-    on_stage: OnStage = lambda _stage, _reason: None,
-) -> tuple[Search, Path]:
+def searched(loaded: LoadedSpec, runs: Path, budget: str | None, **listeners: Unpack[Listeners]) -> tuple[Search, Path]:
     """Search the structure of a study, whatever its spec says of it; return what was tried, and the spec that was found.
 
-    Raises
-    ------
-    SpecError, DataError, FitError
-        Where the data cannot be read, or no structure can be fitted.
+    Raises SpecError, DataError or FitError where the data cannot be read, or no structure can be fitted.
     """
-    given: dict[str, Any] = (
-        {"model.type": AUTO}
-        if loaded.spec.model.type == AUTO
-        else {"dictionary": None, "segment": None, "fit": None, "model": {"type": AUTO}}
-    )
-    asked = {} if budget is None else {"model.budget": budget}
-    loaded = load(loaded.path, (*loaded.overrides, *as_overrides({**given, **asked})))
-    outcome = bring_up_to_date(loaded, runs, SEARCH_STAGE, progress=progress, warn=warn, on_stage=on_stage, stages=search_stages())
+    asked: dict[str, Any] = {"model.type": AUTO}
+    if loaded.spec.model.type != AUTO:
+        asked = {"dictionary": None, "segment": None, "fit": None, "model": {"type": AUTO}}
+    if budget is not None:
+        asked["model.budget"] = budget
+    loaded = load(loaded.path, (*loaded.overrides, *as_overrides(asked)))
+    outcome = bring_up_to_date(loaded, runs, SEARCH_STAGE, stages=search_stages(), **listeners)
     path = outcome.run_dir / FOUND
     write_text(path, as_found(loaded, outcome.run_dir).resolved_in(outcome.run_dir, given_only=True))
     return read_search(outcome.run_dir / SEARCH), path

@@ -1,34 +1,37 @@
-"""Views of scores, and of comparisons: has a muscle changed?"""
+"""Views of scores, of what was compared or tried, and of what `mapmore check` and `mapmore plan` found."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import shlex
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from mapmore_cli.cli.views.fitted import View
-from mapmore_cli.domain.results import Search, Tried, Validation
+from mapmore_cli.cli.console import View, picked
+from mapmore_cli.cli.views.models import of_dataset
+from mapmore_cli.domain.errors import MapmoreError
+from mapmore_cli.domain.results import Plan, Search, Validation
 from mapmore_cli.domain.scores import Published, ScoreTable, Trial, Tuning
+from mapmore_cli.reporting.model_tables import rival_minima
 from mapmore_cli.reporting.score_tables import changes_table, curve_scores_table, drift_table, score_table, search_table
 from mapmore_cli.reporting.table import Cell, Column, Table
 from mapmore_cli.spec.layers import as_overrides
+from mapmore_cli.storage.run_record import score_row
 
 if TYPE_CHECKING:
     from mapmore_cli.modelling.validation.comparison import Comparison
+    from mapmore_cli.study.inspection.lint import Inspection
+    from mapmore_cli.study.inspection.subject import Issue
 
 
 def of_scores(table: ScoreTable, published: Published | None = None) -> View:
     """Return the score rows of every curve in the document; the pooled ones in the table, beside what a publication reports."""
-    from mapmore_cli.storage.run_record import score_row
-
     rows = [score_row(score) for score in table.scores]
     return View({"scores": rows, "units": table.units}, (score_table(table.scores, table.units, published, table.failed),))
 
 
 def of_validation(validation: Validation) -> View:
     """Return the scores pooled and by curve, and the formulas that were fitted as competitors."""
-    from mapmore_cli.reporting.model_tables import rival_minima
-
     pooled = of_scores(validation.table)
     formulas = {name: asdict(formula) for name, formula in validation.formulas.items()}
     unit = next(iter(validation.units.values()), "")
@@ -45,14 +48,16 @@ ONE_CURVE = 2 / 3
 def of_comparisons(names: Sequence[str], results: Sequence[Comparison]) -> View:
     """Return the last model against the first, curve by curve; every model where there are more than two. The document has every term."""
     last = results[-1]
-    document = {"before": names[0], "after": names[-1], **_document(last)}
+    terms = [{**asdict(term), "moved": term.moved} for term in last.terms]
+    document = {"before": names[0], "after": names[-1], **_ends(last), **picked(last, "margin", "unit")}
+    document |= {"curves": [asdict(curve) for curve in last.curves], "terms": terms}
     if len(results) > 1:
         document["campaigns"] = [{"after": name, **_ends(one)} for name, one in zip(names[1:], results, strict=True)]
     tables = [changes_table(last), *([drift_table(names, results)] if len(results) > 1 else [])]
-    return View(document, tuple(tables), (verdict(names[0], names[-1], last), *cautions(last)))
+    return View(document, tuple(tables), (_verdict(names[0], names[-1], last), *_cautions(last)))
 
 
-def verdict(before: str, after: str, found: Comparison) -> str:
+def _verdict(before: str, after: str, found: Comparison) -> str:
     """One of three answers, with its numbers and where the change is largest."""
     low, high = found.interval
     margin = f"{100 * found.margin:g} %"
@@ -65,64 +70,42 @@ def verdict(before: str, after: str, found: Comparison) -> str:
     if found.answer == "same":
         low, high = found.narrow
         return f"{after} is the same within {margin}: {size}; two one-sided tests show it (90 % interval {low:.4f} to {high:.4f})."
-    least = (
-        f"a change of less than {100 * found.resolution:.2g} % cannot be told from none"
-        if found.resolution < 1
-        else "the curves tell nothing"
-    )
+    least = "the curves tell nothing"
+    if found.resolution < 1:
+        least = f"a change of less than {100 * found.resolution:.2g} % cannot be told from none"
     return f"The data cannot tell whether {after} has changed by more than {margin}: {size}; {least}."
 
 
-def cautions(found: Comparison) -> list[str]:
+def _cautions(found: Comparison) -> list[str]:
     """Return what the reader has to know of the interval."""
     heaviest = max(found.curves, key=lambda curve: curve.weight)
     notes = []
     if heaviest.weight > ONE_CURVE:
-        notes.append(
-            f"{100 * heaviest.weight:.0f} % of the weight is on one curve, {heaviest.curve}: the statement is about that one above all."
-        )
+        share = f"{100 * heaviest.weight:.0f} % of the weight"
+        notes.append(f"{share} is on one curve, {heaviest.curve}: the statement is about that one above all.")
     if any(curve.interpolated for curve in found.curves):
         notes.append("The levels of the two differ: one of them is interpolated between its curves.")
     return notes
 
 
 def _ends(found: Comparison) -> dict[str, Any]:
-    return {
-        "answer": found.answer,
-        "changed": found.changed,
-        "ratio": found.ratio,
-        "interval": found.interval,
-        "interval_90": found.narrow,
-        "resolution": found.resolution,
-        "p": found.p,
-        "p_permutation": found.p_permutation,
-    }
-
-
-def _document(found: Comparison) -> dict[str, Any]:
-    terms = [{**asdict(term), "moved": term.moved} for term in found.terms]
-    return {**_ends(found), "margin": found.margin, "unit": found.unit, "curves": [asdict(curve) for curve in found.curves], "terms": terms}
+    return picked(found, "answer", "changed", "ratio", "interval", "interval_90=narrow", "resolution", "p", "p_permutation")
 
 
 def of_tuning(tuning: Tuning) -> View:
-    """Return a row for every combination, and the settings to use."""
-    document = {
-        "name": tuning.name,
-        "left_out": tuning.left_out,
-        "full_scale": tuning.full_scale,
-        "trials": [_tuning_document(trial) for trial in tuning.trials],
-        "best": tuning.best.settings,
-        "chosen": tuning.chosen.settings,
-        "set": as_overrides(tuning.chosen.settings),
-    }
+    """Return a row for every combination, with the best and the chosen one marked, and the settings to use."""
+    keys = ("set=settings", "parameters", "error", "above_best=excess", "standard_error=spread", "folds=errors")
+    trials = [{**picked(trial, *keys), "failure": trial.failure or None} for trial in tuning.trials]
+    best, chosen = tuning.best.settings, tuning.chosen.settings
+    document = {**picked(tuning, "name", "left_out", "full_scale"), "trials": trials, "best": best, "chosen": chosen}
     words = "the best itself" if tuning.chosen is tuning.best else "within one standard error of the best"
-    use = " ".join(f"--set {_quoted(setting)}" for setting in as_overrides(tuning.chosen.settings))
+    use = " ".join(f"--set {shlex.quote(setting)}" for setting in as_overrides(chosen))
     failed = [f"failed: {_words(trial)}: {trial.failure}" for trial in tuning.trials if trial.failure]
-    return View(document, (tuning_table(tuning),), (*failed, f"simplest ({words}): {use}"))
+    lines = (*failed, f"simplest ({words}): {use}")
+    return View({**document, "set": as_overrides(chosen)}, (_tuning_table(tuning),), lines)
 
 
-def tuning_table(tuning: Tuning) -> Table:
-    """Return settings, size and left-out error of every combination; the best and the chosen one are marked."""
+def _tuning_table(tuning: Tuning) -> Table:
     keys = list(tuning.trials[0].settings)
     errors = (Column("left-out NRMSE", "%", ".3f"), Column("above the best", "%", ".3f"), Column("standard error", "%", ".3f"))
     rows: list[tuple[Cell, ...]] = []
@@ -139,18 +122,6 @@ def tuning_table(tuning: Tuning) -> Table:
     return Table("tuning", f"Settings of {tuning.name}, tried on training data", columns, tuple(rows), notes)
 
 
-def _tuning_document(trial: Trial) -> dict[str, Any]:
-    return {
-        "set": trial.settings,
-        "parameters": trial.parameters,
-        "error": trial.error,
-        "above_best": trial.excess,
-        "standard_error": trial.spread,
-        "folds": trial.errors,
-        "failure": trial.failure or None,
-    }
-
-
 def _mark(trial: Trial, tuning: Tuning) -> str:
     marks = [word for word, one in (("best", tuning.best), ("simplest", tuning.chosen)) if one is trial]
     return "failed" if trial.failure else ", ".join(marks)
@@ -164,45 +135,94 @@ def _cell(value: Any) -> Cell:
     return value if isinstance(value, str | int | float) and not isinstance(value, bool) else str(value)
 
 
-def _quoted(text: str) -> str:
-    import shlex
-
-    return shlex.quote(text)
-
-
 def of_search(search: Search, spec: str) -> View:
     """Every structure that was tried, and where the spec with the one that was taken lies."""
     words = "the best itself" if search.chosen == search.best else "within one standard error of the best"
     lines = (*search.notes, f"found: {search.found.words} ({words})", f"spec: {spec}")
-    return View({**document_of(search), "spec": spec}, (search_table(search),), lines)
+    return View({**search_document(search), "spec": spec}, (search_table(search),), lines)
 
 
-def document_of(search: Search) -> dict[str, Any]:
+def search_document(search: Search) -> dict[str, Any]:
     """Return the search as JSON has it."""
+    keys = ("family", "structure=words", "sections", "parameters", "error", "standard_error=spread", "above_best=excess")
+    tried = [{**picked(one, *keys, "parts_error=parts", "seconds"), "failure": one.failure or None} for one in search.tried]
     return {
-        "target": search.target,
-        "left_out": search.left_out,
-        "parts_left_out": search.parts,
-        "scale": search.scale,
-        "found": search.found.words,
-        "sections": dict(search.found.sections),
-        "tried": [_search_document(one) for one in search.tried],
-        "cut": search.cut,
-        "black_boxes": search.black_boxes,
-        "notes": list(search.notes),
+        **picked(search, "target", "left_out", "parts_left_out=parts", "scale"),
+        **picked(search.found, "found=words", "sections"),
+        "tried": tried,
+        **picked(search, "cut", "black_boxes", "notes"),
     }
 
 
-def _search_document(one: Tried) -> dict[str, Any]:
-    return {
-        "family": one.family,
-        "structure": one.words,
-        "sections": one.sections,
-        "parameters": one.parameters,
-        "error": one.error,
-        "standard_error": one.spread,
-        "above_best": one.excess,
-        "parts_error": one.parts,
-        "seconds": one.seconds,
-        "failure": one.failure or None,
+def of_inspection(inspection: Inspection, unconfirmed: Sequence[str] = ()) -> View:
+    """Return the curves if any, then the issues with their remedies, the worst first, and guesses that nobody has confirmed."""
+    found = View({}) if inspection.dataset is None else of_dataset(inspection.dataset)
+    issues = [asdict(issue) for issue in inspection.issues]
+    questions = [f"not confirmed: {question}" for question in unconfirmed]
+    lines = _lines(inspection.issues) if inspection.issues or not questions else ()
+    document = {**found.document, "issues": issues, "unconfirmed": list(unconfirmed)}
+    return View(document, found.tables, (*found.lines, *lines, *questions))
+
+
+def of_campaign(results: Mapping[str, Inspection | MapmoreError]) -> View:
+    """Return the issues of every run, or why it could not be looked at."""
+    document: dict[str, Any] = {}
+    lines: list[str] = []
+    for run, result in results.items():
+        if isinstance(result, MapmoreError):
+            document[run] = {"error": str(result)}
+            lines += [f"{run}:", f"error: {result}"]
+        else:
+            document[run] = {"issues": [asdict(issue) for issue in result.issues]}
+            lines += [f"{run}:", *_lines(result.issues)] if result.issues else [f"{run}: no issues"]
+    return View({"runs": document}, (), tuple(lines))
+
+
+def _lines(issues: Sequence[Issue]) -> tuple[str, ...]:
+    if not issues:
+        return ("No issues.",)
+    blocks = [(f"{issue.severity}: {issue.place}: {issue.message} [{issue.id}]", f"  {issue.remedy}") for issue in issues]
+    return tuple(line for block in blocks for line in block)
+
+
+def of_plan(plan: Plan) -> View:
+    """Return a row for every candidate, the best first, and the forecast where one was asked for."""
+    document: dict[str, Any] = {
+        "name": plan.name,
+        "target": plan.target.name,
+        "units": {name: quantity.unit for name, quantity in {plan.target.name: plan.target, **plan.quantities}.items()},
+        "next": [{**one.at, **picked(one, "kind", "half_width", "after", "error", "cost")} for one in plan.candidates],
+        "widest": plan.widest,
+        "until": None,
+        "notes": plan.notes,
     }
+    lines = []
+    if plan.until is not None:
+        document["until"] = asdict(plan.until)
+        lines.append(_forecast(plan))
+    return View(document, (_plan_table(plan),), tuple(lines))
+
+
+def _plan_table(plan: Plan) -> Table:
+    unit, costs = plan.target.unit, {candidate.cost for candidate in plan.candidates} != {1.0}
+    error = "expected error" if plan.candidates[0].kind == "point" else "left-out error"
+    columns = [Column("rank"), *(Column(name, quantity.unit, ".4g") for name, quantity in plan.quantities.items()), Column("what")]
+    columns += [Column("half width", unit, ".3g"), Column("after", unit, ".3g"), Column(error, unit, ".3g")]
+    columns += [Column("cost", "", ".3g")] if costs else []
+    rows: list[tuple[Cell, ...]] = []
+    for number, one in enumerate(plan.candidates, 1):
+        numbers = (one.half_width, one.after, one.error, *([one.cost] if costs else []))
+        rows.append((number, *(one.at[name] for name in plan.quantities), one.kind, *numbers))
+    return Table("plan", f"What to measure next for {plan.name}, the best first", tuple(columns), tuple(rows), plan.notes)
+
+
+def _forecast(plan: Plan) -> str:
+    """Return the forecast in words."""
+    assert plan.until is not None
+    found, unit = plan.until, plan.target.unit
+    wanted = f"a half width of {found.wanted:.3g} {unit} ({100 * found.wanted / plan.largest:.2g} %)"
+    if found.more == 0:
+        return f"{wanted} is reached: the widest is {found.widest:.3g} {unit}"
+    if found.more is None:
+        return f"{wanted} is likely out of reach: more measurements bring {found.widest:.3g} to {found.least:.3g} {unit}"
+    return f"{wanted}: likely {found.more} more (the widest is {found.widest:.3g} {unit} now)"

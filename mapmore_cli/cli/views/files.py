@@ -7,14 +7,16 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from types import NoneType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from mapmore_cli.cli.views.fitted import View
+from mapmore_cli.cli.console import View
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.page import RUN_PAGE
-
-if TYPE_CHECKING:
-    from mapmore_cli.reporting.table import Table
+from mapmore_cli.reporting.score_tables import score_table
+from mapmore_cli.reporting.table import Column, Table
+from mapmore_cli.storage import artefacts
+from mapmore_cli.storage.run_folder import RESULTS
+from mapmore_cli.storage.run_record import load_records, scores_in, stale_stages
 
 
 def of_file(path: Path, warn: Callable[[str], None], unverified: bool) -> View:
@@ -22,8 +24,6 @@ def of_file(path: Path, warn: Callable[[str], None], unverified: bool) -> View:
 
     `warn` is told where nothing shows that a file is as it was written; one that is not is only read where it may be `unverified`.
     """
-    from mapmore_cli.storage.run_folder import RESULTS
-
     if path.is_dir():
         return of_run(path)
     if path.suffix == ".json":
@@ -35,8 +35,6 @@ def of_file(path: Path, warn: Callable[[str], None], unverified: bool) -> View:
 
 def of_stage(stage: str, run_dir: Path) -> View:
     """Return what a stage found."""
-    from mapmore_cli.storage.run_folder import RESULTS
-
     if stage in RESULTS:
         return _of_hdf5(run_dir / RESULTS[stage])
     page = run_dir / RUN_PAGE
@@ -46,8 +44,6 @@ def of_stage(stage: str, run_dir: Path) -> View:
 
 def of_run(run_dir: Path) -> View:
     """Return what a run is made of: why each stage ran, and the scores."""
-    from mapmore_cli.storage.run_folder import RESULTS
-
     record = run_dir / "run.json"
     if not record.is_file():
         raise DataError(f"{run_dir}: is not a run folder (no run.json)", "name a folder that `mapmore run` wrote, as runs/NAME")
@@ -62,8 +58,6 @@ def of_run(run_dir: Path) -> View:
 
 def _stale(run_dir: Path) -> dict[str, str]:
     """Stages of a run whose results are older than what they were made from, each with a line that says so."""
-    from mapmore_cli.storage.run_record import load_records, stale_stages
-
     found = stale_stages(load_records(run_dir, lambda _message: None))
     return {name: f"{name} is out of date: {before} was done again since; run the spec to renew it" for name, before in found.items()}
 
@@ -75,16 +69,15 @@ def page_lines(run_dir: Path) -> tuple[str, ...]:
 
 
 def _of_hdf5(path: Path, warn: Callable[[str], None] = lambda _message: None, unverified: bool = False) -> View:
-    from mapmore_cli.cli.views import compared, fitted, measured, models
-    from mapmore_cli.storage import artefacts
+    from mapmore_cli.cli.views import compared, models
 
     match artefacts.kind_of(path):
         case "dataset":
-            return measured.of_dataset(artefacts.read_dataset(path, warn, unverified))
+            return models.of_dataset(artefacts.read_dataset(path, warn, unverified))
         case "segmentation":
-            return measured.of_segmentation(artefacts.read_segmentation(path, warn, unverified))
+            return models.of_segmentation(artefacts.read_segmentation(path, warn, unverified))
         case "fit":
-            return fitted.of_fit(artefacts.read_fit(path, warn, unverified))
+            return models.of_fit(artefacts.read_fit(path, warn, unverified))
         case "model":
             return models.of_model(artefacts.read_model(path, warn, unverified))
         case _:
@@ -93,9 +86,6 @@ def _of_hdf5(path: Path, warn: Callable[[str], None] = lambda _message: None, un
 
 def _of_json(path: Path) -> View:
     """`scores.json` or `run.json`, as they are; the table has what fits on a screen."""
-    from mapmore_cli.reporting.score_tables import score_table
-    from mapmore_cli.storage.run_record import scores_in
-
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as fault:
@@ -121,7 +111,5 @@ def _are_entries(entries: Any, types: Mapping[str, Any]) -> bool:
 
 
 def _stages_table(stages: Mapping[str, Any]) -> Table:
-    from mapmore_cli.reporting.table import Column, Table
-
     rows = tuple((name, entry.get("seconds"), entry.get("why")) for name, entry in stages.items())
     return Table("stages", "Stages", (Column("stage"), Column("took", "s", ".2f"), Column("why it ran")), rows)

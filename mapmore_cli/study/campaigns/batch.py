@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.fitting.stage import Variation
-from mapmore_cli.pipeline.runner import bring_up_to_date, pipeline, prepare
+from mapmore_cli.pipeline.runner import RunOutcome, bring_up_to_date, pipeline, prepare
 from mapmore_cli.pipeline.staleness import fingerprint, plain
 from mapmore_cli.pipeline.validate import limits
 from mapmore_cli.spec.loader import load
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 class Job:
     """One run to do.
 
-    - `config`, `runs`, `overrides`, `force`, `rehash`, `campaign`: as on the command line; `campaign` is the file that the run belongs to.
+    - `config`, `runs`, `overrides`, `force`, `rehash`: as on the command line; `campaign` is the file that the run belongs to.
     - `patient`: whether it waits where another process writes it.
     - `leader`: the name of the first of the runs that read the same recordings in the same way; empty where it is the only one.
     - `leads`: whether it is that run itself.
@@ -67,6 +67,15 @@ class Finished:
     limits: tuple[Limit, ...]
     warnings: tuple[str, ...]
     seconds: float = 0.0
+
+    @classmethod
+    def of(cls, loaded: LoadedSpec, outcome: RunOutcome, told: Sequence[str], started: float) -> Finished:
+        """Return what came of a spec whose run is up to date; `told` are the warnings meanwhile, `started` is by `time.perf_counter`."""
+        table = RunFiles(outcome.run_dir).scores()
+        held_to = limits(loaded.spec.validation.require, table.scores)
+        published = loaded.spec.report.published.numbers if loaded.spec.report.published else None
+        seconds = time.perf_counter() - started
+        return cls(outcome.name, outcome.run_dir, outcome.stages, table, published, held_to, (*table.warnings, *told), seconds)
 
     @property
     def missed(self) -> tuple[str, ...]:
@@ -148,37 +157,27 @@ def prepare_all(jobs: Sequence[Job]) -> None:
 def read_first(job: Job) -> Reading:
     """Read the recordings of a run that others read too, who take over what this one finds; raises what that raises."""
     warnings: list[str] = []
-    outcome = bring_up_to_date(
-        load(job.config, job.overrides),
-        job.runs,
-        "ingest",
-        force=job.force,
-        rehash=job.rehash,
-        warn=warnings.append,
-        campaign=job.campaign,
-        patient=job.patient,
-    )
+    outcome = _brought(load(job.config, job.overrides), job, "ingest", warnings)
     return Reading(outcome.stages, tuple(warnings))
 
 
 def run_one(job: Job) -> Finished:
     """Bring one run up to date and read its scores; raises what that raises."""
-    started = time.perf_counter()
+    started, warnings = time.perf_counter(), list[str]()
     loaded = load(job.config, job.overrides)
-    warnings: list[str] = []
-    outcome = bring_up_to_date(
+    outcome = _brought(loaded, job, "report", warnings, like=job.runs / job.leader if job.leader and not job.leads else None)
+    return Finished.of(loaded, outcome, warnings, started)
+
+
+def _brought(loaded: LoadedSpec, job: Job, until: str, warnings: list[str], like: Path | None = None) -> RunOutcome:
+    return bring_up_to_date(
         loaded,
         job.runs,
+        until,
         force=job.force,
         rehash=job.rehash,
         warn=warnings.append,
         campaign=job.campaign,
         patient=job.patient,
-        like=job.runs / job.leader if job.leader and not job.leads else None,
+        like=like,
     )
-    table = RunFiles(outcome.run_dir).scores()
-    held_to = limits(loaded.spec.validation.require, table.scores)
-    published = loaded.spec.report.published
-    printed = published.numbers if published else None
-    seconds = time.perf_counter() - started
-    return Finished(outcome.name, outcome.run_dir, outcome.stages, table, printed, held_to, (*table.warnings, *warnings), seconds)

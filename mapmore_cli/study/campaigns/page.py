@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
@@ -55,12 +56,10 @@ def _names(campaign: Campaign) -> tuple[str, ...]:
 
 def specs_of(entries: Sequence[Entry]) -> list[LoadedSpec | None]:
     """Return the spec of every run; None where it is wrong, which its own run will say."""
-    specs: list[LoadedSpec | None] = []
-    for entry in entries:
-        try:
-            specs.append(load(entry.config, entry.overrides))
-        except SpecError:
-            specs.append(None)
+    specs: list[LoadedSpec | None] = [None] * len(entries)
+    for number, entry in enumerate(entries):
+        with suppress(SpecError):
+            specs[number] = load(entry.config, entry.overrides)
     return specs
 
 
@@ -101,16 +100,11 @@ def refuse_foreign_folders(campaigns: Sequence[Expanded], runs: Path) -> None:
         refuse_foreign(runs / one.campaign.campaign, CAMPAIGN_RECORD)
 
 
-@dataclass(frozen=True)
-class CampaignPage:
-    """The page that was written, and the tables on it."""
+def write_page(campaign: Campaign, results: Mapping[str, Finished | BaseException], runs: Path) -> tuple[Path, tuple[Table, ...]]:
+    """Write `RUNS/CAMPAIGN/index.html` with its figures and tables; `results` are those of its runs by name, in their order.
 
-    path: Path
-    tables: tuple[Table, ...]
-
-
-def write_page(campaign: Campaign, results: Mapping[str, Finished | BaseException], runs: Path) -> CampaignPage:
-    """Write `RUNS/CAMPAIGN/index.html` with its figures and tables; `results` are those of its runs by name, in their order."""
+    Returns the path of the page, and the tables on it.
+    """
     from mapmore_cli.reporting.campaign import campaign_tables
     from mapmore_cli.reporting.figures.campaign import campaign_figures
     from mapmore_cli.reporting.figures.catalogue import rendered
@@ -131,7 +125,7 @@ def write_page(campaign: Campaign, results: Mapping[str, Finished | BaseExceptio
         for figure in figures:
             write_text(folder / f"{figure.name}.svg", figure.svg)
         write_text(folder / "index.html", render_campaign(campaign.title or campaign.campaign, tables, figures, pages, failed))
-    return CampaignPage(folder / "index.html", tables)
+    return folder / "index.html", tables
 
 
 def scores_of(campaign: Campaign, results: Mapping[str, Finished | BaseException]) -> CampaignScores:
