@@ -18,7 +18,7 @@ from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.spec.campaign import load_campaign
 from mapmore_cli.spec.loader import load
 from mapmore_cli.spec.paper import Verdict, load_paper
-from mapmore_cli.study.paper.verdicts import Compared, counts, judged, summary
+from mapmore_cli.study.paper.compare import Compared, counts, judged, summary
 
 PROJECT = Path(__file__).parents[2]
 CONFIGS, PUBLISHED = PROJECT / "configs", PROJECT / "datasets" / "published"

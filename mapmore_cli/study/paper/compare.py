@@ -1,64 +1,121 @@
-"""A published table beside ours: the rows, the verdicts, and sentences as inequalities."""
+"""Published tables and sentences beside ours, and verdicts by declared rules.
+
+Values, sizes, orders, bounds, words and sentences are counted apart, and each says how closely it agrees.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.stats import kendalltau
 
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.modelling.expressions import ExpressionError, evaluate, parse
 from mapmore_cli.pipeline.report import published_table
 from mapmore_cli.reporting.table import Cell, Column, Table
-from mapmore_cli.spec.paper import Comparison, Number, Ours, Sentence, Side
+from mapmore_cli.spec.paper import Comparison, Number, Ours, Sentence, Side, Verdict
 from mapmore_cli.study.paper.ours import Row, Runs
-from mapmore_cli.study.paper.verdicts import ORDER, SENTENCE, Compared, judged, order
 
+KINDS = ("value", "size", "order", "bound", "word", "sentence")
 WORD = {True: "agrees", False: "differs"}
 
 
-def beside(one: Comparison, tables: Path, runs: Runs) -> tuple[list[Table], list[Compared]]:
-    """Return the tables and the verdicts of a comparison.
+@dataclass(frozen=True)
+class Compared:
+    """One comparison: what kind, of what, whether it holds, and how closely.
 
-    Raises
-    ------
-    SpecError
-        A published table, a column or a row that is not there.
+    `closeness` is the distance of a value, ours to the printed one of a size and a bound, and Kendall's tau of an order.
     """
+
+    kind: str
+    what: str
+    holds: bool
+    closeness: float = math.nan
+    rule: float = math.nan
+
+
+def judged(rule: Verdict, what: str, printed: Cell, ours: Cell) -> Compared:
+    """Compare two cells by a rule that needs no others; a number that is missing agrees with nothing."""
+    if rule.same:
+        return Compared("word", what, str(printed) == str(ours))
+    theirs, mine = _float(printed), _float(ours)
+    ratio = mine / theirs if theirs else math.nan
+    if rule.within is not None:
+        return Compared("value", what, abs(mine - theirs) <= rule.within, abs(mine - theirs), rule.within)
+    if rule.factor is not None:
+        return Compared("size", what, 1 / rule.factor <= ratio <= rule.factor, ratio, rule.factor)
+    return Compared("bound", what, mine >= theirs if rule.bound == "at_least" else mine <= theirs, ratio)
+
+
+def summary(found: Sequence[Compared]) -> tuple[str, ...]:
+    """Say of each kind how many agree, what was compared, and how closely."""
+    groups: dict[tuple[str, str, float], list[Compared]] = {}
+    for one in found:
+        groups.setdefault((one.kind, one.what, -1.0 if math.isnan(one.rule) else one.rule), []).append(one)
+    return tuple(_told(kind, what, rule, group) for (kind, what, rule), group in groups.items())
+
+
+def _told(kind: str, what: str, rule: float, group: Sequence[Compared]) -> str:
+    count = f"{sum(one.holds for one in group)} of {len(group)}"
+    close = [one.closeness for one in group if math.isfinite(one.closeness)]
+    if kind == "sentence":
+        return f"sentences of the text: {count} hold"
+    if kind == "word":
+        return f"{what}: {count} are the same"
+    if not close:
+        return f"{what}: {count} agree"
+    low, high = f"{min(close):.3g}", f"{max(close):.3g}"
+    span = low if low == high else f"{low} to {high}"
+    match kind:
+        case "value":
+            return f"{what}: {count} values within {rule:g} (off by {span})"
+        case "size":
+            return f"{what}: {count} sizes within a factor of {rule:g} (ours are {span} of the printed)"
+        case "order":
+            return f"order by {what}: {count} as printed (mean tau {sum(close) / len(close):.2f})"
+        case _:
+            return f"{what}: {count} beyond the printed bound (ours are {span} of it)"
+
+
+def counts(found: Sequence[Compared]) -> dict[str, tuple[int, int]]:
+    """How many agree, and how many were compared, by kind."""
+    kinds = dict.fromkeys(one.kind for one in found)
+    return {kind: (sum(o.holds for o in found if o.kind == kind), sum(o.kind == kind for o in found)) for kind in kinds}
+
+
+def beside(one: Comparison, tables: Path, runs: Runs) -> tuple[list[Table], list[Compared]]:
+    """Return the tables and the verdicts of a comparison; raises SpecError for a published table, a column or a row that is not there."""
     printed = _printed(tables / one.published, one.where)
-    pairs = []
-    for number in one.numbers:
-        ours = _paired(one.ours.model_copy(update={"rows": {**one.ours.rows, **number.rows}}), printed, runs)
-        pairs.append((number, [(value(number.printed, p), value(number.ours, o)) for p, o in zip(printed, ours, strict=True)]))
-    shown: list[list[Cell]] = [[row[label] for label in one.labels] for row in printed]
     columns = [Column(label) for label in one.labels]
+    shown: list[list[Cell]] = [[row[label] for label in one.labels] for row in printed]
     found: list[Compared] = []
     orders: list[Table] = []
-    for number, cells in pairs:
+    for number in one.numbers:
+        ours = _paired(one.ours.model_copy(update={"rows": {**one.ours.rows, **number.rows}}), printed, runs)
+        cells = [(_value(number.printed, p), _value(number.ours, o)) for p, o in zip(printed, ours, strict=True)]
         columns += [Column(f"{number.name}, printed", number.unit), Column("ours", number.unit)]
-        for row, (theirs, mine) in zip(shown, cells, strict=True):
-            row += [theirs, mine]
+        for row, pair in zip(shown, cells, strict=True):
+            row += pair
         if number.verdict is None:
             continue
         if number.verdict.order is not None:
             table, verdicts = _ordered(number, number.verdict.order, one.labels, printed, cells)
             orders.append(table)
-            found += verdicts
-            continue
-        columns.append(Column(_heading(number)))
-        for row, (theirs, mine) in zip(shown, cells, strict=True):
-            verdict = judged(number.verdict, number.name, theirs, mine)
-            found.append(verdict)
-            row.append(WORD[verdict.holds])
+        else:
+            verdicts = [judged(number.verdict, number.name, *pair) for pair in cells]
+            columns.append(Column(_heading(number.verdict)))
+            for row, verdict in zip(shown, verdicts, strict=True):
+                row.append(WORD[verdict.holds])
+        found += verdicts
     table = Table(Path(one.published).stem, one.title, tuple(columns), tuple(map(tuple, shown)), tuple(one.notes))
     return [table, *orders], found
 
 
-def _heading(number: Number) -> str:
-    rule = number.verdict
-    assert rule is not None
+def _heading(rule: Verdict) -> str:
     if rule.within is not None:
         return f"within {rule.within:g}"
     if rule.factor is not None:
@@ -99,18 +156,12 @@ def _total(rows: Sequence[Row]) -> Row:
     return {name: sum(_float(row[name]) for row in rows) for name in numbers}
 
 
-def value(text: str, row: Mapping[str, Cell] | Mapping[str, str]) -> Cell:
-    """Return a column of a row, a number where it is one, or the value of an expression of its columns.
-
-    Raises
-    ------
-    SpecError
-        Where the text is neither.
-    """
-    if text in row:
-        cell = row[text]
-        return _number(cell) if isinstance(cell, str) else cell
-    numbers = {name: np.array([float(cell)]) for name, cell in ((n, _number(c)) for n, c in row.items()) if isinstance(cell, int | float)}
+def _value(text: str, row: Mapping[str, Cell] | Mapping[str, str]) -> Cell:
+    """Return a column of a row, a number where it is one, or the value of an expression of its columns; SpecError where it is neither."""
+    cells = {name: _number(cell) for name, cell in row.items()}
+    if text in cells:
+        return cells[text]
+    numbers = {name: np.array([float(cell)]) for name, cell in cells.items() if isinstance(cell, int | float)}
     try:
         return float(evaluate(parse(text), numbers, 1)[0])
     except (ExpressionError, KeyError, DataError, ValueError) as fault:
@@ -129,7 +180,7 @@ def _number(cell: Cell) -> Cell:
 def _ordered(
     number: Number, groups: Sequence[str], labels: Sequence[str], printed: Sequence[Mapping[str, str]], cells: Sequence[tuple[Cell, Cell]]
 ) -> tuple[Table, list[Compared]]:
-    """Return the orders within each group, least first."""
+    """Return the orders within each group, least first, and whether their ranks are the same; an order of one is none."""
     members: dict[tuple[str, ...], list[int]] = {}
     for k, row in enumerate(printed):
         members.setdefault(tuple(row[name] for name in groups), []).append(k)
@@ -138,11 +189,11 @@ def _ordered(
     for group, places in members.items():
         pairs = np.array([[_float(cells[k][side]) for k in places] for side in (0, 1)])
         names = [" ".join(printed[k][label] for label in rest) for k in places]
-        verdict = order(number.name, pairs[0], pairs[1])
-        found.append(verdict)
+        tau = float(kendalltau(*pairs).statistic)
+        found.append(Compared("order", number.name, tau > 1 - 1e-9, tau))
         texts = [" < ".join(names[k] for k in np.argsort(side, kind="stable")) for side in pairs]
-        rows.append((", ".join(group), *texts, verdict.closeness, WORD[verdict.holds]))
-    heads = (Column(", ".join(groups)), Column("printed"), Column("ours"), Column("Kendall's tau", "", ".2f"), Column(ORDER))
+        rows.append((", ".join(group), *texts, tau, WORD[found[-1].holds]))
+    heads = (Column(", ".join(groups)), Column("printed"), Column("ours"), Column("Kendall's tau", "", ".2f"), Column("order"))
     return Table("order", f"Order by {number.name}, least first", heads, tuple(rows)), found
 
 
@@ -157,7 +208,7 @@ def sentences(said: Sequence[Sentence], runs: Runs) -> tuple[Table, list[Compare
         left = _side(one.left, runs)
         right = _side(one.right, runs) if isinstance(one.right, Side) else one.right
         holds = left < right if one.relation == "<" else left > right
-        found.append(Compared(SENTENCE, "sentences", holds))
+        found.append(Compared("sentence", "sentences", holds))
         rows.append((one.says, f"{left:.4g} {one.relation} {right:.4g}", WORD[holds]))
     heads = (Column("in the paper"), Column("here it would be"), Column("verdict"))
     return Table("sentences", "What the text says", heads, tuple(rows)), found
@@ -167,4 +218,4 @@ def _side(side: Side, runs: Runs) -> float:
     rows = runs.rows(side.ours, {})
     if len(rows) != 1:
         raise SpecError(f"{side.value!r}: {len(rows)} rows of ours", "mend `ours.rows`")
-    return _float(value(side.value, rows[0]))
+    return _float(_value(side.value, rows[0]))

@@ -38,10 +38,7 @@ class Runs:
     def rows(self, ours: Ours, printed: Mapping[str, str]) -> list[Row]:
         """Return the rows of ours that a printed row stands beside, by column.
 
-        Raises
-        ------
-        SpecError
-            A table or a column that the run does not have, or a `{column}` that the printed row does not have.
+        Raises SpecError for a table or a column that the run does not have, or a `{column}` that the printed row does not have.
         """
         path = self.folder / _filled(ours.run, printed)
         if path not in self._tables:

@@ -13,9 +13,8 @@ from mapmore_cli.pipeline.report import drawn_figure
 from mapmore_cli.reporting.html import environment
 from mapmore_cli.reporting.table import Column, Table
 from mapmore_cli.spec.paper import Item, LoadedPaper
-from mapmore_cli.study.paper.compare import beside, sentences
+from mapmore_cli.study.paper.compare import KINDS, Compared, beside, counts, sentences, summary
 from mapmore_cli.study.paper.ours import Runs
-from mapmore_cli.study.paper.verdicts import Compared, counts, summary
 
 Tell = Callable[[str], None]
 
@@ -92,43 +91,31 @@ def _result(item: Item, loaded: LoadedPaper, runs: Runs, tell: Tell) -> Result:
         table, verdicts = sentences(item.sentences, runs)
         tables.append(table)
         compared += verdicts
-    return Result(item, tuple(tables), tuple(compared), tuple(_drawn(item, runs, tell)))
-
-
-def _drawn(item: Item, runs: Runs, tell: Tell) -> Sequence[Shown]:
-    found = []
-    for one in item.figures:
-        text = drawn_figure(runs.run_dir(one.run), one.figure, one.panel, "svg", tell)[0].decode()
-        found.append(Shown(text[text.index("<svg") :], one.caption))
-    return found
+    figures = []
+    for drawn in item.figures:
+        svg = drawn_figure(runs.run_dir(drawn.run), drawn.figure, drawn.panel, "svg", tell)[0].decode()
+        figures.append(Shown(svg[svg.index("<svg") :], drawn.caption))
+    return Result(item, tuple(tables), tuple(compared), tuple(figures))
 
 
 def overview(papers: Sequence[PaperResult]) -> Table:
     """Tabulate what was compared in each paper, kinds apart: agreeing of compared."""
-    kinds = ("value", "size", "order", "bound", "word", "sentence")
     rows = []
     for paper in papers:
         found = counts(paper.compared)
-        cells = (f"{found[kind][0]} of {found[kind][1]}" if kind in found else None for kind in kinds)
+        cells = (f"{found[kind][0]} of {found[kind][1]}" if kind in found else None for kind in KINDS)
         status = [result.item.status for result in paper.results]
         rows.append((paper.loaded.spec.paper, len(status), status.count("absent"), *cells))
-    columns = (Column("paper"), Column("items"), Column("absent"), *(Column(f"{kind}s that agree") for kind in kinds))
+    columns = (Column("paper"), Column("items"), Column("absent"), *(Column(f"{kind}s that agree") for kind in KINDS))
     note = "A size agrees within a factor, a value within a distance, an order where all ranks are the same: they are not added up."
     return Table("papers", "What was compared", columns, tuple(rows), (note,))
 
 
 def items_table(paper: PaperResult) -> Table:
     """Every equation, table and figure of a paper: where it is here, its status, and what came out."""
-    rows = tuple(
-        (
-            result.item.id,
-            result.item.title,
-            result.item.status,
-            ", ".join(result.item.place),
-            result.failed or "; ".join(result.verdicts) or None,
-        )
-        for result in paper.results
-    )
+    said = [result.failed or "; ".join(result.verdicts) or None for result in paper.results]
+    items = [result.item for result in paper.results]
+    rows = tuple((one.id, one.title, one.status, ", ".join(one.place), words) for one, words in zip(items, said, strict=True))
     spec = paper.loaded.spec
     heads = (Column("item"), Column("what"), Column("status"), Column("place"), Column("compared"))
     return Table(f"items_{spec.paper}", f"{spec.paper}: every equation, table and figure", heads, rows)
@@ -147,31 +134,25 @@ def verdicts_table(papers: Sequence[PaperResult]) -> Table:
 
 def document(papers: Sequence[PaperResult]) -> dict[str, Any]:
     """Return the results for programs."""
-    return {
-        "papers": [
-            {
-                "paper": paper.loaded.spec.paper,
-                "counts": {kind: {"agree": agree, "compared": every} for kind, (agree, every) in counts(paper.compared).items()},
-                "items": [
-                    {
-                        "id": result.item.id,
-                        "status": result.item.status,
-                        "place": result.item.place,
-                        "verdicts": list(result.verdicts),
-                        "failed": result.failed or None,
-                    }
-                    for result in paper.results
-                ],
-            }
-            for paper in papers
-        ]
-    }
+    return {"papers": [_document(paper) for paper in papers]}
+
+
+def _document(paper: PaperResult) -> dict[str, Any]:
+    counted = {kind: {"agree": agree, "compared": every} for kind, (agree, every) in counts(paper.compared).items()}
+    items = [
+        {
+            "id": result.item.id,
+            "status": result.item.status,
+            "place": result.item.place,
+            "verdicts": list(result.verdicts),
+            "failed": result.failed or None,
+        }
+        for result in paper.results
+    ]
+    return {"paper": paper.loaded.spec.paper, "counts": counted, "items": items}
 
 
 def page(papers: Sequence[PaperResult]) -> str:
     """Return the page as HTML, one file that loads nothing."""
-    return (
-        environment()
-        .get_template("paper.html")
-        .render(version=__version__, overview=overview(papers), papers=[(paper, items_table(paper)) for paper in papers])
-    )
+    template = environment().get_template("paper.html")
+    return template.render(version=__version__, overview=overview(papers), papers=[(paper, items_table(paper)) for paper in papers])

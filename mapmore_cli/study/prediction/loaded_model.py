@@ -92,8 +92,12 @@ class LoadedModel:
             ax = plt.figure(layout="constrained").subplots()
         from mapmore_cli.reporting.figures.lines import draw_model  # and with it matplotlib
 
-        draw_model(ax, self.model, interval)
+        draw_model(ax, self.model if interval is None else self._with_intervals, interval)
         return ax
+
+    @property
+    def _with_intervals(self) -> Model:
+        return self.model
 
     def outside_range(self, **columns: ArrayLike) -> BoolArray:
         """Return True where an input lies beyond the training range, in the shape of the output."""
@@ -106,7 +110,7 @@ class LoadedModel:
         They are NaN outside of the training range. Raises `DataError` for a model whose spec has no `validate: {intervals: true}`.
         """
         flat, shape = self._flattened(columns)
-        low, high = interval(self.model, flat, level)
+        low, high = interval(self._with_intervals, flat, level)
         return low.reshape(shape), high.reshape(shape)
 
     def derivatives(self, **columns: ArrayLike) -> dict[str, Array]:

@@ -21,8 +21,7 @@ from mapmore_cli.modelling.memory.records import AtSample, numbered
 from mapmore_cli.modelling.program.model import slopes
 from mapmore_cli.modelling.signals.rates import with_signals
 from mapmore_cli.modelling.validation.intervals import checked, ends, half_widths_of, refusal
-from mapmore_cli.storage.tables.table import TableRequest, locate_columns
-from mapmore_cli.study.prediction.records import Reading, Row, fields_of, reading_of, recordings, records, stretches, values_of
+from mapmore_cli.study.prediction.records import Reading, Row, Sheet, reading_of, recordings, stretches
 
 CHUNK = 20_000
 """Rows in memory at a time, where rows know nothing of each other."""
@@ -83,38 +82,21 @@ def predicted_lines(
     if interval is not None and (why := refusal(checked(model, interval))) is not None:
         warn(f"{model.name}: {why}")
     extra = Extra(interval, derivatives)
-    rows = records(lines, label)
-    header = next(rows, None)
-    if header is None:
-        raise DataError(f"{label}: the table is empty", f"its first line has to name {_named(model)}")
-    names = [cell.strip() for cell in header.cells]
-    reading = reading_of(model, names) if turned_for is None else _reading_turned(model, turned_for)
-    read = tuple(dict.fromkeys((*reading.columns, *reading.outputs)))
-    places = locate_columns(TableRequest(label, read, header=True), names, len(names))
-    added = _added_names(model, turned_for, extra, names, label)
-    yield f"{header.text},{','.join(added)}{header.end}"
+    table = Sheet(lines, label, _named(model))
+    reading = reading_of(model, table.names) if turned_for is None else _reading_turned(model, turned_for)
+    added = (f"{turned_for or model.output.name}_predicted", FLAG, *extra.names(model))
+    places = table.places(dict.fromkeys((*reading.columns, *reading.outputs)), added)
+    yield from table.extended([table.header], [",".join(added)])
     predicted = beyond = 0
-    for block in recordings(rows, names) if reading.over_time else _chunks(rows, chunk):
-        fields = [fields_of(row, len(names), label) for row in block]
-        columns = {name: values_of(block, fields, places[name], name, label) for name in read}
-        cells_of, diverged = _added_cells(model, reading, columns, block, label, extra)
+    for block in recordings(table.rows, table.names) if reading.over_time else _chunks(table.rows, chunk):
+        cells, diverged = _added_cells(model, reading, table.values(block, places), block, label, extra)
         for start in diverged:
             warn(f"{label}:row {block[start].line}: the free run diverges; there is no prediction until it starts anew")
-        predicted += sum(not cells.startswith(",") for cells in cells_of)
-        beyond += sum(cells.split(",", 2)[1] == "true" for cells in cells_of)
-        for row, cells, added_cells in zip(block, fields, cells_of, strict=True):
-            yield row.text + row.end if cells is None else f"{row.text},{added_cells}{row.end}"
+        predicted += sum(not own.startswith(",") for own in cells)
+        beyond += sum(own.split(",", 2)[1] == "true" for own in cells)
+        yield from table.extended(block, cells)
     if predicted and beyond == predicted:
         warn(f"{label}: every row lies outside of the training range; the model expects {_named(model)}")
-
-
-def _added_names(model: Model, turned_for: str | None, extra: Extra, names: Sequence[str], label: str) -> tuple[str, ...]:
-    """Return the columns that are added; DataError where the table has one of them."""
-    added = (f"{turned_for or model.output.name}_predicted", FLAG, *extra.names(model))
-    for name in added:
-        if name in names:
-            raise DataError(f"{label}: already has a column {name}", "rename or remove it")
-    return added
 
 
 def _reading_turned(model: Model, name: str) -> Reading:
@@ -200,23 +182,28 @@ def adapt(model: Model, lines: Iterable[str] | None, label: str, constants: Mapp
     """
     of = dimension_of(model)
     assert isinstance(model.body, Formula)
+    low, high = model.body.ranges[0].limits[of]
     if set(constants) != {of}:
-        ends = model.body.ranges[0].limits[of]
         unit = next(quantity.unit for quantity in model.inputs if quantity.name == of)
-        raise UsageError(
-            f"adapt needs the {of} of the specimen, and nothing else",
-            f"give it as `--set {of}={sum(ends) / 2:.3g}`, in {unit}; the family goes from {ends[0]:g} to {ends[1]:g}",
-        )
+        remedy = f"give it as `--set {of}={(low + high) / 2:.3g}`, in {unit}; the family goes from {low:g} to {high:g}"
+        raise UsageError(f"adapt needs the {of} of the specimen, and nothing else", remedy)
     names = ("pressure", "strain", model.output.name)
-    columns = {name: np.empty(0) for name in names} if lines is None else _columns(lines, label, names)
+    columns = {name: np.empty(0) for name in names}
+    if lines is not None:
+        table = Sheet(lines, label, ", ".join(names))
+        places, block = table.places(names), list(table.rows)
+        if not block:
+            raise table.empty()
+        columns = table.values(block, places)
+        known = np.logical_and.reduce([np.isfinite(values) for values in columns.values()])
+        columns = {name: values[known] for name, values in columns.items()}
     target = columns.pop(model.output.name)
     fit = adapted(model.body.fit, columns, target, constants[of])
     ranges = tuple(replace(one, limits={name: ends for name, ends in one.limits.items() if name != of}) for one in model.body.ranges)
     inputs = tuple(quantity for quantity in model.inputs if quantity.name != of)
-    known = model.body.ranges[0].limits[of]
     notes = fit.notes
-    if not known[0] <= constants[of] <= known[1]:
-        notes = (*notes, f"{of} {constants[of]:g} lies outside of the family's {known[0]:g} to {known[1]:g}")
+    if not low <= constants[of] <= high:
+        notes = (*notes, f"{of} {constants[of]:g} lies outside of the family's {low:g} to {high:g}")
     if model.left_out is not None:
         notes = (*notes, f"its intervals are those of the family, by {model.left_out.curves} specimens, whatever was measured of this one")
     return replace(model, inputs=inputs, body=replace(model.body, fit=fit, ranges=ranges), notes=notes)
@@ -231,15 +218,3 @@ def dimension_of(model: Model) -> str:
         "give each muscle's files what it differs in, as `set: {rest_length: 83 mm}`, and write `model: {family: {of: rest_length}}`; "
         "or fit this muscle by itself: `mapmore init` with its files",
     )
-
-
-def _columns(lines: Iterable[str], label: str, wanted: tuple[str, ...]) -> dict[str, Array]:
-    rows = list(records(lines, label))
-    if len(rows) < 2:
-        raise DataError(f"{label}: the table is empty", f"its first line has to name {', '.join(wanted)}")
-    names = [cell.strip() for cell in rows[0].cells]
-    places = locate_columns(TableRequest(label, wanted, header=True), names, len(names))
-    fields = [fields_of(row, len(names), label) for row in rows[1:]]
-    columns = {name: values_of(rows[1:], fields, places[name], name, label) for name in wanted}
-    known = np.logical_and.reduce([np.isfinite(values) for values in columns.values()])
-    return {name: values[known] for name, values in columns.items()}

@@ -1,4 +1,4 @@
-"""Records of a CSV table, with their text as it stands; the stretches that belong together, and what has to be known to predict."""
+"""A CSV table record by record, with its text as it stands; the stretches that belong together, and what has to be known to predict."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import csv
 import math
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from mapmore_cli.domain.recording import Signal
 from mapmore_cli.modelling.kinds import fed_back, runs_over_time
 from mapmore_cli.modelling.signals.sampling import find_gaps, pieces, typical_step
 from mapmore_cli.storage.tables.lines import open_quote, quote_left_open
+from mapmore_cli.storage.tables.table import TableRequest, locate_columns
 
 RECORDING = "recording"
 """The column that tells recordings apart, where a table has it."""
@@ -85,8 +87,7 @@ def reading_of(model: Model, given: Collection[str]) -> Reading:
     return Reading(tuple(columns), signals, fed_back(model), over_time)
 
 
-@dataclass(frozen=True)
-class Row:
+class Row(NamedTuple):
     """A record of the table: its text without the line end, the line end, its fields, and the line that it ends on."""
 
     text: str
@@ -117,27 +118,56 @@ def records(lines: Iterable[str], label: str) -> Iterator[Row]:
         raise open_quote(label, reader.line_num - len(consumed) + 1) from fault
 
 
-def fields_of(row: Row, width: int, label: str) -> Sequence[str] | None:
-    """Return the fields of a record; None for a blank line, which in a table of one column is an empty field."""
-    if not row.text.strip():
-        return [""] if width == 1 else None
-    if len(row.cells) != width:
-        raise DataError(f"{label}:row {row.line}: has {len(row.cells)} fields, the header has {width}", "mend or remove the line")
-    return row.cells
+class Sheet:
+    """A table with a header of quantities in the model's units, whose `rows` are read as they are asked for; `label` is for messages.
 
+    Raises DataError where there is no header; `expected` says what it has to name.
+    """
 
-def values_of(block: Sequence[Row], fields: Sequence[Sequence[str] | None], place: int, name: str, label: str) -> Array:
-    """One quantity of a block, (n,); NaN where the field is empty. Raises DataError for a field that is not a number."""
-    values = np.full(len(block), np.nan)
-    for i, (row, cells) in enumerate(zip(block, fields, strict=True)):
-        if cells is None:
-            continue
-        try:
-            values[i] = _number(cells[place].strip())
-        except ValueError:
-            what = f"{label}:row {row.line}, column {name}: {cells[place][:40]!r} is not a number"
-            raise DataError(what, "mend the cell, or leave it empty") from None
-    return values
+    def __init__(self, lines: Iterable[str], label: str, expected: str) -> None:
+        self.label, self.expected, self.rows = label, expected, records(lines, label)
+        header = next(self.rows, None)
+        if header is None:
+            raise self.empty()
+        self.header, self.names = header, [cell.strip() for cell in header.cells]
+
+    def empty(self) -> DataError:
+        """Return what is told of a table without rows."""
+        return DataError(f"{self.label}: the table is empty", f"its first line has to name {self.expected}")
+
+    def places(self, wanted: Iterable[str], added: Sequence[str] = ()) -> dict[str, int]:
+        """Return where the `wanted` columns are; raises DataError where one is missing, or the table has one of those that are `added`."""
+        if there := next((name for name in added if name in self.names), None):
+            raise DataError(f"{self.label}: already has a column {there}", "rename or remove it")
+        found = locate_columns(TableRequest(self.label, tuple(wanted), header=True), self.names, len(self.names))
+        return {str(name): place for name, place in found.items()}
+
+    def is_blank(self, row: Row) -> bool:
+        """Whether a record is a blank line, which in a table of one column is an empty field."""
+        return not row.text.strip() and len(self.names) > 1
+
+    def values(self, block: Sequence[Row], places: Mapping[str, int]) -> dict[str, Array]:
+        """Return the columns of some rows, (n,) each, NaN where a field is empty; raises DataError for a field that is not a number."""
+        columns = [(name, place, np.full(len(block), np.nan)) for name, place in places.items()]
+        for i, row in enumerate(block):
+            if self.is_blank(row):
+                continue
+            cells = row.cells if row.text.strip() else [""]
+            if len(cells) != len(self.names):
+                what = f"{self.label}:row {row.line}: has {len(cells)} fields, the header has {len(self.names)}"
+                raise DataError(what, "mend or remove the line")
+            for name, place, values in columns:
+                try:
+                    values[i] = _number(cells[place].strip())
+                except ValueError:
+                    what = f"{self.label}:row {row.line}, column {name}: {cells[place][:40]!r} is not a number"
+                    raise DataError(what, "mend the cell, or leave it empty") from None
+        return {name: values for name, _, values in columns}
+
+    def extended(self, block: Sequence[Row], added: Sequence[str]) -> Iterator[str]:
+        """Yield the lines of some rows with the text that is `added` to each; blank ones stay as they are."""
+        for row, more in zip(block, added, strict=True):
+            yield row.text + row.end if self.is_blank(row) else f"{row.text},{more}{row.end}"
 
 
 def _number(cell: str) -> float:
