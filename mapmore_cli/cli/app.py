@@ -18,16 +18,12 @@ from typer.core import TyperGroup
 
 from mapmore_cli.cli import console as exits
 
-STAGES = ("ingest", "segment", "fit", "fuse", "validate", "report", "run")
-OTHERS = (
-    *("batch", "tune", "plan", "predict", "adapt", "invert", "freeze", "compare", "export", "figure", "paper"),
-    *("simulate", "show", "init", "example", "check", "schema"),
-)
-TOGETHER = {
-    **{"pipeline": STAGES, "files": ("simulate", "example", "show", "freeze", "schema")},
-    **{"tune": ("plan",), "predict": ("adapt", "invert"), "export": ("figure",), "compare": ("paper",)},
+MODULES = {
+    **dict.fromkeys(("ingest", "segment", "fit", "fuse", "validate", "report", "run"), "pipeline"),
+    **{"batch": "batch", "tune": "tune", "plan": "tune", "predict": "predict", "adapt": "predict", "invert": "predict"},
+    **{"freeze": "files", "compare": "compare", "export": "export", "figure": "export", "paper": "compare", "simulate": "files"},
+    **{"show": "files", "init": "init", "example": "files", "check": "init", "schema": "files"},
 }
-MODULES = {name: name for name in (*STAGES, *OTHERS)} | {name: module for module, names in TOGETHER.items() for name in names}
 """The module of `cli/` that has the function of each command, which bears its name."""
 
 AS_JSON = "mapmore.json"

@@ -11,24 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mapmore_cli.cli.console import (
-    NONE,
-    RUNS,
-    AsJson,
-    Force,
-    Junit,
-    Overrides,
-    Quiet,
-    Rehash,
-    Runs,
-    Summary,
-    View,
-    error_document,
-    exit_code,
-    message,
-    print_view,
-    write_ci_files,
-)
+from mapmore_cli.cli import console
 from mapmore_cli.cli.progress import Reporter
 from mapmore_cli.domain.errors import LimitMissed, RunWarning, UsageError
 
@@ -41,7 +24,7 @@ if TYPE_CHECKING:
 
 def batch(
     configs: Annotated[list[Path], typer.Argument(metavar="CONFIG...", help="Experiment specs or campaigns (YAML).")],
-    runs: Runs = RUNS,
+    runs: console.Runs = console.RUNS,
     jobs: Annotated[int, typer.Option("--jobs", "-j", metavar="N", min=1, help="Runs at a time.")] = os.cpu_count() or 1,
     cluster: Annotated[
         str | None, typer.Option("--cluster", metavar="ADDRESS", help="Scheduler of a Dask cluster to run on, as tcp://host:8786.")
@@ -49,13 +32,13 @@ def batch(
     cluster_file: Annotated[
         Path | None, typer.Option("--cluster-file", metavar="FILE", help="The same, by the file that the scheduler wrote.")
     ] = None,
-    overrides: Overrides = NONE,
-    force: Force = False,
-    rehash: Rehash = False,
-    junit: Junit = None,
-    summary: Summary = None,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
+    overrides: console.Overrides = console.NONE,
+    force: console.Force = False,
+    rehash: console.Rehash = False,
+    junit: console.Junit = None,
+    summary: console.Summary = None,
+    as_json: console.AsJson = False,
+    quiet: console.Quiet = False,
 ) -> None:
     """Run several specs, or the runs of campaigns, at a time.
 
@@ -94,26 +77,26 @@ def batch(
     lines = [line for run in ordered.values() if not isinstance(run, BaseException) for line in page_lines(run.run_dir)]
     lines += [f"campaign page: {path}" for path, _ in pages]
     documents = [_document(entry.config, name, ordered[name]) for entry, name in zip(entries, names, strict=True)]
-    print_view(View({"runs": documents}, tuple(tables), tuple(lines)), as_json)
-    write_ci_files(junit, summary, ordered, tables)
+    console.print_view(console.View({"runs": documents}, tuple(tables), tuple(lines)), as_json)
+    console.write_ci_files(junit, summary, ordered, tables)
     if code := max(map(_code, ordered.values())):
         raise typer.Exit(code)
 
 
 def _tell(reporter: Reporter, name: str, result: Result, count: str) -> None:
     if isinstance(result, BaseException):
-        reporter.complain(f"{name}: {message(result)}")
+        reporter.complain(f"{name}: {console.message(result)}")
         return
     for warning in result.warnings:
         reporter.warn(RunWarning.of(name, warning))
     reporter.say(f"{name}: done ({count})")
     for limit in result.missed:
-        reporter.complain(f"{name}: {message(LimitMissed(limit))}")
+        reporter.complain(f"{name}: {console.message(LimitMissed(limit))}")
 
 
 def _code(result: Result) -> int:
     if isinstance(result, BaseException):
-        return exit_code(result)
+        return console.exit_code(result)
     return LimitMissed.exit_code if result.missed else 0
 
 
@@ -122,7 +105,7 @@ def _document(config: Path, name: str, result: Result) -> dict[str, Any]:
 
     head: dict[str, Any] = {"config": str(config), "name": name, "exit_code": _code(result)}
     if isinstance(result, BaseException):
-        return {**head, "error": error_document(result)}
+        return {**head, "error": console.error_document(result)}
     run = {"run_dir": str(result.run_dir), "stages": result.stages, "missed": result.missed, "warnings": result.warnings}
     return {**head, **run, **of_scores(result.table).document}
 

@@ -7,19 +7,7 @@ from typing import Annotated
 
 import typer
 
-from mapmore_cli.cli.console import (
-    ARCHIVE,
-    FIGURE_FILES,
-    RUNS,
-    Archive,
-    AsJson,
-    Quiet,
-    Runs,
-    View,
-    print_view,
-    refuse_endings,
-    write_figure,
-)
+from mapmore_cli.cli import console
 from mapmore_cli.cli.progress import Reporter
 from mapmore_cli.domain.errors import DataError, LimitMissed, UsageError
 from mapmore_cli.storage.atomic import refusals_told, write_text
@@ -35,9 +23,9 @@ def compare(
     figure: Annotated[
         Path | None, typer.Option("--figure", metavar="FILE", help="Draw the drift over all models (.svg .pdf .png .pgf).")
     ] = None,
-    archive: Archive = ARCHIVE,
-    runs: Runs = RUNS,
-    as_json: AsJson = False,
+    archive: console.Archive = console.ARCHIVE,
+    runs: console.Runs = console.RUNS,
+    as_json: console.AsJson = False,
 ) -> None:
     """Say whether a muscle has changed.
 
@@ -51,7 +39,7 @@ def compare(
     if len(models) < 2:
         raise UsageError("compare needs two models", "name the earlier one first, as `mapmore compare 2025-autumn my-run`")
     limit = _limit(fail_on)
-    refuse_endings([figure] if figure else [], FIGURE_FILES, "no figure of the drift ends so")
+    console.refuse_endings([figure] if figure else [], console.FIGURE_FILES, "no figure of the drift ends so")
     found = [read_model(find_model(text, runs, archive)) for text in models]
     try:
         results = [comparison.compare(found[0], later, margin) for later in found[1:]]
@@ -61,8 +49,8 @@ def compare(
     if figure is not None:
         from mapmore_cli.reporting.figures.campaign import drift_drawing
 
-        write_figure(figure, drift_drawing(models, comparison.reference_points(found), found[0].output))
-    print_view(of_comparisons(models, results), as_json)
+        console.write_figure(figure, drift_drawing(models, comparison.reference_points(found), found[0].output))
+    console.print_view(of_comparisons(models, results), as_json)
     last = results[-1]
     if last.changed if limit is None and fail_on else limit is not None and abs(last.ratio - 1) > limit:
         raise LimitMissed(f"{models[-1]}: force is {last.ratio:.4g} times that of {models[0]}", "see the tables; --fail-on sets the limit")
@@ -83,12 +71,12 @@ def _limit(fail_on: str | None) -> float | None:
 
 def paper(
     configs: Annotated[list[Path], typer.Argument(metavar="CONFIG...", help="Papers (YAML).")],
-    runs: Runs = RUNS,
+    runs: console.Runs = console.RUNS,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", metavar="FILE", help="The page; DIR/paper.html of the runs by default.")
     ] = None,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
+    as_json: console.AsJson = False,
+    quiet: console.Quiet = False,
 ) -> None:
     """Put published tables and figures beside ours.
 
@@ -106,6 +94,7 @@ def paper(
     with refusals_told(target):
         target.parent.mkdir(parents=True, exist_ok=True)
         write_text(target, page(found))
-    print_view(View({**document(found), "page": str(target)}, (overview(found), verdicts_table(found)), (f"page: {target}",)), as_json)
+    view = console.View({**document(found), "page": str(target)}, (overview(found), verdicts_table(found)), (f"page: {target}",))
+    console.print_view(view, as_json)
     if code := max(code for _, code in ended):
         raise typer.Exit(code)

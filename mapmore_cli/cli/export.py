@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from mapmore_cli.cli.console import FIGURE_FILES, NONE, RUNS, ModelFile, Quiet, RunOrName, Runs, refuse_endings
+from mapmore_cli.cli import console
 from mapmore_cli.cli.progress import Reporter
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.page import FIGURES
@@ -15,7 +15,7 @@ from mapmore_cli.storage.atomic import refusals_told, write_bytes, write_text
 
 
 def export(
-    model_file: ModelFile,
+    model_file: console.ModelFile,
     to: Annotated[
         Literal["c", "fmu", "csv", "tex", "py", "numpy", "table", "mujoco", "simulink"], typer.Option(help="What to write; see above.")
     ],
@@ -24,7 +24,7 @@ def export(
     single: Annotated[bool, typer.Option("--float", help="C in single precision.")] = False,
     grid: Annotated[str | None, typer.Option(metavar="AXES", help="Points of the table: pressure=0:600:25,strain=0:0.25:0.01.")] = None,
     no_verify: Annotated[bool, typer.Option("--no-verify", help="Do not compare the code with `predict` on 100 points.")] = False,
-    quiet: Quiet = False,
+    quiet: console.Quiet = False,
 ) -> None:
     """Write a model in another language.
 
@@ -63,9 +63,9 @@ def export(
 
 
 def figure(
-    run: RunOrName,
+    run: console.RunOrName,
     name: Annotated[str, typer.Argument(metavar="FIGURE", help=f"One of {', '.join(FIGURES)}.")],
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help=f"Where to: .{', .'.join(FIGURE_FILES)}.")],
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help=f"Where to: .{', .'.join(console.FIGURE_FILES)}.")],
     curve: Annotated[
         str | None,
         typer.Option("--curve", "--panel", metavar="ID", help="One panel alone: of a curve (250 or pressure=250), a recording or a model."),
@@ -74,9 +74,9 @@ def figure(
     models: Annotated[str | None, typer.Option(metavar="A,B", help="Competitors to draw, as sarosi,plane; else all.")] = None,
     looks: Annotated[
         list[str], typer.Option("--set", metavar="KEY=VALUE", help="Another look, as report.style.width=120mm. Repeatable.")
-    ] = NONE,
-    runs: Runs = RUNS,
-    quiet: Quiet = False,
+    ] = console.NONE,
+    runs: console.Runs = console.RUNS,
+    quiet: console.Quiet = False,
 ) -> None:
     """Draw one figure of a run as a file.
 
@@ -88,7 +88,7 @@ def figure(
     suffix = out.suffix.removeprefix(".")
     if name not in FIGURES:
         raise UsageError(f"there is no figure {name!r}", f"choose one of {', '.join(FIGURES)}")
-    refuse_endings([out], FIGURE_FILES, f"figures are not written as {out.suffix or 'a file without an ending'}")
+    console.refuse_endings([out], console.FIGURE_FILES, f"figures are not written as {out.suffix or 'a file without an ending'}")
     if data is not None and curve is None:
         raise UsageError("--data needs one panel", "name it with --curve")
     with Reporter(quiet) as reporter:

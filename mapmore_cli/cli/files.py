@@ -7,31 +7,17 @@ from typing import Annotated, Literal
 
 import typer
 
-from mapmore_cli.cli.console import (
-    ARCHIVE,
-    NONE,
-    RUNS,
-    Archive,
-    AsJson,
-    Overrides,
-    Quiet,
-    RunOrName,
-    Runs,
-    Unverified,
-    View,
-    print_document,
-    print_view,
-)
+from mapmore_cli.cli import console
 from mapmore_cli.cli.progress import Reporter
 
 
 def simulate(
     config: Annotated[Path, typer.Argument(metavar="CONFIG", help="The spec of the simulation (YAML).")],
     output: Annotated[Path | None, typer.Option("--output", "-o", metavar="DIR", help="Where to write; beside CONFIG by default.")] = None,
-    overrides: Overrides = NONE,
+    overrides: console.Overrides = console.NONE,
     force: Annotated[bool, typer.Option("--force", help="Replace recordings that exist.")] = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
+    as_json: console.AsJson = False,
+    quiet: console.Quiet = False,
 ) -> None:
     """Write recordings of a synthetic muscle."""
     from mapmore_cli.spec.loader import load_as
@@ -42,13 +28,13 @@ def simulate(
     with Reporter(quiet) as reporter:
         paths = run_rig(loaded.spec, output or loaded.folder, reporter.progress, force)
     files = tuple(str(path) for path in paths)
-    print_view(View({"name": loaded.spec.name, "files": files}, lines=files), as_json)
+    console.print_view(console.View({"name": loaded.spec.name, "files": files}, lines=files), as_json)
 
 
 def example(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="A new folder.")],
-    as_json: AsJson = False,
-    quiet: Quiet = False,
+    as_json: console.AsJson = False,
+    quiet: console.Quiet = False,
 ) -> None:
     """Write a small study to start from.
 
@@ -59,28 +45,28 @@ def example(
     with Reporter(quiet) as reporter:
         paths = write_example(folder, reporter.progress)
     written = tuple(str(path) for path in paths)
-    print_view(View({"files": written}, lines=(*written, "", f"Next: mapmore run {written[0]}")), as_json)
+    console.print_view(console.View({"files": written}, lines=(*written, "", f"Next: mapmore run {written[0]}")), as_json)
 
 
 def show(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A file of a run folder, or the folder itself.")],
-    as_json: AsJson = False,
-    unverified: Unverified = False,
-    quiet: Quiet = False,
+    as_json: console.AsJson = False,
+    unverified: console.Unverified = False,
+    quiet: console.Quiet = False,
 ) -> None:
     """Print what a result file holds."""
     from mapmore_cli.cli.views.files import of_file
 
     with Reporter(quiet) as reporter:
         view = of_file(file, reporter.warn, unverified)
-    print_view(view, as_json)
+    console.print_view(view, as_json)
 
 
 def freeze(
-    run: RunOrName,
+    run: console.RunOrName,
     tag: Annotated[str, typer.Option("--tag", metavar="TAG", help="What this campaign is called, as 2026-spring.")],
-    archive: Archive = ARCHIVE,
-    runs: Runs = RUNS,
+    archive: console.Archive = console.ARCHIVE,
+    runs: console.Runs = console.RUNS,
 ) -> None:
     """Keep the model of a run under a tag.
 
@@ -104,6 +90,6 @@ def schema(
     from mapmore_cli.storage.artefacts.layout import described
 
     if what == "json":
-        print_document(json_schema())
+        console.print_document(json_schema())
     else:
         print({"keys": keys, "formulas": formulas.reference, "files": described}[what]())

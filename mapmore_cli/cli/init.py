@@ -1,4 +1,4 @@
-"""`mapmore init`: a first spec for recordings that nobody has described yet."""
+"""`mapmore init`: a first spec for recordings that nobody has described yet. `mapmore check`: is a spec right, and do its data fit?"""
 
 from __future__ import annotations
 
@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mapmore_cli.cli.console import STANDARD, Quiet
+from mapmore_cli.cli import console
 from mapmore_cli.cli.progress import Reporter
-from mapmore_cli.domain.errors import SpecError, UsageError, WriteError
+from mapmore_cli.domain.errors import MapmoreError, SpecError, UsageError, WriteError
 from mapmore_cli.storage.atomic import write_text
 
 if TYPE_CHECKING:
     from mapmore_cli.study.drafting.questions import Question
+    from mapmore_cli.study.inspection.lint import Inspection
 
 
 def init(
@@ -33,7 +34,7 @@ def init(
     budget: Annotated[str, typer.Option(metavar="TIME", help="Computing time for the search of each model, as 60s.")] = "20s",
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Ask nothing: guess, and mark what is not sure.")] = False,
     force: Annotated[bool, typer.Option("--force", help="Replace specs that exist.")] = False,
-    quiet: Quiet = False,
+    quiet: console.Quiet = False,
 ) -> None:
     """Start a spec from recordings.
 
@@ -56,14 +57,14 @@ def init(
         None if length is None else _given("--length", length, "m", "88mm"),
     )
     seconds = _given("--budget", budget, "s", "60s")
-    folder = Path() if output is None or output == STANDARD else output.parent
+    folder = Path() if output is None or output == console.STANDARD else output.parent
     asking = ask if sys.stdin.isatty() and sys.stderr.isatty() and not (yes or quiet) else None
     with Reporter(quiet) as reporter:
         search = partial(proven, budget=seconds, progress=reporter.progress)
         found = start(path, folder, name, output is not None, answers, asking, search)
         for remark in found.remarks:
             reporter.say(f"left out: {remark}")
-        if output == STANDARD:
+        if output == console.STANDARD:
             print(found.drafts[0].text(), end="")
             return
         specs = {output or Path(f"{draft.name}.yaml"): draft for draft in found.drafts}
@@ -80,13 +81,13 @@ def ask(question: Question) -> str:
     from rich.console import Console
     from rich.markup import escape
 
-    console = Console(stderr=True, highlight=False)
-    console.print(f"\n[bold]{escape(question.text)}[/bold]")
+    terminal = Console(stderr=True, highlight=False)
+    terminal.print(f"\n[bold]{escape(question.text)}[/bold]")
     for number, option in enumerate(question.options, start=1):
-        console.print(f"  {number} [bold]{escape(option.text)}[/bold]  {option.course}")
-        console.print(f"    [dim]{escape(option.why)}[/dim]")
+        terminal.print(f"  {number} [bold]{escape(option.text)}[/bold]  {option.course}")
+        terminal.print(f"    [dim]{escape(option.why)}[/dim]")
     while True:
-        console.print(f"[dim]Enter for 1{', else ' + escape(question.form) if question.form else ''}[/dim] > ", end="")
+        terminal.print(f"[dim]Enter for 1{', else ' + escape(question.form) if question.form else ''}[/dim] > ", end="")
         try:
             reply = input()
         except EOFError:
@@ -94,7 +95,7 @@ def ask(question: Question) -> str:
         try:
             question.check(reply)
         except UsageError as fault:
-            console.print(f"[red]{escape(fault.message)}[/red]: {escape(fault.remedy or '')}")
+            terminal.print(f"[red]{escape(fault.message)}[/red]: {escape(fault.remedy or '')}")
             continue
         return reply
 
@@ -133,3 +134,46 @@ def _write(texts: dict[Path, str], force: bool) -> None:
     if taken:
         told = ", ".join(map(str, taken))
         raise WriteError(f"{told}: exists already", "say --force to replace it, or -o to write elsewhere; others were written")
+
+
+def check(
+    config: Annotated[Path, typer.Argument(metavar="CONFIG", help="Experiment spec or campaign (YAML).")],
+    overrides: console.Overrides = console.NONE,
+    confirm: Annotated[bool, typer.Option("--confirm", help="Take the guesses marked CHECK as right: remove the mark.")] = False,
+    runs: console.Runs = console.RUNS,
+    as_json: console.AsJson = False,
+    quiet: console.Quiet = False,
+) -> None:
+    """Check a spec and its data, or a campaign; compute nothing."""
+    from mapmore_cli.cli.views.compared import of_campaign, of_inspection
+    from mapmore_cli.spec.loader import LoadedSpec, confirmed, load
+    from mapmore_cli.study.campaigns.page import expanded
+    from mapmore_cli.study.inspection.lint import inspect
+
+    if confirm and load(config).spec.unconfirmed:
+        write_text(config, confirmed(config.read_text(encoding="utf-8")))
+    campaigns, entries = expanded([config], overrides)
+    with Reporter(quiet) as reporter:
+
+        def inspected(loaded: LoadedSpec) -> Inspection:
+            return inspect(loaded, runs / loaded.spec.name, progress=reporter.progress, warn=reporter.warn)
+
+        if not campaigns:
+            loaded = load(entries[0].config, entries[0].overrides)
+            inspection = inspected(loaded)
+            console.print_view(of_inspection(inspection, loaded.spec.unconfirmed).under({"name": loaded.spec.name}), as_json)
+            if inspection.verdict is not None:  # its issues stand in the document
+                print(console.message(inspection.verdict), file=sys.stderr)
+                raise typer.Exit(console.exit_code(inspection.verdict))
+            return
+        results: dict[str, Inspection | MapmoreError] = {}
+        for number, (run, entry) in enumerate(zip(campaigns[0].names, entries, strict=True)):
+            reporter.progress("runs", number, len(entries))
+            try:
+                results[run] = inspected(load(entry.config, entry.overrides))
+            except MapmoreError as fault:
+                results[run] = fault
+    console.print_view(of_campaign(results).under({"campaign": campaigns[0].campaign.campaign}), as_json)
+    verdicts = [result if isinstance(result, MapmoreError) else result.verdict for result in results.values()]
+    if code := max((console.exit_code(verdict) for verdict in verdicts if verdict is not None), default=0):
+        raise typer.Exit(code)

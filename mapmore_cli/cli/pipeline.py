@@ -10,24 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mapmore_cli.cli.console import (
-    NONE,
-    RUNS,
-    AsJson,
-    Config,
-    Explain,
-    Force,
-    Junit,
-    Overrides,
-    Quiet,
-    Rehash,
-    Runs,
-    Summary,
-    Verbose,
-    View,
-    print_view,
-    write_ci_files,
-)
+from mapmore_cli.cli import console
 from mapmore_cli.cli.progress import Reporter
 from mapmore_cli.domain.errors import LimitMissed
 
@@ -53,15 +36,15 @@ def _stage_command(stage: str, summary: str) -> Callable[..., None]:
     """Return the function of the command that ends with a stage."""
 
     def command(
-        config: Config,
-        runs: Runs = RUNS,
-        overrides: Overrides = NONE,
-        force: Force = False,
-        rehash: Rehash = False,
-        explain: Explain = False,
-        as_json: AsJson = False,
-        quiet: Quiet = False,
-        verbose: Verbose = False,
+        config: console.Config,
+        runs: console.Runs = console.RUNS,
+        overrides: console.Overrides = console.NONE,
+        force: console.Force = False,
+        rehash: console.Rehash = False,
+        explain: console.Explain = False,
+        as_json: console.AsJson = False,
+        quiet: console.Quiet = False,
+        verbose: console.Verbose = False,
     ) -> None:
         from mapmore_cli.spec.loader import load
 
@@ -80,18 +63,18 @@ report = _stage_command("report", "Write the page, its figures and tables.")
 
 
 def run(
-    config: Config,
-    runs: Runs = RUNS,
-    overrides: Overrides = NONE,
-    force: Force = False,
-    rehash: Rehash = False,
-    explain: Explain = False,
+    config: console.Config,
+    runs: console.Runs = console.RUNS,
+    overrides: console.Overrides = console.NONE,
+    force: console.Force = False,
+    rehash: console.Rehash = False,
+    explain: console.Explain = False,
     print_spec: Annotated[bool, typer.Option("--print-spec", help="Print the spec with its defaults filled in; do nothing.")] = False,
-    junit: Junit = None,
-    summary: Summary = None,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
+    junit: console.Junit = None,
+    summary: console.Summary = None,
+    as_json: console.AsJson = False,
+    quiet: console.Quiet = False,
+    verbose: console.Verbose = False,
 ) -> None:
     """Run all stages; print scores and the page's path."""
     from mapmore_cli.spec.loader import load
@@ -108,7 +91,7 @@ def run(
         except LimitMissed:  # which the files tell already
             raise
         except Exception as error:
-            write_ci_files(junit, summary, {loaded.spec.name: error})
+            console.write_ci_files(junit, summary, {loaded.spec.name: error})
             raise
 
 
@@ -121,7 +104,7 @@ def _explain(loaded: LoadedSpec, until: str, options: Options) -> None:
         reasons = explain(loaded, options.runs, until, force=options.force, rehash=options.rehash, warn=reporter.warn)
     rows = tuple((stage, reason or "up-to-date") for stage, reason in reasons)
     table = Table("stages", loaded.spec.name, (Column("stage"), Column("would run because")), rows)
-    print_view(View({"name": loaded.spec.name, "stages": dict(reasons)}, (table,)), options.as_json)
+    console.print_view(console.View({"name": loaded.spec.name, "stages": dict(reasons)}, (table,)), options.as_json)
 
 
 def _bring_up_to_date(loaded: LoadedSpec, command: str, options: Options) -> None:
@@ -155,12 +138,12 @@ def _bring_up_to_date(loaded: LoadedSpec, command: str, options: Options) -> Non
     if "search" in outcome.stages:
         head["search"] = search_document(read_search(outcome.run_dir / SEARCH))
     if found is None:
-        print_view(of_stage(command, outcome.run_dir).under(head), options.as_json)
+        console.print_view(of_stage(command, outcome.run_dir).under(head), options.as_json)
         return
     scores = of_scores(found.table, found.published)
     told = {"missed": found.missed, "warnings": found.warnings, "unconfirmed": questions}
     lines = page_lines(outcome.run_dir) if command == "run" else ()
-    print_view(View({**head, **scores.document, **told}, scores.tables, lines), options.as_json)
-    write_ci_files(options.junit, options.summary, {found.name: found}, scores.tables)
+    console.print_view(console.View({**head, **scores.document, **told}, scores.tables, lines), options.as_json)
+    console.write_ci_files(options.junit, options.summary, {found.name: found}, scores.tables)
     if found.missed:
         raise LimitMissed("; ".join(found.missed), "the results are complete; see validate.require in the spec")

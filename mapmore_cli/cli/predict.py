@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
-from mapmore_cli.cli.console import NONE, STANDARD, AsJson, ModelFile, OutputOrStdout, Quiet, Unverified, View, print_view
+from mapmore_cli.cli import console
 from mapmore_cli.cli.progress import Reporter
 from mapmore_cli.domain.errors import MapmoreError, UsageError
 
@@ -22,25 +22,25 @@ MEGABYTE = 10**6
 
 
 def predict(
-    model_file: ModelFile,
+    model_file: console.ModelFile,
     table: Annotated[
         Path | None,
         typer.Argument(metavar="[TABLE]", help="A CSV table with the model's inputs by name, in its units; - is stdin."),
     ] = None,
-    output: OutputOrStdout = STANDARD,
+    output: console.OutputOrStdout = console.STANDARD,
     grid: Annotated[
         str | None, typer.Option(metavar="AXES", help="Make a lookup table instead: pressure=0:600:25,strain=0:0.25:0.01.")
     ] = None,
     given: Annotated[
         list[str], typer.Option("--set", metavar="NAME=VALUE", help="An input that is the same in every row, as length=250 mm. Repeatable.")
-    ] = NONE,
+    ] = console.NONE,
     derivatives: Annotated[bool, typer.Option("--derivatives", help="Add the derivative for every input, <output>_by_<input>.")] = False,
     interval: Annotated[float | None, typer.Option(metavar="LEVEL", help="Add <output>_low and <output>_high, as for 0.95.")] = None,
     turned_for: Annotated[
         str | None, typer.Option("--as", metavar="INPUT", help="Invert the model for an input, as the force of a model of the strain.")
     ] = None,
-    unverified: Unverified = False,
-    quiet: Quiet = False,
+    unverified: console.Unverified = False,
+    quiet: console.Quiet = False,
 ) -> None:
     """Evaluate a model on a table.
 
@@ -59,9 +59,8 @@ def predict(
     """
     from mapmore_cli.modelling.kinds import runs_over_time
     from mapmore_cli.storage.artefacts import read_model
-    from mapmore_cli.study.prediction.grid import grid_lines
     from mapmore_cli.study.prediction.predict import predicted_lines
-    from mapmore_cli.study.prediction.records import with_constants
+    from mapmore_cli.study.prediction.records import grid_lines, with_constants
 
     if (table is None) == (grid is None):
         raise UsageError("give either a TABLE or --grid", "as in: mapmore predict model.h5 measured.csv -o predicted.csv")
@@ -89,7 +88,7 @@ def _opened(table: Path, told: Callable[[int, int], None] = lambda _read, _size:
     """Return the lines of a table or of stdin, and what messages call it."""
     from mapmore_cli.storage.tables.lines import as_text, lines_of
 
-    return (as_text(sys.stdin.buffer), "stdin") if table == STANDARD else (lines_of(table, told), str(table))
+    return (as_text(sys.stdin.buffer), "stdin") if table == console.STANDARD else (lines_of(table, told), str(table))
 
 
 def _constants_of(model: Model, given: Sequence[str]) -> dict[str, float]:
@@ -113,9 +112,9 @@ def _write_lines(lines: Iterator[str], output: Path) -> None:
     """Write lines to a file as they come, or to stdout."""
     from mapmore_cli.storage.tables.lines import TEXT_ERRORS, replaced
 
-    if output == STANDARD:
+    if output == console.STANDARD:
         cast(io.TextIOWrapper, sys.stdout).reconfigure(encoding="utf-8", errors=TEXT_ERRORS, newline="")
-    with nullcontext(sys.stdout) if output == STANDARD else replaced(output) as stream:
+    with nullcontext(sys.stdout) if output == console.STANDARD else replaced(output) as stream:
         stream.writelines(lines)
 
 
@@ -124,8 +123,8 @@ def invert(
     table: Annotated[Path, typer.Argument(metavar="TABLE", help="A CSV table of the wanted output and the other inputs; - is stdin.")],
     name: Annotated[str, typer.Option("--for", metavar="INPUT", help="The input to solve for, as pressure.")],
     rule: Annotated[str, typer.Option(help="Of several: lowest, or nearest to that of the row before.")] = "lowest",
-    output: OutputOrStdout = STANDARD,
-    quiet: Quiet = False,
+    output: console.OutputOrStdout = console.STANDARD,
+    quiet: console.Quiet = False,
 ) -> None:
     """Find the input for a wanted output.
 
@@ -134,7 +133,7 @@ def invert(
     Solutions are looked for within the training range. A flat one fills a range, as where a muscle is slack: its low end counts.
     """
     from mapmore_cli.storage.artefacts import read_model
-    from mapmore_cli.study.prediction.grid import inverted_lines
+    from mapmore_cli.study.prediction.predict import inverted_lines
 
     with Reporter(quiet) as reporter:
         _write_lines(inverted_lines(read_model(model_file, reporter.warn), *_opened(table), name, rule), output)
@@ -146,9 +145,11 @@ def adapt(
         Path | None, typer.Argument(metavar="[TABLE]", help="A CSV table of a few measured points: pressure, strain and force.")
     ] = None,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="The model to write.")] = Path("adapted.h5"),
-    given: Annotated[list[str], typer.Option("--set", metavar="NAME=VALUE", help="What specimens differ in, as length=250 mm.")] = NONE,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
+    given: Annotated[
+        list[str], typer.Option("--set", metavar="NAME=VALUE", help="What specimens differ in, as length=250 mm.")
+    ] = console.NONE,
+    as_json: console.AsJson = False,
+    quiet: console.Quiet = False,
 ) -> None:
     """Adapt a family's model to a specimen by few points.
 
@@ -171,4 +172,4 @@ def adapt(
     columns = (Column("scale"), Column("value"), Column("standard error"))
     document = {"model": str(output), "parameters": fit.parameters, "errors": fit.errors, "samples": fit.samples, "notes": model.notes}
     scales = Table("adapted", f"{model.name}, adapted", columns, rows, model.notes)
-    print_view(View(document, (scales,), (f"model: {output}",)), as_json)
+    console.print_view(console.View(document, (scales,), (f"model: {output}",)), as_json)

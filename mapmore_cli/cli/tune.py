@@ -8,37 +8,23 @@ from typing import Annotated, Any
 
 import typer
 
-from mapmore_cli.cli.console import (
-    FIGURE_FILES,
-    NONE,
-    RUNS,
-    TABLE_FILES,
-    AsJson,
-    Config,
-    Outputs,
-    Overrides,
-    Quiet,
-    Runs,
-    print_view,
-    refuse_endings,
-    write_results,
-)
+from mapmore_cli.cli import console
 from mapmore_cli.cli.progress import Reporter
 from mapmore_cli.domain.errors import SpecError, UsageError
 
 
 def tune(
-    config: Config,
+    config: console.Config,
     over: Annotated[
         list[str],
         typer.Option("--over", metavar="KEY=V1,V2,...", help="A setting with the values to try, as fit.max_terms=2,4,8. Repeatable."),
-    ] = NONE,
+    ] = console.NONE,
     budget: Annotated[str | None, typer.Option("--budget", metavar="TIME", help="Time of a search, which is without --over; 60s.")] = None,
-    output: Outputs = NONE,
-    runs: Runs = RUNS,
-    overrides: Overrides = NONE,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
+    output: console.Outputs = console.NONE,
+    runs: console.Runs = console.RUNS,
+    overrides: console.Overrides = console.NONE,
+    as_json: console.AsJson = False,
+    quiet: console.Quiet = False,
 ) -> None:
     """Try settings, or structures, on left-out training data.
 
@@ -49,28 +35,28 @@ def tune(
     """
     from mapmore_cli.cli.views import compared
     from mapmore_cli.spec.loader import load
-    from mapmore_cli.study import tuning
+    from mapmore_cli.study import planning
 
     _refuse_unknown(output)
     if over and budget is not None:
         raise UsageError("--budget is the time of a search, and --over tries what it names", "give one of both")
     if not over:
-        refuse_endings(output, TABLE_FILES, "a search has no figure")
+        console.refuse_endings(output, console.TABLE_FILES, "a search has no figure")
     wanted = _values_of(over)
     with Reporter(quiet) as reporter:
         loaded = load(config, overrides)
         if over:
-            found: Any = tuning.tune(loaded, wanted, runs, **reporter.listeners)
+            found: Any = planning.tune(loaded, wanted, runs, **reporter.listeners)
             view = compared.of_tuning(found)
         else:
-            found, spec = tuning.searched(loaded, runs, budget, **reporter.listeners)
+            found, spec = planning.searched(loaded, runs, budget, **reporter.listeners)
             view = compared.of_search(found, str(spec))
-    write_results(output, view.tables[0], "tuning", found)
-    print_view(view, as_json)
+    console.write_results(output, view.tables[0], "tuning", found)
+    console.print_view(view, as_json)
 
 
 def plan(
-    config: Config,
+    config: console.Config,
     points: Annotated[
         int | None, typer.Option("--points", metavar="N", min=1, max=100, help="Choose N points of the map in place of a level.")
     ] = None,
@@ -81,11 +67,11 @@ def plan(
     cost: Annotated[
         str | None, typer.Option("--cost", metavar="NAME=PRICE,...", help="What a change costs, as pressure=1,strain=20.")
     ] = None,
-    output: Outputs = NONE,
-    runs: Runs = RUNS,
-    overrides: Overrides = NONE,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
+    output: console.Outputs = console.NONE,
+    runs: console.Runs = console.RUNS,
+    overrides: console.Overrides = console.NONE,
+    as_json: console.AsJson = False,
+    quiet: console.Quiet = False,
 ) -> None:
     """Say what to measure next, where the model is least sure.
 
@@ -102,12 +88,12 @@ def plan(
     with Reporter(quiet) as reporter:
         found = planning.plan(load(config, overrides), runs, points=points, until=until, prices=prices, **reporter.listeners)
     view = of_plan(found)
-    write_results(output, view.tables[0], "plan", found)
-    print_view(view, as_json)
+    console.write_results(output, view.tables[0], "plan", found)
+    console.print_view(view, as_json)
 
 
 def _refuse_unknown(output: Sequence[Path]) -> None:
-    refuse_endings(output, (*FIGURE_FILES, *TABLE_FILES), "neither a figure nor a table ends so")
+    console.refuse_endings(output, (*console.FIGURE_FILES, *console.TABLE_FILES), "neither a figure nor a table ends so")
 
 
 def _values_of(over: Sequence[str]) -> dict[str, list[Any]]:

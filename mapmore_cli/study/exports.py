@@ -19,8 +19,8 @@ from mapmore_cli.exporting.table import table_files, tex_equations
 from mapmore_cli.exporting.verifying import CompilerMissing, library_place, shared_library, verify_c, verify_module, verify_unit
 from mapmore_cli.modelling.kinds import runs_over_time
 from mapmore_cli.spec.units import base_units
-from mapmore_cli.study.prediction.grid import grid_axes, grid_lines
 from mapmore_cli.study.prediction.predict import FLAG, predicted_lines
+from mapmore_cli.study.prediction.records import grid_axes, grid_lines
 
 Warn = Callable[[str], None]
 

@@ -6,7 +6,7 @@ import json
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -33,10 +33,14 @@ def one_command() -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def mapmore() -> Call:
-    """Calls the command in this process."""
+    """Calls the command in this process; it has to end with the `code` and to tell on stderr what it `says`, where these are given."""
 
-    def call(*args: object, stdin: str | bytes | None = None) -> Result:
-        return CliRunner().invoke(app, [str(arg) for arg in args], input=stdin, prog_name="mapmore")
+    def call(*args: object, stdin: str | bytes | None = None, code: int | None = None, says: str | Sequence[str] = ()) -> Result:
+        result = CliRunner().invoke(app, [str(arg) for arg in args], input=stdin, prog_name="mapmore")
+        assert code in (None, result.exit_code), result.stderr
+        for words in [says] if isinstance(says, str) else says:
+            assert words in result.stderr
+        return result
 
     return call
 
@@ -81,8 +85,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory, mapmore: Call) -> tuple[P
     """A study that has run: its spec and its folder of runs; not to be changed."""
     folder = tmp_path_factory.mktemp("finished")
     spec = write_study(folder)
-    result = mapmore("run", spec, "--runs", folder / "runs", "-q")
-    assert result.exit_code == 0, result.stderr
+    mapmore("run", spec, "--runs", folder / "runs", "-q", code=0)
     return spec, folder / "runs"
 
 

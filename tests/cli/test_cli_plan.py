@@ -10,37 +10,20 @@ from typing import Any
 
 import numpy as np
 import pytest
-
-SPEC = """\
-schema_version: 1
-name: bench
-data:
-  files: ["bench_*.csv"]
-  columns: {{pressure: {{column: P, unit: kPa}}, strain: {{column: eps}}, force: {{column: F, unit: N}}}}
-  levels: {{of: pressure, at: {levels}}}
-{split}target: static
-segment: {{strain: none}}
-dictionary: [{{polynomial: {{of: [strain], order: 2}}}}]
-report: {{figures: [], formats: [csv]}}
-"""
+from cli_samples import write_recording, write_study
 
 
-def write(folder: Path, levels: list[int], split: str = "") -> Path:
+def write(folder: Path, levels: list[int], held_out: tuple[int, ...] = ()) -> Path:
     """The force bends sharply over the pressure above 300 kPa."""
+    spec = write_study(folder, levels=levels, held_out=held_out)
     strain = np.linspace(0.0, 0.2, 15)
     for level in levels:
-        force = (level + 0.01 * max(level - 300, 0) ** 2) * (1 - 4 * strain)
-        lines = [f"{level},{e:.5f},{f:.4f}" for e, f in zip(strain, force, strict=True)]
-        (folder / f"bench_{level}.csv").write_text("\n".join(["P,eps,F", *lines]) + "\n")
-    spec = folder / "bench.yaml"
-    spec.write_text(SPEC.format(levels=levels, split=split))
+        write_recording(folder, "bench", level, strain, (level + 0.01 * max(level - 300, 0) ** 2) * (1 - 4 * strain))
     return spec
 
 
 def planned(mapmore: Callable[..., Any], spec: Path, *arguments: object) -> Any:
-    result = mapmore("plan", spec, "--runs", spec.parent / "runs", "--json", "-q", *arguments)
-    assert (result.exit_code, result.stderr) == (0, "")
-    return json.loads(result.stdout)
+    return json.loads(mapmore("plan", spec, "--runs", spec.parent / "runs", "--json", "-q", *arguments, code=0).stdout)
 
 
 LEVELS = [0, 100, 200, 300, 400, 500, 600]
@@ -56,7 +39,7 @@ def test_the_next_level_lies_where_the_force_bends(tmp_path: Path, mapmore: Call
 
 
 def test_held_out_forces_change_nothing(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
-    spec = write(tmp_path, LEVELS, "  split: {validate: {pressure: [500]}}\n")
+    spec = write(tmp_path, LEVELS, (500,))
     before = planned(mapmore, spec)
     path = tmp_path / "bench_500.csv"
     header, *rows = path.read_text().splitlines()
@@ -71,9 +54,7 @@ def test_two_levels_say_the_middle_and_one_says_nothing(tmp_path: Path, mapmore:
     assert [(one["pressure"], one["half_width"]) for one in found["next"]] == [(300.0, None)]
     for path in tmp_path.glob("bench_*.csv"):
         path.unlink()
-    alone = mapmore("plan", write(tmp_path, [100]), "--runs", tmp_path / "other")
-    assert alone.exit_code == 4
-    assert "single training level" in alone.stderr
+    mapmore("plan", write(tmp_path, [100]), "--runs", tmp_path / "other", code=4, says="single training level")
 
 
 def test_points_of_a_map_and_its_figure(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
@@ -89,8 +70,7 @@ def test_points_of_a_map_and_its_figure(tmp_path: Path, mapmore: Callable[..., A
 
 def test_the_table_and_the_figure_of_levels(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
     spec = write(tmp_path, LEVELS)
-    result = mapmore("plan", spec, "--runs", tmp_path / "runs", "--until", "0.5", "-o", tmp_path / "plan.svg")
-    assert result.exit_code == 0
+    result = mapmore("plan", spec, "--runs", tmp_path / "runs", "--until", "0.5", "-o", tmp_path / "plan.svg", code=0)
     assert "half width [N]" in result.stdout
     assert "Equal distances" in result.stdout
     assert "forecast after the first" in (tmp_path / "plan.svg").read_text()
@@ -108,6 +88,4 @@ def test_the_table_and_the_figure_of_levels(tmp_path: Path, mapmore: Callable[..
     ],
 )
 def test_what_cannot_be_planned(tmp_path: Path, mapmore: Callable[..., Any], arguments: tuple[str, ...], words: str) -> None:
-    result = mapmore("plan", write(tmp_path, LEVELS), "--runs", tmp_path / "runs", *arguments)
-    assert result.exit_code == 2
-    assert words in result.stderr
+    mapmore("plan", write(tmp_path, LEVELS), "--runs", tmp_path / "runs", *arguments, code=2, says=words)

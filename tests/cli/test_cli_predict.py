@@ -99,6 +99,7 @@ def test_outside_of_the_range_of_each_curve() -> None:
         ("pressure,strain\n1,2,3\n", "t:row 2: has 3 fields, the header has 2", ""),
         ("pressure,strain,force_predicted\n1,2,3\n", "already has a column force_predicted", "rename"),
         ("pressure,strain,outside_range\n1,2,3\n", "already has a column outside_range", "rename"),
+        ('pressure,remark,strain\n1,"two\nlines",0\n1,x,wrong\n', "t:row 4, column strain", ""),
     ],
 )
 def test_broken_tables(text: str, place: str, remedy: str) -> None:
@@ -106,12 +107,6 @@ def test_broken_tables(text: str, place: str, remedy: str) -> None:
         list(predicted_lines(MODEL, text.splitlines(keepends=True), "t"))
     assert place in caught.value.message
     assert remedy in str(caught.value)
-
-
-def test_the_row_of_a_mistake_is_that_of_the_file() -> None:
-    lines = ["pressure,remark,strain\n", '1,"two\n', 'lines",0\n', "1,x,wrong\n"]
-    with pytest.raises(DataError, match="row 4, column strain"):
-        list(predicted_lines(MODEL, lines, "t", 1))
 
 
 def test_memory_is_bounded() -> None:
@@ -137,6 +132,8 @@ def test_file_to_file(model_file: Path, tmp_path: Path, mapmore) -> None:
     assert (result.exit_code, result.output) == (0, "")
     assert out.read_text() == "pressure,note,strain,force_predicted,outside_range\n150,first,0.05,127.5,false\n100,second,0.2,20,true\n"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["out.csv", "t.csv"]
+    mapmore("predict", model_file, table, "-o", table, code=0)  # which replaces itself
+    assert table.read_text() == out.read_text()
 
 
 def test_standard_streams_carry_any_bytes(model_file: Path, mapmore) -> None:
@@ -173,47 +170,39 @@ def test_progress_is_told_in_bytes_of_the_file(name: str, tmp_path: Path) -> Non
 def test_damaged_gzip(content: bytes, model_file: Path, tmp_path: Path, mapmore) -> None:
     table = tmp_path / "t.csv.gz"
     table.write_bytes(content)
-    result = mapmore("predict", model_file, table)
-    assert result.exit_code == 4
-    assert "t.csv.gz: the file is damaged" in result.stderr
+    mapmore("predict", model_file, table, code=4, says="t.csv.gz: the file is damaged")
 
 
 def test_a_mistake_leaves_the_old_output(model_file: Path, tmp_path: Path, mapmore) -> None:
     table, out = tmp_path / "t.csv", tmp_path / "out.csv"
     table.write_text(TABLE + "150,third,oops\n")
     out.write_text("old")
-    result = mapmore("predict", model_file, table, "-o", out)
-    assert result.exit_code == 4
-    assert "t.csv:row 4, column strain: 'oops'" in result.stderr
+    mapmore("predict", model_file, table, "-o", out, code=4, says="t.csv:row 4, column strain: 'oops'")
     assert out.read_text() == "old"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["out.csv", "t.csv"]
 
 
-def test_a_table_can_replace_itself(model_file: Path, tmp_path: Path, mapmore) -> None:
-    table = tmp_path / "t.csv"
-    table.write_text(TABLE)
-    assert mapmore("predict", model_file, table, "-o", table).exit_code == 0
-    assert table.read_text().startswith("pressure,note,strain,force_predicted")
+GRID = ("--grid", "pressure=100,strain=0")
 
 
-@pytest.mark.parametrize("place", ["none/out.csv", "."])
-def test_output_that_cannot_be_written(place: str, model_file: Path, tmp_path: Path, mapmore) -> None:
-    result = mapmore("predict", model_file, "--grid", "pressure=100,strain=0", "-o", tmp_path / place)
-    assert result.exit_code == 7
-    assert "cannot be written" in result.stderr
-
-
-@pytest.mark.parametrize("arguments", [(), ("t.csv", "--grid", "pressure=1,strain=0")])
-def test_a_table_or_a_grid(arguments: tuple[str, ...], model_file: Path, mapmore) -> None:
-    result = mapmore("predict", model_file, *arguments)
-    assert result.exit_code == 2
-    assert "either a TABLE or --grid" in result.stderr
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        ((*GRID, "-o", "none/out.csv"), 7, "cannot be written"),
+        ((*GRID, "-o", "."), 7, "cannot be written"),
+        ((), 2, "either a TABLE or --grid"),
+        (("t.csv", *GRID), 2, "either a TABLE or --grid"),
+    ],
+)
+def test_what_is_refused(arguments: tuple[str, ...], code: int, words: str, model_file: Path, tmp_path: Path, mapmore, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    mapmore("predict", model_file, *arguments, code=code, says=words)
 
 
 def test_what_is_no_model(tmp_path: Path, finished, mapmore) -> None:
     _, runs = finished
     for file in (tmp_path / "none.h5", runs / "bench/fit.h5", runs / "bench/scores.csv"):
-        assert mapmore("predict", file, "--grid", "pressure=1,strain=0").exit_code == 4
+        mapmore("predict", file, *GRID, code=4)
 
 
 def test_grid_has_both_ends(model_file: Path, mapmore) -> None:

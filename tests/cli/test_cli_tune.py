@@ -11,41 +11,24 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cli_samples import write_recording, write_study
 
 LEVELS = (100, 200, 300, 400, 500, 600)
-SPEC = """\
-schema_version: 1
-name: bench
-data:
-  files: ["bench_*.csv"]
-  columns: {{pressure: {{column: P, unit: kPa}}, strain: {{column: eps}}, force: {{column: F, unit: N}}}}
-  levels: {{of: pressure, at: [100, 200, 300, 400, 500, 600]}}
-  split: {{validate: {{pressure: [{held_out}]}}}}
-target: static
-segment: {{strain: {{method: even, count: 2}}}}
-dictionary: [{{polynomial: {{of: [strain], order: 3}}}}]
-fit: {{max_terms: 2}}
-report: {{figures: [], formats: [csv]}}
-"""
 
 
-def write_bench(folder: Path, held_out: str = "300") -> Path:
+def write_bench(folder: Path, held_out: tuple[int, ...] = (300,)) -> Path:
     """Six pressures; the force is straight on both sides of a kink in the middle, slightly noisy."""
-    rng = np.random.default_rng(5)
-    strain = np.linspace(0.0, 0.2, 40)
+    spec = write_study(folder, levels=LEVELS, held_out=held_out)
+    spec.write_text(spec.read_text() + "fit: {max_terms: 2}\n")
+    rng, strain = np.random.default_rng(5), np.linspace(0.0, 0.2, 40)
     for level in LEVELS:
         force = level * (1 - 4 * strain - 3 * np.maximum(strain - 0.1, 0)) + rng.normal(0, 0.2, strain.size)
-        lines = [f"{level},{e:.5f},{f:.3f}" for e, f in zip(strain, force, strict=True)]
-        (folder / f"bench_{level}.csv").write_text("\n".join(["P,eps,F", *lines]) + "\n")
-    spec = folder / "bench.yaml"
-    spec.write_text(SPEC.format(held_out=held_out))
+        write_recording(folder, "bench", level, strain, force)
     return spec
 
 
 def tuned(mapmore: Callable[..., Any], spec: Path, *arguments: object) -> Any:
-    result = mapmore("tune", spec, "--runs", spec.parent / "runs", "--json", "-q", *arguments)
-    assert (result.exit_code, result.stderr) == (0, "")
-    return json.loads(result.stdout)
+    return json.loads(mapmore("tune", spec, "--runs", spec.parent / "runs", "--json", "-q", *arguments, code=0).stdout)
 
 
 OVER = ("--over", "fit.max_terms=1,2,4", "--over", "segment.strain.count=1,2")
@@ -91,7 +74,7 @@ def test_a_fold_errs_as_a_run_that_holds_its_level_out(tmp_path: Path, mapmore: 
         for level, error in zip((200, 400, 500), trial["folds"], strict=True):
             folder = tmp_path / f"{level}"
             folder.mkdir(exist_ok=True)
-            spec = write_bench(folder, held_out=f"300, {level}")
+            spec = write_bench(folder, held_out=(300, level))
             terms = trial["set"]["fit.max_terms"]
             result = mapmore("validate", spec, "--runs", folder / "runs", "--json", "-q", "--set", f"fit.max_terms={terms}")
             scores = {(row["split"], row["curve"]): row["rmse"] for row in json.loads(result.stdout)["scores"] if row["model"] == "mapmore"}
@@ -102,8 +85,7 @@ def test_tables_figures_and_the_settings_to_use(tmp_path: Path, mapmore: Callabl
     spec = write_bench(tmp_path)
     files = [tmp_path / f"tuning.{suffix}" for suffix in ("svg", "csv")]
     named = [argument for path in files for argument in ("-o", path)]
-    result = mapmore("tune", spec, "--runs", tmp_path / "runs", *OVER, *named)
-    assert result.exit_code == 0, result.stderr
+    result = mapmore("tune", spec, "--runs", tmp_path / "runs", *OVER, *named, code=0)
     assert "simplest within one standard error" in files[0].read_text()
     rows = list(csv.DictReader(files[1].read_text().splitlines()))
     assert len(rows) == 6
@@ -114,14 +96,12 @@ def test_tables_figures_and_the_settings_to_use(tmp_path: Path, mapmore: Callabl
 
 
 def test_few_levels_are_all_left_out_and_memory_leaves_blocks_out(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
-    spec = write_bench(tmp_path, held_out="200, 300, 500")
+    spec = write_bench(tmp_path, held_out=(200, 300, 500))
     assert tuned(mapmore, spec, "--over", "fit.max_terms=1,2")["left_out"] == "each of the 3 training levels of pressure"
-    time = np.arange(400)
     p = np.random.default_rng(3).normal(0, 20, 400)
     force = np.convolve(p, [0.5, 0.3, 0.2])[:400]
-    (tmp_path / "record.csv").write_text(
-        "\n".join(["t,P,F", *(f"{k / 100},{a:.6g},{b:.6g}" for k, a, b in zip(time, p, force, strict=True))])
-    )
+    record = np.column_stack([np.arange(400) / 100, p, force])
+    np.savetxt(tmp_path / "record.csv", record, fmt="%.6g", delimiter=",", header="t,P,F", comments="")
     memory = tmp_path / "memory.yaml"
     memory.write_text(
         "schema_version: 1\nname: memory\ndata:\n  files: [record.csv]\n  columns: {time: {column: t, unit: s}, "
@@ -135,11 +115,10 @@ def test_few_levels_are_all_left_out_and_memory_leaves_blocks_out(tmp_path: Path
 
 def test_a_combination_that_cannot_be_fitted_is_told_and_the_rest_goes_on(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
     spec = write_bench(tmp_path)
-    result = mapmore("tune", spec, "--runs", tmp_path / "runs", "--over", "segment.strain.count=2,50")
-    assert result.exit_code == 0
+    result = mapmore("tune", spec, "--runs", tmp_path / "runs", "--over", "segment.strain.count=2,50", code=0)
     assert "failed: segment.strain.count=50: " in result.stdout
-    alone = mapmore("tune", spec, "--runs", tmp_path / "runs", "--over", "segment.strain.count=50")
-    assert (alone.exit_code, "no combination could be fitted" in alone.stderr) == (5, True)
+    alone = ("tune", spec, "--runs", tmp_path / "runs", "--over", "segment.strain.count=50")
+    mapmore(*alone, code=5, says="no combination could be fitted")
 
 
 @pytest.mark.parametrize(
@@ -155,5 +134,4 @@ def test_a_combination_that_cannot_be_fitted_is_told_and_the_rest_goes_on(tmp_pa
     ],
 )
 def test_what_cannot_be_tuned(arguments: list[str], code: int, told: str, tmp_path: Path, mapmore: Callable[..., Any]) -> None:
-    result = mapmore("tune", write_bench(tmp_path), "--runs", tmp_path / "runs", *arguments)
-    assert (result.exit_code, told in result.stderr) == (code, True), result.stderr
+    mapmore("tune", write_bench(tmp_path), "--runs", tmp_path / "runs", *arguments, code=code, says=told)

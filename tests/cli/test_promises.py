@@ -52,8 +52,7 @@ def test_permuted_held_out_forces_leave_the_model_unchanged(tmp_path: Path, mapm
 
 
 def stages(mapmore: Callable[..., Any], spec: Path, runs: Path, *more: str) -> dict[str, str]:
-    result = mapmore("run", spec, "--runs", runs, "--json", "-q", *more)
-    assert result.exit_code == 0, result.stderr
+    result = mapmore("run", spec, "--runs", runs, "--json", "-q", *more, code=0)
     return dict(json.loads(result.stdout)["stages"])
 
 
@@ -81,35 +80,15 @@ def test_the_same_input_gives_the_same_bytes(copied: tuple[Path, Path], mapmore:
     assert "bench/scores.json" in digests[0]
 
 
-def test_a_missed_limit_is_exit_6_and_loses_nothing(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
-    spec, runs = write_study(tmp_path), tmp_path / "runs"
-    result = mapmore("run", spec, "--runs", runs, "--json", "--set", "validate.require.nrmse=1e-9")
-    assert result.exit_code == 6
-    assert json.loads(result.stdout)["scores"]
-    assert "nrmse of mapmore" in result.stderr
-    assert (runs / "bench" / "report" / "index.html").is_file()
-    assert mapmore("run", spec, "--runs", runs, "--set", "validate.require.nrmse=0.5").exit_code == 0
-
-
 def test_a_backbone_that_says_it_all_is_kept_alone(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
     """The data are a plane: polynomial_2 has it, and a residual of noise must not help on left-out levels."""
     spec, runs = write_study(tmp_path), tmp_path / "runs"
-    result = mapmore("run", spec, "--runs", runs, "--set", "model.backbone=polynomial_2", "--set", "fit.max_terms=3")
-    assert result.exit_code == 0, result.stderr
+    result = mapmore("run", spec, "--runs", runs, "--set", "model.backbone=polynomial_2", "--set", "fit.max_terms=3", code=0)
     shown = json.loads(mapmore("show", runs / "bench" / "model.h5", "--json").stdout)
     rows = {row["model"]: row for row in json.loads((runs / "bench" / "scores.json").read_text())["scores"] if row["split"] == "validate"}
     assert "keeps polynomial_2 alone" in result.stderr
     assert shown["segments"] == []
     assert rows["mapmore"]["rmse"] == rows["polynomial_2"]["rmse"]
-
-
-def test_a_formula_as_the_runs_own_model(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
-    spec, runs = write_study(tmp_path), tmp_path / "runs"
-    result = mapmore("run", spec, "--runs", runs, "--json", "-q", "--set", "model={type: literature, name: polynomial_2}")
-    assert result.exit_code == 0, result.stderr
-    rows = [row for row in json.loads(result.stdout)["scores"] if row["curve"] == "all"]
-    own, other = ([r["rmse"] for r in rows if r["model"] == name] for name in ("mapmore", "polynomial_2"))
-    assert own == other
 
 
 def test_order_of_rows_names_of_files_threads_and_time_zone_do_not_matter(

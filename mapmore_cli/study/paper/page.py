@@ -13,8 +13,7 @@ from mapmore_cli.pipeline.report import drawn_figure
 from mapmore_cli.reporting.html import environment
 from mapmore_cli.reporting.table import Column, Table
 from mapmore_cli.spec.paper import Item, LoadedPaper
-from mapmore_cli.study.paper.compare import KINDS, Compared, beside, counts, sentences, summary
-from mapmore_cli.study.paper.ours import Runs
+from mapmore_cli.study.paper.compare import KINDS, Compared, Runs, beside, counts, sentences, summary
 
 Tell = Callable[[str], None]
 

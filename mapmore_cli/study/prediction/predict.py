@@ -13,7 +13,7 @@ from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray
 from mapmore_cli.domain.errors import DataError, UsageError
 from mapmore_cli.domain.models import Formula, Model
 from mapmore_cli.domain.results import Run
-from mapmore_cli.modelling.inverse import solve_for_input
+from mapmore_cli.modelling.inverse import LOWEST, invert, solve_for_input
 from mapmore_cli.modelling.kinds import outside_range, runs_over_time, simulate
 from mapmore_cli.modelling.literature.family import adapted, family_of
 from mapmore_cli.modelling.literature.own import is_family
@@ -97,6 +97,35 @@ def predicted_lines(
         yield from table.extended(block, cells)
     if predicted and beyond == predicted:
         warn(f"{label}: every row lies outside of the training range; the model expects {_named(model)}")
+
+
+def inverted_lines(model: Model, lines: Iterable[str], label: str, name: str, rule: str = LOWEST) -> Iterator[str]:
+    """Yield the lines of a CSV table with `<name>_found`, `<name>_solutions` and `<name>_status` added.
+
+    The table has the wanted output by its name, and every input but `name`. `solutions` are all there are within the training range,
+    ascending, with a space between; `found` is the one that the rule picks; the status is `none`, `one`, `several` or `flat`. Rows with an
+    empty number have none of them. The whole table is in memory, since the rule `nearest` goes from row to row.
+
+    Raises UsageError for an input that the model has not, a rule that there is none of, or a model with memory; DataError where the table
+    is empty, lacks a column, has one of the added ones already, or a field that is no number.
+    """
+    if runs_over_time(model):
+        raise UsageError("this model has memory: the input for an output depends on what was before", "invert a static model")
+    needed = [model.output.name, *(quantity.name for quantity in model.inputs if quantity.name != name)]
+    table = Sheet(lines, label, ", ".join(needed))
+    added = [f"{name}_found", f"{name}_solutions", f"{name}_status"]
+    places = table.places(needed, added)
+    block = list(table.rows)
+    columns = table.values(block, places)
+    known = np.flatnonzero(np.logical_and.reduce([np.isfinite(values) for values in columns.values()]))
+    cells = [",,"] * len(block)
+    if len(known):
+        given = {column: values[known] for column, values in columns.items()}
+        inverse = invert(model, given.pop(model.output.name), given, name, rule)
+        solutions = np.split(inverse.values, np.searchsorted(inverse.rows, np.arange(1, len(known))))
+        for place, picked, every, status in zip(known.tolist(), inverse.picked, solutions, inverse.status, strict=True):
+            cells[place] = f"{'' if np.isnan(picked) else format(picked, '.12g')},{' '.join(format(x, '.12g') for x in every)},{status}"
+    yield from table.extended([table.header, *block], [",".join(added), *cells])
 
 
 def _reading_turned(model: Model, name: str) -> Reading:

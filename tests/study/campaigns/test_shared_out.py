@@ -34,6 +34,82 @@ def python(script: str, *arguments: object, threads: str = "1") -> str:
     return done.stdout.strip()
 
 
+FREE = """
+import time
+def work(item):
+    if item == 1:
+        time.sleep(1.0)  # of the copy
+    return os.getpid()
+found = shared_out(work, items, processes=2)
+print([place for place, pid in enumerate(found) if pid != me])
+"""
+FAILS = """
+try:
+    shared_out(lambda item: 1 / (item - 5), items, processes=4)
+except ZeroDivisionError:
+    print(len(active_children()))
+"""
+INTERRUPTED = """
+def work(item):
+    if os.getpid() != me:
+        signal.pause()
+    os.kill(0, signal.SIGINT)  # to all of them, as Ctrl-C, of which a copy hears nothing
+os.setpgrp()
+try:
+    shared_out(work, items, processes=3)
+except KeyboardInterrupt:
+    print(len(active_children()))
+"""
+REFUSED = """
+def refuse():
+    raise BlockingIOError(11, "no more processes")
+os.fork = refuse
+print(shared_out(str, items, processes=3) == list(map(str, items)))
+"""
+THREADS = """
+import threading, time
+def work(item):
+    if os.getpid() != me:
+        time.sleep(0.05)  # so that the other one is done before
+    return free_processors()
+alone = free_processors()
+meanwhile = shared_out(work, items, processes=2)
+done = threading.Event()
+threading.Thread(target=done.wait).start()
+print(alone, meanwhile == [1] * 10, free_processors())
+done.set()
+"""
+LARGE = "print([len(text) for text in shared_out(lambda item: 'x' * 10**6 * item, items, processes=3)])"
+UNDELIVERED = """
+def work(item):
+    if item == 3 and os.getpid() != me:  # what the fourth process begins with
+        {end}
+    return item + 1
+print(shared_out(work, items, processes=4) == [item + 1 for item in items], len(active_children()))
+"""
+
+
+@pytest.mark.parametrize(
+    ("script", "printed"),
+    [
+        pytest.param("print(shared_out(str, [], processes=4))", "[]", id="nothing is shared out of nothing"),
+        pytest.param(FREE, "[1]", id="the process that is free first takes the next item"),
+        pytest.param(LARGE, str([10**6 * item for item in range(10)]), id="results larger than a pipe arrive"),
+        pytest.param(FAILS, "0", id="an error is that of the item"),
+        pytest.param(INTERRUPTED, "0", id="no copy outlives an interruption"),
+        pytest.param(REFUSED, "True", id="where no process can be made all is done here"),
+        pytest.param(THREADS, f"{PROCESSORS} True 1", id="a process with threads or copies, and a copy, make none"),
+        pytest.param(UNDELIVERED.format(end="os.kill(os.getpid(), signal.SIGKILL)"), "True 0", id="a copy is killed"),
+        pytest.param(UNDELIVERED.format(end="os._exit(3)"), "True 0", id="a copy ends"),
+        pytest.param(UNDELIVERED.format(end="raise MemoryError"), "True 0", id="a copy is short of memory"),
+        pytest.param(UNDELIVERED.format(end="return lambda: item"), "True 0", id="a result cannot be sent"),
+    ],
+)
+def test_whatever_happens_to_the_copies(script: str, printed: str) -> None:
+    """What a copy does not deliver is done by the process itself."""
+    assert python(script) == printed
+
+
 @pytest.mark.parametrize("processes", [1, 2, 3, 10, 12])
 def test_results_come_in_order_from_several_processes(processes):
     script = f"""
@@ -47,79 +123,11 @@ print(len({{pid for _, pid in found}}))
 
 
 def test_progress_is_told_up_to_the_last_item():
-    assert python("shared_out(str, items, lambda done, total: print(done, total), 1)").splitlines() == [f"{n} 10" for n in range(1, 11)]
-    told = [int(line.split()[0]) for line in python("shared_out(str, items, lambda done, total: print(done, total), 4)").splitlines()]
+    script = "shared_out(str, items, lambda done, total: print(done, total), {})"
+    assert python(script.format(1)).splitlines() == [f"{n} 10" for n in range(1, 11)]
+    told = [int(line.split()[0]) for line in python(script.format(4)).splitlines()]
     assert told == sorted(set(told))
     assert told[-1] <= 10
-
-
-def test_the_process_that_is_free_first_takes_the_next_item():
-    script = """
-import time
-def work(item):
-    if item == 1:
-        time.sleep(1.0)  # of the copy
-    return os.getpid()
-found = shared_out(work, items, processes=2)
-print([place for place, pid in enumerate(found) if pid != me])
-"""
-    assert python(script) == "[1]"
-
-
-def test_nothing_is_shared_out_of_nothing():
-    assert python("print(shared_out(str, [], processes=4))") == "[]"
-
-
-@pytest.mark.parametrize(
-    "end",
-    [
-        pytest.param("os.kill(os.getpid(), signal.SIGKILL)", id="killed"),
-        pytest.param("os._exit(3)", id="ended"),
-        pytest.param("raise MemoryError", id="short of memory"),
-        pytest.param("return lambda: item", id="result that cannot be sent"),
-    ],
-)
-def test_what_a_copy_does_not_deliver_is_done_by_the_process_itself(end):
-    script = f"""
-def work(item):
-    if item == 3 and os.getpid() != me:  # what the fourth process begins with
-        {end}
-    return item + 1
-print(shared_out(work, items, processes=4) == [item + 1 for item in items], len(active_children()))
-"""
-    assert python(script) == "True 0"
-
-
-def test_results_larger_than_a_pipe_arrive():
-    assert python("print([len(text) for text in shared_out(lambda item: 'x' * 10**6 * item, items, processes=3)])") == str(
-        [10**6 * item for item in range(10)]
-    )
-
-
-def test_an_error_is_that_of_the_item():
-    script = """
-try:
-    shared_out(lambda item: 1 / (item - 5), items, processes=4)
-except ZeroDivisionError:
-    print(len(active_children()))
-"""
-    assert python(script) == "0"
-
-
-def test_no_copy_outlives_an_interruption():
-    """The copy waits for ever; the process itself is interrupted as by Ctrl-C, of which a copy hears nothing."""
-    script = """
-def work(item):
-    if os.getpid() != me:
-        signal.pause()
-    os.kill(0, signal.SIGINT)  # to all of them
-os.setpgrp()
-try:
-    shared_out(work, items, processes=3)
-except KeyboardInterrupt:
-    print(len(active_children()))
-"""
-    assert python(script) == "0"
 
 
 def test_a_copy_is_killed_with_the_process():
@@ -135,33 +143,6 @@ shared_out(work, items, processes=3)
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     done = subprocess.run([sys.executable, "-c", START + script], env=environment, capture_output=True, timeout=30, check=False)
     assert done.returncode == -signal.SIGKILL  # and nobody holds its output open any more
-
-
-def test_where_no_process_can_be_made_all_is_done_here():
-    script = """
-def refuse():
-    raise BlockingIOError(11, "no more processes")
-os.fork = refuse
-print(shared_out(str, items, processes=3) == list(map(str, items)))
-"""
-    assert python(script) == "True"
-
-
-def test_a_process_with_threads_or_copies_and_a_copy_make_none():
-    script = """
-import threading, time
-def work(item):
-    if os.getpid() != me:
-        time.sleep(0.05)  # so that the other one is done before
-    return free_processors()
-alone = free_processors()
-meanwhile = shared_out(work, items, processes=2)
-done = threading.Event()
-threading.Thread(target=done.wait).start()
-print(alone, meanwhile == [1] * 10, free_processors())
-done.set()
-"""
-    assert python(script) == f"{PROCESSORS} True 1"
 
 
 def test_the_command_line_has_one_thread_whatever_the_environment_says():
