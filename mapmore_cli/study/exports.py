@@ -103,13 +103,10 @@ def _table(model: Model, grid: str) -> str:
     """Return a lookup table within the range in which the model was trained: what lies outside would be looked up as if it were known."""
     if runs_over_time(model):
         raise UsageError("--grid: this model has memory, and a grid has no time", "export it as C or NumPy")
-    header, *lines = predicted_lines(model, grid_lines(grid, [quantity.name for quantity in model.inputs]), "--grid")
-    place = header.rstrip("\n").split(",").index(FLAG)
-    outside = [line for line in lines if line.rstrip("\n").split(",")[place] == "true"]
-    if outside:
-        raise UsageError(
-            f"--grid: {len(outside)} of {len(lines)} points lie outside of the training range, as {outside[0].strip()}",
-            "keep the grid within the range, or take `mapmore predict --grid`, which marks such points",
-        )
-    rows = [line.rstrip("\n").split(",") for line in (header, *lines)]
-    return "".join(",".join(row[:place] + row[place + 1 :]) + "\n" for row in rows)
+    lines = predicted_lines(model, grid_lines(grid, [quantity.name for quantity in model.inputs]), "--grid")
+    header, *rows = (line.rstrip("\n").split(",") for line in lines)
+    place = header.index(FLAG)
+    if outside := [row for row in rows if row[place] == "true"]:
+        what = f"--grid: {len(outside)} of {len(rows)} points lie outside of the training range, as {','.join(outside[0])}"
+        raise UsageError(what, "keep the grid within the range, or take `mapmore predict --grid`, which marks such points")
+    return "".join(",".join(row[:place] + row[place + 1 :]) + "\n" for row in (header, *rows))

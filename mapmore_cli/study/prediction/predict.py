@@ -64,20 +64,19 @@ def predicted_lines(
     `true` or `false`. Both are empty where an input is empty or not finite. Blank lines stay as they are. `label` names the table in
     messages; `chunk` has no influence on the result.
 
-    With `turned_for` an input, as the force of a model of the strain, the model is inverted for it: the table has the output in its place,
-    the column is `<input>_predicted`, and rows without a solution in the training range are outside of it.
-
-    With an `interval`, as 0.95, there are `<output>_low` and `<output>_high`, empty outside of the training range; with `derivatives`, one
-    more column for every input, `<output>_by_<input>`, in the units of the model.
+    - `turned_for`: an input that the model is inverted for, as the force of a model of the strain: the table has the output in its place,
+      the column is `<input>_predicted`, and rows without a solution in the training range are outside of it.
+    - `interval`: as 0.95, adds `<output>_low` and `<output>_high`, empty outside of the training range.
+    - `derivatives`: adds one column for every input, `<output>_by_<input>`.
 
     Rates and directions that the table lacks follow from its `time`, recording by recording: one ends where the column `recording`
-    changes or time is set back, and after a gap all starts anew; what is too short for a rate has no prediction. A model with memory runs
-    along each recording in the same way, from the first measured outputs where it feeds its output back; there is no prediction before
-    there is history, and from where the run diverges, which `warn` is told. One recording is in memory at a time.
+    changes or time is set back, and after a gap all starts anew. A model with memory runs along each recording in the same way, from the
+    first measured outputs where it feeds its output back; there is no prediction before there is history, and from where the run diverges,
+    which `warn` is told. One recording is in memory at a time.
 
     Raises DataError where the table is empty, lacks an input, already has one of the added columns, or has a field that is not a number;
     where a model with memory has nothing to go on from, or rows are not at its time steps; where the model holds nothing to make intervals
-    from; UsageError for an interval that there is none of, or a model that cannot be inverted for that input.
+    from. Raises UsageError for an interval that there is none of, or a model that cannot be inverted for that input.
     """
     if interval is not None and (why := refusal(checked(model, interval))) is not None:
         warn(f"{model.name}: {why}")
