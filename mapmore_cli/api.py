@@ -42,9 +42,8 @@ from mapmore_cli.storage.readers import READERS, suffix_of
 from mapmore_cli.storage.run_folder import MODEL, RunFiles
 from mapmore_cli.storage.run_record import score_row, scores_beside
 from mapmore_cli.study.campaigns.batch import Job, run_one
-from mapmore_cli.study.frames import canonical_columns, is_frame, names_of, quantities_of, source_of, write_frames
-from mapmore_cli.study.prediction.loaded_model import LoadedModel
-from mapmore_cli.study.prediction.records import reading_of
+from mapmore_cli.study.notebooks import LoadedModel, canonical_columns, is_frame, names_of, quantities_of, source_of, write_frames
+from mapmore_cli.study.records import reading_of
 
 __all__ = ["FROLS", "Fitted", "Run", "Scores", "fit", "load_model", "run"]
 

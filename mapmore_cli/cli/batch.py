@@ -1,4 +1,4 @@
-"""`mapmore batch`: many runs at once, and one table of their scores."""
+"""Many runs at once: `mapmore batch`, with one table of their scores; `mapmore paper`, beside published tables and figures."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ import typer
 from mapmore_cli.cli import console
 from mapmore_cli.cli.progress import Reporter
 from mapmore_cli.domain.errors import LimitMissed, RunWarning, UsageError
+from mapmore_cli.storage.atomic import refusals_told, write_text
 
 if TYPE_CHECKING:
-    from mapmore_cli.reporting.table import Cell, Table
+    from mapmore_cli.reporting.table import Table
     from mapmore_cli.study.campaigns.batch import Finished
 
     Result = Finished | BaseException
@@ -44,7 +45,7 @@ def batch(
 
     One that fails does not stop the rest; the exit code is the highest of all. A campaign gets a page of its own.
     """
-    from mapmore_cli.cli.views.files import page_lines
+    from mapmore_cli.cli.views import page_lines
     from mapmore_cli.study.campaigns.batch import Job, planned, run_all
     from mapmore_cli.study.campaigns.cluster import ClusterWorkers
     from mapmore_cli.study.campaigns.page import expanded, refuse_foreign_folders, run_names, specs_of, write_page
@@ -101,7 +102,7 @@ def _code(result: Result) -> int:
 
 
 def _document(config: Path, name: str, result: Result) -> dict[str, Any]:
-    from mapmore_cli.cli.views.compared import of_scores
+    from mapmore_cli.cli.views import of_scores
 
     head: dict[str, Any] = {"config": str(config), "name": name, "exit_code": _code(result)}
     if isinstance(result, BaseException):
@@ -111,20 +112,59 @@ def _document(config: Path, name: str, result: Result) -> dict[str, Any]:
 
 
 def _joint_table(results: Mapping[str, Result]) -> Table:
-    from mapmore_cli.reporting.table import Column, Table
+    """NRMSE of every run and model, beside what a publication reports for the held-out rows; one row that says so for a failed run."""
+    from mapmore_cli.reporting.table import Cell, Column, Table
 
+    rows: list[tuple[Cell, ...]] = []
+    for name, run in results.items():
+        if isinstance(run, BaseException):
+            rows.append((name, None, "failed", None, None))
+            continue
+        published = run.published.nrmse if run.published else {}
+        for score in sorted((s for s in run.table.scores if s.curve == "all"), key=lambda s: s.split != "validate"):
+            printed = published.get(score.model) if score.split == "validate" else None
+            rows.append((name, score.model, score.split, 100 * score.nrmse, None if printed is None else 100 * printed))
     columns = (Column("run"), Column("model"), Column("data"), Column("NRMSE", "%", ".2f"), Column("published NRMSE", "%", ".3g"))
-    rows = tuple((name, *cells) for name, result in results.items() for cells in _pooled(result))
-    return Table("batch", "NRMSE of every run, all curves pooled", columns, rows)
+    return Table("batch", "NRMSE of every run, all curves pooled", columns, tuple(rows))
 
 
-def _pooled(run: Result) -> list[tuple[Cell, ...]]:
-    """Model, split, NRMSE and published NRMSE in per cent, the latter beside the held-out rows; one row that says so for a failed run."""
-    if isinstance(run, BaseException):
-        return [(None, "failed", None, None)]
-    scores = sorted((s for s in run.table.scores if s.curve == "all"), key=lambda s: s.split != "validate")
-    published = run.published.nrmse if run.published else {}
-    return [
-        (s.model, s.split, 100 * s.nrmse, 100 * published[s.model] if s.split == "validate" and s.model in published else None)
-        for s in scores
+def paper(
+    configs: Annotated[list[Path], typer.Argument(metavar="CONFIG...", help="Papers (YAML).")],
+    runs: console.Runs = console.RUNS,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", metavar="FILE", help="The page; DIR/paper.html of the runs by default.")
+    ] = None,
+    as_json: console.AsJson = False,
+    quiet: console.Quiet = False,
+) -> None:
+    """Put published tables and figures beside ours.
+
+    Brings the runs of each paper up to date, judges by the rules of the file, and writes one page.
+    The exit code is the highest of the runs.
+    """
+    from mapmore_cli.spec.paper import load_paper
+    from mapmore_cli.study.paper import compare_paper, counts, overview, page, verdicts_table
+
+    loaded = [load_paper(config) for config in configs]
+    with Reporter(quiet) as reporter:
+        ended = [compare_paper(one, runs, reporter.complain) for one in loaded]
+    found = [result for result, _ in ended]
+    target = out or runs / "paper.html"
+    with refusals_told(target):
+        target.parent.mkdir(parents=True, exist_ok=True)
+        write_text(target, page(found))
+    documents = [
+        {
+            "paper": one.loaded.spec.paper,
+            "counts": {kind: {"agree": agree, "compared": every} for kind, (agree, every) in counts(one.compared).items()},
+            "items": [
+                {**console.picked(result.item, "id", "status", "place"), "verdicts": result.verdicts, "failed": result.failed or None}
+                for result in one.results
+            ],
+        }
+        for one in found
     ]
+    tables = (overview(found), verdicts_table(found))
+    console.print_view(console.View({"papers": documents, "page": str(target)}, tables, (f"page: {target}",)), as_json)
+    if code := max(code for _, code in ended):
+        raise typer.Exit(code)

@@ -1,4 +1,4 @@
-"""`mapmore compare`: has this muscle changed? `mapmore paper`: published tables and figures beside those of our runs."""
+"""`mapmore compare`: has this muscle changed? `mapmore freeze`: keep a model to compare with."""
 
 from __future__ import annotations
 
@@ -8,9 +8,7 @@ from typing import Annotated
 import typer
 
 from mapmore_cli.cli import console
-from mapmore_cli.cli.progress import Reporter
 from mapmore_cli.domain.errors import DataError, LimitMissed, UsageError
-from mapmore_cli.storage.atomic import refusals_told, write_text
 
 
 def compare(
@@ -31,7 +29,7 @@ def compare(
 
     The first model is compared with each of the others, which come in the order of time.
     """
-    from mapmore_cli.cli.views.compared import of_comparisons
+    from mapmore_cli.cli.compared import of_comparisons
     from mapmore_cli.modelling.validation import comparison
     from mapmore_cli.storage.artefacts import read_model
     from mapmore_cli.study.campaigns.archive import find_model
@@ -69,32 +67,16 @@ def _limit(fail_on: str | None) -> float | None:
     return limit
 
 
-def paper(
-    configs: Annotated[list[Path], typer.Argument(metavar="CONFIG...", help="Papers (YAML).")],
+def freeze(
+    run: console.RunOrName,
+    tag: Annotated[str, typer.Option("--tag", metavar="TAG", help="What this campaign is called, as 2026-spring.")],
+    archive: console.Archive = console.ARCHIVE,
     runs: console.Runs = console.RUNS,
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", metavar="FILE", help="The page; DIR/paper.html of the runs by default.")
-    ] = None,
-    as_json: console.AsJson = False,
-    quiet: console.Quiet = False,
 ) -> None:
-    """Put published tables and figures beside ours.
+    """Keep the model of a run under a tag.
 
-    Brings the runs of each paper up to date, judges by the rules of the file, and writes one page.
-    The exit code is the highest of the runs.
+    Its scores, spec and hashes go with it, to ARCHIVE/NAME@TAG, where no later run writes.
     """
-    from mapmore_cli.spec.paper import load_paper
-    from mapmore_cli.study.paper.page import compare_paper, document, overview, page, verdicts_table
+    from mapmore_cli.study.campaigns import archive as frozen
 
-    loaded = [load_paper(config) for config in configs]
-    with Reporter(quiet) as reporter:
-        ended = [compare_paper(one, runs, reporter.complain) for one in loaded]
-    found = [result for result, _ in ended]
-    target = out or runs / "paper.html"
-    with refusals_told(target):
-        target.parent.mkdir(parents=True, exist_ok=True)
-        write_text(target, page(found))
-    view = console.View({**document(found), "page": str(target)}, (overview(found), verdicts_table(found)), (f"page: {target}",))
-    console.print_view(view, as_json)
-    if code := max(code for _, code in ended):
-        raise typer.Exit(code)
+    print(frozen.freeze(run if run.is_dir() else runs / run, tag, archive))

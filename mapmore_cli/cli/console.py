@@ -113,7 +113,9 @@ def _plain(value: Any) -> Any:
 FIGURE_FILES, TABLE_FILES = ("svg", "pdf", "png", "pgf"), ("csv", "tex")
 
 
-def refuse_endings(paths: Sequence[Path], endings: Sequence[str], what: str) -> None:
+def refuse_endings(
+    paths: Sequence[Path], endings: Sequence[str] = (*FIGURE_FILES, *TABLE_FILES), what: str = "neither a figure nor a table ends so"
+) -> None:
     """Refuse files that have another ending, before anything is computed; `what` says why."""
     for path in paths:
         if path.suffix.removeprefix(".") not in endings:

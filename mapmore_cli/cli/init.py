@@ -145,7 +145,7 @@ def check(
     quiet: console.Quiet = False,
 ) -> None:
     """Check a spec and its data, or a campaign; compute nothing."""
-    from mapmore_cli.cli.views.compared import of_campaign, of_inspection
+    from mapmore_cli.cli.compared import of_campaign, of_inspection
     from mapmore_cli.spec.loader import LoadedSpec, confirmed, load
     from mapmore_cli.study.campaigns.page import expanded
     from mapmore_cli.study.inspection.lint import inspect

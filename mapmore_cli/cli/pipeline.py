@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -16,20 +15,6 @@ from mapmore_cli.domain.errors import LimitMissed
 
 if TYPE_CHECKING:
     from mapmore_cli.spec.loader import LoadedSpec
-
-
-@dataclass(frozen=True)
-class Options:
-    """How a run is to be brought up to date, and how it is told."""
-
-    runs: Path
-    force: bool
-    rehash: bool
-    as_json: bool
-    quiet: bool
-    verbose: bool
-    junit: Path | None = None
-    summary: Path | None = None
 
 
 def _stage_command(stage: str, summary: str) -> Callable[..., None]:
@@ -48,7 +33,8 @@ def _stage_command(stage: str, summary: str) -> Callable[..., None]:
     ) -> None:
         from mapmore_cli.spec.loader import load
 
-        (_explain if explain else _bring_up_to_date)(load(config, overrides), stage, Options(runs, force, rehash, as_json, quiet, verbose))
+        loaded, reporter = load(config, overrides), Reporter(quiet, verbose)
+        (_explain if explain else _bring_up_to_date)(loaded, runs, stage, reporter, as_json, force, rehash)
 
     command.__doc__ = f"{summary} Brings the stages before it up to date first."
     return command
@@ -79,15 +65,14 @@ def run(
     """Run all stages; print scores and the page's path."""
     from mapmore_cli.spec.loader import load
 
-    loaded = load(config, overrides)
-    options = Options(runs, force, rehash, as_json, quiet, verbose, junit, summary)
+    loaded, reporter = load(config, overrides), Reporter(quiet, verbose)
     if print_spec:
         print(loaded.resolved, end="")
     elif explain:
-        _explain(loaded, "report", options)
+        _explain(loaded, runs, "report", reporter, as_json, force, rehash)
     else:
         try:
-            _bring_up_to_date(loaded, "run", options)
+            _bring_up_to_date(loaded, runs, "run", reporter, as_json, force, rehash, junit, summary)
         except LimitMissed:  # which the files tell already
             raise
         except Exception as error:
@@ -95,22 +80,32 @@ def run(
             raise
 
 
-def _explain(loaded: LoadedSpec, until: str, options: Options) -> None:
+def _explain(loaded: LoadedSpec, runs: Path, until: str, reporter: Reporter, as_json: bool, force: bool, rehash: bool) -> None:
     """Print which stages would run, and why; null in the document is a stage that is up to date."""
     from mapmore_cli.pipeline.runner import explain
     from mapmore_cli.reporting.table import Column, Table
 
-    with Reporter(options.quiet, options.verbose) as reporter:
-        reasons = explain(loaded, options.runs, until, force=options.force, rehash=options.rehash, warn=reporter.warn)
+    with reporter:
+        reasons = explain(loaded, runs, until, force=force, rehash=rehash, warn=reporter.warn)
     rows = tuple((stage, reason or "up-to-date") for stage, reason in reasons)
     table = Table("stages", loaded.spec.name, (Column("stage"), Column("would run because")), rows)
-    console.print_view(console.View({"name": loaded.spec.name, "stages": dict(reasons)}, (table,)), options.as_json)
+    console.print_view(console.View({"name": loaded.spec.name, "stages": dict(reasons)}, (table,)), as_json)
 
 
-def _bring_up_to_date(loaded: LoadedSpec, command: str, options: Options) -> None:
+def _bring_up_to_date(
+    loaded: LoadedSpec,
+    runs: Path,
+    command: str,
+    reporter: Reporter,
+    as_json: bool,
+    force: bool,
+    rehash: bool,
+    junit: Path | None = None,
+    summary: Path | None = None,
+) -> None:
     """Do what is stale, print what the command is for, and then fail where the spec's limits are missed."""
-    from mapmore_cli.cli.views.compared import of_scores, search_document
-    from mapmore_cli.cli.views.files import of_stage, page_lines
+    from mapmore_cli.cli.compared import search_document
+    from mapmore_cli.cli.views import of_scores, of_stage, page_lines
     from mapmore_cli.pipeline.runner import bring_up_to_date
     from mapmore_cli.pipeline.search import SEARCH, read_search
     from mapmore_cli.study.campaigns.batch import Finished
@@ -119,7 +114,7 @@ def _bring_up_to_date(loaded: LoadedSpec, command: str, options: Options) -> Non
     until = "report" if command == "run" else command
     questions = loaded.spec.unconfirmed
 
-    with Reporter(options.quiet, options.verbose) as reporter:
+    with reporter:
 
         def warn(message: str) -> None:
             warnings.append(message)
@@ -127,7 +122,7 @@ def _bring_up_to_date(loaded: LoadedSpec, command: str, options: Options) -> Non
 
         listeners = reporter.listeners
         listeners["warn"] = warn
-        outcome = bring_up_to_date(loaded, options.runs, until, force=options.force, rehash=options.rehash, **listeners)
+        outcome = bring_up_to_date(loaded, runs, until, force=force, rehash=rehash, **listeners)
         if questions:
             guesses = "1 guess of the spec is" if len(questions) == 1 else f"{len(questions)} guesses of the spec are"
             warn(f"{guesses} not confirmed: see `mapmore check {loaded.path}`, and `--confirm` there where all are right")
@@ -138,12 +133,12 @@ def _bring_up_to_date(loaded: LoadedSpec, command: str, options: Options) -> Non
     if "search" in outcome.stages:
         head["search"] = search_document(read_search(outcome.run_dir / SEARCH))
     if found is None:
-        console.print_view(of_stage(command, outcome.run_dir).under(head), options.as_json)
+        console.print_view(of_stage(command, outcome.run_dir).under(head), as_json)
         return
     scores = of_scores(found.table, found.published)
     told = {"missed": found.missed, "warnings": found.warnings, "unconfirmed": questions}
     lines = page_lines(outcome.run_dir) if command == "run" else ()
-    console.print_view(console.View({**head, **scores.document, **told}, scores.tables, lines), options.as_json)
-    console.write_ci_files(options.junit, options.summary, {found.name: found}, scores.tables)
+    console.print_view(console.View({**head, **scores.document, **told}, scores.tables, lines), as_json)
+    console.write_ci_files(junit, summary, {found.name: found}, scores.tables)
     if found.missed:
         raise LimitMissed("; ".join(found.missed), "the results are complete; see validate.require in the spec")

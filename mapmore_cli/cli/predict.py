@@ -59,8 +59,8 @@ def predict(
     """
     from mapmore_cli.modelling.kinds import runs_over_time
     from mapmore_cli.storage.artefacts import read_model
-    from mapmore_cli.study.prediction.predict import predicted_lines
-    from mapmore_cli.study.prediction.records import grid_lines, with_constants
+    from mapmore_cli.study.predict import predicted_lines
+    from mapmore_cli.study.records import grid_lines
 
     if (table is None) == (grid is None):
         raise UsageError("give either a TABLE or --grid", "as in: mapmore predict model.h5 measured.csv -o predicted.csv")
@@ -75,12 +75,13 @@ def predict(
                 remedy = f"give a TABLE of recordings with the columns {columns}"
                 raise UsageError("--grid: this model has memory, and a grid has no time", remedy)
             axes = ",".join([grid, *(f"{name}={value!r}" for name, value in constants.items())])
-            lines, label = grid_lines(axes, [quantity.name for quantity in model.inputs]), "--grid"
+            lines, label, constants = grid_lines(axes, [quantity.name for quantity in model.inputs]), "--grid", {}
         else:
             assert table is not None
             lines, label = _opened(table, lambda read, size: reporter.progress("MB read", read // MEGABYTE, -(-size // MEGABYTE)))
-            lines = with_constants(lines, label, constants) if constants else lines
-        added = predicted_lines(model, lines, label, warn=reporter.warn, derivatives=derivatives, interval=interval, turned_for=turned_for)
+        added = predicted_lines(
+            model, lines, label, warn=reporter.warn, derivatives=derivatives, interval=interval, turned_for=turned_for, constants=constants
+        )
         _write_lines(added, output)
 
 
@@ -133,7 +134,7 @@ def invert(
     Solutions are looked for within the training range. A flat one fills a range, as where a muscle is slack: its low end counts.
     """
     from mapmore_cli.storage.artefacts import read_model
-    from mapmore_cli.study.prediction.predict import inverted_lines
+    from mapmore_cli.study.predict import inverted_lines
 
     with Reporter(quiet) as reporter:
         _write_lines(inverted_lines(read_model(model_file, reporter.warn), *_opened(table), name, rule), output)
@@ -158,7 +159,7 @@ def adapt(
     """
     from mapmore_cli.reporting.table import Column, Table
     from mapmore_cli.storage.artefacts import read_model, write_model
-    from mapmore_cli.study.prediction.predict import adapt, dimension_of
+    from mapmore_cli.study.predict import adapt, dimension_of
 
     with Reporter(quiet) as reporter:
         family = read_model(model_file, reporter.warn)

@@ -39,9 +39,7 @@ class Reporter:
         self._quiet = quiet
         self._verbose = verbose
         self._bar: Progress | None = None
-        self._task = ""  # what is in progress, with its start and the time of its next sign of life
-        self._started = 0.0
-        self._due = 0.0
+        self._task, self._due = "", 0.0  # what is in progress, and the time of its next sign of life
         self._stage: tuple[str, float] | None = None
         self._cleanup = ExitStack()
         self._warnings: dict[str, list[str]] = {}
@@ -107,7 +105,7 @@ class Reporter:
         now = time.monotonic()
         if what != self._task:
             self._end_task()
-            self._task, self._started, self._due = what, now, now + PATIENCE
+            self._task, self._due = what, now + PATIENCE
         if now < self._due:
             return
         if sys.stderr.isatty():

@@ -33,11 +33,11 @@ def tune(
     Every combination is fitted without a level (or a block) of the training data and judged on it; held-out data are not used.
     The one that is named is the simplest that is as good as the best.
     """
-    from mapmore_cli.cli.views import compared
+    from mapmore_cli.cli import compared
     from mapmore_cli.spec.loader import load
     from mapmore_cli.study import planning
 
-    _refuse_unknown(output)
+    console.refuse_endings(output)
     if over and budget is not None:
         raise UsageError("--budget is the time of a search, and --over tries what it names", "give one of both")
     if not over:
@@ -79,21 +79,17 @@ def plan(
     levels, or with --points, several models stand in a committee, and points go where these disagree and data are far. Held-out data are
     not used. Per cent are of the largest |target|.
     """
-    from mapmore_cli.cli.views.compared import of_plan
+    from mapmore_cli.cli.compared import of_plan
     from mapmore_cli.spec.loader import load
     from mapmore_cli.study import planning
 
-    _refuse_unknown(output)
+    console.refuse_endings(output)
     prices = _prices_of(cost)
     with Reporter(quiet) as reporter:
         found = planning.plan(load(config, overrides), runs, points=points, until=until, prices=prices, **reporter.listeners)
     view = of_plan(found)
     console.write_results(output, view.tables[0], "plan", found)
     console.print_view(view, as_json)
-
-
-def _refuse_unknown(output: Sequence[Path]) -> None:
-    console.refuse_endings(output, (*console.FIGURE_FILES, *console.TABLE_FILES), "neither a figure nor a table ends so")
 
 
 def _values_of(over: Sequence[str]) -> dict[str, list[Any]]:

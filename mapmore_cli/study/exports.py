@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import zipfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 from mapmore_cli import __version__
 from mapmore_cli.domain.errors import UsageError
@@ -19,8 +19,8 @@ from mapmore_cli.exporting.table import table_files, tex_equations
 from mapmore_cli.exporting.verifying import CompilerMissing, library_place, shared_library, verify_c, verify_module, verify_unit
 from mapmore_cli.modelling.kinds import runs_over_time
 from mapmore_cli.spec.units import base_units
-from mapmore_cli.study.prediction.predict import FLAG, predicted_lines
-from mapmore_cli.study.prediction.records import grid_axes, grid_lines
+from mapmore_cli.study.predict import FLAG, predicted_lines
+from mapmore_cli.study.records import grid_axes, grid_lines
 
 Warn = Callable[[str], None]
 
@@ -70,7 +70,7 @@ def exported(
 
 
 def _unit(model: Model, verify: bool, warn: Warn) -> bytes:
-    """Return a functional mock-up unit: its sources, and the binary of this machine where there is a compiler."""
+    """Return a functional mock-up unit, a zip file without dates: its sources, and the binary of this machine where there is a compiler."""
     units = dict.fromkeys(quantity.unit for quantity in (*model.inputs, model.output))
     known = {unit: base for unit in units if (base := base_units(unit)) is not None}
     unit = fmu_sources(model, known, f"mapmore {__version__}")
@@ -83,11 +83,6 @@ def _unit(model: Model, verify: bool, warn: Warn) -> bytes:
         files[place] = shared_library(sources, unit.compiled)
     except CompilerMissing as reason:
         warn(f"{reason}: the unit has sources and no binary, so that the tool that imports it has to compile them")
-    return _archive(files)
-
-
-def _archive(files: Mapping[str, bytes]) -> bytes:
-    """Return a zip file without dates."""
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w") as archive:
         for name, data in files.items():

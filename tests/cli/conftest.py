@@ -46,7 +46,7 @@ def mapmore() -> Call:
 
 
 @pytest.fixture(scope="session")
-def document(mapmore: Call) -> Callable[..., Any]:
+def document(mapmore) -> Callable[..., Any]:
     """Calls the command with `--json` where stderr has to stay empty, and reads the one document that it prints."""
 
     def call(*args: object) -> Any:
@@ -69,19 +69,19 @@ def shell() -> Callable[..., subprocess.CompletedProcess[str]]:
 
 
 @pytest.fixture
-def batch_here(monkeypatch: pytest.MonkeyPatch) -> None:
+def batch_here(monkeypatch):
     """Let `batch` do its runs in this process: to start another takes longer than such a run."""
     monkeypatch.setattr("mapmore_cli.study.campaigns.processes.LocalWorkers", Here)
 
 
 @pytest.fixture
-def study(tmp_path: Path) -> Path:
+def study(tmp_path) -> Path:
     """A study that has not run yet."""
     return write_study(tmp_path)
 
 
 @pytest.fixture(scope="session")
-def finished(tmp_path_factory: pytest.TempPathFactory, mapmore: Call) -> tuple[Path, Path]:
+def finished(tmp_path_factory: pytest.TempPathFactory, mapmore) -> tuple[Path, Path]:
     """A study that has run: its spec and its folder of runs; not to be changed."""
     folder = tmp_path_factory.mktemp("finished")
     spec = write_study(folder)
@@ -90,7 +90,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory, mapmore: Call) -> tuple[P
 
 
 @pytest.fixture
-def copied(finished: tuple[Path, Path], tmp_path: Path) -> tuple[Path, Path]:
+def copied(finished, tmp_path) -> tuple[Path, Path]:
     """A copy of `finished`, which a test may change: its spec and its folder of runs."""
     spec, runs = finished
     shutil.copytree(spec.parent, tmp_path, dirs_exist_ok=True)

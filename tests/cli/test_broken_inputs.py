@@ -6,7 +6,6 @@ import gzip
 import hashlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 from cli_samples import edit, write_study
@@ -14,13 +13,13 @@ from cli_samples import edit, write_study
 SPEC_WRONG, DATA_WRONG, CANNOT_WRITE = 3, 4, 7
 
 
-def packed_and_cut(path: Path) -> None:
+def packed_and_cut(path: Path):
     packed = gzip.compress(path.read_bytes())
     path.unlink()
     path.with_name(f"{path.name}.gz").write_bytes(packed[: len(packed) // 2])
 
 
-def with_lines(path: Path, keep: Callable[[list[str]], list[str]]) -> None:
+def with_lines(path: Path, keep: Callable[[list[str]], list[str]]):
     path.write_text("\n".join(keep(path.read_text().splitlines())))
 
 
@@ -34,7 +33,7 @@ CASES: dict[str, tuple[str, str, int, list[str]]] = {
 }
 
 
-def spoil(folder: Path, name: str) -> None:
+def spoil(folder: Path, name):
     edit(folder / "bench.yaml", *CASES[name][:2])
     if name == "text in a number column":
         with_lines(folder / "bench_200.csv", lambda lines: [*lines[:7], "200,abc,12.5", *lines[8:]])
@@ -55,7 +54,7 @@ def results(folder: Path) -> dict[str, str]:
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_a_broken_input_is_named_and_harms_nothing(name: str, copied: tuple[Path, Path], mapmore: Callable[..., Any]) -> None:
+def test_a_broken_input_is_named_and_harms_nothing(name, copied, mapmore):
     spec, runs = copied
     _, _, code, words = CASES[name]
     before = results(runs)
@@ -71,7 +70,7 @@ def test_a_broken_input_is_named_and_harms_nothing(name: str, copied: tuple[Path
     assert results(runs) == before
 
 
-def test_a_run_path_that_is_a_file(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+def test_a_run_path_that_is_a_file(tmp_path, mapmore):
     spec = write_study(tmp_path)
     (tmp_path / "runs").mkdir()
     (tmp_path / "runs" / "bench").write_text("precious")
@@ -80,7 +79,7 @@ def test_a_run_path_that_is_a_file(tmp_path: Path, mapmore: Callable[..., Any]) 
     mapmore("run", spec, "--runs", tmp_path / "runs" / "bench", code=CANNOT_WRITE)
 
 
-def test_all_mistakes_of_a_spec_are_told_at_once(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+def test_all_mistakes_of_a_spec_are_told_at_once(tmp_path, mapmore):
     spec = write_study(tmp_path)
     edit(spec, "method: even", "metod: even")
     edit(spec, "unit: kPa", "unit: kPaa")

@@ -13,7 +13,7 @@ from mapmore_cli.domain.scores import Score
 STAGES = ["ingest", "segment", "fit", "fuse", "validate", "report"]
 
 
-def test_run_prints_scores_beside_the_published_ones_and_the_page(study, mapmore) -> None:
+def test_run_prints_scores_beside_the_published_ones_and_the_page(study, mapmore):
     runs = study.parent / "runs"
     result = mapmore("run", study, "--runs", runs, code=0)
     assert [line.split(":")[0] for line in result.stderr.splitlines()] == STAGES
@@ -24,7 +24,7 @@ def test_run_prints_scores_beside_the_published_ones_and_the_page(study, mapmore
     assert page.is_file()
 
 
-def test_tables_are_neither_coloured_nor_cut_off_in_a_pipe(finished, mapmore, monkeypatch) -> None:
+def test_tables_are_neither_coloured_nor_cut_off_in_a_pipe(finished, mapmore, monkeypatch):
     spec, runs = finished
     monkeypatch.setenv("COLUMNS", "20")
     result = mapmore("run", spec, "--runs", runs, "-q")
@@ -33,13 +33,13 @@ def test_tables_are_neither_coloured_nor_cut_off_in_a_pipe(finished, mapmore, mo
     assert max(map(len, result.stdout.splitlines())) > 80
 
 
-def test_second_run_does_nothing_and_says_so(finished, mapmore) -> None:
+def test_second_run_does_nothing_and_says_so(finished, mapmore):
     spec, runs = finished
     result = mapmore("run", spec, "--runs", runs)
     assert result.stderr.splitlines() == [f"{stage}: up-to-date" for stage in STAGES]
 
 
-def test_json_has_the_promised_shape(finished, document) -> None:
+def test_json_has_the_promised_shape(finished, document):
     spec, runs = finished
     run = document("run", spec, "--runs", runs, "-q")
     assert list(run) == ["name", "run_dir", "stages", "scores", "units", "missed", "warnings", "unconfirmed"]
@@ -61,7 +61,7 @@ def test_json_has_the_promised_shape(finished, document) -> None:
     ("stage", "key"),
     [("ingest", "curves"), ("segment", "curves"), ("fit", "segments"), ("fuse", "weights"), ("validate", "scores"), ("report", "files")],
 )
-def test_stage_commands_print_their_stage(stage: str, key: str, finished, document, mapmore) -> None:
+def test_stage_commands_print_their_stage(stage, key, finished, document, mapmore):
     spec, runs = finished
     told = document(stage, spec, "--runs", runs, "-q")
     assert list(told)[:3] == ["name", "run_dir", "stages"]
@@ -72,7 +72,7 @@ def test_stage_commands_print_their_stage(stage: str, key: str, finished, docume
     assert ("index.html" if stage == "report" else "---") in for_people.stdout
 
 
-def test_a_stage_brings_those_before_it_up_to_date_and_says_why(study, mapmore) -> None:
+def test_a_stage_brings_those_before_it_up_to_date_and_says_why(study, mapmore):
     runs = study.parent / "runs"
     assert mapmore("fit", study, "--runs", runs).exit_code == 0
     again = mapmore("fit", study, "--runs", runs, "--set", "fit.max_terms=2")
@@ -80,18 +80,14 @@ def test_a_stage_brings_those_before_it_up_to_date_and_says_why(study, mapmore) 
     assert not (runs / "bench" / "model.h5").exists()
 
 
-def test_verbose_says_how_long_each_stage_took(study, mapmore) -> None:
-    lines = mapmore("segment", study, "--runs", study.parent / "runs", "-v").stderr.splitlines()
+def test_verbose_says_how_long_each_stage_took_and_force_redoes_it(study, mapmore):
+    arguments = ("segment", study, "--runs", study.parent / "runs")
+    lines = mapmore(*arguments, "-v").stderr.splitlines()
     assert [line.split(" in ")[0] for line in lines] == ["ingest: never ran", "ingest: done", "segment: never ran", "segment: done"]
+    assert mapmore(*arguments, "--force").stderr.splitlines() == ["ingest: forced", "segment: forced"]
 
 
-def test_force_redoes_what_is_up_to_date(study, mapmore) -> None:
-    runs = study.parent / "runs"
-    mapmore("segment", study, "--runs", runs, "-q")
-    assert mapmore("segment", study, "--runs", runs, "--force").stderr.splitlines() == ["ingest: forced", "segment: forced"]
-
-
-def test_explain_says_why_and_does_nothing(finished, mapmore, document) -> None:
+def test_explain_says_why_and_does_nothing(finished, mapmore, document):
     spec, runs = finished
     before = {path: path.stat().st_mtime_ns for path in runs.rglob("*")}
     told = document("run", spec, "--runs", runs, "--set", "fuse.z_s=0.1", "--explain", "-q")
@@ -102,7 +98,7 @@ def test_explain_says_why_and_does_nothing(finished, mapmore, document) -> None:
     assert {path: path.stat().st_mtime_ns for path in runs.rglob("*")} == before
 
 
-def test_printed_spec_is_a_spec_with_the_overrides(study, mapmore, document) -> None:
+def test_printed_spec_is_a_spec_with_the_overrides(study, mapmore, document):
     printed = mapmore("run", study, "--set", "fuse.z_s=0.125", "--print-spec")
     assert (printed.exit_code, printed.stderr) == (0, "")
     assert "z_s: 0.125" in printed.stdout
@@ -113,7 +109,7 @@ def test_printed_spec_is_a_spec_with_the_overrides(study, mapmore, document) -> 
 
 
 @pytest.mark.parametrize("command", ["run", "validate"])
-def test_a_missed_limit_shows_after_the_results(command: str, study, mapmore) -> None:
+def test_a_missed_limit_shows_after_the_results(command, study, mapmore):
     runs: Path = study.parent / "runs"
     result = mapmore(command, study, "--runs", runs, "--set", "validate.require.nrmse=1e-9", "-q", code=6)
     assert "all curves pooled" in result.stdout

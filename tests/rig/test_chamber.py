@@ -27,7 +27,7 @@ from mapmore_cli.rig.mckibben import volume
 from mapmore_cli.rig.muscle import effective_pressure, effective_pressure_slope
 from mapmore_cli.rig.wet_muscle import WATER_DENSITY, WATER_VISCOSITY, Pipe
 from mapmore_cli.spec.muscle_rigs import McKibbenMuscle, PeanoMuscle
-from mapmore_cli.study.simulation.simulate import braid_of, chamber_of, tube_of
+from mapmore_cli.study.simulate import braid_of, chamber_of, tube_of
 
 BRAID = Braid(braid_of(McKibbenMuscle(kind="mckibben")))
 TUBES = Tubes(tube_of(PeanoMuscle(kind="peano")), 4)

@@ -7,7 +7,7 @@ from scipy.integrate import trapezoid
 from mapmore_cli.rig.load_cycle import LoadCycle, Regulation, load_cycle, regulated_pressure, strain_path
 from mapmore_cli.rig.muscle import Hysteresis, free_strain
 from mapmore_cli.spec.muscle_rigs import McKibbenMuscle, PeanoMuscle
-from mapmore_cli.study.simulation.simulate import muscle_of
+from mapmore_cli.study.simulate import muscle_of
 
 MUSCLES = {"mckibben": muscle_of(McKibbenMuscle(kind="mckibben")), "peano": muscle_of(PeanoMuscle(kind="peano"))}
 FRICTION = Hysteresis(base=3.0, per_pressure=3e-5, yield_strains=np.array([0.001, 0.01]), shares=np.array([0.5, 0.5]))

@@ -22,8 +22,8 @@ from mapmore_cli.rig.muscle import Hysteresis
 from mapmore_cli.rig.sensors import recording_generator
 from mapmore_cli.spec.loader import load_as
 from mapmore_cli.spec.simulation import SimulationSpec
-from mapmore_cli.study.simulation import simulate
-from mapmore_cli.study.simulation.simulate import csv_text, decimals, recording
+from mapmore_cli.study import simulate
+from mapmore_cli.study.simulate import csv_text, decimals, recording
 
 DATASETS = Path(__file__).parents[2] / "datasets"
 LENGTHS = ("22", "16", "12")

@@ -10,7 +10,7 @@ from mapmore_cli.rig.load_cycle import Strokes, perturbation
 from mapmore_cli.rig.sensors import low_pass
 from mapmore_cli.spec.loader import load_as
 from mapmore_cli.spec.simulation import SimulationSpec
-from mapmore_cli.study.simulation.simulate import wet_muscle_of
+from mapmore_cli.study.simulate import wet_muscle_of
 
 DATASETS = Path(__file__).parents[2] / "datasets"
 STROKES = Strokes(stretched=0.2, contracted=0.8, moves=(1.0, 0.3), dwell=0.25, sample_time=0.001)

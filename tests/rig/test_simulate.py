@@ -14,7 +14,7 @@ from mapmore_cli.domain.errors import WriteError
 from mapmore_cli.spec.loader import load_as
 from mapmore_cli.spec.simulated_experiments import pressure_label
 from mapmore_cli.spec.simulation import SimulationSpec
-from mapmore_cli.study.simulation.simulate import csv_text, decimals, recording, sensors, simulate
+from mapmore_cli.study.simulate import csv_text, decimals, recording, sensors, simulate
 
 DATASETS = Path(__file__).parents[2] / "datasets"
 DOCUMENTS = {kind: yaml.safe_load((DATASETS / kind / "load_cycles.yaml").read_text("utf-8")) for kind in ("mckibben", "peano")}

@@ -13,7 +13,7 @@ from mapmore_cli.rig.chamber import Peano
 from mapmore_cli.rig.mckibben import McKibben, energy, energy_slope, volume, volume_slope
 from mapmore_cli.rig.muscle import effective_pressure, free_strain
 from mapmore_cli.spec.muscle_rigs import McKibbenMuscle, PeanoMuscle
-from mapmore_cli.study.simulation.simulate import muscle_of
+from mapmore_cli.study.simulate import muscle_of
 
 MCKIBBEN = muscle_of(McKibbenMuscle(kind="mckibben"))
 PEANO = muscle_of(PeanoMuscle(kind="peano"))

@@ -20,7 +20,7 @@ from mapmore_cli.rig.step_response import Bumper, StepTimes, step_response
 from mapmore_cli.rig.wet_muscle import Wall, integrate
 from mapmore_cli.spec.loader import load_as
 from mapmore_cli.spec.simulation import SimulationSpec
-from mapmore_cli.study.simulation.simulate import step_rig_of
+from mapmore_cli.study.simulate import step_rig_of
 
 DATASETS = Path(__file__).parents[2] / "datasets"
 KINDS = ("mckibben", "peano")

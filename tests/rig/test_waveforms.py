@@ -18,7 +18,7 @@ from scipy.integrate import trapezoid
 from mapmore_cli.rig.waveform import Waveform, waveform_response
 from mapmore_cli.spec.loader import load_as
 from mapmore_cli.spec.simulation import SimulationSpec
-from mapmore_cli.study.simulation.simulate import csv_text, decimals, label, recording, waveform_rig_of
+from mapmore_cli.study.simulate import csv_text, decimals, label, recording, waveform_rig_of
 
 DATASETS = Path(__file__).parents[2] / "datasets"
 WAVEFORMS = DATASETS / "waveforms"

@@ -100,7 +100,11 @@ def planned(jobs: Sequence[Job], specs: Sequence[LoadedSpec | None]) -> list[Job
         if loaded is not None:
             needs = [loaded.spec.needs.static, loaded.spec.needs.damping, *(need for stage in stages for need in stage.needs(loaded.spec))]
             others = any(need is not None and not isinstance(need, Variation) for need in needs)
-            found[number] = replace(jobs[number], needs_others=others, seconds=_seconds_before(jobs[number].runs / loaded.spec.name))
+            seconds = math.inf
+            with suppress(MapmoreError):  # records of a newer format, which the run itself will say
+                if records := load_records(jobs[number].runs / loaded.spec.name, lambda _message: None):
+                    seconds = sum(record.seconds for record in records.values())
+            found[number] = replace(jobs[number], needs_others=others, seconds=seconds)
             mark = fingerprint(stages[0].name, stages[0].revision, plain(stages[0].reads(loaded.spec)), str(loaded.folder), {})
             groups.setdefault(mark, []).append(number)
     for first, *rest in (group for group in groups.values() if len(group) > 1):
@@ -111,19 +115,12 @@ def planned(jobs: Sequence[Job], specs: Sequence[LoadedSpec | None]) -> list[Job
     return found
 
 
-def _seconds_before(run_dir: Path) -> float:
-    """Return what the stages of a run took when each was done last; infinite where nothing is known of it."""
-    with suppress(MapmoreError):  # of a newer format, which the run itself will say
-        if records := load_records(run_dir, lambda _message: None):
-            return sum(record.seconds for record in records.values())
-    return math.inf
-
-
 def run_all(jobs: Sequence[Job], workers: Workers) -> Generator[tuple[int, Finished | BaseException], None, None]:
     """Do the jobs and yield the number of each with what came of it, as they end; a signal to end ends them all.
 
     The runs that they need come first, one after the other: two jobs may need the same one. Then the recordings are read that several
-    jobs need, once each. Of the runs themselves, those that took longest come first, so that no long one is left for the end.
+    jobs need, once each, and what is to be told of them is told of every run that takes them over. Of the runs themselves, those that took
+    longest come first, so that no long one is left for the end.
     """
     longest_first = sorted(range(len(jobs)), key=lambda number: jobs[number].seconds, reverse=True)
     with stoppable(), workers:
@@ -135,16 +132,12 @@ def run_all(jobs: Sequence[Job], workers: Workers) -> Generator[tuple[int, Finis
         read = {leaders[number].leader: reading for number, reading in workers.each(read_first, leaders)}
         for place, result in workers.each(run_one, [jobs[number] for number in longest_first]):
             number = longest_first[place]
-            yield number, _with_reading(result, read.get(jobs[number].leader), jobs[number].leads)
-
-
-def _with_reading(result: Finished | BaseException, reading: Reading | BaseException | None, leads: bool) -> Finished | BaseException:
-    """Return a run with what was told when its recordings were read, before it or for another; a failure the run itself has told."""
-    if isinstance(result, BaseException) or not isinstance(reading, Reading):
-        return result
-    stages = {**result.stages, **reading.stages} if leads else result.stages
-    told = reading.warnings if stages["ingest"] == "done" else ()
-    return replace(result, stages=stages, warnings=tuple(dict.fromkeys([*told, *result.warnings])))
+            reading = read.get(jobs[number].leader)
+            if isinstance(result, Finished) and isinstance(reading, Reading):  # a failed reading is told by the run itself
+                stages = {**result.stages, **reading.stages} if jobs[number].leads else result.stages
+                told = reading.warnings if stages["ingest"] == "done" else ()
+                result = replace(result, stages=stages, warnings=tuple(dict.fromkeys([*told, *result.warnings])))
+            yield number, result
 
 
 def prepare_all(jobs: Sequence[Job]) -> None:

@@ -26,7 +26,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Expanded:
-    """A campaign with the numbers of its runs among all jobs, and their names for messages."""
+    """A campaign with the numbers of its runs among all jobs, and their names for messages.
+
+    A run is called by its own name, else by that of its spec, with its folder where another is called alike.
+    """
 
     campaign: Campaign
     jobs: tuple[int, ...]
@@ -42,16 +45,12 @@ def expanded(configs: Sequence[Path], overrides: Sequence[str]) -> tuple[list[Ex
             entries.append(Entry(config, tuple(overrides)))
             continue
         campaign, runs = load_campaign(config)
-        campaigns.append(Expanded(campaign, tuple(range(len(entries), len(entries) + len(runs))), _names(campaign)))
+        bases = [str(run.base or campaign.base) for run in campaign.runs]
+        short = [run.name or PurePosixPath(base).stem for run, base in zip(campaign.runs, bases, strict=True)]
+        names = tuple(name if short.count(name) == 1 else base for name, base in zip(short, bases, strict=True))
+        campaigns.append(Expanded(campaign, tuple(range(len(entries), len(entries) + len(runs))), names))
         entries += [Entry(entry.config, (*entry.overrides, *overrides), config) for entry in runs]
     return campaigns, entries
-
-
-def _names(campaign: Campaign) -> tuple[str, ...]:
-    """Return what runs are called in messages: their own name, else that of their spec, with its folder where another is called alike."""
-    bases = [str(run.base or campaign.base) for run in campaign.runs]
-    short = [run.name or PurePosixPath(base).stem for run, base in zip(campaign.runs, bases, strict=True)]
-    return tuple(name if short.count(name) == 1 else base for name, base in zip(short, bases, strict=True))
 
 
 def specs_of(entries: Sequence[Entry]) -> list[LoadedSpec | None]:

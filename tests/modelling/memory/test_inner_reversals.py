@@ -15,7 +15,7 @@ from mapmore_cli.modelling.memory.fitting import fit_with_memory
 from mapmore_cli.modelling.memory.free_run import free_run
 from mapmore_cli.rig.muscle import Hysteresis
 from mapmore_cli.spec.muscle_rigs import McKibbenMuscle, PeanoMuscle
-from mapmore_cli.study.simulation.simulate import muscle_of
+from mapmore_cli.study.simulate import muscle_of
 
 MUSCLES = {"mckibben": (muscle_of(McKibbenMuscle(kind="mckibben")), 0.2), "peano": (muscle_of(PeanoMuscle(kind="peano")), 0.27)}
 FRICTION = Hysteresis(base=3.0, per_pressure=6e-5, yield_strains=np.array([0.002, 0.01, 0.04]), shares=np.array([0.3, 0.4, 0.3]))

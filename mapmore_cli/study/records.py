@@ -97,6 +97,12 @@ class Row(NamedTuple):
     cells: Sequence[str]
     line: int
 
+    def with_cells(self, more: Sequence[str]) -> Row:
+        """Return the record with more fields; a blank one stays as it is."""
+        if not more or not self.text.strip():
+            return self
+        return self._replace(text=",".join([self.text, *more]), cells=[*self.cells, *more])
+
 
 def records(lines: Iterable[str], label: str) -> Iterator[Row]:
     """Yield records with their text: a quoted field may go on over several lines."""
@@ -123,15 +129,23 @@ def records(lines: Iterable[str], label: str) -> Iterator[Row]:
 class Sheet:
     """A table with a header of quantities in the model's units, whose `rows` are read as they are asked for; `label` is for messages.
 
-    Raises DataError where there is no header; `expected` says what it has to name.
+    `constants` become columns that have one value in every row.
+
+    Raises DataError where there is no header, `expected` says what it has to name, or where the table has a column of the constants.
     """
 
-    def __init__(self, lines: Iterable[str], label: str, expected: str) -> None:
-        self.label, self.expected, self.rows = label, expected, records(lines, label)
-        header = next(self.rows, None)
+    def __init__(self, lines: Iterable[str], label: str, expected: str, constants: Mapping[str, float] | None = None) -> None:
+        self.label, self.expected = label, expected
+        rows = records(lines, label)
+        header = next(rows, None)
         if header is None:
             raise self.empty()
-        self.header, self.names = header, [cell.strip() for cell in header.cells]
+        more = constants or {}
+        if there := next((name for name in more if name in map(str.strip, header.cells)), None):
+            raise DataError(f"{label}: already has a column {there}", "leave out `--set`, or remove the column")
+        self.header = header.with_cells([*more])
+        self.names = [cell.strip() for cell in self.header.cells]
+        self.rows = (row.with_cells(list(map(repr, more.values()))) for row in rows) if more else rows
 
     def empty(self) -> DataError:
         """Return what is told of a table without rows."""
@@ -176,19 +190,6 @@ def _number(cell: str) -> float:
     if "_" in cell:  # Python reads 1_5 as 15
         raise ValueError
     return float(cell) if cell else math.nan
-
-
-def with_constants(lines: Iterable[str], label: str, constants: Mapping[str, float]) -> Iterator[str]:
-    """Yield the lines of a table with columns that have one value in every row.
-
-    Raises DataError where the table has such a column already.
-    """
-    rows = records(lines, label)
-    for number, row in enumerate(rows):
-        if number == 0 and (there := [name for name in constants if name in [cell.strip() for cell in row.cells]]):
-            raise DataError(f"{label}: already has a column {there[0]}", "leave out `--set`, or remove the column")
-        more = ",".join(constants) if number == 0 else ",".join(map(repr, constants.values()))
-        yield f"{row.text},{more}{row.end}" if row.text.strip() else f"{row.text}{row.end}"
 
 
 EXAMPLE = "write it as pressure=0:600:25,strain=0:0.25:0.01 (first:last:step, or one value)"

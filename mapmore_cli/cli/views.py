@@ -1,25 +1,144 @@
-"""Views of what a run is made of: its data, their segments, what was fitted to these, and the model."""
+"""Results of a run as people and scripts see them: its folder, its files, what a stage found; each as a JSON document and as tables."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mapmore_cli.cli.console import View, picked
-from mapmore_cli.domain.models import Formula, Fusion, Memory, Part, Pieces, StateSpace, Sum
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.models import Formula, Memory, Pieces, StateSpace, Sum
+from mapmore_cli.domain.page import RUN_PAGE
 from mapmore_cli.reporting.memory_tables import identified_table, sections_table, sizes_table, states_table, substitutes_table
 from mapmore_cli.reporting.model_tables import rival_minima, terms_table
-from mapmore_cli.reporting.table import Cell, Column, Table
+from mapmore_cli.reporting.score_tables import curve_scores_table, score_table
+from mapmore_cli.reporting.table import Column, Table
 from mapmore_cli.reporting.tables import levels_table, recordings_table
+from mapmore_cli.storage import artefacts
+from mapmore_cli.storage.run_folder import RESULTS
+from mapmore_cli.storage.run_record import load_records, score_row, scores_in, stale_stages
 
 if TYPE_CHECKING:
-    from mapmore_cli.domain.fits import FormulaFit, Segment, SegmentedCurve, SegmentFit, Selection
+    from mapmore_cli.domain.fits import FormulaFit, SegmentedCurve, SegmentFit, Selection
     from mapmore_cli.domain.memory import MemoryFit, MemoryModel
-    from mapmore_cli.domain.models import CurveFunction, CurveRange, Model, SegmentFunction
-    from mapmore_cli.domain.motion import Motion, MotionFit
-    from mapmore_cli.domain.recording import Curve, Dataset
-    from mapmore_cli.domain.results import FitResult
+    from mapmore_cli.domain.models import CurveRange, Model, Part, SegmentFunction
+    from mapmore_cli.domain.motion import Motion
+    from mapmore_cli.domain.recording import Dataset
+    from mapmore_cli.domain.results import FitResult, Validation
+    from mapmore_cli.domain.scores import Published, ScoreTable
+
+# Folders and files --------------------------------------------------------------------------------------------------------------------
+
+
+def of_file(path: Path, warn: Callable[[str], None], unverified: bool) -> View:
+    """Return what a result file or a run folder holds; DataError where it is neither.
+
+    `warn` is told where nothing shows that a file is as it was written; one that is not is only read where it may be `unverified`.
+    """
+    if path.is_dir():
+        return _of_run(path)
+    if path.suffix == ".json":
+        return _of_json(path)
+    view = _of_hdf5(path, warn, unverified)
+    stage = next((stage for stage, name in RESULTS.items() if name == path.name), "")
+    stale = _stale(path.parent).get(stage)
+    return view if stale is None else replace(view, lines=(*view.lines, stale))
+
+
+def of_stage(stage: str, run_dir: Path) -> View:
+    """Return what a stage found."""
+    if stage in RESULTS:
+        return _of_hdf5(run_dir / RESULTS[stage])
+    files = tuple(str(path) for path in sorted((run_dir / RUN_PAGE).parent.rglob("*")) if path.is_file())
+    return View({"files": files}, lines=page_lines(run_dir) or files)
+
+
+def _of_run(run_dir: Path) -> View:
+    """Return what a run is made of: why each stage ran, and the scores."""
+    record = run_dir / "run.json"
+    if not record.is_file():
+        raise DataError(f"{run_dir}: is not a run folder (no run.json)", "name a folder that `mapmore run` wrote, as runs/NAME")
+    run, stale = _of_json(record), _stale(run_dir)
+    document = {**run.document, "stale": list(stale)}
+    if not (run_dir / RESULTS["validate"]).is_file():
+        return replace(run, document=document, lines=tuple(stale.values()))
+    scores = of_stage("validate", run_dir)
+    return View({**document, **scores.document}, (*run.tables, *scores.tables[:1]), (*stale.values(), *page_lines(run_dir)))
+
+
+def _stale(run_dir: Path) -> dict[str, str]:
+    """Stages of a run whose results are older than what they were made from, each with a line that says so."""
+    found = stale_stages(load_records(run_dir, lambda _message: None))
+    return {name: f"{name} is out of date: {before} was done again since; run the spec to renew it" for name, before in found.items()}
+
+
+def page_lines(run_dir: Path) -> tuple[str, ...]:
+    """Where the page is, for people; nothing where the spec asks for none."""
+    page = run_dir / RUN_PAGE
+    return (f"page: {page}",) if page.is_file() else ()
+
+
+def _of_hdf5(path: Path, warn: Callable[[str], None] = lambda _message: None, unverified: bool = False) -> View:
+    match artefacts.kind_of(path):
+        case "dataset":
+            return of_dataset(artefacts.read_dataset(path, warn, unverified))
+        case "segmentation":
+            return _of_segmentation(artefacts.read_segmentation(path, warn, unverified))
+        case "fit":
+            return _of_fit(artefacts.read_fit(path, warn, unverified))
+        case "model":
+            return _of_model(artefacts.read_model(path, warn, unverified))
+        case _:
+            return _of_validation(artefacts.read_validation(path, warn, unverified))
+
+
+def _of_json(path: Path) -> View:
+    """`scores.json` or `run.json`, as they are; the table has what fits on a screen."""
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as fault:
+        raise DataError(f"{path}: cannot be read ({fault})", "give a file that mapmore wrote") from fault
+    if isinstance(document, dict) and _are_stages(document.get("stages")):
+        rows = tuple((name, entry.get("seconds"), entry.get("why")) for name, entry in document["stages"].items())
+        columns = (Column("stage"), Column("took", "s", ".2f"), Column("why it ran"))
+        return View(document, (Table("stages", "Stages", columns, rows),))
+    try:
+        found = scores_in(document)
+    except (ValueError, TypeError, KeyError, AttributeError, OverflowError) as fault:
+        raise DataError(f"{path}: is neither a scores.json nor a run.json", "give a file that mapmore wrote") from fault
+    return View(document, of_scores(found).tables)
+
+
+def _are_stages(entries: Any) -> bool:
+    """Whether something is the stages of a `run.json`, as far as the table of stages takes from them."""
+    return isinstance(entries, dict) and all(
+        isinstance(entry, dict) and isinstance(entry.get("seconds"), float | int | None) and isinstance(entry.get("why"), str | None)
+        for entry in entries.values()
+    )
+
+
+# Scores -------------------------------------------------------------------------------------------------------------------------------
+
+
+def of_scores(table: ScoreTable, published: Published | None = None) -> View:
+    """Return the score rows of every curve in the document; the pooled ones in the table, beside what a publication reports."""
+    rows = [score_row(score) for score in table.scores]
+    return View({"scores": rows, "units": table.units}, (score_table(table.scores, table.units, published, table.failed),))
+
+
+def _of_validation(validation: Validation) -> View:
+    """Return the scores pooled and by curve, and the formulas that were fitted as competitors."""
+    pooled = of_scores(validation.table)
+    formulas = {name: asdict(formula) for name, formula in validation.formulas.items()}
+    unit = next(iter(validation.units.values()), "")
+    lines = [f"warning: {warning}" for warning in validation.warnings]
+    lines += [told for name, formula in validation.formulas.items() for told in rival_minima(name, formula, unit)]
+    tables = (*pooled.tables, curve_scores_table(validation.scores, validation.units))
+    return View({**pooled.document, "formulas": formulas, "warnings": validation.warnings}, tables, tuple(lines))
+
 
 # Data ---------------------------------------------------------------------------------------------------------------------------------
 
@@ -30,18 +149,21 @@ def of_dataset(dataset: Dataset) -> View:
         **picked(dataset, "target", "level"),
         "units": {name: quantity.unit for name, quantity in dataset.quantities.items()},
         "recordings": [picked(one, "id", "source", "rows_read", "rows_kept", "dropped") for one in dataset.recordings],
-        "curves": [_curve(curve) for curve in dataset.curves],
+        "curves": [
+            {
+                **picked(curve, "id", "level"),
+                "train": int(curve.training.sum()),
+                "validate": int(curve.held_out.sum()),
+                "recordings": curve.recordings,
+            }
+            for curve in dataset.curves
+        ],
         "notes": dataset.notes,
     }
     return View(document, (recordings_table(dataset), levels_table(dataset)), dataset.notes)
 
 
-def _curve(curve: Curve) -> dict[str, Any]:
-    held_out = int(curve.held_out.sum())
-    return {"id": curve.id, "level": curve.level, "train": curve.size - held_out, "validate": held_out, "recordings": curve.recordings}
-
-
-def of_segmentation(curves: Sequence[SegmentedCurve]) -> View:
+def _of_segmentation(curves: Sequence[SegmentedCurve]) -> View:
     """Where every segment lies, and how many samples it has."""
     document = {
         "curves": [
@@ -57,35 +179,36 @@ def of_segmentation(curves: Sequence[SegmentedCurve]) -> View:
     }
     variables = tuple(dict.fromkeys(name for curve in curves for name in curve.variables))
     columns = (Column("segment"), Column("samples"), *(Column(f"{name} {end}") for name in variables for end in ("from", "to")))
-    rows: tuple[tuple[Cell, ...], ...] = tuple(
-        (segment.id, len(segment.rows), *(end for name in variables for end in _ends(curve, segment).get(name, (None, None))))
-        for curve in curves
-        for segment in curve.segments
-    )
-    return View(document, (Table("segments", "Segments", columns, rows),))
-
-
-def _ends(curve: SegmentedCurve, segment: Segment) -> dict[str, tuple[float, float]]:
-    """From where to where a segment goes along each variable that its curve is cut along."""
-    cuts = zip(curve.variables, segment.cell, curve.boundaries, strict=True)
-    return {name: (float(locations[place - 1]), float(locations[place])) for name, place, locations in cuts}
+    rows = []
+    for curve in curves:
+        for segment in curve.segments:
+            cuts = zip(curve.variables, segment.cell, curve.boundaries, strict=True)
+            ends = {name: (float(locations[place - 1]), float(locations[place])) for name, place, locations in cuts}
+            rows.append((segment.id, len(segment.rows), *(end for name in variables for end in ends.get(name, (None, None)))))
+    return View(document, (Table("segments", "Segments", columns, tuple(rows)),))
 
 
 # Fits ---------------------------------------------------------------------------------------------------------------------------------
 
 
-def of_fit(result: FitResult) -> View:
+def _of_fit(result: FitResult) -> View:
     """Return the segments, or the model with memory, with their terms in the order of selection; theta is in scaled coordinates."""
+    motion = result.motion
+    searches = {} if motion is None else {"solver": motion.solver, "searches": [asdict(search) for search in motion.searches]}
     document = {
         "segments": [_segment(fit, fit.selection) for fit in result.pieces],
         "memory": _memory_fit(result.memory),
-        "motion": _motion_fit(result.motion),
+        "motion": None if motion is None else {**_motion(motion.model), **searches},
         "backbone": _formula(result.formula),
         "notes": result.notes,
     }
     tables = [terms_table(result)] if result.pieces else []
-    tables += _memory_fit_tables(result.memory) if result.memory is not None else ()
-    tables += [sections_table({"mapmore": result.motion}, "")] if result.motion is not None else []
+    if (fit := result.memory) is not None:
+        tables += [identified_table(fit)] if fit.identified is not None else []
+        tables += [substitutes_table(fit)] if len(fit.substitutes) else []
+        tables += [sizes_table(fit)] if fit.held_out is not None else []
+        tables += _memory_tables(fit.model)
+    tables += [sections_table({"mapmore": motion}, "")] if motion is not None else []
     return View(document, tuple(tables), (*_formula_lines(result.formula), *result.notes))
 
 
@@ -125,14 +248,6 @@ def _memory_fit(fit: MemoryFit | None) -> dict[str, Any] | None:
     }
 
 
-def _memory_fit_tables(fit: MemoryFit) -> tuple[Table, ...]:
-    """Return what else would have served, where a ridge tells; then the tables of the model."""
-    identified = (identified_table(fit),) if fit.identified is not None else ()
-    substitutes = (substitutes_table(fit),) if len(fit.substitutes) else ()
-    sizes = (sizes_table(fit),) if fit.held_out is not None else ()
-    return (*identified, *substitutes, *sizes, *_memory_tables(fit.model))
-
-
 def _memory_tables(memory: MemoryModel) -> tuple[Table, ...]:
     """Coefficients with standard errors, and the numbers behind the states where there are any."""
     columns = (Column("term"), Column("coefficient", "", "#.6g"), Column("standard error", "", ".3g"))
@@ -162,11 +277,6 @@ def _motion(motion: Motion) -> dict[str, Any]:
     return {**asdict(motion), "sections": sections}
 
 
-def _motion_fit(fit: MotionFit | None) -> dict[str, Any] | None:
-    """Return the same, with how its sections were found."""
-    return None if fit is None else {**_motion(fit.model), "solver": fit.solver, "searches": [asdict(search) for search in fit.searches]}
-
-
 def _motion_line(motion: Motion) -> str:
     """How the model is run."""
     ways = {
@@ -182,7 +292,7 @@ def _motion_line(motion: Motion) -> str:
 # Models -------------------------------------------------------------------------------------------------------------------------------
 
 
-def of_model(model: Model) -> View:
+def _of_model(model: Model) -> View:
     """Return the inputs, what the kind has to show, and the equations; weights, limits and equations are in physical units."""
     from mapmore_cli.modelling.kinds import equations
 
@@ -217,7 +327,7 @@ def _shown(model: Model) -> View:
                 "weights": _weights(body),
                 "limits": _limits(body.ranges),
             }
-            lines = (_fusion_line(body.fusion),)
+            lines = (_fusion_line(body),)
         case Formula() as body:
             document = {"level": body.level, "formula": _formula(body.fit), "limits": _limits(body.ranges)}
             lines = _formula_lines(body.fit)
@@ -247,26 +357,26 @@ def _limits(ranges: tuple[CurveRange, ...]) -> dict[str, Any]:
 
 
 def _weights(pieces: Pieces) -> dict[str, Any]:
+    """How pieces are joined, with the transition zone, start and end, at each inner boundary of every curve (M2 eq 10-11)."""
+    from mapmore_cli.modelling.pieces.definition import zones
+
+    curves = []
+    for curve in pieces.curves:
+        boundaries = dict(zip(pieces.variables, curve.boundaries, strict=True))
+        at = {name: [list(zone) for zone in zip(*zones(ends, pieces.fusion.z_s), strict=True)] for name, ends in boundaries.items()}
+        curves.append({"id": curve.curve, "level": curve.level, "boundaries": boundaries, "zones": at})
     return {
         **picked(pieces.fusion, "transition", "z_s", "extrapolation"),
         "levels": [curve.level for curve in pieces.curves if curve.level is not None],
         **picked(pieces.fusion, "between_levels=levels", "aligned"),
         "thresholds": {curve.curve: curve.threshold for curve in pieces.curves if curve.threshold is not None},
         "shrink": pieces.fusion.shrink,
-        "curves": [_curve_weights(pieces, curve) for curve in pieces.curves],
+        "curves": curves,
     }
 
 
-def _curve_weights(pieces: Pieces, curve: CurveFunction) -> dict[str, Any]:
-    """Boundaries of the segments, and start and end of the transition zone at each inner one (M2 eq 10-11)."""
-    from mapmore_cli.modelling.pieces.definition import zones
-
-    boundaries = dict(zip(pieces.variables, curve.boundaries, strict=True))
-    at = {name: [list(zone) for zone in zip(*zones(ends, pieces.fusion.z_s), strict=True)] for name, ends in boundaries.items()}
-    return {"id": curve.curve, "level": curve.level, "boundaries": boundaries, "zones": at}
-
-
-def _fusion_line(fusion: Fusion) -> str:
+def _fusion_line(pieces: Pieces) -> str:
+    fusion = pieces.fusion
     sides = "; ".join(f"{name}: {below} below, {above} above" for name, (below, above) in fusion.extrapolation.items())
     between = fusion.levels + (f", aligned at the threshold along {fusion.aligned}" if fusion.aligned else "")
     carried = f", {fusion.shrink:.0%} of the residual midway" if fusion.shrink < 1 else ""

@@ -1,4 +1,4 @@
-"""Views of scores, of what was compared or tried, and of what `mapmore check` and `mapmore plan` found."""
+"""Views of what was compared or tried, and of what `mapmore check` and `mapmore plan` found."""
 
 from __future__ import annotations
 
@@ -8,37 +8,18 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from mapmore_cli.cli.console import View, picked
-from mapmore_cli.cli.views.models import of_dataset
+from mapmore_cli.cli.views import of_dataset
 from mapmore_cli.domain.errors import MapmoreError
-from mapmore_cli.domain.results import Plan, Search, Validation
-from mapmore_cli.domain.scores import Published, ScoreTable, Trial, Tuning
-from mapmore_cli.reporting.model_tables import rival_minima
-from mapmore_cli.reporting.score_tables import changes_table, curve_scores_table, drift_table, score_table, search_table
+from mapmore_cli.domain.results import Plan, Search
+from mapmore_cli.domain.scores import Tuning
+from mapmore_cli.reporting.score_tables import changes_table, drift_table, search_table
 from mapmore_cli.reporting.table import Cell, Column, Table
 from mapmore_cli.spec.layers import as_overrides
-from mapmore_cli.storage.run_record import score_row
 
 if TYPE_CHECKING:
     from mapmore_cli.modelling.validation.comparison import Comparison
     from mapmore_cli.study.inspection.lint import Inspection
     from mapmore_cli.study.inspection.subject import Issue
-
-
-def of_scores(table: ScoreTable, published: Published | None = None) -> View:
-    """Return the score rows of every curve in the document; the pooled ones in the table, beside what a publication reports."""
-    rows = [score_row(score) for score in table.scores]
-    return View({"scores": rows, "units": table.units}, (score_table(table.scores, table.units, published, table.failed),))
-
-
-def of_validation(validation: Validation) -> View:
-    """Return the scores pooled and by curve, and the formulas that were fitted as competitors."""
-    pooled = of_scores(validation.table)
-    formulas = {name: asdict(formula) for name, formula in validation.formulas.items()}
-    unit = next(iter(validation.units.values()), "")
-    lines = tuple(told for name, formula in validation.formulas.items() for told in rival_minima(name, formula, unit))
-    tables = (*pooled.tables, curve_scores_table(validation.scores, validation.units))
-    loud = tuple(f"warning: {warning}" for warning in validation.warnings)
-    return View({**pooled.document, "formulas": formulas, "warnings": validation.warnings}, tables, (*loud, *lines))
 
 
 ONE_CURVE = 2 / 3
@@ -100,7 +81,11 @@ def of_tuning(tuning: Tuning) -> View:
     document = {**picked(tuning, "name", "left_out", "full_scale"), "trials": trials, "best": best, "chosen": chosen}
     words = "the best itself" if tuning.chosen is tuning.best else "within one standard error of the best"
     use = " ".join(f"--set {shlex.quote(setting)}" for setting in as_overrides(chosen))
-    failed = [f"failed: {_words(trial)}: {trial.failure}" for trial in tuning.trials if trial.failure]
+    failed = [
+        f"failed: {', '.join(f'{key}={_cell(value)}' for key, value in one.settings.items())}: {one.failure}"
+        for one in tuning.trials
+        if one.failure
+    ]
     lines = (*failed, f"simplest ({words}): {use}")
     return View({**document, "set": as_overrides(chosen)}, (_tuning_table(tuning),), lines)
 
@@ -112,7 +97,8 @@ def _tuning_table(tuning: Tuning) -> Table:
     for trial in tuning.trials:
         settings = (_cell(trial.settings[key]) for key in keys)
         found = (100 * trial.error, 100 * trial.excess, 100 * trial.spread)
-        rows.append((*settings, trial.parameters or None, *found, _mark(trial, tuning)))
+        marks = [word for word, one in (("best", tuning.best), ("simplest", tuning.chosen)) if one is trial]
+        rows.append((*settings, trial.parameters or None, *found, "failed" if trial.failure else ", ".join(marks)))
     notes = (
         f"Left out in turn: {tuning.left_out}. NRMSE: mean over the folds of RMSE / FS, FS = {tuning.full_scale}.",
         "Simplest: the fewest parameters of those that err above the best by no more than the standard error of that difference.",
@@ -120,15 +106,6 @@ def _tuning_table(tuning: Tuning) -> Table:
     )
     columns = (*map(Column, keys), Column("parameters"), *errors, Column(""))
     return Table("tuning", f"Settings of {tuning.name}, tried on training data", columns, tuple(rows), notes)
-
-
-def _mark(trial: Trial, tuning: Tuning) -> str:
-    marks = [word for word, one in (("best", tuning.best), ("simplest", tuning.chosen)) if one is trial]
-    return "failed" if trial.failure else ", ".join(marks)
-
-
-def _words(trial: Trial) -> str:
-    return ", ".join(f"{key}={_cell(value)}" for key, value in trial.settings.items())
 
 
 def _cell(value: Any) -> Cell:

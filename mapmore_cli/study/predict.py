@@ -12,7 +12,6 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray
 from mapmore_cli.domain.errors import DataError, UsageError
 from mapmore_cli.domain.models import Formula, Model
-from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling.inverse import LOWEST, invert, solve_for_input
 from mapmore_cli.modelling.kinds import outside_range, runs_over_time, simulate
 from mapmore_cli.modelling.literature.family import adapted, family_of
@@ -21,7 +20,7 @@ from mapmore_cli.modelling.memory.records import AtSample, numbered
 from mapmore_cli.modelling.program.model import slopes
 from mapmore_cli.modelling.signals.rates import with_signals
 from mapmore_cli.modelling.validation.intervals import checked, ends, half_widths_of, refusal
-from mapmore_cli.study.prediction.records import Reading, Row, Sheet, reading_of, recordings, stretches
+from mapmore_cli.study.records import Reading, Row, Sheet, reading_of, recordings, stretches
 
 CHUNK = 20_000
 """Rows in memory at a time, where rows know nothing of each other."""
@@ -38,14 +37,15 @@ class Extra:
 
     def names(self, model: Model) -> tuple[str, ...]:
         """Return the columns."""
-        ends_of = () if self.level is None else (f"{model.output.name}_low", f"{model.output.name}_high")
-        return (*ends_of, *(f"{model.output.name}_by_{quantity.name}" for quantity in model.inputs if self.derivatives))
+        of_level = () if self.level is None else (f"{model.output.name}_low", f"{model.output.name}_high")
+        return (*of_level, *(f"{model.output.name}_by_{quantity.name}" for quantity in model.inputs if self.derivatives))
 
-    def of(self, model: Model, inputs: Columns, predicted: Array, outside: BoolArray) -> Array:
-        """Their numbers, (n, m)."""
-        columns = [] if self.level is None else [*ends(predicted, outside, half_widths_of(model, inputs, self.level))]
-        columns += [*slopes(model, inputs).values()] if self.derivatives else []
-        return np.stack(columns, axis=1) if columns else np.empty((len(predicted), 0))
+    def of(self, model: Model, inputs: Columns, predicted: Array, outside: BoolArray) -> Iterator[Array]:
+        """Yield their numbers, (n,) each."""
+        if self.level is not None:
+            yield from ends(predicted, outside, half_widths_of(model, inputs, self.level))
+        if self.derivatives:
+            yield from slopes(model, inputs).values()
 
 
 def predicted_lines(
@@ -57,6 +57,7 @@ def predicted_lines(
     derivatives: bool = False,
     interval: float | None = None,
     turned_for: str | None = None,
+    constants: Mapping[str, float] | None = None,
 ) -> Iterator[str]:
     """Yield the lines of a CSV table with `<output>_predicted` and `outside_range` added to each.
 
@@ -68,6 +69,7 @@ def predicted_lines(
       the column is `<input>_predicted`, and rows without a solution in the training range are outside of it.
     - `interval`: as 0.95, adds `<output>_low` and `<output>_high`, empty outside of the training range.
     - `derivatives`: adds one column for every input, `<output>_by_<input>`.
+    - `constants`: adds inputs that are the same in every row.
 
     Rates and directions that the table lacks follow from its `time`, recording by recording: one ends where the column `recording`
     changes or time is set back, and after a gap all starts anew. A model with memory runs along each recording in the same way, from the
@@ -81,7 +83,7 @@ def predicted_lines(
     if interval is not None and (why := refusal(checked(model, interval))) is not None:
         warn(f"{model.name}: {why}")
     extra = Extra(interval, derivatives)
-    table = Sheet(lines, label, _named(model))
+    table = Sheet(lines, label, _named(model), constants)
     reading = reading_of(model, table.names) if turned_for is None else _reading_turned(model, turned_for)
     added = (f"{turned_for or model.output.name}_predicted", FLAG, *extra.names(model))
     places = table.places(dict.fromkeys((*reading.columns, *reading.outputs)), added)
@@ -123,7 +125,7 @@ def inverted_lines(model: Model, lines: Iterable[str], label: str, name: str, ru
         inverse = invert(model, given.pop(model.output.name), given, name, rule)
         solutions = np.split(inverse.values, np.searchsorted(inverse.rows, np.arange(1, len(known))))
         for place, picked, every, status in zip(known.tolist(), inverse.picked, solutions, inverse.status, strict=True):
-            cells[place] = f"{'' if np.isnan(picked) else format(picked, '.12g')},{' '.join(format(x, '.12g') for x in every)},{status}"
+            cells[place] = ",".join([_digits(picked), " ".join(map(_digits, every)), status])
     yield from table.extended([table.header, *block], [",".join(added), *cells])
 
 
@@ -150,54 +152,49 @@ def _named(model: Model) -> str:
 
 def _added_cells(
     model: Model, reading: Reading, columns: dict[str, Array], block: Sequence[Row], label: str, extra: Extra
-) -> tuple[list[str], tuple[int, ...]]:
+) -> tuple[list[str], list[int]]:
     """Return the new fields of every row of a block, and the rows at which a free run diverges."""
     known = np.flatnonzero(np.logical_and.reduce([np.isfinite(columns[name]) for name in reading.columns]))
     added = ["," + "," * len(extra.names(model))] * len(block)
     if not len(known):
-        return added, ()
+        return added, []
     try:
-        run, outside, more = _evaluated(model, reading, {name: x[known] for name, x in columns.items()}, known, extra)
+        numbers, outside, diverged = _evaluated(model, reading, {name: x[known] for name, x in columns.items()}, known, extra)
     except AtSample as error:
         raise DataError(f"{label}:row {block[error.sample].line}: {error.fault}", error.remedy) from error
-    for i, value, flag, own in zip(known, run.values, outside, more, strict=True):
-        added[i] = ",".join([_digits(value), "true" if flag else "false", *map(_digits, own)])
-    return added, run.diverged
+    for i, flag, (value, *more) in zip(known, outside, numbers, strict=True):
+        added[i] = ",".join([_digits(value), "true" if flag else "false", *map(_digits, more)])
+    return added, diverged
 
 
 def _digits(value: float) -> str:
     return format(value, ".12g") if math.isfinite(value) else ""
 
 
-def _evaluated(model: Model, reading: Reading, columns: dict[str, Array], rows: IntArray, extra: Extra) -> tuple[Run, BoolArray, Array]:
-    """Predictions and flags of complete rows, (n,) each, and what else is wanted, (n, m).
+def _evaluated(
+    model: Model, reading: Reading, columns: dict[str, Array], rows: IntArray, extra: Extra
+) -> tuple[Array, BoolArray, list[int]]:
+    """Return prediction and what else is wanted of complete rows, (n, m), their flags, (n,), and the rows at which a free run diverges.
 
-    Those of a recording go stretch by stretch where signals follow from others.
-
-    `rows` are the numbers by which rows are told where a run diverges, or in a mistake.
+    Those of a recording go stretch by stretch where signals follow from others. `rows` are the numbers by which rows are told.
     """
     if reading.turned_for is not None:
-        found_input = solve_for_input(model, columns, reading.turned_for)
-        outside = outside_range(model, {**columns, reading.turned_for: found_input.values}) | ~found_input.solved
-        return Run(found_input.values), outside, np.empty((len(rows), 0))
-    found, flags, diverged, more = [], [], list[int](), []
-    width = len(extra.names(model))
+        found = solve_for_input(model, columns, reading.turned_for)
+        outside = outside_range(model, {**columns, reading.turned_for: found.values}) | ~found.solved
+        return found.values[:, None], outside, []
+    numbers = np.full((len(rows), 1 + len(extra.names(model))), np.nan)
+    outside, diverged = np.zeros(len(rows), dtype=bool), list[int]()
     for part in stretches(columns["time"]) if reading.signals else [slice(None)]:
-        stretch = {name: x[part] for name, x in columns.items()}
         try:
-            inputs = with_signals(reading.signals, stretch)
+            inputs = with_signals(reading.signals, {name: x[part] for name, x in columns.items()})
         except DataError:  # too few samples for the window of a rate
-            found.append(np.full(len(stretch["time"]), np.nan))
-            flags.append(np.zeros(len(stretch["time"]), dtype=bool))
-            more.append(np.full((len(stretch["time"]), width), np.nan))
             continue
         with np.errstate(all="ignore"), numbered(rows[part]):  # far outside of the range a term may overflow; the flag says so
             run = simulate(model, inputs)
-            found.append(run.values)
-            flags.append(outside_range(model, inputs))
-            more.append(extra.of(model, inputs, run.values, flags[-1]))
+            outside[part] = outside_range(model, inputs)
+            numbers[part] = np.column_stack([run.values, *extra.of(model, inputs, run.values, outside[part])])
         diverged += rows[part][list(run.diverged)].tolist()
-    return Run(np.concatenate(found), tuple(diverged)), np.concatenate(flags), np.concatenate(more)
+    return numbers, outside, diverged
 
 
 def adapt(model: Model, lines: Iterable[str] | None, label: str, constants: Mapping[str, float]) -> Model:
@@ -229,12 +226,12 @@ def adapt(model: Model, lines: Iterable[str] | None, label: str, constants: Mapp
     fit = adapted(model.body.fit, columns, target, constants[of])
     ranges = tuple(replace(one, limits={name: ends for name, ends in one.limits.items() if name != of}) for one in model.body.ranges)
     inputs = tuple(quantity for quantity in model.inputs if quantity.name != of)
-    notes = fit.notes
+    notes = [*fit.notes]
     if not low <= constants[of] <= high:
-        notes = (*notes, f"{of} {constants[of]:g} lies outside of the family's {low:g} to {high:g}")
+        notes.append(f"{of} {constants[of]:g} lies outside of the family's {low:g} to {high:g}")
     if model.left_out is not None:
-        notes = (*notes, f"its intervals are those of the family, by {model.left_out.curves} specimens, whatever was measured of this one")
-    return replace(model, inputs=inputs, body=replace(model.body, fit=fit, ranges=ranges), notes=notes)
+        notes.append(f"its intervals are those of the family, by {model.left_out.curves} specimens, whatever was measured of this one")
+    return replace(model, inputs=inputs, body=replace(model.body, fit=fit, ranges=ranges), notes=tuple(notes))
 
 
 def dimension_of(model: Model) -> str:

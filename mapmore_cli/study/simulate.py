@@ -162,7 +162,11 @@ def simulate(spec: SimulationSpec, folder: Path, progress: Progress, force: bool
 
     Raises `WriteError` where a file cannot be written, or exists and is not to be replaced by `force`; files are replaced whole.
     """
-    causes = causes_of(spec)
+    experiment = spec.experiment
+    if isinstance(experiment, Waveforms):
+        causes: list[Cause] = [*experiment.waveforms]
+    else:
+        causes = [*(experiment.recordings if isinstance(experiment, Antagonists) else experiment.pressures)]
     paths = [folder / f"{spec.output}_{label(cause)}.csv" for cause in causes]
     standing = [path for path in paths if path.is_file()]
     if standing and not force:
@@ -175,14 +179,6 @@ def simulate(spec: SimulationSpec, folder: Path, progress: Progress, force: bool
     return paths
 
 
-def causes_of(spec: SimulationSpec) -> list[Cause]:
-    """Return one cause for each recording."""
-    experiment = spec.experiment
-    if isinstance(experiment, Waveforms):
-        return [*experiment.waveforms]
-    return [*(experiment.recordings if isinstance(experiment, Antagonists) else experiment.pressures)]
-
-
 def label(cause: Cause) -> str:
     """Name of a recording within its file's name."""
     if isinstance(cause, WaveformSpec):
@@ -193,15 +189,12 @@ def label(cause: Cause) -> str:
 def recording(spec: SimulationSpec, cause: Cause) -> Columns:
     """Return readings, each `(n,)`, by the names and in the units of `HEADER`: those that the experiment measures."""
     rng = recording_generator(spec.seed, f"pressure={cause:g}" if isinstance(cause, float) else f"waveform={label(cause)}")
-    repeats = spec.experiment.repeats if isinstance(spec.experiment, ContractionTable) else 1
-    read = [_readings(spec, cause, rng) for _ in range(repeats)]
-    return {name: np.mean([one[name] for one in read], axis=0) for name in read[0]} if repeats > 1 else read[0]
-
-
-def _readings(spec: SimulationSpec, cause: Cause, rng: np.random.Generator) -> Columns:
-    in_units = {name: values / UNITS.get(quantity(name), 1.0) for name, values in truth(spec, cause, rng).items()}
     seen = {name: Sensor(sensor.noise, sensor.resolution) for name, sensor in sensors(spec).items()}
-    return measure(in_units, {name: seen[quantity(name)] for name in in_units if quantity(name) in seen}, rng)
+    read: list[Columns] = []
+    for _ in range(spec.experiment.repeats if isinstance(spec.experiment, ContractionTable) else 1):
+        in_units = {name: values / UNITS.get(quantity(name), 1.0) for name, values in truth(spec, cause, rng).items()}
+        read.append(measure(in_units, {name: seen[quantity(name)] for name in in_units if quantity(name) in seen}, rng))
+    return {name: np.mean([one[name] for one in read], axis=0) for name in read[0]} if len(read) > 1 else read[0]
 
 
 def quantity(name: str) -> str:
@@ -275,6 +268,6 @@ def write_example(folder: Path, progress: Progress) -> list[Path]:
     with refusals_told(folder):
         folder.mkdir(parents=True, exist_ok=True)
         for name in ("rig.yaml", "study.yaml"):
-            write_text(folder / name, files("mapmore_cli.study.simulation").joinpath("example_study", name).read_text(encoding="utf-8"))
+            write_text(folder / name, files("mapmore_cli.study").joinpath("example_study", name).read_text(encoding="utf-8"))
     recordings = simulate(load_as(folder / "rig.yaml", SimulationSpec, ()).spec, folder, progress)
     return [folder / "study.yaml", folder / "rig.yaml", *recordings]

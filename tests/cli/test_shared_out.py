@@ -105,7 +105,7 @@ print(shared_out(work, items, processes=4) == [item + 1 for item in items], len(
         pytest.param(UNDELIVERED.format(end="return lambda: item"), "True 0", id="a result cannot be sent"),
     ],
 )
-def test_whatever_happens_to_the_copies(script: str, printed: str) -> None:
+def test_whatever_happens_to_the_copies(script, printed):
     """What a copy does not deliver is done by the process itself."""
     assert python(script) == printed
 

@@ -1,4 +1,4 @@
-"""Published tables and sentences beside numbers of our runs, and verdicts by declared rules.
+"""Published tables and sentences beside numbers of our runs, verdicts by declared rules, and the page over papers.
 
 Values, sizes, orders, bounds, words and sentences are counted apart, and each says how closely it agrees.
 """
@@ -7,23 +7,25 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 
 import numpy as np
 from scipy.stats import kendalltau
 
-from mapmore_cli.domain.errors import DataError, SpecError
+from mapmore_cli import __version__
+from mapmore_cli.domain.errors import DataError, MapmoreError, SpecError, told
 from mapmore_cli.domain.scores import Score
 from mapmore_cli.modelling.expressions import ExpressionError, evaluate, parse
 from mapmore_cli.modelling.motion.simulation import last_wavelength
-from mapmore_cli.pipeline.report import collected, published_table, reads
+from mapmore_cli.pipeline.report import collected, drawn_figure, published_table, reads
 from mapmore_cli.pipeline.runner import bring_up_to_date
+from mapmore_cli.reporting.html import environment
 from mapmore_cli.reporting.table import Cell, Column, Table
 from mapmore_cli.reporting.tables import all_tables
 from mapmore_cli.spec.loader import load
-from mapmore_cli.spec.paper import Comparison, Number, Ours, Sentence, Side, Verdict
+from mapmore_cli.spec.paper import Comparison, Item, LoadedPaper, Number, Ours, Sentence, Side, Verdict
 from mapmore_cli.storage.run_folder import RunFiles
 
 Row = Mapping[str, Cell]
@@ -155,18 +157,19 @@ def _paired(ours: Ours, printed: Sequence[Mapping[str, str]], runs: Runs) -> lis
         taken[key] = turn + 1
         if turn >= len(rows):
             raise SpecError(f"table {ours.table!r}: {len(rows)} rows of ours for the printed row {', '.join(row.values())}", "mend `rows`")
-        found.append(_total(rows) if ours.total else rows[turn])
+        numbers = [name for name, cell in rows[0].items() if isinstance(cell, int | float)]
+        found.append({name: sum(_float(one[name]) for one in rows) for name in numbers} if ours.total else rows[turn])
     return found
-
-
-def _total(rows: Sequence[Row]) -> Row:
-    numbers = [name for name, cell in rows[0].items() if isinstance(cell, int | float)]
-    return {name: sum(_float(row[name]) for row in rows) for name in numbers}
 
 
 def _value(text: str, row: Mapping[str, Cell] | Mapping[str, str]) -> Cell:
     """Return a column of a row, a number where it is one, or the value of an expression of its columns; SpecError where it is neither."""
-    cells = {name: _number(cell) for name, cell in row.items()}
+    cells: dict[str, Cell] = {}
+    for name, cell in row.items():
+        try:
+            cells[name] = (float(cell) if cell else None) if isinstance(cell, str) else cell
+        except ValueError:
+            cells[name] = cell
     if text in cells:
         return cells[text]
     numbers = {name: np.array([float(cell)]) for name, cell in cells.items() if isinstance(cell, int | float)}
@@ -174,15 +177,6 @@ def _value(text: str, row: Mapping[str, Cell] | Mapping[str, str]) -> Cell:
         return float(evaluate(parse(text), numbers, 1)[0])
     except (ExpressionError, KeyError, DataError, ValueError) as fault:
         raise SpecError(f"{text!r}: {fault}", f"there are {', '.join(row)}") from fault
-
-
-def _number(cell: Cell) -> Cell:
-    if not isinstance(cell, str):
-        return cell
-    try:
-        return float(cell) if cell else None
-    except ValueError:
-        return cell
 
 
 def _ordered(
@@ -211,22 +205,21 @@ def _float(cell: Cell) -> float:
 
 def sentences(said: Sequence[Sentence], runs: Runs) -> tuple[Table, list[Compared]]:
     """Return sentences of the paper beside the numbers that speak to them."""
+
+    def number(side: Side) -> float:
+        rows = runs.rows(side.ours, {})
+        if len(rows) != 1:
+            raise SpecError(f"{side.value!r}: {len(rows)} rows of ours", "mend `ours.rows`")
+        return _float(_value(side.value, rows[0]))
+
     rows, found = list[tuple[Cell, ...]](), list[Compared]()
     for one in said:
-        left = _side(one.left, runs)
-        right = _side(one.right, runs) if isinstance(one.right, Side) else one.right
+        left, right = number(one.left), number(one.right) if isinstance(one.right, Side) else one.right
         holds = left < right if one.relation == "<" else left > right
         found.append(Compared("sentence", "sentences", holds))
         rows.append((one.says, f"{left:.4g} {one.relation} {right:.4g}", WORD[holds]))
     heads = (Column("in the paper"), Column("here it would be"), Column("verdict"))
     return Table("sentences", "What the text says", heads, tuple(rows)), found
-
-
-def _side(side: Side, runs: Runs) -> float:
-    rows = runs.rows(side.ours, {})
-    if len(rows) != 1:
-        raise SpecError(f"{side.value!r}: {len(rows)} rows of ours", "mend `ours.rows`")
-    return _float(_value(side.value, rows[0]))
 
 
 @dataclass
@@ -253,17 +246,12 @@ class Runs:
         if ours.table not in found:
             raise SpecError(f"{path.name}: its run has no table {ours.table!r}", f"there are {', '.join(found)}")
         table = found[ours.table]
-        names = [_identifier(column.name) for column in table.columns]
+        names = [re.sub(r"[^A-Za-z0-9]+", "_", column.name).strip("_") for column in table.columns]  # as expressions write them
         if unknown := sorted(set(ours.rows) - set(names)):
             raise SpecError(f"{path.name}: table {ours.table!r} has no column {unknown[0]!r}", f"there are {', '.join(names)}")
         wanted = {name: _filled(text, printed) for name, text in ours.rows.items()}
         rows = [dict(zip(names, row, strict=True)) for row in table.rows]
         return [row for row in rows if all(str(row[name]) == text for name, text in wanted.items())]
-
-
-def _identifier(name: str) -> str:
-    """Return the name of a column as expressions write it: `max error` is `max_error`."""
-    return re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_")
 
 
 def _filled(text: str, printed: Mapping[str, str]) -> str:
@@ -274,15 +262,12 @@ def _filled(text: str, printed: Mapping[str, str]) -> str:
 
 
 def _tables(run_dir: Path) -> dict[str, Table]:
+    """Return the tables of a run's page; `scores` has every row, under the names that the specs have, and `curves` what was measured."""
     shown = all_tables(collected(reads(load(run_dir / "experiment.yaml").spec), run_dir))
-    return {**{table.name: table for table in shown}, "scores": _scores(run_dir), "curves": _curves(run_dir)}
-
-
-def _scores(run_dir: Path) -> Table:
-    """Every row of the scores, with `rmse` and the other metrics under the names that the specs have."""
     names = [one.name for one in fields(Score)]
     rows = tuple(tuple(getattr(row, name) for name in names) for row in RunFiles(run_dir).scores().scores)
-    return Table("scores", "Scores", tuple(map(Column, names)), rows)
+    scores = Table("scores", "Scores", tuple(map(Column, names)), rows)
+    return {**{table.name: table for table in shown}, "scores": scores, "curves": _curves(run_dir)}
 
 
 def _curves(run_dir: Path) -> Table:
@@ -298,3 +283,124 @@ def _curves(run_dir: Path) -> Table:
             numbers = (float(last.min()), float(last.max()), float(last.mean()), step * (len(values) - 1), wave)
             rows.append((curve.id, name, *numbers, numbers[3] // wave if wave > 0 else float("nan")))
     return Table("curves", "Curves", tuple(map(Column, names)), tuple(rows))
+
+
+# The page -----------------------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A figure of ours, and what it shows."""
+
+    svg: str
+    caption: str
+
+
+@dataclass
+class Result:
+    """An item with what was compared; `failed` says why where its runs did not end."""
+
+    item: Item
+    tables: list[Table] = field(default_factory=list)
+    compared: list[Compared] = field(default_factory=list)
+    figures: list[Shown] = field(default_factory=list)
+    failed: str = ""
+
+    @property
+    def verdicts(self) -> tuple[str, ...]:
+        """What was compared, how many agree and how closely, a line for each."""
+        return summary(self.compared)
+
+    @property
+    def differs(self) -> bool:
+        """True where something compared does not agree."""
+        return not all(one.holds for one in self.compared)
+
+    @property
+    def anchor(self) -> str:
+        """The item's place on the page."""
+        return self.item.id.replace(" ", "-").replace(",", "")
+
+
+@dataclass(frozen=True)
+class PaperResult:
+    """A paper with the results of its items."""
+
+    loaded: LoadedPaper
+    results: tuple[Result, ...]
+
+    @property
+    def compared(self) -> tuple[Compared, ...]:
+        """All comparisons of the paper."""
+        return tuple(one for result in self.results for one in result.compared)
+
+
+def compare_paper(loaded: LoadedPaper, runs: Path, tell: Callable[[str], None]) -> tuple[PaperResult, int]:
+    """Bring the runs of a paper up to date and compare each item; return the result and the highest exit code of those that failed."""
+    of = Runs(runs, loaded.folder)
+    found, code = [], 0
+    for item in loaded.spec.items:
+        try:
+            found.append(_result(item, loaded, of, tell))
+        except (MapmoreError, OSError) as fault:
+            code = max(code, fault.exit_code if isinstance(fault, MapmoreError) else 4)
+            tell(f"{loaded.spec.paper}, {item.id}: {told(fault)}")
+            found.append(Result(item, failed=told(fault)))
+    return PaperResult(loaded, tuple(found)), code
+
+
+def _result(item: Item, loaded: LoadedPaper, runs: Runs, tell: Callable[[str], None]) -> Result:
+    found = Result(item)
+    for one in item.compare:
+        tables, verdicts = beside(one, loaded.folder / loaded.spec.tables, runs)
+        found.tables += tables
+        found.compared += verdicts
+    if item.sentences:
+        table, verdicts = sentences(item.sentences, runs)
+        found.tables.append(table)
+        found.compared += verdicts
+    for drawn in item.figures:
+        svg = drawn_figure(runs.run_dir(drawn.run), drawn.figure, drawn.panel, "svg", tell)[0].decode()
+        found.figures.append(Shown(svg[svg.index("<svg") :], drawn.caption))
+    return found
+
+
+def overview(papers: Sequence[PaperResult]) -> Table:
+    """Tabulate what was compared in each paper, kinds apart: agreeing of compared."""
+    rows = []
+    for paper in papers:
+        found = counts(paper.compared)
+        cells = (f"{found[kind][0]} of {found[kind][1]}" if kind in found else None for kind in KINDS)
+        status = [result.item.status for result in paper.results]
+        rows.append((paper.loaded.spec.paper, len(status), status.count("absent"), *cells))
+    columns = (Column("paper"), Column("items"), Column("absent"), *(Column(f"{kind}s that agree") for kind in KINDS))
+    note = "A size agrees within a factor, a value within a distance, an order where all ranks are the same: they are not added up."
+    return Table("papers", "What was compared", columns, tuple(rows), (note,))
+
+
+def _items_table(paper: PaperResult) -> Table:
+    """Every equation, table and figure of a paper: where it is here, its status, and what came out."""
+    name = paper.loaded.spec.paper
+    rows = tuple(
+        (one.item.id, one.item.title, one.item.status, ", ".join(one.item.place), one.failed or "; ".join(one.verdicts) or None)
+        for one in paper.results
+    )
+    heads = (Column("item"), Column("what"), Column("status"), Column("place"), Column("compared"))
+    return Table(f"items_{name}", f"{name}: every equation, table and figure", heads, rows)
+
+
+def verdicts_table(papers: Sequence[PaperResult]) -> Table:
+    """Tabulate what was compared in each item, and how closely it agrees; a row for each kind and quantity."""
+    rows = tuple(
+        (paper.loaded.spec.paper, result.item.id, line)
+        for paper in papers
+        for result in paper.results
+        for line in ((f"failed: {result.failed.splitlines()[0]}",) if result.failed else result.verdicts)
+    )
+    return Table("verdicts", "How closely", (Column("paper"), Column("item"), Column("what agrees")), rows)
+
+
+def page(papers: Sequence[PaperResult]) -> str:
+    """Return the page as HTML, one file that loads nothing."""
+    template = environment().get_template("paper.html")
+    return template.render(version=__version__, overview=overview(papers), papers=[(paper, _items_table(paper)) for paper in papers])
