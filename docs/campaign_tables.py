@@ -27,7 +27,7 @@ from mapmore_cli.rig.sensors import Sensor, measure
 from mapmore_cli.spec.loader import load, load_as
 from mapmore_cli.spec.simulation import SimulationSpec
 from mapmore_cli.storage.artefacts import read_model
-from mapmore_cli.study.simulation.simulate import KPA, hysteresis_of, load_cycle_of, muscle_of
+from mapmore_cli.study.simulate import KPA, hysteresis_of, load_cycle_of, muscle_of
 
 DOCS = Path(__file__).parent
 ROOT = DOCS.parent

@@ -19,7 +19,7 @@ from mapmore_cli.reporting.table import Cell, Column, Table
 from mapmore_cli.spec.loader import load
 from mapmore_cli.spec.simulation import SimulationSpec
 from mapmore_cli.storage.artefacts import read_model
-from mapmore_cli.study.simulation.simulate import KPA, hysteresis_of, muscle_of
+from mapmore_cli.study.simulate import KPA, hysteresis_of, muscle_of
 
 LIFT = Lift(mass=20.0, length=0.088, damping=400.0, lag=0.05, highest=350 * KPA, step=0.5e-3)
 LOOP = Loop(period=5e-3, kp=500 * KPA, ki=4000 * KPA)

@@ -34,7 +34,7 @@ from mapmore_cli.rig.load_cycle import turning_strain
 from mapmore_cli.spec.loader import load
 from mapmore_cli.spec.simulation import LoadCycles, SimulationSpec
 from mapmore_cli.storage.artefacts import read_dataset, read_model
-from mapmore_cli.study.simulation.simulate import KPA, hysteresis_of, load_cycle_of, muscle_of
+from mapmore_cli.study.simulate import KPA, hysteresis_of, load_cycle_of, muscle_of
 
 LEVEL = 0.95
 SEEDS = range(100, 120)

@@ -30,7 +30,7 @@ from mapmore_cli.rig.muscle import Rubber
 from mapmore_cli.spec.loader import load_as
 from mapmore_cli.spec.simulation import Antagonists, McKibbenMuscle, SimulationSpec
 from mapmore_cli.storage.artefacts import read_dataset, read_model, read_validation
-from mapmore_cli.study.simulation.simulate import KPA, braid_of, hysteresis_of, joint_of
+from mapmore_cli.study.simulate import KPA, braid_of, hysteresis_of, joint_of
 
 DATASETS = DOCS.parent / "datasets"
 

@@ -16,17 +16,16 @@ from functools import cached_property
 from html import escape
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.domain.scores import ScoreTable
+from mapmore_cli.domain.models import Model
+from mapmore_cli.domain.scores import RUN_PAGE, ScoreTable
 from mapmore_cli.modelling.frols.estimator import FROLS
 from mapmore_cli.pipeline.runner import bring_up_to_date
-from mapmore_cli.pipeline.validate import limits
 from mapmore_cli.reporting.score_tables import score_table
 from mapmore_cli.reporting.table import to_html, to_text
 from mapmore_cli.spec.experiment import ExperimentSpec
@@ -40,12 +39,9 @@ from mapmore_cli.storage.atomic import refusals_told, write_bytes, write_text
 from mapmore_cli.storage.readers import READERS, suffix_of
 from mapmore_cli.storage.run_folder import MODEL, RunFiles
 from mapmore_cli.storage.run_record import score_row, scores_beside
-from mapmore_cli.study.frames import canonical_columns, is_frame, names_of, quantities_of, source_of, write_frames
-from mapmore_cli.study.prediction.loaded_model import LoadedModel
-from mapmore_cli.study.prediction.records import reading_of
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from mapmore_cli.study.campaigns.batch import Job, run_one
+from mapmore_cli.study.notebooks import LoadedModel, canonical_columns, is_frame, names_of, quantities_of, source_of, write_frames
+from mapmore_cli.study.records import reading_of
 
 __all__ = ["FROLS", "Fitted", "Run", "Scores", "fit", "load_model", "run"]
 
@@ -129,6 +125,8 @@ class Study:
 class Fitted(LoadedModel):
     """A model with its scores and the spec that made it. Call it with the inputs, in the model's units.
 
+    For intervals, also those of a plot, it is fitted again without each curve, unless the spec asked for them already.
+
     Attributes
     ----------
     scores
@@ -175,25 +173,9 @@ class Fitted(LoadedModel):
         columns = {name: column.model_copy(update={"column": source[name]}) for name, column in self.spec.data.columns.items()}
         return self(**quantities_of(frame, wanted, columns, self.units))
 
-    def plot(self, ax: Axes | None = None, interval: float | None = None) -> Axes:
-        """Draw the model over its training range, a line for every training curve; on `ax`, or on a new figure.
-
-        With `interval`, as 0.95, bands that hold a sample of a new curve; the model is fitted again without each curve for them.
-        """
-        if interval is None or self.model.left_out is not None:
-            return super().plot(ax, interval)
-        return self._with_intervals.plot(ax, interval)
-
-    def interval(self, level: float = 0.95, **columns: ArrayLike) -> tuple[Array, Array]:
-        """Low and high end that hold a sample of a new curve with the probability `level`, in the shape of the output.
-
-        They are NaN outside of the training range. The model is fitted again without each curve, unless the spec asked for it already.
-        """
-        return super().interval(level, **columns) if self.model.left_out is not None else self._with_intervals.interval(level, **columns)
-
     @cached_property
-    def _with_intervals(self) -> Fitted:
-        return self.study.fitted({"validate.intervals": True})
+    def _with_intervals(self) -> Model:
+        return self.model if self.model.left_out is not None else self.study.fitted({"validate.intervals": True}).model
 
     def save(self, path: str | Path) -> Path:
         """Write the `model.h5` that `load_model`, `mapmore predict` and `mapmore export` read; its path. Raises `WriteError`."""
@@ -255,14 +237,14 @@ def fit(frame: Any, **sections: Any) -> Fitted:
     100.0
     """
     target = sections.pop("target", "static")
-    data = {**dict(sections.pop("data", {})), **{key: sections.pop(key) for key in list(sections) if key in _OF_DATA}}
+    data = {**sections.pop("data", {}), **{key: sections.pop(key) for key in list(sections) if key in _OF_DATA}}
     given = list(frame) if isinstance(frame, list | tuple) else [frame]
     frames = tuple(one for one in given if is_frame(one))
     if not given or 0 < len(frames) < len(given):
         raise SpecError("fit: frames and files are mixed" if given else "fit: there are no frames", "give frames alone, or paths alone")
-    if frames:
-        data = {"columns": canonical_columns(frames[0]), **data} if "columns" not in data else data
-    else:
+    if frames and "columns" not in data:
+        data["columns"] = canonical_columns(frames[0])
+    if not frames:
         data["files"] = [str(path) for path in given]
         data.setdefault("reader", _reader_of(given[0]))
     document = {"name": "model", **sections, "data": data, "target": target}
@@ -321,19 +303,13 @@ def run(config: str | Path, runs: str | Path = "runs", *, force: bool = False, s
     MapmoreError
         As the command says it; but limits that are missed are in `Run.missed`.
     """
-    told: list[str] = []
-    loaded = load(Path(config), as_overrides(plain_values(dict(settings or {}))))
-    outcome = bring_up_to_date(loaded, Path(runs), force=force, warn=told.append)
-    files = RunFiles(outcome.run_dir)
-    table = files.scores()
-    for warning in table.warnings:
+    overrides = tuple(as_overrides(plain_values(dict(settings or {}))))
+    found = run_one(Job(Path(config), Path(runs), overrides, force))
+    for warning in found.table.warnings:
         warnings.warn(warning, stacklevel=2)
-    missed = tuple(limit.sentence for limit in limits(loaded.spec.validation.require, table.scores) if not limit.kept)
-    scores = Scores.of(table)
-    page = outcome.run_dir / "report" / "index.html"
-    return Run(
-        outcome.name, outcome.run_dir, outcome.stages, LoadedModel(files.model(), scores), scores, page, missed, (*table.warnings, *told)
-    )
+    scores = Scores.of(found.table)
+    model = LoadedModel(RunFiles(found.run_dir).model(), scores)
+    return Run(found.name, found.run_dir, found.stages, model, scores, found.run_dir / RUN_PAGE, found.missed, found.warnings)
 
 
 def plain_values(value: Any) -> Any:

@@ -16,18 +16,14 @@ from typing import Annotated, Any, cast
 import typer
 from typer.core import TyperGroup
 
-from mapmore_cli.cli import console as exits
+from mapmore_cli.cli import console
 
-STAGES = ("ingest", "segment", "fit", "fuse", "validate", "report", "run")
-OTHERS = (
-    *("batch", "tune", "plan", "predict", "adapt", "invert", "freeze", "compare", "export", "figure", "paper"),
-    *("simulate", "show", "init", "example", "check", "schema"),
-)
-TOGETHER = {
-    **{"pipeline": STAGES, "files": ("simulate", "example", "show", "freeze", "schema")},
-    **{"predict": ("adapt", "invert"), "export": ("figure",), "compare": ("paper",)},
+MODULES = {
+    **dict.fromkeys(("ingest", "segment", "fit", "fuse", "validate", "report", "run"), "pipeline"),
+    **{"batch": "batch", "tune": "tune", "plan": "tune", "predict": "predict", "adapt": "predict", "invert": "predict"},
+    **{"freeze": "compare", "compare": "compare", "export": "files", "figure": "files", "paper": "batch", "simulate": "files"},
+    **{"show": "files", "init": "init", "example": "files", "check": "init", "schema": "files"},
 }
-MODULES = {name: name for name in (*STAGES, *OTHERS)} | {name: module for module, names in TOGETHER.items() for name in names}
 """The module of `cli/` that has the function of each command, which bears its name."""
 
 AS_JSON = "mapmore.json"
@@ -81,7 +77,7 @@ class Commands(TyperGroup):
         except typers_own:
             raise
         except (Exception, KeyboardInterrupt) as error:
-            raise typer.Exit(exits.settle(error, debug=ctx.params["debug"], as_json=ctx.meta[AS_JSON])) from error
+            raise typer.Exit(console.settle(error, debug=ctx.params["debug"], as_json=ctx.meta[AS_JSON])) from error
 
 
 app = typer.Typer(cls=Commands, no_args_is_help=True, rich_markup_mode=None, context_settings={"help_option_names": ["-h", "--help"]})
@@ -95,11 +91,15 @@ def _print_version(wanted: bool) -> None:
         raise typer.Exit
 
 
-def _add(variable: str, values: list[str], separator: str) -> list[str]:
-    """Let specs read more, in this process and those that it starts: they take it from an environment variable."""
-    if values:
-        os.environ[variable] = separator.join([*values, os.environ.get(variable, "")])
-    return values
+def _read_more(option: str, what: str, variable: str, separator: str, help: str) -> Any:
+    """Return an option that lets specs read more, in this process and those that it starts: they take it from an environment variable."""
+
+    def add(values: list[str]) -> list[str]:
+        if values:
+            os.environ[variable] = separator.join([*values, os.environ.get(variable, "")])
+        return values
+
+    return typer.Option(option, metavar=what, callback=add, help=help)
 
 
 @app.callback()
@@ -107,23 +107,11 @@ def _common(
     version: Annotated[bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")] = False,
     debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error (anywhere on the line).")] = False,
     env: Annotated[
-        list[str],
-        typer.Option(
-            "--env",
-            metavar="NAME",
-            callback=lambda names: _add("MAPMORE_ENV", names, ","),
-            help="Let specs read this environment variable too.",
-        ),
-    ] = [],  # noqa: B006 - Typer makes a new list of what the user gives
+        list[str], _read_more("--env", "NAME", "MAPMORE_ENV", ",", "Let specs read this environment variable too.")
+    ] = console.NONE,
     tables: Annotated[
-        list[str],
-        typer.Option(
-            "--tables",
-            metavar="DIR",
-            callback=lambda folders: _add("MAPMORE_TABLES", folders, os.pathsep),
-            help="Let `report.published.tables` lie below this folder too.",
-        ),
-    ] = [],  # noqa: B006
+        list[str], _read_more("--tables", "DIR", "MAPMORE_TABLES", os.pathsep, "Let `report.published.tables` lie below this folder too.")
+    ] = console.NONE,
 ) -> None:
     """Models of soft fluidic muscles from measured curves: one spec, one command, a validated model and a page to look at."""
 

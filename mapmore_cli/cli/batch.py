@@ -1,9 +1,9 @@
-"""`mapmore batch`: many runs at once, and one table of their scores."""
+"""Many runs at once: `mapmore batch`, with one table of their scores; `mapmore paper`, beside published tables and figures."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -11,38 +11,21 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mapmore_cli.cli.console import (
-    NO_OVERRIDES,
-    RUNS,
-    AsJson,
-    Force,
-    Overrides,
-    Quiet,
-    Rehash,
-    Runs,
-    error_document,
-    exit_code,
-    message,
-    print_view,
-)
-from mapmore_cli.cli.outputs import CiFiles, Junit, Summary
-from mapmore_cli.cli.views.files import page_lines
-from mapmore_cli.cli.views.fitted import View
-from mapmore_cli.domain.errors import LimitMissed, RunWarning, UsageError, told
+from mapmore_cli.cli import console
+from mapmore_cli.cli.progress import Reporter
+from mapmore_cli.domain.errors import LimitMissed, RunWarning, UsageError
+from mapmore_cli.storage.atomic import refusals_told, write_text
 
 if TYPE_CHECKING:
-    from mapmore_cli.cli.progress import Reporter
-    from mapmore_cli.reporting.ci import RunReport
-    from mapmore_cli.reporting.table import Cell, Table
+    from mapmore_cli.reporting.table import Table
     from mapmore_cli.study.campaigns.batch import Finished
-    from mapmore_cli.study.campaigns.page import CampaignPage
 
     Result = Finished | BaseException
 
 
 def batch(
-    configs: Annotated[list[Path], typer.Argument(metavar="CONFIG...", help="Experiment specs or campaigns (YAML).", show_default=False)],
-    runs: Runs = RUNS,
+    configs: Annotated[list[Path], typer.Argument(metavar="CONFIG...", help="Experiment specs or campaigns (YAML).")],
+    runs: console.Runs = console.RUNS,
     jobs: Annotated[int, typer.Option("--jobs", "-j", metavar="N", min=1, help="Runs at a time.")] = os.cpu_count() or 1,
     cluster: Annotated[
         str | None, typer.Option("--cluster", metavar="ADDRESS", help="Scheduler of a Dask cluster to run on, as tcp://host:8786.")
@@ -50,19 +33,19 @@ def batch(
     cluster_file: Annotated[
         Path | None, typer.Option("--cluster-file", metavar="FILE", help="The same, by the file that the scheduler wrote.")
     ] = None,
-    overrides: Overrides = NO_OVERRIDES,
-    force: Force = False,
-    rehash: Rehash = False,
-    junit: Junit = None,
-    summary: Summary = None,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
+    overrides: console.Overrides = console.NONE,
+    force: console.Force = False,
+    rehash: console.Rehash = False,
+    junit: console.Junit = None,
+    summary: console.Summary = None,
+    as_json: console.AsJson = False,
+    quiet: console.Quiet = False,
 ) -> None:
     """Run several specs, or the runs of campaigns, at a time.
 
     One that fails does not stop the rest; the exit code is the highest of all. A campaign gets a page of its own.
     """
-    from mapmore_cli.cli.progress import Reporter
+    from mapmore_cli.cli.views import page_lines
     from mapmore_cli.study.campaigns.batch import Job, planned, run_all
     from mapmore_cli.study.campaigns.cluster import ClusterWorkers
     from mapmore_cli.study.campaigns.page import expanded, refuse_foreign_folders, run_names, specs_of, write_page
@@ -87,75 +70,101 @@ def batch(
             for number, result in ended:
                 results[number] = result if isinstance(result, BaseException) else replace(result, run_dir=runs / result.name)
                 _tell(reporter, names[number], result, f"{len(results)} of {len(todo)}")
-    ordered = {names[number]: results[number] for number in range(len(entries))}
+    ordered = {name: results[number] for number, name in enumerate(names)}
     pages = [write_page(one.campaign, {names[number]: results[number] for number in one.jobs}, runs) for one in campaigns]
     taken = {names[number] for one in campaigns for number in one.jobs}
+    alone = {name: result for name, result in ordered.items() if name not in taken}
+    tables = [table for _, of_page in pages for table in of_page] + ([_joint_table(alone)] if alone else [])
+    lines = [line for run in ordered.values() if not isinstance(run, BaseException) for line in page_lines(run.run_dir)]
+    lines += [f"campaign page: {path}" for path, _ in pages]
     documents = [_document(entry.config, name, ordered[name]) for entry, name in zip(entries, names, strict=True)]
-    view = _joint(ordered, pages, {name: result for name, result in ordered.items() if name not in taken}, documents)
-    print_view(view, as_json)
-    CiFiles(junit, summary).write([_report(name, result) for name, result in ordered.items()], view.tables)
-    if code := max(_code(result) for result in ordered.values()):
+    console.print_view(console.View({"runs": documents}, tuple(tables), tuple(lines)), as_json)
+    console.write_ci_files(junit, summary, ordered, tables)
+    if code := max(map(_code, ordered.values())):
         raise typer.Exit(code)
 
 
 def _tell(reporter: Reporter, name: str, result: Result, count: str) -> None:
     if isinstance(result, BaseException):
-        reporter.complain(f"{name}: {message(result)}")
+        reporter.complain(f"{name}: {console.message(result)}")
         return
     for warning in result.warnings:
         reporter.warn(RunWarning.of(name, warning))
     reporter.say(f"{name}: done ({count})")
     for limit in result.missed:
-        reporter.complain(f"{name}: {message(LimitMissed(limit))}")
+        reporter.complain(f"{name}: {console.message(LimitMissed(limit))}")
 
 
 def _code(result: Result) -> int:
     if isinstance(result, BaseException):
-        return exit_code(result)
+        return console.exit_code(result)
     return LimitMissed.exit_code if result.missed else 0
 
 
-def _report(name: str, result: Result) -> RunReport:
-    from mapmore_cli.reporting.ci import RunReport
-
-    if isinstance(result, BaseException):
-        return RunReport(name, failure=told(result))
-    return RunReport(name, result.seconds, None, result.limits, result.warnings)
-
-
-def _joint(ordered: dict[str, Result], pages: Sequence[CampaignPage], alone: dict[str, Result], documents: list[dict[str, Any]]) -> View:
-    """One document for all runs; the tables of the campaigns and one of the runs that stand `alone`; and where the pages are."""
-    tables = [table for page in pages for table in page.tables]
-    lines = [line for run in ordered.values() if not isinstance(run, BaseException) for line in page_lines(run.run_dir)]
-    lines += [f"campaign page: {page.path}" for page in pages]
-    return View({"runs": documents}, (*tables, *((_joint_table(alone),) if alone else ())), tuple(lines))
-
-
 def _document(config: Path, name: str, result: Result) -> dict[str, Any]:
-    from mapmore_cli.cli.views.compared import of_scores
+    from mapmore_cli.cli.views import of_scores
 
     head: dict[str, Any] = {"config": str(config), "name": name, "exit_code": _code(result)}
     if isinstance(result, BaseException):
-        return {**head, "error": error_document(result)}
+        return {**head, "error": console.error_document(result)}
     run = {"run_dir": str(result.run_dir), "stages": result.stages, "missed": result.missed, "warnings": result.warnings}
     return {**head, **run, **of_scores(result.table).document}
 
 
-def _joint_table(results: dict[str, Result]) -> Table:
-    from mapmore_cli.reporting.table import Column, Table
+def _joint_table(results: Mapping[str, Result]) -> Table:
+    """NRMSE of every run and model, beside what a publication reports for the held-out rows; one row that says so for a failed run."""
+    from mapmore_cli.reporting.table import Cell, Column, Table
 
+    rows: list[tuple[Cell, ...]] = []
+    for name, run in results.items():
+        if isinstance(run, BaseException):
+            rows.append((name, None, "failed", None, None))
+            continue
+        published = run.published.nrmse if run.published else {}
+        for score in sorted((s for s in run.table.scores if s.curve == "all"), key=lambda s: s.split != "validate"):
+            printed = published.get(score.model) if score.split == "validate" else None
+            rows.append((name, score.model, score.split, 100 * score.nrmse, None if printed is None else 100 * printed))
     columns = (Column("run"), Column("model"), Column("data"), Column("NRMSE", "%", ".2f"), Column("published NRMSE", "%", ".3g"))
-    rows = tuple((name, *cells) for name, result in results.items() for cells in _pooled(result))
-    return Table("batch", "NRMSE of every run, all curves pooled", columns, rows)
+    return Table("batch", "NRMSE of every run, all curves pooled", columns, tuple(rows))
 
 
-def _pooled(run: Result) -> list[tuple[Cell, ...]]:
-    """Model, split, NRMSE and published NRMSE in per cent, the latter beside the held-out rows; one row that says so for a failed run."""
-    if isinstance(run, BaseException):
-        return [(None, "failed", None, None)]
-    scores = sorted((s for s in run.table.scores if s.curve == "all"), key=lambda s: s.split != "validate")
-    published = run.published.nrmse if run.published else {}
-    return [
-        (s.model, s.split, 100 * s.nrmse, 100 * published[s.model] if s.split == "validate" and s.model in published else None)
-        for s in scores
+def paper(
+    configs: Annotated[list[Path], typer.Argument(metavar="CONFIG...", help="Papers (YAML).")],
+    runs: console.Runs = console.RUNS,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", metavar="FILE", help="The page; DIR/paper.html of the runs by default.")
+    ] = None,
+    as_json: console.AsJson = False,
+    quiet: console.Quiet = False,
+) -> None:
+    """Put published tables and figures beside ours.
+
+    Brings the runs of each paper up to date, judges by the rules of the file, and writes one page.
+    The exit code is the highest of the runs.
+    """
+    from mapmore_cli.spec.campaign import load_paper
+    from mapmore_cli.study.paper import compare_paper, counts, overview, page, verdicts_table
+
+    loaded = [load_paper(config) for config in configs]
+    with Reporter(quiet) as reporter:
+        ended = [compare_paper(one, runs, reporter.complain) for one in loaded]
+    found = [result for result, _ in ended]
+    target = out or runs / "paper.html"
+    with refusals_told(target):
+        target.parent.mkdir(parents=True, exist_ok=True)
+        write_text(target, page(found))
+    documents = [
+        {
+            "paper": one.loaded.spec.paper,
+            "counts": {kind: {"agree": agree, "compared": every} for kind, (agree, every) in counts(one.compared).items()},
+            "items": [
+                {**console.picked(result.item, "id", "status", "place"), "verdicts": result.verdicts, "failed": result.failed or None}
+                for result in one.results
+            ],
+        }
+        for one in found
     ]
+    tables = (overview(found), verdicts_table(found))
+    console.print_view(console.View({"papers": documents, "page": str(target)}, tables, (f"page: {target}",)), as_json)
+    if code := max(code for _, code in ended):
+        raise typer.Exit(code)

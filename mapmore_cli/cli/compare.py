@@ -1,4 +1,4 @@
-"""`mapmore compare`: has this muscle changed? `mapmore paper`: published tables and figures beside those of our runs."""
+"""`mapmore compare`: has this muscle changed? `mapmore freeze`: keep a model to compare with."""
 
 from __future__ import annotations
 
@@ -7,18 +7,12 @@ from typing import Annotated
 
 import typer
 
-from mapmore_cli.cli.console import ARCHIVE, RUNS, Archive, AsJson, Quiet, Runs, print_view
-from mapmore_cli.cli.views.fitted import View
+from mapmore_cli.cli import console
 from mapmore_cli.domain.errors import DataError, LimitMissed, UsageError
-from mapmore_cli.storage.atomic import refusals_told, write_text
-
-FIGURES = ("svg", "pdf", "png", "pgf")
 
 
 def compare(
-    models: Annotated[
-        list[str], typer.Argument(metavar="BEFORE AFTER...", help="Runs, tags (2026-spring, NAME@TAG) or model files.", show_default=False)
-    ],
+    models: Annotated[list[str], typer.Argument(metavar="BEFORE AFTER...", help="Runs, tags (2026-spring, NAME@TAG) or model files.")],
     margin: Annotated[float, typer.Option("--margin", metavar="SHARE", min=0.0, help="Relative change that is of no interest.")] = 0.01,
     fail_on: Annotated[
         str | None,
@@ -27,34 +21,34 @@ def compare(
     figure: Annotated[
         Path | None, typer.Option("--figure", metavar="FILE", help="Draw the drift over all models (.svg .pdf .png .pgf).")
     ] = None,
-    archive: Archive = ARCHIVE,
-    runs: Runs = RUNS,
-    as_json: AsJson = False,
+    archive: console.Archive = console.ARCHIVE,
+    runs: console.Runs = console.RUNS,
+    as_json: console.AsJson = False,
 ) -> None:
     """Say whether a muscle has changed.
 
     The first model is compared with each of the others, which come in the order of time.
     """
-    from mapmore_cli.cli.views.compared import of_comparisons
+    from mapmore_cli.cli.compared import of_comparisons
     from mapmore_cli.modelling.validation import comparison
     from mapmore_cli.storage.artefacts import read_model
-    from mapmore_cli.study.campaigns.archive import find_model, write_drift
+    from mapmore_cli.study.campaigns.archive import find_model
 
     if len(models) < 2:
         raise UsageError("compare needs two models", "name the earlier one first, as `mapmore compare 2025-autumn my-run`")
     limit = _limit(fail_on)
-    if figure is not None and figure.suffix.removeprefix(".") not in FIGURES:
-        raise UsageError(f"{figure}: the drift is drawn as .{', .'.join(FIGURES)}", "choose one of these")
+    console.refuse_endings([figure] if figure else [], console.FIGURE_FILES, "no figure of the drift ends so")
     found = [read_model(find_model(text, runs, archive)) for text in models]
     try:
         results = [comparison.compare(found[0], later, margin) for later in found[1:]]
     except ValueError as fault:
-        raise DataError(
-            f"{models[0]}, {models[-1]}: {fault}", "compare models of the same quantities that have curves in common"
-        ) from fault
+        remedy = "compare models of the same quantities that have curves in common"
+        raise DataError(f"{models[0]}, {models[-1]}: {fault}", remedy) from fault
     if figure is not None:
-        write_drift(figure, models, found)
-    print_view(of_comparisons(models, results), as_json)
+        from mapmore_cli.reporting.figures.campaign import drift_drawing
+
+        console.write_figure(figure, drift_drawing(models, comparison.reference_points(found), found[0].output))
+    console.print_view(of_comparisons(models, results), as_json)
     last = results[-1]
     if last.changed if limit is None and fail_on else limit is not None and abs(last.ratio - 1) > limit:
         raise LimitMissed(f"{models[-1]}: force is {last.ratio:.4g} times that of {models[0]}", "see the tables; --fail-on sets the limit")
@@ -73,32 +67,16 @@ def _limit(fail_on: str | None) -> float | None:
     return limit
 
 
-def paper(
-    configs: Annotated[list[Path], typer.Argument(metavar="CONFIG...", help="Papers (YAML).", show_default=False)],
-    runs: Runs = RUNS,
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", metavar="FILE", help="The page; DIR/paper.html of the runs by default.")
-    ] = None,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
+def freeze(
+    run: console.RunOrName,
+    tag: Annotated[str, typer.Option("--tag", metavar="TAG", help="What this campaign is called, as 2026-spring.")],
+    archive: console.Archive = console.ARCHIVE,
+    runs: console.Runs = console.RUNS,
 ) -> None:
-    """Put published tables and figures beside ours.
+    """Keep the model of a run under a tag.
 
-    Brings the runs of each paper up to date, judges by the rules of the file, and writes one page.
-    The exit code is the highest of the runs.
+    Its scores, spec and hashes go with it, to ARCHIVE/NAME@TAG, where no later run writes.
     """
-    from mapmore_cli.cli.progress import Reporter
-    from mapmore_cli.spec.campaign import load_paper
-    from mapmore_cli.study.paper.page import compare_paper, document, overview, page, verdicts_table
+    from mapmore_cli.study.campaigns import archive as frozen
 
-    loaded = [load_paper(config) for config in configs]
-    with Reporter(quiet) as reporter:
-        ended = [compare_paper(one, runs, reporter.complain) for one in loaded]
-    found = [result for result, _ in ended]
-    target = out or runs / "paper.html"
-    with refusals_told(target):
-        target.parent.mkdir(parents=True, exist_ok=True)
-        write_text(target, page(found))
-    print_view(View({**document(found), "page": str(target)}, (overview(found), verdicts_table(found)), (f"page: {target}",)), as_json)
-    if code := max(code for _, code in ended):
-        raise typer.Exit(code)
+    print(frozen.freeze(run if run.is_dir() else runs / run, tag, archive))

@@ -1,4 +1,4 @@
-"""Results on stdout: a table for people, or one JSON document. Nothing else of the program prints there."""
+"""What commands share: results on stdout as tables or as one JSON document, files beside them, errors with their codes, and options."""
 
 from __future__ import annotations
 
@@ -8,35 +8,75 @@ import math
 import os
 import sys
 import traceback
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mapmore_cli.domain.errors import LimitMissed, MapmoreError, Stopped, WriteError, explained, told
+from mapmore_cli.domain.errors import LimitMissed, MapmoreError, Stopped, UsageError, WriteError, explained, told
 from mapmore_cli.domain.foreign import printable
+from mapmore_cli.storage.atomic import write_bytes, write_text
 
 if TYPE_CHECKING:
-    from mapmore_cli.cli.views.fitted import View
+    from mapmore_cli.reporting.figures.drawing import Drawing
+    from mapmore_cli.reporting.table import Table
+    from mapmore_cli.study.campaigns.batch import Finished
+
+# Options ------------------------------------------------------------------------------------------------------------------------------
+
+Config = Annotated[Path, typer.Argument(metavar="CONFIG", help="The experiment spec (YAML).")]
+ModelFile = Annotated[Path, typer.Argument(metavar="MODEL", help="A model.h5.")]
+RunOrName = Annotated[Path, typer.Argument(metavar="RUN", help="A run folder, or the name of a run.")]
+Runs = Annotated[Path, typer.Option("--runs", metavar="DIR", help="Folder of the runs.")]
+Archive = Annotated[Path, typer.Option("--archive", metavar="DIR", help="Folder of the frozen models.")]
+Overrides = Annotated[
+    list[str], typer.Option("--set", metavar="KEY=VALUE", help="Replace one value of the spec, as fit.max_terms=2. Repeatable.")
+]
+Force = Annotated[bool, typer.Option("--force", help="Redo the stages even if they are up to date.")]
+Rehash = Annotated[bool, typer.Option("--rehash", help="Read every recording again to see whether it changed.")]
+Explain = Annotated[bool, typer.Option("--explain", help="Say which stages would run, and why; do nothing.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document instead of tables.")]
+Unverified = Annotated[bool, typer.Option("--unverified", help="Read a file although its values are not those that were written.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress and no warnings on stderr.")]
+Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Also say how long each step took.")]
+Junit = Annotated[Path | None, typer.Option("--junit", metavar="FILE", help="Also write how the runs ended, as JUnit XML.")]
+Summary = Annotated[Path | None, typer.Option("--summary", metavar="FILE", help="Also write a summary with the score tables (Markdown).")]
+Outputs = Annotated[
+    list[Path],
+    typer.Option(
+        "--output", "-o", metavar="FILE", help="Also write the figure (.svg .pdf .png .pgf) or the table (.csv .tex). Repeatable."
+    ),
+]
+OutputOrStdout = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="Where to write; - is stdout.")]
+
+RUNS, ARCHIVE, STANDARD = Path("runs"), Path("archive"), Path("-")
+"""Defaults of `Runs`, of `Archive`, and of what may be stdin or stdout."""
+
+NONE: list[Any] = []
+"""Default of options that can be repeated; Typer makes a new list of what the user gives."""
+
+# Results ------------------------------------------------------------------------------------------------------------------------------
 
 
-def print_document(document: Mapping[str, Any]) -> None:
-    """Print one JSON document; NaN and infinities, which JSON does not have, become null."""
-    print(json.dumps(plain(document), indent=2, allow_nan=False))
+@dataclass(frozen=True)
+class View:
+    """A result as the members of one JSON document, as tables, and as closing lines for people."""
+
+    document: Mapping[str, Any]
+    tables: tuple[Table, ...] = ()
+    lines: tuple[str, ...] = ()
+
+    def under(self, head: Mapping[str, Any]) -> View:
+        """Return the same view with `head` in front of its document."""
+        return View({**head, **self.document}, self.tables, self.lines)
 
 
-def plain(value: Any) -> Any:
-    """Rebuild a document from what JSON knows: arrays and tuples become lists, non-finite numbers None."""
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
-    if hasattr(value, "tolist"):  # NumPy arrays and scalars, without importing NumPy for documents that have none
-        return plain(value.tolist())
-    if isinstance(value, (list, tuple)):
-        return [plain(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
+def picked(of: object, *names: str) -> dict[str, Any]:
+    """Return attributes by their names, or as `key=attribute` by another."""
+    return {(parts := name.split("="))[0]: getattr(of, parts[-1]) for name in names}
 
 
 def print_view(view: View, as_json: bool) -> None:
@@ -52,44 +92,88 @@ def print_view(view: View, as_json: bool) -> None:
     print(printable("\n\n".join(blocks)))
 
 
-Config = Annotated[Path, typer.Argument(metavar="CONFIG", help="The experiment spec (YAML).", show_default=False)]
+def print_document(document: Mapping[str, Any]) -> None:
+    """Print one JSON document; NaN and infinities, which JSON does not have, become null."""
+    print(json.dumps(_plain(document), indent=2, allow_nan=False))
 
-Runs = Annotated[Path, typer.Option("--runs", metavar="DIR", help="Folder of the runs.")]
 
-RUNS = Path("runs")
-"""Default of `Runs`."""
+def _plain(value: Any) -> Any:
+    """Rebuild a document from what JSON knows: arrays and tuples become lists, non-finite numbers None."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if hasattr(value, "tolist"):  # NumPy arrays and scalars, without importing NumPy for documents that have none
+        return _plain(value.tolist())
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
-Archive = Annotated[Path, typer.Option("--archive", metavar="DIR", help="Folder of the frozen models.")]
 
-ARCHIVE = Path("archive")
-"""Default of `Archive`."""
+# Files beside them --------------------------------------------------------------------------------------------------------------------
 
-Overrides = Annotated[
-    list[str],
-    typer.Option("--set", metavar="KEY=VALUE", help="Replace one value of the spec, as fit.max_terms=2. Repeatable.", show_default=False),
-]
+FIGURE_FILES, TABLE_FILES = ("svg", "pdf", "png", "pgf"), ("csv", "tex")
 
-NO_OVERRIDES: list[str] = []
-"""Default of `Overrides`; Typer makes a new list of what the user gives."""
 
-Force = Annotated[bool, typer.Option("--force", help="Redo the stages even if they are up to date.")]
+def refuse_endings(
+    paths: Sequence[Path], endings: Sequence[str] = (*FIGURE_FILES, *TABLE_FILES), what: str = "neither a figure nor a table ends so"
+) -> None:
+    """Refuse files that have another ending, before anything is computed; `what` says why."""
+    for path in paths:
+        if path.suffix.removeprefix(".") not in endings:
+            raise UsageError(f"{path}: {what}", f"choose .{', .'.join(endings)}")
 
-Rehash = Annotated[bool, typer.Option("--rehash", help="Read every recording again to see whether it changed.")]
 
-Explain = Annotated[bool, typer.Option("--explain", help="Say which stages would run, and why; do nothing.")]
+def write_results(paths: Sequence[Path], table: Table, figure: str, found: Any) -> None:
+    """Write the table to each of the files, or where it ends as a figure does, what `figure` draws of what was `found`."""
+    from mapmore_cli.reporting.table import to_csv, to_latex
 
-AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document instead of tables.")]
+    for path in paths:
+        if path.suffix.removeprefix(".") in TABLE_FILES:
+            write_text(path, (to_csv if path.suffix == ".csv" else to_latex)(table))
+        else:
+            write_figure(path, getattr(import_module(f"mapmore_cli.reporting.figures.{figure}"), f"{figure}_drawing")(found))
 
-Unverified = Annotated[bool, typer.Option("--unverified", help="Read a file although its values are not those that were written.")]
 
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress and no warnings on stderr.")]
+def write_figure(path: Path, drawing: Drawing) -> None:
+    """Write a figure in the format that the ending says."""
+    from mapmore_cli.reporting.figures.drawing import compose
+    from mapmore_cli.reporting.figures.saving import WRITERS
+    from mapmore_cli.reporting.figures.style import figure_style
 
-Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Also say how long each step took.")]
+    with figure_style():
+        write_bytes(path, WRITERS[path.suffix.removeprefix(".")](compose(drawing), drawing.name, drawing.alt))
 
+
+def write_ci_files(
+    junit: Path | None, summary: Path | None, ended: Mapping[str, Finished | BaseException], tables: Sequence[Table] = ()
+) -> None:
+    """Write how runs ended for machines, and a summary for people, where they are asked for."""
+    if junit is None and summary is None:
+        return
+    from mapmore_cli.reporting.ci import RunReport, to_junit, to_summary
+
+    reports = [
+        RunReport(name, failure=told(run))
+        if isinstance(run, BaseException)
+        else RunReport(name, run.seconds, None, run.limits, run.warnings)
+        for name, run in ended.items()
+    ]
+    if junit is not None:
+        write_text(junit, to_junit(reports))
+    if summary is not None:
+        write_text(summary, to_summary(reports, tables))
+
+
+# Errors -------------------------------------------------------------------------------------------------------------------------------
 
 INTERNAL_FAULT = 1
 INTERRUPTED = 130  # 128 + SIGINT, as shells report it
 BROKEN_PIPE = 141  # 128 + SIGPIPE
+
+_STDOUT = {
+    errno.ENOSPC: ("stdout: cannot be written (no space left on device)", "make room, or write elsewhere"),
+    errno.EBADF: ("stdout: cannot be written (it is closed)", "do not close it; `-q` and `> /dev/null` keep quiet"),
+}
+"""What is told where stdout fails; files are storage's to explain."""
 
 
 def settle(error: BaseException, debug: bool, as_json: bool) -> int:
@@ -100,12 +184,9 @@ def settle(error: BaseException, debug: bool, as_json: bool) -> int:
     if isinstance(error, BrokenPipeError):
         _silence_stdout()
         return BROKEN_PIPE
-    if isinstance(error, OSError) and error.errno == errno.ENOSPC:  # files are storage's to explain, so this is stdout
+    if isinstance(error, OSError) and error.errno in _STDOUT:
         _silence_stdout()
-        error = WriteError("stdout: cannot be written (no space left on device)", "make room, or write elsewhere")
-    if isinstance(error, OSError) and error.errno == errno.EBADF:
-        _silence_stdout()
-        error = WriteError("stdout: cannot be written (it is closed)", "do not close it; `-q` and `> /dev/null` keep quiet")
+        error = WriteError(*_STDOUT[error.errno])
     if debug:
         traceback.print_exception(error, file=sys.stderr)
     else:
@@ -143,5 +224,4 @@ def message(error: BaseException) -> str:
 
 def _silence_stdout() -> None:
     """Point stdout at nothing: Python would complain when it cannot flush the rest at exit."""
-    devnull = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(devnull, sys.stdout.fileno())
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -1,4 +1,4 @@
-"""`mapmore init`: a first spec for recordings that nobody has described yet."""
+"""`mapmore init`: a first spec for recordings that nobody has described yet. `mapmore check`: is a spec right, and do its data fit?"""
 
 from __future__ import annotations
 
@@ -10,109 +10,98 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mapmore_cli.cli.console import Quiet
-from mapmore_cli.domain.errors import UsageError, WriteError
+from mapmore_cli.cli import console
+from mapmore_cli.cli.progress import Reporter
+from mapmore_cli.domain.errors import MapmoreError, SpecError, UsageError, WriteError
+from mapmore_cli.storage.atomic import write_text
 
 if TYPE_CHECKING:
-    from mapmore_cli.study.drafting.answers import Ask
-    from mapmore_cli.study.drafting.draft import Draft
-
-STDOUT = Path("-")
+    from mapmore_cli.study.drafting.answers import Question
+    from mapmore_cli.study.inspection.lint import Inspection
 
 
 def init(
-    path: Annotated[Path, typer.Argument(metavar="PATH", help="A recording, or a folder of recordings.", show_default=False)],
+    path: Annotated[Path, typer.Argument(metavar="PATH", help="A recording, or a folder of recordings.")],
     output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", metavar="FILE", help="Where to write; NAME.yaml here by default, - for stdout.", show_default=False),
+        Path | None, typer.Option("--output", "-o", metavar="FILE", help="Where to write; NAME.yaml here by default, - for stdout.")
     ] = None,
-    name: Annotated[str | None, typer.Option("--name", metavar="NAME", help="Name of the study.", show_default=False)] = None,
-    length: Annotated[
-        str | None,
-        typer.Option("--length", metavar="LENGTH", help="Of the muscle, as 88mm: makes a strain of a displacement.", show_default=False),
-    ] = None,
-    columns: Annotated[
-        str | None,
-        typer.Option("--columns", metavar="LIST", help='What the columns are, as "time:ms,_,pressure:bar,force:N".', show_default=False),
-    ] = None,
-    target: Annotated[str | None, typer.Option("--target", metavar="NAME", help="The quantity to predict.", show_default=False)] = None,
-    hold: Annotated[str | None, typer.Option("--hold", metavar="NAME", help="What was held, or none.", show_default=False)] = None,
-    group: Annotated[
-        str | None,
-        typer.Option("--group", metavar="NAME", help="What names tell apart, as specimen: one study of groups.", show_default=False),
-    ] = None,
-    budget: Annotated[str, typer.Option("--budget", metavar="TIME", help="Computing time for the search of each model, as 60s.")] = "20s",
+    name: Annotated[str | None, typer.Option(metavar="NAME", help="Name of the study.")] = None,
+    length: Annotated[str | None, typer.Option(metavar="LENGTH", help="Of the muscle, as 88mm: makes a strain of a displacement.")] = None,
+    columns: Annotated[str | None, typer.Option(metavar="LIST", help='What the columns are, as "time:ms,_,pressure:bar,force:N".')] = None,
+    target: Annotated[str | None, typer.Option(metavar="NAME", help="The quantity to predict.")] = None,
+    hold: Annotated[str | None, typer.Option(metavar="NAME", help="What was held, or none.")] = None,
+    group: Annotated[str | None, typer.Option(metavar="NAME", help="What names tell apart, as specimen: one study of groups.")] = None,
+    budget: Annotated[str, typer.Option(metavar="TIME", help="Computing time for the search of each model, as 60s.")] = "20s",
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Ask nothing: guess, and mark what is not sure.")] = False,
     force: Annotated[bool, typer.Option("--force", help="Replace specs that exist.")] = False,
-    quiet: Quiet = False,
+    quiet: console.Quiet = False,
 ) -> None:
     """Start a spec from recordings.
 
     Columns, units, levels and load cycles are guessed, and every guess says why; the structure of the model is searched on training
     data. A folder with recordings of several studies gives a spec for each; with -o, one for the largest.
     """
-    from mapmore_cli.cli.progress import Reporter
     from mapmore_cli.study.drafting.answers import Answers, read_columns
+    from mapmore_cli.study.drafting.draft import guesses_page
     from mapmore_cli.study.drafting.proof import proven
     from mapmore_cli.study.drafting.start import start
 
-    if name is not None:
-        _check_name(name)
+    _check_name(name)
+    if group is not None and not (group.isascii() and group.isidentifier()):
+        raise UsageError(f"--group: {group!r} is no name of a quantity", "say what the names of files tell apart, as specimen, or none")
     answers = Answers(
         {} if columns is None else read_columns(columns),
         target,
         hold,
-        _group(group),
+        group,
         None if length is None else _given("--length", length, "m", "88mm"),
     )
     seconds = _given("--budget", budget, "s", "60s")
-    folder = Path() if output is None or output == STDOUT else output.parent
+    folder = Path() if output is None or output == console.STANDARD else output.parent
+    asking = ask if sys.stdin.isatty() and sys.stderr.isatty() and not (yes or quiet) else None
     with Reporter(quiet) as reporter:
         search = partial(proven, budget=seconds, progress=reporter.progress)
-        found = start(path, folder, name, output is not None, answers, _asking(yes or quiet), search)
+        found = start(path, folder, name, output is not None, answers, asking, search)
         for remark in found.remarks:
             reporter.say(f"left out: {remark}")
-    if output == STDOUT:
-        print(found.drafts[0].text(), end="")
-        return
-    specs = {output or Path(f"{draft.name}.yaml"): draft for draft in found.drafts}
-    for path, draft in specs.items():
-        if draft.raw and (force or not path.exists()):
-            _write_page(path.with_suffix(".html"), draft, quiet)
-    _write({path: draft.text() for path, draft in specs.items()}, force)
-    if not quiet:
-        print(f"Next: mapmore check {next(iter(specs))}", file=sys.stderr)
+        if output == console.STANDARD:
+            print(found.drafts[0].text(), end="")
+            return
+        specs = {output or Path(f"{draft.name}.yaml"): draft for draft in found.drafts}
+        for path, draft in specs.items():
+            if draft.raw and (force or not path.exists()):
+                write_text(path.with_suffix(".html"), guesses_page(draft))
+                reporter.say(f"To check its guesses by eye: {path.with_suffix('.html')}")
+        _write({path: draft.text() for path, draft in specs.items()}, force)
+        reporter.say(f"Next: mapmore check {next(iter(specs))}")
 
 
-def _write_page(path: Path, draft: Draft, quiet: bool) -> None:
-    """Write the page of a draft's guesses, and say where it is."""
-    from mapmore_cli.storage.atomic import write_text
-    from mapmore_cli.study.drafting.draft import guesses_page
+def ask(question: Question) -> str:
+    """Print a question with its options, the likeliest first, and return the first answer that can be; at the end of input, none."""
+    from rich.console import Console
+    from rich.markup import escape
 
-    write_text(path, guesses_page(draft))
-    if not quiet:
-        print(f"To check its guesses by eye: {path}", file=sys.stderr)
-
-
-def _group(name: str | None) -> str | None:
-    """Return what names tell apart, as it was said on the line."""
-    if name is not None and not (name.isascii() and name.isidentifier()):
-        raise UsageError(f"--group: {name!r} is no name of a quantity", "say what the names of files tell apart, as specimen, or none")
-    return name
-
-
-def _asking(silent: bool) -> Ask | None:
-    """Return who answers: the person at the terminal, where there is one."""
-    if silent or not (sys.stdin.isatty() and sys.stderr.isatty()):
-        return None
-    from mapmore_cli.cli.asking import ask
-
-    return ask
+    terminal = Console(stderr=True, highlight=False)
+    terminal.print(f"\n[bold]{escape(question.text)}[/bold]")
+    for number, option in enumerate(question.options, start=1):
+        terminal.print(f"  {number} [bold]{escape(option.text)}[/bold]  {option.course}")
+        terminal.print(f"    [dim]{escape(option.why)}[/dim]")
+    while True:
+        terminal.print(f"[dim]Enter for 1{', else ' + escape(question.form) if question.form else ''}[/dim] > ", end="")
+        try:
+            reply = input()
+        except EOFError:
+            return ""
+        try:
+            question.check(reply)
+        except UsageError as fault:
+            terminal.print(f"[red]{escape(fault.message)}[/red]: {escape(fault.remedy or '')}")
+            continue
+        return reply
 
 
 def _given(option: str, text: str, unit: str, example: str) -> float:
     """Return a positive quantity that was said on the line."""
-    from mapmore_cli.domain.errors import SpecError
     from mapmore_cli.spec.units import parse_quantity
 
     try:
@@ -124,21 +113,19 @@ def _given(option: str, text: str, unit: str, example: str) -> float:
     return value
 
 
-def _check_name(name: str) -> None:
+def _check_name(name: str | None) -> None:
     from pydantic import TypeAdapter, ValidationError
 
     from mapmore_cli.spec.fields import Name
 
     try:
-        TypeAdapter(Name).validate_python(name)
+        TypeAdapter(Name | None).validate_python(name)
     except ValidationError as fault:
         raise UsageError(f"--name: {name!r} is no name for a study", "use letters, digits, `.`, `_` and `-`, as bench-2") from fault
 
 
 def _write(texts: dict[Path, str], force: bool) -> None:
     """Write every file that does not exist yet, or all with `force`, and print their paths; then refuse where one was there."""
-    from mapmore_cli.storage.atomic import write_text
-
     taken = [path for path in texts if path.exists() and not force]
     for path, text in texts.items():
         if path not in taken:
@@ -147,3 +134,46 @@ def _write(texts: dict[Path, str], force: bool) -> None:
     if taken:
         told = ", ".join(map(str, taken))
         raise WriteError(f"{told}: exists already", "say --force to replace it, or -o to write elsewhere; others were written")
+
+
+def check(
+    config: Annotated[Path, typer.Argument(metavar="CONFIG", help="Experiment spec or campaign (YAML).")],
+    overrides: console.Overrides = console.NONE,
+    confirm: Annotated[bool, typer.Option("--confirm", help="Take the guesses marked CHECK as right: remove the mark.")] = False,
+    runs: console.Runs = console.RUNS,
+    as_json: console.AsJson = False,
+    quiet: console.Quiet = False,
+) -> None:
+    """Check a spec and its data, or a campaign; compute nothing."""
+    from mapmore_cli.cli.compared import of_campaign, of_inspection
+    from mapmore_cli.spec.loader import LoadedSpec, confirmed, load
+    from mapmore_cli.study.campaigns.page import expanded
+    from mapmore_cli.study.inspection.lint import inspect
+
+    if confirm and load(config).spec.unconfirmed:
+        write_text(config, confirmed(config.read_text(encoding="utf-8")))
+    campaigns, entries = expanded([config], overrides)
+    with Reporter(quiet) as reporter:
+
+        def inspected(loaded: LoadedSpec) -> Inspection:
+            return inspect(loaded, runs / loaded.spec.name, progress=reporter.progress, warn=reporter.warn)
+
+        if not campaigns:
+            loaded = load(entries[0].config, entries[0].overrides)
+            inspection = inspected(loaded)
+            console.print_view(of_inspection(inspection, loaded.spec.unconfirmed).under({"name": loaded.spec.name}), as_json)
+            if inspection.verdict is not None:  # its issues stand in the document
+                print(console.message(inspection.verdict), file=sys.stderr)
+                raise typer.Exit(console.exit_code(inspection.verdict))
+            return
+        results: dict[str, Inspection | MapmoreError] = {}
+        for number, (run, entry) in enumerate(zip(campaigns[0].names, entries, strict=True)):
+            reporter.progress("runs", number, len(entries))
+            try:
+                results[run] = inspected(load(entry.config, entry.overrides))
+            except MapmoreError as fault:
+                results[run] = fault
+    console.print_view(of_campaign(results).under({"campaign": campaigns[0].campaign.campaign}), as_json)
+    verdicts = [result if isinstance(result, MapmoreError) else result.verdict for result in results.values()]
+    if code := max((console.exit_code(verdict) for verdict in verdicts if verdict is not None), default=0):
+        raise typer.Exit(code)

@@ -3,61 +3,38 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mapmore_cli.cli.console import NO_OVERRIDES, RUNS, AsJson, Config, Explain, Force, Overrides, Quiet, Rehash, Runs, Verbose, print_view
-from mapmore_cli.cli.outputs import CiFiles, Junit, Summary
-from mapmore_cli.cli.views.files import of_stage, page_lines
-from mapmore_cli.cli.views.fitted import View
-from mapmore_cli.domain.errors import LimitMissed, told
+from mapmore_cli.cli import console
+from mapmore_cli.cli.progress import Reporter
+from mapmore_cli.domain.errors import LimitMissed
 
 if TYPE_CHECKING:
-    from mapmore_cli.domain.scores import ScoreTable
-    from mapmore_cli.reporting.ci import RunReport
     from mapmore_cli.spec.loader import LoadedSpec
-
-
-@dataclass(frozen=True)
-class Options:
-    """How a run is to be brought up to date, and how it is told."""
-
-    runs: Path
-    force: bool
-    rehash: bool
-    as_json: bool
-    quiet: bool
-    verbose: bool
-    files: CiFiles = field(default_factory=CiFiles)
 
 
 def _stage_command(stage: str, summary: str) -> Callable[..., None]:
     """Return the function of the command that ends with a stage."""
 
     def command(
-        config: Config,
-        runs: Runs = RUNS,
-        overrides: Overrides = NO_OVERRIDES,
-        force: Force = False,
-        rehash: Rehash = False,
-        explain: Explain = False,
-        as_json: AsJson = False,
-        quiet: Quiet = False,
-        verbose: Verbose = False,
+        config: console.Config,
+        runs: console.Runs = console.RUNS,
+        overrides: console.Overrides = console.NONE,
+        force: console.Force = False,
+        rehash: console.Rehash = False,
+        explain: console.Explain = False,
+        as_json: console.AsJson = False,
+        quiet: console.Quiet = False,
+        verbose: console.Verbose = False,
     ) -> None:
         from mapmore_cli.spec.loader import load
 
-        loaded = load(config, overrides)
-        options = Options(runs, force, rehash, as_json, quiet, verbose)
-        if explain:
-            _explain(loaded, stage, options)
-        else:
-            _bring_up_to_date(loaded, stage, options)
+        loaded, reporter = load(config, overrides), Reporter(quiet, verbose)
+        (_explain if explain else _bring_up_to_date)(loaded, runs, stage, reporter, as_json, force, rehash)
 
     command.__doc__ = f"{summary} Brings the stages before it up to date first."
     return command
@@ -72,124 +49,96 @@ report = _stage_command("report", "Write the page, its figures and tables.")
 
 
 def run(
-    config: Config,
-    runs: Runs = RUNS,
-    overrides: Overrides = NO_OVERRIDES,
-    force: Force = False,
-    rehash: Rehash = False,
-    explain: Explain = False,
+    config: console.Config,
+    runs: console.Runs = console.RUNS,
+    overrides: console.Overrides = console.NONE,
+    force: console.Force = False,
+    rehash: console.Rehash = False,
+    explain: console.Explain = False,
     print_spec: Annotated[bool, typer.Option("--print-spec", help="Print the spec with its defaults filled in; do nothing.")] = False,
-    junit: Junit = None,
-    summary: Summary = None,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
+    junit: console.Junit = None,
+    summary: console.Summary = None,
+    as_json: console.AsJson = False,
+    quiet: console.Quiet = False,
+    verbose: console.Verbose = False,
 ) -> None:
     """Run all stages; print scores and the page's path."""
     from mapmore_cli.spec.loader import load
 
-    loaded = load(config, overrides)
-    options = Options(runs, force, rehash, as_json, quiet, verbose, CiFiles(junit, summary))
+    loaded, reporter = load(config, overrides), Reporter(quiet, verbose)
     if print_spec:
         print(loaded.resolved, end="")
     elif explain:
-        _explain(loaded, "report", options)
+        _explain(loaded, runs, "report", reporter, as_json, force, rehash)
     else:
-        with _failures_written(loaded.spec.name, options.files):
-            _bring_up_to_date(loaded, "run", options)
+        try:
+            _bring_up_to_date(loaded, runs, "run", reporter, as_json, force, rehash, junit, summary)
+        except LimitMissed:  # which the files tell already
+            raise
+        except Exception as error:
+            console.write_ci_files(junit, summary, {loaded.spec.name: error})
+            raise
 
 
-@contextmanager
-def _failures_written(name: str, files: CiFiles) -> Iterator[None]:
-    """Write a failed run to the files that machines read; missed limits are in them already."""
-    from mapmore_cli.reporting.ci import RunReport
-
-    try:
-        yield
-    except LimitMissed:
-        raise
-    except Exception as error:
-        files.write([RunReport(name, failure=told(error))])
-        raise
-
-
-def _explain(loaded: LoadedSpec, until: str, options: Options) -> None:
+def _explain(loaded: LoadedSpec, runs: Path, until: str, reporter: Reporter, as_json: bool, force: bool, rehash: bool) -> None:
     """Print which stages would run, and why; null in the document is a stage that is up to date."""
-    from mapmore_cli.cli.progress import Reporter
     from mapmore_cli.pipeline.runner import explain
     from mapmore_cli.reporting.table import Column, Table
 
-    with Reporter(options.quiet, options.verbose) as reporter:
-        reasons = explain(loaded, options.runs, until, force=options.force, rehash=options.rehash, warn=reporter.warn)
+    with reporter:
+        reasons = explain(loaded, runs, until, force=force, rehash=rehash, warn=reporter.warn)
     rows = tuple((stage, reason or "up-to-date") for stage, reason in reasons)
     table = Table("stages", loaded.spec.name, (Column("stage"), Column("would run because")), rows)
-    print_view(View({"name": loaded.spec.name, "stages": dict(reasons)}, (table,)), options.as_json)
+    console.print_view(console.View({"name": loaded.spec.name, "stages": dict(reasons)}, (table,)), as_json)
 
 
-def _bring_up_to_date(loaded: LoadedSpec, command: str, options: Options) -> None:
-    """Do what is stale, and print what the command is for."""
-    from mapmore_cli.cli.progress import Reporter
+def _bring_up_to_date(
+    loaded: LoadedSpec,
+    runs: Path,
+    command: str,
+    reporter: Reporter,
+    as_json: bool,
+    force: bool,
+    rehash: bool,
+    junit: Path | None = None,
+    summary: Path | None = None,
+) -> None:
+    """Do what is stale, print what the command is for, and then fail where the spec's limits are missed."""
+    from mapmore_cli.cli.compared import search_document
+    from mapmore_cli.cli.views import of_scores, of_stage, page_lines
     from mapmore_cli.pipeline.runner import bring_up_to_date
-    from mapmore_cli.reporting.ci import RunReport
-    from mapmore_cli.storage.run_folder import RunFiles
+    from mapmore_cli.pipeline.search import SEARCH, read_search
+    from mapmore_cli.study.campaigns.batch import Finished
 
     started, warnings = time.perf_counter(), list[str]()
+    until = "report" if command == "run" else command
     questions = loaded.spec.unconfirmed
 
-    with Reporter(options.quiet, options.verbose) as reporter:
+    with reporter:
 
         def warn(message: str) -> None:
             warnings.append(message)
             reporter.warn(message)
 
-        outcome = bring_up_to_date(
-            loaded,
-            options.runs,
-            until="report" if command == "run" else command,
-            force=options.force,
-            rehash=options.rehash,
-            progress=reporter.progress,
-            warn=warn,
-            on_stage=reporter.stage,
-        )
+        listeners = reporter.listeners
+        listeners["warn"] = warn
+        outcome = bring_up_to_date(loaded, runs, until, force=force, rehash=rehash, **listeners)
         if questions:
             guesses = "1 guess of the spec is" if len(questions) == 1 else f"{len(questions)} guesses of the spec are"
             warn(f"{guesses} not confirmed: see `mapmore check {loaded.path}`, and `--confirm` there where all are right")
-        found = RunFiles(outcome.run_dir).scores() if command in ("validate", "run") else None
-        for message in () if found is None else found.warnings:
+        found = Finished.of(loaded, outcome, warnings, started) if command in ("validate", "run") else None
+        for message in () if found is None else found.table.warnings:
             reporter.warn(message)
     head: dict[str, Any] = {"name": outcome.name, "run_dir": str(outcome.run_dir), "stages": outcome.stages}
     if "search" in outcome.stages:
-        from mapmore_cli.cli.views.compared import document_of
-        from mapmore_cli.pipeline.search import SEARCH, read_search
-
-        head["search"] = document_of(read_search(outcome.run_dir / SEARCH))
+        head["search"] = search_document(read_search(outcome.run_dir / SEARCH))
     if found is None:
-        print_view(of_stage(command, outcome.run_dir).under(head), options.as_json)
+        console.print_view(of_stage(command, outcome.run_dir).under(head), as_json)
         return
-    ended = RunReport(outcome.name, time.perf_counter() - started, None, (), (*found.warnings, *warnings))
-    _print_scores(loaded, found, head, ended, page_lines(outcome.run_dir) if command == "run" else (), options)
-
-
-def _print_scores(
-    loaded: LoadedSpec, found: ScoreTable, head: Mapping[str, Any], ended: RunReport, lines: tuple[str, ...], options: Options
-) -> None:
-    """Print the scores, and then fail where the spec's limits are missed."""
-    from mapmore_cli.cli.views.compared import of_scores
-    from mapmore_cli.pipeline.validate import limits
-
-    published = loaded.spec.report.published
-    scores = of_scores(found, published.numbers if published else None)
-    held_to = limits(loaded.spec.validation.require, found.scores)
-    missed = [limit.sentence for limit in held_to if not limit.kept]
-    print_view(
-        View(
-            {**head, **scores.document, "missed": missed, "warnings": ended.warnings, "unconfirmed": loaded.spec.unconfirmed},
-            scores.tables,
-            lines,
-        ),
-        options.as_json,
-    )
-    options.files.write([replace(ended, limits=held_to)], scores.tables)
-    if missed:
-        raise LimitMissed("; ".join(missed), "the results are complete; see validate.require in the spec")
+    scores = of_scores(found.table, found.published)
+    told = {"missed": found.missed, "warnings": found.warnings, "unconfirmed": questions}
+    lines = page_lines(outcome.run_dir) if command == "run" else ()
+    console.print_view(console.View({**head, **scores.document, **told}, scores.tables, lines), as_json)
+    console.write_ci_files(junit, summary, {found.name: found}, scores.tables)
+    if found.missed:
+        raise LimitMissed("; ".join(found.missed), "the results are complete; see validate.require in the spec")

@@ -4,57 +4,43 @@ from __future__ import annotations
 
 import io
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
-from mapmore_cli.cli.console import AsJson, Quiet, Unverified, print_view
+from mapmore_cli.cli import console
+from mapmore_cli.cli.progress import Reporter
 from mapmore_cli.domain.errors import MapmoreError, UsageError
 
 if TYPE_CHECKING:
-    from mapmore_cli.cli.progress import Reporter
     from mapmore_cli.domain.models import Model
-
-STANDARD = Path("-")
-"""Stands for stdin or stdout."""
 
 MEGABYTE = 10**6
 
 
 def predict(
-    model_file: Annotated[Path, typer.Argument(metavar="MODEL", help="A model.h5.", show_default=False)],
+    model_file: console.ModelFile,
     table: Annotated[
         Path | None,
-        typer.Argument(
-            metavar="[TABLE]", help="A CSV table with the model's inputs by name, in its units; - is stdin.", show_default=False
-        ),
+        typer.Argument(metavar="[TABLE]", help="A CSV table with the model's inputs by name, in its units; - is stdin."),
     ] = None,
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="Where to write; - is stdout.")] = STANDARD,
+    output: console.OutputOrStdout = console.STANDARD,
     grid: Annotated[
-        str | None,
-        typer.Option(
-            "--grid", metavar="AXES", help="Make a lookup table instead: pressure=0:600:25,strain=0:0.25:0.01.", show_default=False
-        ),
+        str | None, typer.Option(metavar="AXES", help="Make a lookup table instead: pressure=0:600:25,strain=0:0.25:0.01.")
     ] = None,
     given: Annotated[
         list[str], typer.Option("--set", metavar="NAME=VALUE", help="An input that is the same in every row, as length=250 mm. Repeatable.")
-    ] = [],  # noqa: B006 - Typer makes a new list of what the user gives
+    ] = console.NONE,
     derivatives: Annotated[bool, typer.Option("--derivatives", help="Add the derivative for every input, <output>_by_<input>.")] = False,
-    interval: Annotated[
-        float | None,
-        typer.Option("--interval", metavar="LEVEL", help="Add <output>_low and <output>_high, as for 0.95.", show_default=False),
-    ] = None,
+    interval: Annotated[float | None, typer.Option(metavar="LEVEL", help="Add <output>_low and <output>_high, as for 0.95.")] = None,
     turned_for: Annotated[
-        str | None,
-        typer.Option(
-            "--as", metavar="INPUT", help="Invert the model for an input, as the force of a model of the strain.", show_default=False
-        ),
+        str | None, typer.Option("--as", metavar="INPUT", help="Invert the model for an input, as the force of a model of the strain.")
     ] = None,
-    unverified: Unverified = False,
-    quiet: Quiet = False,
+    unverified: console.Unverified = False,
+    quiet: console.Quiet = False,
 ) -> None:
     """Evaluate a model on a table.
 
@@ -71,9 +57,10 @@ def predict(
     A model with memory needs the column time (in s), and the measured output where it goes on from that: it runs free from the first rows
     of every recording, and starts anew where the column recording changes, where time is set back, and after gaps.
     """
-    from mapmore_cli.cli.progress import Reporter
+    from mapmore_cli.modelling.kinds import runs_over_time
     from mapmore_cli.storage.artefacts import read_model
-    from mapmore_cli.study.prediction.predict import predicted_lines
+    from mapmore_cli.study.predict import predicted_lines
+    from mapmore_cli.study.records import grid_lines
 
     if (table is None) == (grid is None):
         raise UsageError("give either a TABLE or --grid", "as in: mapmore predict model.h5 measured.csv -o predicted.csv")
@@ -81,35 +68,31 @@ def predict(
         raise UsageError("--as goes with a TABLE, and has no derivatives or intervals", "leave --grid, --derivatives and --interval out")
     with Reporter(quiet) as reporter:
         model = read_model(model_file, reporter.warn, unverified)
-        lines, label = _input(model, table, grid, constants_of(model, given), reporter)
-        added = predicted_lines(model, lines, label, warn=reporter.warn, derivatives=derivatives, interval=interval, turned_for=turned_for)
-        write_lines(added, output)
+        constants = _constants_of(model, given)
+        if grid is not None:
+            if runs_over_time(model):
+                columns = ", ".join(["time", *(quantity.name for quantity in model.inputs)])
+                remedy = f"give a TABLE of recordings with the columns {columns}"
+                raise UsageError("--grid: this model has memory, and a grid has no time", remedy)
+            axes = ",".join([grid, *(f"{name}={value!r}" for name, value in constants.items())])
+            lines, label, constants = grid_lines(axes, [quantity.name for quantity in model.inputs]), "--grid", {}
+        else:
+            assert table is not None
+            lines, label = _opened(table, lambda read, size: reporter.progress("MB read", read // MEGABYTE, -(-size // MEGABYTE)))
+        added = predicted_lines(
+            model, lines, label, warn=reporter.warn, derivatives=derivatives, interval=interval, turned_for=turned_for, constants=constants
+        )
+        _write_lines(added, output)
 
 
-def _input(
-    model: Model, table: Path | None, grid: str | None, constants: Mapping[str, float], reporter: Reporter
-) -> tuple[Iterator[str], str]:
-    """Return the lines to predict for, and what messages call them."""
-    from mapmore_cli.modelling.kinds import runs_over_time
+def _opened(table: Path, told: Callable[[int, int], None] = lambda _read, _size: None) -> tuple[Iterator[str], str]:
+    """Return the lines of a table or of stdin, and what messages call it."""
     from mapmore_cli.storage.tables.lines import as_text, lines_of
-    from mapmore_cli.study.prediction.grid import grid_lines
-    from mapmore_cli.study.prediction.records import with_constants
 
-    if grid is not None and runs_over_time(model):
-        columns = ", ".join(["time", *(quantity.name for quantity in model.inputs)])
-        raise UsageError("--grid: this model has memory, and a grid has no time", f"give a TABLE of recordings with the columns {columns}")
-    if grid is not None:
-        axes = ",".join([grid, *(f"{name}={value!r}" for name, value in constants.items())])
-        return grid_lines(axes, [quantity.name for quantity in model.inputs]), "--grid"
-    lines: Iterator[str] = iter(())
-    if table is None or table == STANDARD:
-        lines, label = as_text(sys.stdin.buffer), "stdin"
-    else:
-        lines, label = lines_of(table, lambda read, size: reporter.progress("MB read", read // MEGABYTE, -(-size // MEGABYTE))), str(table)
-    return (with_constants(lines, label, constants) if constants else lines), label
+    return (as_text(sys.stdin.buffer), "stdin") if table == console.STANDARD else (lines_of(table, told), str(table))
 
 
-def constants_of(model: Model, given: Sequence[str]) -> dict[str, float]:
+def _constants_of(model: Model, given: Sequence[str]) -> dict[str, float]:
     """Return the inputs that `--set` gives, in the model's units; raises UsageError for what is no input or no number."""
     from mapmore_cli.spec.units import parse_quantity
 
@@ -120,38 +103,29 @@ def constants_of(model: Model, given: Sequence[str]) -> dict[str, float]:
         if name not in units:
             raise UsageError(f"--set {text}: the model has no input '{name}'", f"it has {', '.join(units)}")
         try:
-            found[name] = parse_quantity(value, units[name]) if not _is_number(value) else float(value)
-        except (ValueError, MapmoreError) as fault:
+            found[name] = parse_quantity(value, units[name])
+        except MapmoreError as fault:
             raise UsageError(f"--set {text}: {fault}", f"write, for example, `--set {name}=0.25` in {units[name]}") from fault
     return found
 
 
-def _is_number(text: str) -> bool:
-    try:
-        return float(text) == float(text)
-    except ValueError:
-        return False
-
-
-def write_lines(lines: Iterator[str], output: Path) -> None:
+def _write_lines(lines: Iterator[str], output: Path) -> None:
     """Write lines to a file as they come, or to stdout."""
     from mapmore_cli.storage.tables.lines import TEXT_ERRORS, replaced
 
-    if output == STANDARD:
+    if output == console.STANDARD:
         cast(io.TextIOWrapper, sys.stdout).reconfigure(encoding="utf-8", errors=TEXT_ERRORS, newline="")
-    with nullcontext(sys.stdout) if output == STANDARD else replaced(output) as stream:
+    with nullcontext(sys.stdout) if output == console.STANDARD else replaced(output) as stream:
         stream.writelines(lines)
 
 
 def invert(
-    model_file: Annotated[Path, typer.Argument(metavar="MODEL", help="A model.h5 without memory.", show_default=False)],
-    table: Annotated[
-        Path, typer.Argument(metavar="TABLE", help="A CSV table of the wanted output and the other inputs; - is stdin.", show_default=False)
-    ],
-    name: Annotated[str, typer.Option("--for", metavar="INPUT", help="The input to solve for, as pressure.", show_default=False)],
-    rule: Annotated[str, typer.Option("--rule", help="Of several: lowest, or nearest to that of the row before.")] = "lowest",
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="Where to write; - is stdout.")] = STANDARD,
-    quiet: Quiet = False,
+    model_file: Annotated[Path, typer.Argument(metavar="MODEL", help="A model.h5 without memory.")],
+    table: Annotated[Path, typer.Argument(metavar="TABLE", help="A CSV table of the wanted output and the other inputs; - is stdin.")],
+    name: Annotated[str, typer.Option("--for", metavar="INPUT", help="The input to solve for, as pressure.")],
+    rule: Annotated[str, typer.Option(help="Of several: lowest, or nearest to that of the row before.")] = "lowest",
+    output: console.OutputOrStdout = console.STANDARD,
+    quiet: console.Quiet = False,
 ) -> None:
     """Find the input for a wanted output.
 
@@ -159,47 +133,44 @@ def invert(
 
     Solutions are looked for within the training range. A flat one fills a range, as where a muscle is slack: its low end counts.
     """
-    from mapmore_cli.cli.progress import Reporter
     from mapmore_cli.storage.artefacts import read_model
-    from mapmore_cli.storage.tables.lines import as_text, lines_of
-    from mapmore_cli.study.prediction.grid import inverted_lines
+    from mapmore_cli.study.predict import inverted_lines
 
     with Reporter(quiet) as reporter:
-        model = read_model(model_file, reporter.warn)
-        lines = as_text(sys.stdin.buffer) if table == STANDARD else lines_of(table, lambda _read, _size: None)
-        write_lines(inverted_lines(model, lines, "stdin" if table == STANDARD else str(table), name, rule), output)
+        _write_lines(inverted_lines(read_model(model_file, reporter.warn), *_opened(table), name, rule), output)
 
 
 def adapt(
-    model_file: Annotated[Path, typer.Argument(metavar="MODEL", help="A model.h5 of a family.", show_default=False)],
+    model_file: Annotated[Path, typer.Argument(metavar="MODEL", help="A model.h5 of a family.")],
     table: Annotated[
-        Path | None,
-        typer.Argument(metavar="[TABLE]", help="A CSV table of a few measured points: pressure, strain and force.", show_default=False),
+        Path | None, typer.Argument(metavar="[TABLE]", help="A CSV table of a few measured points: pressure, strain and force.")
     ] = None,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="The model to write.")] = Path("adapted.h5"),
     given: Annotated[
-        list[str], typer.Option("--set", metavar="NAME=VALUE", help="What specimens differ in, as length=250 mm.", show_default=False)
-    ] = [],  # noqa: B006 - Typer makes a new list of what the user gives
-    as_json: AsJson = False,
-    quiet: Quiet = False,
+        list[str], typer.Option("--set", metavar="NAME=VALUE", help="What specimens differ in, as length=250 mm.")
+    ] = console.NONE,
+    as_json: console.AsJson = False,
+    quiet: console.Quiet = False,
 ) -> None:
     """Adapt a family's model to a specimen by few points.
 
     The specimen's force and strain each get a scale, with a prior of 1 +- 15 %. The model that is written is of pressure and strain, and
     serves wherever a model does. Without a TABLE, it is that of the dimension alone. Its intervals stay those of the family.
     """
-    from mapmore_cli.cli.progress import Reporter
-    from mapmore_cli.cli.views.models import of_adapted
+    from mapmore_cli.reporting.table import Column, Table
     from mapmore_cli.storage.artefacts import read_model, write_model
-    from mapmore_cli.storage.tables.lines import as_text, lines_of
-    from mapmore_cli.study.prediction.predict import adapt, dimension_of
+    from mapmore_cli.study.predict import adapt, dimension_of
 
     with Reporter(quiet) as reporter:
         family = read_model(model_file, reporter.warn)
         dimension_of(family)
-        lines = None
-        if table is not None:
-            lines = as_text(sys.stdin.buffer) if table == STANDARD else lines_of(table, lambda _read, _size: None)
-        model = adapt(family, lines, str(table), constants_of(family, given))
+        lines, label = (None, "") if table is None else _opened(table)
+        model = adapt(family, lines, label, _constants_of(family, given))
     write_model(output, model)
-    print_view(of_adapted(model, str(output)), as_json)
+    fit = model.backbone
+    assert fit is not None
+    rows = tuple((name, fit.parameters[name], fit.errors[name]) for name in fit.parameters)
+    columns = (Column("scale"), Column("value"), Column("standard error"))
+    document = {"model": str(output), "parameters": fit.parameters, "errors": fit.errors, "samples": fit.samples, "notes": model.notes}
+    scales = Table("adapted", f"{model.name}, adapted", columns, rows, model.notes)
+    console.print_view(console.View(document, (scales,), (f"model: {output}",)), as_json)

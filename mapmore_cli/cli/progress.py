@@ -15,6 +15,8 @@ from mapmore_cli.domain.foreign import printable
 if TYPE_CHECKING:
     from rich.progress import Progress
 
+    from mapmore_cli.study.planning import Listeners
+
 PATIENCE = 1.0
 """Seconds that work may take before progress shows."""
 
@@ -37,9 +39,7 @@ class Reporter:
         self._quiet = quiet
         self._verbose = verbose
         self._bar: Progress | None = None
-        self._task = ""  # what is in progress, with its start and the time of its next sign of life
-        self._started = 0.0
-        self._due = 0.0
+        self._task, self._due = "", 0.0  # what is in progress, and the time of its next sign of life
         self._stage: tuple[str, float] | None = None
         self._cleanup = ExitStack()
         self._warnings: dict[str, list[str]] = {}
@@ -59,6 +59,11 @@ class Reporter:
         self._cleanup.close()
         if self._doubt is not None and isinstance(error, Exception) and not isinstance(error, MapmoreError | OSError):
             raise self._doubt.explained(error) from error
+
+    @property
+    def listeners(self) -> Listeners:
+        """What is told of the stages of a run, as `bring_up_to_date` takes it."""
+        return {"progress": self.progress, "warn": self.warn, "on_stage": self.stage}
 
     def say(self, message: str) -> None:
         """Print one line."""
@@ -100,7 +105,7 @@ class Reporter:
         now = time.monotonic()
         if what != self._task:
             self._end_task()
-            self._task, self._started, self._due = what, now, now + PATIENCE
+            self._task, self._due = what, now + PATIENCE
         if now < self._due:
             return
         if sys.stderr.isatty():

@@ -1,35 +1,30 @@
-"""`mapmore tune`: which of some settings, or which structure at all, by training data that were left out."""
+"""By training data that were left out: `mapmore tune`, which setting or structure is best; `mapmore plan`, what to measure next."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
-from mapmore_cli.cli.console import NO_OVERRIDES, RUNS, AsJson, Config, Overrides, Quiet, Runs, print_view
-from mapmore_cli.cli.outputs import TABLES, Outputs, refuse_unknown, write_result, write_table
+from mapmore_cli.cli import console
+from mapmore_cli.cli.progress import Reporter
 from mapmore_cli.domain.errors import SpecError, UsageError
-
-if TYPE_CHECKING:
-    from mapmore_cli.reporting.figures.drawing import Drawing
 
 
 def tune(
-    config: Config,
+    config: console.Config,
     over: Annotated[
-        list[str] | None,
+        list[str],
         typer.Option("--over", metavar="KEY=V1,V2,...", help="A setting with the values to try, as fit.max_terms=2,4,8. Repeatable."),
-    ] = None,
-    budget: Annotated[
-        str | None, typer.Option("--budget", metavar="TIME", help="Time of a search, which is without --over; 60s.", show_default=False)
-    ] = None,
-    output: Outputs = None,
-    runs: Runs = RUNS,
-    overrides: Overrides = NO_OVERRIDES,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
+    ] = console.NONE,
+    budget: Annotated[str | None, typer.Option("--budget", metavar="TIME", help="Time of a search, which is without --over; 60s.")] = None,
+    output: console.Outputs = console.NONE,
+    runs: console.Runs = console.RUNS,
+    overrides: console.Overrides = console.NONE,
+    as_json: console.AsJson = False,
+    quiet: console.Quiet = False,
 ) -> None:
     """Try settings, or structures, on left-out training data.
 
@@ -38,64 +33,72 @@ def tune(
     Every combination is fitted without a level (or a block) of the training data and judged on it; held-out data are not used.
     The one that is named is the simplest that is as good as the best.
     """
-    from mapmore_cli.cli.progress import Reporter
-    from mapmore_cli.cli.views.compared import of_tuning, tuning_table
+    from mapmore_cli.cli import compared
     from mapmore_cli.spec.loader import load
-    from mapmore_cli.study import tuning
+    from mapmore_cli.study import planning
 
-    refuse_unknown(output or [])
-    if not over:
-        _search(config, output or [], runs, overrides, budget, as_json, quiet)
-        return
-    if budget is not None:
+    console.refuse_endings(output)
+    if over and budget is not None:
         raise UsageError("--budget is the time of a search, and --over tries what it names", "give one of both")
-    wanted = values_of(over)
+    if not over:
+        console.refuse_endings(output, console.TABLE_FILES, "a search has no figure")
+    wanted = _values_of(over)
     with Reporter(quiet) as reporter:
-        found = tuning.tune(load(config, overrides), wanted, runs, progress=reporter.progress, warn=reporter.warn, on_stage=reporter.stage)
+        loaded = load(config, overrides)
+        if over:
+            found: Any = planning.tune(loaded, wanted, runs, **reporter.listeners)
+            view = compared.of_tuning(found)
+        else:
+            found, spec = planning.searched(loaded, runs, budget, **reporter.listeners)
+            view = compared.of_search(found, str(spec))
+    console.write_results(output, view.tables[0], "tuning", found)
+    console.print_view(view, as_json)
 
-    def drawing() -> Drawing:
-        from mapmore_cli.reporting.figures.tuning import tuning_drawing
 
-        return tuning_drawing(found)
-
-    for path in output or []:
-        write_result(path, lambda: tuning_table(found), drawing)
-    print_view(of_tuning(found), as_json)
-
-
-def _search(
-    config: Path, output: Sequence[Path], runs: Path, overrides: Sequence[str], budget: str | None, as_json: bool, quiet: bool
+def plan(
+    config: console.Config,
+    points: Annotated[
+        int | None, typer.Option("--points", metavar="N", min=1, max=100, help="Choose N points of the map in place of a level.")
+    ] = None,
+    until: Annotated[
+        str | None,
+        typer.Option("--until", metavar="SIZE", help="Also say how many more are likely needed for that half width, as 2%."),
+    ] = None,
+    cost: Annotated[
+        str | None, typer.Option("--cost", metavar="NAME=PRICE,...", help="What a change costs, as pressure=1,strain=20.")
+    ] = None,
+    output: console.Outputs = console.NONE,
+    runs: console.Runs = console.RUNS,
+    overrides: console.Overrides = console.NONE,
+    as_json: console.AsJson = False,
+    quiet: console.Quiet = False,
 ) -> None:
-    """Search the structure, and print what was tried."""
-    from mapmore_cli.cli.progress import Reporter
-    from mapmore_cli.cli.views.compared import of_search
-    from mapmore_cli.reporting.score_tables import search_table
-    from mapmore_cli.spec.loader import load
-    from mapmore_cli.study.tuning import searched
+    """Say what to measure next, where the model is least sure.
 
-    if wrong := next((path for path in output if path.suffix.removeprefix(".") not in TABLES), None):
-        raise UsageError(f"{wrong}: a search has no figure", f"choose .{' or .'.join(TABLES)}")
-    with Reporter(quiet) as reporter:
-        found, spec = searched(
-            load(config, overrides), runs, budget, progress=reporter.progress, warn=reporter.warn, on_stage=reporter.stage
-        )
-    for path in output:
-        write_table(path, search_table(found))
-    print_view(of_search(found, str(spec)), as_json)
-
-
-def values_of(over: Sequence[str]) -> dict[str, list[Any]]:
-    """Return the values of every setting: `fit.max_terms=2,4,8`, each of them YAML.
-
-    Raises
-    ------
-    UsageError
-        Where one has another form, or no value.
+    With levels, the model is made without each inner one; the next lies in the middle of the gap that is expected to err most. Without
+    levels, or with --points, several models stand in a committee, and points go where these disagree and data are far. Held-out data are
+    not used. Per cent are of the largest |target|.
     """
+    from mapmore_cli.cli.compared import of_plan
+    from mapmore_cli.spec.loader import load
+    from mapmore_cli.study import planning
+
+    console.refuse_endings(output)
+    prices = _prices_of(cost)
+    with Reporter(quiet) as reporter:
+        found = planning.plan(load(config, overrides), runs, points=points, until=until, prices=prices, **reporter.listeners)
+    view = of_plan(found)
+    console.write_results(output, view.tables[0], "plan", found)
+    console.print_view(view, as_json)
+
+
+def _values_of(over: Sequence[str]) -> dict[str, list[Any]]:
+    """Return the values of every setting: `fit.max_terms=2,4,8`, each of them YAML; raises UsageError for another form, or no value."""
     from mapmore_cli.spec.diagnostics import Mistake
     from mapmore_cli.spec.tree import SourceText, plain
     from mapmore_cli.spec.yaml_loader import parse
 
+    example = "write, for example, `--over fit.max_terms=2,4,8`"
     found: dict[str, list[Any]] = {}
     for text in over:
         key, _, listed = text.partition("=")
@@ -103,10 +106,24 @@ def values_of(over: Sequence[str]) -> dict[str, list[Any]]:
         try:
             values = plain(parse(SourceText(f"--over {text}", Path(), f"[{listed}]", numbered=False), problems))
         except SpecError as fault:
-            raise UsageError(f"--over {text}: {fault.message}", "write, for example, `--over fit.max_terms=2,4,8`") from fault
+            raise UsageError(f"--over {text}: {fault.message}", example) from fault
         if problems or not all(key.strip().split(".")) or not values or not isinstance(values, list):
-            raise UsageError(f"--over {text}: not of the form KEY=V1,V2,...", "write, for example, `--over fit.max_terms=2,4,8`")
+            raise UsageError(f"--over {text}: not of the form KEY=V1,V2,...", example)
         if key.strip() in found:
             raise UsageError(f"--over {key.strip()} is given twice", "name all its values at once, with commas between")
         found[key.strip()] = values
+    return found
+
+
+def _prices_of(text: str | None) -> dict[str, float]:
+    """Return the price of each quantity, `pressure=1,strain=20`; raises UsageError for what is none."""
+    found: dict[str, float] = {}
+    for part in text.split(",") if text else []:
+        name, _, price = (piece.strip() for piece in part.partition("="))
+        try:
+            found[name] = float(price)
+        except ValueError:
+            found[name] = -1.0
+        if not 0 < found[name] < float("inf"):
+            raise UsageError(f"--cost {part.strip()}: is no price", "write, for example, `--cost pressure=1,strain=20`")
     return found

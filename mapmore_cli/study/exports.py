@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import zipfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 from mapmore_cli import __version__
 from mapmore_cli.domain.errors import UsageError
@@ -18,8 +18,8 @@ from mapmore_cli.exporting.table import table_files, tex_equations
 from mapmore_cli.exporting.verifying import CompilerMissing, library_place, shared_library, verify_c, verify_module, verify_unit
 from mapmore_cli.modelling.kinds import runs_over_time
 from mapmore_cli.spec.units import base_units
-from mapmore_cli.study.prediction.grid import grid_axes, grid_lines
-from mapmore_cli.study.prediction.predict import FLAG, predicted_lines
+from mapmore_cli.study.predict import FLAG, predicted_lines
+from mapmore_cli.study.records import grid_axes, grid_lines
 
 Warn = Callable[[str], None]
 
@@ -69,7 +69,7 @@ def exported(
 
 
 def _unit(model: Model, verify: bool, warn: Warn) -> bytes:
-    """Return a functional mock-up unit: its sources, and the binary of this machine where there is a compiler."""
+    """Return a functional mock-up unit, a zip file without dates: its sources, and the binary of this machine where there is a compiler."""
     units = dict.fromkeys(quantity.unit for quantity in (*model.inputs, model.output))
     known = {unit: base for unit in units if (base := base_units(unit)) is not None}
     unit = fmu_sources(model, known, f"mapmore {__version__}")
@@ -82,11 +82,6 @@ def _unit(model: Model, verify: bool, warn: Warn) -> bytes:
         files[place] = shared_library(sources, unit.compiled)
     except CompilerMissing as reason:
         warn(f"{reason}: the unit has sources and no binary, so that the tool that imports it has to compile them")
-    return _archive(files)
-
-
-def _archive(files: Mapping[str, bytes]) -> bytes:
-    """Return a zip file without dates."""
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w") as archive:
         for name, data in files.items():
@@ -102,13 +97,10 @@ def _table(model: Model, grid: str) -> str:
     """Return a lookup table within the range in which the model was trained: what lies outside would be looked up as if it were known."""
     if runs_over_time(model):
         raise UsageError("--grid: this model has memory, and a grid has no time", "export it as C or NumPy")
-    header, *lines = predicted_lines(model, grid_lines(grid, [quantity.name for quantity in model.inputs]), "--grid")
-    place = header.rstrip("\n").split(",").index(FLAG)
-    outside = [line for line in lines if line.rstrip("\n").split(",")[place] == "true"]
-    if outside:
-        raise UsageError(
-            f"--grid: {len(outside)} of {len(lines)} points lie outside of the training range, as {outside[0].strip()}",
-            "keep the grid within the range, or take `mapmore predict --grid`, which marks such points",
-        )
-    rows = [line.rstrip("\n").split(",") for line in (header, *lines)]
-    return "".join(",".join(row[:place] + row[place + 1 :]) + "\n" for row in rows)
+    lines = predicted_lines(model, grid_lines(grid, [quantity.name for quantity in model.inputs]), "--grid")
+    header, *rows = (line.rstrip("\n").split(",") for line in lines)
+    place = header.index(FLAG)
+    if outside := [row for row in rows if row[place] == "true"]:
+        what = f"--grid: {len(outside)} of {len(rows)} points lie outside of the training range, as {','.join(outside[0])}"
+        raise UsageError(what, "keep the grid within the range, or take `mapmore predict --grid`, which marks such points")
+    return "".join(",".join(row[:place] + row[place + 1 :]) + "\n" for row in (header, *rows))

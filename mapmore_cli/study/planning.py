@@ -1,33 +1,127 @@
-"""What to measure next, by training data alone."""
+"""What to try and what to measure next, by training data alone: models that were made without some of it, and what they say of it."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.domain.errors import DataError, FitError, SpecError, UsageError
+from mapmore_cli.domain.errors import DataError, FitError, MapmoreError, SpecError, UsageError
+from mapmore_cli.domain.processors import shared_out
 from mapmore_cli.domain.recording import Dataset
-from mapmore_cli.domain.results import Candidate, Picture, Plan
+from mapmore_cli.domain.results import Candidate, Picture, Plan, Search, Until
+from mapmore_cli.domain.scores import Trial, Tuning
 from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices
 from mapmore_cli.fitting.left_out import residuals
-from mapmore_cli.fitting.refitting import refitted, training_only
-from mapmore_cli.fitting.stage import Warn
+from mapmore_cli.fitting.refitting import Folds, errors_of, folds_of, refitted, training_only
+from mapmore_cli.fitting.stage import Progress, Warn
+from mapmore_cli.ingestion.files import slice_of
 from mapmore_cli.modelling import literature
+from mapmore_cli.modelling.kinds import parameters
 from mapmore_cli.modelling.literature.backbone import fit_formula, pooled_training
 from mapmore_cli.modelling.planning import levels as of_levels
 from mapmore_cli.modelling.planning import points as of_points
+from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.modelling.validation.intervals import refusal
-from mapmore_cli.pipeline.runner import OnStage, bring_up_to_date
+from mapmore_cli.modelling.validation.significance import simplest_of
+from mapmore_cli.pipeline.runner import FOUND, SEARCH_STAGE, OnStage, bring_up_to_date, search_stages
+from mapmore_cli.pipeline.search import SEARCH, read_search
 from mapmore_cli.pipeline.staleness import as_found
+from mapmore_cli.spec.loader import LoadedSpec, load
+from mapmore_cli.spec.yaml_loader import as_overrides
+from mapmore_cli.storage.atomic import write_text
 from mapmore_cli.storage.run_folder import RunFiles
 
-if TYPE_CHECKING:
-    from mapmore_cli.fitting.stage import Progress
-    from mapmore_cli.spec.loader import LoadedSpec
+
+class Listeners(TypedDict):
+    """What is told of the work, as `bring_up_to_date` takes it."""
+
+    progress: Progress
+    warn: Warn
+    on_stage: OnStage
+
+
+def tune(loaded: LoadedSpec, over: Mapping[str, Sequence[Any]], runs: Path, **listeners: Unpack[Listeners]) -> Tuning:
+    """Try every combination of settings (`over`, by their place in the spec) on training data that its models were made without.
+
+    The data are ingested in the folder of the run; nothing else is written. Held-out samples are dropped before anything is computed.
+
+    Raises UsageError where a setting changes the data, so that errors could not be compared; SpecError, DataError, FitError where the spec
+    is wrong with some setting, or no combination can be fitted.
+    """
+    variants = list(_variants(loaded, over))
+    outcome = bring_up_to_date(loaded, runs, "ingest", **listeners)
+    dataset = training_only(RunFiles(outcome.run_dir).dataset())
+    split, levels = loaded.spec.data.split, loaded.spec.data.levels
+    held = levels is not None and (split.leave_one_level_out or (split.hold_out is not None and levels.of in split.hold_out.quantities))
+    folds = folds_of(dataset, model_choices(loaded.spec), loaded.spec.validation.normaliser, held)
+    trials = shared_out(lambda variant: _tried(*variant, folds), variants, partial(listeners["progress"], "combinations"))
+    return _ranked(loaded.spec.name, folds, trials)
+
+
+def _variants(loaded: LoadedSpec, over: Mapping[str, Sequence[Any]]) -> Iterator[tuple[dict[str, Any], ModelChoices]]:
+    for values in product(*over.values()):
+        settings = dict(zip(over, values, strict=True))
+        spec = load(loaded.path, (*loaded.overrides, *as_overrides(settings))).spec
+        if slice_of(spec) != slice_of(loaded.spec):
+            what = f"--over {', '.join(over)}: changes the data, so that errors could not be compared"
+            raise UsageError(what, "tune how the model is made of them")
+        choices = model_choices(spec)
+        if choices.kind == "sum":
+            raise SpecError(f"{loaded.path}: a sum of other runs has no settings of its own", "tune the specs that it adds up")
+        yield settings, choices
+
+
+def _tried(settings: Mapping[str, Any], choices: ModelChoices, folds: Folds) -> Trial:
+    """Return the errors on the folds, of models that were made without them; where a fit fails, why."""
+    try:
+        size = parameters(refitted(choices, folds.dataset))
+        errors = errors_of(choices, folds, refitted)
+    except MapmoreError as fault:
+        return Trial(settings, failure=fault.message)
+    lost = sum(not np.isfinite(error) for error in errors)
+    if lost:
+        return Trial(settings, size, failure=f"no finite prediction on {lost} of {len(errors)} folds")
+    return Trial(settings, size, tuple(errors), float(np.mean(errors)))
+
+
+def _ranked(name: str, folds: Folds, trials: Sequence[Trial]) -> Tuning:
+    """Return the trials with what they err beyond the best, and the simplest within one standard error.
+
+    Raises FitError where none of them could be fitted.
+    """
+    usable = [number for number, trial in enumerate(trials) if trial.errors]
+    if not usable:
+        raise FitError(f"{name}: no combination could be fitted without some of the data: {trials[0].failure}", "try simpler settings")
+    rank = simplest_of([trials[i].parameters for i in usable], np.array([trials[i].errors for i in usable]))
+    told = list(trials)
+    for place, number in enumerate(usable):
+        told[number] = replace(trials[number], excess=float(rank.excess[place]), spread=float(rank.spread[place]))
+    return Tuning(name, folds.left_out, folds.full_scale, tuple(told), told[usable[rank.best]], told[usable[rank.chosen]])
+
+
+def searched(loaded: LoadedSpec, runs: Path, budget: str | None, **listeners: Unpack[Listeners]) -> tuple[Search, Path]:
+    """Search the structure of a study, whatever its spec says of it; return what was tried, and the spec that was found.
+
+    Raises SpecError, DataError or FitError where the data cannot be read, or no structure can be fitted.
+    """
+    asked: dict[str, Any] = {"model.type": AUTO}
+    if loaded.spec.model.type != AUTO:
+        asked = {"dictionary": None, "segment": None, "fit": None, "model": {"type": AUTO}}
+    if budget is not None:
+        asked["model.budget"] = budget
+    loaded = load(loaded.path, (*loaded.overrides, *as_overrides(asked)))
+    outcome = bring_up_to_date(loaded, runs, SEARCH_STAGE, stages=search_stages(), **listeners)
+    path = outcome.run_dir / FOUND
+    write_text(path, as_found(loaded, outcome.run_dir).resolved_in(outcome.run_dir, given_only=True))
+    return read_search(outcome.run_dir / SEARCH), path
+
 
 COMMITTEE = ("sarosi_hinged", "sarosi")
 """Formulas of the committee, of those whose inputs the study has; a process without a formula belongs to it as well."""
@@ -49,44 +143,43 @@ MAP = "On six measured maps, such points left 0.3 to 1.2 times the error of even
 FORECAST = "How many more is a forecast: it holds on average, and single cases miss it by much."
 
 
+Planned = tuple[tuple[Candidate, ...], Picture, Until | None, tuple[str, ...]]
+"""Candidates, the best first, half widths, the forecast where one was asked for, and notes."""
+
+
 def plan(
     loaded: LoadedSpec,
     runs: Path,
     *,
     points: int | None = None,
     until: str | None = None,
-    prices: Mapping[str, float] | None = None,
-    progress: Progress = lambda _what, _done, _total: None,
-    warn: Warn = lambda _message: None,
-    on_stage: OnStage = lambda _stage, _reason: None,
+    prices: Mapping[str, float],
+    **listeners: Unpack[Listeners],
 ) -> Plan:
     """Rank the measurements that could be made: levels where the study has some, else (or with `points`) points of a map.
 
     The data are ingested in the folder of the run; nothing else is written. Held-out samples are not used. `until` is the wanted half
     width, in per cent of the largest |target| (`2%`) or in the target's unit; `prices` say what a change of each quantity costs.
 
-    Raises
-    ------
-    SpecError
-        For a model that runs over time, and a sum of other runs.
-    DataError
-        Where there is nothing to plan by: a single level, or a single place.
-    UsageError
-        Where `until` is no size, or a price is of a quantity that the study does not set.
+    Raises SpecError for a model that runs over time, and a sum of other runs; DataError where there is nothing to plan by: a single level,
+    or a single place; UsageError where `until` is no size, or a price is of a quantity that the study does not set.
     """
     searched = loaded.spec.model.type == "auto"
     if not searched:
         _refuse(loaded)
-    outcome = bring_up_to_date(loaded, runs, "fuse" if searched else "ingest", progress=progress, warn=warn, on_stage=on_stage)
+    outcome = bring_up_to_date(loaded, runs, "fuse" if searched else "ingest", **listeners)
     loaded = as_found(loaded, outcome.run_dir)
     choices = _refuse(loaded)
     whole = RunFiles(outcome.run_dir).dataset()
     dataset = training_only(whole)
     largest = max(float(np.abs(curve.columns[dataset.target]).max()) for curve in dataset.curves)
-    wanted = None if until is None else size_of(until, largest)
+    wanted = None if until is None else _size_of(until, largest)
     if dataset.level is not None and points is None:
-        return _of_levels(loaded.spec.name, choices, dataset, whole, largest, wanted, prices or {}, progress)
-    return _of_points(loaded.spec.name, choices, dataset, largest, points or 5, wanted, prices or {})
+        planned = _of_levels(loaded.spec.name, choices, dataset, whole, wanted, prices, listeners["progress"])
+    else:
+        planned = _of_points(loaded.spec.name, choices, dataset, points or 5, wanted, prices)
+    quantities = {name: dataset.quantities[name] for name in planned[0][0].at}
+    return Plan(loaded.spec.name, dataset.quantities[dataset.target], quantities, largest, *planned)
 
 
 def _refuse(loaded: LoadedSpec) -> ModelChoices:
@@ -99,14 +192,8 @@ def _refuse(loaded: LoadedSpec) -> ModelChoices:
     return choices
 
 
-def size_of(text: str, largest: float) -> float:
-    """Return a half width in the target's unit: `2%` of the `largest` |target|, or a number.
-
-    Raises
-    ------
-    UsageError
-        Where it is neither, or not positive.
-    """
+def _size_of(text: str, largest: float) -> float:
+    """Return a half width in the target's unit: `2%` of the `largest` |target|, or a number; raises UsageError for anything else."""
     number, percent = text.strip().removesuffix("%"), text.strip().endswith("%")
     try:
         value = float(number)
@@ -127,24 +214,22 @@ def _of_levels(
     choices: ModelChoices,
     dataset: Dataset,
     whole: Dataset,
-    largest: float,
     wanted: float | None,
     prices: Mapping[str, float],
     progress: Progress,
-) -> Plan:
+) -> Planned:
     """Return the next levels."""
     level = str(dataset.level)
     _checked(prices, (level,))
     places = np.unique([curve.level for curve in dataset.curves if curve.level is not None])
     if len(places) < 2:
         raise DataError(f"{name}: there is a single training level of {level}", "measure its lowest and its highest value first")
-    quantities = {level: dataset.quantities[level]}
     price = prices.get(level, 1.0)
     if len(places) == 2:
         nothing = Picture({level: places}, np.full(2, np.nan), np.full(2, np.nan), {level: places})
         found = of_levels.first_levels(places, level, price)
         told = ("Two levels do not show how a model errs between them: the middle is next.",)
-        return Plan(name, dataset.quantities[dataset.target], quantities, largest, found, nothing, None, told)
+        return found, nothing, None, told
     left_out = residuals(choices, dataset, {}, progress, refitted(choices, dataset))
     found = of_levels.candidates(left_out, level, price)
     notes = [EQUAL, *_beside(found, level, places, whole)]
@@ -156,8 +241,7 @@ def _of_levels(
     forecast = None if wanted is None or refused is not None else of_levels.until(left_out, wanted)
     if forecast is not None:
         notes.append(FORECAST)
-    picture = of_levels.picture(left_out, level, found[0])
-    return Plan(name, dataset.quantities[dataset.target], quantities, largest, found, picture, forecast, tuple(notes))
+    return found, of_levels.picture(left_out, level, found[0]), forecast, tuple(notes)
 
 
 def _beside(found: Sequence[Candidate], level: str, places: Array, whole: Dataset) -> list[str]:
@@ -173,8 +257,8 @@ def _beside(found: Sequence[Candidate], level: str, places: Array, whole: Datase
 
 
 def _of_points(
-    name: str, choices: ModelChoices, dataset: Dataset, largest: float, count: int, wanted: float | None, prices: Mapping[str, float]
-) -> Plan:
+    name: str, choices: ModelChoices, dataset: Dataset, count: int, wanted: float | None, prices: Mapping[str, float]
+) -> Planned:
     """Return the next points."""
     columns = pooled_training(dataset.curves)
     inputs = [quantity.name for quantity in refitted(choices, dataset).inputs]
@@ -189,25 +273,12 @@ def _of_points(
     places = measured.grid(STEPS[len(names)])
     formulas = formulas_of(dataset, measured, places)
 
-    def committee() -> of_points.Committee:
-        return of_points.Committee(measured, places, formulas)
-
-    planned = committee()
+    planned = of_points.Committee(measured, places, formulas)
     found, halves = of_points.chosen(planned, names, count, prices)
     notes = [MAP] if len(names) == 2 else []
-    forecast = None if wanted is None else of_points.until(committee(), wanted)
-    quantities = {one: dataset.quantities[one] for one in names}
-    picture = of_points.picture(planned, measured, halves)
-    return Plan(
-        name,
-        dataset.quantities[dataset.target],
-        quantities,
-        largest,
-        found,
-        picture,
-        forecast,
-        (*notes, "Half widths are right on average; single ones miss by a factor of up to three."),
-    )
+    forecast = None if wanted is None else of_points.until(of_points.Committee(measured, places, formulas), wanted)
+    notes.append("Half widths are right on average; single ones miss by a factor of up to three.")
+    return found, of_points.picture(planned, measured, halves), forecast, tuple(notes)
 
 
 def formulas_of(dataset: Dataset, measured: of_points.Measured, places: Array) -> dict[str, tuple[Array, Array]]:
@@ -224,10 +295,8 @@ def formulas_of(dataset: Dataset, measured: of_points.Measured, places: Array) -
         except (DataError, FitError):
             continue
         if not fit.failed:
-            said = [
-                literature.of(fit).predict(fit.parameters, {one: at[:, column] for column, one in enumerate(measured.names)})
-                for at in (measured.x, places)
-            ]
-            if np.ptp(np.append(measured.y, said[1])) <= ASTRAY * np.ptp(measured.y):
-                found[name] = (said[0], said[1])
+            columns = (dict(zip(measured.names, at.T, strict=True)) for at in (measured.x, places))
+            at_measured, at_places = (literature.of(fit).predict(fit.parameters, inputs) for inputs in columns)
+            if np.ptp(np.append(measured.y, at_places)) <= ASTRAY * np.ptp(measured.y):
+                found[name] = (at_measured, at_places)
     return found

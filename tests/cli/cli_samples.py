@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from typing import Any
 import numpy as np
 import yaml
 
+from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.fits import Scaling
 from mapmore_cli.domain.models import CurveFunction, Fusion, Model, Pieces, SegmentFunction
 from mapmore_cli.domain.recording import Quantity
@@ -21,9 +23,8 @@ name: {name}
 data:
   files: ["{name}_*.csv"]
   columns: {{pressure: {{column: P, unit: kPa}}, strain: {{column: eps}}, force: {{column: F, unit: N}}}}
-  levels: {{of: pressure, at: [100, 200, 300]}}
-  split: {{validate: {{pressure: [200]}}}}
-target: static
+  levels: {{of: pressure, at: {levels}}}
+{split}target: static
 segment: {{strain: {{method: even, count: 2}}}}
 dictionary: [{{polynomial: {{of: [strain], order: 3}}}}]
 validate: {{against: [polynomial_2]}}
@@ -31,27 +32,64 @@ report: {{figures: [], formats: [html, csv], published: {{source: a paper, nrmse
 """
 
 
-def write_study(folder: Path, name: str = "bench") -> Path:
-    """A spec with one recording for each of three pressures; the force is `2 P (1 - 3 eps) - 40`, slightly noisy."""
+def write_study(
+    folder: Path, name: str = "bench", levels: Sequence[int] = (100, 200, 300), held_out: Sequence[int] = (200,), samples: int = 40
+) -> Path:
+    """A spec with one recording for each pressure; the force is `2 P (1 - 3 eps) - 40`, slightly noisy."""
     rng = np.random.default_rng(5)
-    for level in (100, 200, 300):
-        strain = np.linspace(0.0, 0.05 + 0.0004 * level, 40)
-        force = 2 * level * (1 - 3 * strain) - 40 + rng.normal(0, 0.3, strain.size)
-        lines = [f"{level},{e:.5f},{f:.3f}" for e, f in zip(strain, force, strict=True)]
-        (folder / f"{name}_{level}.csv").write_text("\n".join(["P,eps,F", *lines]) + "\n")
+    for level in levels:
+        strain = np.linspace(0.0, 0.05 + 0.0004 * level, samples)
+        write_recording(folder, name, level, strain, 2 * level * (1 - 3 * strain) - 40 + rng.normal(0, 0.3, strain.size))
     spec = folder / f"{name}.yaml"
-    spec.write_text(SPEC.format(name=name))
+    split = f"  split: {{validate: {{pressure: {list(held_out)}}}}}\n" if held_out else ""
+    spec.write_text(SPEC.format(name=name, levels=list(levels), split=split))
     return spec
 
 
-def thinned(recordings: Path, folder: Path, every: int) -> None:
+def write_slow_study(folder: Path, name: str) -> Path:
+    """A study whose segmentation takes many seconds, so that a test can end it at work."""
+    spec = write_study(folder, name, samples=15_000)
+    edit(spec, "method: even", "method: optimal")
+    return spec
+
+
+def wait_until(true: Callable[[], bool], seconds: float = 30.0):
+    """Wait for something that another process does."""
+    deadline = time.monotonic() + seconds
+    while not true():
+        assert time.monotonic() < deadline, "waited in vain"
+        time.sleep(0.01)
+
+
+def write_recording(folder: Path, name, level: int, strain: Array, force: Array):
+    """The recording of one pressure."""
+    lines = [f"{level},{e:.5f},{f:.3f}" for e, f in zip(strain, force, strict=True)]
+    (folder / f"{name}_{level}.csv").write_text("\n".join(["P,eps,F", *lines]) + "\n")
+
+
+def change_forces(path: Path, change: Callable[[Array], Array], to: Path | None = None):
+    """Write a recording, in its place or `to` another, with other forces."""
+    header, *rows = path.read_text().splitlines()
+    cells = [row.split(",") for row in rows]
+    forces = change(np.array([float(cell[2]) for cell in cells])) if cells else []
+    (to or path).write_text("\n".join([header, *(f"{p},{e},{force:.9g}" for (p, e, _), force in zip(cells, forces, strict=True))]) + "\n")
+
+
+def edit(path: Path, old, new):
+    """Replace a text of a file, which is there."""
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+
+
+def thinned(recordings: Path, folder: Path, every: int):
     """The load cycles of a shipped muscle in another folder, with one sample in so many, which is quicker."""
     for path in sorted(recordings.glob("load_cycle_*.csv")):
         head, *rows = path.read_text().splitlines()
         (folder / path.name).write_text("\n".join([head, *rows[::every]]) + "\n")
 
 
-def without_figures(study: Path, folder: Path, but: str = "", figures: Sequence[str] | None = None) -> Path:
+def without_figures(study, folder: Path, but: str = "", figures: Sequence[str] | None = None) -> Path:
     """A shipped study in another folder, with those that it needs, without figures, which take most of the time of a run.
 
     One may have them: `but`, with some `figures` or with all.
@@ -99,9 +137,8 @@ def by_hand(pressure: float, strain: float) -> float:
     return (1 - t) * (100 - 400 * strain) + t * (200 - 500 * strain)
 
 
-def scored_run(mapmore: Callable[..., Any], spec: Path, runs: Path, *arguments: object) -> tuple[dict[str, float], dict[str, str]]:
+def scored_run(mapmore, spec: Path, runs: Path, *arguments: object) -> tuple[dict[str, float], dict[str, str]]:
     """RMSE of every model on the held-out data, and what was done, of one `mapmore run`."""
-    result = mapmore("run", spec, "--runs", runs, "--json", "-q", *arguments)
-    assert result.exit_code == 0, result.stderr
+    result = mapmore("run", spec, "--runs", runs, "--json", "-q", *arguments, code=0)
     document = json.loads(result.stdout)
     return {r["model"]: r["rmse"] for r in document["scores"] if (r["split"], r["curve"]) == ("validate", "all")}, document["stages"]

@@ -6,7 +6,7 @@ import json
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -33,16 +33,20 @@ def one_command() -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def mapmore() -> Call:
-    """Calls the command in this process."""
+    """Calls the command in this process; it has to end with the `code` and to tell on stderr what it `says`, where these are given."""
 
-    def call(*args: object, stdin: str | bytes | None = None) -> Result:
-        return CliRunner().invoke(app, [str(arg) for arg in args], input=stdin, prog_name="mapmore")
+    def call(*args: object, stdin: str | bytes | None = None, code: int | None = None, says: str | Sequence[str] = ()) -> Result:
+        result = CliRunner().invoke(app, [str(arg) for arg in args], input=stdin, prog_name="mapmore")
+        assert code in (None, result.exit_code), result.stderr
+        for words in [says] if isinstance(says, str) else says:
+            assert words in result.stderr
+        return result
 
     return call
 
 
 @pytest.fixture(scope="session")
-def document(mapmore: Call) -> Callable[..., Any]:
+def document(mapmore) -> Callable[..., Any]:
     """Calls the command with `--json` where stderr has to stay empty, and reads the one document that it prints."""
 
     def call(*args: object) -> Any:
@@ -65,29 +69,28 @@ def shell() -> Callable[..., subprocess.CompletedProcess[str]]:
 
 
 @pytest.fixture
-def batch_here(monkeypatch: pytest.MonkeyPatch) -> None:
+def batch_here(monkeypatch):
     """Let `batch` do its runs in this process: to start another takes longer than such a run."""
     monkeypatch.setattr("mapmore_cli.study.campaigns.processes.LocalWorkers", Here)
 
 
 @pytest.fixture
-def study(tmp_path: Path) -> Path:
+def study(tmp_path) -> Path:
     """A study that has not run yet."""
     return write_study(tmp_path)
 
 
 @pytest.fixture(scope="session")
-def finished(tmp_path_factory: pytest.TempPathFactory, mapmore: Call) -> tuple[Path, Path]:
+def finished(tmp_path_factory: pytest.TempPathFactory, mapmore) -> tuple[Path, Path]:
     """A study that has run: its spec and its folder of runs; not to be changed."""
     folder = tmp_path_factory.mktemp("finished")
     spec = write_study(folder)
-    result = mapmore("run", spec, "--runs", folder / "runs", "-q")
-    assert result.exit_code == 0, result.stderr
+    mapmore("run", spec, "--runs", folder / "runs", "-q", code=0)
     return spec, folder / "runs"
 
 
 @pytest.fixture
-def copied(finished: tuple[Path, Path], tmp_path: Path) -> tuple[Path, Path]:
+def copied(finished, tmp_path) -> tuple[Path, Path]:
     """A copy of `finished`, which a test may change: its spec and its folder of runs."""
     spec, runs = finished
     shutil.copytree(spec.parent, tmp_path, dirs_exist_ok=True)

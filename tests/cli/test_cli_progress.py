@@ -9,13 +9,12 @@ import pytest
 
 from mapmore_cli.cli import progress
 from mapmore_cli.cli.progress import Reporter
-from mapmore_cli.domain.errors import UsageError
 
 
 class Clock:
     """A clock that stands still until it is told."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         self.now = 100.0
 
     def monotonic(self) -> float:
@@ -23,31 +22,31 @@ class Clock:
 
 
 @pytest.fixture
-def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+def clock(monkeypatch) -> Clock:
     stopped = Clock()
     monkeypatch.setattr(progress, "time", stopped)
     return stopped
 
 
 @pytest.fixture
-def terminal(capsys, monkeypatch: pytest.MonkeyPatch) -> None:
+def terminal(capsys, monkeypatch):
     monkeypatch.setattr(type(sys.stderr), "isatty", lambda _: True, raising=False)
     monkeypatch.setenv("TERM", "xterm-256color")
 
 
-def work(reporter: Reporter, clock: Clock, seconds: float, steps: int = 100) -> None:
+def work(reporter: Reporter, clock: Clock, seconds: float, steps: int = 100):
     for done in range(steps + 1):
         reporter.progress("fit", done, steps)
         clock.now += seconds / steps
 
 
-def test_quick_work_makes_no_noise(clock: Clock, capsys) -> None:
+def test_quick_work_makes_no_noise(clock, capsys):
     with Reporter() as reporter:
         work(reporter, clock, 0.9)
     assert capsys.readouterr().err == ""
 
 
-def test_plain_lines_where_stderr_is_no_terminal(clock: Clock, capsys) -> None:
+def test_plain_lines_where_stderr_is_no_terminal(clock, capsys):
     with Reporter() as reporter:
         work(reporter, clock, 20)
     err = capsys.readouterr().err
@@ -56,7 +55,7 @@ def test_plain_lines_where_stderr_is_no_terminal(clock: Clock, capsys) -> None:
     assert err.splitlines() == ["fit: 5 of 100", "fit: 30 of 100", "fit: 55 of 100", "fit: 80 of 100"]
 
 
-def test_patience_starts_anew_with_each_piece_of_work(clock: Clock, capsys) -> None:
+def test_patience_starts_anew_with_each_piece_of_work(clock, capsys):
     with Reporter() as reporter:
         for number in range(10):
             reporter.progress(f"part {number}", 0, 1)
@@ -65,7 +64,7 @@ def test_patience_starts_anew_with_each_piece_of_work(clock: Clock, capsys) -> N
 
 
 @pytest.mark.usefixtures("terminal")
-def test_a_bar_on_a_terminal_is_gone_at_the_end(clock: Clock, capsys) -> None:
+def test_a_bar_on_a_terminal_is_gone_at_the_end(clock, capsys):
     with Reporter() as reporter:
         work(reporter, clock, 20)
         reporter.warn("few samples")
@@ -77,7 +76,7 @@ def test_a_bar_on_a_terminal_is_gone_at_the_end(clock: Clock, capsys) -> None:
 
 
 @pytest.mark.usefixtures("terminal")
-def test_no_colour_on_request(clock: Clock, capsys, monkeypatch) -> None:
+def test_no_colour_on_request(clock, capsys, monkeypatch):
     monkeypatch.setenv("NO_COLOR", "1")
     with Reporter() as reporter:
         work(reporter, clock, 20)
@@ -86,7 +85,7 @@ def test_no_colour_on_request(clock: Clock, capsys, monkeypatch) -> None:
     assert "\x1b[3" not in err
 
 
-def test_quiet_is_silent_but_for_failures(clock: Clock, capsys) -> None:
+def test_quiet_is_silent_but_for_failures(clock, capsys):
     with Reporter(quiet=True) as reporter:
         work(reporter, clock, 20)
         reporter.stage("fit", "never ran")
@@ -96,7 +95,7 @@ def test_quiet_is_silent_but_for_failures(clock: Clock, capsys) -> None:
     assert capsys.readouterr().err == "one of the runs failed\n"
 
 
-def test_verbose_times_the_stages_that_ran(clock: Clock, capsys) -> None:
+def test_verbose_times_the_stages_that_ran(clock, capsys):
     with Reporter(verbose=True) as reporter:
         reporter.stage("ingest", None)
         reporter.stage("segment", "never ran")
@@ -112,8 +111,8 @@ def test_verbose_times_the_stages_that_ran(clock: Clock, capsys) -> None:
     ]
 
 
-def test_a_stage_that_failed_is_not_called_done(clock: Clock, capsys) -> None:
-    def fail() -> None:
+def test_a_stage_that_failed_is_not_called_done(clock, capsys):
+    def fail():
         with Reporter(verbose=True) as reporter:
             reporter.stage("fit", "never ran")
             raise RuntimeError("no fit")
@@ -121,8 +120,3 @@ def test_a_stage_that_failed_is_not_called_done(clock: Clock, capsys) -> None:
     with pytest.raises(RuntimeError, match="no fit"):
         fail()
     assert capsys.readouterr().err == "fit: never ran\n"
-
-
-def test_quiet_and_verbose_exclude_each_other() -> None:
-    with pytest.raises(UsageError):
-        Reporter(quiet=True, verbose=True)

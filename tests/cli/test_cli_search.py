@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -44,7 +42,7 @@ def write_bare(folder: Path, permuted: bool = False) -> Path:
     return folder / "bare.yaml"
 
 
-def test_a_minimal_spec_is_a_study_and_what_it_found_repeats_without_a_search(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+def test_a_minimal_spec_is_a_study_and_what_it_found_repeats_without_a_search(tmp_path, mapmore):
     spec = write_bare(tmp_path)
     found = json.loads(mapmore("run", spec, "--runs", tmp_path / "runs", "--json", "-q").stdout)
     assert found["stages"]["search"] == "done"
@@ -66,7 +64,7 @@ def test_a_minimal_spec_is_a_study_and_what_it_found_repeats_without_a_search(tm
     assert set(reasons.values()) == {None}
 
 
-def test_first_lines_tell_of_better_models(tmp_path: Path, mapmore: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_first_lines_tell_of_better_models(tmp_path, mapmore, monkeypatch):
     """The best formula of the search competes on the held-out data; a black box that errs less on left-out training data is told."""
     from mapmore_cli.fitting import searching
 
@@ -83,7 +81,7 @@ def test_first_lines_tell_of_better_models(tmp_path: Path, mapmore: Callable[...
     assert formulas[0]["words"] == f"formula {load(run / 'found.yaml').spec.validation.against[0]}"
 
 
-def test_held_out_values_influence_nothing(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+def test_held_out_values_influence_nothing(tmp_path, mapmore):
     made = []
     for name, permuted in (("one", False), ("two", True)):
         spec = write_bare(tmp_path / name, permuted)
@@ -96,7 +94,7 @@ def test_held_out_values_influence_nothing(tmp_path: Path, mapmore: Callable[...
 
 
 @pytest.mark.long
-def test_tune_without_over_is_the_same_search(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+def test_tune_without_over_is_the_same_search(tmp_path, mapmore):
     spec = write_bare(tmp_path)
     run = json.loads(mapmore("run", spec, "--runs", tmp_path / "runs", "--json", "-q").stdout)
     told = json.loads(mapmore("tune", spec, "--runs", tmp_path / "runs", "--json", "-q").stdout)
@@ -108,7 +106,7 @@ def test_tune_without_over_is_the_same_search(tmp_path: Path, mapmore: Callable[
     assert json.loads(mapmore("tune", by_hand, "--runs", tmp_path / "runs", "--json", "-q").stdout)["found"] == told["found"]
 
 
-def test_a_budget_that_cut_the_list_is_told(tmp_path: Path, mapmore: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_budget_that_cut_the_list_is_told(tmp_path, mapmore, monkeypatch):
     from mapmore_cli.fitting import searching
 
     monkeypatch.setattr(searching.Clock, "over", property(lambda _self: next(times)))

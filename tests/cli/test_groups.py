@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import re
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from cli_samples import scored_run, write_recording
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve
@@ -32,64 +31,52 @@ report: {formats: [csv]}
 
 
 @pytest.fixture
-def campaign(tmp_path: Path) -> Path:
+def campaign(tmp_path) -> Path:
     """Three specimens at three pressures; the third pulls by a fifth more."""
-    rng = np.random.default_rng(0)
     for name, factor in (("a", 1.0), ("b", 1.03), ("c", 1.2)):
-        for level in (100, 200, 300):
-            strain = np.linspace(0, 0.2, 40)
-            force = factor * level * (2 - 8 * strain) + rng.normal(0, 0.5, 40)
-            rows = [f"{level},{e:.6f},{f:.5f}" for e, f in zip(strain, force, strict=True)]
-            (tmp_path / f"{name}_{level}.csv").write_text("\n".join(["P,eps,F", *rows]) + "\n")
+        write(tmp_path, name, (0.0, 0.2), factor=factor)
     return tmp_path
 
 
-def rows(mapmore: Callable[..., Any], folder: Path, split: str) -> dict[tuple[str, str], dict[str, Any]]:
+@pytest.fixture
+def sessions(tmp_path) -> Path:
+    """Two sessions whose load cells were zeroed apart: 8 N; each measured other strains, which overlap."""
+    write(tmp_path, "a", (0.0, 0.15), offset=5.0)
+    write(tmp_path, "b", (0.05, 0.2), offset=-3.0)
+    return tmp_path
+
+
+def write(folder: Path, name, ends: tuple[float, float], factor: float = 1.0, offset: float = 0.0):
+    rng, strain = np.random.default_rng(ord(name)), np.linspace(*ends, 40)
+    for level in (100, 200, 300):
+        force = factor * level * (2 - 8 * strain) + offset + rng.normal(0, 0.3, 40)
+        write_recording(folder, name, level, strain, force)
+
+
+def rows(document, folder: Path, split: str) -> dict[tuple[str, str], dict[str, Any]]:
     spec = folder / "specimens.yaml"
     spec.write_text(SPEC.replace("SPLIT", split))
-    result = mapmore("validate", spec, "--runs", folder / "runs", "--json", "-q")
-    assert result.exit_code == 0, result.stderr
-    return {(row["split"], row["curve"]): row for row in json.loads(result.stdout)["scores"] if row["model"] == "mapmore"}
+    scores = document("validate", spec, "--runs", folder / "runs", "-q")["scores"]
+    return {(row["split"], row["curve"]): row for row in scores if row["model"] == "mapmore"}
 
 
-def test_each_group_is_scored_and_predicted_as_by_a_run_without_it(campaign: Path, mapmore: Callable[..., Any]) -> None:
-    left_out = rows(mapmore, campaign, "  split: {leave_one_group_out: true}")
+def test_each_group_is_scored_and_predicted_as_by_a_run_without_it(campaign, document):
+    left_out = rows(document, campaign, "  split: {leave_one_group_out: true}")
     for specimen in (1, 2, 3):
-        held_out = rows(mapmore, campaign, f"  split: {{validate: {{specimen: [{specimen}]}}}}")
+        held_out = rows(document, campaign, f"  split: {{validate: {{specimen: [{specimen}]}}}}")
         assert held_out["validate", "all"]["rmse"] == pytest.approx(held_out["validate", f"specimen={specimen}"]["rmse"])
         assert left_out["validate", f"specimen={specimen}"]["rmse"] == pytest.approx(held_out["validate", "all"]["rmse"], rel=1e-9)
     assert left_out["validate", "specimen=3"]["rmse"] > 2 * left_out["validate", "specimen=2"]["rmse"]
     assert left_out["validate", "all"]["n"] == 9 * 40
 
 
-@pytest.mark.parametrize(
-    ("split", "told"),
-    [
-        ("  split: {leave_one_group_out: true, leave_one_level_out: true}", "choose one"),
-        ("  split: {leave_one_group_out: true, validate: {specimen: [1]}}", "choose one"),
-    ],
-)
-def test_contradictions_are_refused(split: str, told: str, campaign: Path, mapmore: Callable[..., Any]) -> None:
+def test_contradictions_are_refused(campaign, mapmore):
     spec = campaign / "specimens.yaml"
-    spec.write_text(SPEC.replace("SPLIT", split))
-    refused = mapmore("check", spec)
-    assert (refused.exit_code, told in refused.stderr) == (3, True)
+    for other in ("leave_one_level_out: true", "validate: {specimen: [1]}"):
+        spec.write_text(SPEC.replace("SPLIT", f"  split: {{leave_one_group_out: true, {other}}}"))
+        mapmore("check", spec, code=3, says="choose one")
     spec.write_text(SPEC.replace("SPLIT", "").replace("groups: {of: specimen}", "groups: {of: session}"))
-    refused = mapmore("check", spec)
-    assert (refused.exit_code, "no recording has the quantity `session`" in refused.stderr) == (3, True)
-
-
-@pytest.fixture
-def sessions(tmp_path: Path) -> Path:
-    """Two sessions whose load cells were zeroed apart: 8 N; each measured other strains, which overlap."""
-    rng = np.random.default_rng(1)
-    for name, offset, (low, high) in (("a", 5.0, (0.0, 0.15)), ("b", -3.0, (0.05, 0.2))):
-        for level in (100, 200, 300):
-            strain = np.linspace(low, high, 40)
-            force = level * (2 - 8 * strain) + offset + rng.normal(0, 0.2, 40)
-            rows = [f"{level},{e:.6f},{f:.5f}" for e, f in zip(strain, force, strict=True)]
-            (tmp_path / f"{name}_{level}.csv").write_text("\n".join(["P,eps,F", *rows]) + "\n")
-    return tmp_path
+    mapmore("check", spec, code=3, says="no recording has the quantity `session`")
 
 
 def of_sessions(folder: Path, split: str, groups: str) -> Path:
@@ -100,14 +87,11 @@ def of_sessions(folder: Path, split: str, groups: str) -> Path:
     return spec
 
 
-def test_offsets_of_sessions_are_taken_off_and_told(sessions: Path, mapmore: Callable[..., Any]) -> None:
+def test_offsets_of_sessions_are_taken_off_and_told(sessions, mapmore):
     errors = {}
     for groups in ("groups: {of: specimen}", "groups: {of: specimen, offset: true}"):
         spec = of_sessions(sessions, "  split: {validate: {pressure: [200]}}", groups)
-        result = mapmore("validate", spec, "--runs", sessions / "runs", "--json", "-q")
-        assert result.exit_code == 0, result.stderr
-        found = json.loads(result.stdout)["scores"]
-        errors[groups] = next(row["rmse"] for row in found if (row["model"], row["split"], row["curve"]) == ("mapmore", "validate", "all"))
+        errors[groups] = scored_run(mapmore, spec, sessions / "runs")[0]["mapmore"]
     assert max(errors.values()) > 2 > 0.5 > min(errors.values())
     (note,) = (note for note in RunFiles(sessions / "runs" / "specimens").dataset().notes if note.startswith("offsets"))
     told = [float(text) for text in re.findall(r": ([+-][\d.]+)", note)]
@@ -115,22 +99,16 @@ def test_offsets_of_sessions_are_taken_off_and_told(sessions: Path, mapmore: Cal
     assert "[N] taken off force" in note
 
 
-@pytest.mark.parametrize(
-    ("split", "told"),
-    [
-        ("  split: {leave_one_group_out: true}", "left out is not known"),
-        ("  split: {validate: {specimen: [2]}}", None),
-    ],
-)
-def test_a_group_without_training_samples_has_no_offset(split: str, told: str | None, sessions: Path, mapmore: Callable[..., Any]) -> None:
-    spec = of_sessions(sessions, split, "groups: {of: specimen, offset: true}")
-    result = mapmore("validate", spec, "--runs", sessions / "runs", "-q")
-    assert (result.exit_code, told is None or told in result.stderr) == (0 if told is None else 3, True)
-    if told is None:
-        assert any("none is known of 2" in note for note in RunFiles(sessions / "runs" / "specimens").dataset().notes)
+def test_a_group_without_training_samples_has_no_offset(sessions, mapmore):
+    groups, runs = "groups: {of: specimen, offset: true}", sessions / "runs"
+    spec = of_sessions(sessions, "  split: {leave_one_group_out: true}", groups)
+    mapmore("validate", spec, "--runs", runs, "-q", code=3, says="left out is not known")
+    of_sessions(sessions, "  split: {validate: {specimen: [2]}}", groups)
+    mapmore("validate", spec, "--runs", runs, "-q", code=0)
+    assert any("none is known of 2" in note for note in RunFiles(runs / "specimens").dataset().notes)
 
 
-def test_offsets_do_not_depend_on_held_out_outputs_and_move_with_the_target() -> None:
+def test_offsets_do_not_depend_on_held_out_outputs_and_move_with_the_target():
     rng = np.random.default_rng(2)
     x, group, out = rng.uniform(-1, 1, 300), np.repeat([1.0, 2.0, 5.0], 100), rng.random(300) < 0.3
     y = np.exp(x) + np.select([group == 1, group == 2], [1.0, -2.0], 0.0)
@@ -144,7 +122,7 @@ def test_offsets_do_not_depend_on_held_out_outputs_and_move_with_the_target() ->
     assert found(3 * y + 7) == pytest.approx({value: 3 * offset for value, offset in of.items()})
 
 
-def test_what_goes_with_the_group_is_no_offset() -> None:
+def test_what_goes_with_the_group_is_no_offset():
     group = np.repeat([1.0, 2.0], 50)
     x = np.where(group == 1, 0.0, 1.0) + np.tile(np.linspace(0, 1e-9, 50), 2)  # varies within a group, and tells nothing
     with pytest.raises(DataError, match="cannot be told"):

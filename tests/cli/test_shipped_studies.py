@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -99,7 +98,7 @@ def names(paths: list[Path]) -> list[str]:
     return [path.stem for path in paths]
 
 
-def test_there_are_studies_of_both_kinds() -> None:
+def test_there_are_studies_of_both_kinds():
     assert len(SIMULATED) >= 2
     assert len(MEASURED) >= 3
 
@@ -110,7 +109,7 @@ def schema() -> jsonschema.Draft202012Validator:
 
 
 @pytest.mark.parametrize("path", STUDIES, ids=names(STUDIES))
-def test_a_study_is_named_after_its_file_and_follows_the_schema(path: Path, schema: jsonschema.Draft202012Validator) -> None:
+def test_a_study_is_named_after_its_file_and_follows_the_schema(path, schema):
     loaded = load(path)
     assert loaded.spec.name == path.stem
     assert ("/datasets/" not in loaded.resolved) == is_measured(path)
@@ -119,10 +118,9 @@ def test_a_study_is_named_after_its_file_and_follows_the_schema(path: Path, sche
     schema.validate(yaml.safe_load(loaded.resolved))
 
 
-def run(mapmore: Callable[..., Any], path: Path, runs: Path, *settings: str, with_report: bool) -> dict[str, Any]:
+def run(mapmore, path: Path, runs: Path, *settings: str, with_report: bool) -> dict[str, Any]:
     spec = without_figures(path, runs) if "needs:" in path.read_text(encoding="utf-8") else path
-    result = mapmore("run" if with_report else "validate", spec, "--runs", runs, "--json", "-q", *settings)
-    assert result.exit_code == 0, result.stderr
+    result = mapmore("run" if with_report else "validate", spec, "--runs", runs, "--json", "-q", *settings, code=0)
     document = json.loads(result.stdout)
     assert (runs / path.stem / "report" / "index.html").is_file() == with_report
     return {row["model"]: row for row in document["scores"] if (row["split"], row["curve"]) == ("validate", "all")}
@@ -131,13 +129,13 @@ def run(mapmore: Callable[..., Any], path: Path, runs: Path, *settings: str, wit
 @pytest.mark.parametrize(
     "path", [pytest.param(path, marks=pytest.mark.long if path.stem in LONG_SIMULATED else (), id=path.stem) for path in SIMULATED]
 )
-def test_a_simulated_study_gives_its_scores(path: Path, tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+def test_a_simulated_study_gives_its_scores(path, tmp_path, mapmore):
     rows = run(mapmore, path, tmp_path, with_report=path.stem in WITH_REPORT)
     for model, nrmse in NRMSE[path.stem].items():
         assert rows[model]["nrmse"] == pytest.approx(nrmse, abs=1e-4, rel=5e-3)
 
 
-def test_a_long_simulated_study_runs_alone(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+def test_a_long_simulated_study_runs_alone(tmp_path, mapmore):
     (path,) = (path for path in SIMULATED if path.stem == LONG_SIMULATED[0])
     rows = run(mapmore, path, tmp_path, "--set", "validate.against=[]", with_report=False)
     assert rows["mapmore"]["nrmse"] == pytest.approx(NRMSE[LONG_SIMULATED[0]]["mapmore"], abs=1e-4, rel=5e-3)
@@ -152,7 +150,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize(
     "path", [pytest.param(path, marks=pytest.mark.long if LONG.fullmatch(path.stem) else (), id=path.stem) for path in MEASURED]
 )
-def test_a_measured_study_runs(path: Path, runs: Path, mapmore: Callable[..., Any], measured_data: Path) -> None:
+def test_a_measured_study_runs(path, runs, mapmore, measured_data):
     rows = run(mapmore, path, runs, with_report=path.stem in WITH_REPORT)
     assert 0 < rows["mapmore"]["nrmse"] < 0.6
     assert rows["mapmore"]["n"] >= 10
@@ -173,9 +171,7 @@ QUICK = ("festo_10mm_10cm_pressure", "bellows_strain", "coiled_steps_motion")
 @pytest.mark.parametrize(
     ("study", "competitor"), [pytest.param(*one, marks=() if one[0] in QUICK else pytest.mark.long, id=one[0]) for one in SHORT.items()]
 )
-def test_a_long_measured_study_runs_almost_alone(
-    study: str, competitor: str, tmp_path: Path, mapmore: Callable[..., Any], measured_data: Path
-) -> None:
+def test_a_long_measured_study_runs_almost_alone(study, competitor, tmp_path, mapmore, measured_data):
     (path,) = (path for path in MEASURED if path.stem == study)
     rows = run(mapmore, path, tmp_path, "--set", f"validate.against=[{competitor}]", "--set", "validate.simple=false", with_report=False)
     assert 0 < rows["mapmore"]["nrmse"] < 0.6
@@ -183,7 +179,7 @@ def test_a_long_measured_study_runs_almost_alone(
     assert rows.keys() - shown_of(study).keys() == (rows.keys() if study == "bellows_raw" else set())
 
 
-def assert_told(told: dict[str, float], rows: dict[str, Any]) -> None:
+def assert_told(told: dict[str, float], rows: dict[str, Any]):
     """The errors of a run are those of a page, in per cent."""
     for model, per_cent in told.items():
         assert 100 * rows[model]["nrmse"] == pytest.approx(per_cent, rel=0.02), model

@@ -37,7 +37,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return found
 
 
-def test_the_wheel_holds_every_module_and_file(wheel: Path) -> None:
+def test_the_wheel_holds_every_module_and_file(wheel):
     ours = {path.relative_to(PROJECT).as_posix() for path in (PROJECT / "mapmore_cli").rglob("*") if path.is_file()}
     ours = {name for name in ours if "__pycache__" not in name}
     assert ours <= set(zipfile.ZipFile(wheel).namelist())
@@ -54,7 +54,7 @@ sys.addaudithook(refuse)
 """
 
 
-def test_an_installed_program_makes_its_example(wheel: Path, tmp_path: Path) -> None:
+def test_an_installed_program_makes_its_example(wheel, tmp_path):
     """From the wheel alone, far from the checkout, and without a network: whoever opens a connection ends with an internal fault."""
     zipfile.ZipFile(wheel).extractall(tmp_path / "site")
     (tmp_path / "site" / "sitecustomize.py").write_text(NO_NETWORK)

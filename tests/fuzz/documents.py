@@ -20,7 +20,7 @@ from driver import Fault, Target, changed_text, changed_tree, refused
 from specs import STATIC, write_data
 
 from mapmore_cli.cli.console import print_view
-from mapmore_cli.cli.views.files import of_file
+from mapmore_cli.cli.views import of_file
 from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.pipeline.runner import bring_up_to_date, explain
 from mapmore_cli.spec.loader import LoadedSpec, load

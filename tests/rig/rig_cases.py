@@ -9,7 +9,7 @@ import pytest
 
 from mapmore_cli.spec.loader import load_as
 from mapmore_cli.spec.simulation import McKibbenMuscle, PeanoMuscle, SimulationSpec
-from mapmore_cli.study.simulation.simulate import muscle_of
+from mapmore_cli.study.simulate import muscle_of
 
 DATASETS = Path(__file__).parents[2] / "datasets"
 BRAID, TUBES = muscle_of(McKibbenMuscle(kind="mckibben")), muscle_of(PeanoMuscle(kind="peano"))

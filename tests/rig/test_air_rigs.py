@@ -19,8 +19,8 @@ from mapmore_cli.rig.random_velocity import random_velocity
 from mapmore_cli.rig.sensors import recording_generator
 from mapmore_cli.rig.static_muscles import volume
 from mapmore_cli.rig.waveform import Waveform, waveform_response
-from mapmore_cli.study.simulation import simulate
-from mapmore_cli.study.simulation.simulate import recording, waveform_rig_of
+from mapmore_cli.study import simulate
+from mapmore_cli.study.simulate import recording, waveform_rig_of
 
 
 @cache

@@ -10,7 +10,7 @@ from scipy.integrate import trapezoid
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.rig.load_cycle import LoadCycle, Regulation, load_cycle, regulated_pressure, resting_strains, strain_path
 from mapmore_cli.rig.muscle import Hysteresis, zero_force_strain
-from mapmore_cli.study.simulation.simulate import csv_text, decimals, hysteresis_of, muscle_of, recording
+from mapmore_cli.study.simulate import csv_text, decimals, hysteresis_of, muscle_of, recording
 
 FRICTION = Hysteresis(base=3.0, per_pressure=3e-5, yield_strains=np.array([0.001, 0.01]), shares=np.array([0.5, 0.5]))
 CYCLE = LoadCycle(duration=50.0, sample_time=0.02, dwell=0.5, least_stroke=0.01)

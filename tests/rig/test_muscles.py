@@ -24,7 +24,7 @@ from mapmore_cli.rig.static_muscles import (
     volume_slope,
 )
 from mapmore_cli.spec.simulation import McKibbenMuscle
-from mapmore_cli.study.simulation.simulate import muscle_of
+from mapmore_cli.study.simulate import muscle_of
 
 PUBLISHED = {  # kPa, force at zero strain N, free strain
     "mckibben": ((80, 215, 0.036), (150, 445, 0.104), (250, 735, 0.181), (350, 1002, 0.221)),

@@ -20,7 +20,7 @@ from mapmore_cli.rig.sensors import integrate, low_pass
 from mapmore_cli.rig.static_muscles import volume
 from mapmore_cli.rig.step_response import Bumper, StepTimes, step_response
 from mapmore_cli.rig.water import WATER_DENSITY, WATER_VISCOSITY, Pipe, Wall, bubble_compliance
-from mapmore_cli.study.simulation.simulate import step_rig_of, wet_muscle_of
+from mapmore_cli.study.simulate import step_rig_of, wet_muscle_of
 
 TUBE = Pipe(length=0.5, diameter=0.0045, loss=0.0)
 RESERVOIR = Reservoir(air_volume=2e-4, polytropic=1.2, supply_conductance=0.4e-8, exhaust_conductance=1e-8, critical_ratio=0.3)

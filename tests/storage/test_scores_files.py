@@ -14,7 +14,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from stored_records import records
 
-from mapmore_cli.cli.views.files import of_file
+from mapmore_cli.cli.views import of_file
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.scores import Score, ScoreTable
 from mapmore_cli.storage.run_record import read_scores, write_scores

@@ -25,9 +25,9 @@ from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "study" / "campaigns"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "cli"))
 
-from run_studies import write_study
+from cli_samples import write_study
 
 from mapmore_cli.__main__ import main as mapmore
 from mapmore_cli.cli.app import app

@@ -5,14 +5,11 @@ from __future__ import annotations
 import json
 import re
 import shutil
-from collections.abc import Sequence
 from pathlib import Path
 
 from mapmore_cli import __version__
 from mapmore_cli.domain.errors import DataError, UsageError, WriteError
-from mapmore_cli.domain.models import Model
-from mapmore_cli.modelling.validation.comparison import reference_points
-from mapmore_cli.storage.atomic import refusals_told, sync_tree, unfinished_beside, write_bytes, write_text
+from mapmore_cli.storage.atomic import refusals_told, sync_tree, unfinished_beside, write_text
 from mapmore_cli.storage.run_folder import MODEL
 from mapmore_cli.storage.run_record import RUN_RECORD, load_records, take_stamp
 
@@ -31,25 +28,26 @@ def freeze(run_dir: Path, tag: str, archive: Path) -> Path:
     if not TAG.fullmatch(tag):
         raise UsageError(f"{tag!r} cannot be a tag", "use letters, digits, points, dashes and underscores, as 2026-spring")
     _check_finished(run_dir)
-    name = _name_of(run_dir)
+    name = _entry(run_dir / RUN_RECORD, "name")
+    if not isinstance(name, str) or not TAG.fullmatch(name):  # a stranger's may lead anywhere
+        raise DataError(f"{run_dir / RUN_RECORD}: has no name of a run", "make the run anew with `mapmore run CONFIG --force`")
     place = archive / f"{name}@{tag}"
     if place.exists():
         raise WriteError(f"{place}: is frozen already, and stays as it is", "choose another tag")
     with refusals_told(archive):
         archive.mkdir(parents=True, exist_ok=True)
         with unfinished_beside(place, folder=True) as unfinished:
-            _fill(unfinished, run_dir, name, tag)
+            for kept in KEPT:
+                shutil.copyfile(run_dir / kept, unfinished / kept)
+            hashes = {kept: take_stamp(unfinished / kept).sha256 for kept in KEPT}
+            document = {"creator": f"mapmore {__version__}", "name": name, "tag": tag, "sha256": hashes}
+            write_text(unfinished / FROZEN, json.dumps(document, indent=1, ensure_ascii=False) + "\n")
+            for file in (*KEPT, FROZEN):
+                (unfinished / file).chmod(READ_ONLY)
+            sync_tree(unfinished)
             unfinished.chmod(0o755)
             unfinished.rename(place)
     return place
-
-
-def _name_of(run_dir: Path) -> str:
-    """Return the name of a run, as its record has it: a stranger's may lead anywhere."""
-    name = _entry(run_dir / RUN_RECORD, "name")
-    if not isinstance(name, str) or not TAG.fullmatch(name):
-        raise DataError(f"{run_dir / RUN_RECORD}: has no name of a run", "make the run anew with `mapmore run CONFIG --force`")
-    return name
 
 
 def _entry(path: Path, *keys: str) -> object:
@@ -61,18 +59,6 @@ def _entry(path: Path, *keys: str) -> object:
     except (OSError, ValueError, TypeError, KeyError, IndexError, RecursionError):
         return None
     return found
-
-
-def _fill(folder: Path, run_dir: Path, name: str, tag: str) -> None:
-    hashes = {}
-    for kept in KEPT:
-        shutil.copyfile(run_dir / kept, folder / kept)
-        hashes[kept] = take_stamp(folder / kept).sha256
-    document = {"creator": f"mapmore {__version__}", "name": name, "tag": tag, "sha256": hashes}
-    write_text(folder / FROZEN, json.dumps(document, indent=1, ensure_ascii=False) + "\n")
-    for kept in (*KEPT, FROZEN):
-        (folder / kept).chmod(READ_ONLY)
-    sync_tree(folder)
 
 
 def _check_finished(run_dir: Path) -> None:
@@ -102,25 +88,7 @@ def find_model(text: str, runs: Path, archive: Path) -> Path:
     if len(found) > 1 and found[0].parent == archive:
         names = ", ".join(place.name for place in found)
         raise UsageError(f"{text}: several frozen models have this tag: {names}", "name one of them in full")
-    _check_frozen(found[0])
-    return found[0] / MODEL
-
-
-def _check_frozen(folder: Path) -> None:
-    record = folder / FROZEN
-    if not record.is_file():
-        return
-    if take_stamp(folder / MODEL).sha256 != _entry(record, "sha256", MODEL):
-        raise DataError(f"{folder / 'model.h5'}: is not the model that was frozen", "take the folder from a backup, or freeze the run anew")
-
-
-def write_drift(path: Path, names: Sequence[str], models: Sequence[Model]) -> None:
-    """Draw the output at reference points over the models, in their order; the format follows from the ending of `path`."""
-    from mapmore_cli.reporting.figures.campaign import drift_drawing
-    from mapmore_cli.reporting.figures.drawing import compose
-    from mapmore_cli.reporting.figures.saving import WRITERS
-    from mapmore_cli.reporting.figures.style import figure_style
-
-    drawing = drift_drawing(names, reference_points(models), models[0].output)
-    with figure_style():
-        write_bytes(path, WRITERS[path.suffix.removeprefix(".")](compose(drawing), drawing.name, drawing.alt))
+    model, record = found[0] / MODEL, found[0] / FROZEN
+    if record.is_file() and take_stamp(model).sha256 != _entry(record, "sha256", MODEL):
+        raise DataError(f"{model}: is not the model that was frozen", "take the folder from a backup, or freeze the run anew")
+    return model

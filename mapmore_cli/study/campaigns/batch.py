@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.fitting.stage import Variation
-from mapmore_cli.pipeline.runner import bring_up_to_date, pipeline, prepare
+from mapmore_cli.pipeline.runner import RunOutcome, bring_up_to_date, pipeline, prepare
 from mapmore_cli.pipeline.staleness import fingerprint, plain
 from mapmore_cli.pipeline.validate import limits
 from mapmore_cli.spec.loader import load
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 class Job:
     """One run to do.
 
-    - `config`, `runs`, `overrides`, `force`, `rehash`, `campaign`: as on the command line; `campaign` is the file that the run belongs to.
+    - `config`, `runs`, `overrides`, `force`, `rehash`: as on the command line; `campaign` is the file that the run belongs to.
     - `patient`: whether it waits where another process writes it.
     - `leader`: the name of the first of the runs that read the same recordings in the same way; empty where it is the only one.
     - `leads`: whether it is that run itself.
@@ -68,6 +68,15 @@ class Finished:
     warnings: tuple[str, ...]
     seconds: float = 0.0
 
+    @classmethod
+    def of(cls, loaded: LoadedSpec, outcome: RunOutcome, told: Sequence[str], started: float) -> Finished:
+        """Return what came of a spec whose run is up to date; `told` are the warnings meanwhile, `started` is by `time.perf_counter`."""
+        table = RunFiles(outcome.run_dir).scores()
+        held_to = limits(loaded.spec.validation.require, table.scores)
+        published = loaded.spec.report.published.numbers if loaded.spec.report.published else None
+        seconds = time.perf_counter() - started
+        return cls(outcome.name, outcome.run_dir, outcome.stages, table, published, held_to, (*table.warnings, *told), seconds)
+
     @property
     def missed(self) -> tuple[str, ...]:
         """The limits that it misses, each as a sentence."""
@@ -91,7 +100,11 @@ def planned(jobs: Sequence[Job], specs: Sequence[LoadedSpec | None]) -> list[Job
         if loaded is not None:
             needs = [loaded.spec.needs.static, loaded.spec.needs.damping, *(need for stage in stages for need in stage.needs(loaded.spec))]
             others = any(need is not None and not isinstance(need, Variation) for need in needs)
-            found[number] = replace(jobs[number], needs_others=others, seconds=_seconds_before(jobs[number].runs / loaded.spec.name))
+            seconds = math.inf
+            with suppress(MapmoreError):  # records of a newer format, which the run itself will say
+                if records := load_records(jobs[number].runs / loaded.spec.name, lambda _message: None):
+                    seconds = sum(record.seconds for record in records.values())
+            found[number] = replace(jobs[number], needs_others=others, seconds=seconds)
             mark = fingerprint(stages[0].name, stages[0].revision, plain(stages[0].reads(loaded.spec)), str(loaded.folder), {})
             groups.setdefault(mark, []).append(number)
     for first, *rest in (group for group in groups.values() if len(group) > 1):
@@ -102,19 +115,12 @@ def planned(jobs: Sequence[Job], specs: Sequence[LoadedSpec | None]) -> list[Job
     return found
 
 
-def _seconds_before(run_dir: Path) -> float:
-    """Return what the stages of a run took when each was done last; infinite where nothing is known of it."""
-    with suppress(MapmoreError):  # of a newer format, which the run itself will say
-        if records := load_records(run_dir, lambda _message: None):
-            return sum(record.seconds for record in records.values())
-    return math.inf
-
-
 def run_all(jobs: Sequence[Job], workers: Workers) -> Generator[tuple[int, Finished | BaseException], None, None]:
     """Do the jobs and yield the number of each with what came of it, as they end; a signal to end ends them all.
 
     The runs that they need come first, one after the other: two jobs may need the same one. Then the recordings are read that several
-    jobs need, once each. Of the runs themselves, those that took longest come first, so that no long one is left for the end.
+    jobs need, once each, and what is to be told of them is told of every run that takes them over. Of the runs themselves, those that took
+    longest come first, so that no long one is left for the end.
     """
     longest_first = sorted(range(len(jobs)), key=lambda number: jobs[number].seconds, reverse=True)
     with stoppable(), workers:
@@ -126,16 +132,12 @@ def run_all(jobs: Sequence[Job], workers: Workers) -> Generator[tuple[int, Finis
         read = {leaders[number].leader: reading for number, reading in workers.each(read_first, leaders)}
         for place, result in workers.each(run_one, [jobs[number] for number in longest_first]):
             number = longest_first[place]
-            yield number, _with_reading(result, read.get(jobs[number].leader), jobs[number].leads)
-
-
-def _with_reading(result: Finished | BaseException, reading: Reading | BaseException | None, leads: bool) -> Finished | BaseException:
-    """Return a run with what was told when its recordings were read, before it or for another; a failure the run itself has told."""
-    if isinstance(result, BaseException) or not isinstance(reading, Reading):
-        return result
-    stages = {**result.stages, **reading.stages} if leads else result.stages
-    told = reading.warnings if stages["ingest"] == "done" else ()
-    return replace(result, stages=stages, warnings=tuple(dict.fromkeys([*told, *result.warnings])))
+            reading = read.get(jobs[number].leader)
+            if isinstance(result, Finished) and isinstance(reading, Reading):  # a failed reading is told by the run itself
+                stages = {**result.stages, **reading.stages} if jobs[number].leads else result.stages
+                told = reading.warnings if stages["ingest"] == "done" else ()
+                result = replace(result, stages=stages, warnings=tuple(dict.fromkeys([*told, *result.warnings])))
+            yield number, result
 
 
 def prepare_all(jobs: Sequence[Job]) -> None:
@@ -148,37 +150,27 @@ def prepare_all(jobs: Sequence[Job]) -> None:
 def read_first(job: Job) -> Reading:
     """Read the recordings of a run that others read too, who take over what this one finds; raises what that raises."""
     warnings: list[str] = []
-    outcome = bring_up_to_date(
-        load(job.config, job.overrides),
-        job.runs,
-        "ingest",
-        force=job.force,
-        rehash=job.rehash,
-        warn=warnings.append,
-        campaign=job.campaign,
-        patient=job.patient,
-    )
+    outcome = _brought(load(job.config, job.overrides), job, "ingest", warnings)
     return Reading(outcome.stages, tuple(warnings))
 
 
 def run_one(job: Job) -> Finished:
     """Bring one run up to date and read its scores; raises what that raises."""
-    started = time.perf_counter()
+    started, warnings = time.perf_counter(), list[str]()
     loaded = load(job.config, job.overrides)
-    warnings: list[str] = []
-    outcome = bring_up_to_date(
+    outcome = _brought(loaded, job, "report", warnings, like=job.runs / job.leader if job.leader and not job.leads else None)
+    return Finished.of(loaded, outcome, warnings, started)
+
+
+def _brought(loaded: LoadedSpec, job: Job, until: str, warnings: list[str], like: Path | None = None) -> RunOutcome:
+    return bring_up_to_date(
         loaded,
         job.runs,
+        until,
         force=job.force,
         rehash=job.rehash,
         warn=warnings.append,
         campaign=job.campaign,
         patient=job.patient,
-        like=job.runs / job.leader if job.leader and not job.leads else None,
+        like=like,
     )
-    table = RunFiles(outcome.run_dir).scores()
-    held_to = limits(loaded.spec.validation.require, table.scores)
-    published = loaded.spec.report.published
-    printed = published.numbers if published else None
-    seconds = time.perf_counter() - started
-    return Finished(outcome.name, outcome.run_dir, outcome.stages, table, printed, held_to, (*table.warnings, *warnings), seconds)

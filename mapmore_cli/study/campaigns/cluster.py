@@ -8,8 +8,7 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from secrets import token_hex
 from threading import Lock
@@ -55,6 +54,7 @@ class Shared:
             )
 
 
+@dataclass
 class ClusterWorkers:
     """The workers of the scheduler at `address`, or of the one whose `file` says where it is; `tell` is told of a job by its number.
 
@@ -62,29 +62,28 @@ class ClusterWorkers:
     `say` is told what happens meanwhile, `warn` what to mend.
     """
 
-    def __init__(
-        self,
-        address: str | None,
-        file: Path | None,
-        runs: Path,
-        tell: Callable[[int, str], None],
-        say: Callable[[str], None],
-        warn: Callable[[str], None],
-    ) -> None:
-        self._address, self._file, self._runs = address, file, runs
-        self._tell, self._say, self._warn = tell, say, warn
-        self._place = address or str(file)
-        self._events: list[tuple[str, int]] = []  # filled by a thread of the client
-        self._begun: Counter[tuple[str, int]] = Counter()
+    address: str | None
+    file: Path | None
+    runs: Path
+    tell: Callable[[int, str], None]
+    say: Callable[[str], None]
+    warn: Callable[[str], None]
+    _events: list[tuple[str, int]] = field(default_factory=list)  # filled by a thread of the client
+    _begun: Counter[tuple[str, int]] = field(default_factory=Counter)
+
+    @property
+    def _place(self) -> str:
+        return self.address or str(self.file)
 
     def __enter__(self) -> ClusterWorkers:
         word = token_hex(6)
-        self._shared = Shared(self._runs.absolute() / f"{TEMPORARY}{word}-shared", word, _variables())
-        with refusals_told(self._runs):
-            self._runs.mkdir(parents=True, exist_ok=True)
+        meant_for_us = {name: value for name, value in os.environ.items() if name.startswith("MAPMORE_")}
+        self._shared = Shared(self.runs.absolute() / f"{TEMPORARY}{word}-shared", word, meant_for_us)
+        with refusals_told(self.runs):
+            self.runs.mkdir(parents=True, exist_ok=True)
         write_text(self._shared.token, word)
         try:
-            self._client = _connected(self._address, self._file, self._place)
+            self._client = _connected(self.address, self.file, self._place)
             self._client.subscribe_topic(TOPIC, lambda event: self._events.append(tuple(event[1])))
             self._check_workers()
         except BaseException:
@@ -99,19 +98,24 @@ class ClusterWorkers:
 
     def _check_workers(self) -> None:
         if not self._client.scheduler_info()["workers"]:
-            self._say(f"{self._place}: waiting for a worker")
+            self.say(f"{self._place}: waiting for a worker")
             self._client.wait_for_workers(1)
-        with _failures_told(self._place):
+        try:
             greetings = self._client.run(_greet, self._shared)
+        except MapmoreError:
+            raise
+        except Exception as fault:  # workers on which the program does not run are the user's to mend
+            what = f"{self._place}: the workers cannot run mapmore ({type(fault).__name__}: {fault})".split("\n")[0]
+            raise UsageError(what, "install the same mapmore with its extra `cluster` for the scheduler, the workers and here") from fault
         for worker, (versions, threads) in sorted(greetings.items()):
             if versions["mapmore"] != tool_versions()["mapmore"]:
                 found = f"{versions['mapmore']}, and {tool_versions()['mapmore']} here"
                 raise UsageError(f"{worker}: this worker has mapmore {found}", "install one version everywhere")
             if others := [name for name, version in tool_versions().items() if versions[name] != version]:
-                self._warn(f"{worker}: has other versions of {', '.join(others)}: numbers may differ in the last digits")
+                self.warn(f"{worker}: has other versions of {', '.join(others)}: numbers may differ in the last digits")
             if threads > 1:
-                self._warn(f"{worker}: has {threads} threads and does one run at a time; start workers with `--nthreads 1`")
-        self._say(f"{self._place}: {len(greetings)} workers, which share {self._runs}")
+                self.warn(f"{worker}: has {threads} threads and does one run at a time; start workers with `--nthreads 1`")
+        self.say(f"{self._place}: {len(greetings)} workers, which share {self.runs}")
 
     def each(self, function: Callable[[J], T], jobs: Sequence[J]) -> Iterator[tuple[int, T | BaseException]]:
         """Do the jobs in the order that the scheduler finds best."""
@@ -133,7 +137,7 @@ class ClusterWorkers:
             begun = self._events.pop(0)
             self._begun[begun] += 1
             if self._begun[begun] > 1 and begun[0] == batch:
-                self._tell(begun[1], "its worker died or was lost; it is started again")
+                self.tell(begun[1], "its worker died or was lost; it is started again")
 
 
 def _connected(address: str | None, file: Path | None, place: str) -> Any:
@@ -152,20 +156,6 @@ def _connected(address: str | None, file: Path | None, place: str) -> Any:
         raise UsageError(f"{place}: no Dask scheduler answers ({type(fault).__name__})", remedy) from fault
 
 
-@contextmanager
-def _failures_told(place: str) -> Iterator[None]:
-    """Tell of workers on which the program does not run, which are the user's to mend."""
-    try:
-        yield
-    except MapmoreError:
-        raise
-    except Exception as fault:
-        raise UsageError(
-            f"{place}: the workers cannot run mapmore ({type(fault).__name__}: {fault})".split("\n")[0],
-            "install the same mapmore with its extra `cluster` for the scheduler, the workers and here",
-        ) from fault
-
-
 def _outcome(future: Any, place: str) -> Any:
     """Return what came of a job: its result or its error."""
     if future.cancelled() or future.status == "lost":
@@ -175,11 +165,6 @@ def _outcome(future: Any, place: str) -> Any:
     if type(error).__name__ == "KilledWorker":
         return worker_died(error.allowed_failures + 1)
     return error
-
-
-def _variables() -> dict[str, str]:
-    """Variables of the environment that are meant for this program."""
-    return {name: value for name, value in os.environ.items() if name.startswith("MAPMORE_")}
 
 
 def _greet(shared: Shared, dask_worker: Any) -> tuple[dict[str, str], int]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
@@ -25,7 +26,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Expanded:
-    """A campaign with the numbers of its runs among all jobs, and their names for messages."""
+    """A campaign with the numbers of its runs among all jobs, and their names for messages.
+
+    A run is called by its own name, else by that of its spec, with its folder where another is called alike.
+    """
 
     campaign: Campaign
     jobs: tuple[int, ...]
@@ -41,26 +45,20 @@ def expanded(configs: Sequence[Path], overrides: Sequence[str]) -> tuple[list[Ex
             entries.append(Entry(config, tuple(overrides)))
             continue
         campaign, runs = load_campaign(config)
-        campaigns.append(Expanded(campaign, tuple(range(len(entries), len(entries) + len(runs))), _names(campaign)))
+        bases = [str(run.base or campaign.base) for run in campaign.runs]
+        short = [run.name or PurePosixPath(base).stem for run, base in zip(campaign.runs, bases, strict=True)]
+        names = tuple(name if short.count(name) == 1 else base for name, base in zip(short, bases, strict=True))
+        campaigns.append(Expanded(campaign, tuple(range(len(entries), len(entries) + len(runs))), names))
         entries += [Entry(entry.config, (*entry.overrides, *overrides), config) for entry in runs]
     return campaigns, entries
 
 
-def _names(campaign: Campaign) -> tuple[str, ...]:
-    """Return what runs are called in messages: their own name, else that of their spec, with its folder where another is called alike."""
-    bases = [str(run.base or campaign.base) for run in campaign.runs]
-    short = [run.name or PurePosixPath(base).stem for run, base in zip(campaign.runs, bases, strict=True)]
-    return tuple(name if short.count(name) == 1 else base for name, base in zip(short, bases, strict=True))
-
-
 def specs_of(entries: Sequence[Entry]) -> list[LoadedSpec | None]:
     """Return the spec of every run; None where it is wrong, which its own run will say."""
-    specs: list[LoadedSpec | None] = []
-    for entry in entries:
-        try:
-            specs.append(load(entry.config, entry.overrides))
-        except SpecError:
-            specs.append(None)
+    specs: list[LoadedSpec | None] = [None] * len(entries)
+    for number, entry in enumerate(entries):
+        with suppress(SpecError):
+            specs[number] = load(entry.config, entry.overrides)
     return specs
 
 
@@ -101,16 +99,11 @@ def refuse_foreign_folders(campaigns: Sequence[Expanded], runs: Path) -> None:
         refuse_foreign(runs / one.campaign.campaign, CAMPAIGN_RECORD)
 
 
-@dataclass(frozen=True)
-class CampaignPage:
-    """The page that was written, and the tables on it."""
+def write_page(campaign: Campaign, results: Mapping[str, Finished | BaseException], runs: Path) -> tuple[Path, tuple[Table, ...]]:
+    """Write `RUNS/CAMPAIGN/index.html` with its figures and tables; `results` are those of its runs by name, in their order.
 
-    path: Path
-    tables: tuple[Table, ...]
-
-
-def write_page(campaign: Campaign, results: Mapping[str, Finished | BaseException], runs: Path) -> CampaignPage:
-    """Write `RUNS/CAMPAIGN/index.html` with its figures and tables; `results` are those of its runs by name, in their order."""
+    Returns the path of the page, and the tables on it.
+    """
     from mapmore_cli.reporting.campaign import campaign_tables
     from mapmore_cli.reporting.figures.campaign import campaign_figures
     from mapmore_cli.reporting.figures.catalogue import rendered
@@ -131,7 +124,7 @@ def write_page(campaign: Campaign, results: Mapping[str, Finished | BaseExceptio
         for figure in figures:
             write_text(folder / f"{figure.name}.svg", figure.svg)
         write_text(folder / "index.html", render_campaign(campaign.title or campaign.campaign, tables, figures, pages, failed))
-    return CampaignPage(folder / "index.html", tables)
+    return folder / "index.html", tables
 
 
 def scores_of(campaign: Campaign, results: Mapping[str, Finished | BaseException]) -> CampaignScores:

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from multiprocessing import active_children, get_context, parent_process
 from threading import Thread
 from types import FrameType, TracebackType
@@ -36,13 +37,13 @@ class Workers(Protocol):
         """Call `function` with every job, several at a time; yield the number of each with what came of it, as they end."""
 
 
+@dataclass
 class LocalWorkers:
     """At most `count` processes. A job whose worker dies is started once more, which `tell` is told with the job's number."""
 
-    def __init__(self, count: int, tell: Callable[[int, str], None] = lambda _number, _message: None) -> None:
-        self._count = count
-        self._tell = tell
-        self._pools: list[ProcessPoolExecutor] = []  # of one process each: one that dies takes no other job with it
+    count: int
+    tell: Callable[[int, str], None] = lambda _number, _message: None
+    _pools: list[ProcessPoolExecutor] = field(default_factory=list)  # of one process each: one that dies takes no other job with it
 
     def __enter__(self) -> LocalWorkers:
         return self
@@ -55,7 +56,7 @@ class LocalWorkers:
 
     def each(self, function: Callable[[J], T], jobs: Sequence[J]) -> Iterator[tuple[int, T | BaseException]]:
         """Do the jobs in the order that is given, as far as workers are free."""
-        while len(self._pools) < min(self._count, len(jobs)):
+        while len(self._pools) < min(self.count, len(jobs)):
             self._pools.append(_one_process())
         waiting, free = deque(range(len(jobs))), list(range(len(self._pools)))
         started: Counter[int] = Counter()
@@ -76,7 +77,7 @@ class LocalWorkers:
                 self._pools[place].shutdown(wait=False)
                 self._pools[place] = _one_process()
                 if started[number] < ATTEMPTS:
-                    self._tell(number, "its worker process died; it is started again")
+                    self.tell(number, "its worker process died; it is started again")
                     waiting.appendleft(number)
                 else:
                     yield number, worker_died(started[number])

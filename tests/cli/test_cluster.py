@@ -11,7 +11,7 @@ from pathlib import Path
 from subprocess import PIPE, Popen
 
 import pytest
-from run_studies import wait_until, write_slow_study, write_study
+from cli_samples import wait_until, write_slow_study, write_study
 
 from mapmore_cli.domain.errors import UsageError, WriteError
 from mapmore_cli.study.campaigns.batch import Job, run_one
@@ -32,7 +32,7 @@ for command, arguments in ((dask_worker, worker), (dask_worker, worker), (dask_s
 
 
 @pytest.fixture
-def scheduler_file(tmp_path: Path) -> Iterator[Path]:
+def scheduler_file(tmp_path) -> Iterator[Path]:
     """A scheduler and two workers, one thread each, that nobody starts again."""
     file = tmp_path / "scheduler.json"
     common = ["--scheduler-file", str(file), "--host", "127.0.0.1", "--no-dashboard"]
@@ -66,12 +66,12 @@ def batch(specs: list[Path], runs: Path, file: Path) -> Popen[str]:
     return Popen(command, stdout=PIPE, stderr=PIPE, text=True)
 
 
-def test_a_campaign_on_a_cluster(tmp_path: Path, scheduler_file: Path) -> None:
+def test_a_campaign_on_a_cluster(tmp_path, scheduler_file):
     """The command is killed and started again, a worker is killed, and a run raises: every other run is done, once, as it is alone."""
     slow = write_slow_study(tmp_path, "slow")
     quick = [write_study(tmp_path, f"quick{number}") for number in range(3)]
     broken = write_study(tmp_path, "broken")
-    broken.write_text(broken.read_text().replace("rig_*.csv", "none_*.csv"))
+    broken.write_text(broken.read_text().replace("broken_*.csv", "none_*.csv"))
     runs, alone = tmp_path / "runs", tmp_path / "alone"
     with batch(quick, runs, scheduler_file) as first:
         for spec in (slow, *quick[:2]):
@@ -98,7 +98,7 @@ def test_a_campaign_on_a_cluster(tmp_path: Path, scheduler_file: Path) -> None:
     assert len(list(runs.glob(".tmp-*-shared"))) < 2  # of the command that was killed, if any
 
 
-def test_workers_that_see_another_folder_are_refused(tmp_path: Path) -> None:
+def test_workers_that_see_another_folder_are_refused(tmp_path):
     (tmp_path / "token").write_text("another client's")
     for token in (tmp_path / "token", tmp_path / "missing"):
         with pytest.raises(WriteError, match="does not see this folder"):
@@ -109,9 +109,9 @@ def variables(names: list[str]) -> list[str | None]:
     return [os.environ.get(name) for name in names]
 
 
-def test_variables_of_the_client_are_set_for_a_job_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_variables_of_the_client_are_set_for_a_job_alone(tmp_path, monkeypatch):
     class Worker:
-        def log_event(self, *_: object) -> None:
+        def log_event(self, *_: object):
             pass
 
     monkeypatch.setattr("distributed.get_worker", Worker)
@@ -124,11 +124,11 @@ def test_variables_of_the_client_are_set_for_a_job_alone(tmp_path: Path, monkeyp
     assert variables(names) == ["the worker's", None]
 
 
-def silent(*_: object) -> None:
+def silent(*_: object):
     pass
 
 
-def test_a_cluster_that_is_not_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_cluster_that_is_not_there(tmp_path, monkeypatch):
     monkeypatch.setattr("mapmore_cli.study.campaigns.cluster.CONNECT", "50ms")
     for address, file, words in (("tcp://127.0.0.1:9", None, "no Dask scheduler"), (None, tmp_path / "none.json", "no such file")):
         with pytest.raises(UsageError, match=words), ClusterWorkers(address, file, tmp_path / "runs", silent, silent, silent):

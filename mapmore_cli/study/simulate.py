@@ -98,12 +98,6 @@ def step_rig_of(spec: SimulationSpec, experiment: StepResponses) -> tuple[StepRi
     return rig, taken(StepTimes, experiment)
 
 
-def strokes_of(experiment: Perturbations) -> Strokes:
-    """Return the actuator's moves."""
-    stretched, contracted = experiment.between
-    return Strokes(stretched, contracted, tuple(experiment.moves), experiment.dwell, experiment.sample_time)
-
-
 def waveform_rig_of(muscle: McKibbenMuscle, hysteresis: HysteresisSpec, experiment: Waveforms) -> WaveformRig:
     """Return the muscle that hangs behind a regulator."""
     air = Air(experiment.polytropic, np.inf, experiment.dead_volume)
@@ -116,16 +110,6 @@ def regulator_of(regulator: RegulatorSpec) -> Regulator:
     return taken(Regulator, regulator, **_in_pascal(regulator, "slope", "offset", "band", "supply"))
 
 
-def waveform_of(experiment: Waveforms, waveform: WaveformSpec) -> Waveform:
-    """Return the input of one recording."""
-    return taken(Waveform, waveform, rest=experiment.rest, rest_input=waveform.rest_at, sample_time=experiment.sample_time)
-
-
-def loading_of(experiment: ContractionTable) -> Loading:
-    """Return the weights of a table of contractions."""
-    return Loading(tuple(experiment.masses), experiment.regulator_error * KPA)
-
-
 def closed_muscle_of(muscle: McKibbenMuscle, hysteresis: HysteresisSpec, experiment: RandomVelocity | Antagonists) -> ClosedMuscle:
     """Return a muscle full of air."""
     return ClosedMuscle(braid_of(muscle), hysteresis_of(hysteresis), experiment.rubber, experiment.air)
@@ -134,8 +118,8 @@ def closed_muscle_of(muscle: McKibbenMuscle, hysteresis: HysteresisSpec, experim
 def random_motion_of(experiment: RandomVelocity) -> RandomMotion:
     """Return what the motor does."""
     valves = experiment.valves
-    driven = {} if valves is None else {"regulator": regulator_of(valves.regulator), "course": course_of(valves.course)}
-    return taken(RandomMotion, experiment, rest=_rest_of(experiment.rest), **driven)
+    asked = {} if valves is None else {"regulator": regulator_of(valves.regulator), "course": course_of(valves.course)}
+    return taken(RandomMotion, experiment, rest=_rest_of(experiment.rest), **asked)
 
 
 def course_of(course: CourseSpec) -> Course:
@@ -158,17 +142,8 @@ UNITS = {"pressure": KPA, "muscle_pressure": KPA, "flow": 1e-3 / 60.0, "displace
 """Of the recordings, in SI units: kPa, L/min, mm, mm/s; the other columns have the rig's own."""
 
 HEADER = {
-    "time": "t",
-    "input": "U",
-    "pressure": "P",
-    "strain": "eps",
-    "force": "F",
-    "flow": "Q",
-    "muscle_pressure": "Pm",
-    "displacement": "x",
-    "load": "W",
-    "length": "l",
-    "velocity": "v",
+    **{"time": "t", "input": "U", "pressure": "P", "strain": "eps", "force": "F", "flow": "Q", "muscle_pressure": "Pm"},
+    **{"displacement": "x", "load": "W", "length": "l", "velocity": "v"},
 }
 """Column of the file for each quantity: s, V, kPa, 1, N, L/min, kPa, mm, N, mm, mm/s; of two muscles, `P_1` is the first one's."""
 
@@ -218,15 +193,12 @@ def label(cause: Cause) -> str:
 def recording(spec: SimulationSpec, cause: Cause) -> Columns:
     """Return readings, each `(n,)`, by the names and in the units of `HEADER`: those that the experiment measures."""
     rng = recording_generator(spec.seed, f"pressure={cause:g}" if isinstance(cause, float) else f"waveform={label(cause)}")
-    repeats = spec.experiment.repeats if isinstance(spec.experiment, ContractionTable) else 1
-    read = [_readings(spec, cause, rng) for _ in range(repeats)]
-    return {name: np.mean([one[name] for one in read], axis=0) for name in read[0]} if repeats > 1 else read[0]
-
-
-def _readings(spec: SimulationSpec, cause: Cause, rng: np.random.Generator) -> Columns:
-    in_units = {name: values / UNITS.get(quantity(name), 1.0) for name, values in truth(spec, cause, rng).items()}
     seen = {name: Sensor(sensor.noise, sensor.resolution) for name, sensor in sensors(spec).items()}
-    return measure(in_units, {name: seen[quantity(name)] for name in in_units if quantity(name) in seen}, rng)
+    read: list[Columns] = []
+    for _ in range(spec.experiment.repeats if isinstance(spec.experiment, ContractionTable) else 1):
+        in_units = {name: values / UNITS.get(quantity(name), 1.0) for name, values in truth(spec, cause, rng).items()}
+        read.append(measure(in_units, {name: seen[quantity(name)] for name in in_units if quantity(name) in seen}, rng))
+    return {name: np.mean([one[name] for one in read], axis=0) for name in read[0]} if len(read) > 1 else read[0]
 
 
 def quantity(name: str) -> str:
@@ -236,12 +208,14 @@ def quantity(name: str) -> str:
 
 def truth(spec: SimulationSpec, cause: Cause, rng: np.random.Generator) -> Columns:
     """Return what happens in the spec's experiment, in SI units."""
+    hysteresis = hysteresis_of(spec.hysteresis)
     match spec.experiment, spec.muscle, cause:
         case Waveforms() as experiment, McKibbenMuscle() as muscle, WaveformSpec() as waveform:
-            hanging = waveform_rig_of(muscle, spec.hysteresis, experiment)
-            return waveform_response(hanging, waveform_of(experiment, waveform), waveform.load)
+            rest = {"rest": experiment.rest, "rest_input": waveform.rest_at, "sample_time": experiment.sample_time}
+            return waveform_response(waveform_rig_of(muscle, spec.hysteresis, experiment), taken(Waveform, waveform, **rest), waveform.load)
         case ContractionTable() as experiment, muscle, float(pressure):
-            return contraction_table(muscle_of(muscle), hysteresis_of(spec.hysteresis), loading_of(experiment), pressure * KPA, rng)
+            loading = Loading(tuple(experiment.masses), experiment.regulator_error * KPA)
+            return contraction_table(muscle_of(muscle), hysteresis, loading, pressure * KPA, rng)
         case RandomVelocity() as experiment, McKibbenMuscle() as muscle, float(pressure):
             closed = closed_muscle_of(muscle, spec.hysteresis, experiment)
             return random_velocity(closed, random_motion_of(experiment), pressure * KPA, rng)
@@ -249,22 +223,20 @@ def truth(spec: SimulationSpec, cause: Cause, rng: np.random.Generator) -> Colum
             joint, swing = joint_of(flexor, spec.hysteresis, experiment)
             if name == "closed":
                 return swung(joint, swing, experiment.amplitude, experiment.pressure * KPA)
-            asked = sines(swing, experiment.pressures[0] * KPA, experiment.pressures[1] * KPA)
+            wanted = sines(swing, experiment.pressures[0] * KPA, experiment.pressures[1] * KPA)
             if name == "random" and experiment.course is not None:
                 course = course_of(experiment.course)
                 first, second = (course.drawn(joint.upright[0], experiment.duration, own) for own in rng.spawn(2))
-                asked = lambda time: float(first(time)), lambda time: float(second(time))
-            return driven(joint, swing, regulator_of(experiment.regulator), asked)
+                wanted = lambda time: float(first(time)), lambda time: float(second(time))
+            return driven(joint, swing, regulator_of(experiment.regulator), wanted)
         case LoadCycles() as experiment, muscle, float(pressure):
-            cycle, regulation = load_cycle_of(experiment)
-            return load_cycle(muscle_of(muscle), hysteresis_of(spec.hysteresis), cycle, regulation, pressure * KPA, rng)
+            return load_cycle(muscle_of(muscle), hysteresis, *load_cycle_of(experiment), pressure * KPA, rng)
         case StepResponses() as experiment, _, float(pressure):
-            rig, times = step_rig_of(spec, experiment)
             weight = next(step.weight for step in experiment.steps if step.pressure == pressure)
-            return step_response(rig, times, pressure * KPA, weight)
+            return step_response(*step_rig_of(spec, experiment), pressure * KPA, weight)
         case Perturbations() as experiment, _, float(pressure):
-            wet = wet_muscle_of(spec, experiment.rig)
-            return perturbation(wet, strokes_of(experiment), pressure * KPA, experiment.rig.load_cell)
+            strokes = Strokes(*experiment.between, tuple(experiment.moves), experiment.dwell, experiment.sample_time)
+            return perturbation(wet_muscle_of(spec, experiment.rig), strokes, pressure * KPA, experiment.rig.load_cell)
     raise ValueError(f"{spec.experiment.type} has no recording of {cause}")
 
 
@@ -277,25 +249,17 @@ def decimals(spec: SimulationSpec) -> dict[str, int]:
     """Digits after the point that each column needs: those of its quantisation step, none more."""
     clock = {} if isinstance(spec.experiment, ContractionTable) else {"time": spec.experiment.sample_time}
     steps = {**clock, **SET_STEPS.get(spec.experiment.type, {}), **{name: sensor.resolution for name, sensor in sensors(spec).items()}}
-    return {name: _digits(step) for name, step in steps.items()}
-
-
-def _digits(step: float) -> int:
-    exponent = Decimal(repr(step)).normalize().as_tuple().exponent
-    return max(0, -int(exponent))
+    exponents = {name: int(Decimal(repr(step)).normalize().as_tuple().exponent) for name, step in steps.items()}
+    return {name: max(0, -exponent) for name, exponent in exponents.items()}
 
 
 def csv_text(columns: Columns, digits: Mapping[str, int]) -> str:
     """Return the file: a header, and a line for each sample."""
-    names = [name for number in ("", "_1", "_2") for name in (f"{of}{number}" for of in HEADER) if name in columns]
+    names = [f"{of}{number}" for number in ("", "_1", "_2") for of in HEADER if f"{of}{number}" in columns]
     formatted = [[f"{value:.{digits[quantity(name)]}f}" for value in columns[name]] for name in names]
     header = [HEADER[quantity(name)] + name.removeprefix(quantity(name)) for name in names]
     lines = [",".join(header), *map(",".join, zip(*formatted, strict=True))]
     return "\n".join(lines) + "\n"
-
-
-SPECS = ("rig.yaml", "study.yaml")
-STUDY = "study.yaml"
 
 
 def write_example(folder: Path, progress: Progress) -> list[Path]:
@@ -307,7 +271,7 @@ def write_example(folder: Path, progress: Progress) -> list[Path]:
         raise WriteError(f"{folder}: is not an empty folder", "name a new folder")
     with refusals_told(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        for name in SPECS:
-            write_text(folder / name, files("mapmore_cli.study.simulation").joinpath("example_study", name).read_text(encoding="utf-8"))
+        for name in ("rig.yaml", "study.yaml"):
+            write_text(folder / name, files("mapmore_cli.study").joinpath("example_study", name).read_text(encoding="utf-8"))
     recordings = simulate(load_as(folder / "rig.yaml", SimulationSpec, ()).spec, folder, progress)
-    return [folder / STUDY, folder / "rig.yaml", *recordings]
+    return [folder / "study.yaml", folder / "rig.yaml", *recordings]

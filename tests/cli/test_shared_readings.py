@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from run_studies import write_study
+from cli_samples import write_study
 from workers_here import Here
 
 from mapmore_cli.ingestion import dataset
@@ -19,7 +19,7 @@ from mapmore_cli.study.campaigns.batch import Finished, Job, planned, run_all, r
 
 
 @pytest.fixture
-def reads(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
+def reads(monkeypatch) -> list[Path]:
     """The folders of the specs whose recordings were read."""
     found: list[Path] = []
     build = dataset.build_dataset
@@ -48,7 +48,7 @@ def done(jobs: Sequence[Job]) -> list[Finished]:
     return [results[number] for number in range(len(jobs))]
 
 
-def test_one_reading_for_all_runs_and_variations(tmp_path: Path, reads: list[Path]) -> None:
+def test_one_reading_for_all_runs_and_variations(tmp_path, reads):
     varied = "{set: {fit.max_terms: 1}, as: short}"
     jobs = campaign(tmp_path, varied)
     assert [(job.leader, job.leads) for job in jobs] == [("one", True), ("one", False), ("", False)]
@@ -60,7 +60,7 @@ def test_one_reading_for_all_runs_and_variations(tmp_path: Path, reads: list[Pat
     assert [run.stages["ingest"] for run in done(campaign(tmp_path, varied))] == ["up-to-date"] * 3
 
 
-def test_runs_that_took_longest_come_first(tmp_path: Path) -> None:
+def test_runs_that_took_longest_come_first(tmp_path):
     """Those of which nothing is known before all, in the order that is given."""
     done(campaign(tmp_path)[:2])
     for name, seconds in (("one", 1.0), ("two", 50.0)):
@@ -78,12 +78,12 @@ def test_runs_that_took_longest_come_first(tmp_path: Path) -> None:
     assert [number for number, _ in run_all(unknown, Here())] == [0, 1, 2]
 
 
-def test_forced_runs_read_for_themselves(tmp_path: Path, reads: list[Path]) -> None:
+def test_forced_runs_read_for_themselves(tmp_path, reads):
     done(campaign(tmp_path, force=True)[:2])
     assert len(reads) == 2
 
 
-def test_what_differs_is_not_shared(tmp_path: Path, reads: list[Path]) -> None:
+def test_what_differs_is_not_shared(tmp_path, reads):
     first, second, _ = campaign(tmp_path)
     third = replace(second, overrides=("name=three",))
     run_one(first)
@@ -91,18 +91,18 @@ def test_what_differs_is_not_shared(tmp_path: Path, reads: list[Path]) -> None:
     file.write_bytes(file.read_bytes()[:-1] + b"?")
     run_one(second)  # not the file that the leader wrote
     assert len(reads) == 2
-    recording = tmp_path / "rig_100.csv"
+    recording = tmp_path / "base_100.csv"
     recording.write_text(recording.read_text() + "100,0.09,100\n")
     run_one(third)  # not the recordings that the leader read
     assert len(reads) == 3
     assert (tmp_path / "runs" / "two" / "ingest.h5").read_bytes() != (tmp_path / "runs" / "three" / "ingest.h5").read_bytes()
 
 
-def test_warnings_of_a_reading_are_told_of_every_run(tmp_path: Path) -> None:
+def test_warnings_of_a_reading_are_told_of_every_run(tmp_path):
     (tmp_path / "few").mkdir()
     spec = write_study(tmp_path, "base")
-    (tmp_path / "rig_150.csv").write_text("P,eps,F\n100,0.01,150\n100,0.02,140\n")
+    (tmp_path / "base_150.csv").write_text("P,eps,F\n100,0.01,150\n100,0.02,140\n")
     jobs = [Job(spec, tmp_path / "runs", (f"name={name}", "data.levels.within=10")) for name in ("a", "b")]
     both = done(planned(jobs, [load(job.config, job.overrides) for job in jobs]))
     assert both[0].warnings == both[1].warnings
-    assert any("rig_150.csv: holds only 2 samples" in warning for warning in both[0].warnings)
+    assert any("base_150.csv: holds only 2 samples" in warning for warning in both[0].warnings)

@@ -9,8 +9,8 @@ import sys
 from pathlib import Path
 
 import pytest
+from cli_samples import wait_until, write_slow_study
 from filelock import FileLock
-from run_studies import wait_until, write_slow_study
 
 from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.study.campaigns.processes import LocalWorkers
@@ -34,7 +34,7 @@ def fail_if_none(mark: Path | None) -> str:
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="needs a signal that cannot be heard")
-def test_a_worker_that_dies_costs_its_job_one_start(tmp_path: Path) -> None:
+def test_a_worker_that_dies_costs_its_job_one_start(tmp_path):
     told: list[tuple[int, str]] = []
     (tmp_path / "there").touch()
     jobs = [tmp_path / "there", tmp_path / "mark", None]
@@ -48,7 +48,7 @@ def test_a_worker_that_dies_costs_its_job_one_start(tmp_path: Path) -> None:
     assert "started again" in told[0][1]
 
 
-def test_a_job_that_fails_is_not_started_again(tmp_path: Path) -> None:
+def test_a_job_that_fails_is_not_started_again(tmp_path):
     told: list[int] = []
     with LocalWorkers(1, lambda number, _: told.append(number)) as workers:
         ended = dict(workers.each(fail_if_none, [None, tmp_path / "a", tmp_path / "b"]))
@@ -58,8 +58,8 @@ def test_a_job_that_fails_is_not_started_again(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(not PROC.exists(), reason="looks for the workers in /proc")
 @pytest.mark.parametrize(("name", "code"), [("SIGTERM", 143), ("SIGHUP", 129), ("SIGKILL", -9)])
-def test_no_worker_outlives_its_parent(name: str, code: int, tmp_path: Path) -> None:
-    """One worker; two are interrupted in tests/cli/test_cli_exits.py."""
+def test_no_worker_outlives_its_parent(name, code, tmp_path):
+    """One worker; two are interrupted in test_cli_exits.py."""
     command = [sys.executable, "-m", "mapmore_cli", "batch", str(write_slow_study(tmp_path, "study")), "--runs", str(tmp_path / "runs")]
     with subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
         wait_until(lambda: len(list(tmp_path.glob("runs/*/ingest.h5"))) == 1)
@@ -89,7 +89,7 @@ def is_alive(pid: int) -> bool:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="there are no limits of that kind")
-def test_without_room_for_its_locks_no_worker_starts() -> None:
+def test_without_room_for_its_locks_no_worker_starts():
     code = (
         "import resource\n"
         "from mapmore_cli.domain.errors import WriteError\n"

@@ -1,1 +1,0 @@
-"""Results as people and scripts see them: each kind of result as a JSON document and as tables."""

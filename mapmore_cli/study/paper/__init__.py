@@ -1,1 +1,0 @@
-"""Published papers beside our runs: numbers side by side, verdicts by declared rules, and one page."""

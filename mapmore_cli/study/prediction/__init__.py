@@ -1,1 +1,0 @@
-"""Predictions for tables: their records, and the stretches of them that belong together."""

@@ -1,1 +1,0 @@
-"""Recordings made by the synthetic rigs."""
