@@ -14,19 +14,15 @@ from mapmore_cli.spec.units import convert, is_canonical
 from mapmore_cli.study.drafting.answers import Answers
 from mapmore_cli.study.drafting.draft import Column, Guess, Raw, range_of
 from mapmore_cli.study.inspection.evidence import leads, same_signals, untold
-from mapmore_cli.study.inspection.names import ColumnTitle, read_label, unit_in
-
-POSITIONS = ("strain", "displacement", "length")
-"""Quantities that say how far a muscle has contracted, the most telling first."""
+from mapmore_cli.study.inspection.names import POSITIONS, ColumnTitle, read_label, unit_in
+from mapmore_cli.study.inspection.rules.units import LARGEST_PRESSURE, LARGEST_STRAIN, LONGEST_STEP, SAMPLES_OF_A_LOGGER
 
 WANTED = ("time", "pressure", "strain", "force", "displacement", "length")
 STATES = 6  # different values, up to which a column is a state and not a measurement
 SINCE_1970 = (3e8, 3e10)  # s, of any date since 1980
 FRACTIONS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # of a second, that clocks count
 LONGEST = 5.0  # s between samples, where a clock counts fractions of a second
-LOGGED, SLOWEST = 1000, 0.2  # samples of a record that a logger took, and s between them
-LARGEST_FRACTION = 1.5
-BAR, PSI, PASCAL = 12.0, 150.0, 5000.0  # largest pressures in bar, psi and kPa
+BAR, PSI = 12.0, 150.0  # largest pressures in bar and psi
 CLEAN_ZERO = 0.05  # of the largest value, that a pressure may lie below zero
 NEAR_NAME = 0.15  # of the pressure in a name, that the median of a column may be off
 ALIKE = 1.5  # times the largest value of a command, that what was measured of it reaches at most
@@ -169,7 +165,7 @@ def _at_rest_like_air(values: Sequence[Array]) -> str | None:
 
 def _possible(quantity: str, values: Sequence[Array], unit: str) -> bool:
     """Return False for what `check` refuses: a pressure above 5 MPa, a strain above 1.5."""
-    usual, most = {"pressure": ("kPa", PASCAL), "strain": ("1", LARGEST_FRACTION)}.get(quantity, (unit, np.inf))
+    usual, most = {"pressure": ("kPa", LARGEST_PRESSURE), "strain": ("1", LARGEST_STRAIN)}.get(quantity, (unit, np.inf))
     return bool(convert(_largest(values), unit, usual) <= most)
 
 
@@ -188,7 +184,7 @@ def _sized(quantity: str, values: Sequence[Array]) -> tuple[str, str, bool]:
             if since is not None:
                 return since, f"its stamps are dates, read as {since} since 1970", True
             step = float(np.median(np.diff(values[0]))) if len(values[0]) > 1 else 0.0
-            if len(values[0]) >= LOGGED and step > SLOWEST:
+            if len(values[0]) >= SAMPLES_OF_A_LOGGER and step > LONGEST_STEP:
                 unit = next((unit for unit, part in FRACTIONS.items() if step * part <= LONGEST), "ms")
                 return unit, f"a step of {step:g} s would be slow for a logger", False
             return "s", f"its step is {step:.3g}", True
@@ -196,18 +192,18 @@ def _sized(quantity: str, values: Sequence[Array]) -> tuple[str, str, bool]:
             resting = _at_rest_like_air(values)
             if resting is not None and resting != "bar":
                 return resting, f"it begins at {values[0][0]:.4g}, an atmosphere: absolute; an `offset` makes it gauge", False
-            if largest > PASCAL:
+            if largest > LARGEST_PRESSURE:
                 return "Pa", f"{largest:.0f} kPa would burst anything", False
             if largest <= BAR:
                 return "bar", f"it ends at {largest:.3g}", False
             return "kPa", f"it ends at {largest:.0f}" + ("" if largest > PSI else ", which may be psi"), largest > PSI
         case "strain":
-            return "%" if largest > LARGEST_FRACTION else "1", reaches, True
+            return "%" if largest > LARGEST_STRAIN else "1", reaches, True
         case "force":
             counts = _whole(values) and largest > STATES
             return "N", "nothing else is said" + ("; whole numbers: counts of a converter?" if counts else ""), not counts
         case _:
-            return "mm" if largest > LARGEST_FRACTION else "m", reaches, False
+            return "mm" if largest > LARGEST_STRAIN else "m", reaches, False
 
 
 def pressure_evidence(values: Sequence[Array], told: Sequence[float] = ()) -> tuple[float, str]:
@@ -273,12 +269,12 @@ def _by_values(raw: Raw, told: Sequence[float], loaded: bool) -> dict[str, Guess
     left = {column: values for column, values in left.items() if column not in twins}
     if len(set(told)) > 1 and not named and len(left) > 1:  # the names tell the pressure, and no column does
         alike = sorted(left, key=lambda column: _strays(left[column]))
-        position = "strain" if _largest(left[alike[0]]) <= LARGEST_FRACTION else "displacement"
+        position = "strain" if _largest(left[alike[0]]) <= LARGEST_STRAIN else "displacement"
         take(position, alike, "it goes the same way in all files, and the pressure is in their names")
         take("force", alike[:0:-1], "it changes with the pressure in the names of the files")
         return guesses
     likely = sorted((one for one in left if one in scores and scores[one][0] > 0), key=lambda one: -scores[one][0])
-    small = [column for column in left if _largest(left[column]) <= LARGEST_FRACTION and not (named and column == likely[0])]
+    small = [column for column in left if _largest(left[column]) <= LARGEST_STRAIN and not (named and column == likely[0])]
     if len(left) > MOST_UNNAMED and not named:  # too many for a guess of what each is: what drives, and what follows
         if likely:
             take("pressure", _without_commands(likely, left))

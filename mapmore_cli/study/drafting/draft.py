@@ -15,6 +15,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.foreign import printable
 from mapmore_cli.spec.yaml_loader import escaped, tag_of
+from mapmore_cli.study.inspection.evidence import scaled
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.results import Search
@@ -237,18 +238,13 @@ def _thumbnail(across: Sequence[Array] | None, up: Sequence[Array]) -> Any:
     """Return columns of all recordings as a small SVG, the second over the first, or over its samples for None."""
     from markupsafe import Markup
 
-    y = np.concatenate(up)
-    x = np.arange(len(y), dtype=float) if across is None else np.concatenate(across)
+    y = np.concatenate(scaled(up))
+    x = np.linspace(0, 1, len(y)) if across is None else np.concatenate(scaled(across))
     rows = np.linspace(0, len(y) - 1, min(POINTS, len(y))).astype(int)
-    places = zip(WIDTH * _scaled(x)[rows], HEIGHT - HEIGHT * _scaled(y)[rows], strict=True)
+    places = zip(WIDTH * x[rows], HEIGHT - HEIGHT * y[rows], strict=True)
     path = "M" + " L".join(f"{a:.1f} {b:.1f}" for a, b in places)
     box = f'viewBox="-2 -2 {WIDTH + 4} {HEIGHT + 4}" preserveAspectRatio="none" aria-hidden="true"'
     return Markup(f'<svg class="thumbnail" {box}><path d="{path}"/></svg>')
-
-
-def _scaled(values: Array) -> Array:
-    scaled: Array = (values - values.min()) / (float(np.ptp(values)) or 1.0)
-    return scaled
 
 
 def range_of(values: Sequence[Array], unit: str = "1") -> str:

@@ -20,6 +20,8 @@ from mapmore_cli.spec.units import default_unit
 from mapmore_cli.study.drafting.draft import Draft
 from mapmore_cli.study.drafting.recordings import cleaned, dataset_of, read_draft
 from mapmore_cli.study.inspection.evidence import Settling, neighbourhood, remembered, set_in_steps, settling, two_digits
+from mapmore_cli.study.inspection.rules.curves import BEYOND
+from mapmore_cli.study.inspection.rules.samples import UNSETTLED
 
 SWING = 0.1  # of the pooled range: smaller reversals are noise
 LESS = 0.5  # of the other's travel, that the held quantity makes at most
@@ -33,12 +35,11 @@ BAND = (0.4, 0.55)  # of the range, held out where there are no levels
 FEW_LEVELS, MANY_LEVELS = 3, 6  # from which an inner one, and every third, can be spared
 FEWEST, MOST = 200, 6_000  # samples of a record that is worth a model with memory, and to which records are resampled for a quick first try
 BREAK = 5  # steps without a sample, that are a gap
-UNSETTLED = 0.2  # of the samples, in which the pressure changes: hardly static
 HELPS = 0.8  # times the error of the input of now, that earlier ones leave at most where there is memory
 WORTH = 0.02  # of the spread of the response: an error below leaves nothing to explain
 STRETCHES = ((0.4, 0.6), (0.25, 0.5), (0.5, 0.75), (0.1, 0.35), (0.65, 0.9))  # of the time, that are held out where the end cannot be
 OUTSIDE = 0.05  # of the held-out samples, that may lie beyond what trains
-MARGIN, FURTHER = 0.01, 0.05  # of the training range of an input (as `check` has it), and of the target, which overshoots
+FURTHER = 0.05  # of the training range of the target, which overshoots; inputs may go `BEYOND` theirs
 LAST, MOST_HELD = 0.5, 0.55  # of the samples
 MOVED = 0.25  # of the range of the target, that it goes through in what is held out
 COMPETITORS = ("sarosi", "polynomial_2", "polynomial_5", "muscle_like", "polynomial_3")
@@ -264,7 +265,7 @@ def _outside(recordings: Sequence[Recording], names: Sequence[str], held: Sequen
         return 1.0
     shares = []
     for name, values in pooled.items():
-        margin = (FURTHER if name == names[-1] else MARGIN) * float(np.ptp(values[~kept]))
+        margin = (FURTHER if name == names[-1] else BEYOND) * float(np.ptp(values[~kept]))
         beyond = (values[kept] < values[~kept].min() - margin) | (values[kept] > values[~kept].max() + margin)
         shares.append(float(np.mean(beyond)))
     return max(shares)

@@ -16,10 +16,10 @@ from mapmore_cli.ingestion.files import expand, relative_name
 from mapmore_cli.spec.units import convert, default_unit
 from mapmore_cli.storage.readers import READERS, reader_of
 from mapmore_cli.storage.tables.lines import lines_of
-from mapmore_cli.study.drafting.columns import LARGEST_FRACTION, POSITIONS
 from mapmore_cli.study.drafting.draft import Draft
 from mapmore_cli.study.drafting.preview import Preview, preview, shared_start
-from mapmore_cli.study.inspection.names import NameParts, mass_in, number_in, read_label, read_names, words_of
+from mapmore_cli.study.inspection.names import POSITIONS, NameParts, mass_in, number_in, read_label, read_names, words_of
+from mapmore_cli.study.inspection.rules.units import LARGEST_STRAIN
 
 UNREAD = (".npz", ".npy", ".json", ".parquet", ".feather", ".pkl", ".pickle", ".xls", ".ods", ".bag", ".db3", ".mcap", ".sqlite")
 """Suffixes of files that may hold data, which no reader takes."""
@@ -228,7 +228,7 @@ def constants_of(
         largest = max(value for value, _ in numbers)
         if largest >= IMPOSSIBLE:
             return None
-        usual = "%" if largest > LARGEST_FRACTION else usual
+        usual = "%" if largest > LARGEST_STRAIN else usual
     return quantity, [_said(str(word), told[str(word)], quantity, usual) for word in words]
 
 

@@ -11,7 +11,7 @@ from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.spec.units import convert, parse_quantity
 from mapmore_cli.storage.tables import remembered
 from mapmore_cli.study.drafting.answers import NOTHING_SAID, Answers, Ask, asked_columns, asked_length, asked_rest
-from mapmore_cli.study.drafting.columns import POSITIONS, Table, count_pressures, guess_columns, guess_others, span, told_guesses
+from mapmore_cli.study.drafting.columns import Table, count_pressures, guess_columns, guess_others, span, told_guesses
 from mapmore_cli.study.drafting.draft import Draft, Guess
 from mapmore_cli.study.drafting.experiment import followed, hysteresis_beside, of_experiment, with_target
 from mapmore_cli.study.drafting.groups import Group, constants_of, find_groups, loads_told, pressures_told, second_of, started
@@ -27,7 +27,7 @@ from mapmore_cli.study.drafting.recordings import (
     with_strain,
     with_volts,
 )
-from mapmore_cli.study.inspection.names import number_in, tests_of
+from mapmore_cli.study.inspection.names import POSITIONS, number_in, tests_of
 
 Search = Callable[[Draft, Path], Draft]
 """Returns a draft with the model that was found for it, given the folder that its paths start at."""

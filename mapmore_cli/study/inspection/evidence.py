@@ -146,7 +146,7 @@ def remembered(drive: Sequence[Array], response: Sequence[Array]) -> Remembered 
     Two least-squares fits: a curve of 12 pieces over the input of now, and the same with the input delayed and followed slowly. None where
     the input does not go there and back: nothing then tells the two from each other.
     """
-    drive, response = _scaled(_thinned(drive)), _thinned(response)
+    drive, response = scaled(_thinned(drive)), _thinned(response)
     if sum(float(np.abs(np.diff(u)).sum()) for u in drive) < THERE_AND_BACK:
         return None
     now = np.concatenate(drive)
@@ -163,8 +163,8 @@ def untold(drives: Sequence[Sequence[Array]], response: Sequence[Array]) -> floa
     """
     if any([len(one) for one in drive] != [len(one) for one in response] for drive in drives):
         return 1.0  # one of them lacks values
-    scaled = [_thinned(_scaled(drive)) for drive in drives]
-    columns = [np.concatenate([np.column_stack([u, u**2, _earlier(u)]) for u in drive]) for drive in scaled]
+    inputs = [_thinned(scaled(drive)) for drive in drives]
+    columns = [np.concatenate([np.column_stack([u, u**2, _earlier(u)]) for u in drive]) for drive in inputs]
     return _left_over(np.column_stack([np.ones(len(columns[0])), *columns]), _thinned(response))
 
 
@@ -173,7 +173,7 @@ def _thinned(values: Sequence[Array]) -> list[Array]:
     return [one[::every] for one in values]
 
 
-def _scaled(values: Sequence[Array]) -> list[Array]:
+def scaled(values: Sequence[Array]) -> list[Array]:
     """Return a column in units of its range."""
     pooled = np.concatenate(values)
     return [(one - pooled.min()) / (float(np.ptp(pooled)) or 1.0) for one in values]

@@ -19,7 +19,7 @@ from mapmore_cli.pipeline.search import SEARCH, read_search
 from mapmore_cli.pipeline.staleness import needed_runs
 from mapmore_cli.spec.loader import LoadedSpec
 from mapmore_cli.spec.sections.data import Split
-from mapmore_cli.study.inspection.rules import ORDER, Cause, Issue, Rule, Subject, curves, levels, memory, samples, units
+from mapmore_cli.study.inspection.rules import ORDER, Cause, Issue, Rule, Subject, curves, samples, units
 
 OF_RECORDINGS: tuple[Rule, ...] = (
     *(units.strain_in_per_cent, units.pressure_in_pascals, units.pressure_in_bar, units.pull_of_the_bore, units.time_in_milliseconds),
@@ -29,8 +29,8 @@ OF_RECORDINGS: tuple[Rule, ...] = (
 """Rules that need the recordings alone, so that they can say why no curves could be made of them."""
 
 OF_CURVES: tuple[Rule, ...] = (
-    *(levels.few_samples, levels.segments, levels.beyond_training, samples.many_dropped, samples.unsettled, samples.slack_foot),
-    *(curves.single_valued, curves.loops_apart, memory.even_steps),
+    *(curves.few_samples, curves.segments, curves.beyond_training, samples.many_dropped, samples.unsettled, samples.slack_foot),
+    *(curves.single_valued, curves.loops_apart, curves.even_steps),
 )
 """Rules that need the curves."""
 

@@ -9,6 +9,9 @@ from pathlib import Path
 
 from mapmore_cli.storage.readers import suffix_of
 
+POSITIONS = ("strain", "displacement", "length")
+"""Quantities that say how far a muscle has contracted, the most telling first."""
+
 _WORDS = {
     "time": ("t", "time", "times", "timestamp", "seconds", "elapsed", "zeit", "clock", "tout"),
     "pressure": ("p", "press", "pressure", "druck", "pression", "gauge"),

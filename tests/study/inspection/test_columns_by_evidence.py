@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from lint_studies import inspected, only
 
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.study.drafting.answers import Answers, read_columns
@@ -97,11 +94,6 @@ def test_a_response_is_told_by_its_drives_and_noise_is_not() -> None:
     drive = np.sin(TIME * 9) + np.sin(TIME * 4)
     assert untold([[drive]], [3 * drive**2]) < 0.05
     assert untold([[drive]], [np.random.default_rng(0).normal(size=TIME.size)]) > 0.9
-
-
-def test_check_refuses_one_signal_as_input_and_target(tmp_path: Path) -> None:
-    found = inspected(tmp_path, lambda _, columns: {**columns, "F": 7 - 30 * columns["eps"]}, data={"levels": None, "split": None})
-    assert only(found, "same-signal").severity == "error"
 
 
 def test_columns_are_said_by_place_or_by_title() -> None:

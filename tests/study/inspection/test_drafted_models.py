@@ -1,21 +1,90 @@
-"""The model that `init` writes: what a search finds on training data, with how it was found, and told where a plainer one is better."""
+"""What `init` writes in the end: one study or several of specimens, the model that a search finds, and the table of measured data.
+
+Quick folders of measured data are tried here, `docs/drafted_tables.py` tries all.
+"""
 
 from __future__ import annotations
 
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
+import drafted_tables
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pages import read_rows
+from recorded import checked, drafts, write
 from recorded import drafted as untried
-from recorded import write
 
+from mapmore_cli.fitting import searching
+from mapmore_cli.ingestion.files import expand
+from mapmore_cli.modelling.search.families import FAMILIES
+from mapmore_cli.pipeline.search import reads
 from mapmore_cli.spec.loader import load
+from mapmore_cli.storage.readers import reader_of
+from mapmore_cli.study.drafting import proof
+from mapmore_cli.study.drafting.answers import Answers
 from mapmore_cli.study.drafting.draft import Draft, guesses_page
+from mapmore_cli.study.drafting.groups import find_groups, second_of
 from mapmore_cli.study.drafting.proof import proven
 from mapmore_cli.study.drafting.start import start
 
-pytestmark = pytest.mark.usefixtures("fewer_families")
+# Specimens that the names of files tell apart --------------------------------------------------------------------------------------
+
+
+def pull(path: Path, bar: int, strength: float) -> None:
+    k = np.arange(40)
+    write(path, {"P_kPa": 100 * bar, "eps": k / 300, "F_N": 100 * bar * strength - 9 * k})
+
+
+SPECIMENS = [
+    *(("red", "green", "blue"), ("left", "right"), ("10cm", "20cm"), ("S1", "S2", "S12"), ("Sample 1", "Sample 2")),
+    *(("muscleA", "muscleB"), ("specimen-3", "specimen-10"), ("actuator_1", "actuator_2")),
+]
+
+
+@settings(max_examples=12)
+@given(
+    words=st.sampled_from(SPECIMENS),
+    bars=st.lists(st.integers(1, 9), min_size=2, max_size=4, unique=True),
+    first=st.booleans(),
+)
+def test_specimens_that_names_tell_apart_are_never_pooled_unasked(words: tuple[str, ...], bars: list[int], first: bool) -> None:
+    with TemporaryDirectory() as place:
+        folder = Path(place)
+        for number, word in enumerate(words):
+            for bar in bars:
+                pull(folder / (f"{word}_pull_{bar}bar.csv" if first else f"pull_{word}_{bar}bar.csv"), bar, 2 + number)
+        apart = drafts(folder)
+        assert len(apart) == len(words)
+        for draft in apart:
+            files = {path.name for path in expand_all(draft, folder)}
+            assert len(files) == len(bars)
+            assert any(all(word in name for name in files) for word in words)
+        pooled = untried(folder, answers=Answers(group="none"))
+        assert "groups" not in pooled.data
+        grouped = untried(folder, answers=Answers(group="specimen"))
+        assert grouped.data["groups"] == {"of": "specimen"}
+        assert len(expand_all(grouped, folder)) == len(words) * len(bars)
+        assert {entry["set"]["specimen"] for entry in grouped.data["files"]} == set(range(1, len(words) + 1))
+
+
+def expand_all(draft: Draft, folder: Path) -> list[Path]:
+    """The files that a draft reads."""
+    return [path for entry in draft.data["files"] for path in expand(entry if isinstance(entry, str) else entry["path"], folder)]
+
+
+def test_the_groups_are_no_input_of_a_search(tmp_path: Path) -> None:
+    for number in (1, 2):
+        for bar in (1, 2, 3):
+            pull(tmp_path / f"{10 * number}cm_pull_{bar}bar.csv", bar, 2 + number / 10)
+    loaded = checked(untried(tmp_path, answers=Answers(group="specimen")), tmp_path)
+    assert reads(loaded.spec).ignored == ("force", "specimen")
+
+
+# Models ----------------------------------------------------------------------------------------------------------------------------
 
 
 def table(folder: Path, levels: int, samples: int, force: Any) -> None:
@@ -29,6 +98,7 @@ def drafted(folder: Path) -> Draft:
     return draft
 
 
+@pytest.mark.usefixtures("fewer_families")
 def test_a_plane_is_found_where_it_is_all_that_there_is(tmp_path: Path) -> None:
     table(tmp_path, 6, 40, lambda p, e: 20 + 0.3 * p - 200 * e)
     draft = drafted(tmp_path)
@@ -49,6 +119,7 @@ def test_the_page_counts_all_files_and_those_that_are_drawn(tmp_path: Path) -> N
     assert f"made of 7 files, to be checked by eye; {drawn} of them are drawn</p>" in guesses_page(draft)
 
 
+@pytest.mark.usefixtures("fewer_families")
 def test_held_out_levels_do_not_move_the_structure(tmp_path: Path) -> None:
     """What is held out is spoilt: the same structure is found, and the score tells of it."""
     found = []
@@ -64,6 +135,7 @@ def test_held_out_levels_do_not_move_the_structure(tmp_path: Path) -> None:
     assert first.notes[("target",)].why != second.notes[("target",)].why
 
 
+@pytest.mark.usefixtures("fewer_families")
 def test_with_few_levels_nothing_bends_between_them(tmp_path: Path) -> None:
     """Two training levels cannot tell of a curve across them: levels, a formula, or what is straight across them."""
     table(tmp_path, 3, 60, lambda p, e: p * (2 - 9 * e) + 30 * np.sin(40 * e))
@@ -73,6 +145,7 @@ def test_with_few_levels_nothing_bends_between_them(tmp_path: Path) -> None:
     assert [one.words for one in found.tried if one.family == "surface"] == ["surface of order 1, 4 terms"]
 
 
+@pytest.mark.usefixtures("fewer_families")
 def test_a_position_that_follows_slowly_gets_a_memory(tmp_path: Path) -> None:
     rng = np.random.default_rng(1)
     pressure = 150 + np.convolve(rng.normal(0, 40, 700), np.ones(20) / 6, "same")
@@ -85,3 +158,42 @@ def test_a_position_that_follows_slowly_gets_a_memory(tmp_path: Path) -> None:
     (tmp_path / "log.yaml").write_text(draft.text())
     assert load(tmp_path / "log.yaml").spec.has_memory
     assert draft.notes[("target",)].sure, draft.notes[("target",)].why
+
+
+# Measured data ---------------------------------------------------------------------------------------------------------------------
+
+
+ROWS = [tuple(row) for row in read_rows(drafted_tables.PAGE, "drafts")[1:]]
+
+
+@pytest.mark.parametrize("name", [pytest.param("festo_datasheet", marks=pytest.mark.long), "pgm_mckibben", "festo_fmax_by_length"])
+def test_the_page_says_what_is_proposed(measured_data: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(searching, "FAMILIES", FAMILIES)
+    monkeypatch.setattr(proof, "BUDGET", 60.0)  # no structure is cut off on a busy machine
+    rows = drafted_tables.rows_of(measured_data / name)
+    assert rows
+    assert [row for row in ROWS if row[0] == name] == rows
+
+
+FOLDERS = sorted({folder for folder, said, spec, *_ in ROWS if said == "nothing" and spec != "-"})
+
+
+NOTES = ("ReadMe.txt", "Load Cell Calibration Equations.txt", "peer_sysidentpy.json")
+"""Files that are no recordings."""
+
+
+def test_every_recording_is_in_a_study_of_the_page(measured_data: Path) -> None:
+    """No file of a folder that the page names is left out; every study has a row, that of a hysteresis besides."""
+    assert len(FOLDERS) >= 9
+    for folder in (measured_data / name for name in FOLDERS):
+        groups, left_out = find_groups(folder)
+        groups = [group for group in groups if not any(file.name in NOTES for file in group.files)]
+        assert all(any(note in remark for note in NOTES) for remark in left_out), folder
+        beside = [group.beside for group in groups if group.beside is not None]
+        assert {file for group in (*groups, *beside) for file in group.files} == {
+            file for file in folder.rglob("*") if reader_of(file) and file.name not in NOTES
+        }
+        seconds = {second.files for group in groups if (second := second_of(group, groups)) is not None}
+        rows = [row for row in ROWS if row[:2] == (folder.name, "nothing") and not row[2].endswith("-hysteresis")]
+        assert len(rows) == len(groups) - len(seconds), folder
+        assert all("held out" in row[8] or "training" in row[8] for row in rows)

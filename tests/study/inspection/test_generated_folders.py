@@ -6,12 +6,18 @@ is: to make it smaller takes up to five minutes more.
 
 from __future__ import annotations
 
+import gzip
 import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
-from generated_folders import KINDS, Folder, folders
 from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import strategies as st
+from recorded import workbook
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Dataset
@@ -21,6 +27,213 @@ from mapmore_cli.spec.loader import load
 from mapmore_cli.study.drafting.answers import Answers
 from mapmore_cli.study.drafting.start import start
 from mapmore_cli.study.inspection.lint import inspect
+
+Columns = dict[str, np.ndarray]
+
+TITLES: Mapping[str, Sequence[str]] = {
+    "t": ("t", "Time", "time [s]", "Zeit (ms)", "timestamp_ms", "elapsed", "Time"),
+    "P": ("P", "pressure", "P [bar]", "Druck_kPa", "p_psi", "Pressure (MPa)", "supply pressure [kPa]"),
+    "eps": ("eps", "strain", "contraction (%)", "Dehnung [%]", "e"),
+    "F": ("F", "force [N]", "Kraft/kN", "Load Cell [N]", "tension", "load"),
+    "x": ("x", "position_mm", "Displacement [mm]", "length (mm)", "Weg [mm]", "L"),
+    "u": ("u", "V", "command [V]", "cmd_kPa", "Soll"),
+    "y": ("y", "response", "Ist", "CH2", "sensor_V"),
+    "spare": ("state", "n", "Temp [°C]", "CH1", "", "Q", "x", "P"),
+}
+"""How columns are called; a title with a unit decides the size of the numbers."""
+
+SIZES = {"ms": 1e3, "bar": 0.01, "psi": 0.1450377, "MPa": 1e-3, "%": 100.0, "kN": 1e-3, "mm": 1e3}
+"""Numbers for one s, kPa, unit of strain, N and m."""
+
+UNIT_LINES = {"t": ("s", "ms"), "P": ("kPa", "bar"), "eps": ("-", "%"), "F": ("N", "kN"), "x": ("mm", "m"), "u": ("V", ""), "y": ("", "V")}
+EXPERIMENTS: Mapping[str, tuple[tuple[str, ...], ...]] = {
+    "isobaric": (("t", "P", "eps", "F"), ("P", "eps", "F"), ("t", "eps", "F"), ("P", "x", "F")),
+    "isometric": (("t", "P", "eps", "F"), ("t", "P", "F"), ("P", "eps", "F")),
+    "staircase": (("t", "P", "eps", "F"), ("t", "P", "F")),
+    "isotonic": (("t", "P", "x"), ("P", "x"), ("t", "P", "eps", "F")),
+    "force set": (("P", "F", "eps"), ("t", "P", "F", "x")),
+    "scattered": (("P", "eps", "F"), ("P", "x", "F"), ("t", "P", "eps", "F")),
+    "step": (("t", "P", "eps", "F"), ("t", "P", "x")),
+    "unknown": (("t", "u", "y"), ("u", "y")),
+    "spring": (("t", "eps", "F"), ("x", "F")),
+}
+
+
+@dataclass(frozen=True)
+class Folder:
+    """Files by name, as bytes; tables of the formats of other programs are written by `save`."""
+
+    files: Mapping[str, bytes | Sequence[tuple[str, list[list[Any]]]]]
+    length: float | None
+
+    def save(self, place: Path) -> None:
+        """Write everything below `place`."""
+        for name, content in self.files.items():
+            path = place / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            if isinstance(content, bytes):
+                path.write_bytes(gzip.compress(content, mtime=0) if name.endswith(".gz") else content)
+            else:
+                _save_tables(path, content)
+
+
+def measured(experiment: str, level: float, rows: int, seed: int) -> Columns:
+    """What a muscle of 100 mm does in one recording; SI and kPa."""
+    rng = np.random.default_rng(seed)
+    t = 0.02 * np.arange(rows)
+    swing = 0.5 * (1 - np.cos(np.linspace(0, 2 * np.pi, rows)))
+    pressure, strain = np.full(rows, level), 0.2 * swing
+    if experiment in ("isometric", "staircase"):
+        stairs = np.floor(8 * swing) / 8
+        pressure, strain = 400 * (stairs if experiment == "staircase" else swing), np.full(rows, level / 4000)
+    elif experiment == "isotonic":
+        pressure = 400 * swing
+        strain = 0.2 * np.convolve(swing, np.exp(-t / 0.2) / np.exp(-t / 0.2).sum())[:rows]
+    elif experiment == "scattered":
+        pressure, strain = rng.uniform(50, 400, rows), rng.uniform(0, 0.2, rows)
+    elif experiment == "step":
+        pressure = level * np.clip((t - 0.1 * t[-1]) / (0.05 * t[-1] or 1), 0, 1) * (t < 0.8 * t[-1])
+        strain = 0.1 * pressure / 400
+    pressure = pressure + rng.normal(0, 0.2, rows)
+    force = np.maximum(pressure * (2 - 8 * strain) + 8 * np.gradient(swing) * rows / 100 - 20, 0) + rng.normal(0, 0.5, rows)
+    if experiment == "force set":
+        force = 5.0 * np.minimum(np.arange(rows), np.arange(rows)[::-1])
+        strain = 0.25 * np.clip(1 - force / (2 * level + 50), 0, 1) + 1e-4 * rng.normal(size=rows)
+    drive = rng.normal(size=rows).cumsum()
+    spare = rng.choice([20.0 + rng.normal(0, 0.1, rows), np.arange(rows) * 1.0, (swing > 0.5) * 1.0, np.full(rows, 3.0)])
+    lag = np.convolve(drive, 0.9 ** np.arange(60) / 10)[:rows]
+    return {"t": t, "P": pressure, "eps": strain, "F": force, "x": 0.1 * strain, "u": drive, "y": lag, "spare": spare}
+
+
+KINDS = ("text", "xlsx", "sheets", "hdf5", "mat", "tdms")
+
+
+@st.composite
+def folders(draw: st.DrawFn, kinds: Sequence[str] = KINDS) -> Folder:
+    """A campaign of one experiment in files of one of these kinds: everything else about it as it comes."""
+    experiment = draw(st.sampled_from(list(EXPERIMENTS)))
+    wanted = list(draw(st.sampled_from(EXPERIMENTS[experiment])))
+    names = draw(st.permutations(wanted + ["spare"] * draw(st.integers(0, 2))))
+    style = draw(st.sampled_from(["titles", "titles", "none", "units below", "plain"]))
+    titles = [draw(st.sampled_from(TITLES[name])) if style == "titles" else TITLES[name][0] for name in names]
+    below = [draw(st.sampled_from(UNIT_LINES.get(name, ("",)))) for name in names]
+    sizes = [
+        _size(title if style == "titles" else unit if style == "units below" else "") for title, unit in zip(titles, below, strict=True)
+    ]
+    header: list[list[Any]] = {"none": [], "units below": [titles, below]}.get(style, [titles])
+    header = (
+        [[f"rig {draw(st.integers(1, 9))}"], *([] if draw(st.booleans()) else [[]]), *header] if draw(st.integers(0, 5)) == 0 else header
+    )
+    rows = draw(st.sampled_from([3, 12, 40, 230]))
+    levels = draw(st.sampled_from([(100,), (100, 300), (100, 200, 300), (100, 200, 300, 400), (50, 100, 150, 200, 250, 300, 350)]))
+    holes = draw(st.sampled_from(["none", "none", "one", "many", "a column begins late", "an empty column"]))
+    seed = draw(st.integers(0, 99))
+    tables = {}
+    for number, level in enumerate(levels):
+        values = measured(experiment, float(level), rows, seed + number)
+        body = [[size * float(values[name][row]) for name, size in zip(names, sizes, strict=True)] for row in range(rows)]
+        tables[level] = header + _with_holes(body, holes, number)
+    return _files(draw, tables, draw(st.sampled_from(kinds)))
+
+
+def _size(text: str) -> float:
+    return next((size for unit, size in SIZES.items() if unit in text), 1.0)
+
+
+def _with_holes(body: list[list[Any]], holes: str, number: int) -> list[list[Any]]:
+    rng = np.random.default_rng(number)
+    for row, cells in enumerate(body):
+        if holes == "one" and row == len(body) // 2:
+            cells[-1] = None
+        elif holes == "many" and rng.random() < 0.2:
+            cells[rng.integers(len(cells))] = None
+        elif (holes == "a column begins late" and row < len(body) // 3) or holes == "an empty column":
+            cells[-1] = None
+    return body
+
+
+def _files(draw: st.DrawFn, tables: Mapping[float, list[list[Any]]], kind: str) -> Folder:
+    """The tables as files: of one format, with names that say the level or not, one after the other or in one file."""
+    word = draw(st.sampled_from(["run_{:g}", "K_{:g}kPa", "{:g} kPa", "test{:g}", "sub/m_{:g}", "trial_{number}"]))
+    length = draw(st.sampled_from([None, None, 0.1]))
+    if draw(st.integers(0, 4)) == 0:  # everything in one table
+        first = next(iter(tables.values()))
+        top = next((place for place, row in enumerate(first) if row and isinstance(row[0], float)), 0)
+        tables = {0.0: [*first[:top], *(row for table in tables.values() for row in table[top:])]}
+    named = {word.format(level, number=number): table for number, (level, table) in enumerate(tables.items())}
+    if kind == "text":
+        return Folder(_as_text(draw, named), length)
+    if kind == "sheets":
+        other = [("notes", [["operator", "remarks"], ["me", "none"]])] if draw(st.booleans()) else []
+        return Folder({"campaign.xlsx": [*other, *((name.replace("/", "-"), table) for name, table in named.items())]}, length)
+    suffix = {"xlsx": "xlsx", "hdf5": "h5", "mat": "mat", "tdms": "tdms"}[kind]
+    if kind != "xlsx" and draw(st.booleans()):  # every table a group of one file
+        return Folder({f"campaign.{suffix}": [(f"run_{number}", table) for number, table in enumerate(named.values())]}, length)
+    return Folder({f"{name}.{suffix}": [("Run", table)] for name, table in named.items()}, length)
+
+
+def _as_text(draw: st.DrawFn, named: Mapping[str, list[list[Any]]]) -> dict[str, bytes]:
+    delimiter, comma = draw(st.sampled_from([(",", False), (";", False), (";", True), ("\t", False), ("\t", True), ("  ", False)]))
+    suffix = draw(st.sampled_from([".csv", ".txt", ".csv.gz"]))
+    empty = draw(st.sampled_from(["", "", "nan", "NA", "n/a", "---"])) if delimiter.strip() or delimiter == "\t" else "nan"
+    encoding = draw(st.sampled_from(["utf-8", "utf-8-sig", "cp1252", "utf-16"]))
+    end = draw(st.sampled_from(["\n", "\r\n", "\r"]))
+    digits = draw(st.sampled_from([5, 6, 9]))
+
+    def cell(value: Any) -> str:
+        if isinstance(value, float):
+            text = f"{value:.{digits}g}"
+            return text.replace(".", ",") if comma else text
+        text = empty if value is None else str(value)
+        return text.replace(" ", "_") or "-" if delimiter == "  " else text
+
+    found = {}
+    for name, table in named.items():
+        text = end.join(delimiter.join(map(cell, row)) for row in table) + end
+        found[name + suffix] = text.encode(encoding, errors="replace")
+    return found
+
+
+def _save_tables(path: Path, tables: Sequence[tuple[str, list[list[Any]]]]) -> None:
+    if path.suffix == ".xlsx":
+        workbook(path, dict(tables))
+        return
+    groups = {name: _arrays(table) for name, table in tables}
+    if path.suffix == ".h5":
+        import h5py
+
+        with h5py.File(path, "w") as file:
+            for group, columns in groups.items():
+                for name, values in columns.items():
+                    file[f"{group}/{name}"] = values[:, None] if len(name) % 2 else values
+                file[f"{group}/fs"] = 50.0
+            file["comment"] = "made by hand"
+    elif path.suffix == ".mat":
+        from scipy.io import savemat
+
+        runs = {name: {**columns, "fs": 50.0} for name, columns in groups.items()}
+        savemat(path, {**(runs if len(runs) > 1 else next(iter(runs.values()))), "comment": "made by hand"})
+    else:
+        from nptdms import ChannelObject, TdmsWriter
+
+        with TdmsWriter(path) as file:
+            for group, columns in groups.items():
+                file.write_segment([ChannelObject(group, name, values) for name, values in columns.items()])
+
+
+def _arrays(table: list[list[Any]]) -> Columns:
+    """The columns of a table as arrays with names that MATLAB takes; what is missing is not a number."""
+    top = next(place for place, row in enumerate(table) if len(row) > 1 and any(isinstance(cell, float) for cell in row))
+    titled = next((row for row in table[:top] if len(row) == len(table[top])), [""] * len(table[top]))
+    columns = {}
+    for place, (title, *cells) in enumerate(zip(titled, *table[top:], strict=True)):
+        name = "".join(letter if letter.isascii() and letter.isalnum() else "_" for letter in title).strip("_")
+        name = name if name[:1].isalpha() and name not in columns else f"c{place}"
+        columns[name] = np.array([np.nan if cell is None else cell for cell in cells], dtype=float)
+    return columns
+
+
+# What holds of all of them ------------------------------------------------------------------------------------------------------------
 
 MORE = os.environ.get("MAPMORE_EXAMPLES")
 UNUSABLE = ("no table of numbers", "no two columns of numbers move", "too few training samples", "a single column, and no other")

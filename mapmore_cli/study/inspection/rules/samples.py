@@ -10,6 +10,7 @@ import numpy as np
 from mapmore_cli.domain.recording import Recording
 from mapmore_cli.spec.units import convert
 from mapmore_cli.study.inspection import evidence
+from mapmore_cli.study.inspection.names import POSITIONS
 from mapmore_cli.study.inspection.rules import Issue, Subject
 
 MUCH = 0.5  # of the samples, lost for a reason that the spec does not ask for
@@ -67,7 +68,7 @@ def clipped(subject: Subject) -> Iterator[Issue]:
 def cycles_of_noise(subject: Subject) -> Iterator[Issue]:
     """Find cycles of a quantity that was held, which are cycles of its noise."""
     cycles = subject.spec.data.cycles
-    others = [name for name in ("pressure", "strain", "displacement", "length") if cycles and name != cycles.over and subject.has(name)]
+    others = [name for name in ("pressure", *POSITIONS) if cycles and name != cycles.over and subject.has(name)]
     if cycles is None or not others or not subject.has(cycles.over):
         return
     moves = {name: _movement(subject, name) for name in (cycles.over, *others)}

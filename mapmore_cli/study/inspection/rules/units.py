@@ -13,11 +13,11 @@ from mapmore_cli.storage.readers import READERS
 from mapmore_cli.study.inspection.names import read_label, unit_in
 from mapmore_cli.study.inspection.rules import Issue, Subject
 
-LARGEST_STRAIN = 1.5
+LARGEST_STRAIN = 1.5  # of any muscle
 LARGEST_PRESSURE = 5000.0  # kPa
 PRESSURE_IN_BAR = (1.0, 12.0)  # largest value: a usual supply in bar
 STRONGEST_PULL = 25.0  # times pressure and bore area; a braid of 20 degrees reaches 14 at zero strain
-LONGEST_STEP, SAMPLES_OF_A_LOGGER = 0.2, 1000  # s
+LONGEST_STEP, SAMPLES_OF_A_LOGGER = 0.2, 1000  # s between samples, in a record of a logger, which has so many
 LONGEST_RECORD = 12 * 3600.0  # s
 
 
