@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns
-from mapmore_cli.rig.chamber import GRAVITY
-from mapmore_cli.rig.muscle import Hysteresis, StaticMuscle
+from mapmore_cli.rig.muscle import GRAVITY, Hysteresis, StaticMuscle
 
 
 @dataclass(frozen=True)

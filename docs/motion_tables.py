@@ -20,8 +20,7 @@ from pages import CONFIGS, DOCS, campaign, finished, printed, run, scores, write
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.models import CARRIED, HARD, ZERO, Motion, MotionSection
 from mapmore_cli.modelling.memory.records import Record
-from mapmore_cli.modelling.motion.bumpless import continued
-from mapmore_cli.modelling.motion.fitting import fit_motion
+from mapmore_cli.modelling.motion.fitting import continued, fit_motion
 from mapmore_cli.modelling.motion.problem import Bounds, MotionRecipe
 from mapmore_cli.modelling.motion.simulation import motion_errors, simulate
 from mapmore_cli.reporting.campaign import nrmse_table

@@ -24,10 +24,9 @@ from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.reporting.table import Cell, Column, Table
+from mapmore_cli.rig.air import Air, ClosedMuscle, Regulator
 from mapmore_cli.rig.antagonists import Joint
-from mapmore_cli.rig.closed_muscle import Air, ClosedMuscle
-from mapmore_cli.rig.waveform import Regulator
-from mapmore_cli.rig.wet_muscle import Rubber
+from mapmore_cli.rig.muscle import Rubber
 from mapmore_cli.spec.loader import load_as
 from mapmore_cli.spec.simulation import Antagonists, McKibbenMuscle, SimulationSpec
 from mapmore_cli.storage.artefacts import read_dataset, read_model, read_validation

@@ -10,8 +10,7 @@ from scipy.optimize import minimize_scalar
 from scipy.signal import lfilter
 
 from mapmore_cli.domain.arrays import Array, Columns
-from mapmore_cli.rig.closed_muscle import ClosedMuscle
-from mapmore_cli.rig.waveform import Regulator
+from mapmore_cli.rig.air import ClosedMuscle, Regulator
 
 Force = Callable[[Array, Array], Array]
 """Pull, N, at pressures (kPa) and strains, `(n,)` each."""

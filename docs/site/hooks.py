@@ -95,9 +95,9 @@ def on_page_markdown(markdown: str, page: Any, **_rest: Any) -> str:
 
     from mapmore_cli.modelling.literature import reference as formulas
     from mapmore_cli.spec.schema import reference as keys
-    from mapmore_cli.storage.artefacts.layout import described
+    from mapmore_cli.storage.artefacts.schema import described
 
-    made = {"keys": keys, "formulas": formulas.reference, "files": described}
+    made = {"keys": keys, "formulas": formulas, "files": described}
     return re.sub(r"<!-- made: (\w+) -->", lambda match: made[match[1]](), in_full(markdown, page.file.src_path))
 
 

@@ -6,7 +6,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from mapmore_cli.domain.errors import UsageError
-from mapmore_cli.study.drafting.questions import Question
+from mapmore_cli.study.drafting.answers import Question
 
 console = Console(stderr=True, highlight=False)
 

@@ -105,9 +105,9 @@ def schema(
     from mapmore_cli.modelling.literature import reference as formulas
     from mapmore_cli.spec.schema import json_schema
     from mapmore_cli.spec.schema import reference as keys
-    from mapmore_cli.storage.artefacts.layout import described
+    from mapmore_cli.storage.artefacts.schema import described
 
     if what == "json":
         print_document(json_schema())
     else:
-        print({"keys": keys, "formulas": formulas.reference, "files": described}[what]())
+        print({"keys": keys, "formulas": formulas, "files": described}[what]())

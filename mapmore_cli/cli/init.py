@@ -14,8 +14,8 @@ from mapmore_cli.cli.console import Quiet
 from mapmore_cli.domain.errors import UsageError, WriteError
 
 if TYPE_CHECKING:
+    from mapmore_cli.study.drafting.answers import Ask
     from mapmore_cli.study.drafting.draft import Draft
-    from mapmore_cli.study.drafting.questions import Ask
 
 STDOUT = Path("-")
 
@@ -87,7 +87,7 @@ def init(
 def _write_page(path: Path, draft: Draft, quiet: bool) -> None:
     """Write the page of a draft's guesses, and say where it is."""
     from mapmore_cli.storage.atomic import write_text
-    from mapmore_cli.study.drafting.guesses import guesses_page
+    from mapmore_cli.study.drafting.draft import guesses_page
 
     write_text(path, guesses_page(draft))
     if not quiet:

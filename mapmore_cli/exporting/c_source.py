@@ -1,64 +1,62 @@
-"""The text of C files: declarations, the function that a model comes to, what it keeps, and a small program."""
+"""A model in C: header, source and a small program; without memory its derivatives too, and the input for a wanted output.
+
+The inverse is that of `modelling.inverse`, in the same steps.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
 
-from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.foreign import c_comment
 from mapmore_cli.domain.models import Model
-from mapmore_cli.domain.recording import Quantity, Signal
-from mapmore_cli.exporting.c_blocks import CBlocks, indented
-from mapmore_cli.exporting.dialect import DOUBLE, SINGLE, Dialect, Expressions, identifier, names_of_inputs, renamed
+from mapmore_cli.exporting.dialect import DOUBLE, SINGLE, Dialect, Expressions, Statements, identifier, names_of_inputs, renamed, rendered
+from mapmore_cli.modelling.inverse import BISECTIONS, FLAT, NONE, ONE, REACHED, SAME, SEVERAL, SPLITS, STEEP, knots, parts_between
 from mapmore_cli.modelling.kinds import OUTSIDE_TOLERANCE
-from mapmore_cli.modelling.program.model import program_of
-from mapmore_cli.modelling.program.statements import Limit, Program
-from mapmore_cli.modelling.program.values import INPUT
+from mapmore_cli.modelling.program.model import program_of, with_slopes
+from mapmore_cli.modelling.program.statements import Choose, Function, Limit, Program
+from mapmore_cli.modelling.program.writing import names_in
 
 MOST_INPUTS = 14
 """Bits of the returned number, one for every input and one more: an `int` may have 16."""
 
-SIGN = """\
-static {real} sign_of({real} x)
-{{
-    return ({real})((x > 0) - (x < 0));
-}}
-"""
+STATUS = (NONE, ONE, SEVERAL, FLAT)
+"""What the inverse functions return, from 0."""
 
-BEYOND = """\
-/* Whether x lies beyond a range; what is within {tolerance} of it counts as inside. */
-static int beyond({real} x, {real} low, {real} high)
-{{
-    const {real} size = fabs{f}(low) > fabs{f}(high) ? fabs{f}(low) : fabs{f}(high);
-    const {real} margin = {tolerance} * (high - low > size ? high - low : size);
-    return x < low - margin || x > high + margin;
-}}
-"""
+DIVIDED = 64
+"""Parts of a scan that are divided further at most, so that its places have room on the stack; Python knows no such limit."""
 
-BETWEEN = """\
-/* The end of a range at a level, linear between n levels. */
-static {real} end_at({real} level, int n, const {real} *levels, const {real} *ends)
-{{
-    int i = 0;
-    if (level <= levels[0]) return ends[0];
-    if (level >= levels[n - 1]) return ends[n - 1];
-    while (level >= levels[i + 1]) i++;
-    return (ends[i + 1] - ends[i]) / (levels[i + 1] - levels[i]) * (level - levels[i]) + ends[i];
-}}
-"""
+COARSER = 1000.0
+"""Times wider limits of the inverse in single precision."""
+
+
+@dataclass(frozen=True)
+class CSource:
+    """The files of a model in C, by name, and what its functions begin with."""
+
+    name: str
+    files: dict[str, str]
+
+
+def c_source(model: Model, single: bool = False) -> CSource:
+    """Return header, source and a small program to try the model with; in single precision if so wished.
+
+    For a model without memory a second header and source have its derivatives and its inverse. Raises as `source_of`.
+    """
+    source = source_of(model, single)
+    name = source.name
+    files = {f"{name}.h": source.header(), f"{name}.c": source.source(), f"{name}_main.c": source.program()}
+    return CSource(name, files if source.with_memory else files | source.inverse())
 
 
 def source_of(model: Model, single: bool = False) -> Source:
     """Return the model as the text of its files, in single precision or not.
 
-    Raises
-    ------
-    UsageError
-        Where the model's name has nothing that C allows, or it has too many inputs.
-    DataError
-        Where a part of the model is no closed expression.
+    Raises UsageError where the model's name has nothing that C allows, or it has too many inputs; DataError where a part of it is no
+    closed expression.
     """
     if len(model.inputs) > MOST_INPUTS:
         raise UsageError(f"{model.name} has {len(model.inputs)} inputs; one bit each leaves room for {MOST_INPUTS}", "export its parts")
@@ -75,9 +73,9 @@ class Source:
     single: bool
 
     @property
-    def real(self) -> str:
-        """The type of numbers."""
-        return "float" if self.single else "double"
+    def with_memory(self) -> bool:
+        """Whether it goes on from sample to sample."""
+        return self.code.step is not None
 
     @property
     def dialect(self) -> Dialect:
@@ -85,192 +83,180 @@ class Source:
         return SINGLE if self.single else DOUBLE
 
     @property
+    def real(self) -> str:
+        """The type of numbers."""
+        return "float" if self.single else "double"
+
+    @property
     def prefix(self) -> str:
         """How the names of macros begin."""
         return self.name.upper()
 
-    @property
-    def names(self) -> dict[str, str]:
-        """What each input is called in macros and functions."""
-        return names_of_inputs(self.model.inputs)
+    @cached_property
+    def places(self) -> dict[str, str]:
+        """The macro for the place of every input, by its name."""
+        return {name: f"{self.prefix}_IN_{own.upper()}" for name, own in names_of_inputs(self.model.inputs).items()}
 
     @property
-    def with_memory(self) -> bool:
-        """Whether it goes on from sample to sample."""
-        return self.code.step is not None
+    def words(self) -> dict[str, object]:
+        """What templates know of the model."""
+        words: dict[str, object] = {name: getattr(self, name) for name in ("model", "name", "prefix", "places", "real", "call")}
+        code = self.code
+        return {
+            **words,
+            "memory": self.with_memory,
+            "step": code.step,
+            "kept": code.kept,
+            "number": self.dialect.number,
+            "f": "f" * self.single,
+        }
 
     @property
     def call(self) -> str:
         """Head of the function that computes the output."""
-        given = f"const {self.real} in[{self.prefix}_INPUTS], {self.real} *out"
-        return f"int {self.name}_step({self.name}_state *s, {given})" if self.with_memory else f"int {self.name}_eval({given})"
+        result = f"{self.real} *out"
+        return self._head("step", result, f"{self.name}_state *s, ") if self.with_memory else self._head("eval", result)
+
+    def _head(self, function: str, results: str, state: str = "") -> str:
+        return f"int {self.name}_{function}({state}const {self.real} in[{self.prefix}_INPUTS], {results})"
 
     def header(self) -> str:
         """Return the declarations, with names and units."""
-        lines = [*c_comment(*self._about()), f"#ifndef {self.prefix}_H", f"#define {self.prefix}_H", ""]
-        lines += [f"#define {self.prefix}_INPUTS {len(self.model.inputs)}"]
-        lines += [f"#define {self.place(q)} {i} {c_comment(_unit(q))[0]}" for i, q in enumerate(self.model.inputs)]
-        if self.with_memory:
-            lines += [f"#define {self.prefix}_NO_VALUE {1 << len(self.model.inputs)} /* bit: no history yet, or the run has diverged */"]
-            lines += [f"#define {self.prefix}_SECONDS {self.code.step!r} /* between samples */", "", *self._state(), ""]
-            lines += [f"void {self.name}_reset({self.name}_state *s);"]
-        lines += ["", f"{self.call};"]
-        lines += [f"void {self.name}_measured({self.name}_state *s, {self.real} value);"] * bool(self.code.kept.fed_back)
-        return "\n".join([*lines, "", "#endif", ""])
-
-    def _about(self) -> Iterator[str]:
-        model = self.model
-        yield f"{model.name}: {_unit(model.output)} from {', '.join(map(_unit, model.inputs)) or 'nothing'}."
-        yield ""
-        if not self.with_memory:
-            yield f"{self.name}_eval writes the {model.output.name} to out."
-        else:
-            yield f"{self.name}_reset once, then {self.name}_step every {self.code.step!r} s: it writes the {model.output.name} to out."
-        yield "It returns 0, or bit i for every input i outside of its training range; there the value is extrapolated."
-        yield "Where an input is not finite, its bit is set and out is NAN" + (", and memory starts anew." if self.with_memory else ".")
-        if self.with_memory:
-            yield f"Before there is history, and once a run has diverged, bit {self.prefix}_NO_VALUE is set and out is NAN."
-        for output in self.code.kept.fed_back:
-            yield f"The model goes on from its own {output}. As long as {self.prefix}_NO_VALUE is returned after a reset, tell it the"
-            yield f"measured {output} of the same sample by {self.name}_measured; later this may be done to correct it."
-        for signal in model.signals:
-            yield _of_signal(signal)
-        yield from renamed(self.names)
-        yield "No allocation, no global state; needs math.h alone."
-
-    def _state(self) -> list[str]:
-        numbers = [f"{self.real} {name};" for name in self.code.kept.numbers]
-        queues = [line for name, size in self.code.kept.queues.items() for line in (f"{self.real} {name}[{size}];", f"int {name}_at;")]
-        return ["typedef struct {", *indented([*numbers, *queues]), f"}} {self.name}_state;"]
+        return rendered("model.h", **self.words, renamed=renamed(names_of_inputs(self.model.inputs)))
 
     def source(self) -> str:
         """Return the functions."""
-        reset = self._reset() if self.with_memory else []
-        return self.file([*reset, *self.evaluation(self.call, ("*out",))])
+        return self._file(self.name, self.call, ["*out"], reset=self.with_memory)
 
-    def evaluation(self, head: str, results: Sequence[str]) -> list[str]:
-        """Return a function that writes what the model comes to where `results` are, after those that it needs."""
-        blocks = CBlocks(self.code, self.dialect, self.real)
-        functions = [line for function in self.code.functions for line in blocks.function(function)]
-        return [*functions, head, "{", *indented(self._body(blocks, results)), "}", ""]
+    def program(self) -> str:
+        """Return a program that reads a sample a line, and prints the output and the bits of each."""
+        measured = [f"{name}_measured" for name in self.code.kept.fed_back]
+        columns = " ".join([*(quantity.name for quantity in self.model.inputs), *measured])
+        return rendered("main.c", **self.words, columns=columns, given=f"{self.prefix}_INPUTS{' + 1' * bool(measured)}")
 
-    def file(self, functions: Sequence[str], header: str = "") -> str:
-        """Return the text of a source file, with the helpers that its functions need."""
-        fill = {"real": self.real, "f": "f" * self.single, "tolerance": self.dialect.number(OUTSIDE_TOLERANCE)}
-        body = "\n".join(functions)
-        helpers = [(SIGN, "sign_of("), (BEYOND, "beyond("), (BETWEEN, "end_at(")]
-        return "\n".join(
-            [f'#include "{header or self.name}.h"', "", "#include <math.h>", ""]
-            + [text.format(**fill) for text, used in helpers if used in body]
-            + [body]
+    def _file(self, header: str, head: str, results: Sequence[str], **words: object) -> str:
+        """Return a source file whose function `head` writes what the model comes to where `results` are."""
+        statements = CStatements(self.code, self.dialect, "s->", real=self.real)
+        functions = [line for function in self.code.functions for line in statements.function(function)]
+        expressions = statements.expressions()
+        lines, values = statements.block(self.code.body, expressions)
+        checks = [line for number, limit in enumerate(self.code.limits) for line in self._check(number, limit, expressions)]
+        lines = [*lines, *checks, *(f"{place} = {value};" for place, value in zip(results, values, strict=True))]
+        words |= {"header": header, "head": head, "results": results, "functions": functions, "statements": lines}
+        return rendered(
+            "model.c", **{"reset": False, "inverses": ()} | self.words | words, tolerance=self.dialect.number(OUTSIDE_TOLERANCE)
         )
 
-    def _body(self, blocks: CBlocks, results: Sequence[str]) -> list[str]:
-        place = {quantity.name: self.place(quantity) for quantity in self.model.inputs}
-        lines = [f"const {self.real} {INPUT}{name} = in[{place[name]}];" for name in place]
-        lines.append("int bits = 0;")
-        lines += [f"if (!isfinite({INPUT}{name})) bits |= 1 << {place[name]};" for name in place]
-        given_up = [f"{self.name}_reset(s);"] if self.with_memory else []
-        no_value = f" | {self.prefix}_NO_VALUE" if self.with_memory else ""
-        nothing = [f"{result} = NAN;" for result in results]
-        lines += ["if (bits) {", *indented([*given_up, *nothing, f"return bits{no_value};"]), "}"]
-        statements, expressions = blocks.body()
-        values = [f"{place} = {expressions.text(value)};" for place, value in zip(results, self.code.body.results, strict=True)]
-        checks = [
-            line
-            for number, limit in enumerate(self.code.limits)
-            for line in self._check(number, limit, expressions, [place[name] for name in place if name in limit.inputs])
-        ]
-        lost = [f"if (!isfinite(*out)) bits |= {self.prefix}_NO_VALUE;"] if self.with_memory else []
-        return [*lines, *statements, *checks, *values, *lost, "return bits;"]
-
-    def _check(self, number: int, limit: Limit, expressions: Expressions, places: Sequence[str]) -> Iterator[str]:
+    def _check(self, number: int, limit: Limit, expressions: Expressions) -> Iterator[str]:
         """Set the bits of the inputs that are beyond a range."""
-        bits = " | ".join(f"1 << {place}" for place in places)
+        bits = " | ".join(f"1 << {place}" for name, place in self.places.items() if name in limit.inputs)
         value = expressions.text(limit.value)
         if limit.at is None or len(limit.levels) == 1:
-            ends = [self._number(float(end)) for end in (limit.low[0], limit.high[0])]
+            ends = [self.dialect.number(end[0]) for end in (limit.low, limit.high)]
         else:
-            tables = {"levels": limit.levels, "low": limit.low, "high": limit.high}
-            for name, values in tables.items():
-                yield f"static const {self.real} {name}{number}[] = {{{self._numbers(values)}}};"
+            for name, values in (("levels", limit.levels), ("low", limit.low), ("high", limit.high)):
+                numbers = ", ".join(map(self.dialect.number, values.tolist()))
+                yield f"static const {self.real} {name}{number}[] = {{{numbers}}};"
             at, count = expressions.text(limit.at), len(limit.levels)
             ends = [f"end_at({at}, {count}, levels{number}, {name}{number})" for name in ("low", "high")]
         yield f"if (beyond({value}, {', '.join(ends)})) bits |= {bits};"
 
-    def _reset(self) -> list[str]:
-        numbers = [f"s->{name} = {self._number(value)};" for name, value in self.code.kept.numbers.items()]
-        queues = [
-            line
-            for name, size in self.code.kept.queues.items()
-            for line in (f"for (int i = 0; i < {size}; i++) s->{name}[i] = 0;", f"s->{name}_at = 0;")
-        ]
-        lines = [f"void {self.name}_reset({self.name}_state *s)", "{", *indented([*numbers, *queues]), "}", ""]
-        for queues in self.code.kept.fed_back.values():
-            last = [f"s->{queue}[{self._last(queue)}] = value;" for queue in queues]
-            lines += [f"void {self.name}_measured({self.name}_state *s, {self.real} value)", "{", *indented(last), "}", ""]
-        return lines
+    def inverse(self) -> dict[str, str]:
+        """Return the second header and source of a model without memory, by name: derivatives, and inverses where ranges are known."""
+        slopes = [f"slopes[{i}]" for i in range(len(self.model.inputs))]
+        head = self._head("derivatives", f"{self.real} *out, {self.real} slopes[{self.prefix}_INPUTS]")
+        inverses = list(self._inverses())
+        words = {"inverses": inverses, "macros": self._macros([inverse["ends"] for inverse in inverses])} if inverses else {"inverses": ()}
+        name = f"{self.name}_inverse"
+        header = rendered("inverse.h", **self.words, **words, head=head, status=STATUS)
+        source = replace(self, code=with_slopes(self.code))
+        return {f"{name}.h": header, f"{name}.c": source._file(name, head, ["*out", *slopes], **words)}
 
-    def _last(self, queue: str) -> str:
-        """Return the place of what came into a queue last."""
-        size = self.code.kept.queues[queue]
-        return f"(s->{queue}_at + {size - 1}) % {size}"
+    def _inverses(self) -> Iterator[dict[str, Any]]:
+        """Yield the function that solves for an input, for every one whose training range is known."""
+        for name, own in names_of_inputs(self.model.inputs).items():
+            try:
+                places = knots(self.model, name)
+            except UsageError:
+                continue
+            numbers, parts = [self.dialect.number(place) for place in places.tolist()], parts_between(places)
+            head = self._head(f"invert_{own}", f"{self.real} wanted, {self.real} *found")
+            ends = 2 * (len(places) - 1) * (parts + 1) + 1
+            yield {"head": head, "place": self.places[name], "knots": numbers, "parts": parts, "ends": ends}
 
-    def program(self) -> str:
-        """Return a program that reads a sample a line, and prints the output and the bits of each."""
-        measured = bool(self.code.kept.fed_back)
-        read = f'scanf("%{"f" if self.single else "lf"}", &in[i]) == 1'
-        state = [f"{self.name}_state s;"] if self.with_memory else []
-        start = [f"{self.name}_reset(&s);"] if self.with_memory else []
-        call = f"{self.name}_step(&s, in, &out)" if self.with_memory else f"{self.name}_eval(in, &out)"
-        given = f"{self.prefix}_INPUTS{' + 1' * measured}"
-        tell = [f"if (bits & {self.prefix}_NO_VALUE) {self.name}_measured(&s, in[{self.prefix}_INPUTS]);"] if measured else []
-        columns = " ".join([*(quantity.name for quantity in self.model.inputs), *(f"{name}_measured" for name in self.code.kept.fed_back)])
-        body = [
-            f"{self.real} in[{given}], out;",
-            *state,
-            *start,
-            "for (;;) {",
-            *indented(
-                [
-                    "int bits;",
-                    f"for (int i = 0; i < {given}; i++) {{",
-                    *indented([f"if (!({read})) return 0;"]),
-                    "}",
-                    f"bits = {call};",
-                    *tell,
-                    'printf("%.17g %d\\n", (double)out, bits);',
-                ]
-            ),
-            "}",
-        ]
-        head = c_comment(f"Reads {columns} from each line of stdin; prints {self.model.output.name} and the bits of inputs out of range.")
-        return "\n".join(
-            [*head, f'#include "{self.name}.h"', "", "#include <stdio.h>", "", "int main(void)", "{", *indented(body), "}", ""]
-        )
-
-    def place(self, quantity: Quantity) -> str:
-        """Return the macro for the place of an input."""
-        return f"{self.prefix}_IN_{self.names[quantity.name].upper()}"
-
-    def _number(self, value: float) -> str:
-        return self.dialect.number(value)
-
-    def _numbers(self, values: Array) -> str:
-        return ", ".join(self._number(value) for value in values.tolist())
+    def _macros(self, ends: Sequence[int]) -> dict[str, object]:
+        """Return what the functions of every inverse have to know of this one."""
+        number, f, coarser = self.dialect.number, "f" * self.single, COARSER if self.single else 1.0
+        return {
+            "INPUTS": f"{self.prefix}_INPUTS",
+            "EVALUATE": f"{self.name}_eval",
+            "DIFFERENTIATE": f"{self.name}_derivatives",
+            **{status.upper(): f"{self.prefix}_{status.upper()}" for status in STATUS},
+            "DIVIDED": f"{DIVIDED} /* parts that are divided further at most */",
+            "SPLITS": SPLITS,
+            "STEEP": number(STEEP),
+            "PLACES": f"{max(ends) + 2 * DIVIDED} /* ends of monotone parts at most: two arrays of them lie on the stack */",
+            "SAME": number(SAME * coarser),
+            "REACHED": number(REACHED * coarser),
+            "BISECTIONS": BISECTIONS,
+            **{macro: f"{name}{f}" for macro, name in (("NEXT", "nextafter"), ("FABS", "fabs"), ("FMIN", "fmin"), ("FMAX", "fmax"))},
+        }
 
 
-def _unit(quantity: Quantity) -> str:
-    return f"{quantity.name} [{quantity.unit}]"
+@dataclass
+class CStatements(Statements):
+    """Writes statements in C; `real` is the type of numbers."""
+
+    real: str = "double"
+
+    def function(self, function: Function) -> list[str]:
+        """Return a function that no other file sees; several results are written where the last argument points."""
+        several = len(function.body.results) > 1
+        parameters = [f"{self.real} {name}" for name in function.parameters] + [f"{self.real} *results"] * several
+        lines, results = self.block(function.body, self.expressions())
+        used = names_in(function.body)
+        ignored = [f"(void){name};" for name in function.parameters if name not in used]
+        ends = [f"results[{i}] = {text};" for i, text in enumerate(results)] if several else [f"return {results[0]};"]
+        head = f"static {'void' if several else self.real} {function.name}({', '.join(parameters)})"
+        note = c_comment(function.note) if function.note else []
+        return [*note, head, "{", *indented([*ignored, *lines, *ends]), "}", ""]
+
+    def _used(self, names: Sequence[str], function: str, arguments: Sequence[str]) -> list[str]:
+        if len(names) == 1:
+            return [self.dialect.constant(names[0], f"{function}({', '.join(arguments)})")]
+        results = f"{names[0]}_all"
+        self.places.update({name: f"{results}[{i}]" for i, name in enumerate(names)})
+        return [f"{self.real} {results}[{len(names)}];", f"{function}({', '.join([*arguments, results])});"]
+
+    def _chosen(self, choice: Choose, expressions: Expressions) -> None:
+        conditions = [expressions.condition(condition) for condition, _ in choice.cases]
+        blocks = [block for _, block in choice.cases] + [choice.otherwise]
+        if len(choice.names) == 1 and not any(block.statements for block in blocks):
+            inner = [expressions.inner() for _ in blocks]
+            values = [own.text(block.results[0]) for own, block in zip(inner, blocks, strict=True)]
+            if not any(own.lines for own in inner):
+                text = "".join(f"{condition} ? {value} : " for condition, value in zip(conditions, values, strict=False)) + values[-1]
+                expressions.lines.append(self.dialect.constant(choice.names[0], text))
+                return
+        lines = [f"{self.real} {name};" for name in choice.names]
+        openings = [f"if ({condition}) {{" for condition in conditions] + ["{"]
+        for i, (opening, block) in enumerate(zip(openings, blocks, strict=True)):
+            lines.append(f"}} else {opening}" if i else opening)
+            own, results = self.block(block, expressions.inner())
+            lines.extend(indented([*own, *(f"{name} = {text};" for name, text in zip(choice.names, results, strict=True))]))
+        expressions.lines.extend([*lines, "}"])
+
+    def _recalled(self, queue: str, steps: int) -> str:
+        size = self.program.kept.queues[queue]
+        return f"s->{queue}[(s->{queue}_at + {size - steps}) % {size}]"
+
+    def _kept(self, place: str, text: str) -> str:
+        return f"{place} = {text};"
+
+    def _queued(self, queue: str, text: str, size: int) -> list[str]:
+        return [f"{queue}[{queue}_at] = {text};", f"{queue}_at = ({queue}_at + 1) % {size};"]
 
 
-def _of_signal(signal: Signal) -> str:
-    if signal.kind == "direction":
-        return (
-            f"{signal.name} is an input: +1 while {signal.of} is above {signal.dead_band!r}, -1 while it is below -{signal.dead_band!r}, "
-            "the last one in between; +1 at the start."
-        )
-    return (
-        f"{signal.name} is an input: the model was trained on the derivative of {signal.of} over a centred window of {signal.window!r} s, "
-        "which looks ahead; on a controller give the derivative over the last samples."
-    )
+def indented(lines: Sequence[str]) -> list[str]:
+    """Lines one step to the right."""
+    return [f"    {line}" if line else line for line in lines]

@@ -1,34 +1,33 @@
-"""How C and Python write numbers, functions and powers; and expressions in them; and what names may be."""
+"""What C and Python have in common: names, numbers, functions, expressions and statements; and the templates of files."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from importlib.resources import files
+from itertools import count
+from xml.sax.saxutils import quoteattr
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from mapmore_cli.domain.errors import UsageError
-from mapmore_cli.domain.foreign import WORDS, identifiers
+from mapmore_cli.domain.foreign import WORDS, identifiers, plain, xml_text
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.modelling.expressions.syntax import Call, Condition, Expression, Name, Number, Power, Product, Sum
-from mapmore_cli.modelling.program.statements import NOTHING
+from mapmore_cli.modelling.program.statements import NOTHING, Block, Choose, Keep, Let, Program, Queue, Recall, Statement, Use
 
 
 @dataclass(frozen=True)
 class Dialect:
     """What differs between languages.
 
-    Attributes
-    ----------
-    number
-        A finite number as text.
-    functions
-        Text of every function by its name in expressions; `pow` is a general power.
-    constant
-        The line that gives a name to what is not assigned again, given both.
-    nothing
-        The value where there is none.
-    quotient
-        The text of a quotient, given dividend and divisor.
+    - `number`: a finite number as text.
+    - `functions`: text of every function by its name in expressions; `pow` is a general power.
+    - `constant`: the line that gives a name to what is not assigned again, given both.
+    - `nothing`: the value where there is none.
+    - `quotient`: the text of a quotient, given dividend and divisor.
     """
 
     number: Callable[[float], str]
@@ -46,12 +45,7 @@ C_FUNCTIONS = {
 LARGEST, SMALLEST = 3.4028234e38, 1e-37
 """Of a single-precision number; what lies beyond is held at the one, and is zero below the other."""
 
-DOUBLE = Dialect(
-    number=lambda value: repr(float(value)),
-    functions=C_FUNCTIONS,
-    constant=lambda name, text: f"const double {name} = {text};",
-    nothing="NAN",
-)
+DOUBLE = Dialect(lambda value: repr(float(value)), C_FUNCTIONS, lambda name, text: f"const double {name} = {text};", "NAN")
 SINGLE = Dialect(
     number=lambda value: f"{0.0 if abs(value) < SMALLEST else min(max(float(value), -LARGEST), LARGEST)!r}f",
     functions={name: text if text == "sign_of" else f"{text}f" for name, text in C_FUNCTIONS.items()},
@@ -93,10 +87,21 @@ class Expressions:
 
     def text(self, expression: Expression) -> str:
         """Return the expression as a whole."""
-        if isinstance(expression, Sum):
-            return self._sum(expression)
-        if isinstance(expression, Product):
-            return self._product(expression)
+        match expression:
+            case Sum((first, *others)):
+                text = self.text(first)
+                for term in others:
+                    written = self.text(term)
+                    text += f" - {written[1:]}" if written.startswith("-") else f" + {written}"
+                return text
+            case Product((first, *others)):
+                text = "-" if first == Number(-1.0) else self._atom(first, front=True)
+                for factor in others:
+                    if isinstance(factor, Power) and factor.exponent < 0:
+                        text = self.dialect.quotient("-1.0" if text == "-" else text, self._power(factor.base, -factor.exponent))
+                    else:
+                        text += ("" if text == "-" else " * ") + self._atom(factor)
+                return text
         return self._atom(expression, front=True)
 
     def _atom(self, expression: Expression, front: bool = False) -> str:
@@ -108,35 +113,13 @@ class Expressions:
             case Name(name):
                 return self.dialect.nothing if expression == NOTHING else self.names(name)
             case Power() | Call():
-                return self._once(expression)
+                if expression not in self.known:
+                    stem, text = self._computed(expression)
+                    name = self.fresh(stem)
+                    self.lines.append(self.dialect.constant(name, text))
+                    self.known[expression] = name
+                return self.known[expression]
         return f"({self.text(expression)})"
-
-    def _sum(self, expression: Sum) -> str:
-        first, *others = expression.terms
-        text = self.text(first)
-        for term in others:
-            written = self.text(term)
-            text += f" - {written[1:]}" if written.startswith("-") else f" + {written}"
-        return text
-
-    def _product(self, expression: Product) -> str:
-        first, *others = expression.factors
-        text = "-" if first == Number(-1.0) else self._atom(first, front=True)
-        for factor in others:
-            if isinstance(factor, Power) and factor.exponent < 0:
-                text = self.dialect.quotient("-1.0" if text == "-" else text, self._power(factor.base, -factor.exponent))
-            else:
-                text += ("" if text == "-" else " * ") + self._atom(factor)
-        return text
-
-    def _once(self, expression: Power | Call) -> str:
-        """Return a name for the value."""
-        if expression not in self.known:
-            stem, text = self._computed(expression)
-            name = self.fresh(stem)
-            self.lines.append(self.dialect.constant(name, text))
-            self.known[expression] = name
-        return self.known[expression]
 
     def _computed(self, expression: Power | Call) -> tuple[str, str]:
         match expression:
@@ -154,6 +137,69 @@ class Expressions:
         return self._atom(base if exponent == 1.0 else Power(base, exponent))
 
 
+@dataclass
+class Statements(ABC):
+    """Writes the statements of a program."""
+
+    program: Program
+    dialect: Dialect
+    state: str
+    """How a name begins that is kept in the state `s`."""
+    places: dict[str, str] = field(default_factory=dict)
+    """Where results lie that have no name of their own."""
+
+    def expressions(self) -> Expressions:
+        """Return how the expressions of a function are written."""
+        numbers = count(1)
+        return Expressions(self.dialect, self._name, lambda stem: f"{stem}{next(numbers)}")
+
+    def _name(self, name: str) -> str:
+        return f"{self.state}{name}" if name in self.program.kept.numbers else self.places.get(name, name)
+
+    def block(self, block: Block, expressions: Expressions) -> tuple[list[str], list[str]]:
+        """Return the lines of a block, behind those that `expressions` has, and its results."""
+        self.write(block.statements, expressions)
+        results = [expressions.text(result) for result in block.results]
+        return expressions.lines, results
+
+    def write(self, statements: Sequence[Statement], expressions: Expressions) -> None:
+        """Write statements behind the lines that `expressions` has."""
+        lines = expressions.lines
+        for statement in statements:
+            match statement:
+                case Let(name, value):
+                    text = expressions.text(value)
+                    lines.append(self.dialect.constant(name, text))
+                case Use(names, function, arguments):
+                    given = [expressions.text(one) for one in arguments]
+                    lines.extend(self._used(names, function, given))
+                case Choose():
+                    self._chosen(statement, expressions)
+                case Recall(name, queue, steps):
+                    lines.append(self.dialect.constant(name, self._recalled(queue, steps)))
+                case Keep(kept, value):
+                    text = expressions.text(value)
+                    lines.append(self._kept(f"{self.state}{kept}", text))
+                case Queue(queue, value):
+                    text = expressions.text(value)
+                    lines.extend(self._queued(f"{self.state}{queue}", text, self.program.kept.queues[queue]))
+
+    @abstractmethod
+    def _used(self, names: Sequence[str], function: str, arguments: Sequence[str]) -> list[str]: ...
+
+    @abstractmethod
+    def _chosen(self, choice: Choose, expressions: Expressions) -> None: ...
+
+    @abstractmethod
+    def _recalled(self, queue: str, steps: int) -> str: ...
+
+    @abstractmethod
+    def _kept(self, place: str, text: str) -> str: ...
+
+    @abstractmethod
+    def _queued(self, queue: str, text: str, size: int) -> list[str]: ...
+
+
 RESERVED = frozenset([*(word.lower() for word in WORDS), "model", "co_simulation", "numpy", "aux", "con", "nul", "prn"])
 """Words of the languages, names of what lies around a model, and what Windows keeps for devices."""
 
@@ -167,12 +213,7 @@ PYTHON = ("np", "float", "s", "finite", "_beyond", "state", "State", "step", "ev
 def identifier(name: str) -> str:
     """Return the name with `_` for what C does not allow; `model_` goes before a digit and before a reserved word.
 
-    The same before `x` and `x_...`: `x_reset` is an input in C.
-
-    Raises
-    ------
-    UsageError
-        Where there is no letter and no digit in it.
+    The same before `x` and `x_...`: `x_reset` is an input in C. Raises UsageError where there is no letter and no digit in it.
     """
     found = re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_")[:LONGEST].rstrip("_")
     if not found:
@@ -187,6 +228,23 @@ def names_of_inputs(inputs: Sequence[Quantity], functions: Sequence[str] = ()) -
     return dict(zip(names, identifiers(names, [*PYTHON, *functions, *(f"x_{name}" for name in names)]), strict=True))
 
 
-def renamed(names: Mapping[str, str]) -> Iterator[str]:
+def renamed(names: Mapping[str, str]) -> list[str]:
     """Return a line for each input that is called otherwise here."""
-    return (f"The input {name} is called {other} here." for name, other in names.items() if name != other)
+    return [f"The input {name} is called {other} here." for name, other in names.items() if name != other]
+
+
+TEMPLATES = Environment(loader=PackageLoader(__package__, "sources"), undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+TEMPLATES.keep_trailing_newline = True
+TEMPLATES.filters["plain"] = plain
+TEMPLATES.filters["quoted"] = lambda text: quoteattr(xml_text(text))
+TEMPLATES.filters["unit"] = lambda quantity: plain(f"{quantity.name} [{quantity.unit}]")
+
+
+def rendered(template: str, **words: object) -> str:
+    """Return a file of `sources/` with the words put in; foreign text goes through the filters `plain` and `unit`, in XML `quoted`."""
+    return TEMPLATES.get_template(f"{template}.jinja").render(words)
+
+
+def source(name: str) -> str:
+    """Return a file of `sources/` as it is."""
+    return files(__package__).joinpath("sources", name).read_text(encoding="utf-8")

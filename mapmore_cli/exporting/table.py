@@ -31,10 +31,7 @@ def table_files(model: Model, axes: Mapping[str, Sequence[float]] | None = None)
     All hold the output on the grid, and `valid`: 1 within the training range, 0 beyond. The MAT file has one vector for each input, and
     the arrays in the order of the inputs. The text for Modelica is written for two inputs, with the first along the rows.
 
-    Raises
-    ------
-    UsageError
-        For a model with memory, axes that are not its inputs, fewer than two places, and a grid that is too large.
+    Raises UsageError for a model with memory, axes that are not its inputs, fewer than two places, and a grid that is too large.
     """
     if runs_over_time(model):
         raise UsageError("a table has no time, and this model has memory", "export it as C, py, numpy or fmu")

@@ -13,7 +13,6 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Mapping, Sequence
-from importlib.resources import files as resources
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +21,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.domain.models import Model
+from mapmore_cli.exporting.dialect import rendered, source
 from mapmore_cli.modelling.expressions import Name
 from mapmore_cli.modelling.kinds import fed_back, outside_range, simulate
 from mapmore_cli.modelling.program.model import program_of
@@ -45,13 +45,7 @@ class CompilerFailed(CompilerMissing):
 
 
 def library_place(name: str) -> str:
-    """Where the shared library of this machine lies in a unit of FMI 2.0.
-
-    Raises
-    ------
-    CompilerMissing
-        Where the standard has no name for this machine.
-    """
+    """Return where the shared library of this machine lies in a unit of FMI 2.0; raises CompilerMissing where it has no name for it."""
     if sys.platform not in SYSTEMS or platform.machine().lower() not in ("x86_64", "amd64", "i386", "i686", "arm64"):
         raise CompilerMissing(f"FMI 2.0 has no name for this machine ({sys.platform}, {platform.machine()})")
     system, ending = SYSTEMS[sys.platform]
@@ -61,12 +55,7 @@ def library_place(name: str) -> str:
 def shared_library(files: Mapping[str, str], compiled: Sequence[str]) -> bytes:
     """Return the library that those of the files are compiled to.
 
-    Raises
-    ------
-    CompilerMissing
-        Where there is no compiler.
-    CompilerFailed
-        Where it refuses the files.
+    Raises CompilerMissing where there is no compiler, CompilerFailed where it refuses the files.
     """
     wanted = (os.environ["CC"],) if os.environ.get("CC") else COMPILERS
     found = next((path for path in map(shutil.which, wanted) if path), None)
@@ -96,55 +85,21 @@ POINTS = 100
 CLOSE, CLOSE_SINGLE = 1e-6, 1e-2
 """How far code may lie from `predict`, relative to the value or to a tenth of the median; a wrong input or term is farther by far."""
 
-DRIVER = """\
-#include "{name}.h"
-
-#if defined _WIN32
-__declspec(dllexport)
-#else
-__attribute__((visibility("default")))
-#endif
-void verify(const double *rows, int n, double *out, int *bits)
-{{
-    {start}
-    for (int i = 0; i < n; i++) {{
-        {real} in[{columns} + 1], found;
-        for (int j = 0; j < {columns}; j++) in[j] = ({real})rows[i * {columns} + j];
-        bits[i] = {name}_{call}in, &found);
-        out[i] = found;
-        {tell}
-    }}
-}}
-"""
-"""A function around the C of a model that works along the rows of a table."""
-
 
 def verify_c(model: Model, name: str, texts: Mapping[str, str], single: bool) -> None:
     """Compile the C of a model and compare it.
 
-    Raises
-    ------
-    CompilerMissing
-        Where there is no compiler.
-    MapmoreError
-        Where the compiler refuses the code, or its numbers are others.
+    Raises CompilerMissing where there is no compiler; MapmoreError where it refuses the code, or its numbers are others.
     """
-    memory, measured, prefix = program_of(model).step is not None, bool(fed_back(model)), name.upper()
-    driver = DRIVER.format(
-        name=name,
-        start=f"{name}_state s; {name}_reset(&s);" * memory,
-        real="float" if single else "double",
-        columns=len(model.inputs) + measured,
-        call="step(&s, " if memory else "eval(",
-        tell=f"if (bits[i] & {prefix}_NO_VALUE) {name}_measured(&s, in[{prefix}_INPUTS]);" * measured,
-    )
+    measured, real = bool(fed_back(model)), "float" if single else "double"
+    words = {"name": name, "prefix": name.upper(), "real": real, "columns": len(model.inputs) + measured, "measured": measured}
+    driver = rendered("verify.c", **words, memory=program_of(model).step is not None)
     _verify_library(model, {**texts, "verify.c": driver}, [f"{name}.c", "verify.c"], CLOSE_SINGLE if single else CLOSE)
 
 
 def verify_unit(model: Model, texts: Mapping[str, str], compiled: Sequence[str]) -> None:
     """Compile the sources of a functional mock-up unit and compare what it answers to a tool; raises as `verify_c`."""
-    driver = resources(__package__).joinpath("sources", "verify-unit.c").read_text(encoding="utf-8")
-    _verify_library(model, {**texts, "verify-unit.c": driver}, [*compiled, "verify-unit.c"], CLOSE)
+    _verify_library(model, {**texts, "verify-unit.c": source("verify-unit.c")}, [*compiled, "verify-unit.c"], CLOSE)
 
 
 def verify_module(model: Model, text: str, each: bool = False) -> None:
@@ -231,15 +186,8 @@ def _unequal(model: Model, what: str) -> MapmoreError:
 
 def _is_ours(tree: ast.Module) -> bool:
     """Return whether a module imports NumPy or `math` alone, and calls nothing but that and its own functions."""
-    known = {
-        "float",
-        "function",
-        "range",
-        "len",
-        "max",
-        "abs",
-        *(node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef | ast.ClassDef)),
-    }
+    known = {"float", "function", "range", "len", "max", "abs"}
+    known |= {node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef | ast.ClassDef)}
     for node in ast.walk(tree):
         match node:
             case ast.Import([ast.alias("numpy", "np")]) | ast.Import([ast.alias("math", None)]):

@@ -22,7 +22,7 @@ from mapmore_cli.modelling import literature, simple
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.kinds import runs_over_time
 from mapmore_cli.modelling.literature.backbone import fit_formula, pooled, pooled_training
-from mapmore_cli.modelling.literature.hysteresis_loss import HysteresisLoss
+from mapmore_cli.modelling.literature.formulas.sarosi_hysteresis_loss import HysteresisLoss
 from mapmore_cli.modelling.signals.plateau import damping_component
 from mapmore_cli.modelling.sums import joint
 from mapmore_cli.modelling.sums.joint import fit_jointly

@@ -1,18 +1,20 @@
-"""Time stamps: resets, repeated stamps, gaps, and even time steps. What is wrong is reported, and mended only as the spec says."""
+"""Time stamps: resets, repeated stamps, gaps, even time steps and second logs. What is wrong is reported, and mended only as told."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.ingestion.samples import Samples
+from mapmore_cli.ingestion.files import Log, Meter, Source
+from mapmore_cli.ingestion.samples import Samples, read_tables, without_missing
 from mapmore_cli.modelling.signals.sampling import (
     Gaps,
+    align,
     average_repeated,
     find_gaps,
     find_repeats,
@@ -35,34 +37,22 @@ MOST_SAMPLES, MOST_TIMES = 10_000_000, 100
 """Samples of a resampled recording, and how many times those that were measured: beyond both, a slip of the pen would fill the memory."""
 
 
-@dataclass(frozen=True)
-class Clocked:
-    """A log whose stamps increase within each of its `pieces`, and what was found in it."""
-
-    pieces: tuple[Samples, ...]
-    notes: tuple[str, ...] = ()
-    warnings: tuple[str, ...] = ()
-
-
-def clocked(samples: Samples, data: Data, units: Mapping[str, str]) -> Clocked:
+def clocked(samples: Samples, data: Data, units: Mapping[str, str]) -> list[Samples]:
     """Return the samples in order of time: cut where the clock was set back and at gaps, and on even steps, as the spec says.
 
     A piece that is shorter than a time step of `resample` is left without samples. Raises DataError for what the spec does not mend.
     """
     if "time" not in samples.columns:
-        return Clocked((samples,))
+        return [samples]
     unit = units["time"]
-    split = data.gaps is not None and data.gaps.action == "split"
     samples = without_glitches(samples, data.glitches)
-    runs = _cut_at_resets(samples, unit) if split else Clocked((samples,))
-    ordered = [in_time_order(run, data.repeated_time) for run in runs.pieces]
-    cut = [_at_gaps(run, data, unit) for run in ordered]
-    found = [piece for run in cut for piece in run.pieces]
+    split = data.gaps is not None and data.gaps.action == "split"
+    ordered = [in_time_order(run, data.repeated_time) for run in (_cut_at_resets(samples, unit) if split else [samples])]
+    found = [piece for run in ordered for piece in _at_gaps(run, data, unit)]
     if data.resample is not None:
         step = convert(data.resample, "s", unit)
         found = [_resampled(piece, step) for piece in found]
-    notes = (*runs.notes, *(note for run in cut for note in run.notes))
-    return Clocked(tuple(found), notes, tuple(warning for run in cut for warning in run.warnings))
+    return found
 
 
 def without_glitches(samples: Samples, rule: str) -> Samples:
@@ -90,10 +80,8 @@ def in_time_order(samples: Samples, repeated: str) -> Samples:
         return samples
     if repeated == "error":
         at = int(repeats[0]) + 1
-        raise DataError(
-            f"{samples.at(at)}: the time {time[at]:.9g} stands twice ({len(repeats)} stamps repeat)",
-            "Set `repeated_time: average` or `repeated_time: spread`.",
-        )
+        what = f"{samples.at(at)}: the time {time[at]:.9g} stands twice ({len(repeats)} stamps repeat)"
+        raise DataError(what, "Set `repeated_time: average` or `repeated_time: spread`.")
     if repeated == "spread":
         return samples.with_columns({"time": spread_repeated(time)})
     first = np.concatenate([[True], np.diff(time) > 0])
@@ -101,29 +89,29 @@ def in_time_order(samples: Samples, repeated: str) -> Samples:
     return samples.keep(first, "repeated time").with_columns({**averaged, "time": time[first]})
 
 
-def _cut_at_resets(samples: Samples, unit: str) -> Clocked:
+def _cut_at_resets(samples: Samples, unit: str) -> list[Samples]:
     time = samples.columns["time"]
     resets = find_resets(time)
     if not len(resets):
-        return Clocked((samples,))
+        return [samples]
     at = int(resets[0]) + 1
     again = f", and {len(resets) - 1} times more" if len(resets) > 1 else ""
     note = f"{samples.at(at)}: the clock was set back, from {time[at - 1]:.9g} to {time[at]:.9g} {unit}{again}: split"
-    return Clocked(tuple(samples.cut(pieces(samples.size, resets))), (note,))
+    return replace(samples, notes=(*samples.notes, note)).cut(pieces(samples.size, resets))
 
 
-def _at_gaps(samples: Samples, data: Data, unit: str) -> Clocked:
+def _at_gaps(samples: Samples, data: Data, unit: str) -> list[Samples]:
     time = samples.columns["time"]
     limit = CONSPICUOUS * typical_step(time) if data.gaps is None else convert(data.gaps.longer_than, "s", unit)
     gaps = find_gaps(time, limit)
     if not len(gaps):
-        return Clocked((samples,))
+        return [samples]
     found = _described(samples, gaps, limit, unit)
     if data.gaps is None:
-        return Clocked((samples,), warnings=(f"{found}; say in `gaps` what to do about it",))
+        return [replace(samples, doubts=(*samples.doubts, f"{found}; say in `gaps` what to do about it"))]
     if data.gaps.action == "error":
         raise DataError(found, "Say `gaps: {longer_than: ..., action: split}` to make a recording of each piece, or raise `longer_than`.")
-    return Clocked(tuple(samples.cut(pieces(samples.size, gaps.after))), (f"{found}: split",))
+    return replace(samples, notes=(*samples.notes, f"{found}: split")).cut(pieces(samples.size, gaps.after))
 
 
 def _described(samples: Samples, gaps: Gaps, limit: float, unit: str) -> str:
@@ -151,10 +139,59 @@ def _resampled(samples: Samples, step: float) -> Samples:
     return samples.keep(np.zeros(samples.size, dtype=np.bool_), "piece shorter than a step of `resample`")
 
 
+# Second logs ----------------------------------------------------------------------------------------------------------------------------
+
+
+def with_joined(tables: Sequence[Samples], source: Source, data: Data, units: Mapping[str, str], meter: Meter) -> list[Samples]:
+    """Return the recordings of a file with the quantities of the logs that are joined to it, NaN where those have no value.
+
+    Raises DataError for logs that do not fit: a different number of recordings or rows.
+    """
+    found = list(tables)
+    for join, log in zip(data.join, source.joined, strict=True):
+        others = _read(log, join, data, units, meter)
+        if len(others) not in (1, len(found)):
+            what = f"{log.name}: holds {len(others)} recordings, but {source.name} holds {len(found)}"
+            raise DataError(what, "Join a file that holds as many, or one.")
+        pairs = zip(found, others if len(others) > 1 else others * len(found), strict=True)
+        both = _by_row if join.on == "row" else _by_time
+        found = [replace(both(first, second, join, units), doubts=(*first.doubts, *second.doubts)) for first, second in pairs]
+    return found
+
+
+def _read(log: Log, join: Join, data: Data, units: Mapping[str, str], meter: Meter) -> list[Samples]:
+    tables = read_tables(log, join, data.missing_rule, units, meter)
+    if join.on == "row":
+        return tables
+    whole = [without_glitches(without_missing(samples, join, data.missing_rule.action), data.glitches) for samples in tables]
+    return [in_time_order(samples, data.repeated_time) for samples in whole]
+
+
+def _by_row(first: Samples, second: Samples, join: Join, _units: Mapping[str, str]) -> Samples:
+    if first.size != second.size:
+        what = f"{second.label}: has {second.size} rows, but {first.label} has {first.size}"
+        raise DataError(what, "Rows can only be paired in logs of one length.")
+    return first.with_columns({name: second.columns[name] for name in join.quantities})
+
+
+def _by_time(first: Samples, second: Samples, join: Join, units: Mapping[str, str]) -> Samples:
+    shift, note = (convert(join.shift, "s", units["time"]), "") if join.shift != "auto" else _found_shift(first, second, join, units)
+    max_gap = None if join.max_gap is None else convert(join.max_gap, "s", units["time"])
+    stamps, time = first.columns["time"], second.columns["time"] + shift
+    columns = {name: align(stamps, time, second.columns[name], max_gap) for name in join.quantities}
+    if np.isnan(columns[join.quantities[0]]).all():
+        raise DataError(
+            f"{second.label}: no sample at the time of {first.label}: with its shift it runs from {time[0]:g} to {time[-1]:g} "
+            f"{units['time']}, the first log from {np.nanmin(stamps):g} to {np.nanmax(stamps):g}",
+            "Look at `shift`, which is added to the time of the second log, and at `max_gap`.",
+        )
+    return replace(first.with_columns(columns), notes=(*first.notes, *([note] if note else [])))
+
+
 BY_HAND = "or write the shift, as `shift: -40.2 s`"
 
 
-def found_shift(first: Samples, second: Samples, join: Join, units: Mapping[str, str]) -> tuple[float, str]:
+def _found_shift(first: Samples, second: Samples, join: Join, units: Mapping[str, str]) -> tuple[float, str]:
     """Return the shift in the model's unit of time, and a note that says how sure it is.
 
     Two records of one unit are taken to rise together; of different units, one may fall while the other rises.
@@ -168,42 +205,31 @@ def found_shift(first: Samples, second: Samples, join: Join, units: Mapping[str,
     same_sign = units[match.first] == units[match.second]
     found = find_shift(time, values, second.columns["time"], second.columns[match.second], within, same_sign=same_sign)
     pair = f"{match.second} of {second.label} and {match.first} of {first.label}"
+    others = f"name other quantities in `match`, {BY_HAND}"
     if found is None:
-        raise DataError(
-            f"no shift can be found from {pair}: nothing changes in one of them", f"name other quantities in `match`, {BY_HAND}"
-        )
-    _refuse_unsure(found, pair, units["time"])
+        raise DataError(f"no shift can be found from {pair}: nothing changes in one of them", others)
+    # one digit more than is sure
+    value = f"{found.value:.{max(0, 1 - math.floor(math.log10(found.half_width)))}f}"
+    best = f"{value} {units['time']} (correlation of their changes {found.correlation:.3f})"
+    if found.lost_in_noise:
+        raise DataError(f"no shift can be found from {pair}: the best, {best}, is no better than noise", others)
+    if found.ambiguous:
+        _refuse_ambiguous(found, best, pair, units["time"])
     lag = "" if same_sign else f"; where {match.second} lags behind {match.first} by nature, that is part of it"
     next_best = "no other shift comes near" if math.isinf(found.ratio) else f"{found.ratio:.2f} times that of the next best shift"
     return found.value, (
-        f"{second.label}: shift {_digits(found)} ± {found.half_width:.2g} {units['time']}, found from {match.second} and {match.first} "
+        f"{second.label}: shift {value} ± {found.half_width:.2g} {units['time']}, found from {match.second} and {match.first} "
         f"(correlation of their changes {found.correlation:.3f}, {next_best}){lag}"
     )
 
 
-def _refuse_unsure(found: Shift, pair: str, unit: str) -> None:
-    best = f"{_digits(found)} {unit} (correlation of their changes {found.correlation:.3f})"
-    if found.lost_in_noise:
-        raise DataError(
-            f"no shift can be found from {pair}: the best, {best}, is no better than noise", f"name other quantities in `match`, {BY_HAND}"
-        )
-    if found.ambiguous:
-        assert found.rival is not None
-        raise DataError(
-            f"the shift is ambiguous by {pair}: {found.rival:.6g} {unit} ({found.next_best:.3f}) is nearly as good as {best}",
-            f"say in `match` within which time the shift lies, as `within: {_within(found):.3g} {unit}`, name other quantities, {BY_HAND}",
-        )
-
-
-def _digits(found: Shift) -> str:
-    """Return the shift with one digit more than is sure."""
-    return f"{found.value:.{max(0, 1 - math.floor(math.log10(found.half_width)))}f}"
-
-
-def _within(found: Shift) -> float:
-    """Half of the way from the best shift to the next one, beyond the best: an example that leaves one of them."""
+def _refuse_ambiguous(found: Shift, best: str, pair: str, unit: str) -> None:
     assert found.rival is not None
-    return (abs(found.value) + abs(found.rival)) / 2
+    halfway = (abs(found.value) + abs(found.rival)) / 2  # an example of a limit that leaves one of the two
+    raise DataError(
+        f"the shift is ambiguous by {pair}: {found.rival:.6g} {unit} ({found.next_best:.3f}) is nearly as good as {best}",
+        f"say in `match` within which time the shift lies, as `within: {halfway:.3g} {unit}`, name other quantities, {BY_HAND}",
+    )
 
 
 def _in_order(samples: Samples, name: str) -> tuple[Array, Array]:

@@ -6,12 +6,13 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import combinations_with_replacement
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray, in_blocks
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns, in_blocks
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import DAMPING, STATIC_FORCE, Curve, Quantity, Recording, united
@@ -48,11 +49,9 @@ def with_plateau(recording: Recording, plateau: Plateau, units: Mapping[str, str
         start, end = plateau
     on: BoolArray = (seconds >= start) & (seconds <= end)
     if not on.any():
-        raise DataError(
-            f"{recording.source}: no sample from {start:g} s to {end:g} s, where the spec puts the plateau; the recording runs from "
-            f"{seconds[0]:g} s to {seconds[-1]:g} s",
-            "give another `plateau`, or write `plateau: auto`",
-        )
+        what = f"no sample from {start:g} s to {end:g} s, where the spec puts the plateau; the recording runs from"
+        place = f"{seconds[0]:g} s to {seconds[-1]:g} s"
+        raise DataError(f"{recording.source}: {what} {place}", "give another `plateau`, or write `plateau: auto`")
     step = np.full(len(on), columns[STEP_OF][on].mean())
     return replace(recording, columns={**columns, PLATEAU: on.astype(float), STEP_PRESSURE: step})
 
@@ -163,15 +162,14 @@ def level_set(levels: Levels, recordings: Sequence[Recording]) -> LevelSet:
 
 def with_scatter(levels: LevelSet, parts: Sequence[Part]) -> LevelSet:
     """Return the levels with the scatter of the samples of `parts`."""
-    pools = [[part.columns[levels.of] for part in parts if part.level == level] for level in levels.at]
-    return replace(levels, scatter=np.array([_deviation(pool) for pool in pools]))
 
+    def deviation(level: float) -> float:
+        columns = [part.columns[levels.of] for part in parts if part.level == level]
+        size = sum(map(len, columns))
+        mean = sum(float(block.sum()) for column in columns for (block,) in in_blocks(column)) / size
+        return math.sqrt(sum(float(((block - mean) ** 2).sum()) for column in columns for (block,) in in_blocks(column)) / size)
 
-def _deviation(columns: Sequence[Array]) -> float:
-    """Return the standard deviation of the values of all columns."""
-    size = sum(map(len, columns))
-    mean = sum(float(block.sum()) for column in columns for (block,) in in_blocks(column)) / size
-    return math.sqrt(sum(float(((block - mean) ** 2).sum()) for column in columns for (block,) in in_blocks(column)) / size)
+    return replace(levels, scatter=np.array([deviation(level) for level in levels.at]))
 
 
 def cut_by_level(logs: Sequence[Sequence[Recording]], levels: LevelSet | None) -> tuple[list[Recording], list[Part]]:
@@ -214,13 +212,13 @@ def _cut(recording: Recording, place: Array, log: int, levels: LevelSet) -> tupl
 def _places(log: Sequence[Recording]) -> list[Array]:
     """Where each sample stands in its log, from 0 to 1 over all pieces."""
     sizes = [piece.rows_kept for piece in log]
-    whole, starts = max(sum(sizes), 1), np.cumsum([0, *sizes[:-1]])
-    return [counted(partial(_place, start, whole), size) for start, size in zip(starts.tolist(), sizes, strict=True)]
+    whole, starts = max(sum(sizes), 1), np.cumsum([0, *sizes[:-1]]).tolist()
 
+    def shares(start: int, size: int) -> Array:
+        found: Array = counted(lambda rows: (start + rows + 0.5) / whole, size)
+        return found
 
-def _place(start: int, whole: int, rows: IntArray) -> Array:
-    place: Array = (start + rows + 0.5) / whole
-    return place
+    return list(map(shares, starts, sizes))
 
 
 def join_branches(part: Part, cycles: Cycles, target: str) -> Part:
@@ -244,25 +242,107 @@ def joined_curves(parts: Sequence[Part], held_out: Sequence[BoolArray], levels: 
     for number, part in sorted(enumerate(parts), key=lambda pair: 0.0 if pair[1].level is None else pair[1].level):
         key = part.recording.id if levels is None or part.level is None else f"{levels.of}={part.level:g}"
         groups.setdefault(key, []).append(number)
-    curves = (_joined(key, [parts[i] for i in group], [held_out[i] for i in group]) for key, group in groups.items())
-    return tuple(_at_level(curve, levels.of) if levels is not None and levels.nominal else curve for curve in curves)
+    nominal = levels.of if levels is not None and levels.nominal else None
+    return tuple(_joined(key, [parts[i] for i in group], [held_out[i] for i in group], nominal) for key, group in groups.items())
 
 
-def _at_level(curve: Curve, of: str) -> Curve:
-    """Return the curve with the value of its level in the place of what was measured."""
-    assert curve.level is not None
-    ranges = {name: known for name, known in curve.measured.items() if name != of}
-    return replace(curve, columns={**curve.columns, of: np.full(curve.size, curve.level)}, measured=ranges)
-
-
-def _joined(key: str, parts: Sequence[Part], masks: Sequence[BoolArray]) -> Curve:
+def _joined(key: str, parts: Sequence[Part], masks: Sequence[BoolArray], nominal: str | None) -> Curve:
+    """Return the curve of some parts; the value of their level takes the place of what was measured of the quantity `nominal`."""
     columns = dict(parts[0].columns)
     if len(parts) > 1:  # else the samples themselves: a long recording is not copied without need
         columns = {name: joined([part.columns[name] for part in parts]) for name in columns}
     plateau = columns.pop(PLATEAU, None)
     at_rest = None if plateau is None else plateau == 1.0
     ends = np.cumsum([part.size for part in parts])
+    if nominal is not None:
+        columns[nominal] = np.full(int(ends[-1]), parts[0].level, dtype=float)
     origin = counted(lambda rows: np.searchsorted(ends, rows, side="right"), int(ends[-1]))
     training = [part.measured for part, mask in zip(parts, masks, strict=True) if not mask.all()]
+    measured = {name: known for name, known in united(training).items() if name != nominal}
     names = tuple(part.recording.id for part in parts)
-    return Curve(key, parts[0].level, columns, np.concatenate(masks), names, at_rest, origin, united(training))
+    return Curve(key, parts[0].level, columns, np.concatenate(masks), names, at_rest, origin, measured)
+
+
+# Offsets of groups: what a specimen or a session adds to the target, whatever the inputs --------------------------------------------------
+
+ORDER = 3
+"""Of the polynomial of all inputs that groups have in common."""
+
+MOST_SAMPLES = 20_000
+"""That offsets are estimated from, of more an even share."""
+
+TOLD_APART = 1e-6
+"""Of its size, that must remain of the indicator of a group once the polynomial is taken off."""
+
+
+@dataclass(frozen=True)
+class Offsets:
+    """What is taken off the target, by the value of the quantity that tells groups apart; their mean is zero."""
+
+    of: str
+    by_group: dict[float, float]
+    unknown: tuple[float, ...]
+
+    def taken_off(self, curve: Curve, target: str) -> Curve:
+        """Return the curve without the offsets of its samples' groups; those of unknown groups stay."""
+        offset = np.zeros(curve.size)
+        for value, found in self.by_group.items():
+            offset[curve.columns[self.of] == value] = found
+        return replace(curve, columns={**curve.columns, target: curve.columns[target] - offset})
+
+    def describe(self, target: str, unit: str) -> str:
+        """Return the offsets in words, for the page."""
+        each = ", ".join(f"{value:g}: {found:+.4g}" for value, found in self.by_group.items())
+        rest = f"; none is known of {', '.join(f'{value:g}' for value in self.unknown)}, held out whole" if self.unknown else ""
+        return f"offsets of {self.of} [{unit}] taken off {target}: {each}{rest}"
+
+
+def offsets_of(curves: Sequence[Curve], of: str, target: str) -> Offsets:
+    """Estimate the offset `b_g` of each group on training samples: `y = p(x) + b_g`, with `sum_g b_g = 0`.
+
+    `p` is a polynomial of order 3 of all quantities that vary within a group. This is the analysis of covariance: groups are compared at
+    equal inputs, so that one that was measured at other strains is not taken for one with an offset.
+
+    Raises
+    ------
+    DataError
+        Where inputs and groups go together, so that nothing tells an offset from their effect.
+    """
+    group, y, inputs = _training(curves, of, target)
+    values = np.unique(group)
+    names = [name for name in inputs if any(np.ptp(inputs[name][group == value]) > 0 for value in values)]
+    regressors = _polynomial([inputs[name] for name in names], len(y))
+    # the last group is minus the sum of the others: their mean is zero
+    coded = 1.0 * (group[:, None] == values[:-1]) - 1.0 * (group == values[-1])[:, None]
+    basis = np.linalg.svd(regressors, full_matrices=False)
+    common = basis.U[:, TOLD_APART * basis.S[0] < basis.S]
+    left = coded - common @ (common.T @ coded)
+    sizes = np.linalg.svd(left, compute_uv=False)
+    if len(sizes) and sizes[-1] < TOLD_APART * np.linalg.norm(coded):
+        raise DataError(
+            f"groups: offsets of {of} cannot be told from what {', '.join(names)} do: no two groups were measured at like inputs",
+            "leave `offset` out, or add recordings of each group at inputs of another",
+        )
+    found = np.linalg.lstsq(left, y - common @ (common.T @ y), rcond=None)[0]
+    known = dict(zip(values.tolist(), [*found.tolist(), -float(found.sum())], strict=True))
+    every = np.unique(np.concatenate([curve.columns[of] for curve in curves]))
+    return Offsets(of, known, tuple(value for value in every.tolist() if value not in known))
+
+
+def _training(curves: Sequence[Curve], of: str, target: str) -> tuple[Array, Array, dict[str, Array]]:
+    """Return groups, the target and all other quantities of an even share of the training samples, (n,) each."""
+    columns = {name: np.concatenate([curve.columns[name][curve.training] for curve in curves]) for name in curves[0].columns}
+    step = -(-len(columns[target]) // MOST_SAMPLES)
+    columns = {name: values[::step] for name, values in columns.items()}
+    usable = np.logical_and.reduce([np.isfinite(values) for values in columns.values()])
+    columns = {name: values[usable] for name, values in columns.items()}
+    return columns.pop(of), columns.pop(target), {name: values for name, values in columns.items() if name != "time"}
+
+
+def _polynomial(inputs: Sequence[Array], size: int) -> Array:
+    """(n, k) products of up to three inputs, each of which is brought to -1 ... 1."""
+    scaled = [2 * (x - x.min()) / np.ptp(x) - 1 for x in inputs]
+    products = [np.ones(size)]
+    for order in range(1, ORDER + 1):
+        products += [np.prod(factors, axis=0) for factors in combinations_with_replacement(scaled, order)]
+    return np.stack(products, axis=1)

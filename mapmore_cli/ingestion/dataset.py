@@ -1,32 +1,39 @@
-"""From recordings to a dataset: read, cleaned, converted to the model's units and sorted into curves."""
+"""From files to a dataset: read, cleaned, converted to the model's units, sorted into curves, and parted into training and validation."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
-from pathlib import Path
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from fnmatch import fnmatchcase
+from functools import partial
+from pathlib import Path, PurePosixPath
 
-from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.domain.models import Model
+import numpy as np
+
+from mapmore_cli.domain.arrays import BoolArray
+from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.recording import DAMPING, STATIC_FORCE, Dataset, Quantity, Recording
 from mapmore_cli.fitting.stage import Progress
+from mapmore_cli.ingestion.clock import clocked, with_joined
 from mapmore_cli.ingestion.curves import (
     PLATEAU,
+    LevelSet,
+    Part,
     cut_by_level,
     join_branches,
     joined_curves,
     level_set,
+    offsets_of,
     static_model,
     with_damping,
     with_plateau,
     with_scatter,
 )
-from mapmore_cli.ingestion.files import IngestSlice, Meter, Source, find_sources
-from mapmore_cli.ingestion.offsets import offsets_of
-from mapmore_cli.ingestion.recording import ReadLog, read_recordings
-from mapmore_cli.ingestion.split import held_out, meant_levels
-from mapmore_cli.spec.sections.data import Data
+from mapmore_cli.ingestion.files import IngestSlice, Meter, Source, find_sources, relative_name
+from mapmore_cli.ingestion.samples import Samples, derived, kept, located, read_tables, without_missing
+from mapmore_cli.modelling.signals.cycles import last_cycles
+from mapmore_cli.spec.sections.data import Between, Data, Holdout
 from mapmore_cli.spec.sections.logs import FileEntry
+from mapmore_cli.storage.spool import by_blocks, counted
 
 FEW = 10  # samples kept, below which a recording is worth a warning
 MUCH = 0.5  # fraction dropped, above which it is
@@ -51,23 +58,26 @@ def build_dataset(
     SpecError
         Choices that contradict each other, or units of different dimension.
     """
-    data = slice_.data
+    data, units, target = slice_.data, dict(slice_.units), slice_.measured
     _check(data)
-    readings = _read_all(find_sources(data.files, spec_dir, data.join), slice_, progress)
-    units = dict(slice_.units)
+    sources = find_sources(data.files, spec_dir, data.join)
+    meter = Meter(sources, progress)
+    notes, warnings, logs = list[str](), list[str](), list[list[Recording]]()
+    for source in sources:
+        tables = read_tables(source, data, data.missing_rule, units, meter)
+        for samples in with_joined(tables, source, data, units, meter):
+            logs.append(_mended(samples, source, data, units, notes, warnings))
     if data.plateau is not None:
-        measured = Quantity(slice_.measured, slice_.units[slice_.measured])
-        static = None if static_run is None else static_model(static_run, measured, slice_.units)
-        readings = [_stepped(reading, slice_, static, warn) for reading in readings]
+        static = None if static_run is None else static_model(static_run, Quantity(target, units[target]), units)
+        logs = [[with_plateau(piece, data.plateau, slice_.units) for piece in log] for log in logs]
+        if static is not None:
+            logs = [[with_damping(piece, target, static, warn) for piece in log] for log in logs]
         units[PLATEAU] = "1"
-    levels = level_set(data.levels, [piece for reading in readings for piece in reading.pieces]) if data.levels else None
-    recordings, parts = cut_by_level([reading.pieces for reading in readings], levels)
+    levels = level_set(data.levels, [piece for log in logs for piece in log]) if data.levels else None
+    recordings, parts = cut_by_level(logs, levels)
     levels = None if levels is None else with_scatter(levels, parts)
-    for warning in (warning for reading in readings for warning in reading.warnings):
+    for warning in (*warnings, *(told for recording in recordings for told in _losses(recording))):
         warn(warning)
-    for recording in recordings:
-        _warn_of_losses(recording, warn)
-    target = slice_.measured
     if static_run is not None:
         target = DAMPING
         units |= dict.fromkeys((STATIC_FORCE, DAMPING), units[slice_.measured])
@@ -77,22 +87,19 @@ def build_dataset(
         target = "hysteresis" if slice_.component == "hysteresis" else target
     masks = held_out(parts, data.split.hold_out, levels, spec_dir)
     curves = joined_curves(parts, masks, levels)
-    offsets: tuple[str, ...] = ()
+    notes += [levels.describe()] if levels else []
+    notes += meant_levels(data.split.hold_out, levels)
     if data.groups is not None and data.groups.offset:
         known = offsets_of(curves, data.groups.of, target)
-        curves, offsets = tuple(known.taken_off(curve, target) for curve in curves), (known.describe(target, units[target]),)
+        curves = tuple(known.taken_off(curve, target) for curve in curves)
+        notes.append(known.describe(target, units[target]))
     return Dataset(
         target=target,
         level=levels.of if levels else None,
         quantities={name: Quantity(name, unit) for name, unit in units.items()},
         recordings=tuple(recordings),
         curves=curves,
-        notes=(
-            *(note for reading in readings for note in reading.notes),
-            *([levels.describe()] if levels else []),
-            *meant_levels(data.split.hold_out, levels),
-            *offsets,
-        ),
+        notes=tuple(notes),
     )
 
 
@@ -106,30 +113,156 @@ def _check(data: Data) -> None:
             raise SpecError(f"files: '{name}' is set for some entries only", "Set it for every entry of `files`.")
     for key in ("last", "last_cycles"):
         if data.cycles and data.split.hold_out and getattr(data.split.hold_out, key) is not None:
-            raise SpecError(
-                f"split.validate: `{key}` needs samples in the order of time, which `cycles` gives up", "Hold out levels or files."
-            )
+            what = f"split.validate: `{key}` needs samples in the order of time, which `cycles` gives up"
+            raise SpecError(what, "Hold out levels or files.")
 
 
-def _read_all(sources: Sequence[Source], slice_: IngestSlice, progress: Progress) -> list[ReadLog]:
-    meter = Meter(sources, progress)
-    return [reading for source in sources for reading in read_recordings(source, slice_.data, slice_.units, meter)]
+def _mended(
+    samples: Samples, source: Source, data: Data, units: Mapping[str, str], notes: list[str], warnings: list[str]
+) -> list[Recording]:
+    """Return the pieces of a log in order of time, a single one where it has no gaps; what was found in it is added to notes and warnings.
+
+    In this order: missing values, constants, time stamps and gaps, even time steps, derived quantities, conditions to keep samples.
+    """
+    samples = without_missing(samples, data, data.missing_rule.action)
+    constants = {
+        name: counted(partial(np.full_like, fill_value=value, dtype=float), samples.size) for name, value in source.constants.items()
+    }
+    whole = clocked(samples.with_columns(constants), data, units)
+    finished = [kept(derived(piece, data.derive, units), (*data.keep, *source.keep), units) for piece in whole if piece.size]
+    left = [piece for piece in finished if piece.size]
+    if not left:
+        (finished or whole)[0].some()
+    id_ = source.id if samples.element is None else f"{source.id}[{samples.element}]"
+    names = [id_] if len(whole) == 1 else [f"{id_}#{number}" for number in range(1, len(left) + 1)]
+    notes += [note for piece in whole for note in piece.notes]
+    warnings += [doubt for piece in whole for doubt in piece.doubts]
+    if lost := len(whole) - len(left):
+        warnings.append(f"{samples.label}: {lost} of {len(whole)} pieces between gaps have no sample left")
+    return [
+        Recording(
+            name,
+            source.name,
+            piece.columns,
+            rows_read=piece.size + piece.merged + sum(map(len, piece.left_out.values())),
+            dropped={reason: len(rows) for reason, rows in piece.left_out.items()},
+            log="" if len(whole) == 1 else id_,
+        )
+        for name, piece in zip(names, left, strict=True)
+    ]
 
 
-def _stepped(reading: ReadLog, slice_: IngestSlice, static: Model | None, warn: Callable[[str], None]) -> ReadLog:
-    """Return the pieces of a log with their plateau, and with the damping force where a static model is at hand."""
-    assert slice_.data.plateau is not None
-    pieces = [with_plateau(piece, slice_.data.plateau, slice_.units) for piece in reading.pieces]
-    if static is not None:
-        pieces = [with_damping(piece, slice_.measured, static, warn) for piece in pieces]
-    return replace(reading, pieces=tuple(pieces))
-
-
-def _warn_of_losses(recording: Recording, warn: Callable[[str], None]) -> None:
+def _losses(recording: Recording) -> Iterator[str]:
     kept, lost = recording.rows_kept, sum(recording.dropped.values())
     reasons = "; ".join(f"{count}: {reason}" for reason, count in recording.dropped.items())
     name = f"{recording.source} ({recording.id})" if recording.log else recording.source
     if kept < FEW:
-        warn(f"{name}: only {kept} of {kept + lost} samples are left ({reasons})" if lost else f"{name}: holds only {kept} samples")
+        yield f"{name}: only {kept} of {kept + lost} samples are left ({reasons})" if lost else f"{name}: holds only {kept} samples"
     elif kept < (1 - MUCH) * (kept + lost):
-        warn(f"{name}: {lost / (kept + lost):.0%} of {kept + lost} samples left out ({reasons})")
+        yield f"{name}: {lost / (kept + lost):.0%} of {kept + lost} samples left out ({reasons})"
+
+
+# Which samples validate -----------------------------------------------------------------------------------------------------------------
+
+
+def held_out(parts: Sequence[Part], choice: Holdout | None, levels: LevelSet | None, folder: Path) -> list[BoolArray]:
+    """Return for each part which of its samples are held out, (n,); where several conditions are given, all must hold.
+
+    Raises DataError where a condition matches nothing, or where nothing is left to train on.
+    """
+    if choice is None:
+        return [np.zeros(part.size, dtype=np.bool_) for part in parts]
+    held = np.logical_and.reduce([*_conditions(parts, choice, levels, folder)])
+    if not held.any():
+        raise DataError("split.validate: no sample fulfils all conditions", _levels_and_recordings(parts, levels))
+    if held.all():
+        raise DataError("split.validate: all samples are held out, none is left to train on", _levels_and_recordings(parts, levels))
+    return np.split(held, np.cumsum([part.size for part in parts])[:-1])
+
+
+def _conditions(parts: Sequence[Part], choice: Holdout, levels: LevelSet | None, folder: Path) -> Iterator[BoolArray]:
+    """Yield for each condition which samples fulfil it, (n,) over all parts in a row."""
+
+    def is_named(source: str, pattern: str) -> bool:
+        return fnmatchcase(source, relative_name(folder / pattern, folder)) or fnmatchcase(PurePosixPath(source).name, pattern)
+
+    sizes = [part.size for part in parts]
+    if choice.files is not None:
+        yield np.repeat(_matching("files", choice.files, [part.recording.source for part in parts], is_named), sizes)
+    if choice.recordings is not None:
+        yield np.repeat(_matching("recordings", choice.recordings, [part.recording.id for part in parts], fnmatchcase), sizes)
+    for name, values in choice.quantities.items():
+        if levels is not None and name == levels.of and not isinstance(values, Between):
+            yield np.repeat(_at_levels(parts, values, levels), sizes)
+        else:
+            yield _within(parts, name, values)
+    if choice.last is not None:
+        yield np.concatenate([by_blocks(partial(np.less, 1 - choice.last), part.position) for part in parts])
+    if choice.last_cycles is not None and choice.of is not None:
+        yield _last_cycles(parts, choice.of, choice.last_cycles)
+    if choice.fraction is not None:  # the nearest whole number of samples, drawn without replacement
+        drawn = np.random.default_rng(choice.seed or 0).permutation(sum(sizes))[: round(choice.fraction * sum(sizes))]
+        yield np.isin(np.arange(sum(sizes)), drawn)
+
+
+def _matching(kind: str, patterns: Sequence[str], names: Sequence[str], matches: Callable[[str, str], bool]) -> list[bool]:
+    for pattern in patterns:
+        if not any(matches(name, pattern) for name in names):
+            raise DataError(f"split.validate.{kind}: '{pattern}' matches nothing", f"The data have: {', '.join(dict.fromkeys(names))}.")
+    return [any(matches(name, pattern) for pattern in patterns) for name in names]
+
+
+def _at_levels(parts: Sequence[Part], values: Sequence[float], levels: LevelSet) -> list[bool]:
+    held = [levels.named(value) for value in values]
+    for value, level in zip(values, held, strict=True):
+        if level is None:
+            raise DataError(f"split.validate: there is no level {levels.of}={value:g}", _levels_and_recordings(parts, levels))
+    return [part.level in held for part in parts]
+
+
+def _within(parts: Sequence[Part], name: str, choice: Sequence[float] | Between) -> BoolArray:
+    """Hold out the samples whose quantity is in one of the intervals, or has one of the values, of which each has to be found somewhere."""
+    if isinstance(choice, Between):
+        wanted = [(low, high, f"no sample has {name} between {low:g} and {high:g}") for low, high in choice.between]
+    else:
+        reach = [1e-12 + 1e-9 * abs(value) for value in choice]
+        wanted = [(value - r, value + r, f"{name} is nowhere {value:g}") for value, r in zip(choice, reach, strict=True)]
+    masks = []
+    for low, high, complaint in wanted:
+        hits = [by_blocks(lambda x, low=low, high=high: (x >= low) & (x <= high), part.columns[name]) for part in parts]
+        masks.append(np.concatenate(hits))
+        if not masks[-1].any():
+            least, most = min(part.columns[name].min() for part in parts), max(part.columns[name].max() for part in parts)
+            remedy = f"{name} runs from {least:g} to {most:g}; give an interval: `{name}: {{between: ...}}`"
+            raise DataError(f"split.validate: {complaint}", remedy)
+    held: BoolArray = np.any(masks, axis=0)
+    return held
+
+
+def _last_cycles(parts: Sequence[Part], of: str, share: float) -> BoolArray:
+    """Hold out the last cycles of each log, whose pieces and levels are taken together in the order of time."""
+    sources = {part.log: part.recording.source for part in reversed(parts)}
+    log = np.repeat([part.log for part in parts], [part.size for part in parts])
+    position, values = (np.concatenate(columns) for columns in zip(*((part.position, part.columns[of]) for part in parts), strict=True))
+    held = np.zeros(len(log), dtype=np.bool_)
+    for number in dict.fromkeys(part.log for part in parts):
+        members = np.flatnonzero(log == number)
+        in_order = members[np.argsort(position[members], kind="stable")]
+        with located(f"{sources[number]}, cycles of {of}"):
+            held[in_order] = last_cycles(values[in_order], share)
+    return held
+
+
+def meant_levels(choice: Holdout | None, levels: LevelSet | None) -> list[str]:
+    """Return a note for every level that `validate` names by another number than was measured."""
+    if choice is None or levels is None or not isinstance(values := choice.quantities.get(levels.of), list):
+        return []
+    named = ((f"{value:g}", levels.named(value)) for value in values)
+    return [
+        f"split.validate: {levels.of} {value} is taken as the level {at:g}" for value, at in named if at is not None and f"{at:g}" != value
+    ]
+
+
+def _levels_and_recordings(parts: Sequence[Part], levels: LevelSet | None) -> str:
+    have = "" if levels is None else f"{levels.of} levels {', '.join(f'{level:g}' for level in levels.at)} and "
+    return f"The data have {have}recordings {', '.join(dict.fromkeys(part.recording.id for part in parts))}."

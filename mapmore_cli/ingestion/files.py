@@ -1,19 +1,25 @@
-"""What ingest depends on: its slice of the spec, the recordings that it names, and how far their reading has come."""
+"""What ingest depends on: its slice of the spec, the files that its globs name, and how far their reading has come."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import difflib
+import glob
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePath, PurePosixPath
 from typing import Literal
 
 from mapmore_cli.domain.errors import DataError, SpecError
+from mapmore_cli.domain.foreign import is_one_line
 from mapmore_cli.fitting.kinds.dictionary import derivations_of, units_of
 from mapmore_cli.fitting.stage import Progress
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.sections.data import Data
 from mapmore_cli.spec.sections.logs import FileEntry, Join, Keep
-from mapmore_cli.storage.globs import expand, relative_name, unique_ids
+from mapmore_cli.storage.readers import READERS
+
+Component = Literal["static", "hysteresis", "damping"]
 
 
 @dataclass(frozen=True)
@@ -25,7 +31,7 @@ class IngestSlice:
 
     data: Data
     measured: str
-    component: Literal["static", "hysteresis", "damping"]
+    component: Component
     units: Mapping[str, str]
     static: str | None = None
 
@@ -34,9 +40,7 @@ def slice_of(spec: ExperimentSpec) -> IngestSlice:
     """Return the part of the spec that ingest reads; cross-validation is no business of its."""
     split = spec.data.split.model_copy(update={"leave_one_level_out": False, "leave_one_group_out": False})
     groups = spec.data.groups if spec.data.groups is not None and spec.data.groups.offset else None
-    component: Literal["static", "hysteresis", "damping"] = "static"
-    if spec.target in ("hysteresis", "damping"):
-        component = "hysteresis" if spec.target == "hysteresis" else "damping"
+    component: Component = "hysteresis" if spec.target == "hysteresis" else "damping" if spec.target == "damping" else "static"
     return IngestSlice(
         data=spec.data.model_copy(update={"split": split, "groups": groups, "derive": derivations_of(spec)}),
         measured=spec.target_quantity,
@@ -113,14 +117,107 @@ def _automatic(logs: Sequence[Log]) -> list[str]:
 def _paired(join: Join, count: int, folder: Path) -> list[Log]:
     """Return the log to join to each of `count` files: the same for all, or one for each, in order."""
     logs = [log for log, _ in _found(join.files, folder)]
-    if len(logs) == 1:
-        return logs * count
-    if len(logs) != count:
-        raise DataError(
-            f"join: {len(logs)} files cannot be paired with {count} of `data.files`: {', '.join(log.name for log in logs[:4])} ...",
-            "Name one for each, in the same order, or a single one for all.",
-        )
-    return logs
+    if len(logs) not in (1, count):
+        names = ", ".join(log.name for log in logs[:4])
+        what = f"join: {len(logs)} files cannot be paired with {count} of `data.files`: {names} ..."
+        raise DataError(what, "Name one for each, in the same order, or a single one for all.")
+    return logs if len(logs) == count else logs * count
+
+
+def expand(pattern: str, folder: Path) -> list[Path]:
+    """Return the files that a glob names, sorted by POSIX path; relative ones start at `folder`.
+
+    A path that exists as it is written is taken literally, brackets and all. Raises DataError for a folder, or where nothing matches.
+    """
+    literal = folder / pattern
+    if literal.is_dir():
+        raise DataError(f"{pattern}: is a folder", f"Name the files in it, as `{pattern.rstrip('/')}/*.csv`.")
+    files = []
+    for path in sorted({literal} if literal.is_file() else {*_matches(pattern, folder)}, key=lambda path: relative_name(path, folder)):
+        if path.is_dir():
+            continue
+        name = relative_name(path, folder)
+        if not path.exists():
+            raise DataError(f"{name}: is a link that leads nowhere", "mend the link, or leave it out of `files`")
+        if not path.is_file():
+            raise DataError(f"{name}: is no regular file", "name files that hold recordings")
+        if not is_one_line(name):
+            raise DataError(f"the name {name!r} is not one line of valid text", "rename the file")
+        if path.stat().st_size == 0:  # as all files below /proc say of themselves, which may never end
+            raise DataError(f"{name}: is empty", "leave it out of `files`, or get it again")
+        files.append(path)
+    if not files:
+        raise DataError(f"{pattern}: no such file", _what_exists(literal))
+    return files
+
+
+def _matches(pattern: str, folder: Path) -> Iterator[Path]:
+    """Everything that a glob names. `**` enters each folder once, by whatever links it is reached: links may lead back up."""
+    parts = PurePath(pattern).parts
+    if "**" not in parts:
+        yield from (folder / name for name in glob.glob(pattern, root_dir=folder))  # noqa: PTH207 - Path.glob refuses ".."
+        return
+    head, rest = parts[: parts.index("**")], parts[parts.index("**") + 1 :]
+    seen: set[tuple[int, int]] = set()
+    for top in sorted(_matches(str(PurePath(*head)), folder)) if head else [folder]:
+        for inner in _folders(top, seen) if top.is_dir() else ():
+            yield from _matches(str(PurePath(*rest or "*")), inner)
+
+
+def _folders(top: Path, seen: set[tuple[int, int]]) -> Iterator[Path]:
+    """Yield a folder and all that lie in it, those that are hidden left out."""
+
+    def refused(fault: OSError) -> None:
+        what = f"{fault.filename}: cannot be read ({fault.strerror})"
+        raise DataError(what, "change its permissions, or name the files without `**`") from fault
+
+    for name, inner, _ in os.walk(top, onerror=refused, followlinks=True):
+        state = Path(name).stat()
+        if (state.st_dev, state.st_ino) in seen:
+            inner.clear()
+            continue
+        seen.add((state.st_dev, state.st_ino))
+        inner[:] = sorted(one for one in inner if not one.startswith("."))
+        yield Path(name)
+
+
+def relative_name(path: Path, folder: Path) -> str:
+    """Return the POSIX path from `folder`: the same on every machine that has the same tree."""
+    return Path(os.path.relpath(path, folder)).as_posix()
+
+
+def unique_ids(sources: Sequence[str]) -> list[str]:
+    """Name recordings after their files, without `.gz` and the format's suffix; with parent folders where names repeat."""
+    parts = [PurePosixPath(_without_suffix(source)).parts for source in sources]
+    depth = [1] * len(parts)
+    while True:
+        ids = ["-".join(part[-n:]) for part, n in zip(parts, depth, strict=True)]
+        longer = [min(n + 1, len(part)) if ids.count(name) > 1 else n for name, part, n in zip(ids, parts, depth, strict=True)]
+        if longer == depth:
+            return ids
+        depth = longer
+
+
+def _without_suffix(source: str) -> str:
+    stem = source.removesuffix(".gz")
+    suffixes = [suffix for reader in READERS.values() for suffix in reader.suffixes]
+    return next((stem.removesuffix(suffix) for suffix in suffixes if stem.endswith(suffix)), stem) or source
+
+
+SHOWN = 4  # names listed in a message
+
+
+def _what_exists(path: Path) -> str:
+    folder = path.parent
+    while glob.has_magic(str(folder)):
+        folder = folder.parent
+    if not folder.is_dir():
+        return f"The folder {folder} does not exist."
+    names = sorted(entry.name for entry in folder.iterdir())
+    if not names:
+        return f"The folder {folder} is empty."
+    shown = difflib.get_close_matches(path.name, names, n=SHOWN, cutoff=0.5) or names[:SHOWN]
+    return f"The folder {folder} has: {', '.join(shown)}{', ...' if len(shown) < len(names) else ''}"
 
 
 MEGABYTE = 10**6

@@ -2,64 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import graphlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
 from mapmore_cli.domain.errors import DataError
+from mapmore_cli.fitting.kinds.dictionary import signal_of
 from mapmore_cli.ingestion.files import Log, Meter
-from mapmore_cli.spec.sections.data import MissingRule
-from mapmore_cli.spec.sections.logs import Logs, SourceColumn
+from mapmore_cli.modelling import expressions as terms
+from mapmore_cli.modelling.signals.rates import signal_values
+from mapmore_cli.spec.sections.data import Direction, MissingRule, Rate
+from mapmore_cli.spec.sections.logs import Keep, Logs, SourceColumn
 from mapmore_cli.spec.units import convert
-from mapmore_cli.storage.readers import READERS, RawTable, TableRequest
+from mapmore_cli.storage.readers import READERS
 from mapmore_cli.storage.spool import by_blocks, chosen, counted, joined
-from mapmore_cli.storage.tables.table import read_with
+from mapmore_cli.storage.tables import RawTable, TableRequest, read_with
 
 
 @dataclass(frozen=True)
-class Samples:
-    """Samples of one table.
+class Samples(RawTable):
+    """Samples of one table, their `columns` by quantity in the model's units.
 
-    - `label`, `place`, `rows`: where they stand, for messages: the file (and part of it), and `(n,)` rows or indices in it.
-    - `columns`: quantities by name, each `(n,)`.
     - `left_out`: the rows of samples that were left out, by reason.
-    - `element`: number of the recording in its file, or the title of its sheet; None where the file holds a single one.
     - `merged`: how many samples fewer there are since resampling.
-    - `doubts`: what its reader warns of.
+    - `notes`: what was found and mended, for the reader of the report.
     """
 
-    label: str
-    place: str
-    rows: IntArray
-    columns: Mapping[str, Array]
-    left_out: Mapping[str, IntArray]
-    element: int | str | None = None
+    left_out: Mapping[str, IntArray] = field(default_factory=dict)
     merged: int = 0
-    doubts: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
-
-    @property
-    def size(self) -> int:
-        """Number of samples, n."""
-        return len(self.rows)
-
-    @property
-    def rows_read(self) -> int:
-        """Number of samples that there were, those left out included."""
-        return self.size + self.merged + sum(len(rows) for rows in self.left_out.values())
-
-    @property
-    def losses(self) -> str:
-        """How many samples were left out and why, in one line."""
-        return "; ".join(f"{len(rows)}: {reason}" for reason, rows in self.left_out.items())
-
-    def at(self, sample: int) -> str:
-        """Where a sample stands: `a.csv:row 17`."""
-        return f"{self.label}:{self.place} {self.rows[sample]}"
 
     def keep(self, mask: BoolArray, reason: str) -> Samples:
         """Return the samples where `mask`, the others noted under `reason`."""
@@ -73,14 +49,15 @@ class Samples:
         """Return the samples; DataError where none is left."""
         if self.size:
             return self
-        raise DataError(f"{self.label}: no sample is left ({self.losses})", "Loosen `keep` or `missing`, or leave the file out.")
+        losses = "; ".join(f"{len(rows)}: {reason}" for reason, rows in self.left_out.items())
+        raise DataError(f"{self.label}: no sample is left ({losses})", "Loosen `keep` or `missing`, or leave the file out.")
 
     def with_columns(self, columns: Mapping[str, Array]) -> Samples:
         """Return the samples with quantities added or replaced."""
         return replace(self, columns={**self.columns, **columns})
 
     def cut(self, parts: Sequence[slice]) -> list[Samples]:
-        """Return the samples of each part; what was left out before belongs to the part that it stands in."""
+        """Return the samples of each part; what was left out before belongs to the part that it stands in, remarks to the first."""
         owners = {reason: np.searchsorted(self.rows[[part.start for part in parts[1:]]], rows) for reason, rows in self.left_out.items()}
         return [
             replace(
@@ -88,6 +65,8 @@ class Samples:
                 rows=self.rows[part],
                 columns={name: values[part] for name, values in self.columns.items()},
                 left_out={reason: rows[owners[reason] == i] for reason, rows in self.left_out.items() if (owners[reason] == i).any()},
+                notes=() if i else self.notes,
+                doubts=() if i else self.doubts,
             )
             for i, part in enumerate(parts)
         ]
@@ -121,8 +100,7 @@ def read_tables(log: Log, table: Logs, missing: MissingRule, units: Mapping[str,
         incomplete=missing.action == "drop",
         progress=meter.within(log),
     )
-    tables = read_with(READERS[table.reader], log.path, request)
-    return [_in_model_units(raw, table, missing.numbers, units) for raw in tables]
+    return [_in_model_units(raw, table, missing.numbers, units) for raw in read_with(READERS[table.reader], log.path, request)]
 
 
 def _in_model_units(raw: RawTable, table: Logs, missing: Sequence[float], units: Mapping[str, str]) -> Samples:
@@ -139,15 +117,16 @@ def _in_model_units(raw: RawTable, table: Logs, missing: Sequence[float], units:
         columns["time"] = counted(lambda rows: table.every * rows * step, len(raw.rows[taken]))
     for name, column in table.columns.items():
         if column.rest is not None:
-            rest = _mean_at_rest(columns[name], columns["time"], convert(column.rest, "s", units["time"]))
-            if rest is None:
+            time, values = columns["time"], columns[name]
+            since = time - next(iter(time[np.isfinite(time)]), np.nan)
+            resting = np.isfinite(values) & (since <= convert(column.rest, "s", units["time"]))
+            if not resting.any():
                 raise DataError(f"{raw.label}: {name} has no value in the first {column.rest:g} s", "Lengthen `rest`, or mend the file.")
-            columns[name] = by_blocks(partial(np.add, -rest), columns[name])
-    return Samples(raw.label, raw.place, raw.rows[taken], columns, {}, raw.element, doubts=raw.doubts)
+            columns[name] = by_blocks(partial(np.add, -float(values[resting].mean())), values)
+    return Samples(columns, raw.rows[taken], raw.label, raw.place, raw.element, raw.doubts)
 
 
 def _converted(values: Array, column: SourceColumn, missing: Sequence[float], unit: str) -> Array:
-    """`value * scale + offset` in the model's unit; NaN for the numbers that stand for `missing` values."""
     if missing:
         values = np.where(np.isin(values, missing), np.nan, values)
     if (column.scale, column.offset) != (1.0, 0.0):
@@ -162,13 +141,6 @@ def unwrapped(values: Array, period: float) -> Array:
     return found
 
 
-def _mean_at_rest(values: Array, time: Array, rest: float) -> float | None:
-    """Return the mean over the first `rest` of a recording; None where there is no value in it."""
-    first = next(iter(time[np.isfinite(time)]), np.nan)
-    resting = np.isfinite(values) & (time - first <= rest)
-    return float(values[resting].mean()) if resting.any() else None
-
-
 def without_missing(samples: Samples, table: Logs, missing: str) -> Samples:
     """Treat NaN and infinity as the spec says: an error, or samples to leave out. DataError where none is left."""
     complete = by_blocks(lambda *columns: np.logical_and.reduce([np.isfinite(values) for values in columns]), *samples.columns.values())
@@ -181,3 +153,53 @@ def without_missing(samples: Samples, table: Logs, missing: str) -> Samples:
             f"Set `missing: drop` to leave out such samples ({np.count_nonzero(~complete)} of {len(complete)} in this file).",
         )
     return samples.keep(complete, "missing value").some()
+
+
+def derived(samples: Samples, derive: Mapping[str, str | Rate | Direction], units: Mapping[str, str]) -> Samples:
+    """Add the quantities of `derive`, each after those that it depends on. Raises DataError for a value that is not finite."""
+    expressions = {name: terms.parse(rule) for name, rule in derive.items() if isinstance(rule, str)}
+    signals = {name: signal_of(name, rule, units) for name, rule in derive.items() if not isinstance(rule, str)}
+    needs = {name: {signals[name].of} if name in signals else set(expressions[name].names) for name in derive}
+    for name in (name for name in graphlib.TopologicalSorter(needs).static_order() if name in derive):
+        if name in signals:
+            with located(samples.label):
+                values = signal_values(signals[name], samples.columns)
+        else:
+            values = _evaluated(expressions[name], samples)
+        finite = by_blocks(np.isfinite, values)
+        if not finite.all():
+            at = int(np.argmin(finite))
+            raise DataError(f"{samples.at(at)}: derive.{name} gives {values[at]}", "Mend the expression or the data.")
+        samples = samples.with_columns({name: values})
+    return samples
+
+
+def _evaluated(expression: terms.Expression, samples: Samples) -> Array:
+    names = [name for name in samples.columns if name in expression.names] or list(samples.columns)[:1]
+    columns = [samples.columns[name] for name in names]
+    values: Array = by_blocks(lambda *part: terms.evaluate(expression, dict(zip(names, part, strict=True)), len(part[0])), *columns)
+    return values
+
+
+def kept(samples: Samples, conditions: Sequence[Keep], units: Mapping[str, str]) -> Samples:
+    """Return the samples that fulfil all conditions, the others noted under the first that they do not."""
+    for condition in conditions:
+        name = condition.quantity
+        fulfils, reason = _condition(condition, name, "" if units[name] == "1" else f" {units[name]}")
+        samples = samples.keep(by_blocks(fulfils, samples.columns[name]), reason)
+    return samples
+
+
+def _condition(condition: Keep, name: str, unit: str) -> tuple[Callable[[Array], BoolArray], str]:
+    """Return what is to hold for the values of a quantity, and the reason to leave out those for which it does not."""
+    if (limit := condition.abs_below) is not None:
+        return lambda values: np.abs(values) < limit, f"|{name}| >= {limit:g}{unit}"
+    if (limit := condition.below) is not None:
+        return lambda values: values < limit, f"{name} >= {limit:g}{unit}"
+    if (limit := condition.above) is not None:
+        return lambda values: values > limit, f"{name} <= {limit:g}{unit}"
+    if condition.outside is not None:
+        low, high = condition.outside
+        return lambda values: (values < low) | (values > high), f"{name} from {low:g} to {high:g}{unit}"
+    low, high = condition.between or (-np.inf, np.inf)
+    return lambda values: (values >= low) & (values <= high), f"{name} outside {low:g} to {high:g}{unit}"

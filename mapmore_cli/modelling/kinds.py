@@ -1,6 +1,6 @@
 """What every kind of model can do, and where a model was trained.
 
-A kind is a folder of `modelling/` with a file `kind.py`, which says its name, and a file `model.py`, which holds its verbs. Nothing else
+A kind is a folder of `modelling/` with a `KIND`, which says its name, and a file `model.py`, which holds its verbs. Nothing else
 lists it. The verbs are imported when a model of the kind is there: a table needs nothing of motion.
 """
 
@@ -53,9 +53,8 @@ class Kind:
 @cache
 def kinds() -> tuple[Kind, ...]:
     """Return every kind, in the order of their names."""
-    folders = [f"{path}/{one.name}" for path in modelling.__path__ for one in pkgutil.iter_modules([path]) if one.ispkg]
-    there = [folder.rpartition("/")[2] for folder in folders if any(one.name == "kind" for one in pkgutil.iter_modules([folder]))]
-    found = [import_module(f"{modelling.__name__}.{folder}.kind").KIND for folder in there]
+    folders = [import_module(f"{modelling.__name__}.{one.name}") for one in pkgutil.iter_modules(modelling.__path__) if one.ispkg]
+    found = [folder.KIND for folder in folders if hasattr(folder, "KIND")]
     return tuple(sorted(found, key=lambda kind: kind.name))
 
 

@@ -11,9 +11,8 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.fits import MemoryFit, StateSet
 from mapmore_cli.domain.models import HARD, Motion, MotionFit, MotionSection, SectionSearch
 from mapmore_cli.modelling.memory.feedback import fed_back_states
-from mapmore_cli.modelling.memory.starts import FIRST, started
-from mapmore_cli.modelling.motion.sections import extent
-from mapmore_cli.modelling.motion.simulation import motion_errors
+from mapmore_cli.modelling.memory.free_run import FIRST, started
+from mapmore_cli.modelling.motion.simulation import extent, motion_errors
 from mapmore_cli.modelling.validation.repeatability import PARTS, error_parts
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.table import Cell, Column, Table

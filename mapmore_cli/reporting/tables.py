@@ -9,7 +9,7 @@ import numpy as np
 
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.modelling.memory.feedback import fed_back_states
-from mapmore_cli.modelling.memory.starts import started
+from mapmore_cli.modelling.memory.free_run import started
 from mapmore_cli.modelling.validation.metrics import Band, bands
 from mapmore_cli.modelling.validation.repeatability import floors
 from mapmore_cli.reporting.inputs import ReportInputs

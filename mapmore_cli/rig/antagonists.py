@@ -12,10 +12,9 @@ from functools import cached_property
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns
-from mapmore_cli.rig.closed_muscle import TOLERANCE, ClosedMuscle
-from mapmore_cli.rig.sensors import low_pass
-from mapmore_cli.rig.waveform import Regulator
-from mapmore_cli.rig.wet_muscle import integrate
+from mapmore_cli.rig.air import ClosedMuscle, Regulator
+from mapmore_cli.rig.random_velocity import TOLERANCE
+from mapmore_cli.rig.sensors import clock, integrate, low_pass
 
 SIGNS = (1.0, -1.0)
 """Of the change of strain with the angle: flexor, extensor."""
@@ -66,7 +65,7 @@ class Swing:
     @property
     def clock(self) -> Array:
         """Sample times, s."""
-        return self.sample_time * np.arange(round(self.duration / self.sample_time) + 1, dtype=np.float64)
+        return clock(self.duration, self.sample_time)
 
 
 def swung(joint: Joint, swing: Swing, amplitude: float, pressure: float) -> Columns:

@@ -16,10 +16,9 @@ from scipy.signal import lfilter
 
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.declared import NonNegative, Positive, Settings
-from mapmore_cli.rig.chamber import GRAVITY
-from mapmore_cli.rig.muscle import SLACK_WIDTH, Hysteresis, StaticMuscle, softplus, zero_force_strain
-from mapmore_cli.rig.sensors import observe
-from mapmore_cli.rig.wet_muscle import TOLERANCE, WetMuscle, integrate
+from mapmore_cli.rig.muscle import GRAVITY, SLACK_WIDTH, Hysteresis, StaticMuscle, softplus, zero_force_strain
+from mapmore_cli.rig.sensors import TOLERANCE, clock, integrate
+from mapmore_cli.rig.water import WetMuscle, observe
 
 
 @dataclass(frozen=True)
@@ -48,10 +47,9 @@ def load_cycle(
 
     `F = softplus(F_static(P, e) - h(P, e))`: hysteresis takes from the pull in contraction and adds to it in extension.
     """
-    samples = round(cycle.duration / cycle.sample_time) + 1
-    time = cycle.sample_time * np.arange(samples, dtype=np.float64)
+    time = clock(cycle.duration, cycle.sample_time)
     strain = strain_path(cycle, turning_strain(muscle, hysteresis, cycle, pressure), time)
-    actual = regulated_pressure(regulation, cycle.sample_time, pressure, rng.standard_normal(samples))
+    actual = regulated_pressure(regulation, cycle.sample_time, pressure, rng.standard_normal(len(time)))
     pull = muscle.force(actual, strain) - hysteresis.force(actual, strain)
     return {"time": time, "pressure": actual, "strain": strain, "force": softplus(pull, SLACK_WIDTH)}
 
@@ -156,7 +154,7 @@ def perturbation(muscle: WetMuscle, strokes: Strokes, pressure: float, cut_off: 
 
     It begins with still water, and with friction and rubber relaxed.
     """
-    free = zero_force_strain(lambda strain: muscle.chamber.respond(pressure, strain).tension)
+    free = zero_force_strain(lambda strain: muscle.muscle.respond(pressure, strain).tension)
     times, ends = strokes.corners(free)
     strain = CubicHermiteSpline(times, ends, np.zeros_like(ends))
     strain_rate = strain.derivative()
@@ -164,6 +162,6 @@ def perturbation(muscle: WetMuscle, strokes: Strokes, pressure: float, cut_off: 
     def rates(time: float, states: Array) -> Array:
         return muscle.respond(states, pressure, float(strain(time)), float(strain_rate(time)))[1]
 
-    clock = strokes.sample_time * np.arange(round(times[-1] / strokes.sample_time))
-    wet = integrate(rates, muscle.at_rest(pressure), clock, muscle.scales, tolerance)
-    return observe(muscle, clock, np.asarray(strain(clock)), wet, cut_off)
+    at = clock(times[-1], strokes.sample_time)[:-1]
+    wet = integrate(rates, muscle.at_rest(pressure), at, muscle.scales, tolerance)
+    return observe(muscle, at, np.asarray(strain(at)), wet, cut_off)

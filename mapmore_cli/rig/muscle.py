@@ -1,4 +1,4 @@
-"""What every synthetic muscle has: a static force, a soft threshold pressure, a strain at which it pulls no more, friction.
+"""What every synthetic muscle has: a static force, a strain at which it pulls no more, and in motion friction and rubber.
 
 The rig computes in SI units: Pa, N, m, s, and strain as a fraction of the starting length, positive in contraction.
 """
@@ -8,13 +8,83 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from scipy.optimize import brentq
 
 from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.declared import NonNegative, Positive, Settings
 from mapmore_cli.domain.errors import SpecError
+
+GRAVITY = 9.81
+"""m/s2."""
+
+STRAIN_RANGE = (-0.02, 0.36)
+"""Strains between which a force is looked for: a little stretch, to just short of the geometric limit of both muscles."""
+
+SLACK_WIDTH = 0.5
+"""Force, N, over which a slack muscle's pull fades out: it buckles, and cannot push on the load cell."""
+
+
+class StaticMuscle(Protocol):
+    """A muscle at rest."""
+
+    def force(self, pressure: Array | float, strain: Array | float) -> Array:
+        """Pull in N at `pressure` >= 0 (Pa, gauge) and `strain`; the two are broadcast against each other."""
+        ...
+
+
+class Response(NamedTuple):
+    """Of a muscle full of water, at one pressure and strain."""
+
+    tension: float  # static pull, N
+    filling: float  # dV/dP at constant strain, m3/Pa
+    displacement: float  # dV/de at constant pressure, m3
+
+
+class Muscle(StaticMuscle, Protocol):
+    """The same with its fluid."""
+
+    @property
+    def length(self) -> float:
+        """L0, m, of which strain is the fraction."""
+        ...
+
+    def respond(self, pressure: float, strain: float) -> Response:
+        """Pull and volume slopes at `pressure` (Pa; slightly negative while water is sucked out) and `strain`."""
+        ...
+
+
+def softplus(x: Array | float, width: float) -> Array:
+    """`width ln(1 + exp(x / width))`: zero far below 0, x far above, rounded over `width`."""
+    return np.asarray(width * np.logaddexp(0.0, np.divide(x, width)), dtype=np.float64)
+
+
+def effective_pressure(pressure: Array | float, threshold: float, width: float) -> Array:
+    """Pressure left after the muscle's wall has been unfolded, Pa: `softplus(P - P_th; w) - softplus(-P_th; w)`, zero at P = 0."""
+    return softplus(np.asarray(pressure) - threshold, width) - softplus(-threshold, width)
+
+
+def effective_pressure_slope(pressure: float, threshold: float, width: float) -> float:
+    """`dP_e/dP = 1/(1 + exp(-(P - P_th)/w))`."""
+    return 0.5 * (1.0 + math.tanh(0.5 * (pressure - threshold) / width))
+
+
+def zero_force_strain(force: Callable[[float], float], lowest: float = STRAIN_RANGE[0]) -> float:
+    """Strain between `lowest` and the end of `STRAIN_RANGE` at which a force that falls with strain vanishes.
+
+    Raises `SpecError` for a muscle that still pulls at the end of the range, or pushes at its beginning.
+    """
+    highest = STRAIN_RANGE[1]
+    first, last = force(lowest), force(highest)
+    if not first >= 0.0 >= last:
+        raise SpecError(
+            f"the simulated muscle's force does not vanish between strains {lowest:g} and {highest:g}: "
+            f"it goes from {first:.3g} N to {last:.3g} N",
+            "lower the pressure, or bring the parameters of `muscle` nearer to their defaults",
+        )
+    return float(brentq(force, lowest, highest, xtol=1e-12))
 
 
 @dataclass(frozen=True)
@@ -54,52 +124,38 @@ def stop_rates(states: Array, yields: Array, rate: float) -> Array:
     return np.where((np.abs(states) >= 1.0) & (states * rate > 0.0), 0.0, rate / yields)
 
 
-STRAIN_RANGE = (-0.02, 0.36)
-"""Strains between which a force is looked for: a little stretch, to just short of the geometric limit of both muscles."""
+@dataclass(frozen=True)
+class Rubber(Settings):
+    """Maxwell element beside the muscle: `s' = E e' - s/tau`, s in N."""
 
-SLACK_WIDTH = 0.5
-"""Force, N, over which a slack muscle's pull fades out: it buckles, and cannot push on the load cell."""
-
-
-class StaticMuscle(Protocol):
-    """A muscle at rest."""
-
-    def force(self, pressure: Array | float, strain: Array | float) -> Array:
-        """Pull in N at `pressure` >= 0 (Pa, gauge) and `strain`; the two are broadcast against each other."""
-        ...
+    stiffness: NonNegative  # E, N per strain
+    relaxation_time: Positive  # tau, s
 
 
-def softplus(x: Array | float, width: float) -> Array:
-    """`width ln(1 + exp(x / width))`: zero far below 0, x far above, rounded over `width`."""
-    return np.asarray(width * np.logaddexp(0.0, np.divide(x, width)), dtype=np.float64)
+@dataclass(frozen=True)
+class MovingMuscle:
+    """A muscle with friction and rubber; their `(1 + m,)` states, the losses, are the rubber's s (N), then the m stop operators."""
 
+    muscle: Muscle
+    hysteresis: Hysteresis
+    rubber: Rubber
 
-def effective_pressure(pressure: Array | float, threshold: float, width: float) -> Array:
-    """Pressure left after the muscle's wall has been unfolded, Pa: `softplus(P - P_th; w) - softplus(-P_th; w)`, zero at P = 0."""
-    return softplus(np.asarray(pressure) - threshold, width) - softplus(-threshold, width)
+    @property
+    def relaxed(self) -> Array:
+        """The losses at rest."""
+        return np.zeros(1 + len(self.hysteresis.yield_strains))
 
+    @property
+    def scales_of_losses(self) -> Array:
+        """Size of each loss, for the tolerance of an integration."""
+        return np.array([10.0, *np.ones(len(self.hysteresis.yield_strains))])
 
-def effective_pressure_slope(pressure: float, threshold: float, width: float) -> float:
-    """`dP_e/dP = 1/(1 + exp(-(P - P_th)/w))`."""
-    return 0.5 * (1.0 + math.tanh(0.5 * (pressure - threshold) / width))
+    def left_of(self, tension: float, losses: Array, pressure: float) -> float:
+        """Return what is left of a static `tension` (N) at a pressure (Pa)."""
+        stops = np.clip(losses[1:], -1.0, 1.0)  # an integration may overstep by its tolerance
+        return tension - float(self.hysteresis.half_width(max(pressure, 0.0)) * (stops @ self.hysteresis.shares)) - float(losses[0])
 
-
-def zero_force_strain(force: Callable[[float], float], lowest: float = STRAIN_RANGE[0]) -> float:
-    """Strain between `lowest` and the end of `STRAIN_RANGE` at which a force that falls with strain vanishes.
-
-    Raises `SpecError` for a muscle that still pulls at the end of the range, or pushes at its beginning.
-    """
-    highest = STRAIN_RANGE[1]
-    first, last = force(lowest), force(highest)
-    if not first >= 0.0 >= last:
-        raise SpecError(
-            f"the simulated muscle's force does not vanish between strains {lowest:g} and {highest:g}: "
-            f"it goes from {first:.3g} N to {last:.3g} N",
-            "lower the pressure, or bring the parameters of `muscle` nearer to their defaults",
-        )
-    return float(brentq(force, lowest, highest, xtol=1e-12))
-
-
-def free_strain(muscle: StaticMuscle, pressure: float) -> float:
-    """Largest contraction that the unloaded muscle reaches at `pressure`."""
-    return zero_force_strain(lambda strain: float(muscle.force(pressure, strain)))
+    def rates_of_losses(self, losses: Array, strain_rate: float) -> Array:
+        """Return the rates of the losses while the muscle moves at `strain_rate` (1/s): `s' = E e' - s/tau`, and those of the stops."""
+        relaxing = self.rubber.stiffness * strain_rate - float(losses[0]) / self.rubber.relaxation_time
+        return np.array([relaxing, *stop_rates(np.clip(losses[1:], -1.0, 1.0), self.hysteresis.yield_strains, strain_rate)])

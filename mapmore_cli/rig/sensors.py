@@ -1,33 +1,44 @@
-"""What instruments are exposed to, and what the logger sees of it: noise and quantisation, from an explicit seed."""
+"""What every experiment needs: its clock, the integration of its equations, and what instruments and logger make of the truth."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 
 from mapmore_cli.domain.arrays import Array, Columns
-from mapmore_cli.rig.wet_muscle import STOPS, Water, WetMuscle
+from mapmore_cli.domain.errors import SpecError
 
 
-def observe(muscle: WetMuscle, time: Array, strain: Array, wet: Array, cut_off: float) -> Columns:
-    """Columns `(n,)` along the muscle's states `wet` `(n, k)`, evenly spaced in time.
+def clock(duration: float, sample_time: float) -> Array:
+    """Sample times, s, from zero to the end of a duration."""
+    return sample_time * np.arange(round(duration / sample_time) + 1, dtype=np.float64)
 
-    `time` (s), `pressure` at the sensor before the tube (Pa), `strain`, `force` behind the load cell's amplifier of `cut_off` (Hz) (N),
-    `flow` through the tube (m3/s, positive towards the muscle), `muscle_pressure` in the muscle (Pa).
+
+TOLERANCE = 1e-6
+"""Of each step of the integration, relative to a state and to its scale."""
+
+LONGEST_STEP = 0.01
+"""s; so that no step of the integration passes over a short motion."""
+
+
+def integrate(rates: Callable[[float, Array], Array], start: Array, time: Array, scales: Array, tolerance: float = TOLERANCE) -> Array:
+    """States `(n, k)` at the times `(n,)`, from `start` `(k,)` at the first of them.
+
+    Raises `SpecError` where the equations cannot be solved.
     """
-    pull = np.array([muscle.respond(states, 0.0, at, 0.0)[0] for states, at in zip(wet, strain.tolist(), strict=True)])
-    water = Water(*wet.T[:STOPS])
-    return {
-        "time": time,
-        "pressure": np.asarray(muscle.sensor_pressure(water)),
-        "strain": strain,
-        "force": low_pass(pull, cut_off, float(time[1] - time[0])),
-        "flow": np.asarray(water.tube_flow),
-        "muscle_pressure": np.asarray(water.pressure),
-    }
+    solution = solve_ivp(
+        rates, (time[0], time[-1]), start, method="RK45", t_eval=time, rtol=tolerance, atol=tolerance * scales, max_step=LONGEST_STEP
+    )
+    if not solution.success or not np.all(np.isfinite(solution.y)):
+        raise SpecError(
+            f"the simulated rig's equations could not be solved: {solution.message}",
+            "bring the parameters of `muscle` and `rig` nearer to their defaults",
+        )
+    return np.asarray(solution.y.T)
 
 
 def low_pass(force: Array, cut_off: float, sample_time: float) -> Array:

@@ -13,10 +13,10 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.declared import NonNegative, Positive, Settings
-from mapmore_cli.rig.chamber import GRAVITY, Reservoir
-from mapmore_cli.rig.muscle import zero_force_strain
-from mapmore_cli.rig.sensors import observe
-from mapmore_cli.rig.wet_muscle import TOLERANCE, WetMuscle, integrate
+from mapmore_cli.rig.air import Reservoir
+from mapmore_cli.rig.muscle import GRAVITY, zero_force_strain
+from mapmore_cli.rig.sensors import TOLERANCE, integrate
+from mapmore_cli.rig.water import WetMuscle, observe
 
 ABOVE_WATER = (1e5, 0.1, 1.0)
 """Size of the states that stand before the wet muscle's: reservoir pressure (Pa), strain, strain rate (1/s)."""
@@ -79,7 +79,7 @@ class StepRig:
         """Rates of the states, with the valve on a `supply` pressure (Pa) or, None, on exhaust; the `weight` (N) touches at `touch`."""
         pressure, strain, strain_rate = states[: len(ABOVE_WATER)].tolist()
         wet = states[len(ABOVE_WATER) :]
-        length = self.muscle.chamber.length
+        length = self.muscle.muscle.length
         pull, wet_rates = self.muscle.respond(wet, pressure, strain, strain_rate)
         inflow = self.reservoir.exhausted(pressure) if supply is None else self.reservoir.supplied(pressure, supply)
         push = self.bumper.push(length * (touch - strain), -length * strain_rate)
@@ -90,7 +90,7 @@ class StepRig:
 def step_response(rig: StepRig, times: StepTimes, pressure: float, weight: float, tolerance: float = TOLERANCE) -> Columns:
     """Truth of one recording, columns `(n,)` as those of `observe`, for a supply at `pressure` (Pa) and a hanging `weight` (N)."""
     states = rig.at_rest()
-    touch = states[1] + (weight - rig.bumper.pretension) / (rig.bumper.stiffness * rig.muscle.chamber.length)
+    touch = states[1] + (weight - rig.bumper.pretension) / (rig.bumper.stiffness * rig.muscle.muscle.length)
     clocks, path = times.clock(), [states[np.newaxis]]
     for clock, supply in zip(clocks, (None, pressure, None), strict=True):
         motion = partial(rig.rates, supply=supply, weight=weight, touch=touch)

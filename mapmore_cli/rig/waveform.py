@@ -13,16 +13,9 @@ from math import ceil
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns
-from mapmore_cli.rig.chamber import ATMOSPHERE, GRAVITY, valve_flow
-from mapmore_cli.rig.mckibben import McKibben, volume, volume_slope
-from mapmore_cli.rig.muscle import Hysteresis, stop_rates, zero_force_strain
-from mapmore_cli.rig.wet_muscle import Rubber, integrate
-
-STATES = 5
-"""Wanted pressure, pressure (Pa, gauge), strain, strain rate (1/s), rubber (N); the states of the stop operators follow them."""
-
-SCALES = (1e5, 1e5, 0.1, 1.0, 10.0)
-"""Size of each, for the tolerance of the integration."""
+from mapmore_cli.rig.air import ClosedMuscle, Regulator
+from mapmore_cli.rig.muscle import GRAVITY
+from mapmore_cli.rig.sensors import clock, integrate
 
 
 @dataclass(frozen=True)
@@ -41,7 +34,7 @@ class Waveform:
     @property
     def clock(self) -> Array:
         """Sample times (n,), s, from the beginning of the rest to the end of the last wavelength."""
-        return self.sample_time * np.arange(round((self.rest + self.wavelengths / self.frequency) / self.sample_time) + 1, dtype=np.float64)
+        return clock(self.rest + self.wavelengths / self.frequency, self.sample_time)
 
     def command(self, time: Array) -> Array:
         """Input (n,), V, at times in s. Of the phase p, from 0 to 1 in each wavelength:
@@ -61,79 +54,29 @@ class Waveform:
 
 
 @dataclass(frozen=True)
-class Regulator:
-    """Proportional pressure regulator: its wanted pressure lags the input, its ISO 6358 valve opens in proportion to what is missing."""
-
-    slope: float  # of the wanted pressure, Pa/V
-    offset: float  # at no input, Pa
-    lag: float  # of the wanted pressure, s
-    band: float  # missing pressure at which the valve is fully open, Pa
-    supply: float  # gauge, Pa
-    supply_conductance: float  # m3/(s Pa)
-    exhaust_conductance: float
-    critical_ratio: float
-
-    def wanted(self, command: Array | float) -> Array:
-        """Pressure that an input (V) asks for once it has settled, Pa: `max(slope u + offset, 0)`."""
-        return np.maximum(self.slope * np.asarray(command) + self.offset, 0.0)
-
-    def command(self, wanted: Array) -> Array:
-        """Input (V) that asks for a pressure (Pa)."""
-        return np.asarray((wanted - self.offset) / self.slope)
-
-    def inflow(self, wanted: float, pressure: float) -> float:
-        """Air flow into the muscle at p0, m3/s."""
-        opening = min(max((wanted - pressure) / self.band, -1.0), 1.0)
-        if opening > 0.0:
-            return opening * valve_flow(self.supply_conductance, self.critical_ratio, self.supply + ATMOSPHERE, pressure + ATMOSPHERE)
-        return opening * valve_flow(self.exhaust_conductance, self.critical_ratio, pressure + ATMOSPHERE, ATMOSPHERE)
-
-
-@dataclass(frozen=True)
 class WaveformRig:
-    """The rig of P's figure 2; `(k,)` states are those of `STATES`, then the m stop operators."""
+    """The rig of P's figure 2; `(k,)` states are strain and strain rate (1/s), then the muscle's."""
 
-    muscle: McKibben
-    hysteresis: Hysteresis
-    rubber: Rubber
+    muscle: ClosedMuscle
     regulator: Regulator
-    polytropic: float  # n of the air
-    dead_volume: float  # of hose and fittings, m3
     end_mass: float  # of the muscle's lower end and the encoder's slide, kg
 
     def resting_strain(self, pressure: float, load: float) -> float:
         """Strain at which the muscle holds its end and a `load` (kg), with relaxed friction and rubber, at `pressure` (Pa)."""
-        weight = (self.end_mass + load) * GRAVITY
-        return zero_force_strain(lambda strain: float(self.muscle.force(pressure, strain)) - weight)
+        return self.muscle.taut_strain(pressure, (self.end_mass + load) * GRAVITY)
 
     def at_rest(self, command: float, load: float) -> Array:
         """States under an input (V) that has lasted for ever."""
         pressure = float(self.regulator.wanted(command))
-        moving = [pressure, pressure, self.resting_strain(pressure, load), 0.0, 0.0]
-        return np.concatenate([moving, np.zeros(len(self.hysteresis.yield_strains))])
+        return np.array([self.resting_strain(pressure, load), 0.0, *self.muscle.at_rest(pressure)])
 
     def rates(self, time: float, states: Array, waveform: Waveform, load: float) -> Array:
-        """Rates of the states.
-
-        `p_w' = (wanted(u) - p_w)/lag`; `p' = n/V (q p0 - (p + p0) V'(e) e')`; `m L0 e'' = F(p, e) - h - s - m g`.
-        """
-        wanted, pressure, strain, strain_rate, rubber = states[:STATES].tolist()
-        stops = np.clip(states[STATES:], -1.0, 1.0)  # the integration may overstep by its tolerance
+        """Rates of the states: `m L0 e'' = F(p, e) - h - s - m g`, and those of the muscle."""
+        strain, strain_rate = states[:2].tolist()
+        mass, own = self.end_mass + load, states[2:]
+        acceleration = (self.muscle.tension(own, strain) - mass * GRAVITY) / (mass * self.muscle.muscle.length)
         settled = float(self.regulator.wanted(waveform.command(np.asarray(time))))
-        chamber, swept = float(volume(self.muscle, np.asarray(strain))), float(volume_slope(self.muscle, np.asarray(strain)))
-        filling = self.regulator.inflow(wanted, pressure) * ATMOSPHERE - (pressure + ATMOSPHERE) * swept * strain_rate
-        driving = max(pressure, 0.0)
-        friction = float(self.hysteresis.half_width(driving) * (stops @ self.hysteresis.shares))
-        pull = float(self.muscle.force(driving, strain)) - friction - rubber
-        mass = self.end_mass + load
-        moving = [
-            (settled - wanted) / self.regulator.lag,
-            self.polytropic / (chamber + self.dead_volume) * filling,
-            strain_rate,
-            (pull - mass * GRAVITY) / (mass * self.muscle.length),
-            self.rubber.stiffness * strain_rate - rubber / self.rubber.relaxation_time,
-        ]
-        return np.concatenate([moving, stop_rates(stops, self.hysteresis.yield_strains, strain_rate)])
+        return np.array([strain_rate, acceleration, *self.muscle.rates(own, strain, strain_rate, self.regulator, settled)])
 
 
 TOLERANCE = 1e-5
@@ -146,28 +89,28 @@ def waveform_response(rig: WaveformRig, waveform: Waveform, load: float, toleran
     `time` (s), `input` (V), `pressure` in the muscle (Pa), `displacement` of its lower end (m, upwards), `load` on it (N, as a load cell
     between end and load feels it: `m (g + L0 e'')`).
     """
-    clock, motion = waveform.clock, partial(rig.rates, waveform=waveform, load=load)
-    scales = np.concatenate([SCALES, np.ones(len(rig.hysteresis.yield_strains))])
-    states = _piecewise(motion, rig.at_rest(waveform.rest_input, load), clock, waveform, scales, tolerance)
-    accelerations = np.array([motion(float(time), state)[3] for time, state in zip(clock, states, strict=True)])
-    length = rig.muscle.length
+    time, motion = waveform.clock, partial(rig.rates, waveform=waveform, load=load)
+    scales = np.array([0.1, 1.0, *rig.muscle.scales])
+    states = _piecewise(motion, rig.at_rest(waveform.rest_input, load), time, waveform, scales, tolerance)
+    accelerations = np.array([motion(float(at), state)[1] for at, state in zip(time, states, strict=True)])
+    length = rig.muscle.muscle.length
     zero = rig.resting_strain(float(rig.regulator.wanted(0.0)), 0.0)
     return {
-        "time": clock,
-        "input": waveform.command(clock),
-        "pressure": states[:, 1],
-        "displacement": length * (states[:, 2] - zero),
+        "time": time,
+        "input": waveform.command(time),
+        "pressure": states[:, 3],
+        "displacement": length * (states[:, 0] - zero),
         "load": load * (GRAVITY + length * accelerations),
     }
 
 
-def _piecewise(motion: partial[Array], start: Array, clock: Array, waveform: Waveform, scales: Array, tolerance: float) -> Array:
-    """States `(n, k)` along the clock, integrated anew from every half wavelength: there the input may jump or have a corner."""
+def _piecewise(motion: partial[Array], start: Array, time: Array, waveform: Waveform, scales: Array, tolerance: float) -> Array:
+    """States `(n, k)` at the times, integrated anew from every half wavelength: there the input may jump or have a corner."""
     half = 0.5 / waveform.frequency
     corners = waveform.rest + half * np.arange(ceil(2 * waveform.wavelengths))
-    starts = np.searchsorted(clock, corners - 1e-9)
+    starts = np.searchsorted(time, corners - 1e-9)
     path = [start[np.newaxis]]
-    for first, last in zip([0, *starts], [*starts, len(clock) - 1], strict=True):
+    for first, last in zip([0, *starts], [*starts, len(time) - 1], strict=True):
         if last > first:
-            path.append(integrate(motion, path[-1][-1], clock[first : last + 1], scales, tolerance)[1:])
+            path.append(integrate(motion, path[-1][-1], time[first : last + 1], scales, tolerance)[1:])
     return np.concatenate(path)

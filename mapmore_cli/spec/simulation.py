@@ -13,11 +13,12 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Field
 
 from mapmore_cli.domain.declared import NonNegative, Positive
-from mapmore_cli.rig.chamber import Reservoir
-from mapmore_cli.rig.closed_muscle import Air, Tendon
+from mapmore_cli.rig.air import Air, Reservoir
 from mapmore_cli.rig.load_cycle import Regulation
+from mapmore_cli.rig.muscle import Rubber
+from mapmore_cli.rig.random_velocity import Tendon
 from mapmore_cli.rig.step_response import Bumper
-from mapmore_cli.rig.wet_muscle import Pipe, Rubber, Wall
+from mapmore_cli.rig.water import Pipe, Wall
 from mapmore_cli.spec.fields import Name, Section
 
 Pressure = Annotated[float, Field(ge=0, le=2000)]  # kPa, gauge; above, the geometry of the muscles means nothing
@@ -50,7 +51,7 @@ Pressures = Annotated[list[Pressure], Field(min_length=1), _once(pressure_label)
 
 
 class McKibbenMuscle(Section):
-    """A braided cylinder around a rubber tube (see `mapmore_cli.rig.mckibben`); defaults: DMSP-20-88N."""
+    """A braided cylinder around a rubber tube (see `mapmore_cli.rig.static_muscles`); defaults: DMSP-20-88N."""
 
     kind: Literal["mckibben"]
     length: Positive = 0.088  # m
@@ -71,7 +72,7 @@ class McKibbenMuscle(Section):
 
 
 class PeanoMuscle(Section):
-    """Flat tubes side by side (see `mapmore_cli.rig.chamber`); defaults: the four-tube muscle of M2."""
+    """Flat tubes side by side (see `mapmore_cli.rig.static_muscles`); defaults: the four-tube muscle of M2."""
 
     kind: Literal["peano"]
     tube_width: Positive = 0.01725  # along the pull, m
@@ -130,7 +131,7 @@ class LoadCycles(Section):
 
 
 class WaterRig(Section):
-    """From the reservoir to the load cell (see `mapmore_cli.rig.wet_muscle`)."""
+    """From the reservoir to the load cell (see `mapmore_cli.rig.water`)."""
 
     line: Pipe  # reservoir to pressure sensor
     hose: Wall  # of the line, where the sensor sits
@@ -192,7 +193,7 @@ class Perturbations(Section):
 
 
 class RegulatorSpec(Section):
-    """Proportional pressure regulator behind an ISO 6358 valve (see `mapmore_cli.rig.waveform`)."""
+    """Proportional pressure regulator behind an ISO 6358 valve (see `mapmore_cli.rig.air`)."""
 
     slope: Positive  # of the wanted pressure, kPa/V
     offset: float  # at no input, kPa

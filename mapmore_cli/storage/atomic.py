@@ -37,11 +37,6 @@ def is_special(path: Path) -> bool:
     return by_name or (place.exists() and not place.is_file() and not place.is_dir())
 
 
-def replaced_place(path: Path) -> Path:
-    """Return what is replaced when a file of that name is written: where it is a link, the file that the link leads to."""
-    return path.resolve() if path.is_symlink() else path
-
-
 @contextmanager
 def unfinished_beside(path: Path, folder: bool = False) -> Iterator[Path]:
     """Make an empty file or folder that is to become `path`, gone at the end unless it was moved there.
@@ -67,13 +62,12 @@ def _clear_abandoned(path: Path) -> None:
     """Remove the unfinished files and folders for `path` that no process holds."""
     name = re.compile(rf"{re.escape(TEMPORARY)}[0-9a-f]{{12}}-{re.escape(path.name)}", re.DOTALL)
     with suppress(OSError):  # a folder that cannot be looked at, or that is another user's, does not keep this one from writing
-        for left in [entry.path for entry in os.scandir(path.parent) if name.fullmatch(entry.name)]:
-            handle = _held(Path(left), patient=False)
-            try:
-                if handle is not None:
-                    remove(Path(left))
-            finally:
-                _let_go(handle)
+        for left in [path.parent / entry for entry in os.listdir(path.parent) if name.fullmatch(entry)]:  # noqa: PTH208
+            if (handle := _held(left, patient=False)) is not None:
+                try:
+                    remove(left)
+                finally:
+                    os.close(handle)
 
 
 def _held(place: Path, patient: bool = True) -> int | None:
@@ -111,7 +105,7 @@ def replacing(path: Path) -> Iterator[BufferedRandom]:
 
     In an unfinished folder it is not flushed: `sync_tree` flushes the whole folder before that takes its place.
     """
-    path = replaced_place(path)
+    path = path.resolve() if path.is_symlink() else path  # what a link leads to is replaced, not the link
     alone = not any(UNFINISHED.fullmatch(part) for part in path.parent.parts)
     with refusals_told(path.parent), unfinished_beside(path) as unfinished:
         with unfinished.open("r+b") as file:
@@ -180,12 +174,9 @@ def refusals_told(folder: Path) -> Iterator[None]:
         place = Path(os.fsdecode(fault.filename)) if isinstance(fault.filename, str | bytes) else folder
         ours = place == folder or folder in place.parents or place in folder.parents
         if fault.errno in _FULL or (fault.errno in _REFUSED and ours):
-            remedy = (
-                "make room on the disk, or choose another folder with --runs or -o"
-                if fault.errno in _FULL
-                else "choose another folder with --runs or -o"
-            )
-            raise WriteError(f"{place}: cannot be written ({os.strerror(fault.errno or 0)})", remedy) from fault
+            room = "make room on the disk, or " if fault.errno in _FULL else ""
+            what = f"{place}: cannot be written ({os.strerror(fault.errno or 0)})"
+            raise WriteError(what, f"{room}choose another folder with --runs or -o") from fault
         raise
 
 

@@ -16,11 +16,11 @@ from functools import lru_cache
 from pathlib import Path
 from tempfile import mkdtemp
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from mapmore_cli.domain.errors import WriteError
 from mapmore_cli.storage.atomic import TEMPORARY, UNFINISHED, refusals_told, remove, sync_folder, sync_tree
-from mapmore_cli.storage.run_record import CAMPAIGN_RECORD, RUN_RECORD
+from mapmore_cli.storage.run_record import CAMPAIGN_RECORD, RUN_RECORD, read_scores
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.fits import SegmentedCurve
@@ -29,34 +29,21 @@ if TYPE_CHECKING:
     from mapmore_cli.domain.results import FitResult, Validation
     from mapmore_cli.domain.scores import ScoreTable
 
-
 DATASET, SEGMENTATION, FIT, MODEL, VALIDATION = "ingest.h5", "segment.h5", "fit.h5", "model.h5", "validate.h5"
-SCORES = "scores.json"
 RESULTS: Mapping[str, str] = MappingProxyType(
     {"ingest": DATASET, "segment": SEGMENTATION, "fit": FIT, "fuse": MODEL, "validate": VALIDATION}
 )
 """The file that shows what a stage found; `report` has a page instead."""
 
-
 KEPT_BYTES = 30_000_000
 """Larger files are read each time that they are needed."""
 
 
-def _read(reader: str, path: Path) -> Any:
-    """Return what a reader of `artefacts` makes of a file, again only where it is another file than before, or large."""
-    from mapmore_cli.storage import artefacts
-
-    state = path.stat() if path.is_file() else None
-    if state is None or state.st_size > KEPT_BYTES:
-        return getattr(artefacts, reader)(path)
-    return _remembered(reader, path, state.st_ino, state.st_mtime_ns, state.st_size)
-
-
 @lru_cache(maxsize=6)
-def _remembered(reader: str, path: Path, _inode: int, _time: int, _size: int) -> Any:
+def _remembered(kind: str, path: Path, _inode: int, _time: int, _size: int) -> Any:
     from mapmore_cli.storage import artefacts
 
-    return getattr(artefacts, reader)(path)
+    return getattr(artefacts, f"read_{kind}")(path)
 
 
 @dataclass(frozen=True)
@@ -68,36 +55,36 @@ class RunFiles:
 
     folder: Path
 
+    def _read(self, kind: str, name: str) -> Any:
+        path = self.folder / name
+        state = path.stat() if path.is_file() else None
+        if state is None or state.st_size > KEPT_BYTES:
+            return _remembered.__wrapped__(kind, path, 0, 0, 0)
+        return _remembered(kind, path, state.st_ino, state.st_mtime_ns, state.st_size)
+
     def dataset(self) -> Dataset:
         """Return what `ingest` handed on."""
-        found: Dataset = _read("read_dataset", self.folder / DATASET)
-        return found
+        return cast("Dataset", self._read("dataset", DATASET))
 
     def segmentation(self) -> tuple[SegmentedCurve, ...]:
         """Where the training curves are cut."""
-        found: tuple[SegmentedCurve, ...] = _read("read_segmentation", self.folder / SEGMENTATION)
-        return found
+        return cast("tuple[SegmentedCurve, ...]", self._read("segmentation", SEGMENTATION))
 
     def fit(self) -> FitResult:
         """Return what was fitted."""
-        found: FitResult = _read("read_fit", self.folder / FIT)
-        return found
+        return cast("FitResult", self._read("fit", FIT))
 
     def model(self) -> Model:
         """Return the model that stands alone."""
-        found: Model = _read("read_model", self.folder / MODEL)
-        return found
+        return cast("Model", self._read("model", MODEL))
 
     def validation(self) -> Validation:
         """Predictions and scores."""
-        found: Validation = _read("read_validation", self.folder / VALIDATION)
-        return found
+        return cast("Validation", self._read("validation", VALIDATION))
 
     def scores(self) -> ScoreTable:
         """Return the scores alone, without the predictions behind them."""
-        from mapmore_cli.storage.run_record import read_scores
-
-        return read_scores(self.folder / SCORES)
+        return read_scores(self.folder / "scores.json")
 
 
 ASIDE = ".old-"
@@ -145,17 +132,14 @@ def open_run_folder(run_dir: Path) -> None:
 def refuse_foreign(folder: Path, record: str) -> None:
     """Raise WriteError where a folder holds files, but not the `record` that mapmore puts into every folder of its own."""
     try:
-        names = {entry.name for entry in os.scandir(folder)} if folder.is_dir() else set[str]()
+        names = {path.name for path in folder.iterdir()} if folder.is_dir() else set[str]()
     except OSError as fault:
         raise WriteError(f"{folder}: cannot be read ({fault.strerror})", "change its permissions, or choose another folder") from fault
     others = sorted(name for name in names if name != LOCK and not UNFINISHED.fullmatch(name))
     if others and (record not in names or not _is_ours(folder / record)):
         found = f"files that mapmore did not write ({', '.join(others[:3])}{', ...' if len(others) > 3 else ''})"
         held = next((what for file, what in _FOLDERS.items() if file in names and _is_ours(folder / file)), found)
-        raise WriteError(
-            f"{folder}: holds {held}",
-            "give it another `name`, or choose another folder with --runs",
-        )
+        raise WriteError(f"{folder}: holds {held}", "give it another `name`, or choose another folder with --runs")
 
 
 def _is_ours(record: Path) -> bool:
@@ -172,10 +156,8 @@ def recover(run_dir: Path, outputs: Iterable[str]) -> None:
     with refusals_told(run_dir):
         for output in outputs:
             aside, place = run_dir / f"{ASIDE}{output}", run_dir / output
-            if aside.is_dir() and not place.exists():
-                aside.rename(place)
-            elif aside.is_dir():
-                remove(aside)
+            if aside.is_dir():
+                remove(aside) if place.exists() else aside.rename(place)
         for entry in sorted(run_dir.iterdir()):
             if UNFINISHED.fullmatch(entry.name):
                 remove(entry)

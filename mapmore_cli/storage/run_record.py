@@ -128,6 +128,12 @@ class Origin:
 
 
 _ORIGIN, _STAGES = TypeAdapter(Origin), TypeAdapter(dict[str, StageRecord])
+_DAMAGE = (OSError, ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError)
+"""What reading a document of JSON that is none of ours may raise."""
+
+
+def _document(path: Path) -> Any:
+    return json.loads(path.read_text(encoding="utf-8"))
 
 
 def stale_stages(records: Mapping[str, StageRecord]) -> dict[str, str]:
@@ -143,8 +149,8 @@ def stale_stages(records: Mapping[str, StageRecord]) -> dict[str, str]:
 def load_origin(run_dir: Path) -> Origin | None:
     """Where a run comes from; None where that is not known."""
     try:
-        return _ORIGIN.validate_python(json.loads((run_dir / RUN_RECORD).read_text(encoding="utf-8"))["origin"])
-    except (OSError, ValueError, TypeError, KeyError, RecursionError):
+        return _ORIGIN.validate_python(_document(run_dir / RUN_RECORD)["origin"])
+    except _DAMAGE:
         return None
 
 
@@ -155,12 +161,12 @@ def load_records(run_dir: Path, warn: Callable[[str], None]) -> dict[str, StageR
     """
     path = run_dir / RUN_RECORD
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        document = _document(path)
         stages = _STAGES.validate_python(document["stages"])
         version = str(document["format_version"])
     except FileNotFoundError:
         return {}
-    except (OSError, ValueError, TypeError, KeyError, RecursionError) as fault:
+    except _DAMAGE as fault:
         warn(f"{path}: is damaged ({type(fault).__name__}: {str(fault).partition(chr(10))[0]}) and is ignored; every stage runs again")
         return {}
     refuse_newer(path, version, FORMAT_VERSION)
@@ -204,8 +210,8 @@ def write_scores(folder: Path, table: ScoreTable, name: str) -> None:
 def read_scores(path: Path) -> ScoreTable:
     """Return what `write_scores` wrote; raises DataError for a file that says something else."""
     try:
-        return scores_in(json.loads(path.read_text(encoding="utf-8")))
-    except (OSError, ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError) as error:
+        return scores_in(_document(path))
+    except _DAMAGE as error:
         what = f"no table of scores: {type(error).__name__}: {error}"
         raise DataError(f"{path}: {what}", "run `mapmore validate SPEC --force`, which writes it again") from error
 
@@ -235,7 +241,6 @@ def _rounded(value: str | int | float) -> str | int | float | None:
 def scores_beside(model: Path) -> tuple[Mapping[str, Any], ...]:
     """Return the rows of the scores.json in the folder of a model; none where it was sent alone, or they cannot be read."""
     try:
-        rows = json.loads((model.parent / "scores.json").read_text(encoding="utf-8"))["scores"]
-        return tuple(dict(row) for row in rows)
-    except (OSError, ValueError, TypeError, KeyError, RecursionError):
+        return tuple(dict(row) for row in _document(model.parent / "scores.json")["scores"])
+    except _DAMAGE:
         return ()

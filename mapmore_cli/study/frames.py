@@ -13,8 +13,8 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.spec.sections.logs import SourceColumn
 from mapmore_cli.spec.units import convert, default_unit, is_canonical
+from mapmore_cli.storage.tables import known_names
 from mapmore_cli.storage.tables.members import as_numbers
-from mapmore_cli.storage.tables.table import known_names
 
 Column = str | int
 

@@ -17,15 +17,15 @@ from table import exported_lines
 from timing import seconds
 
 from mapmore_cli.domain.models import Formula, Model
-from mapmore_cli.exporting.c_inverse import c_source
-from mapmore_cli.exporting.numpy_module import numpy_module
+from mapmore_cli.exporting.c_source import c_source
+from mapmore_cli.exporting.python_module import numpy_module
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.kinds import runs_over_time
 from mapmore_cli.storage.artefacts import read_model, read_validation
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE.parent / "exporting"))
-from agreement import compiled, recording  # noqa: E402 - its folder is not a package
+from agreement import compiled, recording, table  # noqa: E402 - its folder is not a package
 
 CONFIGS = HERE.parents[1] / "configs"
 POINTS, CALLS, ROUNDS = 5_000, 20, 200
@@ -116,9 +116,8 @@ def ends_of(one, side):
 def in_c(model, folder):
     """Calls the compiled model at every sample; the loop is C's too."""
     built, columns = compiled(model, folder, more=("-O2",)), samples(model)
-    rows = np.ascontiguousarray(np.stack([columns[quantity.name] for quantity in model.inputs], axis=1))
-    out, bits, measured = np.empty(POINTS), np.empty(POINTS, dtype=np.int32), np.zeros(POINTS)
-    return lambda: built.library.batch(rows.ctypes, POINTS, out.ctypes, bits.ctypes, measured.ctypes)
+    rows, out, bits = table(model, columns), np.empty(POINTS), np.empty(POINTS, dtype=np.int32)
+    return lambda: built.library.verify(rows.ctypes, POINTS, out.ctypes, bits.ctypes)
 
 
 def in_numpy(model, folder):

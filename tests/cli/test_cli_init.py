@@ -23,27 +23,25 @@ def rig(tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize("muscle", ["mckibben", pytest.param("peano", marks=pytest.mark.long)])
 def test_a_spec_for_the_shipped_recordings_checks_and_runs(muscle: str, tmp_path: Path, mapmore, rig: Path, fewer_families: None) -> None:
-    spec = tmp_path / "spec.yaml"
-    started = mapmore("init", rig / muscle, "-o", spec)
-    assert (started.exit_code, started.stdout) == (0, f"{spec}\n"), started.stderr
-    checked = mapmore("check", spec, "--json", "-q")
-    assert checked.exit_code == 0
-    assert json.loads(checked.stdout)["issues"] == []
-    result = mapmore("run", spec, "--runs", tmp_path / "runs", "--json", "-q", "--set", "report.formats=[csv]")
+    assert started(mapmore, rig / muscle, tmp_path) == []
+    result = mapmore("run", tmp_path / "spec.yaml", "--runs", tmp_path / "runs", "--json", "-q", "--set", "report.formats=[csv]")
     assert result.exit_code == 0, result.stderr
-    own = next(
-        row for row in json.loads(result.stdout)["scores"] if (row["model"], row["split"], row["curve"]) == ("mapmore", "validate", "all")
-    )
-    assert own["nrmse"] < 0.03
+    rows = {(row["model"], row["split"], row["curve"]): row for row in json.loads(result.stdout)["scores"]}
+    assert rows["mapmore", "validate", "all"]["nrmse"] < 0.03
 
 
 @pytest.mark.parametrize("source", ["festo_datasheet", pytest.param("bellows_tensile/four1.csv.gz", marks=pytest.mark.long)])
 def test_a_spec_for_measured_recordings_checks_and_runs(source: str, tmp_path: Path, mapmore, measured_data: Path) -> None:
-    spec = tmp_path / "spec.yaml"
-    started = mapmore("init", measured_data / source, "-o", spec)
-    assert started.exit_code == 0, started.stderr
-    assert serious(mapmore, spec) == []
-    assert mapmore("run", spec, "--runs", tmp_path / "runs", "-q", "--set", "report.formats=[csv]").exit_code == 0
+    assert started(mapmore, measured_data / source, tmp_path) == []
+    assert mapmore("run", tmp_path / "spec.yaml", "--runs", tmp_path / "runs", "-q", "--set", "report.formats=[csv]").exit_code == 0
+
+
+def started(mapmore, source: Path, place: Path) -> list[dict[str, str]]:
+    """What `check` has to say, beyond hints, of the spec that `init` writes."""
+    spec = place / "spec.yaml"
+    done = mapmore("init", source, "-o", spec)
+    assert (done.exit_code, done.stdout) == (0, f"{spec}\n"), done.stderr
+    return serious(mapmore, spec)
 
 
 @pytest.mark.long

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mapmore_cli.modelling.expressions import evaluate, parse
 from mapmore_cli.modelling.kinds import equations as model_equations
 from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.spec.loader import load
@@ -70,14 +71,8 @@ def write_record(folder: Path, terms: dict[str, tuple[str, float]], seed: int) -
     rng = np.random.default_rng(seed)
     pressure, strain, pressure_rate, strain_rate = course(rng)
     values = {"pressure": pressure, "strain": strain, "pressure_rate": pressure_rate, "strain_rate": strain_rate}
-    products = {
-        "pressure_rate*strain_rate": lambda v: v["pressure_rate"] * v["strain_rate"],
-        "strain_rate^2": lambda v: v["strain_rate"] ** 2,
-        "pressure_rate*strain": lambda v: v["pressure_rate"] * v["strain"],
-        "strain_rate": lambda v: v["strain_rate"],
-    }
     damping = sum(
-        np.where(half, size * products[term](values), 0.0)
+        np.where(half, size * evaluate(parse(term), values), 0.0)
         for half, (term, size) in zip((TIME < 1.5, TIME >= 1.5), terms.values(), strict=True)
     )
     noise = rng.normal(0, 0.02 * np.abs(damping).max(), len(TIME))

@@ -13,7 +13,7 @@ import pytest
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve
-from mapmore_cli.ingestion.offsets import offsets_of
+from mapmore_cli.ingestion.curves import offsets_of
 from mapmore_cli.storage.run_folder import RunFiles
 
 SPEC = """\

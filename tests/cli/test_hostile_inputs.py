@@ -24,11 +24,11 @@ from cli_samples import write_study
 import mapmore_cli
 from mapmore_cli.domain.errors import DataError, WriteError
 from mapmore_cli.domain.foreign import csv_cell, printable
+from mapmore_cli.ingestion.files import expand
 from mapmore_cli.storage.atomic import write_text
-from mapmore_cli.storage.globs import expand
 from mapmore_cli.storage.readers import READERS, TableRequest
+from mapmore_cli.storage.tables import reading
 from mapmore_cli.storage.tables.lines import lines_of, replaced
-from mapmore_cli.storage.tables.table import reading
 
 
 def read(path: Path, *columns: str, **keys: object) -> object:
@@ -81,7 +81,7 @@ def test_a_very_long_line_is_refused(tmp_path: Path) -> None:
 def test_a_packed_file_that_unpacks_to_hundreds_of_times_its_size_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     import gzip
 
-    monkeypatch.setattr("mapmore_cli.storage.tables.lines.BOMB_SIZE", 1_000_000)
+    monkeypatch.setattr("mapmore_cli.storage.tables.BOMB_SIZE", 1_000_000)
     path = tmp_path / "a.csv.gz"
     path.write_bytes(gzip.compress(b"strain,force\n" + b"0,1\n" * 1_000_000))
     with pytest.raises(DataError, match="unpacks from"):

@@ -5,9 +5,9 @@ from __future__ import annotations
 import csv
 import json
 import math
+import re
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import h5py
@@ -16,7 +16,6 @@ import pytest
 from cli_samples import hand_model
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 import mapmore_cli
 from mapmore_cli.domain.fits import MemoryModel, StateSet
@@ -60,7 +59,7 @@ fit: {max_terms: 3, tolerance: 0}
 """
 
 
-def narx(pressure: NDArray[np.float64], load: NDArray[np.float64]) -> NDArray[np.float64]:
+def narx(pressure, load):
     """x[k] = 0.5 p[k-1] - 0.4 x[k-2] + 0.3 p[k-1] x[k-1] + 0.1 w."""
     x = np.zeros(len(pressure))
     for k in range(2, len(x)):
@@ -68,7 +67,7 @@ def narx(pressure: NDArray[np.float64], load: NDArray[np.float64]) -> NDArray[np
     return x
 
 
-def hysteresis(pressure: NDArray[np.float64], load: NDArray[np.float64]) -> NDArray[np.float64]:
+def hysteresis(pressure, load):
     """x = 2 p - 1.5 play(p; 0.2 of the range 2) + 0.5 w; the slack starts centred."""
     held, x = pressure[0], np.zeros(len(pressure))
     for k, now in enumerate(pressure):
@@ -77,7 +76,7 @@ def hysteresis(pressure: NDArray[np.float64], load: NDArray[np.float64]) -> NDAr
     return x
 
 
-def write_study(folder: Path, name: str, model: str, law: Callable[..., NDArray[np.float64]]) -> Path:
+def write_study(folder, name, model, law):
     """Three recordings at loads of their own, each with a gap; the third validates. The pressure just reaches -1 and 1."""
     for number, letter in enumerate("abc"):
         rng = np.random.default_rng(number)
@@ -94,7 +93,7 @@ def write_study(folder: Path, name: str, model: str, law: Callable[..., NDArray[
 
 
 @pytest.fixture(scope="module")
-def finished(tmp_path_factory: pytest.TempPathFactory, mapmore: Call) -> dict[str, tuple[Path, Path]]:
+def finished(tmp_path_factory, mapmore):
     """Both studies, run: their specs and run folders; not to be changed."""
     folder = tmp_path_factory.mktemp("memory")
     found = {}
@@ -106,7 +105,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory, mapmore: Call) -> dict[st
     return found
 
 
-def scores(run_dir: Path) -> dict[tuple[str, str], dict[str, str]]:
+def scores(run_dir):
     rows = csv.DictReader((run_dir / "scores.csv").read_text().splitlines())
     return {(row["split"], row["curve"]): row for row in rows if row["model"] == "mapmore"}
 
@@ -118,14 +117,9 @@ PLANTED = {
 
 
 @pytest.mark.parametrize("name", sorted(PLANTED))
-def test_planted_coefficients_are_recovered(name: str, finished: dict[str, tuple[Path, Path]]) -> None:
+def test_a_planted_model_is_found_and_scored_on_the_recording_that_was_held_out(name, finished):
     model = read_model(finished[name][1] / "model.h5").body.model
-    assert model is not None
     assert dict(zip(model.terms, model.theta, strict=True)) == pytest.approx(PLANTED[name], abs=1e-9)
-
-
-@pytest.mark.parametrize("name", sorted(PLANTED))
-def test_free_run_and_one_step_are_scored_on_the_recording_that_was_held_out(name: str, finished: dict[str, tuple[Path, Path]]) -> None:
     found = scores(finished[name][1])
     assert {curve for split, curve in found if split == "validate"} == {"all", f"{name}_c#1", f"{name}_c#2"}
     row = found["validate", "all"]
@@ -134,9 +128,7 @@ def test_free_run_and_one_step_are_scored_on_the_recording_that_was_held_out(nam
     assert int(row["n"]) == {"narx": 296, "play": 300}[name]  # two pieces, each without the two samples of history
 
 
-def test_the_second_run_does_nothing_and_another_one_gives_the_same_bytes(
-    finished: dict[str, tuple[Path, Path]], tmp_path: Path, mapmore: Call
-) -> None:
+def test_the_second_run_does_nothing_and_another_one_gives_the_same_bytes(finished, tmp_path, mapmore):
     spec, run_dir = finished["narx"]
     again = mapmore("run", spec, "--runs", run_dir.parent, "--json", "-q")
     assert set(json.loads(again.stdout)["stages"].values()) == {"up-to-date"}
@@ -148,19 +140,18 @@ def test_the_second_run_does_nothing_and_another_one_gives_the_same_bytes(
 # predict -----------------------------------------------------------------------------------------------------------------------------
 
 
-def measured(run_dir: Path) -> list[dict[str, str]]:
+def measured(run_dir):
     """The recordings of a study as one table with canonical names; the gaps are gaps of time here."""
     rows = []
     for curve in read_dataset(run_dir / "ingest.h5").curves:
-        columns = {name: curve.columns[name].tolist() for name in ("time", "pressure", "load", "displacement")}
+        columns = {name: map(repr, curve.columns[name].tolist()) for name in ("time", "pressure", "load", "displacement")}
         rows += [
-            {"recording": curve.id.partition("#")[0], **dict(zip(columns, map(repr, values), strict=True))}
-            for values in zip(*columns.values(), strict=True)
+            {"recording": curve.id.partition("#")[0], **dict(zip(columns, row, strict=True))} for row in zip(*columns.values(), strict=True)
         ]
     return rows
 
 
-def predicted(mapmore: Call, run_dir: Path, rows: list[dict[str, str]]) -> tuple[list[float], Any]:
+def predicted(mapmore, run_dir, rows):
     """Predictions of a table of rows (NaN for an empty one), and what the command said."""
     text = "\n".join([",".join(rows[0]), *(",".join(row.values()) for row in rows)]) + "\n"
     result = mapmore("predict", run_dir / "model.h5", "-", stdin=text)
@@ -168,8 +159,15 @@ def predicted(mapmore: Call, run_dir: Path, rows: list[dict[str, str]]) -> tuple
     return [float(row["displacement_predicted"] or "nan") for row in out], result
 
 
+@pytest.fixture
+def narx_table(finished, mapmore):
+    """The recordings of the study with lags, and what predicts a table of them."""
+    run_dir = finished["narx"][1]
+    return measured(run_dir), lambda rows: predicted(mapmore, run_dir, rows)
+
+
 @pytest.mark.parametrize("name", sorted(PLANTED))
-def test_a_table_predicts_what_was_validated(name: str, finished: dict[str, tuple[Path, Path]], mapmore: Call) -> None:
+def test_a_table_predicts_what_was_validated(name, finished, mapmore):
     run_dir = finished[name][1]
     found, result = predicted(mapmore, run_dir, measured(run_dir))
     assert (result.exit_code, result.stderr) == (0, "")
@@ -178,32 +176,10 @@ def test_a_table_predicts_what_was_validated(name: str, finished: dict[str, tupl
     assert np.isnan(wanted).sum() == {"narx": 12, "play": 0}[name]
 
 
-def test_only_the_first_measured_outputs_are_used(finished: dict[str, tuple[Path, Path]], mapmore: Call) -> None:
-    run_dir = finished["narx"][1]
-    rows = measured(run_dir)
-    whole, _ = predicted(mapmore, run_dir, rows)
-    blank = [{**row, "displacement": row["displacement"] if i % GAP < 2 else ""} for i, row in enumerate(rows)]
-    found, _ = predicted(mapmore, run_dir, blank)
-    np.testing.assert_array_equal(found, whole)
-
-
-def test_a_clock_that_is_set_back_begins_a_recording(finished: dict[str, tuple[Path, Path]], mapmore: Call) -> None:
-    run_dir = finished["narx"][1]
-    rows = measured(run_dir)
-    whole, _ = predicted(mapmore, run_dir, rows)
-    nameless = [{key: cell for key, cell in row.items() if key != "recording"} for row in rows]
-    found, _ = predicted(mapmore, run_dir, nameless)
-    np.testing.assert_array_equal(found, whole)
-
-
-def test_a_run_starts_anew_after_an_empty_input(finished: dict[str, tuple[Path, Path]], mapmore: Call) -> None:
-    run_dir = finished["narx"][1]
-    rows = measured(run_dir)[:GAP]
-    rows[70] = {**rows[70], "pressure": ""}
-    found, _ = predicted(mapmore, run_dir, rows)
-    assert [i for i, value in enumerate(found) if math.isnan(value)] == [0, 1, 70, 71, 72]
-    later, _ = predicted(mapmore, run_dir, rows[71:])
-    np.testing.assert_array_equal(found[71:], later)
+def test_only_the_first_measured_outputs_are_used(narx_table):
+    rows, predict_rows = narx_table
+    found, _ = predict_rows([{**row, "displacement": row["displacement"] if i % GAP < 2 else ""} for i, row in enumerate(rows)])
+    np.testing.assert_array_equal(found, predict_rows(rows)[0])
 
 
 @pytest.mark.parametrize(
@@ -217,30 +193,23 @@ def test_a_run_starts_anew_after_an_empty_input(finished: dict[str, tuple[Path, 
     ],
     ids=["other steps", "uneven", "no first output", "no output", "no time"],
 )
-def test_a_table_that_no_run_can_follow_is_refused_with_its_row(
-    change: Callable[[Any], Any], words: list[str], finished: dict[str, tuple[Path, Path]], mapmore: Call
-) -> None:
-    run_dir = finished["narx"][1]
-    _, result = predicted(mapmore, run_dir, change(measured(run_dir)[:GAP]))
+def test_a_table_that_no_run_can_follow_is_refused_with_its_row(change, words, narx_table):
+    rows, predict_rows = narx_table
+    _, result = predict_rows(change(rows[:GAP]))
     assert result.exit_code == 4
     assert all(word in result.stderr for word in ["stdin", *words]), result.stderr
 
 
-def test_the_row_of_a_mistake_counts_recordings_before_it(finished: dict[str, tuple[Path, Path]], mapmore: Call) -> None:
-    run_dir = finished["narx"][1]
-    rows = measured(run_dir)
+def test_the_row_of_a_mistake_counts_recordings_before_it(narx_table):
+    rows, predict_rows = narx_table
     rows[5] = {**rows[5], "pressure": ""}
     rows[440] = {**rows[440], "time": rows[439]["time"]}
-    _, result = predicted(mapmore, run_dir, rows)
-    assert "stdin:row 442: only 0 s after the one before" in result.stderr
+    assert "stdin:row 442: only 0 s after the one before" in predict_rows(rows)[1].stderr
 
 
-def test_a_run_that_diverges_leaves_cells_empty_and_says_where(
-    finished: dict[str, tuple[Path, Path]], tmp_path: Path, mapmore: Call
-) -> None:
-    rows = measured(finished["narx"][1])[:GAP]
-    exploding = [{**row, "pressure": "30"} if i > 50 else row for i, row in enumerate(rows)]
-    found, result = predicted(mapmore, finished["narx"][1], exploding)
+def test_a_run_that_diverges_leaves_cells_empty_and_says_where(narx_table):
+    rows, predict_rows = narx_table
+    found, result = predict_rows([{**row, "pressure": "30"} if i > 50 else row for i, row in enumerate(rows[:GAP])])
     assert result.exit_code == 0
     start = next(i for i, value in enumerate(found) if i > 2 and math.isnan(value))
     assert 52 < start < 80
@@ -248,19 +217,18 @@ def test_a_run_that_diverges_leaves_cells_empty_and_says_where(
     assert f"warning: stdin:row {start + 2}: the free run diverges" in result.stderr
 
 
-def test_a_grid_has_no_time(finished: dict[str, tuple[Path, Path]], mapmore: Call) -> None:
+def test_a_grid_has_no_time(finished, mapmore):
     result = mapmore("predict", finished["play"][1] / "model.h5", "--grid", "pressure=0:1:0.5,load=0")
     assert result.exit_code == 2
     assert "a grid has no time" in result.stderr
     assert "time, load, pressure" in result.stderr
 
 
-def test_a_loaded_model_runs_along_a_recording(finished: dict[str, tuple[Path, Path]]) -> None:
+def test_a_loaded_model_runs_along_a_recording(finished):
     run_dir = finished["narx"][1]
     curve = read_dataset(run_dir / "ingest.h5").curves[0]
     model = mapmore_cli.load_model(run_dir / "model.h5")
-    names = ("time", "load", "pressure", "displacement")
-    values = model(**{name: curve.columns[name] for name in names})
+    values = model(**{name: curve.columns[name] for name in ("time", "load", "pressure", "displacement")})
     np.testing.assert_array_equal(values, read_validation(run_dir / "validate.h5").predictions["mapmore"][0])
     with pytest.raises(TypeError, match="a function of time, load, pressure, displacement"):
         model(pressure=[1.0], load=[0.0])
@@ -269,8 +237,8 @@ def test_a_loaded_model_runs_along_a_recording(finished: dict[str, tuple[Path, P
 # what goes wrong -----------------------------------------------------------------------------------------------------------------------
 
 
-def test_a_diverging_run_has_no_score_and_says_at_which_sample(tmp_path: Path, mapmore: Call) -> None:
-    def growing(pressure: NDArray[np.float64], load: NDArray[np.float64]) -> NDArray[np.float64]:
+def test_a_diverging_run_has_no_score_and_says_at_which_sample(tmp_path, mapmore):
+    def growing(pressure, load):
         return 1.3 ** np.arange(len(pressure)) * (1e-15 if load[0] < 2 else 1.0)
 
     spec = write_study(tmp_path, "growth", "dictionary: [{lags: {of: [displacement], steps: [1], constant: false}}]", growing)
@@ -287,7 +255,7 @@ def test_a_diverging_run_has_no_score_and_says_at_which_sample(tmp_path: Path, m
     assert float(row["rrse_one_step"]) < 1e-9
 
 
-def test_uneven_recordings_are_refused_with_the_remedy(tmp_path: Path, mapmore: Call) -> None:
+def test_uneven_recordings_are_refused_with_the_remedy(tmp_path, mapmore):
     spec = write_study(tmp_path, "uneven", PLAY, hysteresis)
     file = tmp_path / "uneven_b.csv"
     file.write_text(file.read_text().replace("\n0.2,", "\n0.195,"))
@@ -301,26 +269,22 @@ def test_uneven_recordings_are_refused_with_the_remedy(tmp_path: Path, mapmore: 
 @pytest.mark.parametrize(
     "family",
     [
-        f"products: {{of: [{{lags: {{of: [pressure], steps: {list(range(400))}}}}}], order: 3}}",
         f"lags: {{of: [pressure], steps: {list(range(400))}, order: 3}}",
         "products: {of: [{play: {of: [pressure], count: 99}}, {slow: {of: [load], count: 99}}], order: 12}",
     ],
-    ids=["products", "lags", "order 12"],
+    ids=["lags", "products"],
 )
-def test_a_dictionary_beyond_memory_is_refused_with_numbers(
-    family: str, finished: dict[str, tuple[Path, Path]], tmp_path: Path, mapmore: Call
-) -> None:
+def test_a_dictionary_beyond_memory_is_refused_with_numbers(family, finished, tmp_path, mapmore):
     result = mapmore("fit", finished["play"][0], "--runs", tmp_path, "-q", "--set", f"dictionary=[{{{family}}}]")
     assert result.exit_code == 4
-    assert "GB of memory for their products alone" in result.stderr
-    assert "may be used" in result.stderr
+    assert re.search("GB of memory for their products alone; .* may be used", result.stderr)
     assert not (tmp_path / "play" / "fit.h5").exists()
 
 
 # show ----------------------------------------------------------------------------------------------------------------------------------
 
 
-def test_show_tells_terms_coefficients_and_states(finished: dict[str, tuple[Path, Path]], mapmore: Call, document: Call) -> None:
+def test_show_tells_terms_coefficients_and_states(finished, mapmore, document):
     run_dir = finished["play"][1]
     fit = read_fit(run_dir / "fit.h5").memory
     assert fit is not None
@@ -338,7 +302,7 @@ def test_show_tells_terms_coefficients_and_states(finished: dict[str, tuple[Path
     assert "Runs free from the first 2 measured samples of displacement" in text
 
 
-def test_show_tells_the_resonance_and_what_else_would_have_served(tmp_path: Path, mapmore: Call, document: Call) -> None:
+def test_show_tells_the_resonance_and_what_else_would_have_served(tmp_path, mapmore, document):
     model = "dictionary: [{terms: [pressure, load]}, {resonance: {of: [pressure]}}]\nfit: {max_terms: 2, ridge: 1e-6, scaling: range}"
     spec = write_study(tmp_path, "ringing", model, hysteresis)
     assert mapmore("run", spec, "--runs", tmp_path / "runs", "-q").exit_code == 0
@@ -373,7 +337,7 @@ pieces = st.lists(st.tuples(st.integers(3, 12), st.sampled_from(["gap", "reset",
 
 
 @given(pieces, st.integers(0, 100), st.sampled_from([REMEMBERING, SUM]))
-def test_every_piece_is_predicted_as_by_itself(cuts: list[tuple[int, str]], seed: int, model: Model) -> None:
+def test_every_piece_is_predicted_as_by_itself(cuts, seed, model):
     rng = np.random.default_rng(seed)
     names = ("time", "pressure", "strain", "force")
     lines, wanted, time, recording = ["recording,time,pressure,strain,force\n"], [], 0.0, 0
@@ -393,7 +357,7 @@ def test_every_piece_is_predicted_as_by_itself(cuts: list[tuple[int, str]], seed
 
 
 @pytest.mark.parametrize("model", [REMEMBERING, SUM], ids=["alone", "in a sum"])
-def test_the_past_is_asked_for_where_a_model_feeds_back(model: Model) -> None:
+def test_the_past_is_asked_for_where_a_model_feeds_back(model):
     inputs = [quantity.name for quantity in model.inputs]
     with pytest.raises(Exception, match="no column 'force'"):
         list(predicted_lines(model, [",".join(["time", *inputs]) + "\n"], "t"))
@@ -403,7 +367,7 @@ def test_the_past_is_asked_for_where_a_model_feeds_back(model: Model) -> None:
     assert "force [N]" in str(caught.value)
 
 
-def test_rates_are_derived_before_memory_runs() -> None:
+def test_rates_are_derived_before_memory_runs():
     states = StateSet(("slow(pressure_rate, 0.05)",), STEP, {}, {}, np.empty(0), np.empty(0), 0.15)
     memory = MemoryModel("force", states, states.names, np.array([2.0]), np.zeros(1), 0.0, (-1e9, 1e9))
     model = replace(

@@ -14,7 +14,7 @@ import yaml
 
 import mapmore_cli as mm
 from mapmore_cli.domain.errors import DataError, SpecError
-from mapmore_cli.storage.globs import expand
+from mapmore_cli.ingestion.files import expand
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 

@@ -59,9 +59,13 @@ def refused(mapmore, tmp_path, change, code):
     return result.stderr
 
 
+def table(path):
+    return list(csv.DictReader(path.read_text().splitlines()))
+
+
 def recording(name="waveform_rapid"):
-    table = np.loadtxt(DATASETS / "waveforms" / f"{name}.csv", delimiter=",", skiprows=1)[::5]
-    return {"time": table[:, 0], "input": table[:, 1], "displacement": table[:, 3] / 10}
+    log = np.loadtxt(LOGS / f"{name}.csv", delimiter=",", skiprows=1)[::5]
+    return {"time": log[:, 0], "input": log[:, 1], "displacement": log[:, 3] / 10}
 
 
 def test_the_model_file_holds_sections_that_predict_what_was_scored(finished):
@@ -120,10 +124,9 @@ def test_the_page_shows_sections_errors_and_published_tables(finished):
     page = (folder / "report" / "index.html").read_text()
     for words in ("Models of motion", "Errors over one wavelength", "Published: p_table_3", "repeats that of full_stroke"):
         assert words in page
-    with (folder / "report" / "tables" / "sections.csv").open() as lines:
-        table = list(csv.DictReader(lines))
-    assert [row["model"] for row in table] == ["mapmore"] * 6 + ["one"] + ["joined"] * 3
-    assert {row["solver"] for row in table} == {"least squares"}
+    rows = table(folder / "report" / "tables" / "sections.csv")
+    assert [row["model"] for row in rows] == ["mapmore"] * 6 + ["one"] + ["joined"] * 3
+    assert {row["solver"] for row in rows} == {"least squares"}
 
 
 def test_scores_follow_from_the_numbers_beside_the_figures(finished):
@@ -131,14 +134,10 @@ def test_scores_follow_from_the_numbers_beside_the_figures(finished):
     folder, document = finished
     squares: dict[str, list[float]] = {}
     for path in sorted((folder / "report" / "panels").glob("fit.*.csv")):
-        with path.open() as lines:
-            for row in csv.DictReader(lines):
-                if row["data"] != "validate":
-                    continue
-                for key, value in row.items():
-                    name = key.removesuffix(" [cm]")
-                    if name in ("mapmore", "one", "joined"):
-                        squares.setdefault(name, []).append((float(value) - float(row["displacement [cm]"])) ** 2)
+        for row in table(path):
+            for name in ("mapmore", "one", "joined"):
+                if row["data"] == "validate" and f"{name} [cm]" in row:
+                    squares.setdefault(name, []).append((float(row[f"{name} [cm]"]) - float(row["displacement [cm]"])) ** 2)
     told = {row["model"]: row for row in document["scores"] if (row["split"], row["curve"]) == ("validate", "all")}
     assert set(squares) == {"mapmore", "one", "joined"}
     for name, errors in squares.items():
@@ -148,11 +147,10 @@ def test_scores_follow_from_the_numbers_beside_the_figures(finished):
 
 def test_table_3_follows_from_the_same_numbers(finished):
     folder, _ = finished
-    with (folder / "report" / "tables" / "waveforms.csv").open() as lines:
-        rows = [row for row in csv.DictReader(lines) if row["recording"] == "waveform_weighted" and row["model"] == "mapmore"]
+    tables = table(folder / "report" / "tables" / "waveforms.csv")
+    (row,) = [row for row in tables if (row["recording"], row["model"]) == ("waveform_weighted", "mapmore")]
     motion, log = read_fit(folder / "fit.h5").motion.model, recording("waveform_weighted")
     error = (simulate(motion, log) - log["displacement"])[-80:]
-    (row,) = rows
     assert int(row["samples"]) == 80
     assert float(row["RMSE [cm]"]) == pytest.approx(math.sqrt(np.mean(error**2)), rel=1e-3)
     assert float(row["max error [cm]"]) == pytest.approx(np.abs(error).max(), rel=1e-3)

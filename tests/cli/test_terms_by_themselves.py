@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,7 @@ from mapmore_cli.storage.artefacts import read_fit, read_model
 Call = Callable[..., Any]
 
 
-def run_auto(mapmore: Call, spec: Path, *more: str) -> tuple[Any, Any]:
+def run_auto(mapmore, spec, *more):
     """The fit and the model of a run that chooses the number of terms."""
     arguments = ["fuse", spec, "--runs", spec.parent / "runs", "-q", "--set", "fit.max_terms=auto", *more]
     result = mapmore(*arguments)
@@ -25,7 +24,7 @@ def run_auto(mapmore: Call, spec: Path, *more: str) -> tuple[Any, Any]:
     return read_fit(folder / "fit.h5"), read_model(folder / "model.h5")
 
 
-def test_it_is_the_number_that_tune_names(tmp_path: Path, mapmore: Call) -> None:
+def test_it_is_the_number_that_tune_names(tmp_path, mapmore):
     spec = write_bench(tmp_path)
     one_segment = ("--set", "segment.strain.count=1")
     fit, model = run_auto(mapmore, spec, *one_segment)
@@ -40,7 +39,7 @@ def test_it_is_the_number_that_tune_names(tmp_path: Path, mapmore: Call) -> None
     assert [(one.id, one.terms) for one in given.segments] == [(one.id, one.terms) for one in fit.segments]
 
 
-def test_held_out_forces_have_no_say(tmp_path: Path, mapmore: Call) -> None:
+def test_held_out_forces_have_no_say(tmp_path, mapmore):
     spec = write_bench(tmp_path)
     backbone = ("--set", "model.backbone=polynomial_2", "--set", "segment.strain.count=1")
     _, before = run_auto(mapmore, spec, *backbone)
@@ -53,7 +52,7 @@ def test_held_out_forces_have_no_say(tmp_path: Path, mapmore: Call) -> None:
         np.testing.assert_array_equal(one.theta, other.theta)
 
 
-def test_a_left_out_level_chooses_anew(tmp_path: Path, mapmore: Call) -> None:
+def test_a_left_out_level_chooses_anew(tmp_path, mapmore):
     spec = write_bench(tmp_path)
     spec.write_text(spec.read_text().replace("{validate: {pressure: [300]}}", "{leave_one_level_out: true}"))
     settings = ("--set", "segment.strain.count=1", "--set", "fit.max_terms=auto")
@@ -69,13 +68,13 @@ def test_a_left_out_level_chooses_anew(tmp_path: Path, mapmore: Call) -> None:
     ("settings", "told"),
     [(["fit.max_terms=auto", "fit.stop=free_run"], "both choose the number of terms"), (["fit.max_terms=car"], "should be a whole number")],
 )
-def test_what_is_wrong_is_told(settings: list[str], told: str, tmp_path: Path, mapmore: Call) -> None:
+def test_what_is_wrong_is_told(settings, told, tmp_path, mapmore):
     arguments = [argument for setting in settings for argument in ("--set", setting)]
     result = mapmore("fit", write_bench(tmp_path), "--runs", tmp_path / "runs", *arguments)
     assert (result.exit_code, told in result.stderr) == (3, True), result.stderr
 
 
-def test_with_memory_too(tmp_path: Path, mapmore: Call) -> None:
+def test_with_memory_too(tmp_path, mapmore):
     rng = np.random.default_rng(3)
     p = rng.normal(0, 20, 300)
     force = np.convolve(p, [0.5, 0.3, 0.2, 0.1])[:300] + rng.normal(0, 0.5, 300)

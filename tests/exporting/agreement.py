@@ -17,7 +17,8 @@ import numpy as np
 
 from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.domain.models import CurveFunction, CurveRange, Formula, Memory, Model, Pieces, StateSpace, Sum
-from mapmore_cli.exporting.c_inverse import STATUS, c_source
+from mapmore_cli.exporting.c_source import STATUS, c_source
+from mapmore_cli.exporting.dialect import rendered
 from mapmore_cli.modelling.expressions import parse
 from mapmore_cli.modelling.inverse import NEAREST
 from mapmore_cli.modelling.kinds import fed_back, outside_range, runs_over_time, simulate
@@ -27,71 +28,45 @@ from mapmore_cli.modelling.program.model import program_of
 FLAGS = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic"]
 POINTS = 100_000
 
-STATIC = """
-void batch(const {real} *in, int n, double *out, int *bits)
-{{
-    for (int i = 0; i < n; i++) {{
-        {real} y;
-        bits[i] = {name}_eval(in + i * {inputs}, &y);
-        out[i] = y;
-    }}
-}}
-"""
-STEPS = """
-void batch(const {real} *in, int n, double *out, int *bits, const {real} *measured)
-{{
-    {name}_state s;
-    {name}_reset(&s);
-    (void)measured;
-    for (int i = 0; i < n; i++) {{
-        {real} y;
-        bits[i] = {name}_step(&s, in + i * {inputs}, &y);
-        out[i] = y;
-        {tell}
-    }}
-}}
-"""
 SLOPES = """
-void differentiate(const {real} *in, int n, double *out, int *bits)
+void differentiate(const double *rows, int n, double *out, int *bits)
 {{
     for (int i = 0; i < n; i++) {{
-        {real} y, slopes[{inputs}];
-        bits[i] = {name}_derivatives(in + i * {inputs}, &y, slopes);
+        {real} in[{inputs} + 1], y, slopes[{inputs} + 1];
+        for (int j = 0; j < {inputs}; j++) in[j] = ({real})rows[i * {inputs} + j];
+        bits[i] = {name}_derivatives(in, &y, slopes);
         for (int j = 0; j < {inputs}; j++) out[i * {inputs} + j] = slopes[j];
     }}
 }}
 """
 INVERSE = """
-void invert_{input}({real} *in, int n, const {real} *wanted, int follow, double *found, int *status)
+void invert_{input}(const double *rows, int n, const double *wanted, int follow, double *found, int *status)
 {{
     {real} last = NAN;
     for (int i = 0; i < n; i++) {{
-        {real} x;
-        if (follow) in[i * {inputs} + {place}] = last;
-        status[i] = {name}_invert_{input}(in + i * {inputs}, wanted[i], &x);
+        {real} in[{inputs}], x;
+        for (int j = 0; j < {inputs}; j++) in[j] = ({real})rows[i * {inputs} + j];
+        if (follow) in[{place}] = last;
+        status[i] = {name}_invert_{input}(in, ({real})wanted[i], &x);
         found[i] = x;
         if (status[i]) last = x;
     }}
 }}
 """
-SANITIZED = """
+MAIN = """
 #include <stdio.h>
 #include <stdlib.h>
 
 int main(int argc, char **argv)
 {{
-    const int n = atoi(argv[1]), columns = {columns};
-    double *given = malloc(sizeof *given * n * columns), *in = malloc(sizeof *in * n * {inputs} + 1);
-    double *measured = calloc(n, sizeof *measured), *out = malloc(sizeof *out * n);
+    const int n = atoi(argv[argc - 1]);
+    double *rows = malloc(sizeof *rows * {columns} * n), *out = malloc(sizeof *out * {columns} * n);
     int *bits = malloc(sizeof *bits * n);
-    if (argc != 2 || fread(given, sizeof *given * columns, n, stdin) != (size_t)n) return 1;
-    for (int i = 0; i < n; i++) {{
-        for (int j = 0; j < {inputs}; j++) in[i * {inputs} + j] = given[i * columns + j];
-        if (columns > {inputs}) measured[i] = given[i * columns + {inputs}];
-    }}
-    {calls}
+    if (fread(rows, sizeof *rows * {columns}, n, stdin) != (size_t)n) return 1;
+    {differentiate}
+    verify(rows, n, out, bits);
     fwrite(out, sizeof *out, n, stdout);
-    free(given); free(in); free(measured); free(out); free(bits);
+    free(rows); free(out); free(bits);
     return 0;
 }}
 """
@@ -103,69 +78,70 @@ class Compiled:
 
     model: Model
     library: ctypes.CDLL
-    single: bool
 
     def run(self, columns: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         """Outputs and bits of every row."""
-        given, measured = self._rows(columns), []
-        out, bits = np.empty(len(given)), np.empty(len(given), dtype=np.int32)
-        if runs_over_time(self.model):
-            told = columns.get(next(iter(fed_back(self.model)), ""), np.zeros(len(given)))
-            measured = [np.ascontiguousarray(told, dtype=given.dtype)]
-        self.library.batch(given.ctypes, len(given), out.ctypes, bits.ctypes, *(one.ctypes for one in measured))
+        rows = table(self.model, columns)
+        out, bits = np.empty(len(rows)), np.empty(len(rows), dtype=np.int32)
+        self.library.verify(rows.ctypes, len(rows), out.ctypes, bits.ctypes)
         return out, bits
 
     def slopes(self, columns: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Derivatives of every row by each input."""
-        given = self._rows(columns)
-        out, bits = np.empty(given.shape), np.empty(len(given), dtype=np.int32)
-        self.library.differentiate(given.ctypes, len(given), out.ctypes, bits.ctypes)
+        rows = table(self.model, columns)
+        out, bits = np.empty(rows.shape), np.empty(len(rows), dtype=np.int32)
+        self.library.differentiate(rows.ctypes, len(rows), out.ctypes, bits.ctypes)
         assert np.array_equal(bits, self.run(columns)[1]), "derivatives have the bits of values"
         return {quantity.name: out[:, place] for place, quantity in enumerate(self.model.inputs)}
 
     def invert(self, wanted: np.ndarray, given: Mapping[str, np.ndarray], name: str, rule: str) -> tuple[np.ndarray, tuple[str, ...]]:
         """What is picked, and the status of every row; `given` may say what to look near."""
-        rows = self._rows({name: np.full(len(wanted), np.nan), **given})
-        wished = np.ascontiguousarray(wanted, dtype=rows.dtype)
+        rows, wanted = table(self.model, {name: np.full(len(wanted), np.nan), **given}), np.ascontiguousarray(wanted)
         found, status = np.empty(len(rows)), np.empty(len(rows), dtype=np.int32)
-        getattr(self.library, f"invert_{name}")(rows.ctypes, len(rows), wished.ctypes, int(rule == NEAREST), found.ctypes, status.ctypes)
+        getattr(self.library, f"invert_{name}")(rows.ctypes, len(rows), wanted.ctypes, int(rule == NEAREST), found.ctypes, status.ctypes)
         return found, tuple(STATUS[number] for number in status)
 
-    def _rows(self, columns: Mapping[str, np.ndarray]) -> np.ndarray:
-        kind = np.float32 if self.single else np.float64
-        return np.ascontiguousarray(np.stack([columns[q.name] for q in self.model.inputs], axis=1), dtype=kind)
+
+def table(model: Model, columns: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Inputs, and the measured output where the model goes on from it, row by row."""
+    return np.column_stack([columns[name] for name in (*(quantity.name for quantity in model.inputs), *fed_back(model))])
 
 
 def compiled(
     model: Model, folder: Path, *, single: bool = False, more: tuple[str, ...] = ("-O0",), inverse: tuple[str, ...] | None = None
 ) -> Compiled:
     """Write, compile and load a model, with its derivatives and the `inverse` for some inputs if so wished; any warning is an error."""
-    name = _written(model, folder, single, inverse)
-    sources = [f"{name}.c", *([f"{name}_inverse.c"] if inverse is not None else [])]
-    subprocess.run(["gcc", *FLAGS, *more, "-c", *sources, "-fPIC"], cwd=folder, check=True)
-    objects = [source.replace(".c", ".o") for source in sources]
-    library = folder / f"{name}.so"
-    subprocess.run(["gcc", "-std=c99", "-shared", "-fPIC", "-O1", *objects, "batch.c", "-o", library.name, "-lm"], cwd=folder, check=True)
-    return Compiled(model, ctypes.CDLL(str(library)), single)
+    built(model, folder, [*more, "-fPIC"], ["-shared", "-fPIC", "-O1"], "library", inverse, single)
+    return Compiled(model, ctypes.CDLL(str(folder / "library")))
 
 
-def _written(model: Model, folder: Path, single: bool, inverse: tuple[str, ...] | None) -> str:
-    """Write a model, and `batch.c` around it; returns its name."""
+def built(
+    model: Model,
+    folder: Path,
+    strict: list[str],
+    lenient: list[str],
+    to: str,
+    inverse: tuple[str, ...] | None,
+    single: bool = False,
+    main: str = "",
+) -> None:
+    """Compile a model by `strict` flags, and by `lenient` ones what runs along the rows of a table with it."""
     source = c_source(model, single)
     for file, text in source.files.items():
         (folder / file).write_text(text)
-    name, real, inputs = source.name, "float" if single else "double", len(model.inputs)
-    tell = f"if (bits[i] & {name.upper()}_NO_VALUE) {name}_measured(&s, measured[i]);" if fed_back(model) else ""
-    batch = (STEPS if runs_over_time(model) else STATIC).format(name=name, real=real, inputs=inputs, tell=tell)
-    if inverse is None:
-        head = f'#include "{name}.h"\n'
-    else:
-        head = f'#include "{name}_inverse.h"\n#include <math.h>\n'
-        places = {quantity.name: place for place, quantity in enumerate(model.inputs)}
-        batch += SLOPES.format(name=name, real=real, inputs=inputs)
-        batch += "".join(INVERSE.format(name=name, real=real, inputs=inputs, input=one, place=places[one]) for one in inverse)
-    (folder / "batch.c").write_text(head + batch)
-    return name
+    names = {quantity.name: place for place, quantity in enumerate(model.inputs)}
+    words = {"name": source.name, "real": "float" if single else "double", "inputs": len(names)}
+    memory, measured = runs_over_time(model), bool(fed_back(model))
+    columns = {"columns": len(names) + measured, "measured": measured, "memory": memory, "prefix": source.name.upper()}
+    driver, sources = rendered("verify.c", **words, **columns), [f"{source.name}.c"]
+    if inverse is not None:
+        sources.append(f"{source.name}_inverse.c")
+        driver += f'#include "{source.name}_inverse.h"\n#include <math.h>\n' + SLOPES.format(**words)
+        driver += "".join(INVERSE.format(**words, input=one, place=names[one]) for one in inverse)
+    (folder / "batch.c").write_text(driver + main)
+    subprocess.run(["gcc", *FLAGS, *strict, "-c", *sources], cwd=folder, check=True)
+    objects = [one.replace(".c", ".o") for one in sources]
+    subprocess.run(["gcc", "-std=c99", *lenient, *objects, "batch.c", "-o", to, "-lm"], cwd=folder, check=True)
 
 
 def sanitized(model: Model, folder: Path, columns: Mapping[str, np.ndarray]) -> np.ndarray:
@@ -173,21 +149,10 @@ def sanitized(model: Model, folder: Path, columns: Mapping[str, np.ndarray]) -> 
 
     Raises `CalledProcessError` where they find something.
     """
-    inverse = None if runs_over_time(model) else ()
-    name = _written(model, folder, False, inverse)
-    given = [columns[quantity.name] for quantity in model.inputs] + [columns[output] for output in fed_back(model)]
-    calls = ["batch(in, n, out, bits, measured);"] if inverse is None else []
-    if inverse is not None:
-        calls += [f"double *slopes = malloc(sizeof *slopes * n * {len(model.inputs)});", "differentiate(in, n, slopes, bits);"]
-        calls += ["free(slopes);", "batch(in, n, out, bits);"]
-    text = SANITIZED.format(columns=len(given), inputs=len(model.inputs), calls=" ".join(calls))
-    (folder / "batch.c").write_text((folder / "batch.c").read_text() + text)
-    sources = [f"{name}.c", *([] if inverse is None else [f"{name}_inverse.c"])]
+    rows, memory = table(model, columns), runs_over_time(model)
+    main = MAIN.format(columns=rows.shape[1], differentiate="" if memory else "differentiate(rows, n, out, bits);")
     sanitize = ["-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
-    subprocess.run(["gcc", *FLAGS, *sanitize, "-c", *sources], cwd=folder, check=True)
-    objects = [source.replace(".c", ".o") for source in sources]
-    subprocess.run(["gcc", "-std=c99", *sanitize, *objects, "batch.c", "-o", "clean", "-lm"], cwd=folder, check=True)
-    rows = np.ascontiguousarray(np.stack(given, axis=1))
+    built(model, folder, sanitize, sanitize, "clean", None if memory else (), main=main)
     done = subprocess.run(["./clean", str(len(rows))], input=rows.tobytes(), cwd=folder, check=True, stdout=subprocess.PIPE)
     return np.frombuffer(done.stdout)
 
@@ -315,7 +280,7 @@ def agreement(study: str, model: Model, n: int = POINTS) -> Agreement:
         columns = recording(model, n) if runs_over_time(model) else points(model, n)
         found, expected = outputs(model, folder, columns, more=("-O2",))
         assert difference(sanitized(model, folder, columns), found) < 1e-12, "the sanitizers' program has other numbers"
-        kilobytes = len(c_source(model).files[f"{c_source(model).name}.c"]) / 1000
+        kilobytes = len((folder / f"{c_source(model).name}.c").read_text()) / 1000
         return Agreement(study, type(model.body).__name__.lower(), n, difference(found, expected), kilobytes)
 
 

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import ctypes
-import importlib.util
 import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
-from types import ModuleType
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -22,36 +21,32 @@ from scipy.io import loadmat
 import mapmore_cli as mm
 from mapmore_cli.domain.errors import DataError, UsageError
 from mapmore_cli.domain.models import Model
-from mapmore_cli.exporting.numpy_module import numpy_module
+from mapmore_cli.exporting.python_module import numpy_module
 from mapmore_cli.modelling.kinds import fed_back, outside_range, predict
 from mapmore_cli.modelling.program.model import slopes
 from mapmore_cli.study.exports import exported
 
 
-def imported(model: Model, folder: Path) -> ModuleType:
-    name, text = numpy_module(model)
+def imported(model: Model) -> SimpleNamespace:
+    _, text = numpy_module(model)
     assert [line for line in text.splitlines() if "import" in line] == ["import numpy as np"]
-    (folder / name).write_text(text)
-    spec = importlib.util.spec_from_file_location(name.removesuffix(".py"), folder / name)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    module: dict[str, Any] = {}
+    exec(text, module)
+    return SimpleNamespace(**module)
 
 
 @pytest.mark.parametrize("name", STATIC)
-def test_a_module_of_numpy_alone(tmp_path: Path, name: str) -> None:
+def test_a_module_of_numpy_alone(name: str) -> None:
     model = STATIC[name]
-    module, columns = imported(model, tmp_path), points(model, 3000)
+    module, columns = imported(model), points(model, 3000)
     assert difference(module.evaluate(**columns), predict(model, columns)) < 1e-12
     assert np.array_equal(module.outside_range(**columns), outside_range(model, columns))
 
 
 @pytest.mark.parametrize("name", WITH_MEMORY)
-def test_a_module_with_memory(tmp_path: Path, name: str) -> None:
+def test_a_module_with_memory(name: str) -> None:
     model = WITH_MEMORY[name]
-    module, columns = imported(model, tmp_path), recording(model, 300)
+    module, columns = imported(model), recording(model, 300)
     state = module.State()
     found = []
     for row in range(300):
@@ -63,8 +58,8 @@ def test_a_module_with_memory(tmp_path: Path, name: str) -> None:
     assert difference(np.array(found), expected) < 1e-12
 
 
-def test_one_sample_and_a_sample_that_is_not_finite(tmp_path: Path) -> None:
-    module = imported(pieces(), tmp_path)
+def test_one_sample_and_a_sample_that_is_not_finite() -> None:
+    module = imported(pieces())
     assert module.evaluate(200.0, 0.1) == pytest.approx(predict(pieces(), {"pressure": np.array([200.0]), "strain": np.array([0.1])})[0])
     assert np.isnan(module.evaluate(np.nan, 0.1))
 

@@ -10,14 +10,15 @@ import numpy as np
 from driver import Fault, Target, changed_text
 
 from mapmore_cli.modelling import expressions as terms
-from mapmore_cli.modelling.expressions.functions import FUNCTIONS
+from mapmore_cli.modelling.expressions.operator import FUNCTIONS
+from mapmore_cli.modelling.expressions.operators import OPERATORS
 
 NAMES = ("pressure", "strain", "x1", "_", "pi", "exp2", "force", "exponent")
 NUMBERS = ("0", "1", "2", "0.5", "1e-300", "1e300", "4.9e-324", "1e999", ".5", "3.", "1e", "007", "9" * 400, "0x10", "1_0", "1e-999")
 EXPONENTS = ("2", "3", "-1", "0.5", "20", "20.5", "1e9", "-(2)", "(1/3)", "0", "1e-9", "pressure", "2^2", "(1/0)", "log(-1)")
 STATES = ("[k-1]", "[k-0]", "[k-99999999999]", "[k]", "[k+1]", "[k-1", "[-1]", "[k - 2]", "[k-1][k-1]")
 MARKS = "+-*/^().,[]eE_ 0123456789abcxyz\t\n\x00é×²"
-WORDS = (*terms.OPERATORS, *FUNCTIONS)
+WORDS = (*OPERATORS, *FUNCTIONS)
 COLUMNS = {name: np.array([-2.0, 0.0, 1e-3, 1.0, 1e8]) for name in NAMES}
 
 

@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 from ingest_samples import COLUMNS, Ingest, csv_text, steps
 
 from mapmore_cli.domain.errors import DataError
+from mapmore_cli.storage.tables import number_of, seconds_of_stamp
 from mapmore_cli.storage.tables.lines import encoding_of, guess_encoding
-from mapmore_cli.storage.tables.text import number_of, seconds_of_stamp
 
 openpyxl = pytest.importorskip("openpyxl")
 

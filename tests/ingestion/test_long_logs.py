@@ -25,7 +25,7 @@ from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.spec.loader import load
 from mapmore_cli.storage import spool
 from mapmore_cli.storage.artefacts import codecs, read_dataset, write_dataset
-from mapmore_cli.storage.artefacts.integrity import Digest
+from mapmore_cli.storage.artefacts.codecs import Digest, Label
 from mapmore_cli.storage.artefacts.schema import schema_of
 from mapmore_cli.storage.run_record import load_records
 from mapmore_cli.storage.tables import lines
@@ -51,41 +51,37 @@ def log(seed: int, fault: str) -> str:
     return csv_text(t=t, P=np.repeat([80, 150, 250], 20) + np.round(rng.normal(size=SAMPLES), 2), eps=np.round(t / 10, 5), F=force)
 
 
-OPTIONS: dict[str, Any] = {
-    "every": st.sampled_from([1, 2, 7]),
-    "missing": st.sampled_from(["error", "drop", {"tokens": [-999], "action": "drop"}]),
-    "gaps": st.sampled_from([None, {"longer_than": 1.0, "action": "split"}, {"longer_than": 1.0, "action": "error"}]),
-    "repeated_time": st.sampled_from(["error", "average", "spread"]),
-    "resample": st.sampled_from([None, None, 0.02]),
-    "levels": st.sampled_from(
-        [None, {"of": "pressure"}, {"of": "pressure", "at": [80, 150]}, {"of": "pressure", "at": [250], "within": 3}]
-    ),
-    "derive": st.sampled_from(
-        [{}, {"stiffness": "force/(strain + 0.01)", "half": "exp(-strain)/2"}, {"strain_rate": {"rate_of": "strain", "window": 0.05}}]
-    ),
-    "keep": st.lists(
-        st.sampled_from(
-            [
-                {"quantity": "force", "abs_below": 90},
-                {"quantity": "strain", "above": 0.01},
-                {"quantity": "time", "outside": [0.2, 0.3]},
-                {"quantity": "pressure", "between": [0, 200]},
-            ]
-        ),
-        max_size=2,
-    ),
-    "split": st.sampled_from(
-        [
-            {},
-            {"validate": {"last": 0.2}},
-            {"validate": {"strain": {"between": [[0.01, 0.02]]}}},
-            {"validate": {"files": ["b.csv"]}},
-            {"validate": {"fraction": 0.3, "seed": 4}},
-            {"validate": {"pressure": [150]}},
-        ]
-    ),
+SPLITTING = {"longer_than": 1.0, "action": "split"}
+OPTIONS: dict[str, list[Any]] = {
+    "every": [1, 2, 7],
+    "missing": ["error", "drop", {"tokens": [-999], "action": "drop"}],
+    "gaps": [None, SPLITTING, {"longer_than": 1.0, "action": "error"}],
+    "repeated_time": ["error", "average", "spread"],
+    "resample": [None, None, 0.02],
+    "levels": [None, {"of": "pressure"}, {"of": "pressure", "at": [80, 150]}, {"of": "pressure", "at": [250], "within": 3}],
+    "derive": [
+        {},
+        {"stiffness": "force/(strain + 0.01)", "half": "exp(-strain)/2"},
+        {"strain_rate": {"rate_of": "strain", "window": 0.05}},
+    ],
+    "split": [
+        {},
+        {"validate": {"last": 0.2}},
+        {"validate": {"strain": {"between": [[0.01, 0.02]]}}},
+        {"validate": {"files": ["b.csv"]}},
+        {"validate": {"fraction": 0.3, "seed": 4}},
+        {"validate": {"pressure": [150]}},
+    ],
 }
 """Keys of `data`, and what they may say."""
+
+CONDITIONS = [
+    {"quantity": "force", "abs_below": 90},
+    {"quantity": "strain", "above": 0.01},
+    {"quantity": "time", "outside": [0.2, 0.3]},
+    {"quantity": "pressure", "between": [0, 200]},
+]
+FAULTS = ["none", "none", "gap", "reset", "repeated", "missing", "marked"]
 
 
 def outcome(folder: Path, data: dict[str, Any]) -> tuple[str, list[str]]:
@@ -96,8 +92,8 @@ def outcome(folder: Path, data: dict[str, Any]) -> tuple[str, list[str]]:
     except MapmoreError as error:
         return str(error), []
     digest = Digest()
-    schema_of(Dataset).feed(digest, "", dataset)
-    return digest.text, warnings
+    schema_of(Dataset).store(digest, dataset, Label())
+    return digest.hash.hexdigest(), warnings
 
 
 @pytest.fixture
@@ -110,38 +106,28 @@ def spooled(tmp_path: Path) -> Iterator[Path]:
 
 @settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
-    faults=st.tuples(*[st.sampled_from(["none", "none", "gap", "reset", "repeated", "missing", "marked"])] * 2),
-    options=st.fixed_dictionaries(OPTIONS),
+    faults=st.tuples(st.sampled_from(FAULTS), st.sampled_from(FAULTS)),
+    options=st.fixed_dictionaries({key: st.sampled_from(words) for key, words in OPTIONS.items()}),
+    keep=st.lists(st.sampled_from(CONDITIONS), max_size=2),
     scale=st.sampled_from([{}, {"unit": "kN"}, {"scale": 2.0, "offset": 0.5}, {"rest": 0.05}]),
-    constants=st.booleans(),
+    constants=st.sampled_from([{}, {"set": {"load": 2.5}}]),
     timed=st.booleans(),
-    rows=st.integers(1, 25),
-    characters=st.integers(20, 400),
+    sizes=st.tuples(st.integers(1, 25), st.integers(20, 400)),
 )
-def test_blocks_give_what_the_whole_gives(
-    tmp_path: Path,
-    faults: tuple[str, str],
-    options: dict[str, Any],
-    scale: dict[str, Any],
-    constants: bool,
-    timed: bool,
-    rows: int,
-    characters: int,
-) -> None:
+def test_blocks_give_what_the_whole_gives(tmp_path: Path, faults, options, keep, scale, constants, timed, sizes) -> None:
     columns = {**COLUMNS, "force": {**COLUMNS["force"], **scale}}
+    options = {key: value for key, value in options.items() if value is not None}
     if not timed:
         columns = {name: column for name, column in columns.items() if name != "time"}
-        options = {**options, "sample_time": 0.01}
-    given_constants = {"set": {"load": 2.5}} if constants else {}
-    options = {key: value for key, value in options.items() if value is not None}
+        options["sample_time"] = 0.01
     for name, fault, seed in zip(("a.csv", "b.csv"), faults, (1, 2), strict=True):
         (tmp_path / name).write_text(log(seed, fault))
-    data = {"files": [{"path": name, **given_constants} for name in ("a.csv", "b.csv")], "columns": columns, **options}
+    data = {"files": [{"path": name, **constants} for name in ("a.csv", "b.csv")], "columns": columns, "keep": keep, **options}
     (tmp_path / "spool").mkdir(exist_ok=True)
     with pytest.MonkeyPatch.context() as patch:
         at_once = outcome(tmp_path, data)
-        patch.setattr(arrays, "ROWS", rows)
-        patch.setattr(lines, "BLOCK", characters)
+        patch.setattr(arrays, "ROWS", sizes[0])
+        patch.setattr(lines, "BLOCK", sizes[1])
         patch.setattr(spool, "LONG", 0)
         with spool.spooling_in(tmp_path / "spool"):
             block_by_block = outcome(tmp_path, data)
@@ -153,10 +139,8 @@ def test_the_file_has_the_same_bytes(tmp_path: Path, spooled: Path, monkeypatch:
     """Whether its columns are packed or not; and what is read of it, mapped or not, is what was written."""
     for name, seed in (("a.csv", 1), ("b.csv", 2)):
         (tmp_path / name).write_text(log(seed, "gap"))
-    split = {"validate": {"last": 0.2}}
-    part = slice_of(
-        spec_of({"files": ["*.csv"], "gaps": {"longer_than": 1.0, "action": "split"}, "levels": {"of": "pressure"}, "split": split})
-    )
+    data = {"files": ["*.csv"], "gaps": SPLITTING, "levels": {"of": "pressure"}, "split": {"validate": {"last": 0.2}}}
+    part = slice_of(spec_of(data))
     monkeypatch.setattr(codecs, "LONG", 5)
     monkeypatch.setattr(codecs, "HUGE", huge)
     write_dataset(tmp_path / "at_once.h5", build_dataset(part, tmp_path))

@@ -7,9 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mapmore_cli.domain.errors import DataError, SpecError
-from mapmore_cli.ingestion.files import find_sources
+from mapmore_cli.ingestion.files import find_sources, unique_ids
 from mapmore_cli.spec.sections.logs import FileEntry
-from mapmore_cli.storage.globs import unique_ids
 
 
 @pytest.fixture

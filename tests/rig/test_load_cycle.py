@@ -1,19 +1,20 @@
+"""Load cycles and tables of contractions: what loops and balances must obey."""
+
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from rig_cases import DATASETS, MUSCLES, both, spec
 from scipy.integrate import trapezoid
 
-from mapmore_cli.rig.load_cycle import LoadCycle, Regulation, load_cycle, regulated_pressure, strain_path
-from mapmore_cli.rig.muscle import Hysteresis, free_strain
-from mapmore_cli.spec.simulation import McKibbenMuscle, PeanoMuscle
-from mapmore_cli.study.simulation.simulate import muscle_of
+from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.rig.load_cycle import LoadCycle, Regulation, load_cycle, regulated_pressure, resting_strains, strain_path
+from mapmore_cli.rig.muscle import Hysteresis, zero_force_strain
+from mapmore_cli.study.simulation.simulate import csv_text, decimals, hysteresis_of, muscle_of, recording
 
-MUSCLES = {"mckibben": muscle_of(McKibbenMuscle(kind="mckibben")), "peano": muscle_of(PeanoMuscle(kind="peano"))}
 FRICTION = Hysteresis(base=3.0, per_pressure=3e-5, yield_strains=np.array([0.001, 0.01]), shares=np.array([0.5, 0.5]))
 CYCLE = LoadCycle(duration=50.0, sample_time=0.02, dwell=0.5, least_stroke=0.01)
 STEADY = Regulation(ripple=0.0, correlation_time=2.0)
-both = pytest.mark.parametrize("kind", list(MUSCLES))
 
 
 def run(kind, kpa, cycle=CYCLE, regulation=STEADY):
@@ -30,7 +31,8 @@ def test_one_loop_from_lock_to_zero_force_and_back(kind, kpa):
     turn = int(np.argmax(strain))
     assert np.all(np.diff(strain[: turn + 1]) >= 0)
     assert np.all(np.diff(strain[turn:]) <= 0)
-    assert 0.8 * free_strain(MUSCLES[kind], kpa * 1e3) < strain[turn] < free_strain(MUSCLES[kind], kpa * 1e3)
+    free = zero_force_strain(lambda e: float(MUSCLES[kind].force(kpa * 1e3, e)))
+    assert 0.8 * free < strain[turn] < free
     assert 0 <= force[turn] < 0.5
     assert force[0] == pytest.approx(float(MUSCLES[kind].force(kpa * 1e3, 0.0)), rel=1e-9)
 
@@ -98,3 +100,33 @@ def test_ripple_has_the_declared_size_and_memory():
     lag = round(0.5 / 0.02)
     assert np.corrcoef(relative[:-lag], relative[lag:])[0, 1] == pytest.approx(np.exp(-1), abs=0.03)
     assert relative[0] == pytest.approx(0.01 * shocks[0])
+
+
+def test_each_weight_hangs_where_the_muscle_balances_it():
+    table = spec("wrist/contraction_table")
+    muscle, weights = muscle_of(table.muscle), np.linspace(0.0, 290.0, 7)
+    without = Hysteresis(0.0, 0.0, np.array([0.01]), np.array([1.0]))
+    strains = resting_strains(muscle, without, 4e5, weights)
+    assert muscle.force(4e5, strains) == pytest.approx(weights, abs=1e-6)
+    assert (np.diff(strains) < 0).all()
+
+
+def test_the_shipped_table_regenerates():
+    table = spec("wrist/contraction_table")
+    made = csv_text(recording(table, 300.0), decimals(table))
+    shipped = (DATASETS / "wrist/contraction_300.csv").read_text()
+    ours, theirs = (np.loadtxt(text.splitlines()[1:], delimiter=",") for text in (made, shipped))
+    assert (np.abs(ours - theirs).max(axis=0) <= [1.0, 2.2e-5, 0.0]).all()
+
+
+def test_repeats_are_averaged():
+    """The mean of nine repeats scatters less around the weights' balance than one of them does."""
+    single, many = (spec("wrist/contraction_table", f"experiment.repeats={n}", "experiment.regulator_error=0") for n in (1, 9))
+    exact = resting_strains(muscle_of(single.muscle), hysteresis_of(single.hysteresis), 6e5, 9.81 * np.array(single.experiment.masses))
+    one, nine = (np.std(recording(table, 600.0)["strain"] - exact) for table in (single, many))
+    assert nine < 0.6 * one
+
+
+def test_a_weight_that_nothing_balances_is_told():
+    with pytest.raises(SpecError, match="does not vanish"):
+        recording(spec("wrist/contraction_table", "experiment.masses=[1000]"), 100.0)

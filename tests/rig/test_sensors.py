@@ -8,8 +8,7 @@ from closed_loop import Lift, Loop, closed_loop, wanted_force
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mapmore_cli.rig.chamber import GRAVITY
-from mapmore_cli.rig.muscle import Hysteresis
+from mapmore_cli.rig.muscle import GRAVITY, Hysteresis
 from mapmore_cli.rig.sensors import Sensor, measure, recording_generator
 
 

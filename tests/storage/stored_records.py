@@ -16,8 +16,7 @@ from hypothesis.extra.numpy import arrays
 
 from mapmore_cli.domain.models import Body, Side
 from mapmore_cli.modelling.kinds import kinds
-from mapmore_cli.storage.artefacts.field import dimensions
-from mapmore_cli.storage.artefacts.schema import schema_of
+from mapmore_cli.storage.artefacts.schema import dimensions, schema_of
 
 NAMES = st.text(st.characters(exclude_categories=["Cs", "Cc", "Cf", "Zl", "Zp"]), max_size=8) | st.sampled_from(
     ["strain", "pressure=150/strain:2", ".", "..", "a/b", "%2F", "ü μ", "order"]

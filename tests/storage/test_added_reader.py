@@ -15,7 +15,7 @@ TEXT_OF_BARS = '''
 """Tables whose fields are set apart by bars."""
 
 from mapmore_cli.storage.readers.csv import read_csv
-from mapmore_cli.storage.tables.table import Reader, Top
+from mapmore_cli.storage.tables import Reader, Top
 from dataclasses import replace
 
 
@@ -41,7 +41,7 @@ def test_one_new_file_adds_a_format(tmp_path: Path) -> None:
 from pathlib import Path
 from mapmore_cli.spec.schema import schema_text
 from mapmore_cli.study.drafting.preview import preview
-from mapmore_cli.storage.globs import unique_ids
+from mapmore_cli.ingestion.files import unique_ids
 assert '"bars"' in schema_text()
 assert preview(Path("log.bar")).columns == ("strain", "pressure", "force")
 print(*unique_ids(["log.bar"]))

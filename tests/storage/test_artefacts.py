@@ -3,29 +3,31 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import h5py
 import numpy as np
 import pytest
+from annotated_types import Interval
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from stored_records import records, same
 
+from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import FormulaFit, Scaling, Segment, SegmentedCurve, SegmentFit, Selection
 from mapmore_cli.domain.models import CurveFunction, Fusion, Model, Pieces, SegmentFunction
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity, Recording
 from mapmore_cli.domain.results import FitResult, PiecesFit, Validation
 from mapmore_cli.storage import artefacts
-from mapmore_cli.storage.artefacts.codecs import escaped
-from mapmore_cli.storage.artefacts.label import NO_UNIT, Label
-from mapmore_cli.storage.artefacts.layout import SegmentationFile
+from mapmore_cli.storage.artefacts.codecs import NO_UNIT, Label, Writer, escaped
+from mapmore_cli.storage.artefacts.schema import LAYOUTS, SegmentationFile, described, schema_of
 
 KINDS: dict[str, tuple[Callable[..., None], Callable[[Path], Any], st.SearchStrategy[Any]]] = {
     "dataset": (artefacts.write_dataset, artefacts.read_dataset, records(Dataset)),
@@ -58,6 +60,7 @@ def test_what_is_written_is_read_back(kind: str, tmp_path: Path) -> None:
 def examples() -> dict[str, Any]:
     """One small but complete record of every kind."""
     scaling = Scaling("unit_square", "left", ("strain",), np.array([4.0]), np.array([-0.1]), 735.0, 12.0)
+    missing = np.array([[0.2, 0.3, 0.9], [0.1, np.nan, np.nan]])
     selection = Selection(
         chosen=np.array([2, 0]),
         g=np.array([0.9, 0.1]),
@@ -65,8 +68,8 @@ def examples() -> dict[str, Any]:
         theta=np.array([0.95, 0.1]),
         theta_error=np.array([0.01, np.nan]),
         a=np.array([[1.0, 0.5], [0.0, 1.0]]),
-        g_all=np.array([[0.2, 0.3, 0.9], [0.1, np.nan, np.nan]]),
-        err_all=np.array([[0.5, 0.25, 0.75], [0.125, np.nan, np.nan]]),
+        g_all=missing,
+        err_all=missing.copy(),
         runner_up=np.array([0, -1]),
         tied=np.array([0, 0]),
         condition=12.5,
@@ -75,63 +78,29 @@ def examples() -> dict[str, Any]:
         samples=40,
         stop="max_terms",
     )
-    formula = FormulaFit(
-        "sarosi",
-        {"a1": 1.5, "a2": 2.5, "a3": -30.0, "a4": 0.5, "a5": 0.1, "a6": 0.2},
-        {"a1": 0.1, "a3": np.nan},
-        "converged",
-        "variable projection",
-        4,
-        81.0,
-        3.5,
-        80,
-    )
+    parameters = {"a1": 1.5, "a2": 2.5, "a3": -30.0, "a4": 0.5, "a5": 0.1, "a6": 0.2}
+    formula = FormulaFit("sarosi", parameters, {"a1": 0.1, "a3": np.nan}, "converged", "variable projection", 4, 81.0, 3.5, 80)
     pressure, strain, force = Quantity("pressure", "kPa"), Quantity("strain", "1"), Quantity("force", "N")
     x = np.linspace(0, 0.2, 5)
     columns = {"strain": x, "force": 700 - 3000 * x, "pressure": np.full(5, 250.0)}
-    segment_id = "pressure=250/strain:1"
+    id_, held = "pressure=250/strain:1", np.array([False, False, True, False, True])
     boundaries, limits = (np.array([0.0, 0.2]),), {"strain": (0.0, 0.2), "pressure": (250.0, 250.0)}
-    function = SegmentFunction(
-        segment_id,
-        (1,),
-        ("strain^2", "1"),
-        selection.theta,
-        selection.theta_error,
-        selection.g,
-        selection.err,
-        scaling,
-        40,
-        12.5,
-        "max_terms",
-    )
+    numbers = (selection.theta, selection.theta_error, selection.g, selection.err)
+    function = SegmentFunction(id_, (1,), ("strain^2", "1"), *numbers, scaling, 40, 12.5, "max_terms")
+    fusion = Fusion(extrapolation={"strain": ("continue", 0.0), "pressure": ("saturate", "saturate")})
+    pieces = Pieces("pressure", ("strain",), (CurveFunction("pressure=250", 250.0, boundaries, limits, (function,)),), fusion, formula)
+    segment = Segment(id_, "pressure=250", (1,), np.arange(3))
     return {
         "dataset": Dataset(
             "force",
             "pressure",
             {"strain": strain, "force": force, "pressure": pressure},
             (Recording("cycle", "data/cycle.csv", columns, 6, {"missing": 1}),),
-            (Curve("pressure=250", 250.0, columns, np.array([False, False, True, False, True]), ("cycle",)),),
+            (Curve("pressure=250", 250.0, columns, held, ("cycle",)),),
         ),
-        "segmentation": (
-            SegmentedCurve(
-                "pressure=250", 250.0, ("strain",), boundaries, limits, (Segment(segment_id, "pressure=250", (1,), np.arange(3)),)
-            ),
-        ),
-        "fit": FitResult(
-            PiecesFit((SegmentFit(segment_id, "pressure=250", (1,), ("1", "strain", "strain^2"), scaling, selection),)), formula
-        ),
-        "model": Model(
-            "demo",
-            force,
-            (pressure, strain),
-            Pieces(
-                "pressure",
-                ("strain",),
-                (CurveFunction("pressure=250", 250.0, boundaries, limits, (function,)),),
-                Fusion(extrapolation={"strain": ("continue", 0.0), "pressure": ("saturate", "saturate")}),
-                formula,
-            ),
-        ),
+        "segmentation": (SegmentedCurve("pressure=250", 250.0, ("strain",), boundaries, limits, (segment,)),),
+        "fit": FitResult(PiecesFit((SegmentFit(id_, "pressure=250", (1,), ("1", "strain", "strain^2"), scaling, selection),)), formula),
+        "model": Model("demo", force, (pressure, strain), pieces),
         "validation": Validation({"mapmore": (x,), "m2/x": (x,)}, {"sarosi": formula}, (), {"force": "N"}),
     }
 
@@ -153,14 +122,11 @@ def test_equality_of_records_sees_a_difference() -> None:
 
 
 def arrays_of(path: Path) -> dict[str, tuple[str, str]]:
-    found: dict[str, tuple[str, str]] = {}
+    names: list[str] = []
     with h5py.File(path) as file:
-        file.visititems(
-            lambda name, item: (
-                found.update({name: (item.attrs["unit"], item.attrs["description"])}) if isinstance(item, h5py.Dataset) else None
-            )
-        )
-    return found
+        file.visit(names.append)
+        arrays = {name: file[name].attrs for name in names if isinstance(file[name], h5py.Dataset)}
+        return {name: (attributes["unit"], attributes["description"]) for name, attributes in arrays.items()}
 
 
 def test_every_array_says_its_unit_and_what_it_is(written: dict[str, Path]) -> None:
@@ -259,46 +225,46 @@ def test_truncated_file_is_named(kind: str, written: dict[str, Path]) -> None:
         assert caught.value.remedy
 
 
-def _delete_dataset(file: h5py.File) -> None:
-    del file["body/segments/000/selection/theta"]
+SEGMENT = "body/segments/000"
 
 
-def _text_for_numbers(file: h5py.File) -> None:
-    del file["body/segments/000/selection/g"]
-    file["body/segments/000/selection/g"] = ["a", "b"]
+def changed(path: Path, change: Callable[[h5py.File], Any]) -> Path:
+    with h5py.File(path, "r+") as file:
+        change(file)
+    return path
 
 
-def _wrong_rank(file: h5py.File) -> None:
-    del file["body/segments/000/selection/a"]
-    file["body/segments/000/selection/a"] = [1.0]
+def put(place: str, value: Any = None, **stored: Any) -> Callable[[h5py.File], None]:
+    """Stores a value at a place, in the form that it has there, or a dataset; nothing where neither is given."""
 
+    def change(file: h5py.File) -> None:
+        group, name = f"/{place}".rsplit("/", 1)
+        if name in file[group or "/"].attrs:
+            file[group or "/"].attrs[name] = value
+            return
+        del file[place]
+        if stored or value is not None:
+            file.create_dataset(place, **(stored or {"data": value}))
 
-def _number_for_text(file: h5py.File) -> None:
-    file["body/segments/000"].attrs["id"] = 3
-
-
-def _text_for_number(file: h5py.File) -> None:
-    file["body/segments/000/selection"].attrs["sse"] = "much"
-
-
-def _gap_in_numbers(file: h5py.File) -> None:
-    file.move("body/segments/000", "body/segments/001")
-
-
-def _dataset_for_group(file: h5py.File) -> None:
-    del file["body/segments/000/scaling"]
-    file["body/segments/000/scaling"] = 1.0
+    return change
 
 
 @pytest.mark.parametrize(
     "damage",
-    [_delete_dataset, _text_for_numbers, _wrong_rank, _number_for_text, _text_for_number, _gap_in_numbers, _dataset_for_group],
+    [
+        put(f"{SEGMENT}/selection/theta"),
+        put(f"{SEGMENT}/selection/g", ["a", "b"]),
+        put(f"{SEGMENT}/selection/a", [1.0]),
+        put(f"{SEGMENT}/id", 3),
+        put(f"{SEGMENT}/selection/sse", "much"),
+        put(f"{SEGMENT}/scaling", 1.0),
+        lambda file: file.move(SEGMENT, "body/segments/001"),
+    ],
+    ids=["gone", "text for numbers", "wrong rank", "number for text", "text for a number", "dataset for a group", "gap in numbers"],
 )
 def test_damaged_content_is_a_data_error(damage: Callable[[h5py.File], None], written: dict[str, Path]) -> None:
-    with h5py.File(written["fit"], "r+") as file:
-        damage(file)
     with pytest.raises(DataError, match=r"fit\.h5"):
-        artefacts.read_fit(written["fit"])
+        artefacts.read_fit(changed(written["fit"], damage))
 
 
 def test_other_files_are_refused(tmp_path: Path, written: dict[str, Path]) -> None:
@@ -318,14 +284,9 @@ def test_other_files_are_refused(tmp_path: Path, written: dict[str, Path]) -> No
         artefacts.kind_of(csv)
 
 
-def _set_version(path: Path, version: str) -> None:
-    with h5py.File(path, "r+") as file:
-        file.attrs["format_version"] = version
-
-
 @pytest.mark.parametrize(("version", "readable"), [("2.9", True), ("1.2", False), ("3.0", False), ("10.0", False), ("one", False)])
 def test_format_versions(version: str, readable: bool, written: dict[str, Path]) -> None:
-    _set_version(written["model"], version)
+    changed(written["model"], lambda file: file.attrs.__setitem__("format_version", version))
     if readable:
         assert same(artefacts.read_model(written["model"]), examples()["model"])
     else:
@@ -347,3 +308,62 @@ def test_escaped_names_stay_apart(keys: list[str]) -> None:
     components = [escaped(key) for key in keys]
     assert len(set(components)) == len(keys)
     assert all(part and "/" not in part and part not in (".", "..") for part in components)
+
+
+# A stored dataclass needs no layout of its own: what its fields are says how they lie in a file ------------------------------------------
+
+
+@dataclass(frozen=True)
+class Spring:
+    """A body of another kind."""
+
+    stiffness: Annotated[float, Interval(ge=0), "force over displacement"]
+    shape: Literal["straight", "coiled"]
+    ends: tuple[Quantity, ...]
+    names: tuple[str, ...]
+    course: Array
+    limits: Mapping[str, tuple[float, float]]
+    sizes: Mapping[str, float] = field(default_factory=dict)
+    preload: float | None = None
+    turns: int = 1
+
+
+def stored(tmp_path: Path, record: Any) -> Any:
+    """What comes back of a record from a file."""
+    schema = schema_of(type(record))
+    with h5py.File(tmp_path / "record.h5", "w") as file:
+        schema.store(Writer(file), record, Label())
+    with h5py.File(tmp_path / "record.h5") as file:
+        return schema.read(file)
+
+
+def test_every_form_comes_back_and_what_is_not_stored_has_its_default(tmp_path: Path) -> None:
+    limits, course = {"force": (0.0, 1.0)}, np.array([1.0, 2.0])
+    spring = Spring(2.0, "coiled", (Quantity("force", "N"),), ("a", "b"), course, limits, {"pitch": 0.5}, 0.1, 7)
+    assert same(stored(tmp_path, spring), spring)
+    with h5py.File(tmp_path / "record.h5", "a") as file:
+        del file.attrs["turns"], file["sizes"]
+        found = schema_of(Spring).read(file)
+    assert (found.turns, found.sizes) == (1, {})
+
+
+def test_a_key_that_is_added_to_the_joining_is_stored(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    @dataclass(frozen=True, kw_only=True)
+    class Joined(Fusion):
+        order: int = 3
+
+    monkeypatch.setitem(LAYOUTS, Joined, LAYOUTS[Fusion])
+    assert [field.name for field in schema_of(Joined).fields] == [*(field.name for field in schema_of(Fusion).fields), "order"]
+    made = Joined(extrapolation={"strain": ("continue", 0.5)}, z_s=0.1, order=5)
+    assert stored(tmp_path, made) == made
+
+
+def test_the_pages_of_the_format_follow_the_declarations() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "file-format.md").read_text(encoding="utf-8")
+    headings = set(re.findall(r"^### (\w+)$", described(), re.MULTILINE))
+    assert set(re.findall(r"\]\(#(\w+)\)", described())) <= {heading.lower() for heading in headings}
+    assert f"format {artefacts.FORMAT_VERSION}" in page
+    for kind in artefacts.KINDS:
+        assert f"kind `{kind.name}`" in page
+        assert f"`{kind.type.__name__}`" in page
+        assert kind.type.__name__ in headings

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mapmore_cli.storage import tables
 from mapmore_cli.storage.readers import READERS, RawTable, Reader, TableRequest
-from mapmore_cli.storage.tables import table
-from mapmore_cli.storage.tables.table import read_with, remembered
+from mapmore_cli.storage.tables import read_with, remembered
 
 Reads = tuple[Reader, Path, list[TableRequest]]
 ASKED = TableRequest("a.csv", ("P", "F"))
@@ -57,7 +57,7 @@ def test_nothing_is_kept_outside_or_beyond_its_room(reads: Reads, monkeypatch: p
     read_with(reader, path, ASKED)
     read_with(reader, path, ASKED)
     assert len(asked) == 3
-    monkeypatch.setattr(table, "MOST_NUMBERS", 5)
+    monkeypatch.setattr(tables, "MOST_NUMBERS", 5)
     with remembered():
         read_with(reader, path, ASKED)
         read_with(reader, path, ASKED)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from mapmore_cli.domain.recording import Curve, Dataset
     from mapmore_cli.reporting.table import Cell
     from mapmore_cli.study.inspection.lint import Inspection
-    from mapmore_cli.study.inspection.subject import Issue
+    from mapmore_cli.study.inspection.rules import Issue
 
 
 def of_inspection(inspection: Inspection, unconfirmed: Sequence[str] = ()) -> View:

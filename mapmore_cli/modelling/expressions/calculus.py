@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from types import MappingProxyType
+from collections.abc import Mapping
 
+from mapmore_cli.modelling.expressions.operator import FUNCTIONS
+from mapmore_cli.modelling.expressions.parsing import parse
 from mapmore_cli.modelling.expressions.syntax import (
     MAX_EXPONENT,
     ONE,
@@ -19,33 +20,12 @@ from mapmore_cli.modelling.expressions.syntax import (
     add,
     call,
     multiply,
-    negate,
     power,
 )
 
-SLOPES: Mapping[str, Callable[[Expression], Expression]] = MappingProxyType(
-    {
-        "exp": lambda x: call("exp", x),
-        "log": lambda x: power(x, -1),
-        "sqrt": lambda x: multiply(Number(0.5), power(call("sqrt", x), -1)),
-        "abs": lambda x: call("sign", x),
-        "sign": lambda _: ZERO,
-        "sin": lambda x: call("cos", x),
-        "cos": lambda x: negate(call("sin", x)),
-        "tan": lambda x: power(call("cos", x), -2),
-        "atan": lambda x: power(add(ONE, power(x, 2)), -1),
-        "sinh": lambda x: call("cosh", x),
-        "cosh": lambda x: call("sinh", x),
-        "tanh": lambda x: power(call("cosh", x), -2),
-        "expm1": lambda x: call("exp", x),
-        "log1p": lambda x: power(add(ONE, x), -1),
-    }
-)
-"""Derivative of every function with respect to its argument (zero at the kinks of `abs` and `sign`)."""
-
 
 def derivative(expression: Expression, name: str) -> Expression:
-    """`d expression / d name`, in canonical form."""
+    """`d expression / d name`, in canonical form; zero at the kinks of `abs` and `sign`."""
     if name not in expression.names:
         return ZERO
     match expression:
@@ -61,7 +41,7 @@ def derivative(expression: Expression, name: str) -> Expression:
             lower = power(base, exponent - 1) if within else multiply(expression, power(base, -1))
             return multiply(Number(exponent), lower, derivative(base, name))
         case Call(function, argument):
-            return multiply(SLOPES[function](argument), derivative(argument, name))
+            return multiply(substitute(parse(FUNCTIONS[function].slope), {"x": argument}), derivative(argument, name))
     return ZERO
 
 
@@ -106,6 +86,6 @@ def affine(expression: Expression, slope: float, intercept: float) -> Expression
     """
     if slope == 0.0:
         return Number(intercept)
-    centre, width = Number(-intercept / slope), Number(1.0 / abs(slope))
-    distance = add(expression, negate(centre)) if slope > 0 else add(centre, negate(expression))
-    return distance if width == ONE else multiply(distance, power(width, -1))
+    centre, width = -intercept / slope, 1.0 / abs(slope)
+    distance = expression - centre if slope > 0 else centre - expression
+    return distance if width == 1.0 else distance / width

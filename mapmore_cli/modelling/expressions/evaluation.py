@@ -3,20 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
+from types import MappingProxyType
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns, Value
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.modelling.expressions.errors import NotFinite
-from mapmore_cli.modelling.expressions.functions import FUNCTIONS
+from mapmore_cli.modelling.expressions.operator import FUNCTIONS
 from mapmore_cli.modelling.expressions.printing import to_text
 from mapmore_cli.modelling.expressions.syntax import Call, Expression, Name, Number, Power, Product, Sum
 
-BLOCK = 8192
-"""Rows at a time in a dictionary: shared powers of a block stay in the processor's cache, and memory stays bounded."""
+
+class NotFinite(DataError, ValueError):
+    """A term without a finite value on a row of the data: `term` is its text, `row` the 0-based row."""
+
+    def __init__(self, term: str, row: int, inputs: str) -> None:
+        super().__init__(
+            f"the term `{term}` is not finite in row {row} ({inputs})",
+            "leave the term out of the dictionary, or keep only samples on which it is defined",
+        )
+        self.term = term
+        self.row = row
+
+
+BLOCK = 8192  # rows at a time in a dictionary: shared powers of a block stay in the processor's cache, and memory stays bounded
 
 
 def evaluate(expression: Expression, columns: Columns, n: int | None = None) -> Array:
@@ -28,11 +39,14 @@ def evaluate(expression: Expression, columns: Columns, n: int | None = None) -> 
     Values that are not finite (a logarithm of a negative number, a division by zero) are left in, without a warning.
     Raises `DataError` where a column is absent or of another length.
     """
-    rows = _length(columns) if n is None else n
-    values = _needed(expression.names, columns, rows)
+    if n is None:
+        n = next((len(column) for column in columns.values() if np.ndim(column)), None)
+        if n is None:
+            raise DataError("the number of rows is unknown: there is no column of samples")
+    values = _needed((expression,), columns, n)
     with np.errstate(all="ignore"):
-        (value,) = compiled((expression,)).values(values)
-        return np.array(np.broadcast_to(value, (rows,)), dtype=float)
+        (value,) = compiled((expression,))(values)
+        return np.array(np.broadcast_to(value, (n,)), dtype=float)
 
 
 def dictionary_matrix(terms: Sequence[Expression], columns: Columns, n: int) -> Array:
@@ -49,16 +63,20 @@ def dictionary_matrix(terms: Sequence[Expression], columns: Columns, n: int) -> 
 
 def dictionary_blocks(terms: Sequence[Expression], columns: Columns, n: int) -> Iterator[tuple[slice, Array]]:
     """Yield the rows of `dictionary_matrix` in blocks, `(b, M)`, with where they stand; the whole is never there. Raises as it does."""
-    values = _needed(frozenset[str]().union(*(term.names for term in terms)), columns, n)
+    values = _needed(terms, columns, n)
     program = compiled(tuple(terms))
     for start in range(0, n, BLOCK):
         rows = slice(start, min(start + BLOCK, n))
         block = np.empty((rows.stop - start, len(terms)), order="F")
         held = {name: value[rows] if value.ndim else value for name, value in values.items()}
         with np.errstate(all="ignore"):
-            for column, value in zip(block.T, program.values(held), strict=True):
+            for column, value in zip(block.T, program(held), strict=True):
                 column[:] = value
-        _refuse_not_finite(block, terms, values, start)
+        for term, column in zip(terms, block.T, strict=True):
+            if not np.isfinite(column).all():
+                row = start + int(np.argmin(np.isfinite(column)))
+                inputs = {name: values[name][row] if values[name].ndim else values[name] for name in sorted(term.names)}
+                raise NotFinite(to_text(term), row, ", ".join(f"{name} = {value:.6g}" for name, value in inputs.items()))
         yield rows, block
 
 
@@ -68,81 +86,47 @@ def stacked_matrices(terms: Sequence[Expression], columns: Columns, parameters: 
     `columns` are `(n,)` each, `parameters` `(s,)` each. Raises `DataError` where a column is absent or of another length.
     """
     (sets,) = {len(values) for values in parameters.values()}
-    names = frozenset[str]().union(*(term.names for term in terms))
-    values = _needed(names - parameters.keys(), columns, n) | {name: parameters[name][:, None] for name in names & parameters.keys()}
+    of_set = {name: values[:, None] for name, values in parameters.items()}
+    values = _needed(terms, columns, n, of_set)
     stack = np.empty((sets, n, len(terms)))
     with np.errstate(all="ignore"):
-        for place, value in enumerate(compiled(tuple(terms)).values(values)):
+        for place, value in enumerate(compiled(tuple(terms))(values)):
             stack[:, :, place] = value
     return stack
 
 
-def constant_value(expression: Expression) -> float:
-    """Value of an expression without names; NaN or infinite where it has none."""
-    if isinstance(expression, Number):
-        return expression.value
-    with np.errstate(all="ignore"):
-        (value,) = compiled((expression,)).values({})
-        return float(value)
-
-
-def _length(columns: Columns) -> int:
-    lengths = [len(column) for column in columns.values() if np.ndim(column)]
-    if not lengths:
-        raise DataError("the number of rows is unknown: there is no column of samples")
-    return lengths[0]
-
-
-def _needed(names: frozenset[str], columns: Columns, n: int) -> dict[str, Array]:
-    missing = sorted(names - columns.keys())
-    if missing:
-        raise DataError(f"there is no column `{missing[0]}`", f"there are: {', '.join(columns) or 'none'}")
-    needed = {name: np.asarray(columns[name], dtype=float) for name in sorted(names)}
-    for name, column in needed.items():
-        if column.shape not in ((n,), ()):
-            raise DataError(f"the column `{name}` has the shape {column.shape}, expected ({n},)")
+def _needed(terms: Sequence[Expression], columns: Columns, n: int, known: Columns = MappingProxyType({})) -> dict[str, Array]:
+    """Return what the terms are evaluated on: columns of n rows, and what is `known` in other shapes."""
+    needed = dict(known)
+    for name in sorted(frozenset[str]().union(*(term.names for term in terms)) - known.keys()):
+        if name not in columns:
+            raise DataError(f"there is no column `{name}`", f"there are: {', '.join(columns) or 'none'}")
+        needed[name] = np.asarray(columns[name], dtype=float)
+        if needed[name].shape not in ((n,), ()):
+            raise DataError(f"the column `{name}` has the shape {needed[name].shape}, expected ({n},)")
     return needed
 
 
-def _refuse_not_finite(block: Array, terms: Sequence[Expression], columns: Columns, start: int) -> None:
-    for term, column in zip(terms, block.T, strict=True):
-        if not np.isfinite(column).all():
-            row = start + int(np.argmin(np.isfinite(column)))
-            inputs = ", ".join(
-                f"{name} = {columns[name] if columns[name].ndim == 0 else columns[name][row]:.6g}" for name in sorted(term.names)
-            )
-            raise NotFinite(to_text(term), row, inputs)
-
-
-Shared = list[Value | None]
-"""What was computed so far of the parts that may occur again."""
-
-Part = Callable[[Mapping[str, Value], Shared], Value]
-"""A node with everything below it, as a function of columns."""
-
+Shared = list[Value | None]  # what was computed so far of the parts that may occur again
+Part = Callable[[Mapping[str, Value], Shared], Value]  # a node with everything below it, as a function of columns
 Known = dict[Expression, Part]
 
 
-@dataclass(frozen=True)
-class Compiled:
-    """Several expressions, to be evaluated together; `slots` is the number of powers and function values in them."""
+@lru_cache(maxsize=4096)
+def compiled(expressions: tuple[Expression, ...]) -> Callable[[Mapping[str, Value]], Iterator[Value]]:
+    """Return what yields the values of `expressions` in order; powers and function values that several share are computed once.
 
-    parts: tuple[Part, ...]
-    slots: int
+    An array may be a column itself, or shared with a later value: do not change it.
+    """
+    known: Known = {}
+    parts = [part_of(expression, known) for expression in expressions]
 
-    def values(self, columns: Mapping[str, Value]) -> Iterator[Value]:
-        """Yield the expressions' values in order; an array may be a column itself, or shared with a later value: do not change it."""
-        shared: Shared = [None] * self.slots
-        for part in self.parts:
+    def values(columns: Mapping[str, Value]) -> Iterator[Value]:
+        shared: Shared = [None] * len(known)
+        for part in parts:
             yield part(columns, shared)
 
-
-@lru_cache(maxsize=4096)
-def compiled(expressions: tuple[Expression, ...]) -> Compiled:
-    """Return the program that evaluates `expressions`; powers and function values that several share are computed once."""
-    known: Known = {}
-    parts = tuple(part_of(expression, known) for expression in expressions)
-    return Compiled(parts, len(known))
+    return values
 
 
 def part_of(expression: Expression, known: Known) -> Part:
@@ -176,7 +160,12 @@ def _sum(terms: Sequence[Part]) -> Part:
 
 def _product(factors: Sequence[Expression], known: Known) -> Part:
     first = part_of(factors[0], known)
-    others = [(_divides(factor), _divisor(factor, known) if _divides(factor) else part_of(factor, known)) for factor in factors[1:]]
+    others: list[tuple[bool, Part]] = []
+    for factor in factors[1:]:
+        if isinstance(factor, Power) and factor.exponent < 0:
+            others.append((True, _power(factor.base, -factor.exponent, known)))
+        else:
+            others.append((False, part_of(factor, known)))
 
     def total(columns: Mapping[str, Value], shared: Shared) -> Value:
         value = first(columns, shared)
@@ -185,15 +174,6 @@ def _product(factors: Sequence[Expression], known: Known) -> Part:
         return value
 
     return total
-
-
-def _divides(factor: Expression) -> bool:
-    return isinstance(factor, Power) and factor.exponent < 0
-
-
-def _divisor(factor: Expression, known: Known) -> Part:
-    assert isinstance(factor, Power)
-    return _power(factor.base, -factor.exponent, known)
 
 
 def _once(expression: Power | Call, known: Known) -> Part:

@@ -1,4 +1,4 @@
-"""Families of candidate terms: monomials, states with memory and their products; and how much memory a dictionary needs."""
+"""Families of candidate terms: states with memory, and products of states and quantities; and how much memory a dictionary needs."""
 
 from __future__ import annotations
 
@@ -11,38 +11,13 @@ from itertools import combinations_with_replacement
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.expressions.operators import families
 from mapmore_cli.modelling.expressions.parsing import parse
-from mapmore_cli.modelling.expressions.states import Operated, lagged, state
-from mapmore_cli.modelling.expressions.syntax import MAX_EXPONENT, Expression, Name, multiply, power
-
-
-def monomials(of: Sequence[str], order: int, constant: bool = True) -> tuple[Expression, ...]:
-    """Every monomial of the quantities `of` of total degree up to `order`, `binomial(len(of) + order, order)` with the constant.
-
-    The constant comes first, then degree by degree; within a degree, powers of quantities earlier in `of` come first.
-    The factors of a monomial are in alphabetical order, so that its text does not depend on `of`.
-    Raises `ValueError` for an order outside of 0..20 and for a quantity named twice, `ExpressionError` for an impossible name.
-
-    Examples
-    --------
-    >>> from mapmore_cli.modelling.expressions import to_text
-    >>> [to_text(term) for term in monomials(["strain", "pressure"], 2)]
-    ['1', 'strain', 'pressure', 'strain^2', 'pressure*strain', 'pressure^2']
-    """
-    if not 0 <= order <= MAX_EXPONENT:
-        raise ValueError(f"the order of a polynomial must lie in 0..{MAX_EXPONENT}, not {order}")
-    if len(set(of)) < len(of):
-        raise ValueError(f"a quantity is named twice among {', '.join(of)}")
-    degrees = range(0 if constant else 1, order + 1)
-    return tuple(_monomial(names) for degree in degrees for names in combinations_with_replacement(of, degree))
-
-
-def _monomial(names: Sequence[str]) -> Expression:
-    return multiply(*(power(Name(name), count) for name, count in sorted(Counter(names).items())))
+from mapmore_cli.modelling.expressions.states import Lagged, Operated, state
+from mapmore_cli.modelling.expressions.syntax import MAX_EXPONENT, Expression, multiply, power
 
 
 def lags(of: Sequence[str], steps: Sequence[int]) -> tuple[str, ...]:
     """Every state `of` so many samples ago, step by step: `force[k-1]`; the state itself for no step."""
-    return tuple(lagged(state(name), step).name for step in steps for name in of)
+    return tuple((Lagged(state(name), step) if step else state(name)).name for step in steps for name in of)
 
 
 def delays(of: Sequence[str], times: Sequence[float], step: float) -> tuple[str, ...]:
@@ -61,14 +36,17 @@ def operated(family: str, of: Sequence[str], numbers: Sequence[float | tuple[flo
 
 
 def products(of: Sequence[str], order: int, partners: Sequence[str] | None = None, constant: bool = True) -> tuple[Expression, ...]:
-    """Every product of states (or other terms) `of` of total degree up to `order`, as `terms.monomials`; or only those with few partners.
+    """Every product of quantities, states or other terms `of`, of total degree up to `order`; the constant first, then degree by degree.
 
-    With `partners`, a product holds powers of at most one state besides those of `partners`: for order 2 and one partner p these are all
-    states, all squares and p times every state.
+    Within a degree, powers of what is earlier in `of` come first. The factors of a product are in alphabetical order, so that its text does
+    not depend on `of`. With `partners`, a product holds powers of at most one state besides those of `partners`: for order 2 and one
+    partner p these are all states, all squares and p times every state.
 
     Examples
     --------
     >>> from mapmore_cli.modelling.expressions import to_text
+    >>> [to_text(term) for term in products(["strain", "pressure"], 2)]
+    ['1', 'strain', 'pressure', 'strain^2', 'pressure*strain', 'pressure^2']
     >>> [to_text(term) for term in products(["p", "play(p, 0.1)", "p[k-1]"], 2, partners=["p"], constant=False)]
     ['p', 'play(p, 0.1)', 'p[k-1]', 'p^2', 'p*play(p, 0.1)', 'p*p[k-1]', 'play(p, 0.1)^2', 'p[k-1]^2']
 
@@ -76,9 +54,9 @@ def products(of: Sequence[str], order: int, partners: Sequence[str] | None = Non
     would be more of them than memory allows, before any is built.
     """
     if not 0 <= order <= MAX_EXPONENT:
-        raise ValueError(f"the order of products must lie in 0..{MAX_EXPONENT}, not {order}")
+        raise ValueError(f"the order must lie in 0..{MAX_EXPONENT}, not {order}")
     if len(set(of)) < len(of):
-        raise ValueError(f"a state is named twice among {', '.join(of)}")
+        raise ValueError(f"a name stands twice among {', '.join(of)}")
     free = set(of) if partners is None else set(partners)
     if not free <= set(of):
         raise ValueError(f"the partner {min(free - set(of))} is none of the states")
@@ -96,24 +74,13 @@ def count_products(states: int, order: int, partners: int) -> int:
     return math.comb(states + order, order) if partners == states else of_partners + (states - partners) * with_another
 
 
-WORD = 8
-"""Bytes of a number."""
-
-SHARE = 0.5
-"""Of the installed memory, what one fit may take: other programs need some as well."""
-
-ASSUMED = 4_000_000_000
-"""Bytes of memory where the system does not say."""
-
-
-def dictionary_bytes(samples: int, candidates: int) -> int:
-    """Bytes of a whole dictionary, (n, M)."""
-    return WORD * samples * candidates
+SHARE = 0.5  # of the installed memory, what one fit may take: other programs need some as well
+ASSUMED = 4_000_000_000  # bytes of memory where the system does not say
 
 
 def products_bytes(candidates: int) -> int:
     """Bytes of what selection needs of a dictionary that is built block by block: three matrices (M+1, M+1)."""
-    return 3 * WORD * (candidates + 1) ** 2
+    return 3 * 8 * (candidates + 1) ** 2
 
 
 def usable_memory() -> int:
@@ -127,18 +94,15 @@ def usable_memory() -> int:
 
 def fits_whole(samples: int, candidates: int) -> bool:
     """Whether the whole dictionary may be in memory at once; else it is built block by block."""
-    return dictionary_bytes(samples, candidates) <= usable_memory()
+    return 8 * samples * candidates <= usable_memory()
 
 
 def refuse_beyond_memory(candidates: int) -> None:
     """Raise DataError where so many candidates are too many even block by block, saying what they would need and what there is."""
     needed, room = products_bytes(candidates), usable_memory()
     if needed > room:
+        sizes = [f"{size / 1e9:.3g} GB" if size >= 1e8 else f"{size / 1e6:.3g} MB" for size in (needed, room)]
         raise DataError(
-            f"a dictionary of {candidates} candidates needs {_size(needed)} of memory for their products alone; {_size(room)} may be used",
+            f"a dictionary of {candidates} candidates needs {sizes[0]} of memory for their products alone; {sizes[1]} may be used",
             "lower the order of the products, use fewer states, or restrict the products by `with`",
         )
-
-
-def _size(count: float) -> str:
-    return f"{count / 1e9:.3g} GB" if count >= 1e8 else f"{count / 1e6:.3g} MB"

@@ -1,4 +1,4 @@
-"""Declare operators with memory, the form of a file in `operators/`, and run them along a piece of a recording.
+"""Functions of one argument, which expressions and recursions may call; and operators with memory: the form of a file in `operators/`.
 
 An operator turns a state x into a new one by a causal rule that is the same at all times. Its file says how it is written, its
 recursion, how it is printed, and what a spec may set of it. Nothing else knows of it.
@@ -7,15 +7,41 @@ recursion, how it is printed, and what a spec may set of it. Nothing else knows 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from operator import mul
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.modelling.expressions.functions import FUNCTIONS
+
+
+class Function(NamedTuple):
+    """A function of one argument: how NumPy computes it, its derivative by x as text, and its LaTeX with `#` for the argument."""
+
+    compute: np.ufunc
+    slope: str
+    latex: str
+
+
+FUNCTIONS: Mapping[str, Function] = {
+    "exp": Function(np.exp, "exp(x)", r"\exp\left(#\right)"),
+    "log": Function(np.log, "1/x", r"\ln\left(#\right)"),
+    "sqrt": Function(np.sqrt, "0.5/sqrt(x)", r"\sqrt{#}"),
+    "abs": Function(np.abs, "sign(x)", r"\left|#\right|"),
+    "sign": Function(np.sign, "0", r"\operatorname{sign}\left(#\right)"),  # zero at the kink, too
+    "sin": Function(np.sin, "cos(x)", r"\sin\left(#\right)"),
+    "cos": Function(np.cos, "-sin(x)", r"\cos\left(#\right)"),
+    "tan": Function(np.tan, "cos(x)^-2", r"\tan\left(#\right)"),
+    "atan": Function(np.arctan, "1/(1 + x^2)", r"\arctan\left(#\right)"),
+    "sinh": Function(np.sinh, "cosh(x)", r"\sinh\left(#\right)"),
+    "cosh": Function(np.cosh, "sinh(x)", r"\cosh\left(#\right)"),
+    "tanh": Function(np.tanh, "cosh(x)^-2", r"\tanh\left(#\right)"),
+    "expm1": Function(np.expm1, "exp(x)", r"\left(\exp\left(#\right) - 1\right)"),
+    "log1p": Function(np.log1p, "1/(1 + x)", r"\ln\left(1 + #\right)"),
+}
+"""A further function is a further line."""
 
 
 @dataclass(frozen=True)
@@ -57,20 +83,40 @@ class Setting:
         return self.numbers[0] * (high - low)
 
 
-class Arithmetic(Protocol):
-    """What a recursion computes with beside `+ - * / **` and comparisons: floats, columns, or the statements of a program.
+class Arithmetic:
+    """What a recursion computes with beside `+ - * / **` and comparisons: here whole columns, elsewhere floats or statements of a program.
 
-    `then` and `otherwise` are values, or functions without arguments that compute one; floats call only the one that counts.
+    `then` and `otherwise` are values, or functions without arguments that compute one; for columns both are computed.
     """
 
     def where(self, condition: Any, then: Any, otherwise: Any) -> Any:
         """Return `then` where the condition holds, else `otherwise`."""
+        return np.where(condition, *(side() if callable(side) else side for side in (then, otherwise)))
 
     def clip(self, x: Any, low: Any, high: Any) -> Any:
         """Return x, held at low and high."""
+        return np.clip(x, low, high)
 
     def call(self, function: str, x: Any) -> Any:
         """Return one of `FUNCTIONS` of x."""
+        return FUNCTIONS[function].compute(x)
+
+
+class _Floats(Arithmetic):
+    """One number at a time; of a branch only the side that counts is computed."""
+
+    def where(self, condition: Any, then: Any, otherwise: Any) -> Any:
+        chosen = then if condition else otherwise
+        return chosen() if callable(chosen) else chosen
+
+    def clip(self, x: Any, low: Any, high: Any) -> Any:
+        return low if low is not None and x < low else high if high is not None and x > high else x
+
+    def call(self, function: str, x: Any) -> Any:
+        return float(FUNCTIONS[function].compute(x))
+
+
+COLUMNS, FLOATS = Arithmetic(), _Floats()
 
 
 @dataclass(frozen=True)
@@ -146,44 +192,13 @@ class Operator:
 # Run along a piece of a recording -------------------------------------------------------------------------------------------------
 
 
-class _Floats:
-    """One number at a time; of a branch only the side that counts is computed."""
-
-    def where(self, condition: Any, then: Any, otherwise: Any) -> Any:
-        chosen = then if condition else otherwise
-        return chosen() if callable(chosen) else chosen
-
-    def clip(self, x: Any, low: Any, high: Any) -> Any:
-        return low if low is not None and x < low else high if high is not None and x > high else x
-
-    def call(self, function: str, x: Any) -> Any:
-        return float(FUNCTIONS[function].compute(x))
-
-
-class _Columns:
-    """Whole columns; both sides of a branch are computed."""
-
-    def where(self, condition: Any, then: Any, otherwise: Any) -> Any:
-        return np.where(condition, *(side() if callable(side) else side for side in (then, otherwise)))
-
-    def clip(self, x: Any, low: Any, high: Any) -> Any:
-        return np.clip(x, low, high)
-
-    def call(self, function: str, x: Any) -> Any:
-        return FUNCTIONS[function].compute(x)
-
-
-FLOATS: Arithmetic = _Floats()
-COLUMNS: Arithmetic = _Columns()
-
-
 def along(operator: Operator, x: Array, setting: Setting) -> Array:
     """Return the state along one uninterrupted piece, (n,); NaN where the source x is NaN at the beginning, at rest then."""
-    begin = _beginning(x)
     values = np.full(len(x), np.nan)
-    if begin < len(x):
-        known = x[begin:]
-        values[begin:] = operator.along(known, setting) if operator.along else followed(operator.recursion(setting), known)
+    known = ~np.isnan(x)
+    if known.any():
+        begin = int(np.argmax(known))
+        values[begin:] = operator.along(x[begin:], setting) if operator.along else followed(operator.recursion(setting), x[begin:])
     return values
 
 
@@ -192,31 +207,19 @@ def followed(rule: Recursion, x: Array) -> Array:
 
     A linear one is a filter, one without memory is computed for all samples at once, any other sample by sample.
     """
-    rest = float(rule.rest(float(x[0])))
     if rule.own == 0:
         delayed = [np.concatenate([np.full(min(lag, len(x)), x[0]), x[: len(x) - lag]]) for lag in range(rule.source + 1)]
         return np.asarray(rule.next(COLUMNS, *delayed))
+    rest = float(rule.rest(float(x[0])))
     if rule.weights is not None:
-        return np.concatenate([[rest], _filtered(rule, x, rest)])
+        from scipy.signal import lfilter, lfiltic
+
+        a, b = [1.0, *(-weight for weight in rule.weights[: rule.own])], rule.weights[rule.own :]
+        start = lfiltic(b, a, [rest] * rule.own, [x[0]] * rule.source)
+        return np.concatenate([[rest], lfilter(b, a, x[1:], zi=start)[0]])
     own, past, values = [rest] * rule.own, [float(x[0])] * rule.source, [rest]
     for now in x[1:].tolist():
         value = rule.next(FLOATS, *own, now, *past)
         values.append(value)
         own, past = [value, *own[:-1]], [now, *past][: rule.source]
     return np.array(values)
-
-
-def _filtered(rule: Recursion, x: Array, rest: float) -> Array:
-    """Return the samples after the first."""
-    from scipy.signal import lfilter, lfiltic
-
-    assert rule.weights is not None
-    a, b = [1.0, *(-weight for weight in rule.weights[: rule.own])], rule.weights[rule.own :]
-    start = lfiltic(b, a, [rest] * rule.own, [x[0]] * rule.source)
-    return np.asarray(lfilter(b, a, x[1:], zi=start)[0])
-
-
-def _beginning(x: Array) -> int:
-    """Return the index of the first sample that is not empty; the length where there is none."""
-    known = ~np.isnan(x)
-    return int(np.argmax(known)) if known.any() else len(x)

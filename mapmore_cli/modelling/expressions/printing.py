@@ -4,93 +4,120 @@ from __future__ import annotations
 
 import re
 
-from mapmore_cli.modelling.expressions.functions import FUNCTIONS
+from mapmore_cli.modelling.expressions.operator import FUNCTIONS
 from mapmore_cli.modelling.expressions.operators import OPERATORS
-from mapmore_cli.modelling.expressions.states import Lagged, Measured, State, state
+from mapmore_cli.modelling.expressions.states import Lagged, Measured, State, number_text, state
 from mapmore_cli.modelling.expressions.syntax import ONE, Call, Expression, Name, Number, Power, Product, Sum, negate, power
 
-_SUM, _PRODUCT, _POWER, _ATOM = range(4)
-"""How tightly a text binds; an operand that binds less than its place needs is put in brackets."""
+_SUM, _PRODUCT, _POWER, _ATOM = range(4)  # how tightly a text binds; an operand that binds less than its place needs is put in brackets
 
 _Bound = tuple[str, int]
 
 
 def to_text(expression: Expression, digits: int | None = None) -> str:
     """Canonical text: `parse(to_text(e)) == e` where `digits` is left out; else numbers are rounded to so many digits."""
-    return _text(expression, digits)[0]
+    return _Text(digits).printed(expression)[0]
 
 
 def to_latex(expression: Expression, digits: int | None = None) -> str:
     r"""LaTeX for mathematics mode: names upright, parameters such as `a1` in italics with an index, quotients as `\frac`."""
-    return _latex(expression, digits)[0]
+    return _Latex(digits).printed(expression)[0]
 
 
-def _text(expression: Expression, digits: int | None) -> _Bound:
-    match expression:
-        case Number(value):
-            return _digits(value, digits), _ATOM if value >= 0 else _PRODUCT
-        case Name(name):
-            return name, _ATOM
-        case Sum(terms):
-            return _signed_sum([(_enclosed(_text(size, digits), _PRODUCT), minus) for size, minus in map(_sign, terms)]), _SUM
-        case Call(function, argument):
-            return f"{function}({_text(argument, digits)[0]})", _ATOM
-        case Power(base, exponent) if exponent > 0:
-            return f"{_enclosed(_text(base, digits), _ATOM)}^{_digits(exponent, None if exponent.is_integer() else digits)}", _POWER
-        case Power() | Product():
-            return _product_text(expression, digits), _PRODUCT
-    raise TypeError(f"not an expression: {expression!r}")
+class _Text:
+    """How expressions look as text; numbers have so many significant digits, None for all that they need."""
+
+    brackets = "({})"
+
+    def __init__(self, digits: int | None) -> None:
+        self.digits = digits
+
+    def printed(self, expression: Expression) -> _Bound:
+        match expression:
+            case Number(value):
+                return self.number(value)
+            case Name(name):
+                return self.name(name)
+            case Sum(terms):
+                return self.sum(terms), _SUM
+            case Call(function, argument):
+                return self.call(function, self.printed(argument)[0])
+            case Power(base, exponent) if exponent > 0:
+                return self.power(self.operand(base, _ATOM), exponent), _POWER
+            case Power() | Product():
+                return self.product(expression), _PRODUCT
+        raise TypeError(f"not an expression: {expression!r}")
+
+    def operand(self, expression: Expression, needed: int) -> str:
+        """Return the text of an operand, in brackets where its place needs them."""
+        text, bound = self.printed(expression)
+        return text if bound >= needed else self.brackets.format(text)
+
+    def digits_of(self, value: float) -> str:
+        return number_text(value) if self.digits is None else f"{value:.{self.digits}g}".removesuffix(".0")
+
+    def sum(self, terms: tuple[Expression, ...]) -> str:
+        (first, minus), *rest = [(self.operand(size, _PRODUCT), minus) for size, minus in map(_sign, terms)]
+        return "-" * minus + first + "".join((" - " if minus else " + ") + text for text, minus in rest)
+
+    def number(self, value: float) -> _Bound:
+        return self.digits_of(value), _ATOM if value >= 0 else _PRODUCT
+
+    def name(self, name: str) -> _Bound:
+        return name, _ATOM
+
+    def call(self, function: str, argument: str) -> _Bound:
+        return f"{function}({argument})", _ATOM
+
+    def power(self, base: str, exponent: float) -> str:
+        return f"{base}^{number_text(exponent) if exponent.is_integer() else self.digits_of(exponent)}"
+
+    def product(self, expression: Expression) -> str:
+        factors, minus = _factors(expression)
+        text = ""
+        for factor in factors:
+            below = _inverse(factor)
+            if below is not None:
+                text = (text or "1") + "/" + self.operand(below, _POWER)
+            else:
+                text += "*" * bool(text) + self.operand(factor, _POWER)
+        return "-" * minus + text
 
 
-def _product_text(expression: Expression, digits: int | None) -> str:
-    size, minus = _sign(expression)
-    factors = size.factors if isinstance(size, Product) else (size,)
-    text = ""
-    for factor in factors:
-        below = _inverse(factor)
-        if below is not None:
-            text = (text or "1") + "/" + _enclosed(_text(below, digits), _POWER)
-        else:
-            text += ("*" if text else "") + _enclosed(_text(factor, digits), _POWER)
-    return "-" * minus + text
+class _Latex(_Text):
+    """How expressions look as LaTeX."""
 
+    brackets = r"\left({}\right)"
 
-def _latex(expression: Expression, digits: int | None) -> _Bound:
-    match expression:
-        case Number(value):
-            text = _latex_number(value, digits)
-            return text, _PRODUCT if value < 0 or "times" in text else _ATOM
-        case Name(name):
-            return _state_latex(state(name))
-        case Sum(terms):
-            return _signed_sum([(_bracketed(_latex(size, digits), _PRODUCT), minus) for size, minus in map(_sign, terms)]), _SUM
-        case Call(function, argument):
-            return FUNCTIONS[function].latex.replace("#", _latex(argument, digits)[0]), _POWER
-        case Power(base, exponent) if exponent > 0:
-            return f"{_bracketed(_latex(base, digits), _ATOM)}^{{{_latex_number(exponent, digits)}}}", _POWER
-        case Power() | Product():
-            return _quotient_latex(expression, digits), _PRODUCT
-    raise TypeError(f"not an expression: {expression!r}")
+    def number(self, value: float) -> _Bound:
+        mantissa, _, exponent = self.digits_of(value).partition("e")
+        text = rf"{mantissa} \times 10^{{{int(exponent)}}}" if exponent else mantissa
+        return text, _PRODUCT if value < 0 or exponent else _ATOM
 
+    def name(self, name: str) -> _Bound:
+        return _state_latex(state(name))
 
-def _quotient_latex(expression: Expression, digits: int | None) -> str:
-    size, minus = _sign(expression)
-    factors = size.factors if isinstance(size, Product) else (size,)
-    below = [inverse for factor in factors if (inverse := _inverse(factor)) is not None]
-    above = [factor for factor in factors if _inverse(factor) is None] or [ONE]
-    if not below:
-        return "-" * minus + _factors_latex(above, digits)
-    numerator, denominator = (_latex(f[0], digits)[0] if len(f) == 1 else _factors_latex(f, digits) for f in (above, below))
-    return "-" * minus + rf"\frac{{{numerator}}}{{{denominator}}}"
+    def call(self, function: str, argument: str) -> _Bound:
+        return FUNCTIONS[function].latex.replace("#", argument), _POWER
 
+    def power(self, base: str, exponent: float) -> str:
+        return f"{base}^{{{self.number(exponent)[0]}}}"
 
-def _factors_latex(factors: list[Expression], digits: int | None) -> str:
-    text = ""
-    for factor in factors:
-        needed = _PRODUCT if isinstance(factor, Number) and not text else _POWER
-        latex = _bracketed(_latex(factor, digits), needed)
-        text += (r" \cdot " if latex[0].isdigit() else r" \, ") * bool(text) + latex
-    return text
+    def product(self, expression: Expression) -> str:
+        factors, minus = _factors(expression)
+        below = [inverse for factor in factors if (inverse := _inverse(factor)) is not None]
+        above = [factor for factor in factors if _inverse(factor) is None] or [ONE]
+        if not below:
+            return "-" * minus + self._side_by_side(above)
+        numerator, denominator = (self.printed(f[0])[0] if len(f) == 1 else self._side_by_side(f) for f in (above, below))
+        return "-" * minus + rf"\frac{{{numerator}}}{{{denominator}}}"
+
+    def _side_by_side(self, factors: list[Expression]) -> str:
+        text = ""
+        for factor in factors:
+            latex = self.operand(factor, _PRODUCT if isinstance(factor, Number) and not text else _POWER)
+            text += (r" \cdot " if latex[0].isdigit() else r" \, ") * bool(text) + latex
+        return text
 
 
 def _sign(expression: Expression) -> tuple[Expression, bool]:
@@ -100,48 +127,26 @@ def _sign(expression: Expression) -> tuple[Expression, bool]:
     return (negate(expression) if minus else expression), minus
 
 
+def _factors(expression: Expression) -> tuple[tuple[Expression, ...], bool]:
+    """Return the factors without the leading minus, and whether there was one."""
+    size, minus = _sign(expression)
+    return (size.factors if isinstance(size, Product) else (size,)), minus
+
+
 def _inverse(factor: Expression) -> Expression | None:
     """Return what `factor` divides by; None where it multiplies."""
     return power(factor.base, -factor.exponent) if isinstance(factor, Power) and factor.exponent < 0 else None
-
-
-def _signed_sum(terms: list[tuple[str, bool]]) -> str:
-    (first, minus), *rest = terms
-    return "-" * minus + first + "".join((" - " if minus else " + ") + text for text, minus in rest)
-
-
-def _enclosed(text: _Bound, needed: int) -> str:
-    return text[0] if text[1] >= needed else f"({text[0]})"
-
-
-def _bracketed(latex: _Bound, needed: int) -> str:
-    return latex[0] if latex[1] >= needed else rf"\left({latex[0]}\right)"
-
-
-def _digits(value: float, digits: int | None) -> str:
-    text = repr(value) if digits is None else f"{value:.{digits}g}"
-    return text.removesuffix(".0")
-
-
-def _latex_number(value: float, digits: int | None) -> str:
-    mantissa, _, exponent = _digits(value, digits).partition("e")
-    return rf"{mantissa} \times 10^{{{int(exponent)}}}" if exponent else mantissa
 
 
 def _state_latex(found: State) -> _Bound:
     """Return the numbers of an operator as an index."""
     match found:
         case Measured(name):
-            return _latex_name(name), _ATOM
+            indexed = re.fullmatch(r"([A-Za-z])([0-9]*)", name)
+            if indexed is None:
+                return rf"\mathrm{{{name.replace('_', chr(92) + '_')}}}", _ATOM
+            return indexed[1] + f"_{{{indexed[2]}}}" * bool(indexed[2]), _ATOM
         case Lagged(source, steps):
             return f"{_state_latex(source)[0]}[k-{steps}]", _ATOM
     index = ", ".join(f"{number:g}" for number in found.numbers)
     return OPERATORS[found.operator].latex + f"_{{{index}}}" * bool(index) + rf"\left({_state_latex(found.source)[0]}\right)", _POWER
-
-
-def _latex_name(name: str) -> str:
-    indexed = re.fullmatch(r"([A-Za-z])([0-9]*)", name)
-    if indexed is None:
-        upright = name.replace("_", r"\_")
-        return rf"\mathrm{{{upright}}}"
-    return indexed[1] + (f"_{{{indexed[2]}}}" if indexed[2] else "")

@@ -1,4 +1,4 @@
-"""States with memory as names: `force[k-1]`, `slow(play(pressure, 0.16), 0.3)`; how they are read and written.
+"""States with memory as names, `force[k-1]`, `slow(play(pressure, 0.16), 0.3)`; and the tokens that they and expressions are read from.
 
     state    = ( quantity | operator "(" state { "," number } ")" ) [ "[" "k" "-" steps "]" ]
 
@@ -10,33 +10,59 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
 
-from mapmore_cli.modelling.expressions.errors import ExpressionError
-from mapmore_cli.modelling.expressions.functions import FUNCTIONS
+from mapmore_cli.modelling.expressions.operator import FUNCTIONS
 from mapmore_cli.modelling.expressions.operators import OPERATORS
 
 MAX_NESTING = 8
 MAX_STEPS = 1_000_000
-_SPACE = re.compile(r"\s*", re.ASCII)
-_IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*", re.ASCII)
-_NUMBER = re.compile(r"-?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?", re.ASCII)
-_LAG = re.compile(r"\[\s*k\s*-\s*([0-9]{1,7})\s*\]", re.ASCII)
+IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+
+_TOKEN = re.compile(
+    r"\s*(?:(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)"
+    rf"|(?P<name>{IDENTIFIER.pattern})|(?P<mark>\*\*|[-+*/^()\[\],])|(?P<end>\Z)|(?P<other>.))",
+    re.ASCII | re.DOTALL,
+)
 
 
-@dataclass(frozen=True)
-class Measured:
-    """A quantity as it is now."""
+class ExpressionError(ValueError):
+    """Text that is no expression; `position` is the 0-based offset of the first character that does not fit."""
 
-    name: str
+    def __init__(self, message: str, position: int = 0) -> None:
+        super().__init__(message)
+        self.message = message
+        self.position = position
+
+
+class _State:
+    @property
+    def parts(self) -> tuple[State, ...]:
+        """The state and all that it is made of, the innermost first."""
+        assert isinstance(self, State)
+        return (self,) if isinstance(self, Measured) else (*self.source.parts, self)
 
     @property
     def quantity(self) -> str:
         """The measured quantity that the state is made of."""
-        return self.name
+        return self.parts[0].name
+
+    @property
+    def lag(self) -> int:
+        """Samples that it looks back at least, and so without a value at the beginning."""
+        return sum(part.steps for part in self.parts if isinstance(part, Lagged))
 
 
 @dataclass(frozen=True)
-class Lagged:
+class Measured(_State):
+    """A quantity as it is now."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class Lagged(_State):
     """`source` some samples ago."""
 
     source: State
@@ -47,14 +73,9 @@ class Lagged:
         """As `force[k-2]`."""
         return f"{self.source.name}[k-{self.steps}]"
 
-    @property
-    def quantity(self) -> str:
-        """The measured quantity that the state is made of."""
-        return self.source.quantity
-
 
 @dataclass(frozen=True)
-class Operated:
+class Operated(_State):
     """An operator of `OPERATORS` along the history of `source`."""
 
     operator: str
@@ -64,96 +85,102 @@ class Operated:
     @property
     def name(self) -> str:
         """As `play(pressure, 0.16)`."""
-        return f"{self.operator}({', '.join([self.source.name, *map(_number_text, self.numbers)])})"
-
-    @property
-    def quantity(self) -> str:
-        """The measured quantity that the state is made of."""
-        return self.source.quantity
+        return f"{self.operator}({', '.join([self.source.name, *map(number_text, self.numbers)])})"
 
 
 State = Measured | Lagged | Operated
 
 
-def lagged(source: State, steps: int) -> State:
-    """`source` so many samples ago; itself where that is none."""
-    return source if steps == 0 else Lagged(source, steps)
+def number_text(value: float) -> str:
+    """Return the shortest text of a number that reads as the same number."""
+    return repr(value).removesuffix(".0")
 
 
+class Token(NamedTuple):
+    """A word of an expression; `kind` is `number`, `name`, `end`, or the mark itself."""
+
+    kind: str
+    text: str
+    position: int
+
+
+class Tokens:
+    """The tokens of a text, read one after the other; `next` is the one to be read. Raises ExpressionError where none begins."""
+
+    def __init__(self, text: str) -> None:
+        self._rest = iter([_token(match) for match in _TOKEN.finditer(text)])
+        self.next = next(self._rest)
+
+    def take(self) -> Token:
+        """Return the next token, and go on."""
+        token = self.next
+        self.next = next(self._rest, token)
+        return token
+
+    def skip(self, kind: str) -> bool:
+        """Take the next token if it is of this kind; return whether it was."""
+        return self.next.kind == kind and bool(self.take())
+
+
+def _token(match: re.Match[str]) -> Token:
+    kind = str(match.lastgroup)
+    if kind == "other":
+        raise ExpressionError(f"unexpected character {match[kind]!r}", match.start(kind))
+    return Token(match[kind].replace("**", "^") if kind == "mark" else kind, match[kind], match.start(kind))
+
+
+@lru_cache(maxsize=4096)
 def state(text: str) -> State:
     """Return the state that `text` names. Raises ExpressionError where it names none."""
-    found, end = read_state(text, 0)
-    if _past_space(text, end) < len(text):
-        raise ExpressionError(f"{text!r} goes on after the name of a state", end)
+    tokens = Tokens(text)
+    found = read_state(tokens, tokens.take())
+    if tokens.next.kind != "end":
+        raise ExpressionError(f"{text!r} goes on after the name of a state", tokens.next.position)
     return found
 
 
-def opens_state(text: str, name: str, end: int) -> bool:
-    """Whether the identifier `name`, which ends at `end` of `text`, begins the name of a state with memory."""
-    mark = text[_past_space(text, end) :][:1]
-    return mark == "[" or (mark == "(" and name in OPERATORS)
+def opens_state(name: Token, mark: Token) -> bool:
+    """Whether the identifier `name`, with `mark` behind it, begins the name of a state with memory."""
+    return mark.kind == "[" or (mark.kind == "(" and name.text in OPERATORS)
 
 
-def read_state(text: str, start: int, depth: int = 0) -> tuple[State, int]:
-    """Return the state whose name begins at `start`, and where it ends.
-
-    Raises ExpressionError with the place of the first character that does not fit.
-    """
-    start = _past_space(text, start)
-    word = _IDENTIFIER.match(text, start)
-    if word is None or word[0] in FUNCTIONS:
-        raise ExpressionError("expected the name of a quantity or of an operator with memory", start)
+def read_state(tokens: Tokens, name: Token, depth: int = 0) -> State:
+    """Return the state that begins with the token `name` and goes on with `tokens`; raises ExpressionError at what does not fit."""
+    if name.kind != "name" or name.text in FUNCTIONS:
+        raise ExpressionError("expected the name of a quantity or of an operator with memory", name.position)
     if depth > MAX_NESTING:
-        raise ExpressionError(f"more than {MAX_NESTING} operators inside each other", start)
-    source, end = _operated(text, word[0], word.end(), depth)
-    at = _past_space(text, end)
-    if text[at : at + 1] != "[":
-        return source, end
-    lag = _LAG.match(text, at)
-    if lag is None or not 1 <= int(lag[1]) <= MAX_STEPS:
-        raise ExpressionError("a delay is written [k-1], [k-2], ...", at)
-    return Lagged(source, int(lag[1])), lag.end()
+        raise ExpressionError(f"more than {MAX_NESTING} operators inside each other", name.position)
+    source = _operated(tokens, name, depth) if tokens.skip("(") else Measured(name.text)
+    start = tokens.next.position
+    if not tokens.skip("["):
+        return source
+    k, minus, steps, end = (tokens.take().text for _ in range(4))
+    if (k, minus, end) != ("k", "-", "]") or not (steps.isdigit() and len(steps) < 8 and 1 <= int(steps) <= MAX_STEPS):
+        raise ExpressionError("a delay is written [k-1], [k-2], ...", start)
+    return Lagged(source, int(steps))
 
 
-def _operated(text: str, name: str, end: int, depth: int) -> tuple[State, int]:
-    """Return the quantity `name`, or the operator of that name with what stands in its bracket."""
-    opening = _past(text, end, "(")
-    if opening is None:
-        return Measured(name), end
-    if name not in OPERATORS:
-        raise ExpressionError(f"there is no operator with memory `{name[:40]}`; there are {', '.join(OPERATORS)}", end - len(name))
-    source, end = read_state(text, opening, depth + 1)
+def _operated(tokens: Tokens, name: Token, depth: int) -> Operated:
+    """Return the operator of that name with what stands in its bracket."""
+    operator = OPERATORS.get(name.text)
+    if operator is None:
+        raise ExpressionError(f"there is no operator with memory `{name.text[:40]}`; there are {', '.join(OPERATORS)}", name.position)
+    source = read_state(tokens, tokens.take(), depth + 1)
     numbers: list[float] = []
-    while (comma := _past(text, end, ",")) is not None:
-        digits = _NUMBER.match(text, comma)
-        if digits is None or not math.isfinite(float(digits[0])):
-            raise ExpressionError(f"expected a number for `{name}`", comma)
-        numbers.append(float(digits[0]))
-        end = digits.end()
-    closing = _past(text, end, ")")
-    if closing is None:
-        raise ExpressionError(f"expected `,` or `)` after what `{name}` works on", _past_space(text, end))
-    operator = OPERATORS[name]
+    while tokens.skip(","):
+        start, sign = tokens.next.position, -1.0 if tokens.skip("-") else 1.0
+        kind, digits, _ = tokens.take()
+        if kind != "number" or not math.isfinite(float(digits)):
+            raise ExpressionError(f"expected a number for `{name.text}`", start)
+        numbers.append(sign * float(digits))
+    closing = tokens.next.position
+    if not tokens.skip(")"):
+        raise ExpressionError(f"expected `,` or `)` after what `{name.text}` works on", closing)
     if len(numbers) not in operator.counts:
         wanted = " or ".join(map(str, operator.counts))
-        raise ExpressionError(f"`{name}` takes {wanted} number(s) after its source, not {len(numbers)}", closing - 1)
+        raise ExpressionError(f"`{name.text}` takes {wanted} number(s) after its source, not {len(numbers)}", closing)
     for number, parameter in zip(numbers, operator.parameters, strict=False):
         if not parameter.above < number < parameter.below:
             limits = f"lies between {parameter.above:g} and {parameter.below:g}"
-            raise ExpressionError(f"`{parameter.key}` of `{name}` {limits}, not {number:g}", closing - 1)
-    return Operated(name, source, tuple(numbers)), closing
-
-
-def _past(text: str, start: int, mark: str) -> int | None:
-    """Where text goes on after `mark`, which is next; None where something else is."""
-    at = _past_space(text, start)
-    return _past_space(text, at + 1) if text[at : at + 1] == mark else None
-
-
-def _past_space(text: str, start: int) -> int:
-    match = _SPACE.match(text, start)
-    return match.end() if match else start
-
-
-def _number_text(value: float) -> str:
-    return repr(value).removesuffix(".0")
+            raise ExpressionError(f"`{parameter.key}` of `{name.text}` {limits}, not {number:g}", closing)
+    return Operated(name.text, source, tuple(numbers))

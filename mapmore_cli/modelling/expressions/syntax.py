@@ -8,21 +8,20 @@ never changes a value that is finite without it, but for rounding.
 from __future__ import annotations
 
 import math
-import re
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, TypeVar, dataclass_transform
+from typing import Any, TypeVar, Union, dataclass_transform
 
-from mapmore_cli.modelling.expressions.errors import ExpressionError
-from mapmore_cli.modelling.expressions.functions import FUNCTIONS
-from mapmore_cli.modelling.expressions.states import state
+from mapmore_cli.modelling.expressions.operator import FUNCTIONS
+from mapmore_cli.modelling.expressions.states import IDENTIFIER, ExpressionError, state
 
 MAX_EXPONENT = 20
-IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
-
 
 Class = TypeVar("Class", bound=type)
+Operand = Union["Expression", float]  # what stands beside an expression in arithmetic
+Operation = Callable[[Any, Operand], "Expression"]
 
 
 @dataclass_transform(frozen_default=True)
@@ -41,6 +40,15 @@ def _node(cls: Class) -> Class:
     return cls  # which the decorator of dataclasses has changed in place
 
 
+def _both_ways(made: Callable[[Expression, Expression], Expression]) -> tuple[Operation, Operation]:
+    """Return an operation whose other operand, an expression or a number, stands on the right, and one where it stands on the left."""
+    return lambda left, right: made(left, expression(right)), lambda right, left: made(expression(left), right)
+
+
+def _compared(comparison: str) -> Callable[[Any, Operand], Condition]:
+    return lambda left, right: Condition(left, comparison, expression(right))
+
+
 @_node
 class Expression:
     """Base of the nodes; immutable, comparable and hashable."""
@@ -49,59 +57,31 @@ class Expression:
         """Without the hash, which is another one in another process."""
         return {name: value for name, value in self.__dict__.items() if name != "_hash"}
 
-    @property
-    def parts(self) -> tuple[Expression, ...]:
-        """The expressions that this one is made of."""
-        return ()
-
     @cached_property
     def names(self) -> frozenset[str]:
         """Every quantity that occurs."""
-        return frozenset[str]().union(*(part.names for part in self.parts))
+        match self:
+            case Name(name):
+                return frozenset({name})
+            case Sum(parts) | Product(parts):
+                return frozenset[str]().union(*(part.names for part in parts))
+            case Power(part) | Call(_, part):
+                return part.names
+        return frozenset()
 
     __array_ufunc__ = None  # a number of NumPy's leaves arithmetic with an expression to the expression
 
-    def __add__(self, other: Operand) -> Expression:
-        return add(self, expression(other))
-
-    def __radd__(self, other: Operand) -> Expression:
-        return add(expression(other), self)
-
-    def __sub__(self, other: Operand) -> Expression:
-        return add(self, negate(expression(other)))
-
-    def __rsub__(self, other: Operand) -> Expression:
-        return add(expression(other), negate(self))
-
-    def __mul__(self, other: Operand) -> Expression:
-        return multiply(self, expression(other))
-
-    def __rmul__(self, other: Operand) -> Expression:
-        return multiply(expression(other), self)
-
-    def __truediv__(self, other: Operand) -> Expression:
-        return multiply(self, power(expression(other), -1))
-
-    def __rtruediv__(self, other: Operand) -> Expression:
-        return multiply(expression(other), power(self, -1))
+    __add__, __radd__ = _both_ways(lambda left, right: add(left, right))
+    __sub__, __rsub__ = _both_ways(lambda left, right: add(left, negate(right)))
+    __mul__, __rmul__ = _both_ways(lambda left, right: multiply(left, right))
+    __truediv__, __rtruediv__ = _both_ways(lambda left, right: multiply(left, power(right, -1)))
+    __lt__, __le__, __gt__, __ge__ = _compared("<"), _compared("<="), _compared(">"), _compared(">=")
 
     def __pow__(self, exponent: float) -> Expression:
         return power(self, exponent)
 
     def __neg__(self) -> Expression:
         return negate(self)
-
-    def __lt__(self, other: Operand) -> Condition:
-        return Condition(self, "<", expression(other))
-
-    def __le__(self, other: Operand) -> Condition:
-        return Condition(self, "<=", expression(other))
-
-    def __gt__(self, other: Operand) -> Condition:
-        return Condition(self, ">", expression(other))
-
-    def __ge__(self, other: Operand) -> Condition:
-        return Condition(self, ">=", expression(other))
 
 
 @_node
@@ -129,11 +109,6 @@ class Name(Expression):
         elif self.name in FUNCTIONS:
             raise ExpressionError(f"`{self.name}` cannot name a quantity in an expression")
 
-    @cached_property
-    def names(self) -> frozenset[str]:
-        """The name itself."""
-        return frozenset({self.name})
-
 
 @_node
 class Sum(Expression):
@@ -141,22 +116,12 @@ class Sum(Expression):
 
     terms: tuple[Expression, ...]
 
-    @property
-    def parts(self) -> tuple[Expression, ...]:
-        """The terms."""
-        return self.terms
-
 
 @_node
 class Product(Expression):
     """Two or more factors; a factor with a negative exponent divides."""
 
     factors: tuple[Expression, ...]
-
-    @property
-    def parts(self) -> tuple[Expression, ...]:
-        """The factors."""
-        return self.factors
 
 
 @_node
@@ -170,11 +135,6 @@ class Power(Expression):
         if not abs(self.exponent) <= MAX_EXPONENT:
             raise ExpressionError(f"the exponent {self.exponent:g} is beyond {MAX_EXPONENT} in magnitude")
 
-    @property
-    def parts(self) -> tuple[Expression, ...]:
-        """The base."""
-        return (self.base,)
-
 
 @_node
 class Call(Expression):
@@ -182,11 +142,6 @@ class Call(Expression):
 
     function: str
     argument: Expression
-
-    @property
-    def parts(self) -> tuple[Expression, ...]:
-        """The argument."""
-        return (self.argument,)
 
 
 @dataclass(frozen=True)
@@ -200,9 +155,6 @@ class Condition:
     def __bool__(self) -> bool:
         raise TypeError("a condition of a program is neither true nor false before the program runs: branch by `where`")
 
-
-Operand = Expression | float
-"""What stands beside an expression in arithmetic."""
 
 ZERO, ONE = Number(0.0), Number(1.0)
 

@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.expressions.evaluation import dictionary_matrix
-from mapmore_cli.modelling.expressions.families import monomials, refuse_beyond_memory
+from mapmore_cli.modelling.expressions.families import products, refuse_beyond_memory
 from mapmore_cli.modelling.expressions.printing import to_text
-from mapmore_cli.modelling.expressions.syntax import IDENTIFIER
+from mapmore_cli.modelling.expressions.states import IDENTIFIER
 from mapmore_cli.modelling.frols.engine import frols
 
 
@@ -56,7 +56,7 @@ class FROLS:
             raise ValueError(f"n_samples={len(values)}: at least 2 samples are needed to fit a model, and there is 1 sample")
         columns = names if names is not None and all(map(IDENTIFIER.fullmatch, names)) else [f"x{i}" for i in range(values.shape[1])]
         refuse_beyond_memory(comb(values.shape[1] + self.order, self.order))
-        candidates = monomials(columns, self.order, self.constant)
+        candidates = products(columns, self.order, constant=self.constant)
         P = dictionary_matrix(candidates, dict(zip(columns, values.T, strict=True)), len(values))
         found = frols(P, target, self.max_terms, self.tolerance, stop=self.stop, names=tuple(map(to_text, candidates)))
         self.n_features_in_ = values.shape[1]

@@ -1,23 +1,28 @@
 """Models of the literature, selectable by name and fitted on the same training data as MAPMORE.
 
-Adding a formula is one file in `formulas/`, named after it, with a `FORMULA`.
+Adding a formula is one file in `formulas/`, with a `FORMULA`, or with `FORMULAS` where some are nearly the same.
 """
 
 from __future__ import annotations
 
 import difflib
-import importlib
 import pkgutil
+from dataclasses import replace
 from functools import cache
+from importlib import import_module
 
 from mapmore_cli.domain.fits import FormulaFit
+from mapmore_cli.domain.models import Formula as Body
+from mapmore_cli.modelling.expressions import to_text
+from mapmore_cli.modelling.kinds import Kind
 from mapmore_cli.modelling.literature import formulas
-from mapmore_cli.modelling.literature.formula import Formula
-from mapmore_cli.modelling.literature.literature_model import LOAD_CYCLES, TARGET, LiteratureModel
+from mapmore_cli.modelling.literature.formula import LOAD_CYCLES, TARGET, Formula, LiteratureModel
 from mapmore_cli.modelling.literature.own import formula_of, is_definition, is_family
 from mapmore_cli.modelling.literature.problem import Nonlinear
 
-__all__ = ["LOAD_CYCLES", "TARGET", "Formula", "LiteratureModel", "Nonlinear", "UnknownFormula", "get", "names", "of"]
+KIND = Kind("formula", Body, FormulaFit, "literature")
+
+__all__ = ["LOAD_CYCLES", "TARGET", "Formula", "LiteratureModel", "Nonlinear", "UnknownFormula", "get", "names", "of", "reference"]
 
 
 class UnknownFormula(KeyError):
@@ -34,9 +39,19 @@ class UnknownFormula(KeyError):
 
 
 @cache
+def _published() -> dict[str, LiteratureModel]:
+    """Return the formulas of all files by name, in alphabetical order."""
+    found: dict[str, LiteratureModel] = {}
+    for file in pkgutil.iter_modules(formulas.__path__):
+        module = import_module(f"{formulas.__name__}.{file.name}")
+        for formula in getattr(module, "FORMULAS", None) or (module.FORMULA,):
+            found[formula.name] = replace(formula, about=(formula.about or module.__doc__ or "").strip())
+    return dict(sorted(found.items()))
+
+
 def names() -> tuple[str, ...]:
     """Names of all formulas, in alphabetical order."""
-    return tuple(sorted(module.name for module in pkgutil.iter_modules(formulas.__path__)))
+    return tuple(_published())
 
 
 def get(name: str) -> LiteratureModel:
@@ -47,12 +62,33 @@ def get(name: str) -> LiteratureModel:
         return family_of(name)
     if is_definition(name):
         return formula_of(name)
-    if name not in names():
+    if name not in _published():
         raise UnknownFormula(name)
-    formula: LiteratureModel = importlib.import_module(f"{formulas.__name__}.{name}").FORMULA
-    return formula
+    return _published()[name]
 
 
 def of(fit: FormulaFit) -> LiteratureModel:
     """Return the formula that was fitted."""
     return get(fit.formula)
+
+
+COMPONENTS = {"static": "Static force", "damping": "Damping force", "dynamic": "Force in motion"}
+
+
+def reference() -> str:
+    """Return every formula with its equation, source and inputs as Markdown, by the force that it gives."""
+    sections = {title: [one for one in _published().values() if one.component == word] for word, title in COMPONENTS.items()}
+    return "\n".join(f"## {title}\n\n" + "\n".join(map(_described, found)) for title, found in sections.items())
+
+
+def _described(formula: LiteratureModel) -> str:
+    expression = getattr(formula, "expression", None)
+    lines = [f"### {formula.name}\n", f"{formula.about}\n"]
+    lines += [f"    {to_text(expression)}\n"] if expression is not None else []
+    lines.append(f"- source: {formula.reference}")
+    lines.append(f"- inputs: {', '.join(formula.inputs) or 'none'}")
+    if formula.dimensions:
+        lines.append(f"- needs: the {' and the '.join(formula.dimensions)} of the muscle (`muscle: {{{formula.dimensions[0]}: ...}}`)")
+    if formula.fitted_to == LOAD_CYCLES:
+        lines.append("- needs: a static study (`needs: {static: ...}`), whose load cycles it is fitted to")
+    return "\n".join(lines) + "\n"

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Protocol, TypeVar
 
 import numpy as np
 
@@ -43,7 +42,7 @@ Systems = Callable[[Array, IntArray], tuple[Array, Array]]
 
 @dataclass(frozen=True)
 class End:
-    """Where a descent ended, `(k,)`; half of the sum of squares there; whether it had converged."""
+    """Where a descent ended, `(k,)`; the sum of squares there, up to a factor of its method's; whether it had converged."""
 
     x: Array
     cost: float
@@ -195,21 +194,6 @@ RIVAL = 1.25  # times the least sum of squares (1.12 times the RMSE), up to whic
 DISTINCT = 1e-3  # relative difference between sums of squares of minima that are called different
 
 
-class Minimum(Protocol):
-    """Where a descent ended."""
-
-    @property
-    def x(self) -> Array:
-        """The place."""
-
-    @property
-    def cost(self) -> float:
-        """Half of the sum of squares there, or all of it."""
-
-
-Found = TypeVar("Found", bound=Minimum)
-
-
 def draw(nonlinear: tuple[Nonlinear, ...]) -> Iterator[Array]:
     """Return `STARTS` seeded places in the intervals, each `(k,)` and log-uniform in magnitude; a single empty one without parameters."""
     rng = np.random.default_rng(SEED)
@@ -217,17 +201,17 @@ def draw(nonlinear: tuple[Nonlinear, ...]) -> Iterator[Array]:
         yield np.array([_place(parameter, rng) for parameter in nonlinear])
 
 
-def lowest(ends: Sequence[Found], starts: int) -> tuple[Found, str]:
+def lowest(ends: Sequence[End], starts: int) -> tuple[End, str]:
     """Return the end with the lowest cost of those that the `starts` have reached, and a note on how many came to it."""
-    best = min(ends, key=lambda end: float(end.cost))
+    best = min(ends, key=lambda end: end.cost)
     agreeing = sum(end.cost <= (1 + AGREEMENT) * best.cost + 1e-20 for end in ends)
     return best, f"{agreeing} of {starts} starts agree on the sum of squares"
 
 
-def rivals(converged: Sequence[Found], best: Found) -> list[Found]:
-    """Return ends in other minima than the best that are nearly as deep, one of each, the deepest first."""
+def rivals(ends: Sequence[End], best: End) -> list[End]:
+    """Return converged ends in other minima than the best that are nearly as deep, one of each, the deepest first."""
     found = [best]
-    for end in sorted(converged, key=lambda end: float(end.cost)):
+    for end in sorted((end for end in ends if end.converged), key=lambda end: end.cost):
         if (1 + DISTINCT) * found[-1].cost < end.cost <= RIVAL * best.cost:
             found.append(end)
     return found[1:]

@@ -12,9 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.modelling.expressions import Expression, derivative, evaluate
-from mapmore_cli.modelling.literature import linear
 from mapmore_cli.modelling.literature.descent import descend, onto_bounds
 from mapmore_cli.modelling.literature.problem import Problem, Solution
 
@@ -45,22 +44,15 @@ class Along:
 
     def value(self, expression: Expression, x: Array, place: Array) -> Array:
         """Return an expression of inputs and parameters at a place of the search, with the input at `x`, (n,)."""
-        values = self.problem.values(*self.split(place))
+        values = self.problem.values(*self.problem.split(place))
         columns = {**self.problem.columns, self.name: x, **{name: np.asarray(value) for name, value in values.items()}}
         return evaluate(expression, columns, len(x))
 
-    def split(self, place: Array) -> tuple[Array, Array]:
-        """Linear parameters, and coordinates of the nonlinear ones."""
-        count = len(self.problem.linear)
-        return place[:count], place[count:]
+    def roots(self, place: Array, *, beyond: bool = True) -> Array:
+        """Return the input at which the formula gives the target, nearest to what was measured, (n,).
 
-    def roots(self, place: Array) -> Array:
-        """Return the solutions; where there is none, what a straight line from the end at which the least is missing leads to, (n,)."""
-        found = self.solutions(place)
-        return np.where(np.isnan(found), self._beyond(*self.scan(place)), found)
-
-    def solutions(self, place: Array) -> Array:
-        """Return the input at which the formula gives the target, nearest to what was measured, (n,); NaN without one within reach."""
+        Without one within reach, it is where a straight line of the mean slope leads from the end at which less is missing; else NaN.
+        """
         edges, missing = self.scan(place)
         crosses = np.sign(missing[:-1]) * np.sign(missing[1:]) <= 0
         middle = (edges[:-1] + edges[1:]) / 2
@@ -71,7 +63,10 @@ class Along:
             x = (left + right) / 2
             above = self.value(self.problem.expression, x, place) - self.problem.y > 0
             left, right = np.where(above == rises, left, x), np.where(above == rises, x, right)
-        return np.where(crosses.any(axis=0), (left + right) / 2, np.nan)
+        first, last = np.abs(missing[0]), np.abs(missing[-1])
+        slope = np.maximum(np.abs(missing[-1] - missing[0]), 1e-12 * np.abs(self.problem.y).max()) / (edges[-1] - edges[0])
+        line = np.where(first < last, edges[0] - first / slope, edges[-1] + last / slope) if beyond else np.nan
+        return np.where(crosses.any(axis=0), (left + right) / 2, line)
 
     def scan(self, place: Array) -> tuple[Array, Array]:
         """Places along the input, (CELLS + 1,), and what is missing to the target there, (CELLS + 1, n)."""
@@ -81,17 +76,11 @@ class Along:
         missing = np.stack([self.value(self.problem.expression, np.full(len(self.measured), x), place) - self.problem.y for x in edges])
         return edges, np.where(np.isfinite(missing), missing, np.inf)
 
-    def _beyond(self, edges: Array, missing: Array) -> Array:
-        """By the mean slope of the whole range."""
-        first, last = np.abs(missing[0]), np.abs(missing[-1])
-        slope = np.maximum(np.abs(missing[-1] - missing[0]), 1e-12 * np.abs(self.problem.y).max()) / (edges[-1] - edges[0])
-        return np.asarray(np.where(first < last, edges[0] - first / slope, edges[-1] + last / slope))
-
     def jacobian(self, place: Array) -> Array:
         """Return derivative of the roots for the parameters, (n, m + k)."""
-        x, count = self.roots(place), len(self.problem.linear)
+        x = self.roots(place)
         matrix = np.stack([self.value(self.problem.gradient[name], x, place) for name in self.problem.names], axis=1)
-        matrix[:, count:] /= self.problem.spans
+        matrix[:, len(self.problem.linear) :] /= self.problem.spans
         return -(matrix.T / self.slope(x, place)).T
 
     def slope(self, x: Array, place: Array) -> Array:
@@ -101,46 +90,31 @@ class Along:
         return np.where(np.abs(slope) < least, least, slope)
 
 
-def telling(problem: Problem, solution: Solution, name: str) -> Problem:
-    """Return the problem with the rows at which the formula depends on the input `name`."""
+def refined(problem: Problem, solution: Solution, name: str) -> tuple[Solution, Columns, Array, Array]:
+    """Return the minimum of the error of the input `name` that is reached from a fit of the target; its other minima are not told.
+
+    It is in the coordinates of the whole problem. Behind it come the n rows at which the formula depends on the input, with the input where
+    the formula gives the target; the errors of the input, and the derivatives of the formula for it, `(n,)` each.
+    """
     missing = Along(problem, name).scan(np.concatenate([solution.beta, solution.c]))[1]
     rows = np.ptp(missing, axis=0) > FLAT * float(np.abs(problem.y).max())
-    return replace(problem, columns={one: column[rows] for one, column in problem.columns.items()}, y=problem.y[rows])
-
-
-def moved(solution: Solution, of: Problem, to: Problem) -> Solution:
-    """Return the same parameters, in the coordinates of a problem of other rows."""
-    return replace(solution, c=solution.c * to.spans / of.spans)
-
-
-def refined(problem: Problem, solution: Solution, name: str) -> Solution:
-    """Return the minimum of the error of the input `name` that is reached from a fit of the target; its other minima are not told."""
-    along = Along(problem, name)
-    count, unit = len(problem.linear), float(np.ptp(along.measured)) or 1.0
-    low = np.concatenate([np.full(count, -np.inf), [p.bounds[0] for p in problem.nonlinear]])
-    high = np.concatenate([np.full(count, np.inf), [p.bounds[1] for p in problem.nonlinear]])
-    start = np.clip(np.concatenate([solution.beta, solution.c]), low, high)
-    inner = np.concatenate([start[:count], _inside(start[count:], low[count:], high[count:])])
+    told = replace(problem, columns={one: column[rows] for one, column in problem.columns.items()}, y=problem.y[rows])
+    along, rescaled = Along(told, name), told.spans / problem.spans
+    count, unit = len(told.linear), float(np.ptp(along.measured)) or 1.0
+    low, high = told.bounds
+    margin = 1e-3 * np.where(np.isfinite(high - low), high - low, 1.0)
+    free = np.full(count, np.inf)
+    bounds = np.concatenate([-free, low]), np.concatenate([free, high])
+    start = np.concatenate([solution.beta, np.clip(solution.c * rescaled, low + margin, high - margin)])
 
     def system(places: Array) -> tuple[Array, Array]:
         missed = [(along.roots(place) - along.measured) / unit for place in places]
         return np.stack(missed), np.stack([along.jacobian(place) / unit for place in places])
 
-    found = descend(system, [inner], (low, high), TOLERANCE)[0]
-    beta, c = along.split(onto_bounds(found.x, (low, high))[0])
-    status = "stopped_by_limit" if not found.converged else "at_bound" if onto_bounds(found.x, (low, high))[1] else "converged"
-    return Solution(beta, c, status, f"{solution.method}, then the error of {name}")
-
-
-def standard_errors(problem: Problem, solution: Solution, name: str, slopes: Array) -> tuple[Array, float]:
-    """Return standard errors of parameters, (p,), and the sum of squared errors of the input, from the formula's `slopes`, (n, p)."""
-    along = Along(problem, name)
-    place = np.concatenate([solution.beta, solution.c])
+    found = descend(system, [start], bounds, TOLERANCE)[0]
+    place, touched = onto_bounds(found.x, bounds)
+    status = "stopped_by_limit" if not found.converged else "at_bound" if touched else "converged"
+    beta, c = told.split(place)
+    moved = Solution(beta, c / rescaled, status, f"{solution.method}, then the error of {name}")
     x = along.roots(place)
-    sse = float(np.sum((x - along.measured) ** 2))
-    return linear.standard_errors((slopes.T / along.slope(x, place)).T, sse)[0], sse
-
-
-def _inside(c: Array, low: Array, high: Array) -> Array:
-    margin = 1e-3 * np.where(np.isfinite(high - low), high - low, 1.0)
-    return np.clip(c, low + margin, high - margin)
+    return moved, {**told.columns, name: x}, x - along.measured, along.slope(x, place)

@@ -12,7 +12,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 import numpy as np
@@ -62,6 +62,8 @@ def family_of(text: str) -> Family:
         parameters=("zero", "a", "b", *SHAPE.parameters),
         text=f"zero + ({_scale_text(settings, metres)})*({COMPUTED})",
         definition=text,
+        settings=settings,
+        metres=metres,
     )
 
 
@@ -70,18 +72,12 @@ def _scale_text(settings: FamilySettings, metres: float) -> str:
     return f"a*atan(b*({length} - {settings.dead!r}))" if settings.scale == "saturating" else f"a*exp(b*log({length}))"
 
 
+@dataclass(frozen=True)
 class Family(Formula):
-    """A formula with a fit of its own, of all specimens at once."""
+    """A formula with a fit of its own, of all specimens at once; one unit of the quantity that they differ in is so many `metres`."""
 
-    @property
-    def settings(self) -> FamilySettings:
-        """What the spec says of the family."""
-        return FamilySettings(**{key: value for key, value in json.loads(self.definition)["family"].items() if key != "metres"})
-
-    @property
-    def metres(self) -> float:
-        """Metres in one unit of the quantity that specimens differ in."""
-        return float(json.loads(self.definition)["family"]["metres"])
+    settings: FamilySettings = field(kw_only=True)
+    metres: float = field(kw_only=True)
 
     def fit(self, columns: Columns, y: Array, method: str | None = None, *, advice: bool = True) -> FormulaFit:
         """Fit the scales of all specimens and their common function; standard errors are those of the function.
@@ -134,9 +130,6 @@ class Family(Formula):
         """Return the formula with its numbers, the hinge as a person would write it."""
         text = f"zero + ({_scale_text(self.settings, self.metres)})*({PRINTED})"
         return substitute(parse(text), {name: Number(value) for name, value in fit.parameters.items()})
-
-    def _check_linearity(self) -> None:
-        """Accept all: nothing needs to be linear for a fit of its own."""
 
 
 def _ends(y: Array) -> tuple[float, float]:

@@ -1,12 +1,13 @@
-"""A formula as one line of text, from which prediction, derivatives, fitting and the printed equation follow."""
+"""A formula as one line of text, from which prediction, derivatives, fitting and equation follow; and what every model offers."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TypeGuard
+from typing import ClassVar, Self, TypeGuard
 
 import numpy as np
 
@@ -14,22 +15,119 @@ from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.fits import FormulaFit, Optimum
 from mapmore_cli.modelling.expressions import Expression, Number, derivative, dictionary_matrix, evaluate, parse, substitute
-from mapmore_cli.modelling.literature import errors_in, levenberg_marquardt, linear, varpro
-from mapmore_cli.modelling.literature.cells import finite, needed
+from mapmore_cli.modelling.literature import errors_in, linear, solvers
 from mapmore_cli.modelling.literature.identifiability import hints
-from mapmore_cli.modelling.literature.literature_model import LiteratureModel
-from mapmore_cli.modelling.literature.problem import Nonlinear, Problem, Solution
+from mapmore_cli.modelling.literature.problem import Nonlinear, Problem, Solution, dependence, finite, needed
 
-VARIABLE_PROJECTION = "variable_projection"
-LEVENBERG_MARQUARDT = "levenberg_marquardt"
-SIMPLEX = "simplex"
+TARGET = "target"
+LOAD_CYCLES = "load_cycles"
 RANDOM = "random"
+DEFAULT = "variable_projection"
 
-_SOLVERS: Mapping[str, Callable[[Problem], Solution]] = {
-    VARIABLE_PROJECTION: varpro.fit,
-    LEVENBERG_MARQUARDT: levenberg_marquardt.fit,
-    SIMPLEX: levenberg_marquardt.fit_simplex,
-}
+
+@dataclass(frozen=True)
+class LiteratureModel(ABC):
+    """A parametric model with a name; its output may stand against any target.
+
+    - `name`, `reference`: as in the spec, and where it is published.
+    - `title`: as people write the name; the name where there is none.
+    - `about`: what it is, where the docstring of its file does not say it.
+    - `inputs`: quantities that it predicts from.
+    - `parameters`: in the order of the publication.
+    - `component`: the component of the force that it was published for, `static`, `damping` or `dynamic`.
+    - `dimensions`: those of its parameters that are dimensions of the muscle (`diameter`, in m), given and not fitted.
+    - `given`: values of the dimensions, once `of_muscle` has put them in.
+    - `units`, `definition`: units of the parameters, and what defines the formula, where a spec does (`own`).
+    - `fitted_to`: `target`: fitted by `fit`. `load_cycles`: fitted by a method of its own to another experiment than it predicts.
+    """
+
+    name: str
+    reference: str
+    inputs: tuple[str, ...]
+    parameters: tuple[str, ...]
+    title: str = field(default="", kw_only=True)
+    about: str = field(default="", kw_only=True)
+    component: str = field(default="static", kw_only=True)
+    dimensions: tuple[str, ...] = field(default=(), kw_only=True)
+    given: Mapping[str, float] = field(default_factory=dict, kw_only=True)
+    units: Mapping[str, str] = field(default_factory=dict, kw_only=True)
+    definition: str = field(default="", kw_only=True)
+
+    fitted_to: ClassVar[str] = TARGET
+    side_by_side: ClassVar[int] = 0
+    """Rows of a table up to which `fit_each` is quicker than one fit after the other."""
+
+    def of_muscle(self, lengths: Mapping[str, float | None]) -> Self:
+        """Return the model with the dimensions of a muscle, in m, those that it needs among `lengths`.
+
+        Raises `SpecError` where one of them is not known.
+        """
+        given = {name: value for name in self.dimensions if (value := lengths.get(name)) is not None}
+        for name in self.dimensions:
+            if name not in given:
+                raise SpecError(f"{self.name} needs the {name} of the muscle", f"add `{name}: 10 mm` (with your own number) to `muscle`")
+        return replace(self, given=given) if given else self
+
+    def starting_from(self, start: str) -> LiteratureModel:
+        """Return the model fitted from starting values that a paper prints; raises `SpecError` where none are published."""
+        raise SpecError(f"{self.name} has no starting values called `{start}`", "leave out `starts`")
+
+    @abstractmethod
+    def fit(self, columns: Columns, y: Array, method: str | None = None, *, advice: bool = True) -> FormulaFit:
+        """Fit to the target `y`, `(n,)`, with the inputs among `columns`; raises `DataError` where that is impossible.
+
+        Without `advice`, notes do not say what to measure for parameters that the data do not show.
+        """
+
+    def fit_each(self, tables: Sequence[tuple[Columns, Array]], method: str | None = None, *, advice: bool = True) -> list[FormulaFit]:
+        """`fit` of several tables, inputs and target: the same fits, to the last digit."""
+        return [self.fit(columns, y, method, advice=advice) for columns, y in tables]
+
+    @abstractmethod
+    def predict(self, parameters: Mapping[str, float], columns: Columns) -> Array:
+        """Return the model on every row, `(n,)`; NaN with the parameters of a failed fit."""
+
+    @abstractmethod
+    def equations(self, fit: FormulaFit) -> dict[str, Expression]:
+        """Return the model with the numbers of a fit that has not failed, in physical units: one equation, or one for each of its parts."""
+
+
+SEVERITY = ("converged", "at_bound", "stopped_by_limit", "rank_deficient", "failed")
+"""The statuses of `FormulaFit`, the better ones first."""
+
+
+def renamed(fit: FormulaFit, name: Callable[[str], str]) -> FormulaFit:
+    """Return the fit with `name(parameter)` for every parameter."""
+
+    def named(values: Mapping[str, float]) -> dict[str, float]:
+        return {name(parameter): value for parameter, value in values.items()}
+
+    rivals = tuple(replace(rival, parameters=named(rival.parameters)) for rival in fit.rivals)
+    return replace(fit, parameters=named(fit.parameters), errors=named(fit.errors), rivals=rivals)
+
+
+def merged(name: str, parts: Mapping[str, FormulaFit]) -> FormulaFit:
+    """Return the fit called `name` of independent parts, whose parameters have different names, by what their notes are headed with.
+
+    Status and condition are those of the worst part; ranks, sums of squares and samples add up. A rival is that of one part, with the
+    others as they are.
+    """
+    fits = parts.values()
+    parameters = {parameter: value for fit in fits for parameter, value in fit.parameters.items()}
+    sse = sum(fit.sse for fit in fits)
+    return FormulaFit(
+        name=name,
+        parameters=parameters,
+        errors={parameter: value for fit in fits for parameter, value in fit.errors.items()},
+        status=max((fit.status for fit in fits), key=SEVERITY.index),
+        method=", ".join(dict.fromkeys(fit.method for fit in fits)),
+        rank=sum(fit.rank for fit in fits),
+        condition=max(fit.condition for fit in fits),
+        sse=sse,
+        samples=sum(fit.samples for fit in fits),
+        notes=tuple(f"{part}: {note}" for part, fit in parts.items() for note in fit.notes),
+        rivals=tuple(Optimum({**parameters, **r.parameters}, sse - fit.sse + r.sse) for fit in fits for r in fit.rivals),
+    )
 
 
 @dataclass(frozen=True)
@@ -68,18 +166,16 @@ class Formula(LiteratureModel):
     published_starts: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     start: str = RANDOM
 
-    def __post_init__(self) -> None:
+    def checked(self) -> Self:
+        """Return the formula; raises ValueError where its text is not what it declares."""
         if self.expression.names != {*self.inputs, *self.parameters}:
             raise ValueError(f"{self.name}: the names in the text are not the inputs and parameters")
-        self._check_linearity()
-
-    def _check_linearity(self) -> None:
-        if not (self.dimensions or self.definition) and substitute(
-            self._fitted_expression, dict.fromkeys(self.linear, Number(0.0))
-        ) != Number(0.0):
+        without = substitute(self._fitted_expression, dict.fromkeys(self.linear, Number(0.0)))
+        if not (self.dimensions or self.definition) and without != Number(0.0):
             raise ValueError(f"{self.name}: a term has no linear parameter")
         if any(derivative(self._fitted_expression, name).names & {*self.linear} for name in self.linear):
             raise ValueError(f"{self.name}: a parameter is nonlinear without being declared so")
+        return self
 
     def starting_from(self, start: str) -> Formula:
         """Return the formula fitted from published starting values, or from random ones.
@@ -109,9 +205,8 @@ class Formula(LiteratureModel):
     @cached_property
     def linear(self) -> tuple[str, ...]:
         """Names of the parameters in which the formula is linear, those of its linear form where it has one."""
-        if self.form is not None:
-            return self.form.linear
-        return tuple(name for name in self.fitted if name not in {parameter.name for parameter in self.nonlinear})
+        nonlinear = {parameter.name for parameter in self.nonlinear}
+        return self.form.linear if self.form is not None else tuple(name for name in self.fitted if name not in nonlinear)
 
     @cached_property
     def _fitted_expression(self) -> Expression:
@@ -128,16 +223,18 @@ class Formula(LiteratureModel):
         Raises DataError for a value that is not finite, an absent input, or fewer samples than parameters; SpecError for a dimension of the
         muscle that `of_muscle` has not put in; ValueError for an unknown method.
         """
-        method = method or VARIABLE_PROJECTION
-        if method not in _SOLVERS:
-            raise ValueError(f"unknown method `{method}`; there are {', '.join(_SOLVERS)}")
-        if self.start != RANDOM and method != LEVENBERG_MARQUARDT:
-            raise SpecError(f"the method {method} takes no starting values", f"write `method: {LEVENBERG_MARQUARDT}` beside `starts`")
+        method = method or DEFAULT
+        if method not in solvers.METHODS:
+            raise ValueError(f"unknown method `{method}`; there are {', '.join(solvers.METHODS)}")
+        if self.start != RANDOM and method != solvers.LEVENBERG_MARQUARDT:
+            raise SpecError(
+                f"the method {method} takes no starting values", f"write `method: {solvers.LEVENBERG_MARQUARDT}` beside `starts`"
+            )
         problem = self._problem(columns, y)
         return self._result(problem, self._solved(problem, method), advice)
 
     def _solved(self, problem: Problem, method: str) -> Solution:
-        return (_SOLVERS[method] if self.fitted else varpro.fit)(problem)  # without parameters there is nothing to descend to
+        return solvers.METHODS[method if self.fitted else DEFAULT](problem)  # without parameters there is nothing to descend to
 
     def fit_along(self, columns: Columns, y: Array, name: str, method: str | None = None) -> FormulaFit:
         """Least-squares fit to the error of the input `name`, where the target was set and that input was measured.
@@ -150,19 +247,17 @@ class Formula(LiteratureModel):
         if name not in self.inputs:
             raise SpecError(f"{self.name} has no input `{name}` that could be measured wrong", f"write one of {', '.join(self.inputs)}")
         problem = self._problem(columns, y)
-        start = self._solved(problem, method or VARIABLE_PROJECTION)
+        start = self._solved(problem, method or DEFAULT)
         if start.status == "failed":
             return self._result(problem, start)
-        told = errors_in.telling(problem, start, name)
-        found = errors_in.refined(told, errors_in.moved(start, problem, told), name)
-        fit = self._result(problem, errors_in.moved(found, told, problem))
-        roots = errors_in.Along(told, name).roots(np.concatenate([found.beta, found.c]))
-        slopes = self._jacobian_at({one: fit.parameters[one] for one in self.fitted})({**told.columns, name: roots})
-        deviations, sse = errors_in.standard_errors(told, found, name, slopes)
+        moved, rows, missed, slope = errors_in.refined(problem, start, name)
+        fit = self._result(problem, moved)
+        slopes = self._jacobian_at({one: fit.parameters[one] for one in self.fitted})(rows)
+        sse, silent = float(np.sum(missed**2)), len(problem.y) - len(missed)
+        deviations = linear.standard_errors((slopes.T / slope).T, sse)[0]
         errors = {**fit.errors, **dict(zip(self.fitted, map(float, deviations), strict=True))}
-        silent = len(problem.y) - len(told.y)
         without = f"; without {silent} sample(s) at which the formula does not depend on it" if silent else ""
-        said = f"fitted to the error of {name}, whose RMSE is {math.sqrt(sse / len(told.y)):.4g}{without}"
+        said = f"fitted to the error of {name}, whose RMSE is {math.sqrt(sse / len(missed)):.4g}{without}"
         return replace(fit, errors=errors, notes=(said, *fit.notes))
 
     def predict(self, parameters: Mapping[str, float], columns: Columns) -> Array:
@@ -174,7 +269,7 @@ class Formula(LiteratureModel):
     def solved(self, fit: FormulaFit, columns: Columns, y: Array, name: str) -> Array:
         """Return the input `name` at which the fitted formula gives `y`, `(n,)`, nearest to what was measured; NaN without one near."""
         inputs = {one: columns[one] for one in self.inputs}
-        return errors_in.Along(Problem(self.equation(fit), (), (), {}, inputs, y), name).solutions(np.empty(0))
+        return errors_in.Along(Problem(self.equation(fit), (), (), {}, inputs, y), name).roots(np.empty(0), beyond=False)
 
     def equations(self, fit: FormulaFit) -> dict[str, Expression]:
         """`equation`, by the name of the formula."""
@@ -206,39 +301,40 @@ class Formula(LiteratureModel):
         return expression, self.linear, self.nonlinear, {name: derivative(expression, name) for name in names}
 
     def _result(self, problem: Problem, solution: Solution, advice: bool = True) -> FormulaFit:
-        count = len(self.fitted)
-        if solution.status == "failed":
-            return self._failed(solution.method, len(problem.y), solution.notes)
-        values = self._printed(problem.values(solution.beta, solution.c))
+        values, notes = self._printed(problem.values(solution.beta, solution.c)), solution.notes
         if not np.isfinite(list(values.values())).all():
-            return self._failed(solution.method, len(problem.y), (*solution.notes, "the printed parameters have no finite value"))
-        residual = problem.residual(solution.beta, solution.c)
-        sse = float(residual @ residual)
+            if solution.status != "failed":
+                notes = (*notes, "the printed parameters have no finite value")
+            nan, nothing = float("nan"), dict.fromkeys(self.parameters, float("nan"))
+            samples = len(problem.y)
+            return FormulaFit(self.name, nothing, nothing, "failed", solution.method, 0, nan, nan, samples, notes, (), self.definition)
+        count, sse = len(self.fitted), problem.sse(solution.beta, solution.c)
         jacobian = self._jacobian_at(values)
-        slopes = jacobian(problem.at_levels.columns) if count else np.empty((len(residual), 0))
+        slopes = jacobian(problem.at_levels.columns) if count else np.empty((len(problem.y), 0))
         deviations, rank, condition = linear.standard_errors(slopes, sse)
         errors = dict(zip(self.fitted, map(float, deviations), strict=True))
-        choice = "the solution of least norm was taken" if len(self.nonlinear) <= 1 else "one of many equally good solutions was taken"
-        notes = solution.notes if rank == count else (*solution.notes, dependence(rank, count, problem.columns, choice))
-        given = {name: self.given[name] for name in self.dimensions}
+        if rank < count:
+            choice = "the solution of least norm was taken" if len(self.nonlinear) <= 1 else "one of many equally good solutions was taken"
+            notes = (*notes, dependence(rank, count, problem.columns, choice))
+        if count and advice:
+            notes = (*notes, *hints(values, errors, jacobian, problem.columns))
         return FormulaFit(
             name=self.name,
-            parameters={name: {**values, **given}[name] for name in self.parameters},
-            errors={name: {**errors, **dict.fromkeys(given, float("nan"))}[name] for name in self.parameters},
+            parameters=self._with_dimensions(values),
+            errors={name: errors.get(name, float("nan")) for name in self.parameters},
             status=solution.status if rank == count else "rank_deficient",
             method=solution.method,
             rank=rank,
             condition=condition,
             sse=sse,
             samples=len(problem.y),
-            notes=(*notes, *(hints(values, errors, jacobian, problem.columns) if count and advice else ())),
-            rivals=tuple(self._optimum(problem, *rival, given) for rival in solution.rivals),
+            notes=notes,
+            rivals=tuple(Optimum(self._with_dimensions(self._printed(problem.values(*at))), problem.sse(*at)) for at in solution.rivals),
             definition=self.definition,
         )
 
-    def _optimum(self, problem: Problem, beta: Array, c: Array, given: Mapping[str, float]) -> Optimum:
-        values, residual = {**self._printed(problem.values(beta, c)), **given}, problem.residual(beta, c)
-        return Optimum({name: values[name] for name in self.parameters}, float(residual @ residual))
+    def _with_dimensions(self, values: Mapping[str, float]) -> dict[str, float]:
+        return {name: values[name] if name in values else self.given[name] for name in self.parameters}
 
     def _printed(self, values: Mapping[str, float]) -> dict[str, float]:
         """Return the fitted parameters as printed, from those of the linear form."""
@@ -253,22 +349,7 @@ class Formula(LiteratureModel):
         gradient = [self.gradient[name] for name in self.fitted]
         return lambda columns: dictionary_matrix(gradient, {**columns, **numbers}, len(next(iter(columns.values()))))
 
-    def _failed(self, method: str, samples: int, notes: tuple[str, ...]) -> FormulaFit:
-        nothing = dict.fromkeys(self.parameters, float("nan"))
-        return FormulaFit(
-            self.name, nothing, nothing, "failed", method, 0, float("nan"), float("nan"), samples, notes, definition=self.definition
-        )
-
 
 def can_be_solved(model: LiteratureModel) -> TypeGuard[Formula]:
     """Tell whether the errors of an input can be minimised: the model is fitted as a formula is."""
     return isinstance(model, Formula) and type(model).fit is Formula.fit
-
-
-def dependence(rank: int, count: int, inputs: Columns, choice: str) -> str:
-    """Return the note for data that leave parameters undetermined, and what was chosen then."""
-    distinct = ", ".join(f"{len(np.unique(column))} of {name}" for name, column in inputs.items())
-    return (
-        f"rank {rank} of {count}: the data do not tell all parameters apart (distinct values: {distinct}); "
-        f"{choice}, and values between the training levels are not to be trusted"
-    )

@@ -1,4 +1,4 @@
-"""Sárosi's formula with a slack foot, on normalised data: its values, its derivatives, its units.
+"""Sárosi's formula with a slack foot, on normalised data: its values, its derivatives, its units, and how it is fitted.
 
 With p = P/max|P|, x = strain/max|strain|, f = F/max|F| (any target F):
 
@@ -11,71 +11,47 @@ order of `NAMES`, but for ln w in place of w.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import astuple, dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray
-from mapmore_cli.modelling.literature import hinge, linear
-from mapmore_cli.modelling.literature.cells import condensed
-from mapmore_cli.modelling.literature.descent import Bounds, End, descend_each, lowest, onto_bounds, rivals
+from mapmore_cli.domain.fits import FormulaFit, Optimum
+from mapmore_cli.modelling.literature import linear
+from mapmore_cli.modelling.literature.descent import End, descend_each, lowest, onto_bounds, rivals
+from mapmore_cli.modelling.literature.problem import condensed, dependence
+
+METHOD = "penalised least squares"
+FEW_LEVELS = 3  # strain levels that any curvature passes through
+APART = 0.05  # of max|strain|: levels nearer than that are one
 
 NAMES = ("a1", "a2", "a3", "a4", "a5", "a6", "b0", "b1", "b2", "w")
 A, A3, B, B1, LN_W = [0, 1, 3, 4, 5], 2, [6, 7, 8], 7, 9
 """Places of the parameters in q: the linear ones of `hi`, its curvature, those of `lo`, the foot's slope with pressure, the width."""
 
 
-def force(q: Array, p: Array, x: Array) -> Array:
-    """Return the normalised force, `(n,)`; of several places q, `(s, 10)`, a row for each, `(s, n)`."""
-    _, high, low = _sides(q, p, x)
-    w = np.exp(_each(q, LN_W))
-    return np.asarray(low + w * np.logaddexp(0.0, (high - low) / w))
-
-
 def linearised(q: Array, p: Array, x: Array) -> tuple[Array, Array]:
-    """`force` and its derivative for q, `(n, 10)`; of several places `(s, n)` and `(s, n, 10)`."""
-    w = np.exp(_each(q, LN_W))
-    decay, high, low = _sides(q, p, x)
+    """Return the normalised force, `(n,)`, and its derivative for q, `(n, 10)`; of several places q, `(s, n)` and `(s, n, 10)`."""
+    a1, a2, a3, a4, a5, a6, b0, b1, b2, log_w = np.moveaxis(q, -1, 0)[..., np.newaxis]
+    w, decay = np.exp(log_w), np.exp(a3 * x)
+    high, low = (a1 * p + a2) * decay + (a4 * x + a5) * p + a6, b0 + b1 * p + b2 * x
     above = (high - low) / w
     softened = np.logaddexp(0.0, above)
     share = 0.5 * (1.0 + np.tanh(0.5 * above))  # d force / d hi
     below = 1.0 - share
     falling = decay * share
     slopes = (
-        *(p * falling, falling, (_each(q, 0) * p + _each(q, 1)) * x * falling, x * p * share, p * share, share),
+        *(p * falling, falling, (a1 * p + a2) * x * falling, x * p * share, p * share, share),
         *(below, p * below, x * below),
         w * (softened - share * above),
     )
     return low + w * softened, np.stack(slopes, axis=-1)
 
 
-def upper_regressors(a3: float, p: Array, x: Array) -> Array:
-    """Regressors of `hi`, `(n, 5)`, for a given curvature."""
-    decay = np.exp(a3 * x)
-    return np.stack([p * decay, decay, x * p, p, np.ones_like(p)], axis=1)
-
-
-def foot_regressors(p: Array, x: Array) -> Array:
-    """Regressors of `lo`, `(n, 3)`."""
-    return np.stack([np.ones_like(p), p, x], axis=1)
-
-
-def units(pressure: float, strain: float, target: float) -> Array:
+def _units(pressure: float, strain: float, target: float) -> Array:
     """Return what one of every parameter is in the units of the data, `(10,)`, with the scales that the data were divided by."""
     upper = [target / pressure, target, 1 / strain, target / (pressure * strain), target / pressure, target]
     return np.array([*upper, target, target / pressure, target / strain, target])
-
-
-def _sides(q: Array, p: Array, x: Array) -> tuple[Array, Array, Array]:
-    """`exp(a3 x)`, `hi` and `lo`, each `(n,)` or `(s, n)`."""
-    a1, a2, a3, a4, a5, a6, b0, b1, b2, _ = (_each(q, place) for place in range(len(NAMES)))
-    decay = np.exp(a3 * x)
-    return decay, (a1 * p + a2) * decay + (a4 * x + a5) * p + a6, b0 + b1 * p + b2 * x
-
-
-def _each(q: Array, place: int) -> Array:
-    """One coordinate of every place, to be multiplied with rows."""
-    return np.asarray(q[..., place, np.newaxis])
 
 
 START_A3 = (-8.0, -4.0, -2.0, -0.7, 1.5)
@@ -90,6 +66,7 @@ INDEPENDENT = 300
 100 000 of them leave the priors no weight, and a3, which three strain levels do not show, runs to its bounds again. On the Festo muscles
 any number from 30 to 1000 predicts left-out strains about as well."""
 TOLERANCE = 1e-13
+LOWEST, HIGHEST = (np.array([LIMITS.get(i, (-np.inf, np.inf))[side] for i in range(len(NAMES))]) for side in (0, 1))
 SIDE_BY_SIDE = 1000
 """Most rows with which several tables are fitted side by side: of larger ones, the arithmetic outweighs the calls that are saved."""
 
@@ -97,33 +74,7 @@ ROWS = 16
 """Tables are filled up to a multiple of it, by rows without weight: so folds of nearly one size are of one."""
 
 
-@dataclass(frozen=True)
-class HingeFit:
-    """Parameters of the hinged formula and how they were found.
-
-    - `parameters`, `errors`: in the units of the data, `(10,)` each, as `hinge.NAMES`; the errors with the priors taken as observations.
-    - `a3`, `w`, `prior`: normalised curvature and width, and the centre of the curvature's prior.
-    - `limits`: names of the parameters that end at a bound.
-    - `rank`, `condition`: of the data without the priors.
-    - `agreement`: how many starts came to it.
-    - `others`: parameters of other minima that are nearly as deep, `(10,)` each.
-    """
-
-    parameters: Array
-    errors: Array
-    a3: float
-    w: float
-    prior: float
-    limits: tuple[str, ...]
-    rank: int
-    condition: float
-    agreement: str
-    converged: bool
-    others: tuple[Array, ...]
-
-
-@dataclass(frozen=True)
-class _Problem:
+class _Problem(NamedTuple):
     """Normalised rows with the roots of their weights, each `(n,)`, and the centres and weights of the priors, `(10,)`.
 
     Of several tables, all have a first axis for these.
@@ -138,43 +89,39 @@ class _Problem:
 
     def filled_up(self) -> _Problem:
         """Return the same problem with rows without weight at its end, a number that depends on its own alone."""
-        more = -len(self.f) % ROWS
-        return replace(self, **{name: np.pad(getattr(self, name), (0, more)) for name in ("p", "x", "f", "root")})
+        p, x, f, root = (np.pad(part, (0, -len(self.f) % ROWS)) for part in self[:4])
+        return _Problem(p, x, f, root, self.centre, self.weight)
 
     def of(self, tables: IntArray) -> _Problem:
         """Those of the tables with these numbers."""
-        return _Problem(*(part[tables] for part in (self.p, self.x, self.f, self.root, self.centre, self.weight)))
+        return _Problem(*(part[tables] for part in self))
 
     def of_data(self, q: Array) -> tuple[Array, Array]:
         """Residuals of the rows and their derivatives, `(n,)` and `(n, 10)`; of several places `(s, n)` and `(s, n, 10)`."""
-        force, slopes = hinge.linearised(q, self.p, self.x)
+        force, slopes = linearised(q, self.p, self.x)
         return self.root * (force - self.f), self.root[..., None] * slopes
 
     def system(self, q: Array) -> tuple[Array, Array]:
         """Return the same with the priors below, for a `descent`: `(s, n + 10)` and `(s, n + 10, 10)`."""
         residual, slopes = self.of_data(q)
-        priors = np.broadcast_to(self.weight[..., None] * _EACH, (*q.shape, len(NAMES)))
+        priors = np.broadcast_to(self.weight[..., None] * np.eye(len(NAMES)), (*q.shape, len(NAMES)))
         return np.concatenate([residual, self.weight * (q - self.centre)], axis=-1), np.concatenate([slopes, priors], axis=-2)
 
 
-_EACH = np.eye(len(NAMES))
+def fit(columns: Columns, y: Array) -> FormulaFit:
+    """Fit the hinged formula to `pressure`, `strain` (a fraction) and the target `y`, `(n,)` each and finite.
 
-
-def fit(columns: Columns, y: Array) -> HingeFit:
-    """Fit `hinge.force` to `pressure`, `strain` (a fraction) and the target `y`, `(n,)` each and finite.
-
-    Of five starts that differ in the curvature, the lowest penalised sum of squares wins. Deterministic; the units of pressure and target
-    are no matter. Above some thousand samples the search goes over means of neighbouring ones (`cells.condensed`).
+    Of five starts that differ in the curvature, the lowest penalised sum of squares wins, the `sse` of the result and of its rivals; errors
+    are with the priors taken as observations, rank and condition those of the data alone. Deterministic; the units of pressure and
+    target are no matter. Above some thousand samples the search goes over means of neighbouring ones (`problem.condensed`).
     """
     return fit_each([(columns, y)])[0]
 
 
-def fit_each(tables: Sequence[tuple[Columns, Array]]) -> list[HingeFit]:
+def fit_each(tables: Sequence[tuple[Columns, Array]]) -> list[FormulaFit]:
     """`fit` of several tables: small ones of nearly as many rows side by side, to the same digits as one by one."""
-    scales = [(_scale(columns["pressure"]), _scale(columns["strain"]), _scale(y)) for columns, y in tables]
-    problems = [_normalised(*table, *scale) for table, scale in zip(tables, scales, strict=True)]
-    ends = _descents(problems)
-    return [_found(*one) for one in zip(problems, ends, (hinge.units(*scale) for scale in scales), strict=True)]
+    problems = [_normalised(*table) for table in tables]
+    return [_found(*one) for one in zip(problems, _descents(problems), tables, strict=True)]
 
 
 def _descents(problems: Sequence[_Problem]) -> list[list[End]]:
@@ -186,66 +133,74 @@ def _descents(problems: Sequence[_Problem]) -> list[list[End]]:
         groups.setdefault((rows, number if rows > SIDE_BY_SIDE else 0), []).append(number)
     ends: dict[int, list[End]] = {}
     for numbers in groups.values():
-        every = _Problem(*map(np.stack, zip(*(astuple(filled[number]) for number in numbers), strict=True)))
+        every = _Problem(*map(np.stack, zip(*(filled[number] for number in numbers), strict=True)))
         starts = [list(_starts(problems[number])) for number in numbers]
-        found = descend_each(lambda q, tables, every=every: every.of(tables).system(q), starts, _bounds(), TOLERANCE)  # type: ignore[misc]
+        found = descend_each(lambda q, tables, every=every: every.of(tables).system(q), starts, (LOWEST, HIGHEST), TOLERANCE)  # type: ignore[misc]
         ends |= dict(zip(numbers, found, strict=True))
     return [ends[number] for number in range(len(problems))]
 
 
-def _found(problem: _Problem, ends: list[End], units: Array) -> HingeFit:
+def _found(problem: _Problem, ends: list[End], table: tuple[Columns, Array]) -> FormulaFit:
+    columns, y = table
+    target, units = _scale(y), _units(*map(_scale, (columns["pressure"], columns["strain"], y)))
     best, agreement = lowest(ends, len(START_A3))
-    q, touched = onto_bounds(best.x, _bounds())
+    q, touched = onto_bounds(best.x, (LOWEST, HIGHEST))
     _, rank, condition = linear.standard_errors(problem.of_data(q)[1], 0.0)
-    natural, errors = _natural(q), _errors(problem, q)
-    errors[LN_W] *= natural[LN_W]
-    return HingeFit(
-        parameters=natural * units,
-        errors=errors * units,
-        a3=float(natural[A3]),
-        w=float(natural[LN_W]),
-        prior=float(problem.centre[A3]),
-        limits=tuple(NAMES[i] for i in touched),
-        rank=rank,
-        condition=condition,
-        agreement=agreement,
-        converged=best.converged,
-        others=tuple(_natural(end.x) * units for end in rivals([end for end in ends if end.converged], best)),
-    )
+    errors = _errors(problem, q)
+    errors[LN_W] *= np.exp(q[LN_W])
+    status = "rank_deficient" if rank < len(NAMES) else "stopped_by_limit" if not best.converged else "at_bound" if touched else "converged"
+    notes = [f"a3 is {q[A3]:.3g}/max|strain|, w is {np.exp(q[LN_W]):.3g} of the largest target; {agreement}"]
+    levels = _levels(columns["strain"])
+    if levels <= FEW_LEVELS:
+        prior = f"a3 is left to its prior, {problem.centre[A3]:.3g}/max|strain|, and values between the levels depend on it"
+        notes.append(f"with {levels} strain level{'s' * (levels > 1)} any curvature fits: {prior}")
+    notes += [f"{NAMES[i]} ends at its bound" for i in touched]
+    if rank < len(NAMES):
+        notes.append(dependence(rank, len(NAMES), columns, "the priors decided"))
+
+    def named(q: Array) -> dict[str, float]:
+        return dict(zip(NAMES, map(float, np.append(q[:LN_W], np.exp(q[LN_W])) * units), strict=True))
+
+    def squares(end: End) -> float:
+        return 2 * end.cost * target**2
+
+    deviations = dict(zip(NAMES, map(float, errors * units), strict=True))
+    others = tuple(Optimum(named(end.x), squares(end)) for end in rivals(ends, best))
+    return FormulaFit("hinge", named(q), deviations, status, METHOD, rank, condition, squares(best), len(y), tuple(notes), others)
 
 
-def _natural(q: Array) -> Array:
-    """Return the normalised parameters, with w in place of its logarithm."""
-    return np.concatenate([q[:LN_W], [np.exp(q[LN_W])]])
+def _levels(strain: Array) -> int:
+    """Return number of strains that lie apart; many where the strain is swept."""
+    values = np.unique(strain)
+    gap = APART * float(np.abs(values).max())
+    count, i = 0, 0
+    while i < len(values):
+        count, i = count + 1, int(np.searchsorted(values, values[i] + gap, side="right"))
+    return count
 
 
 def _scale(column: Array) -> float:
     return float(np.abs(column).max()) or 1.0
 
 
-def _normalised(columns: Columns, y: Array, pressure: float, strain: float, target: float) -> _Problem:
-    cells = condensed({name: columns[name] for name in ("pressure", "strain")}, y)
+def _normalised(columns: Columns, y: Array) -> _Problem:
+    pressure, strain, target = _scale(columns["pressure"]), _scale(columns["strain"]), _scale(y)
+    means, f, counts = condensed({name: columns[name] for name in ("pressure", "strain")}, y)
     centre, weight = np.zeros(len(NAMES)), np.array(PRIOR_WEIGHTS)
     centre[A3], weight[A3] = max(DECAY * strain, STEEPEST), DECAY_WEIGHT / (DECAY_SPREAD * strain)
     centre[LN_W] = np.log(PRIOR_W)
-    root = np.sqrt(cells.counts * min(len(y), INDEPENDENT) / len(y))
-    return _Problem(cells.columns["pressure"] / pressure, cells.columns["strain"] / strain, cells.y / target, root, centre, weight)
-
-
-def _bounds() -> Bounds:
-    lower, upper = np.full(len(NAMES), -np.inf), np.full(len(NAMES), np.inf)
-    for i, (low, high) in LIMITS.items():
-        lower[i], upper[i] = low, high
-    return lower, upper
+    root = np.sqrt(counts * min(len(y), INDEPENDENT) / len(y))
+    return _Problem(means["pressure"] / pressure, means["strain"] / strain, f / target, root, centre, weight)
 
 
 def _starts(problem: _Problem) -> Iterator[Array]:
     """For every starting curvature, `hi` through the upper targets and `lo` through the lowest ones, by least squares."""
+    p, x, one = problem.p, problem.x, np.ones_like(problem.p)
     for a3 in START_A3:
-        q = np.zeros(len(NAMES))
+        q, decay = np.zeros(len(NAMES)), np.exp(a3 * x)
         q[A3], q[LN_W] = a3, np.log(START_W)
-        q[A] = _least_squares(problem, hinge.upper_regressors(a3, problem.p, problem.x), problem.f > UPPER)
-        q[B] = _least_squares(problem, hinge.foot_regressors(problem.p, problem.x), problem.f < FOOT)
+        q[A] = _least_squares(problem, np.stack([p * decay, decay, x * p, p, one], axis=1), problem.f > UPPER)
+        q[B] = _least_squares(problem, np.stack([one, p, x], axis=1), problem.f < FOOT)
         q[B1] = max(q[B1], 0.0)
         yield q
 

@@ -14,20 +14,16 @@ RANK_TOLERANCE = 1e-13
 
 @dataclass(frozen=True)
 class LinearFit:
-    """The minimum-norm solution `beta` of `min |Phi beta - y|` with unit columns.
+    """The minimum-norm solutions of `min |Phi beta - y|` with unit columns; of one problem, or of s of them with a first axis more.
 
     - `beta`: `(m,)`, in the units of the given columns.
-    - `basis`: `(n, rank)` orthonormal basis of the columns' space.
-    - `residual`: `(n,)`, `Phi beta - y`, taken as the part of -y outside of the basis.
-    - `rank`, `condition`: of the columns scaled to unit length; the condition is that of the space which is left when the rank is
-      deficient.
+    - `basis`: `(n, m)` orthonormal basis of the columns' space, zero beyond the rank.
+    - `residual`: `(n,)`, `Phi beta - y`, taken as the part of -y outside of the basis; infinite where Phi or y is.
     """
 
     beta: Array
     basis: Array
     residual: Array
-    rank: int
-    condition: float
 
     @property
     def sse(self) -> float:
@@ -40,30 +36,12 @@ def solve(phi: Array, y: Array) -> LinearFit:
 
     Columns are scaled to unit length first, so that neither the solution nor the rank depends on units.
     """
-    if phi.shape[1] == 0:
-        return LinearFit(np.empty(0), phi, -y, 0, 1.0)
-    lengths = _lengths(phi)
-    u, s, vt = np.linalg.svd(phi / lengths, full_matrices=False)
-    rank, condition = _rank(s)
-    basis = u[:, :rank]
-    components = basis.T @ y
-    residual = basis @ components - y
-    residual -= basis @ (basis.T @ residual)  # once more: keeps the digits of small residuals
-    beta = vt[:rank].T @ (components / s[:rank]) / lengths
-    return LinearFit(beta, basis, residual, rank, condition)
+    found = solve_each(phi[None], y[None])
+    return LinearFit(found.beta[0], found.basis[0], found.residual[0])
 
 
-@dataclass(frozen=True)
-class LinearFits:
-    """Of s problems: `beta`, `(s, m)`; `basis`, `(s, n, m)`, zero beyond the rank; `residual`, `(s, n)`, infinite where Phi is."""
-
-    beta: Array
-    basis: Array
-    residual: Array
-
-
-def solve_each(phi: Array, y: Array) -> LinearFits:
-    """As `solve`, with several regressors at once, `(s, n, m)`, and a target for each, `(s, n)`."""
+def solve_each(phi: Array, y: Array) -> LinearFit:
+    """`solve` with several regressors at once, `(s, n, m)`, and a target for each, `(s, n)`."""
     sound = np.asarray(np.isfinite(phi).all(axis=(1, 2)) & np.isfinite(y).all(axis=1))
     phi, y = np.where(sound[:, None, None], phi, 0.0), np.where(sound[:, None], y, 0.0)
     lengths = _lengths(phi)
@@ -73,10 +51,10 @@ def solve_each(phi: Array, y: Array) -> LinearFits:
     turned = basis.transpose(0, 2, 1)
     components = turned @ y[:, :, None]
     residual = basis @ components - y[:, :, None]
-    residual -= basis @ (turned @ residual)
+    residual -= basis @ (turned @ residual)  # once more: keeps the digits of small residuals
     weights = np.divide(components[:, :, 0], s, out=np.zeros_like(s), where=above)
     beta = (vt.transpose(0, 2, 1) @ weights[:, :, None])[:, :, 0] / lengths
-    return LinearFits(beta, basis, np.where(sound[:, None], residual[:, :, 0], np.inf))
+    return LinearFit(beta, basis, np.where(sound[:, None], residual[:, :, 0], np.inf))
 
 
 def least_sse(phi: Array, y: Array) -> Array:
@@ -88,20 +66,17 @@ def least_sse(phi: Array, y: Array) -> Array:
     return np.where(sound, np.einsum("sn,sn->s", residual, residual), np.inf)
 
 
-def numerical_rank(phi: Array) -> int:
-    """Rank of regressors `(n, m)` with unit columns."""
-    return _rank(np.asarray(np.linalg.svd(phi / _lengths(phi), compute_uv=False)))[0]
-
-
 def standard_errors(jacobian: Array, sse: float) -> tuple[Array, int, float]:
     """Return standard errors `(p,)`, rank and condition from a Jacobian `(n, p)` at the solution.
 
-    `cov = sse/(n - p) (J'J)^-1`; NaN where the rank is deficient or no degree of freedom is left.
+    `cov = sse/(n - p) (J'J)^-1`; NaN where the rank is deficient or no degree of freedom is left. The condition is that of the space
+    which is left when the rank is deficient.
     """
     n, p = jacobian.shape
     lengths = _lengths(jacobian)
     _, s, vt = np.linalg.svd(jacobian / lengths, full_matrices=False)
-    rank, condition = _rank(s)
+    rank = int(np.count_nonzero(s > RANK_TOLERANCE * s[:1]))
+    condition = float(s[0] / s[rank - 1]) if rank else 1.0
     if rank < p or n == p:
         return np.full(p, np.nan), rank, condition
     spread = np.linalg.norm(vt.T / s, axis=1)
@@ -115,8 +90,3 @@ def _lengths(columns: Array) -> Array:
     lengths = largest * np.linalg.norm(columns / largest, axis=-2, keepdims=True)  # squares of tiny or huge columns would leave the range
     lengths[lengths == 0.0] = 1.0
     return np.asarray(lengths[..., 0, :])
-
-
-def _rank(s: Array) -> tuple[int, float]:
-    rank = int(np.count_nonzero(s > RANK_TOLERANCE * s[:1]))
-    return rank, float(s[0] / s[rank - 1]) if rank else 1.0

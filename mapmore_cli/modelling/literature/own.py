@@ -100,7 +100,7 @@ def formula_of(text: str) -> Formula:
             start=RANDOM,
             units={str(name): str(unit) for name, unit in found["units"].items()},
             definition=text,
-        )
+        ).checked()
     except ExpressionError:
         raise
     except (KeyError, TypeError, AttributeError, RecursionError, OverflowError) as error:

@@ -2,18 +2,62 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import operator
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, Columns
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.modelling.expressions import Expression
-from mapmore_cli.modelling.literature.cells import Region, finite, needed
-from mapmore_cli.modelling.literature.formula import Formula
-from mapmore_cli.modelling.literature.literature_model import LiteratureModel, merged, renamed
+from mapmore_cli.modelling.literature.formula import Formula, LiteratureModel, merged, renamed
+from mapmore_cli.modelling.literature.problem import finite, needed
+
+_COMPARISONS: Mapping[str, Callable[[Array, float], BoolArray]] = {">": operator.gt, "<": operator.lt, "<=": operator.le}
+
+
+@dataclass(frozen=True)
+class Condition:
+    """`quantity comparison value`, with `>`, `<` or `<=`."""
+
+    quantity: str
+    comparison: str
+    value: float
+
+    def __str__(self) -> str:
+        return f"{self.quantity} {self.comparison} {self.value:g}"
+
+    def holds(self, columns: Columns) -> BoolArray:
+        """Rows on which it holds, `(n,)`; False where the quantity is NaN."""
+        return _COMPARISONS[self.comparison](needed(self.quantity, columns), self.value)
+
+
+@dataclass(frozen=True)
+class Region:
+    """Rows on which all `conditions` hold; `label` ends the names of its parameters."""
+
+    label: str
+    conditions: tuple[Condition, ...]
+
+    def __and__(self, other: Region) -> Region:
+        return Region(f"{self.label}_{other.label}", (*self.conditions, *other.conditions))
+
+    def __str__(self) -> str:
+        return ", ".join(map(str, self.conditions))
+
+    def parameter(self, name: str) -> str:
+        """Return what the parameter `name` is called in this region, as `B0_rise`."""
+        return f"{name}_{self.label}"
+
+    def rows(self, columns: Columns) -> BoolArray:
+        """Return True on the rows in the region, `(n,)`."""
+        return np.asarray(np.all([condition.holds(columns) for condition in self.conditions], axis=0))
+
+
+DIRECTIONS = (Region("rise", (Condition("direction", ">", 0.0),)), Region("fall", (Condition("direction", "<", 0.0),)))
+"""Rise and fall of the pressure, `direction` +1 and -1 (M2 eq 16); where it is 0 the muscle has not moved yet, which is neither."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +86,10 @@ class PiecewiseFormula(LiteratureModel):
                 "give it more training data, or leave the formula out",
             )
         whole = merged(self.name, parts)
-        return replace(whole, notes=(*whole.notes, *_left_out(len(target) - whole.samples, len(target))))
+        if not (left_out := len(target) - whole.samples):
+            return whole
+        note = f"{left_out} of {len(target)} samples are in no region: they are not fitted, and zero is predicted for them"
+        return replace(whole, notes=(*whole.notes, note))
 
     def predict(self, parameters: Mapping[str, float], columns: Columns) -> Array:
         """Return the formula of the region that each row lies in, `(n,)`; zero in no region, NaN where an input is."""
@@ -85,8 +132,5 @@ def by_region(local: Formula, regions: tuple[Region, ...]) -> PiecewiseFormula:
         regions=regions,
         component=local.component,
         title=local.title,
+        about=local.about,
     )
-
-
-def _left_out(count: int, samples: int) -> tuple[str, ...]:
-    return (f"{count} of {samples} samples are in no region: they are not fitted, and zero is predicted for them",) if count else ()

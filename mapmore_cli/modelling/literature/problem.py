@@ -10,9 +10,9 @@ from functools import cached_property
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns
+from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.expressions import Expression, Number, dictionary_matrix, evaluate, stacked_matrices, substitute
 from mapmore_cli.modelling.literature import linear
-from mapmore_cli.modelling.literature.cells import condensed, nominal
 
 SMOOTH = 0.01  # of a range: what bends over less is lost in means of neighbouring samples
 
@@ -81,9 +81,7 @@ class Problem:
 
     def target(self, c: Array) -> Array:
         """`y - f0(c)`, `(n,)`, times the roots of the counts, as every residual and regressor is."""
-        if self.offset == Number(0.0):
-            return self._weighted(self.y)
-        return self._weighted(self.y - evaluate(self.offset, self._with(self.values(np.zeros(len(self.linear)), c)), len(self.y)))
+        return np.asarray(self.each_target(c[None])[0])
 
     @cached_property
     def offset(self) -> Expression:
@@ -92,7 +90,12 @@ class Problem:
 
     def residual(self, beta: Array, c: Array) -> Array:
         """Return formula minus target, `(n,)`; not finite where the formula overflows."""
-        return self._weighted(evaluate(self.expression, self._with(self.values(beta, c)), len(self.y)) - self.y)
+        return self._weights * (evaluate(self.expression, self._with(self.values(beta, c)), len(self.y)) - self.y)
+
+    def sse(self, beta: Array, c: Array) -> float:
+        """Sum of squares of the residual."""
+        residual = self.residual(beta, c)
+        return float(residual @ residual)
 
     def regressors(self, c: Array) -> Array:
         """`Phi(c)`, `(n, m)`; raises `NotFinite` where it overflows."""
@@ -105,7 +108,7 @@ class Problem:
     def each_target(self, c: Array) -> Array:
         """`target` at several places, `(s, n)`."""
         if self.offset == Number(0.0):
-            return np.broadcast_to(self._weighted(self.y), (len(c), len(self.y)))
+            return np.broadcast_to(self._weights * self.y, (len(c), len(self.y)))
         values = self._each(np.zeros((len(c), len(self.linear))), c)
         return self._weights * (self.y - stacked_matrices([self.offset], self.columns, values, len(self.y))[:, :, 0])
 
@@ -133,6 +136,16 @@ class Problem:
         """Coordinates of the value one of the nonlinear parameters, `(k,)`."""
         return np.array([parameter.span(self.columns) for parameter in self.nonlinear])
 
+    def split(self, place: Array) -> tuple[Array, Array]:
+        """Return `beta` and `c` of a place, `(m + k,)`."""
+        return place[: len(self.linear)], place[len(self.linear) :]
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lowest and highest coordinates of the nonlinear parameters, `(k,)` each."""
+        ends = np.array([parameter.bounds for parameter in self.nonlinear]).reshape(-1, 2)
+        return ends[:, 0], ends[:, 1]
+
     @cached_property
     def at_levels(self) -> Problem:
         """A linear problem at the levels that were held, where these leave parameters undetermined; else the problem as it is.
@@ -143,7 +156,7 @@ class Problem:
         held = replace(self, columns={name: nominal(column) for name, column in self.columns.items()})
         if self.nonlinear or all(held.columns[name] is column for name, column in self.columns.items()):
             return self
-        return held if linear.numerical_rank(held.regressors(np.empty(0))) < len(self.linear) else self
+        return held if linear.standard_errors(held.regressors(np.empty(0)), 0.0)[1] < len(self.linear) else self
 
     def condensed(self) -> Problem:
         """Return the problem over means of neighbouring samples, where there are many: quick, and nearly the same.
@@ -153,11 +166,11 @@ class Problem:
         """
         if min((parameter.shortest for parameter in self.nonlinear), default=math.inf) < SMOOTH:
             return self
-        cells = condensed(self.columns, self.y)
-        return self if len(cells.y) == len(self.y) else replace(self, columns=cells.columns, y=cells.y, counts=cells.counts)
+        columns, y, counts = condensed(self.columns, self.y)
+        return self if len(y) == len(self.y) else replace(self, columns=columns, y=y, counts=counts)
 
     def _matrix(self, names: tuple[str, ...], values: Mapping[str, float]) -> Array:
-        return self._weighted(dictionary_matrix([self.gradient[name] for name in names], self._with(values), len(self.y)))
+        return self._weights[:, None] * dictionary_matrix([self.gradient[name] for name in names], self._with(values), len(self.y))
 
     def _matrices(self, names: tuple[str, ...], values: Mapping[str, Array]) -> Array:
         return self._weights[:, None] * stacked_matrices([self.gradient[name] for name in names], self.columns, values, len(self.y))
@@ -165,9 +178,6 @@ class Problem:
     def _each(self, beta: Array, c: Array) -> dict[str, Array]:
         """Parameters of several places by name, `(s,)` each."""
         return dict(zip(self.names, [*beta.T, *(c / self.spans).T], strict=True))
-
-    def _weighted(self, rows: Array) -> Array:
-        return rows if self.counts is None else (rows.T * self._weights).T
 
     @cached_property
     def _weights(self) -> Array:
@@ -207,3 +217,82 @@ FASTEST, SLOWEST = 1e-3, 10.0
 def decay(name: str) -> Nonlinear:
     """Return the rate over which the force decays by 1/e, positive."""
     return Nonlinear(name, per=None, intervals=((FASTEST, SLOWEST),), of="strain_rate")
+
+
+LIMIT = 4096
+"""Most cells; tables of no more rows are left as they are."""
+
+FINEST = 512
+"""Cells along the range of an input, halved until there are no more than `LIMIT` in all."""
+
+
+def condensed(columns: Columns, y: Array) -> tuple[Columns, Array, Array]:
+    """Return `columns` and `y`, each `(n,)`, averaged over the finest grid that leaves at most `LIMIT` cells, and the rows in each cell.
+
+    A sum of squares weighted by the counts is that of the rows, less their scatter within the cells, up to the curvature of the model
+    over a cell: a hinge of slope one and width w is missed by 1/(96 w 512^2) of the full scale, 4e-6 where w = 0.01.
+    """
+    if len(y) <= LIMIT:
+        return columns, y, np.ones(len(y))
+    places = [(column - column.min()) / (float(np.ptp(column)) or 1.0) for column in columns.values()]  # in their ranges, 0 to 1
+    bins = FINEST
+    while True:
+        keys = np.zeros(len(y), dtype=np.int64)
+        for place in places:
+            keys = keys * (bins + 1) + np.floor(place * bins).astype(np.int64)
+        cells, cell, counts = np.unique(keys, return_inverse=True, return_counts=True)
+        if len(cells) <= LIMIT:
+            break
+        bins //= 2
+    means = {name: np.bincount(cell, column) / counts for name, column in columns.items()}
+    return means, np.bincount(cell, y) / counts, counts.astype(float)
+
+
+SCATTER = 0.1
+"""Of the smallest distance between two levels: how far values may lie apart that are nominally one."""
+
+VALUES_A_LEVEL = 5
+"""Distinct values for every level, from which on they are scatter about it; fewer may be levels of their own."""
+
+
+def nominal(column: Array) -> Array:
+    """Return the column, `(n,)`, with every value replaced by the level that it scatters about; unchanged where there are no such levels.
+
+    Levels are groups of values that lie nearer together than `SCATTER` times the smallest distance between two groups, `VALUES_A_LEVEL`
+    or more in a group on the average; the finest such partition is taken.
+    """
+    values, place = np.unique(column, return_inverse=True)
+    gaps = np.diff(values)
+    sizes = np.sort(gaps)[::-1]
+    for parting in sizes[:-1][sizes[1:] <= SCATTER * sizes[:-1]][::-1]:
+        starts = np.concatenate([[0], np.flatnonzero(gaps >= parting) + 1])
+        lowest, highest = np.minimum.reduceat(values, starts), np.maximum.reduceat(values, starts)
+        if len(values) >= VALUES_A_LEVEL * len(starts) and float((highest - lowest).max()) <= SCATTER * float(parting):
+            group = np.searchsorted(starts, np.arange(len(values)), side="right") - 1
+            return np.asarray(((lowest + highest) / 2)[group[place]])
+    return column
+
+
+def dependence(rank: int, count: int, inputs: Columns, choice: str) -> str:
+    """Return the note for data that leave parameters undetermined, and what was chosen then."""
+    distinct = ", ".join(f"{len(np.unique(column))} of {name}" for name, column in inputs.items())
+    return (
+        f"rank {rank} of {count}: the data do not tell all parameters apart (distinct values: {distinct}); "
+        f"{choice}, and values between the training levels are not to be trusted"
+    )
+
+
+def needed(name: str, columns: Columns) -> Array:
+    """Return the column `name`; raises `DataError` where it is absent."""
+    if name not in columns:
+        raise DataError(f"there is no column `{name}` among the inputs", "declare it under `columns` or `derive`")
+    return np.asarray(columns[name], dtype=float)
+
+
+def finite(name: str, column: Array) -> Array:
+    """Return the column; raises `DataError` with the first row in which it is not finite."""
+    values = np.asarray(column, dtype=float)
+    if not np.isfinite(values).all():
+        row = int(np.argmin(np.isfinite(values)))
+        raise DataError(f"{name} is not finite in row {row}: {values[row]}", "drop the sample (`missing: drop`) or mend the recording")
+    return values

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Container, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -18,11 +18,8 @@ from mapmore_cli.modelling.expressions.states import Lagged, Measured, Operated,
 from mapmore_cli.modelling.expressions.syntax import ONE, Power, Product
 from mapmore_cli.modelling.memory.states import setting_of
 
-Own = Callable[[Sequence[float]], float]
-"""The part of a term that depends on fed-back states, as a function of their values at one sample."""
-
-OUTPUT = -1
-"""Place of the output itself, where others are places of nodes."""
+Own = Callable[[Sequence[float]], float]  # the part of a term that depends on fed-back states, as a function of their values at one sample
+OUTPUT = -1  # place of the output itself, where others are places of nodes
 
 
 @dataclass(frozen=True)
@@ -35,66 +32,33 @@ class Node:
     rule: Recursion | None = None
 
 
-@dataclass(frozen=True)
 class Feedback:
-    """A model's terms, `D_j = own_j(fed-back states) * input_j(states of inputs alone)`.
+    """A model's terms taken apart, `D_j = own_j(fed-back states) * input_j(states of inputs alone)`.
 
-    - `output`: the quantity that is fed back.
-    - `states`: all states of the model.
-    - `names`: the m states that are fed back.
-    - `inputs`: (k) input parts.
-    - `owns`: the G different parts of fed-back states.
-    - `groups`: (k) place of each term's part among them, -1 for a term of inputs alone.
+    - `names`: the m fed-back states; `nodes`: they and all that they are made of, sources first; `places`: (m) theirs among these.
+    - `inputs`: (k) input parts; `owns`: the G different parts of fed-back states; `groups`: (k) which of them is a term's, -1 for none.
+    - `longest`: measured outputs that a run begins with; `depth`: past values that the next sample may need, of the output and of any node.
+    - `limits`: lower end and width of the scale of each fed-back state; an infinite width, and so zero, where it stood still in training.
+
+    Raises DataError for a state or a term that cannot be fed back.
     """
 
-    output: str
-    states: StateSet
-    names: tuple[str, ...]
-    inputs: tuple[Expression, ...]
-    owns: tuple[Expression, ...]
-    groups: tuple[int, ...]
-
-    @cached_property
-    def nodes(self) -> tuple[Node, ...]:
-        """Every fed-back state and all that it is made of, sources before what is made of them."""
-        places: dict[State, int] = {}
-        nodes: list[Node] = []
-        for part in (part for name in self.names for part in _parts(state(name))):
-            if part in places:
-                continue
-            source = places.get(part.source, OUTPUT)
-            places[part] = len(nodes)
-            if isinstance(part, Lagged):
-                nodes.append(Node(part, source, part.steps))
-            else:
-                nodes.append(Node(part, source, rule=OPERATORS[part.operator].recursion(setting_of(part, self.states))))
-        return tuple(nodes)
-
-    @cached_property
-    def places(self) -> tuple[int, ...]:
-        """(m) place of each fed-back state among the nodes."""
-        known = [node.state.name for node in self.nodes]
-        return tuple(known.index(name) for name in self.names)
-
-    @cached_property
-    def longest(self) -> int:
-        """Measured outputs that a run begins with."""
-        return max(fed_back_states(self.states, self.output).values(), default=0)
-
-    @cached_property
-    def depth(self) -> int:
-        """Past values that the next sample may need, of the output and of any node."""
-        rules = [max(node.rule.own, node.rule.source) for node in self.nodes if node.rule is not None]
-        return self.longest + max(rules, default=0) + 1
-
-    @cached_property
-    def limits(self) -> tuple[tuple[float, float], ...]:
-        """Lower end and width of the scale of each fed-back state; an infinite width, and so zero, where it stood still in training."""
-        if not self.states.scaled:
-            return ()
-        places = [self.states.names.index(name) for name in self.names]
-        ends = [(float(self.states.low[place]), float(self.states.high[place])) for place in places]
-        return tuple((low, high - low if high > low else math.inf) for low, high in ends)
+    def __init__(self, terms: Sequence[str], states: StateSet, output: str) -> None:
+        self.states, self.output = states, output
+        lags = fed_back_states(states, output)
+        self.names = tuple(lags)
+        parts = [parted(parse(text), lags) for text in terms]
+        self.inputs = [inputs for _, inputs in parts]
+        self.owns = list(dict.fromkeys(own for own, _ in parts if own != ONE))
+        self.groups = np.array([self.owns.index(own) if own != ONE else -1 for own, _ in parts], dtype=np.int64)
+        found = dict.fromkeys(part for name in self.names for part in state(name).parts if not isinstance(part, Measured))
+        order: dict[State, int] = {part: place for place, part in enumerate(found)}
+        self.nodes = [_node(part, order, states) for part in found]
+        self.places = [order[state(name)] for name in self.names]
+        self.longest = max(lags.values(), default=0)
+        self.depth = self.longest + max((max(node.rule.own, node.rule.source) for node in self.nodes if node.rule), default=0) + 1
+        scales = zip(states.names, states.low.tolist(), states.high.tolist(), strict=states.scaled)
+        self.limits = [(low, high - low if high > low else math.inf) for name, low, high in scales if name in lags]
 
     @property
     def only_delays(self) -> bool:
@@ -102,29 +66,22 @@ class Feedback:
         return all(node.source == OUTPUT and node.rule is None for node in self.nodes)
 
     @cached_property
-    def slopes(self) -> tuple[tuple[str, int, Expression], ...]:
+    def slopes(self) -> list[tuple[str, int, Expression]]:
         """Derivatives of the parts of fed-back states that are not zero: by which state, of which part."""
-        return tuple(
-            (name, place, derivative(own, name)) for place, own in enumerate(self.owns) for name in self.names if name in own.names
-        )
+        return [(name, place, derivative(own, name)) for place, own in enumerate(self.owns) for name in self.names if name in own.names]
 
     @cached_property
-    def functions(self) -> tuple[Own, ...]:
+    def functions(self) -> list[Own]:
         """The parts of fed-back states as functions."""
         places = {name: place for place, name in enumerate(self.names)}
-        return tuple(_own(own, places) for own in self.owns)
+        return [_own(own, places) for own in self.owns]
 
 
-def feedback_of(terms: Sequence[str], states: StateSet, output: str) -> Feedback:
-    """Take the terms of a model apart.
-
-    Raises DataError for a state or a term that cannot be fed back.
-    """
-    names = tuple(fed_back_states(states, output))
-    parts = [parted(parse(text), names) for text in terms]
-    owns = tuple(dict.fromkeys(own for own, _ in parts if own != ONE))
-    groups = tuple(owns.index(own) if own != ONE else -1 for own, _ in parts)
-    return Feedback(output, states, names, tuple(inputs for _, inputs in parts), owns, groups)
+def _node(part: Lagged | Operated, places: Mapping[State, int], states: StateSet) -> Node:
+    source = places.get(part.source, OUTPUT)
+    if isinstance(part, Lagged):
+        return Node(part, source, part.steps)
+    return Node(part, source, rule=OPERATORS[part.operator].recursion(setting_of(part, states)))
 
 
 def fed_back_states(states: StateSet, output: str) -> dict[str, int]:
@@ -142,24 +99,13 @@ def fed_back_states(states: StateSet, output: str) -> dict[str, int]:
                 f"the state `{name}` depends on the output {output} as it is now",
                 f"let it look back: operators of the output work on {output}[k-1]",
             )
-        found[name] = sum(part.steps for part in _parts(one) if isinstance(part, Lagged))
+        found[name] = one.lag
     return found
 
 
 def looks_back(found: State) -> bool:
     """Whether the quantity that a state is made of enters it delayed: `stop(force[k-1], 0.1)` does, `stop(force, 0.1)[k-1]` does not."""
-    while not isinstance(found, Measured):
-        if isinstance(found, Lagged) and isinstance(found.source, Measured):
-            return True
-        found = found.source
-    return False
-
-
-def _parts(found: State) -> Iterator[Lagged | Operated]:
-    """Yield the state and all that it is made of but the quantity, the innermost first."""
-    if not isinstance(found, Measured):
-        yield from _parts(found.source)
-        yield found
+    return any(isinstance(part, Lagged) for part in found.parts[1:2])
 
 
 def parted(term: Expression, fed_back: Container[str]) -> tuple[Expression, Expression]:
@@ -193,7 +139,7 @@ def _own(expression: Expression, places: Mapping[str, int]) -> Own:
         case [i, j, *rest]:
             return lambda y: math.prod([y[place] for place in rest], start=y[i] * y[j])
     program, names = compiled((expression,)), sorted(expression.names)
-    return lambda y: float(next(program.values({name: np.float64(y[places[name]]) for name in names})))
+    return lambda y: float(next(program({name: np.float64(y[places[name]]) for name in names})))
 
 
 def _monomial(expression: Expression, places: Mapping[str, int]) -> list[int]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -18,8 +17,7 @@ from mapmore_cli.modelling.expressions.operator import Recursion
 from mapmore_cli.modelling.expressions.operators import OPERATORS
 from mapmore_cli.modelling.expressions.states import Lagged, Measured, Operated, State
 from mapmore_cli.modelling.expressions.syntax import ONE, ZERO, Condition
-from mapmore_cli.modelling.literature.model import backbone_values, by_blocks, formula_equations, printed
-from mapmore_cli.modelling.literature.statements import formula_value
+from mapmore_cli.modelling.literature.model import backbone_values, by_blocks, formula_equations, formula_value, printed
 from mapmore_cli.modelling.memory.feedback import fed_back_states, parted
 from mapmore_cli.modelling.memory.free_run import free_run, one_step_ahead
 from mapmore_cli.modelling.memory.simulation import bounds_of
@@ -83,10 +81,8 @@ def memory_equation(model: MemoryModel, units: Mapping[str, float]) -> Expressio
     scaling = model.scaling
     scales = zip(scaling.variables, scaling.slope.tolist(), scaling.intercept.tolist(), strict=True)
     physical = {name: affine(Name(name), slope * units.get(state(name).quantity, 1.0), intercept) for name, slope, intercept in scales}
-    terms = (
-        multiply(Number(float(theta)), substitute(parse(text), physical)) for text, theta in zip(model.terms, model.theta, strict=True)
-    )
-    return add(Number(model.constant), *terms)
+    terms = zip(model.terms, model.theta.tolist(), strict=True)
+    return add(Number(model.constant), *(multiply(Number(theta), substitute(parse(text), physical)) for text, theta in terms))
 
 
 def _base(model: Model, columns: Columns) -> Array:
@@ -103,48 +99,70 @@ def _body(model: Model) -> Memory:
 
 def write(m: Writer, model: Model, inputs: Inputs) -> Expression:
     """Write a model with memory, on its backbone where it has one."""
-    body = model.body
-    assert isinstance(body, Memory)
+    body = _body(model)
     limit(m, body.ranges, None, inputs)
     m.kept.steps.append(body.model.states.step)
-    return m.let("model", formula_value(m, body.backbone, inputs) + memory_value(m, body.model, inputs))
+    return m.let("model", formula_value(m, body.backbone, inputs) + _Output(m, body.model, inputs).written())
 
 
-@dataclass
-class _States:
-    """Writes the states of one model down, each once; `seen` counts the samples before this one."""
+class _Output:
+    """Writes the output of one model down, and its states, each once; `seen` counts the samples before this one."""
 
-    m: Writer
-    model: MemoryModel
-    inputs: Mapping[str, Expression]
-    seen: Name
-    known: dict[str, Expression] = field(default_factory=dict)
-    queues: dict[str, str] = field(default_factory=dict)
+    def __init__(self, m: Writer, model: MemoryModel, inputs: Mapping[str, Expression]) -> None:
+        self.m, self.model, self.inputs = m, model, inputs
+        self.lags = fed_back_states(model.states, model.output)
+        self.seen = m.number("seen")
+        self.known: dict[str, Expression] = {}
+        self.queues: dict[str, str] = {}
 
-    def value(self, found: State) -> Expression:
+    def written(self) -> Expression:
+        """Write the output at a sample in free run; nothing before there is history, and once it has diverged."""
+        m, model = self.m, self.model
+        names = {name: self._scaled(place, self._state(state(name))) for place, name in enumerate(model.states.names)}
+        start = float(max((state(name).lag for name in model.states.names), default=0))
+        early = self.seen < start
+        if not self.lags:
+            found = m.choose("memory", [(early, NOTHING)], lambda: self._sum(names))
+        else:
+            lost = m.number("lost")
+            low, high = bounds_of(model.limits)
+
+            def bounded() -> Expression:
+                """Write the output while it stays within bounds; nothing from where it leaves them, up to a reset."""
+                value = self._sum(names)
+                return m.choose("within", [(lost > 0, NOTHING), (value < low, NOTHING), (value > high, NOTHING)], value)
+
+            found = m.choose("memory", [(early, NOTHING)], bounded)
+            m.keep(lost, m.choose("lost", [(early, ZERO), (Condition(found, "==", found), ZERO)], ONE))
+        for name, queue in self.queues.items():
+            m.statements.append(Queue(queue, found if name == model.output else self._state(state(name))))
+        if self.lags:
+            m.kept.fed_back.setdefault(model.output, []).append(self.queues[model.output])
+        m.keep(self.seen, m.choose("seen", [(self.seen <= start, self.seen + 1)], self.seen))
+        return found
+
+    def _state(self, found: State) -> Expression:
         """Write a state in physical units."""
         if found.name not in self.known:
-            self.known[found.name] = self._written(found)
+            match found:
+                case Measured(name):
+                    written = self.inputs[name]
+                case Lagged(source, steps):
+                    written = self._lagged(source, steps)
+                case Operated(name, source):
+                    written = self._operated(name, OPERATORS[name].recursion(setting_of(found, self.model.states)), source)
+            self.known[found.name] = written
         return self.known[found.name]
-
-    def _written(self, found: State) -> Expression:
-        match found:
-            case Measured(name):
-                return self.inputs[name]
-            case Lagged(source, steps):
-                return self._lagged(source, steps)
-            case Operated(operator, source):
-                return self._operated(operator, OPERATORS[operator].recursion(setting_of(found, self.model.states)), source)
 
     def _operated(self, name: str, rule: Recursion, source: State) -> Expression:
         """Write an operator from its kept values; it rests up to the first sample on which its source has a value."""
         m = self.m
-        x = m.let("source", self.value(source))
+        x = m.let("source", self._state(source))
         if rule.own == rule.source == 0:
             return m.let(name, rule.next(m, x))
         own = [m.number(name) for _ in range(rule.own)]
         past = [m.number("source") for _ in range(rule.source)]
-        rest = Condition(self.seen, "<=", Number(float(history_of(source))))
+        rest = Condition(self.seen, "<=", Number(float(source.lag)))
         value = m.choose(name, [(rest, rule.rest(x))], lambda: rule.next(m, *own, x, *past))
         for kept, now in ((own, value), (past, x)):
             older = [now, *(m.where(rest, now, one) for one in kept[:-1])]
@@ -156,73 +174,29 @@ class _States:
         if source.name not in self.queues:
             self.queues[source.name] = self.m.fresh("queue")
             if source != Measured(self.model.output):
-                self.value(source)
+                self._state(source)
         queue = self.queues[source.name]
         self.m.kept.queues[queue] = max(self.m.kept.queues.get(queue, 0), steps)
         name = self.m.fresh("past")
         self.m.statements.append(Recall(name, queue, steps))
         return Name(name)
 
-    def queued(self, output: str, value: Expression) -> None:
-        """Put the present values of delayed states into their queues."""
-        for name, queue in self.queues.items():
-            self.m.statements.append(Queue(queue, value if name == output else self.value(state(name))))
+    def _scaled(self, place: int, value: Expression) -> Expression:
+        """Write a state scaled to its training range, as `states.evaluate_states` does."""
+        states = self.model.states
+        if not states.scaled:
+            return value
+        low, high = float(states.low[place]), float(states.high[place])
+        return self.m.clip((value - low) / (high - low), -states.margin, 1 + states.margin, "scaled") if high > low else ZERO
 
-
-def history_of(found: State) -> int:
-    """Return the number of samples before a state has its first value."""
-    match found:
-        case Measured():
-            return 0
-        case Lagged(source, steps):
-            return history_of(source) + steps
-        case Operated(_, source):
-            return history_of(source)
-
-
-def memory_value(m: Writer, model: MemoryModel, inputs: Mapping[str, Expression]) -> Expression:
-    """Write the model's output at a sample in free run; nothing before there is history, and once it has diverged."""
-    lags = fed_back_states(model.states, model.output)
-    seen = m.number("seen")
-    states = _States(m, model, inputs, seen)
-    names = {name: _scaled(m, model, place, states.value(state(name))) for place, name in enumerate(model.states.names)}
-    start = float(max([0, *lags.values(), *(history_of(state(name)) for name in model.states.names)]))
-    early = seen < start
-    if not lags:
-        found = m.choose("memory", [(early, NOTHING)], lambda: _output(m, model, lags, names))
-    else:
-        lost = m.number("lost")
-        found = m.choose("memory", [(early, NOTHING)], lambda: _bounded(m, model, lost, _output(m, model, lags, names)))
-        m.keep(lost, m.choose("lost", [(early, ZERO), (Condition(found, "==", found), ZERO)], ONE))
-    states.queued(model.output, found)
-    if lags:
-        m.kept.fed_back.setdefault(model.output, []).append(states.queues[model.output])
-    m.keep(seen, m.choose("seen", [(seen <= start, seen + 1)], seen))
-    return found
-
-
-def _scaled(m: Writer, model: MemoryModel, place: int, value: Expression) -> Expression:
-    """Scale a state to its training range, as `memory.evaluation.scaled`."""
-    states = model.states
-    if not states.scaled:
-        return value
-    low, high = float(states.low[place]), float(states.high[place])
-    return m.clip((value - low) / (high - low), -states.margin, 1 + states.margin, "scaled") if high > low else ZERO
-
-
-def _output(m: Writer, model: MemoryModel, lags: Mapping[str, int], names: Mapping[str, Expression]) -> Expression:
-    """Write `constant + sum_j theta_j D_j`, the terms of inputs first, as a free run adds them up."""
-    driven: list[Expression] = [Number(model.constant)]
-    weights: dict[Expression, list[Expression]] = {}
-    for text, theta in zip(model.terms, model.theta.tolist(), strict=True):
-        own, inputs = parted(parse(text), lags)
-        weight = times(Number(theta), m.let("driven", substitute(inputs, names)))
-        (driven if own == ONE else weights.setdefault(own, [])).append(weight)
-    fed = [times(m.let("weight", total(parts)), m.let("own", substitute(own, names))) for own, parts in weights.items()]
-    return m.let("output", total([m.let("base", total(driven)), *fed]))
-
-
-def _bounded(m: Writer, model: MemoryModel, lost: Name, value: Expression) -> Expression:
-    """Write the output while it stays within bounds; nothing from where it leaves them, up to a reset."""
-    low, high = bounds_of(model.limits)
-    return m.choose("within", [(lost > 0, NOTHING), (value < low, NOTHING), (value > high, NOTHING)], value)
+    def _sum(self, names: Mapping[str, Expression]) -> Expression:
+        """Write `constant + sum_j theta_j D_j`, the terms of inputs first, as a free run adds them up."""
+        m, model = self.m, self.model
+        driven: list[Expression] = [Number(model.constant)]
+        weights: dict[Expression, list[Expression]] = {}
+        for text, theta in zip(model.terms, model.theta.tolist(), strict=True):
+            own, inputs = parted(parse(text), self.lags)
+            weight = times(Number(theta), m.let("driven", substitute(inputs, names)))
+            (driven if own == ONE else weights.setdefault(own, [])).append(weight)
+        fed = [times(m.let("weight", total(parts)), m.let("own", substitute(own, names))) for own, parts in weights.items()]
+        return m.let("output", total([m.let("base", total(driven)), *fed]))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve
-from mapmore_cli.modelling.signals.sampling import UNEVEN, find_resets, pieces
+from mapmore_cli.modelling.signals.sampling import UNEVEN, pieces
 
 
 class AtSample(DataError):
@@ -32,6 +32,11 @@ def numbered(rows: IntArray) -> Iterator[None]:
         raise AtSample(int(rows[error.sample]), error.fault, error.remedy) from error
 
 
+def complete(columns: Iterable[Array], n: int) -> BoolArray:
+    """Return the rows, of n, on which every column has a value."""
+    return np.asarray(np.logical_and.reduce([np.ones(n, dtype=np.bool_), *map(np.isfinite, columns)]))
+
+
 @dataclass(frozen=True)
 class Record:
     """One piece: quantities by name, (n,) each, at even time steps; `training` (n,) marks the samples to learn from."""
@@ -46,24 +51,21 @@ class Record:
 
 
 def uninterrupted(time: Array, step: float) -> list[slice]:
-    """Return the pieces of a record: it is cut where a step is longer than `step`, and where time runs backwards.
-
-    - `time`: stamps, (n,), s.
-    - `step`: time between samples, s.
+    """Return the pieces of a record with the stamps `time` (n,): cut where a step is longer than `step` (s), or time runs backwards.
 
     Raises AtSample where stamps are neither `step` apart nor a gap: the memory of the model counts samples.
     """
     distances = np.diff(time)
     slack = UNEVEN * step + 4 * np.finfo(np.float64).eps * float(np.abs(time).max(initial=0.0))
-    early = np.flatnonzero((distances >= 0) & (distances < step - slack))
-    if len(early):
+    early = (distances >= 0) & (distances < step - slack)
+    if early.any():
+        first = int(np.argmax(early))
         raise AtSample(
-            int(early[0]) + 1,
-            f"only {distances[early[0]]:.6g} s after the one before; a model with memory needs even steps of {step:.6g} s",
+            first + 1,
+            f"only {distances[first]:.6g} s after the one before; a model with memory needs even steps of {step:.6g} s",
             f"bring the recording onto even steps of {step:.6g} s",
         )
-    breaks = np.union1d(np.flatnonzero(distances > step + slack), find_resets(time))
-    return pieces(len(time), breaks)
+    return pieces(len(time), np.flatnonzero((distances > step + slack) | (distances < 0)))
 
 
 def time_step(curves: Sequence[Curve]) -> float:
@@ -89,19 +91,16 @@ def records_of(curves: Sequence[Curve], step: float) -> tuple[Record, ...]:
 
     Raises DataError where samples are not at even time steps.
     """
-    return tuple(
-        Record({name: values[rows][piece] for name, values in curve.columns.items()}, curve.training[rows][piece])
-        for curve in curves
-        for log, rows in enumerate(curve.logs)
-        for piece in _pieces(curve.recordings[log], curve.columns["time"][rows], step)
-    )
-
-
-def _pieces(recording: str, time: Array, step: float) -> list[slice]:
-    try:
-        return uninterrupted(time, step)
-    except AtSample as error:
-        raise DataError(
-            f"{recording}: sample {error.sample} (at {time[error.sample]:.9g} s): {error.fault}",
-            f"add `resample: {step:.6g} s` to `data`, with `gaps: {{longer_than: ..., action: split}}` where recordings break off",
-        ) from error
+    records: list[Record] = []
+    for curve in curves:
+        for name, rows in zip(curve.recordings, curve.logs, strict=True):
+            time = curve.columns["time"][rows]
+            try:
+                parts = [rows[part] for part in uninterrupted(time, step)]
+            except AtSample as error:
+                raise DataError(
+                    f"{name}: sample {error.sample} (at {time[error.sample]:.9g} s): {error.fault}",
+                    f"add `resample: {step:.6g} s` to `data`, with `gaps: {{longer_than: ..., action: split}}` where recordings break off",
+                ) from error
+            records += [Record({name: x[part] for name, x in curve.columns.items()}, curve.training[part]) for part in parts]
+    return tuple(records)

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Protocol
 
 import numpy as np
 
@@ -16,10 +15,10 @@ from mapmore_cli.domain.fits import Selection, StateSet
 from mapmore_cli.modelling.expressions import Expression, dictionary_blocks, dictionary_matrix
 from mapmore_cli.modelling.expressions.families import fits_whole, refuse_beyond_memory
 from mapmore_cli.modelling.frols import frols, frols_streamed
-from mapmore_cli.modelling.frols.moments import Moments, Standard, moments, standard, standardised, uncentred
+from mapmore_cli.modelling.frols.moments import Standard, moments, standard, standardised, uncentred
 from mapmore_cli.modelling.frols.ridge import LEAST_RIDGE, Regularised, choose_ridge, prune, ridge_press, select, substitutes
 from mapmore_cli.modelling.frols.select import fewest, information_criterion
-from mapmore_cli.modelling.memory.records import Record
+from mapmore_cli.modelling.memory.records import Record, complete
 from mapmore_cli.modelling.memory.states import evaluate_states
 from mapmore_cli.modelling.selection import MemoryRecipe, Stop
 
@@ -41,10 +40,6 @@ class Regressors:
         """Return some of the samples."""
         return Regressors(self.terms, {name: values[part] for name, values in self.states.items()}, self.y[part])
 
-    def whole(self) -> Array:
-        """Return the dictionary as one matrix, (n, M)."""
-        return dictionary_matrix(self.terms, self.states, self.samples)
-
     def blocks(self) -> Iterator[tuple[Array, Array]]:
         """Yield the dictionary and the output, block by block."""
         for rows, P in dictionary_blocks(self.terms, self.states, self.samples):
@@ -56,7 +51,13 @@ def regressors(records: Sequence[Record], states: StateSet, terms: Sequence[Expr
 
     Raises DataError where there are none, or the output is missing.
     """
-    parts = [_part(record, states, target) for record in records]
+    parts: list[tuple[Columns, Array]] = []
+    for record in records:
+        if target not in record.columns:
+            raise DataError(f"there is no column `{target}`", f"there are: {', '.join(record.columns)}")
+        values = evaluate_states(states, record.columns)
+        known = record.training & complete(values.values(), record.size)
+        parts.append(({name: column[known] for name, column in values.items()}, record.columns[target][known]))
     pooled = {name: np.concatenate([values[name] for values, _ in parts]) for name in states.names}
     y = np.concatenate([output for _, output in parts])
     if not len(y):
@@ -64,16 +65,7 @@ def regressors(records: Sequence[Record], states: StateSet, terms: Sequence[Expr
     return Regressors(tuple(terms), pooled, y)
 
 
-def _part(record: Record, states: StateSet, target: str) -> tuple[dict[str, Array], Array]:
-    if target not in record.columns:
-        raise DataError(f"there is no column `{target}`", f"there are: {', '.join(record.columns)}")
-    values = evaluate_states(states, record.columns)
-    known = np.logical_and.reduce([record.training, *(np.isfinite(column) for column in values.values())])
-    return {name: column[known] for name, column in values.items()}, record.columns[target][known]
-
-
-FOLDS = 4
-"""Blocks of samples that are left out in turn where the ridge is chosen."""
+FOLDS = 4  # blocks of samples that are left out in turn where the ridge is chosen
 
 
 @dataclass(frozen=True)
@@ -88,159 +80,116 @@ class Choice:
     shares: Array
 
 
-class Selector(Protocol):
-    """Gives a model of any number of terms."""
-
-    def best(self, stop: Stop, tolerance: float) -> Choice:
-        """Return the model whose number of terms the rule prefers."""
-        ...
-
-    def of_size(self, terms: int) -> Choice:
-        """Return the model of so many terms, or of as many as there can be."""
-        ...
-
-    def among(self, chosen: IntArray) -> Choice:
-        """Return the model of these candidates, in the order of their error reduction."""
-        ...
-
-    def penalty(self, chosen: IntArray) -> Array:
-        """(k,) what the ridge adds to the sum of squared errors for each squared coefficient of these candidates."""
-        ...
-
-    @property
-    def ranking(self) -> Regularised:
-        """The covariance of all candidates by which they are ranked beside chosen ones."""
-        ...
-
-
-def selector(data: Regressors, recipe: MemoryRecipe) -> Selector:
-    """Plain where the recipe has no ridge."""
-    return Plain(data, recipe) if recipe.ridge == 0.0 else Ridged(data, recipe)
-
-
-@dataclass(frozen=True)
-class Plain:
+class _Plain:
     """FROLS on the candidates as they are, in one piece where they fit into memory."""
 
-    data: Regressors
-    recipe: MemoryRecipe
+    def __init__(self, data: Regressors, recipe: MemoryRecipe) -> None:
+        self.data, self.recipe, self.all = data, recipe, np.arange(len(data.terms))
 
     @cached_property
     def _whole(self) -> Array | None:
-        if fits_whole(self.data.samples, len(self.data.terms)):
-            return self.data.whole()
-        refuse_beyond_memory(len(self.data.terms))
+        if fits_whole(self.data.samples, len(self.all)):
+            return dictionary_matrix(self.data.terms, self.data.states, self.data.samples)
+        refuse_beyond_memory(len(self.all))
         return None
 
     @cached_property
-    def _largest(self) -> Selection:
-        return self._selection(np.arange(len(self.data.terms)), self.recipe.most_terms)
+    def _largest(self) -> IntArray:
+        return self._selected(self.all, self.recipe.most_terms).selection.chosen
 
     @cached_property
     def ranking(self) -> Regularised:
-        """See `Selector`: of candidates divided by their root mean squares."""
+        """The covariance of all candidates, divided by their root mean squares, by which they are ranked beside chosen ones."""
         total = moments(standardised(self.data.blocks, uncentred(self.data.blocks)))
         return Regularised(total.products / total.samples, total.samples, LEAST_RIDGE)
 
-    def best(self, stop: Stop, tolerance: float) -> Choice:
-        """See `Selector`."""
-        return _plain(self._selection(np.arange(len(self.data.terms)), self.recipe.most_terms, tolerance, stop))
+    def best(self) -> Choice:
+        """Return the model whose number of terms the recipe's rule prefers; the largest where free runs decide on it."""
+        recipe = self.recipe
+        if recipe.stop == "free_run":
+            return self.of_size(recipe.most_terms)
+        return self._selected(self.all, recipe.most_terms, recipe.tolerance, recipe.stop)
 
     def of_size(self, terms: int) -> Choice:
-        """See `Selector`."""
-        return self.among(self._largest.chosen[:terms])
+        """Return the model of so many terms, or of as many as there can be."""
+        return self.among(self._largest[:terms])
 
     def among(self, chosen: IntArray) -> Choice:
-        """See `Selector`."""
-        return _plain(self._selection(chosen, len(chosen)))
+        """Return the model of these candidates, in the order of their error reduction."""
+        return self._selected(chosen, len(chosen))
 
     def penalty(self, chosen: IntArray) -> Array:
-        """See `Selector`: there is none."""
+        """(k,) what the ridge, a part of each candidate's variance, adds to the squared error for each squared coefficient."""
         return np.zeros(len(chosen))
 
-    def _selection(self, among: IntArray, terms: int, tolerance: float = 0.0, stop: Stop = "tolerance") -> Selection:
+    def _selected(self, among: IntArray, terms: int, tolerance: float = 0.0, stop: Stop = "tolerance") -> Choice:
         if self._whole is None:
             found = frols_streamed(lambda: ((P[:, among], y) for P, y in self.data.blocks()), terms, tolerance, stop=stop)
         else:
             found = frols(self._whole[:, among], self.data.y, terms, tolerance, stop=stop)
-        return found if len(among) == len(self.data.terms) else _widened(found, among, len(self.data.terms))
+        if len(among) < len(self.all):  # the tables are empty (NaN) for all others
+            tables = np.full((2, len(found.chosen), len(self.all)), np.nan)
+            tables[:, :, among] = found.g_all, found.err_all
+            runner_up = np.where(found.runner_up >= 0, among[found.runner_up], -1)
+            found = replace(found, chosen=among[found.chosen], g_all=tables[0], err_all=tables[1], runner_up=runner_up)
+        return Choice(found, 0.0, 0.0, found.chosen, np.empty(0, dtype=np.int64), np.empty(0))
 
 
-class Ridged:
+class _Ridged:
     """Regularised FROLS: forward, then backward; everything but PRESS from sums of products, which are formed block by block.
 
-    The ridge is chosen here where the recipe leaves that open. Raises DataError where no candidate explains anything.
+    Its methods are those of `_Plain`, its `ranking` goes by standard deviations. The ridge is chosen here where the recipe leaves that
+    open. Raises DataError where no candidate explains anything.
     """
 
     def __init__(self, data: Regressors, recipe: MemoryRecipe) -> None:
         refuse_beyond_memory(len(data.terms))
+        self.recipe = recipe
         self.standard = standard(data.blocks)
         self.blocks = standardised(data.blocks, self.standard)
         total = moments(self.blocks)
         ridge = recipe.ridge
         if ridge == "auto":
-            ridge = choose_ridge(total, _folds(data, self.standard), recipe.forward_terms, recipe.most_terms)
-        self.problem = Regularised(total.covariance, total.samples, ridge)
-        self.forward = select(self.problem, recipe.forward_terms).chosen
+            edges = np.linspace(0, data.samples, min(FOLDS, data.samples) + 1).astype(np.int64)
+            parts = [data.rows(slice(begin, end)) for begin, end in pairwise(edges)]
+            folds = [moments(standardised(part.blocks, self.standard)) for part in parts]
+            ridge = choose_ridge(total, folds, recipe.forward_terms, recipe.most_terms)
+        self.ranking = Regularised(total.covariance, total.samples, ridge)
+        self.forward = select(self.ranking, recipe.forward_terms).chosen
         if not len(self.forward):
-            raise DataError(
-                "no candidate explains anything of the output", "look whether the output and the inputs vary in the training samples"
-            )
-        self.subsets = prune(self.problem, self.forward)[: recipe.most_terms]
+            remedy = "look whether the output and the inputs vary in the training samples"
+            raise DataError("no candidate explains anything of the output", remedy)
+        self.subsets = prune(self.ranking, self.forward)[: recipe.most_terms]
 
-    def best(self, stop: Stop, tolerance: float) -> Choice:
-        """See `Selector`."""
+    def best(self) -> Choice:
+        stop, ranking, terms = self.recipe.stop, self.ranking, len(self.subsets)
+        if stop == "free_run":
+            return self.of_size(terms)
         if stop == "press":
-            return self._choice(fewest(ridge_press(self.blocks, self.problem, self.subsets)), stop)
-        unexplained = np.array([self.problem.unexplained(kept, self.problem.coefficients(kept)) for kept in self.subsets])
+            return self.of_size(fewest(ridge_press(self.blocks, ranking, self.subsets)), stop)
+        unexplained = np.array([ranking.unexplained(kept, ranking.coefficients(kept)) for kept in self.subsets])
         if stop != "tolerance":
-            return self._choice(fewest(information_criterion(stop, unexplained, self.problem.samples)), stop)
-        enough = np.flatnonzero(unexplained <= tolerance)
-        return self._choice(int(enough[0]) + 1, stop) if len(enough) else self.of_size(len(self.subsets))
+            return self.of_size(fewest(information_criterion(stop, unexplained, ranking.samples)), stop)
+        enough = np.flatnonzero(unexplained <= self.recipe.tolerance)
+        return self.of_size(enough[0] + 1, stop) if len(enough) else self.of_size(terms)
 
-    def of_size(self, terms: int) -> Choice:
-        """See `Selector`."""
-        return self._choice(min(terms, len(self.subsets)), "pruned")
+    def of_size(self, terms: int, stop: str = "pruned") -> Choice:
+        return self.among(self.subsets[min(terms, len(self.subsets)) - 1], stop)
 
-    def among(self, chosen: IntArray) -> Choice:
-        """See `Selector`."""
-        return self._of(chosen, "pruned")
-
-    def penalty(self, chosen: IntArray) -> Array:
-        """See `Selector`: the ridge is a part of each candidate's variance."""
-        return self.problem.ridge * self.problem.samples * self.standard.spread[chosen] ** 2
-
-    @property
-    def ranking(self) -> Regularised:
-        """See `Selector`."""
-        return self.problem
-
-    def _choice(self, terms: int, stop: str) -> Choice:
-        return self._of(self.subsets[terms - 1], stop)
-
-    def _of(self, chosen: IntArray, stop: str) -> Choice:
-        found = replace(select(self.problem, len(chosen), chosen), stop=stop)
-        best, shares = substitutes(self.problem, found.chosen)
+    def among(self, chosen: IntArray, stop: str = "pruned") -> Choice:
+        found = replace(select(self.ranking, len(chosen), chosen), stop=stop)
+        best, shares = substitutes(self.ranking, found.chosen)
         selection = _in_units(found, self.standard)
         constant = float(self.standard.centre[-1] - selection.theta @ self.standard.centre[selection.chosen])
-        return Choice(selection, constant, self.problem.ridge, self.forward, best, shares)
+        return Choice(selection, constant, self.ranking.ridge, self.forward, best, shares)
+
+    def penalty(self, chosen: IntArray) -> Array:
+        return self.ranking.ridge * self.ranking.samples * self.standard.spread[chosen] ** 2
 
 
-def _plain(found: Selection) -> Choice:
-    return Choice(found, 0.0, 0.0, found.chosen, np.empty(0, dtype=np.int64), np.empty(0))
-
-
-def _widened(found: Selection, among: IntArray, candidates: int) -> Selection:
-    """Return a selection among some candidates as one among all; the tables are empty (NaN) for all others."""
-    tables = np.full((2, len(found.chosen), candidates), np.nan)
-    tables[:, :, among] = found.g_all, found.err_all
-    runner_up = np.where(found.runner_up >= 0, among[found.runner_up], -1)
-    return replace(found, chosen=among[found.chosen], g_all=tables[0], err_all=tables[1], runner_up=runner_up)
-
-
-def _folds(data: Regressors, by: Standard) -> list[Moments]:
-    edges = np.linspace(0, data.samples, min(FOLDS, data.samples) + 1).astype(np.int64)
-    return [moments(standardised(data.rows(slice(begin, end)).blocks, by)) for begin, end in pairwise(edges)]
+def selector(data: Regressors, recipe: MemoryRecipe) -> _Plain | _Ridged:
+    """Return what gives a model of any number of terms: plain FROLS where the recipe has no ridge, else regularised FROLS."""
+    return _Plain(data, recipe) if recipe.ridge == 0.0 else _Ridged(data, recipe)
 
 
 def _in_units(found: Selection, by: Standard) -> Selection:

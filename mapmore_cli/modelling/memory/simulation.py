@@ -15,11 +15,10 @@ from mapmore_cli.domain.fits import StateSet
 from mapmore_cli.modelling.expressions import evaluate
 from mapmore_cli.modelling.expressions.operator import FLOATS, Recursion
 from mapmore_cli.modelling.memory.feedback import OUTPUT, Feedback, fed_back_states
-from mapmore_cli.modelling.memory.records import AtSample
-from mapmore_cli.modelling.memory.states import Known, evaluate_states, value_of
+from mapmore_cli.modelling.memory.records import AtSample, complete
+from mapmore_cli.modelling.memory.states import evaluate_states, value_of
 
-DIVERGED = 100.0
-"""Training ranges by which a free run may leave the training range before it counts as diverged."""
+DIVERGED = 100.0  # training ranges by which a free run may leave the training range before it counts as diverged
 
 
 @dataclass(frozen=True)
@@ -37,25 +36,58 @@ class Trajectory:
 
 
 @dataclass(frozen=True)
-class Course:
-    """A piece of n rows, of which the rows from `start` on can be simulated.
+class Piece:
+    """One piece of n rows with what does not depend on the choice of terms.
 
-    - `feedback`: the model's terms taken apart.
+    - `measured`: (n,) output; NaN where it is not known.
+    - `driven`: (n,) each, the states of inputs alone, scaled as the model's are.
+    - `known`: fed-back states along the measured output that were computed already.
+    """
+
+    measured: Array
+    driven: Columns
+    known: dict[str, Array]
+
+
+def piece_of(states: StateSet, output: str, columns: Columns) -> Piece:
+    """Prepare one piece; `columns` hold the inputs, and the output where it is known.
+
+    Raises DataError where an input is missing.
+    """
+    n = len(next(iter(columns.values())))
+    measured = np.asarray(columns.get(output, np.full(n, np.nan)), dtype=np.float64)
+    fed_back = fed_back_states(states, output)
+    values = evaluate_states(states, {**columns, output: np.full(n, np.nan)})
+    return Piece(measured, {name: column for name, column in values.items() if name not in fed_back}, {})
+
+
+class Course:
+    """A piece made ready for one set of terms: its n rows up to `end`, of which the rows from `start` on can be simulated.
+
+    It starts where every state of inputs has a value, after the longest delay.
+
     - `inputs`: (n - start, k) input parts of the terms.
     - `measured`: (n,) output; NaN where it is not known.
     - `history`: (nodes, n) the fed-back states and what they are made of along the measured output, at rest before.
     """
 
-    feedback: Feedback
-    start: int
-    inputs: Array
-    measured: Array
-    history: Array
-
-    @property
-    def size(self) -> int:
-        """Samples that can be simulated."""
-        return len(self.inputs)
+    def __init__(self, feedback: Feedback, piece: Piece, end: int | None = None) -> None:
+        self.feedback, self.measured = feedback, piece.measured[:end]
+        n = len(self.measured)
+        driven = {name: piece.driven[name][:end] for name in feedback.states.names if name not in feedback.names}
+        ready = complete(driven.values(), n)
+        self.start = min(n, max(feedback.longest, int(np.argmax(ready)) if ready.any() else n))
+        self.size = n - self.start
+        rows = {name: values[self.start :] for name, values in driven.items()}
+        self.inputs = np.empty((self.size, len(feedback.inputs)), order="F")
+        for column, part in zip(self.inputs.T, feedback.inputs, strict=True):
+            column[:] = evaluate(part, rows, self.size)
+        self.history = np.empty((len(feedback.nodes), n))
+        for row, node in zip(self.history, feedback.nodes, strict=True):
+            values = value_of(node.state, {feedback.output: piece.measured}, feedback.states, piece.known)
+            first = int(np.argmax(np.isfinite(values))) if len(values) else 0
+            row[:] = values[:n]
+            row[:first] = values[first : first + 1]  # each begins at rest
 
     @cached_property
     def restarts(self) -> BoolArray:
@@ -78,7 +110,7 @@ class Course:
 
         It ends at the first sample that leaves the `bounds`, which is left out.
         """
-        groups = np.asarray(self.feedback.groups)
+        groups = self.feedback.groups
         weighted = self.inputs * theta
         base = (constant + weighted[:, groups < 0].sum(axis=1)).tolist()
         weights = [weighted[:, groups == group].sum(axis=1).tolist() for group in range(len(self.feedback.owns))]
@@ -99,7 +131,10 @@ class Course:
         """Return outputs and nodes of the samples from `begin` up to `end`, or up to the first that leaves the bounds."""
         feedback, depth = self.feedback, self.feedback.depth
         past = np.maximum(np.arange(-depth, 0) + self.start + begin, 0)  # at rest before row 0
-        y = _at_rest_before(self.measured[past]).tolist()
+        outputs = self.measured[past]
+        first = int(np.argmax(np.isfinite(outputs)))
+        outputs[:first] = outputs[first]
+        y = outputs.tolist()
         places, advance = _wired(feedback, self.history[:, past], y)
         fed, owns = [places[place] for place in feedback.places], feedback.functions
         limits, least, greatest = feedback.limits, -feedback.states.margin, 1 + feedback.states.margin
@@ -118,21 +153,12 @@ class Course:
                     break
                 y.append(value)
         count = len(y) - depth
-        states = np.empty((len(places), count))
-        for row, (values, back) in zip(states, places, strict=True):
-            first = depth - back + (values is not y)
-            row[:] = values[first : first + count]
-        return np.array(y[depth:]), states
+        firsts = [depth - back + (values is not y) for values, back in places]
+        states = [values[first : first + count] for first, (values, _) in zip(firsts, places, strict=True)]
+        return np.array(y[depth:]), np.array(states).reshape(len(places), count)
 
 
-def _at_rest_before(measured: Array) -> Array:
-    """Return outputs with the first known one in place of those before it."""
-    known = np.isfinite(measured)
-    return np.where(np.arange(len(measured)) < np.argmax(known), measured[np.argmax(known)], measured)
-
-
-Read = tuple[list[float], int]
-"""A list of values and how far from its end the present value stands: delays are read further back, and need no list of their own."""
+Read = tuple[list[float], int]  # values, and how far from their end the present one stands: delays need no list of their own
 
 
 def _wired(feedback: Feedback, history: Array, y: list[float]) -> tuple[list[Read], list[Callable[[], None]]]:
@@ -157,60 +183,6 @@ def _advanced(rule: Recursion, own: list[float], source: list[float], back: int)
     if (rule.own, rule.source) == (1, 1):
         return lambda: own.append(following(own[-1], source[-back], source[-back - 1]))
     return lambda: own.append(following(*[own[-i - 1] for i in range(rule.own)], *[source[-back - i] for i in range(rule.source + 1)]))
-
-
-@dataclass(frozen=True)
-class Piece:
-    """One piece of n rows with what does not depend on the choice of terms.
-
-    - `measured`: (n,) output; NaN where it is not known.
-    - `driven`: (n,) each, the states of inputs alone, scaled as the model's are.
-    - `known`: fed-back states along the measured output that were computed already.
-    """
-
-    measured: Array
-    driven: Columns
-    known: Known
-
-
-def piece_of(states: StateSet, output: str, columns: Columns) -> Piece:
-    """Prepare one piece; `columns` hold the inputs, and the output where it is known.
-
-    Raises DataError where an input is missing.
-    """
-    n = len(next(iter(columns.values())))
-    measured = np.asarray(columns.get(output, np.full(n, np.nan)), dtype=np.float64)
-    fed_back = fed_back_states(states, output)
-    values = evaluate_states(states, {**columns, output: np.full(n, np.nan)})
-    return Piece(measured, {name: column for name, column in values.items() if name not in fed_back}, {})
-
-
-def course_of(feedback: Feedback, piece: Piece, end: int | None = None) -> Course:
-    """Make a piece ready for one set of terms, up to the row `end`.
-
-    Its run starts where every state of inputs has a value, after the longest delay.
-    """
-    measured = piece.measured[:end]
-    n = len(measured)
-    driven = {name: piece.driven[name][:end] for name in feedback.states.names if name not in feedback.names}
-    ready = np.logical_and.reduce([np.ones(n, dtype=np.bool_), *(np.isfinite(values) for values in driven.values())])
-    start = min(n, max(feedback.longest, int(np.argmax(ready)) if ready.any() else n))
-    rows = {name: values[start:] for name, values in driven.items()}
-    inputs = np.empty((n - start, len(feedback.inputs)), order="F")
-    for column, part in zip(inputs.T, feedback.inputs, strict=True):
-        column[:] = evaluate(part, rows, n - start)
-    return Course(feedback, start, inputs, measured, _history(feedback, piece)[:, :end])
-
-
-def _history(feedback: Feedback, piece: Piece) -> Array:
-    """(nodes, n) every node along the measured output, with its first value before that: each begins at rest."""
-    history = np.empty((len(feedback.nodes), len(piece.measured)))
-    for place, node in enumerate(feedback.nodes):
-        values = value_of(node.state, {feedback.output: piece.measured}, feedback.states, piece.known)
-        first = int(np.argmax(np.isfinite(values))) if len(values) else 0
-        history[place] = values
-        history[place, :first] = values[first : first + 1]
-    return history
 
 
 def refuse_unknown_beginning(course: Course) -> None:

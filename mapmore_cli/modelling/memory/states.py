@@ -1,9 +1,10 @@
-"""Values of states with memory along a piece of a recording."""
+"""Values of states with memory along a piece of a recording, and the numbers behind them, which training finds."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -14,9 +15,7 @@ from mapmore_cli.modelling.expressions.operator import Setting, along
 from mapmore_cli.modelling.expressions.operators import OPERATORS
 from mapmore_cli.modelling.expressions.states import Lagged, Measured, Operated, State, state
 from mapmore_cli.modelling.memory.records import Record
-
-Known = dict[str, Array]
-"""Values that were computed already, by the name of their state."""
+from mapmore_cli.modelling.selection import MemoryRecipe
 
 
 def evaluate_states(states: StateSet, columns: Columns) -> dict[str, Array]:
@@ -24,37 +23,31 @@ def evaluate_states(states: StateSet, columns: Columns) -> dict[str, Array]:
 
     Raises DataError where a quantity is missing.
     """
-    known: Known = {}
+    known: dict[str, Array] = {}
     values = {name: value_of(state(name), columns, states, known) for name in states.names}
-    if not states.scaled:
-        return values
-    return {name: scaled(values[name], low, high, states.margin) for name, low, high in zip(values, states.low, states.high, strict=True)}
+    for name, low, high in zip(states.names, states.low, states.high, strict=states.scaled):
+        if high > low:
+            values[name] = np.clip((values[name] - low) / (high - low), -states.margin, 1 + states.margin)
+        else:  # it stood still in training
+            values[name] = np.where(np.isnan(values[name]), np.nan, 0.0)
+    return values
 
 
-def scaled(values: Array, low: float, high: float, margin: float) -> Array:
-    """`(values - low)/(high - low)`, clipped to `[-margin, 1 + margin]`; a state that stood still in training is zero."""
-    width = high - low
-    return np.clip((values - low) / width, -margin, 1 + margin) if width > 0 else np.where(np.isnan(values), np.nan, 0.0)
-
-
-def value_of(found: State, columns: Columns, numbers: StateSet, known: Known) -> Array:
-    """One state in physical units, (n,); intermediate states are kept in `known`."""
-    name = found.name
-    if name not in known:
-        known[name] = _computed(found, columns, numbers, known)
-    return known[name]
-
-
-def _computed(found: State, columns: Columns, numbers: StateSet, known: Known) -> Array:
+def value_of(found: State, columns: Columns, numbers: StateSet, known: dict[str, Array]) -> Array:
+    """One state in physical units, (n,); it and what it is made of are kept in `known`, by their names."""
+    if found.name in known:
+        return known[found.name]
     match found:
         case Measured(name):
             if name not in columns:
                 raise DataError(f"there is no column `{name}`", f"there are: {', '.join(columns) or 'none'}")
-            return np.asarray(columns[name], dtype=np.float64)
+            values = np.asarray(columns[name], dtype=np.float64)
         case Lagged(source, steps):
-            return delayed(value_of(source, columns, numbers, known), steps)
+            values = delayed(value_of(source, columns, numbers, known), steps)
         case Operated(operator, source):
-            return along(OPERATORS[operator], value_of(source, columns, numbers, known), setting_of(found, numbers))
+            values = along(OPERATORS[operator], value_of(source, columns, numbers, known), setting_of(found, numbers))
+    known[found.name] = values
+    return values
 
 
 def setting_of(found: Operated, numbers: StateSet) -> Setting:
@@ -75,22 +68,64 @@ def delayed(x: Array, steps: int) -> Array:
     return values
 
 
-FREQUENCIES = tuple(np.geomspace(1.0, 15.0, 30).tolist())
-"""Hz: what a load on a soft muscle rings with."""
+def memory_inputs(memory: MemoryModel) -> tuple[str, ...]:
+    """Every quantity that the states are made of, besides the output."""
+    return tuple(sorted({state(name).quantity for name in memory.states.names} - {memory.output}))
 
+
+def resolve(
+    names: Sequence[str],
+    records: Sequence[Record],
+    recipe: MemoryRecipe,
+    resonances: Mapping[str, tuple[float, float]] = MappingProxyType({}),
+) -> StateSet:
+    """Return the states of these names, with every number that they need; `resonances` are those that were found already.
+
+    `resonance` without numbers is the oscillator that explains most of the recipe's target.
+
+    Raises DataError where a quantity is missing, or no training sample has a value of every state.
+    """
+    ranges: dict[str, tuple[float, float]] = {}
+    found_already = dict(resonances)
+    states = StateSet(tuple(names), recipe.step, ranges, found_already, np.empty(0), np.empty(0), recipe.margin)
+    known: list[dict[str, Array]] = [{} for _ in records]
+
+    def along_records(found: State) -> list[Array]:
+        return [value_of(found, record.columns, states, own) for record, own in zip(records, known, strict=True)]
+
+    training = [record.training for record in records]
+    for part in dict.fromkeys(part for name in names for part in state(name).parts):
+        if not isinstance(part, Operated):
+            continue
+        source, needs = part.source.name, OPERATORS[part.operator].needs
+        if needs == "range" and source not in ranges:
+            ranges[source] = _range(_pooled(along_records(part.source), training), source)
+        if needs == "oscillator" and not part.numbers and source not in found_already:
+            output = [record.columns[recipe.target] for record in records]
+            found_already[source] = find_resonance(along_records(part.source), output, training, recipe.step)
+    if recipe.scaling != "range":
+        return states
+    limits = np.array([_range(_pooled(along_records(state(name)), training), name) for name in names])
+    return replace(states, low=limits[:, 0], high=limits[:, 1])
+
+
+def _range(values: Array, name: str) -> tuple[float, float]:
+    values = values[np.isfinite(values)]
+    if not len(values):
+        raise DataError(f"`{name}` has no value on any training sample", "use fewer steps of delay, or longer recordings")
+    return float(values.min()), float(values.max())
+
+
+def _pooled(values: Sequence[Array], training: Sequence[BoolArray]) -> Array:
+    return np.concatenate([one[rows] for one, rows in zip(values, training, strict=True)])
+
+
+FREQUENCIES = tuple(np.geomspace(1.0, 15.0, 30).tolist())  # Hz: what a load on a soft muscle rings with
 DAMPINGS = (0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.5, 0.7)
-
-FASTEST = 0.2
-"""Cycles per sample: a faster oscillation is not resolved."""
-
-TIE = 1e-9
-"""An oscillator must explain more than another by this fraction to be preferred."""
-
-RANK = 1e-10
-"""Relative to the larger, a direction of the oscillator with so little of its own explains nothing."""
-
-CREEP = 0.3
-"""Time constant of the slow state that stands for everything else with memory, s."""
+FASTEST = 0.2  # cycles per sample: a faster oscillation is not resolved
+TIE = 1e-9  # an oscillator must explain more than another by this fraction to be preferred
+RANK = 1e-10  # relative to the larger, a direction of the oscillator with so little of its own explains nothing
+CREEP = 0.3  # time constant of the slow state that stands for everything else with memory, s
 
 
 def find_resonance(driving: Sequence[Array], output: Sequence[Array], training: Sequence[BoolArray], step: float) -> tuple[float, float]:
@@ -121,85 +156,9 @@ def find_resonance(driving: Sequence[Array], output: Sequence[Array], training: 
             positions = [along(OPERATORS["resonance"], one, Setting((frequency, damping), step)) for one in driving]
             velocities = [np.nan_to_num(np.diff(one, prepend=one[:1])) for one in positions]  # at rest where they begin
             moved = np.column_stack([_pooled(positions, training), _pooled(velocities, training)])[known]
-            gain = _explained(left, moved, basis)
+            along_basis, products = basis.T @ moved, moved.T @ left
+            gram = moved.T @ moved - along_basis.T @ along_basis
+            gain = float(products @ np.linalg.lstsq(gram, products, rcond=RANK)[0])  # by how much the squares that are left shrink
             if gain > best[0] * (1 + TIE):
                 best = (gain, frequency, damping)
     return best[1], best[2]
-
-
-def _explained(left: Array, moved: Array, basis: Array) -> float:
-    """By how much columns `moved` reduce the sum of squares of `left`, which is orthogonal to `basis`, beside the basis."""
-    along, products = basis.T @ moved, moved.T @ left
-    gram = moved.T @ moved - along.T @ along
-    return float(products @ np.linalg.lstsq(gram, products, rcond=RANK)[0])
-
-
-def _pooled(values: Sequence[Array], training: Sequence[BoolArray]) -> Array:
-    return np.concatenate([one[rows] for one, rows in zip(values, training, strict=True)])
-
-
-def resolve(
-    names: Sequence[str],
-    records: Sequence[Record],
-    target: str,
-    step: float,
-    *,
-    scale: bool,
-    margin: float,
-    resonances: Mapping[str, tuple[float, float]] | None = None,
-) -> StateSet:
-    """Return the states of these names, with every number that they need.
-
-    - `names`: texts of states; each once.
-    - `target`: the output: `resonance` without numbers is the oscillator that explains most of it.
-    - `step`: time between samples, s.
-    - `scale`: whether states are scaled to [0, 1] on the training samples and clipped `margin` beyond.
-    - `resonances`: those that were found already.
-
-    Raises DataError where a quantity is missing, or no training sample has a value of every state.
-    """
-    states = StateSet(tuple(names), step, {}, dict(resonances or {}), np.empty(0), np.empty(0), margin)
-    known: list[Known] = [{} for _ in records]
-    for found in dict.fromkeys(part for name in names for part in _parts(state(name))):
-        if isinstance(found, Operated):
-            states = _numbered(found, records, target, states, known)
-    if not scale:
-        return states
-    limits = [_range(_training_values(state(name), records, states, known), name) for name in names]
-    return replace(states, low=np.array([low for low, _ in limits]), high=np.array([high for _, high in limits]))
-
-
-def _parts(found: State) -> Iterator[State]:
-    """Yield the state and all that it is made of, the innermost first."""
-    if not isinstance(found, Measured):
-        yield from _parts(found.source)
-    yield found
-
-
-def _numbered(found: Operated, records: Sequence[Record], target: str, states: StateSet, known: list[Known]) -> StateSet:
-    name, needs = found.source.name, OPERATORS[found.operator].needs
-    if needs == "range" and name not in states.ranges:
-        return replace(states, ranges={**states.ranges, name: _range(_training_values(found.source, records, states, known), name)})
-    if needs == "oscillator" and not found.numbers and name not in states.resonances:
-        driving = [value_of(found.source, record.columns, states, own) for record, own in zip(records, known, strict=True)]
-        oscillator = find_resonance(driving, [record.columns[target] for record in records], [r.training for r in records], states.step)
-        return replace(states, resonances={**states.resonances, name: oscillator})
-    return states
-
-
-def _training_values(found: State, records: Sequence[Record], states: StateSet, known: list[Known]) -> Array:
-    return np.concatenate(
-        [value_of(found, record.columns, states, own)[record.training] for record, own in zip(records, known, strict=True)]
-    )
-
-
-def _range(values: Array, name: str) -> tuple[float, float]:
-    values = values[np.isfinite(values)]
-    if not len(values):
-        raise DataError(f"`{name}` has no value on any training sample", "use fewer steps of delay, or longer recordings")
-    return float(values.min()), float(values.max())
-
-
-def memory_inputs(memory: MemoryModel) -> tuple[str, ...]:
-    """Every quantity that the states are made of, besides the output."""
-    return tuple(sorted({state(name).quantity for name in memory.states.names} - {memory.output}))

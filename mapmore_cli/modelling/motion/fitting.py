@@ -1,4 +1,11 @@
-"""From pieces of recordings to a model of motion."""
+"""From pieces of recordings to a model of motion; and sections that share one state, joined so that nothing jumps at their boundaries.
+
+A section's steady output is `s(u) = sum_m w_m d_m/(1 - P1 - P2)`. Joined, s is one line of straight pieces along the input, given
+by its heights at the boundaries and at the ends of the training range (with a load L, so is the part that is multiplied with L). Rise and
+fall have lines of their own; where the direction changes, the output moves from one to the other as fast as the section's poles let it.
+
+Given the poles, the output is linear in the heights, which follow by projection; the poles of all sections are refined together.
+"""
 
 from __future__ import annotations
 
@@ -6,23 +13,24 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.models import BUMPLESS, Motion, MotionFit, MotionSection, SectionSearch
+from mapmore_cli.domain.models import ALL, BUMPLESS, FALL, RISE, Motion, MotionFit, MotionSection, SectionSearch
 from mapmore_cli.modelling.memory.records import Record
-from mapmore_cli.modelling.motion.bumpless import Trace, joined
 from mapmore_cli.modelling.motion.problem import Found, MotionRecipe, Piece, Problem
-from mapmore_cli.modelling.motion.sections import active, extent, named, spread
-from mapmore_cli.modelling.motion.simulation import driven
+from mapmore_cli.modelling.motion.simulation import active, angles, driven, extent, of_angles, shared, spread
 from mapmore_cli.modelling.motion.solvers import solve
 
+REFINEMENTS = 20  # steps that refine the poles of all sections together, at most
+TOLERANCE = 1e-8
+INMOST = 0.999  # largest reflection coefficient to begin with
 
-def _silent(_done: int, _total: int) -> None:
-    pass
 
-
-def fit_motion(records: Sequence[Record], recipe: MotionRecipe, progress: Callable[[int, int], None] = _silent) -> MotionFit:
+def fit_motion(
+    records: Sequence[Record], recipe: MotionRecipe, progress: Callable[[int, int], None] = lambda _done, _total: None
+) -> MotionFit:
     """Fit every section to its own training samples, then, where they share a state, all of them together.
 
     A section's samples are those at which it holds; with hard switching it runs on the whole input all the same.
@@ -30,45 +38,48 @@ def fit_motion(records: Sequence[Record], recipe: MotionRecipe, progress: Callab
     Raises DataError where the input never changes, boundaries leave a section without samples or with too few of them; SpecError, FitError
     where the solver refuses the sections, or finds no stable one.
     """
-    u = _training_input(records, recipe)
-    boundaries = spread(u, recipe.sections) if isinstance(recipe.sections, int) else tuple(recipe.sections)
-    outline = _outline(recipe, boundaries, (float(u.min()), float(u.max())))
-    traces = [_trace(record, outline, recipe.mask) for record in records]
-    searched: list[Found] = []
-    for number in range(len(outline.sections)):
-        searched.append(_search(traces, recipe, outline, number))
+    outline = _outline(records, recipe)
+    pieces = []
+    for record in records:
+        columns, mask = record.columns, recipe.output if recipe.mask == "displacement" else recipe.input
+        holds = active(outline, columns[recipe.input], columns[mask])
+        pieces.append(Piece(driven(outline.drives, columns), columns[recipe.output], record.training, holds))
+    reach = recipe.reach(max(int(piece.counts.sum()) for piece in pieces))
+    sections: list[MotionSection] = []
+    searches: list[SectionSearch] = []
+    for number, section in enumerate(outline.sections):
+        own = [replace(piece, counts=piece.counts & (piece.holds == number)) for piece in pieces]
+        samples = int(sum(piece.counts.sum() for piece in own))
+        if samples <= (needed := 2 + len(outline.drives)):
+            where, (low, high) = f"{outline.input} {extent(outline.boundaries, section.place)}", outline.limits
+            raise DataError(
+                f"section {section.id} ({where}): {samples} training sample(s), too few for {needed} parameters; the training input goes "
+                f"from {low:.6g} to {high:.6g}",
+                "move the boundaries of `model.sections` to where the input has been, or train on records that go there",
+            )
+        found: Found = solve(Problem(own, reach, recipe.start, (recipe.seed, number)), recipe)
+        sections.append(replace(section, p1=found.p1, p2=found.p2, weights=found.weights))
+        searches.append(SectionSearch(section.id, samples, found.rmse, found.evaluations, found.history))
         progress(number + 1, len(outline.sections))
-    sections = tuple(
-        replace(section, p1=found.p1, p2=found.p2, weights=found.weights) for section, found in zip(outline.sections, searched, strict=True)
-    )
-    searches = tuple(
-        SectionSearch(section.id, _count(traces, number), found.rmse, found.evaluations, found.history)
-        for number, (section, found) in enumerate(zip(sections, searched, strict=True))
-    )
-    model = replace(outline, sections=sections)
-    if recipe.switching != BUMPLESS:
-        return MotionFit(model, recipe.solver, searches)
-    return MotionFit(joined(model, traces, _reach(traces, recipe)), recipe.solver, searches)
+    model = replace(outline, sections=tuple(sections))
+    return MotionFit(joined(model, pieces, reach) if recipe.switching == BUMPLESS else model, recipe.solver, tuple(searches))
 
 
-def _training_input(records: Sequence[Record], recipe: MotionRecipe) -> Array:
-    """Return the input at all training samples."""
+def _outline(records: Sequence[Record], recipe: MotionRecipe) -> Motion:
+    """Return the model with sections that know their place, and no parameters yet."""
     u = np.concatenate([record.columns[recipe.input][record.training] for record in records])
-    if len(u) and np.ptp(u) == 0:
+    if not len(u):
+        raise DataError("there is no training sample", "keep more samples")
+    if np.ptp(u) == 0:
         raise DataError(
             f"the input `{recipe.input}` is {u[0]:.6g} at all {len(u)} training samples", "train on a record in which it changes"
         )
-    if not len(u):
-        raise DataError("there is no training sample", "keep more samples")
-    return u
-
-
-def _outline(recipe: MotionRecipe, boundaries: tuple[float, ...], limits: tuple[float, float]) -> Motion:
-    """Return the model with sections that know their place, and no parameters yet."""
+    boundaries = spread(u, recipe.sections) if isinstance(recipe.sections, int) else tuple(recipe.sections)
     empty = np.zeros(len(recipe.drives))
     sections = tuple(
-        MotionSection(name, place, direction, 0.0, 0.0, empty)
-        for name, place, direction in named(len(boundaries) + 1, directed=recipe.direction)
+        MotionSection(f"{way} {place}" if recipe.direction else str(place), place, way, 0.0, 0.0, empty)
+        for place in range(1, len(boundaries) + 2)
+        for way in ((RISE, FALL) if recipe.direction else (ALL,))
     )
     return Motion(
         input=recipe.input,
@@ -80,34 +91,100 @@ def _outline(recipe: MotionRecipe, boundaries: tuple[float, ...], limits: tuple[
         dead_band=recipe.dead_band,
         drives=recipe.drives,
         sections=sections,
-        limits=limits,
+        limits=(float(u.min()), float(u.max())),
         start=recipe.start,
     )
 
 
-def _trace(record: Record, outline: Motion, mask: str) -> Trace:
-    columns = record.columns
-    moving = columns[outline.output if mask == "displacement" else outline.input]
-    return Trace(driven(outline.drives, columns), columns[outline.output], record.training, active(outline, columns[outline.input], moving))
+def joined(motion: Motion, pieces: Sequence[Piece], reach: float) -> Motion:
+    """Return the model with sections that meet, and poles refined for that.
 
-
-def _reach(traces: Sequence[Trace], recipe: MotionRecipe) -> float:
-    return recipe.reach(max(int(trace.counts.sum()) for trace in traces))
-
-
-def _count(traces: Sequence[Trace], number: int) -> int:
-    return sum(int(np.sum(trace.counts & (trace.holds == number))) for trace in traces)
-
-
-def _search(traces: Sequence[Trace], recipe: MotionRecipe, outline: Motion, number: int) -> Found:
-    """Return the parameters of one section."""
-    section, samples, needed = outline.sections[number], _count(traces, number), 2 + len(outline.drives)
-    if samples <= needed:
-        low, high = outline.limits
-        where = f"section {section.id} ({outline.input} {extent(outline.boundaries, section.place)})"
+    Raises DataError where a boundary lies at an end of the training range: the section beyond it would have no width.
+    """
+    if np.any(np.diff(_knots(motion)[0]) <= 0):
+        low, high = motion.limits
         raise DataError(
-            f"{where}: {samples} training sample(s), too few for {needed} parameters; the training input goes from {low:.6g} to {high:.6g}",
-            "move the boundaries of `model.sections` to where the input has been, or train on records that go there",
+            f"a boundary of the sections lies at an end of the training input, which goes from {low:.6g} to {high:.6g}",
+            "move the boundary inwards, or use `switching: hard`",
         )
-    pieces = [Piece(trace.drives, trace.y, trace.counts & (trace.holds == number)) for trace in traces]
-    return solve(Problem(pieces, _reach(traces, recipe), recipe.start, (recipe.seed, number)), recipe)
+    counted = [piece for piece in pieces if piece.counts.any()]
+    y = np.concatenate([run.y[run.counts] for run in counted])
+    bases = [_heights_of(motion, run) for run in counted]
+
+    def outputs(poles: Array) -> Array:
+        steady = 1.0 - poles.sum(axis=1)[:, None]
+        runs = (
+            shared(poles, basis * steady[run.holds], run.holds, motion.start)[run.counts] for run, basis in zip(counted, bases, strict=True)
+        )
+        return np.concatenate(list(runs))
+
+    def residuals(place: Array) -> Array:
+        moved = outputs(_poles(place, reach))
+        return np.asarray(moved @ np.linalg.lstsq(moved, y, rcond=None)[0] - y)
+
+    start = np.concatenate([angles(section.p1, section.p2, reach, INMOST) for section in motion.sections])
+    best = least_squares(residuals, start, ftol=TOLERANCE, xtol=TOLERANCE, gtol=TOLERANCE, max_nfev=REFINEMENTS)
+    poles = _poles(best.x, reach)
+    heights = np.linalg.lstsq(outputs(poles), y, rcond=None)[0]
+    return _with_heights(motion, poles, heights)
+
+
+def _poles(place: Array, reach: float) -> Array:
+    """P1 and P2 of every section, (s, 2)."""
+    return np.array([of_angles(pair, reach) for pair in place.reshape(-1, 2)])
+
+
+def _knots(motion: Motion) -> tuple[Array, int]:
+    """Where the steady line has its heights, the ends of the training range and the boundaries; and how many lines, one a direction."""
+    return np.array([motion.limits[0], *motion.boundaries, motion.limits[1]]), 2 if motion.directed else 1
+
+
+def _heights_of(motion: Motion, run: Piece) -> Array:
+    """Drives (n, knots x lines) that give a steady output of one at each knot; straight on beyond the ends.
+
+    With a load, a second set that is multiplied with it.
+    """
+    knots, lines = _knots(motion)
+    u, place, line = run.drives[:, 0], run.holds // lines, run.holds % lines
+    along = (u - knots[place]) / (knots[place + 1] - knots[place])
+    shares = np.zeros((len(u), len(knots) * lines))
+    rows = np.arange(len(u))
+    shares[rows, place * lines + line] = 1.0 - along
+    shares[rows, (place + 1) * lines + line] = along
+    return shares if len(motion.drives) == 2 else np.column_stack([shares, shares * run.drives[:, 2:3]])
+
+
+def _with_heights(motion: Motion, poles: Array, heights: Array) -> Motion:
+    """Return the weights of the drives `u, 1` (and `L, u L`) that the heights give in every section."""
+    knots, lines = _knots(motion)
+
+    def straight(heights_of_one: Array) -> list[Array]:
+        """Slopes and constants of the straight pieces, (sections,) each."""
+        table = heights_of_one.reshape(len(knots), lines)
+        slopes = np.diff(table, axis=0) / np.diff(knots)[:, None]
+        return [slopes.ravel(), (table[:-1] - slopes * knots[:-1, None]).ravel()]
+
+    own, *loaded = (straight(part) for part in heights.reshape(-1, len(knots) * lines))
+    weights = np.column_stack([*own, *(column for part in loaded for column in part[::-1])])
+    found = zip(motion.sections, poles.tolist(), weights, strict=True)
+    sections = (replace(section, p1=p1, p2=p2, weights=(1.0 - p1 - p2) * drives) for section, (p1, p2), drives in found)
+    return replace(motion, sections=tuple(sections))
+
+
+def continued(motion: Motion) -> Motion:
+    """Return a model with hard switching as one that shares its state: constants are added so that its sections meet, the first as it is.
+
+    For published sections, whose steady outputs disagree at the boundaries. Rise and fall are joined each for itself.
+    """
+    knots, lines = _knots(motion)
+    sections: list[MotionSection] = []
+    for number, section in enumerate(motion.sections):
+        place = number // lines
+        constant = 0.0
+        if place:
+            before = sections[number - lines]
+            edge = float(knots[place])
+            steady = (before.weights @ np.array([edge, 1.0])) / (1.0 - before.p1 - before.p2)
+            constant = steady * (1.0 - section.p1 - section.p2) - section.p3 * edge
+        sections.append(replace(section, weights=np.array([section.p3, constant])))
+    return replace(motion, switching=BUMPLESS, drives=(motion.input, "1"), sections=tuple(sections))

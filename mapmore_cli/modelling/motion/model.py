@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from functools import partial
+from collections.abc import Callable, Mapping, Sequence
+from operator import mul
 
 import numpy as np
 
@@ -12,11 +12,15 @@ from mapmore_cli.domain.fits import SegmentedCurve
 from mapmore_cli.domain.models import BUMPLESS, HARD, REST, CurveRange, Equation, Model, Motion, MotionSection, StateSpace
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.domain.results import Run
-from mapmore_cli.modelling.expressions import Expression, Name, Number, add, multiply, parse, substitute
+from mapmore_cli.modelling.expressions import Expression, Name, Number, add, parse, substitute
 from mapmore_cli.modelling.expressions.syntax import ZERO, Condition
 from mapmore_cli.modelling.literature.model import printed
 from mapmore_cli.modelling.motion.simulation import simulate as simulated
 from mapmore_cli.modelling.program.writing import Inputs, Side, Writer, limit, renamed_all, total
+
+OfSection = Callable[
+    [str, Sequence[Side]], Expression
+]  # writes, under a stem, that of several values which belongs to the section that holds
 
 
 def build(
@@ -53,23 +57,18 @@ def one_step(model: Model, columns: Columns) -> Array:
 def equations(model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
     """`y[k] = P2 y[k-1] + P1 y[k-2] + sum_m w_m d_m[k-2]` of every section; `units` as for `kinds.equations`."""
     motion = _motion(model)
-    return tuple(printed(section.id, _equation(motion, section, units)) for section in motion.sections)
+    delayed = {
+        name: Number(units[name]) * Name(f"{name}[k-2]") if name in units else Name(f"{name}[k-2]") for name in motion_inputs(motion)
+    }
+    drives = [substitute(parse(text), delayed) for text in motion.drives]
+    once, twice = (Name(f"{motion.output}[k-{lag}]") for lag in (1, 2))
+    sums = {section.id: (section.p2 * once, section.p1 * twice, *map(mul, section.weights.tolist(), drives)) for section in motion.sections}
+    return tuple(printed(name, add(*terms)) for name, terms in sums.items())
 
 
 def parameters(model: Model) -> int:
     """P1, P2 and the weights of every section."""
     return sum(2 + len(section.weights) for section in _motion(model).sections)
-
-
-def _equation(motion: Motion, section: MotionSection, units: Mapping[str, float]) -> Expression:
-    delayed: dict[str, Expression] = {name: Name(f"{name}[k-2]") for name in motion_inputs(motion)}
-    scaled = {name: multiply(Number(units[name]), past) if name in units else past for name, past in delayed.items()}
-    driven = (
-        multiply(Number(weight), substitute(parse(text), scaled))
-        for text, weight in zip(motion.drives, section.weights.tolist(), strict=True)
-    )
-    past = (multiply(Number(p), Name(f"{motion.output}[k-{lag}]")) for lag, p in ((1, section.p2), (2, section.p1)))
-    return add(*past, *driven)
 
 
 def _motion(model: Model) -> Motion:
@@ -78,42 +77,38 @@ def _motion(model: Model) -> Motion:
 
 
 def write(m: Writer, model: Model, inputs: Inputs) -> Expression:
-    """Write a model of motion."""
+    """Write a model of motion; it begins at rest under the first input, or at zero."""
     assert isinstance(model.body, StateSpace)
+    motion = model.body.motion
     limit(m, model.body.ranges, None, inputs)
-    m.kept.steps.append(model.body.motion.step)
-    return motion_value(m, model.body.motion, inputs)
-
-
-def motion_value(m: Writer, motion: Motion, inputs: Mapping[str, Expression]) -> Expression:
-    """Write the model's output at a sample; it begins at rest under the first one's input, or at zero."""
+    m.kept.steps.append(motion.step)
     seen = m.number("seen")
     first = Condition(seen, "==", ZERO)
     drives = [m.let("drive", one) for one in renamed_all(map(parse, motion.drives), inputs)]
-    section = _section(m, motion, inputs[motion.input], first)
-    value = (_separate if motion.switching == HARD else _shared)(m, motion, section, drives, first)
+    u = inputs[motion.input]
+    section = m.choose("place", [(u < boundary, place) for place, boundary in enumerate(motion.boundaries)], len(motion.boundaries))
+    if motion.directed:
+        section = m.let("section", 2 * section + _falls(m, motion, u, first))
+
+    def of_section(stem: str, values: Sequence[Side]) -> Expression:
+        """Write the value of the section that holds, as `simulation.active` numbers them."""
+        return m.choose(stem, [(Condition(section, "==", Number(float(i))), value) for i, value in enumerate(values[:-1])], values[-1])
+
+    value = (_separate if motion.switching == HARD else _shared)(m, motion, of_section, drives, first)
     m.keep(seen, 1)
     return value
 
 
-def _section(m: Writer, motion: Motion, u: Expression, first: Condition) -> Expression:
-    """Write the number of the section that holds, from 0, as `regimes.active` has it."""
-    place = m.choose("place", [(u < boundary, place) for place, boundary in enumerate(motion.boundaries)], len(motion.boundaries))
-    if not motion.directed:
-        return place
-    return m.let("section", 2 * place + (_falls if motion.switching != BUMPLESS else _falls_latched)(m, motion, u, first))
+def _falls(m: Writer, motion: Motion, u: Expression, first: Condition) -> Expression:
+    """Write 1 unless the input is above the one before (P eq 16).
 
-
-def _falls(m: Writer, _motion: Motion, u: Expression, first: Condition) -> Expression:
-    """Write 1 unless the input is above the one before (P eq 16)."""
-    before = m.number("input")
-    falls = m.choose("falls", [(first, 1), (u > before, 0)], 1)
-    m.keep(before, u)
-    return falls
-
-
-def _falls_latched(m: Writer, motion: Motion, u: Expression, first: Condition) -> Expression:
-    """Write 1 once the input has turned down by more than the dead band, up to when it has turned up as far."""
+    Of sections that meet, 1 once it has turned down by more than the dead band, up to when it has turned up as far.
+    """
+    if motion.switching != BUMPLESS:
+        before = m.number("input")
+        falls = m.choose("falls", [(first, 1), (u > before, 0)], 1)
+        m.keep(before, u)
+        return falls
     play, falling, half = m.number("play"), m.number("falling"), 0.5 * motion.dead_band
     low, high = m.let("low", u - half), m.let("high", u + half)
     moved = m.choose("play", [(first, u), (low > play, low), (high < play, high)], play)
@@ -123,7 +118,7 @@ def _falls_latched(m: Writer, motion: Motion, u: Expression, first: Condition) -
     return falls
 
 
-def _separate(m: Writer, motion: Motion, section: Expression, drives: list[Expression], first: Condition) -> Expression:
+def _separate(m: Writer, motion: Motion, of_section: OfSection, drives: list[Expression], first: Condition) -> Expression:
     """Write the output of the section that holds; every section runs on the whole input."""
     outputs = []
     for one in motion.sections:
@@ -135,34 +130,21 @@ def _separate(m: Writer, motion: Motion, section: Expression, drives: list[Expre
         following, ahead = m.let("following", z + one.p2 * x1), m.let("coming", (drive - began) + one.p1 * x1)
         for name, value in ((origin, began), (now, following), (later, ahead)):
             m.keep(name, value)
-    return _of_section(m, "motion", section, outputs)
+    return of_section("motion", outputs)
 
 
-def _shared(m: Writer, motion: Motion, section: Expression, drives: list[Expression], first: Condition) -> Expression:
-    """Write the output where the section that holds drives one state on."""
+def _shared(m: Writer, motion: Motion, of_section: OfSection, drives: list[Expression], first: Condition) -> Expression:
+    """Write the output where the section that holds drives one state on: `x1[k+2] = P2 x1[k+1] + P1 x1[k] + d[k]` (P eq 10)."""
     now, later = m.number("now"), m.number("later")
-    resting = [partial(_resting, one, drives) for one in motion.sections]
-    rest = _of_section(m, "rest", section, resting) if motion.start == REST else ZERO
+    resting = [lambda one=one: _driven(one, drives) / (1.0 - one.p1 - one.p2) for one in motion.sections]
+    rest = of_section("rest", resting) if motion.start == REST else ZERO
     x1, x2 = (m.choose(stem, [(first, rest)], name) for stem, name in (("output", now), ("ahead", later)))
-    after = _of_section(m, "following", section, [partial(_following, one, drives, x1, x2) for one in motion.sections])
+    coming = [lambda one=one: total([_driven(one, drives), total([one.p2 * x2, one.p1 * x1])]) for one in motion.sections]
+    after = of_section("following", coming)
     m.keep(now, x2)
     m.keep(later, after)
     return x1
 
 
-def _resting(section: MotionSection, drives: list[Expression]) -> Expression:
-    return _driven(section, drives) / (1.0 - section.p1 - section.p2)
-
-
-def _following(section: MotionSection, drives: list[Expression], x1: Expression, x2: Expression) -> Expression:
-    """Write `x1[k+2] = P2 x1[k+1] + P1 x1[k] + d[k]` (P eq 10)."""
-    return total([_driven(section, drives), total([section.p2 * x2, section.p1 * x1])])
-
-
 def _driven(section: MotionSection, drives: list[Expression]) -> Expression:
     return total([weight * drive for weight, drive in zip(section.weights.tolist(), drives, strict=True)])
-
-
-def _of_section(m: Writer, stem: str, section: Expression, values: Sequence[Side]) -> Expression:
-    """Write the value of the section that holds."""
-    return m.choose(stem, [(Condition(section, "==", Number(float(i))), value) for i, value in enumerate(values[:-1])], values[-1])

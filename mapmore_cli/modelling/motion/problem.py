@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
 import numpy as np
 from annotated_types import Interval, Len
 
-from mapmore_cli.domain.arrays import Array, BoolArray
+from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
 from mapmore_cli.domain.declared import Contradiction, Either, Pair, Seconds, Settings, of_sibling
 from mapmore_cli.domain.models import REST
-from mapmore_cli.modelling.motion.sections import radius, stable
-from mapmore_cli.modelling.motion.simulation import response
+from mapmore_cli.modelling.motion.simulation import radius, response, stable
 
-QUARTER = 0.25
+QUARTER = 0.25  # of the longest piece: the longest time constant that is looked for
 
 
 @dataclass(frozen=True)
@@ -99,11 +98,12 @@ PENALTY = 1e3
 
 @dataclass(frozen=True)
 class Piece:
-    """One piece of a record: drives (n, m), the input first, output (n,), and the samples that count, (n,)."""
+    """One piece of a record: drives (n, m), the input first, output (n,), the samples that count (n,), and the section that holds, (n,)."""
 
     drives: Array
     y: Array
     counts: BoolArray
+    holds: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
 
 
 @dataclass(frozen=True)
@@ -119,33 +119,30 @@ class Found:
 
 
 class Problem:
-    """Error of one section's parameters: it runs on the whole input of every piece, its own samples count."""
+    """Error of one section's parameters: it runs on the whole input of every piece, its own samples count.
+
+    - `reach`: largest modulus of a pole that is looked for.
+    """
 
     def __init__(self, pieces: Sequence[Piece], reach: float = 1.0, start: str = REST, seed: Sequence[int] = (1,)) -> None:
-        self.start = start
+        self.start, self.reach = start, reach
         self.random = np.random.default_rng(seed)
-        self.reach = reach  # largest modulus of a pole that is looked for
         self.pieces = tuple(piece for piece in pieces if piece.counts.any())
         self.own = [slice(None) if piece.counts.all() else piece.counts for piece in self.pieces]  # a slice copies nothing
         self.y = np.concatenate([piece.y[piece.counts] for piece in self.pieces])
         self.size = float(np.sqrt(np.mean(self.y**2))) or 1.0
         self.evaluations = 0
 
-    @property
-    def drives(self) -> int:
-        """Number of drives, m."""
-        return int(self.pieces[0].drives.shape[1])
-
     def responses(self, p1: float, p2: float) -> Array:
-        """Return outputs (n, m) at the own samples, of a section that each drive alone moves with weight one."""
+        """Return outputs (n, m) at the own samples, of a section that each of the m drives alone moves with weight one."""
         self.evaluations += 1
         return np.concatenate([response(p1, p2, piece.drives, self.start)[own] for piece, own in zip(self.pieces, self.own, strict=True)])
 
-    def rmse(self, p1: float, p2: float, weights: Array) -> float:
-        """Root mean squared error; large and finite for unstable sections."""
-        if not stable(p1, p2):
+    def rmse(self, p1: float, p2: float, weights: Array | None = None) -> float:
+        """Root mean squared error with these weights, or the best; large and finite for unstable sections, or those beyond the reach."""
+        if not stable(p1, p2, self.reach if weights is None else 1.0):
             return PENALTY * self.size * max(radius(p1, p2), 1.0)
-        return _root_mean_square(_weighted(self.responses(p1, p2), weights) - self.y)
+        return _root_mean_square(self.projected(p1, p2)[1] if weights is None else _weighted(self.responses(p1, p2), weights) - self.y)
 
     def projected(self, p1: float, p2: float) -> tuple[Array, Array]:
         """Return the best weights (m,) for the poles, by linear least squares, and the residuals (n,) that they leave."""
@@ -158,16 +155,10 @@ class Problem:
             weights = np.linalg.lstsq(moved, self.y, rcond=None)[0]
         return weights, _weighted(moved, weights) - self.y
 
-    def projected_rmse(self, p1: float, p2: float) -> float:
-        """Root mean squared error with the best weights; large and finite for sections beyond the reach."""
-        if not stable(p1, p2, self.reach):
-            return PENALTY * self.size * max(radius(p1, p2), 1.0)
-        return _root_mean_square(self.projected(p1, p2)[1])
-
-    def found(self, p1: float, p2: float, history: Sequence[float]) -> Found:
-        """Return what a search has come to, with the best weights for its poles."""
+    def found(self, p1: float, p2: float, history: Sequence[float] | Array) -> Found:
+        """Return what a search has come to, with the best weights for its poles; `history` are its errors in turn."""
         weights, residuals = self.projected(p1, p2)
-        return Found(p1, p2, weights, _root_mean_square(residuals), self.evaluations, np.asarray(history, dtype=np.float64))
+        return Found(p1, p2, weights, _root_mean_square(residuals), self.evaluations, np.minimum.accumulate(history))
 
 
 def _weighted(moved: Array, weights: Array) -> Array:

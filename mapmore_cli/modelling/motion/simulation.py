@@ -1,17 +1,131 @@
-"""Running a model of motion along recordings. Sections are linear filters: no loop passes over samples. And P's errors."""
+"""Sections: where they are stable, which one holds at a sample, and how they run along recordings. And P's errors.
+
+A section `x2[k+1] = P1 x1 + P2 x2 + ...` has the poles of `z^2 - P2 z - P1`. It is stable in the triangle `|P1| < 1`, `|P2| < 1 - P1`.
+Sections are linear filters: no loop passes over samples.
+"""
 
 from __future__ import annotations
 
+import cmath
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, Columns, IntArray
-from mapmore_cli.domain.errors import FitError
-from mapmore_cli.domain.models import HARD, REST, Motion
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray
+from mapmore_cli.domain.errors import DataError, FitError
+from mapmore_cli.domain.models import BUMPLESS, HARD, REST, Motion
 from mapmore_cli.modelling.expressions import evaluate, parse
+from mapmore_cli.modelling.expressions.operators.play import play
 from mapmore_cli.modelling.memory.records import uninterrupted
-from mapmore_cli.modelling.motion.sections import active, unstable_sections
+
+EDGE = 1.0 - 1e-9  # largest reflection coefficient: nearer to the edge, rounding decides whether a section is stable
+
+
+def stable(p1: float, p2: float, reach: float = 1.0) -> bool:
+    """Whether both poles lie within the circle of radius `reach`."""
+    p1, p2 = p1 / reach**2, p2 / reach
+    return abs(p1) < 1.0 and abs(p2) < 1.0 - p1
+
+
+def radius(p1: float, p2: float) -> float:
+    """Largest modulus of a pole."""
+    root = cmath.sqrt(0.25 * p2 * p2 + p1)
+    return max(abs(0.5 * p2 + root), abs(0.5 * p2 - root))
+
+
+def of_poles(first: complex, second: complex) -> tuple[float, float]:
+    """P1 and P2, `P1 = -z1 z2`, `P2 = z1 + z2`, of real or conjugate poles."""
+    return -(first * second).real, (first + second).real
+
+
+def of_oscillator(frequency: float, damping: float) -> tuple[float, float]:
+    """P1 and P2 whose poles are those of `x'' + 2 d w x' + w^2 x`, sampled; `frequency` `w/(2 pi)` in cycles per sample.
+
+    They are `z = exp(w (-d +- sqrt(d^2 - 1)))`. Such poles never lie on the negative axis but at the highest
+    frequency, where P has some (`P1 > 0`): sampling has no oscillator for them.
+    """
+    w = 2.0 * math.pi * frequency
+    root = cmath.sqrt(damping * damping - 1.0)
+    return of_poles(cmath.exp(w * (-damping + root)), cmath.exp(w * (-damping - root)))
+
+
+def of_reflections(k1: float, k2: float, reach: float) -> tuple[float, float]:
+    """P1 and P2 of two reflection coefficients (Levinson's recursion): `P1 = -k2 r^2`, `P2 = -k1 (1 + k2) r`.
+
+    The square `|k1|, |k2| < 1` is all sections with both poles within the circle of radius r, the `reach`.
+    """
+    return -k2 * reach**2, -k1 * (1.0 + k2) * reach
+
+
+def reflections(p1: float, p2: float, reach: float) -> tuple[float, float]:
+    """Return the inverse of `of_reflections`; a section with a pole outside of the circle comes to the nearest edge."""
+    k2 = min(max(-p1 / reach**2, -EDGE), EDGE)
+    return min(max(-p2 / reach / (1.0 + k2), -EDGE), EDGE), k2
+
+
+def of_angles(angles: Array, reach: float) -> tuple[float, float]:
+    """P1 and P2 of two coordinates that may have any value: `k = tanh(angle)`."""
+    k1, k2 = (min(max(math.tanh(angle), -EDGE), EDGE) for angle in angles.tolist())
+    return of_reflections(k1, k2, reach)
+
+
+def angles(p1: float, p2: float, reach: float, inmost: float = EDGE) -> list[float]:
+    """Return the inverse of `of_angles`, of a section whose reflection coefficients are brought to `inmost` at most."""
+    return [math.atanh(min(max(k, -inmost), inmost)) for k in reflections(p1, p2, reach)]
+
+
+def spread(u: Array, count: int) -> tuple[float, ...]:
+    """Boundaries between `count` sections with equal shares of the samples u (n,).
+
+    Raises DataError where the input dwells so long at one value that a section would have no width.
+    """
+    boundaries = np.quantile(u, np.arange(1, count) / count)
+    edges = np.array([u.min(), *boundaries, u.max()])
+    if np.any(np.diff(edges) <= 0):
+        raise DataError(
+            f"{count} sections with equal shares of the samples have no width everywhere: the input dwells at "
+            f"{edges[:-1][np.diff(edges) <= 0][0]:.6g}",
+            "give the boundaries as a list, or ask for fewer sections",
+        )
+    return tuple(boundaries.tolist())
+
+
+def rising(u: Array, dead_band: float, *, latched: bool) -> BoolArray:
+    """Whether the input rises, (n,).
+
+    P eq 16: where `u[k] > u[k-1]`; an input that stands still falls, and so does the first sample. `latched`: the direction holds until
+    the input has turned back by more than the dead band, and rises before it has moved.
+    """
+    if not latched:
+        return np.diff(u, prepend=u[:1]) > 0
+    moves = np.diff(play(u, 0.5 * dead_band), prepend=u[:1])
+    last = np.maximum.accumulate(np.where(moves != 0, np.arange(len(u)), -1))
+    return (last < 0) | (moves[np.maximum(last, 0)] > 0)
+
+
+def active(motion: Motion, u: Array, moving: Array | None = None) -> IntArray:
+    """Return the number of the section that holds at each sample, (n,), from 0: section j from its lower boundary on (P eq 15).
+
+    The direction is that of `moving` (n,), by default of the input u (n,).
+    """
+    place = np.searchsorted(np.asarray(motion.boundaries), u, side="right")
+    if not motion.directed:
+        return place.astype(np.int64)
+    falls = ~rising(u if moving is None else moving, motion.dead_band, latched=motion.switching == BUMPLESS)
+    return (2 * place + falls).astype(np.int64)
+
+
+def extent(boundaries: Sequence[float], place: int) -> str:
+    """Return the inputs of the section at a place, as `from 1.05 to 2.35`."""
+    if not boundaries:
+        return "any input"
+    if place == 1:
+        return f"below {boundaries[0]:.6g}"
+    if place == len(boundaries) + 1:
+        return f"from {boundaries[-1]:.6g} on"
+    return f"from {boundaries[place - 2]:.6g} to {boundaries[place - 1]:.6g}"
 
 
 def simulate(motion: Motion, columns: Columns) -> Array:
@@ -21,19 +135,15 @@ def simulate(motion: Motion, columns: Columns) -> Array:
 
     Raises FitError where a section is unstable; AtSample where the stamps are neither the model's step apart nor a gap.
     """
-    loose = unstable_sections(motion)
-    if loose:
-        raise FitError(
-            f"section {loose[0]} of the model of `{motion.output}` is unstable: a pole lies at "
-            f"{next(section.radius for section in motion.sections if section.id == loose[0]):.6g}, outside of the unit circle",
-            "fit it again: every solver gives stable sections",
-        )
-    n = len(columns[motion.input])
-    parts = uninterrupted(columns["time"], motion.step) if "time" in columns else [slice(0, n)]
-    values = np.empty(n)
-    for part in parts:
-        values[part] = _along({name: column[part] for name, column in columns.items()}, motion)
-    return values
+    for section in motion.sections:
+        if not stable(section.p1, section.p2):
+            raise FitError(
+                f"section {section.id} of the model of `{motion.output}` is unstable: a pole lies at {section.radius:.6g}, outside of the "
+                "unit circle",
+                "fit it again: every solver gives stable sections",
+            )
+    parts = uninterrupted(columns["time"], motion.step) if "time" in columns else [slice(None)]
+    return np.concatenate([_along({name: column[part] for name, column in columns.items()}, motion) for part in parts])
 
 
 def driven(drives: tuple[str, ...], columns: Columns) -> Array:
@@ -67,9 +177,7 @@ def response(p1: float, p2: float, drive: Array, start: str = REST) -> Array:
 def shared(poles: Array, drive: Array, holds: IntArray, start: str = REST) -> Array:
     """Return the output (n,) or (n, m) of sections that hand one state on, from rest under d[0] or from zero.
 
-    - `poles`: P1 and P2 of every section, (s, 2).
-    - `drive`: what drives the section that holds, (n,) or (n, m).
-    - `holds`: (n,) number of the section that holds.
+    `poles` are P1 and P2 of every section, (s, 2); `drive` what drives the one that holds, (n,) or (n, m); `holds` (n,) its number.
     """
     from scipy.signal import lfilter
 
@@ -85,8 +193,7 @@ def shared(poles: Array, drive: Array, holds: IntArray, start: str = REST) -> Ar
     return states[:n]
 
 
-REPEATS = 1e-3
-"""Two wavelengths of an input are the same where they differ by less than this share of its range."""
+REPEATS = 1e-3  # two wavelengths of an input are the same where they differ by less than this share of its range
 
 
 @dataclass(frozen=True)
@@ -112,16 +219,12 @@ def last_wavelength(u: Array) -> int:
     return len(u)
 
 
-def velocity(y: Array, step: float) -> Array:
-    """Central differences (n,), per second."""
-    return np.gradient(y, step) if len(y) > 1 else np.zeros(len(y))
-
-
 def motion_errors(measured: Array, predicted: Array, u: Array, step: float) -> MotionErrors:
     """Errors of one recording, samples (n,) at every `step` (s)."""
     tail = last_wavelength(u)
     error = predicted - measured
-    faster = velocity(predicted, step) - velocity(measured, step)
+    predicted_rate, measured_rate = (np.gradient(y, step) if len(y) > 1 else np.zeros(len(y)) for y in (predicted, measured))
+    faster = predicted_rate - measured_rate
     before = np.abs(error[:-tail])
     return MotionErrors(
         displacement_rmse=float(np.sqrt(np.mean(error[-tail:] ** 2))),

@@ -11,8 +11,7 @@ from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.models import Equation, Model, Pieces, SegmentFunction
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling.expressions import Expression, Name, Number, affine, exponents, multiply, parse, substitute
-from mapmore_cli.modelling.literature.model import backbone_values, by_blocks, formula_equations, printed
-from mapmore_cli.modelling.literature.statements import formula_value
+from mapmore_cli.modelling.literature.model import backbone_values, by_blocks, formula_equations, formula_value, printed
 from mapmore_cli.modelling.pieces.definition import combination, pieces_program, pieces_value
 from mapmore_cli.modelling.program.values import evaluator
 from mapmore_cli.modelling.program.writing import Inputs, Writer, limit

@@ -38,22 +38,21 @@ class Branches:
 
 
 def split_cycles(over: Array, columns: Columns, samples: int) -> Branches:
-    """Split load cycles into contraction and extension and resample both at `samples` evenly spaced common values of `over`.
+    """Split load cycles over `over` (n,), in order of time, into both branches at `samples` evenly spaced common values.
 
     Reversals smaller than a tenth of the range of `over` are ignored, so that neither noise nor quantisation splits a branch. Rests at the
     ends of the stroke, where force relaxes, belong to neither branch. The runs of several cycles are pooled. Each branch is averaged in
     `samples` bins over the range that both cover, which also merges repeated values, and interpolated linearly between the mean
     positions of its bins: the result does not depend on how fast the cycle was run.
 
-    - `over`: `(n,)` the cycled quantity, in order of time.
-    - `columns`: quantities to split, each `(n,)`.
-    - `samples`: number of values on which the branches are given.
-
     Raises DataError where there is no full cycle, or too few samples on a branch.
     """
     turns = turning_points(over, SWING * float(np.ptp(over))) if len(over) else np.zeros(0, dtype=np.int64)
     runs = _trimmed_runs(over, turns)
-    rising, falling = (_pooled(runs[direction], name) for direction, name in ((1, "contraction"), (-1, "extension")))
+    for direction, name in ((1, "contraction"), (-1, "extension")):
+        if not runs[direction]:
+            raise DataError(f"there is no full load cycle: the {name} branch is missing")
+    rising, falling = np.concatenate(runs[1]), np.concatenate(runs[-1])
     low = max(over[rising].min(), over[falling].min())
     high = min(over[rising].max(), over[falling].max())
     if not low < high:
@@ -105,7 +104,9 @@ def bin_means(over: Array, columns: Columns, edges: Array) -> tuple[Array, dict[
 
 def _trimmed_runs(over: Array, turns: IntArray) -> Mapping[int, list[IntArray]]:
     """Rows of each run between turning points, by direction (1 rising, -1 falling), without the rests at its ends."""
-    tolerance = min(2 * _noise(over), TRIM * float(np.ptp(over))) if len(over) else 0.0
+    bends = np.diff(over, 2)  # steady movement leaves them at zero, and noise does not
+    noise = 1.4826 * float(np.median(np.abs(bends))) / math.sqrt(6.0) if len(bends) else 0.0
+    tolerance = min(2 * noise, TRIM * float(np.ptp(over))) if len(over) else 0.0
     runs: dict[int, list[IntArray]] = {1: [], -1: []}
     for begin, end in pairwise(turns):
         direction = 1 if over[end] > over[begin] else -1
@@ -114,19 +115,6 @@ def _trimmed_runs(over: Array, turns: IntArray) -> Mapping[int, list[IntArray]]:
         last = first + int(np.flatnonzero(travelled[first:] >= travelled[-1] - tolerance)[0])
         runs[direction].append(np.arange(begin + first, begin + last + 1))
     return runs
-
-
-def _noise(values: Array) -> float:
-    """Return standard deviation of the noise, from second differences, which steady movement leaves at zero."""
-    if len(values) < 3:
-        return 0.0
-    return 1.4826 * float(np.median(np.abs(np.diff(values, 2)))) / math.sqrt(6.0)
-
-
-def _pooled(runs: list[IntArray], name: str) -> IntArray:
-    if not runs:
-        raise DataError(f"there is no full load cycle: the {name} branch is missing")
-    return np.concatenate(runs)
 
 
 WHOLE_SWING = 0.4  # of the range: a smaller rise or fall is part of a cycle

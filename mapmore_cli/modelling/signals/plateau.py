@@ -65,17 +65,10 @@ def match_levels(values: Array, levels: Array, within: float) -> IntArray:
     return np.where(np.abs(values - levels[nearest]) <= reach, nearest, -1)
 
 
-BAND = 0.05
-"""A signal has settled where it stays within this share of its span around its final value."""
-
-RISEN = 0.9
-"""Share of its span at which the pressure has risen."""
-
-NOISE_SPANS = 20
-"""A pressure whose span is less than this many times its noise never rises."""
-
-SHORTEST = 0.5
-"""Least duration of a plateau as a share of the rise before it: the top of a triangle is none."""
+BAND = 0.05  # a signal has settled where it stays within this share of its span around its final value
+RISEN = 0.9  # share of its span at which the pressure has risen
+NOISE_SPANS = 20  # a pressure whose span is less than this many times its noise never rises
+SHORTEST = 0.5  # least duration of a plateau as a share of the rise before it: the top of a triangle is none
 
 REMEDY = "give the plateau, as `plateau: [2 s, 3 s]`, or leave the recording out"
 
@@ -86,8 +79,7 @@ def find_plateau(time: Array, pressure: Array, others: Mapping[str, Array]) -> t
     The plateau is where the pressure and all `others` (the strain) stay in bands around their final values: from when the last one has
     settled until the first one leaves. The final value of a signal is its median over the later half of the high pressure.
 
-    - `time`, `pressure`: `(n,)` each; the pressure rises once and may fall again.
-    - `others`: further signals `(n,)` that come to rest, by name.
+    - `pressure`, `others`: `(n,)` each; the pressure rises once and may fall again.
 
     Raises DataError where the pressure never rises, or nothing rests after it has.
     """
@@ -116,18 +108,17 @@ def find_plateau(time: Array, pressure: Array, others: Mapping[str, Array]) -> t
 
 def _settled(signal: Array, later: IntArray, span: float) -> BoolArray:
     """Where a signal is within the band around its median over the samples `later`."""
-    within: BoolArray = np.abs(signal - np.median(signal[later])) <= BAND * span
-    return within
+    return np.asarray(np.abs(signal - np.median(signal[later])) <= BAND * span)
 
 
 def _first(mask: BoolArray) -> int:
     """Return number of the first True, the length where there is none."""
-    return int(np.argmax(mask)) if mask.any() else len(mask)
+    return int(np.argmax(np.append(mask, True)))
 
 
 def _last(mask: BoolArray) -> int:
     """Return number of the last True, -1 where there is none."""
-    return len(mask) - 1 - int(np.argmax(mask[::-1])) if mask.any() else -1
+    return len(mask) - 1 - _first(mask[::-1])
 
 
 def without_steady_state(component: Array, plateau: BoolArray) -> Array:

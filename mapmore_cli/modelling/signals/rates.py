@@ -10,30 +10,24 @@ from mapmore_cli.domain.arrays import Array, Columns, IntArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Signal
 
-STEPS = 10
-"""Points within one window."""
+STEPS = 10  # points within one window
 
 
 def running_median(x: Array, y: Array, window: float) -> tuple[Array, Array]:
     """Medians of x and of y over half a window around each point of an even grid over the range of x, (m,) each.
 
     For samples on a straight line the medians lie on it, and a spike narrower than a quarter of the window is not seen. Where no sample is
-    near, the line between the neighbours stands.
-
-    - `x`, `y`: samples in any order, (n,).
-    - `window`: in the unit of x.
+    near, the line between the neighbours stands. Samples x, y (n,) come in any order; the window is in the unit of x.
     """
     order = np.lexsort((y, x))
     x, y = x[order], y[order]
     grid = np.linspace(x[0], x[-1], max(1, round(STEPS * float(x[-1] - x[0]) / window)) + 1)
     reach = window / 4 * (1 + 1e-9)  # a sample right on the rim counts, whatever the unit
     first, last = np.searchsorted(x, grid - reach, "left"), np.searchsorted(x, grid + reach, "right")
-    medians = np.full((2, len(grid)), np.nan)
-    for place in np.flatnonzero(last > first):
-        near = slice(first[place], last[place])
-        medians[:, place] = np.median(x[near]), np.median(y[near])
     known = last > first
-    return np.interp(grid, grid[known], medians[0, known]), np.interp(grid, grid[known], medians[1, known])
+    near = [slice(begin, end) for begin, end in zip(first[known], last[known], strict=True)]
+    over_x, over_y = (np.interp(grid, grid[known], [np.median(values[rows]) for rows in near]) for values in (x, y))
+    return over_x, over_y
 
 
 BLOCK = 100_000  # samples gathered into windows at one time: a few MB, which stay in the cache
@@ -47,10 +41,8 @@ def rate(time: Array, values: Array, window: float, order: int) -> Array:
     this is `scipy.signal.savgol_filter(deriv=1, mode="interp")`. Loggers however round and repeat stamps; resampling such a
     record to even steps first would turn the rounding into noise of the rate, where the fit averages it.
 
-    - `time`: `(n,)` seconds, never decreasing.
-    - `values`: `(n,)` in any unit.
+    - `time`, `values`: `(n,)`; seconds, never decreasing, and any unit.
     - `window`: width in seconds, ends included.
-    - `order`: degree of the polynomial; the rate of a polynomial up to this degree is exact.
 
     Raises DataError where a window holds fewer than `order + 1` different stamps.
     """
@@ -58,14 +50,6 @@ def rate(time: Array, values: Array, window: float, order: int) -> Array:
     begin = np.clip(time - window / 2, time[0], max(time[0], time[-1] - window))
     start = np.searchsorted(time, begin - slack, side="left")
     stop = np.searchsorted(time, begin + window + slack, side="right")
-    _check_windows(time, start, stop, window, order)
-    longest = int((stop - start).max())
-    rows = max(1, BLOCK // longest)
-    blocks = [slice(i, i + rows) for i in range(0, len(time), rows)]
-    return np.concatenate([_slopes(time, values, time[b], start[b], stop[b], window, order) for b in blocks])
-
-
-def _check_windows(time: Array, start: IntArray, stop: IntArray, window: float, order: int) -> None:
     rank = np.concatenate([[0], np.cumsum(np.diff(time) > 0)])
     different = rank[stop - 1] - rank[start] + 1
     worst = int(np.argmin(different))
@@ -75,6 +59,9 @@ def _check_windows(time: Array, start: IntArray, stop: IntArray, window: float, 
             f"a rate of order {order} needs {order + 1}",
             "Give a wider `window` or a lower `order`.",
         )
+    rows = max(1, BLOCK // int((stop - start).max()))
+    blocks = [slice(i, i + rows) for i in range(0, len(time), rows)]
+    return np.concatenate([_slopes(time, values, time[b], start[b], stop[b], window, order) for b in blocks])
 
 
 def _slopes(time: Array, values: Array, at: Array, start: IntArray, stop: IntArray, window: float, order: int) -> Array:

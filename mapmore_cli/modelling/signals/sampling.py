@@ -43,8 +43,7 @@ def spread_repeated(time: Array) -> Array:
     return spread
 
 
-UNEVEN = 1e-3
-"""Of a time step: more than this apart from an even grid, samples are not evenly spaced. Stamps are often rounded so far."""
+UNEVEN = 1e-3  # of a time step: more than this apart from an even grid, samples are not evenly spaced. Stamps are often rounded so far
 
 ROUNDING = 1e-9  # relative: a step of exactly the limit is no gap, however it was rounded
 
@@ -75,8 +74,7 @@ def find_gaps(time: Array, longer_than: float) -> Gaps:
     return Gaps(after, lengths, missing)
 
 
-PARTS, PART = 8, 1 << 17
-"""A longer record is asked for its step in so many parts, evenly spread, of so many samples each."""
+PARTS, PART = 8, 1 << 17  # a longer record is asked for its step in so many parts, evenly spread, of so many samples each
 
 
 def typical_step(time: Array) -> float:
@@ -119,7 +117,7 @@ ON_EDGE = 1e-6  # of a step: a stamp this close to the edge of a block lies on i
 
 
 def resample(time: Array, columns: Columns, step: float) -> tuple[Array, dict[str, Array]]:
-    """Return a record without gaps at stamps `step` apart.
+    """Return a record without gaps at stamps `step` apart: `(m,)` and its quantities `(m,)`; m is 0 for one shorter than a step.
 
     Where a step holds several samples, it becomes their mean, stamped at their middle: a moving average, which neither lags nor lets
     frequencies above the new sampling rate pass unweakened. Sample i belongs to block `floor((t_i - t_0)/step)`; with `dt` the median
@@ -128,14 +126,7 @@ def resample(time: Array, columns: Columns, step: float) -> tuple[Array, dict[st
     block is left out where the record does not fill it. Where a step holds one sample or less, the record is interpolated linearly at
     `t_0 + k step`.
 
-    - `time`: `(n,)`, increasing.
-    - `columns`: quantities, each `(n,)`; a `time` among them is left out.
-    - `step`: in the unit of `time`.
-
-    Returns
-    -------
-    tuple
-        Stamps `(m,)` and quantities `(m,)`; m is 0 where the record is shorter than one step.
+    - `time`: `(n,)`, increasing, in the unit of `step`; `columns`: each `(n,)`; a `time` among them is left out.
     """
     dt = typical_step(time)
     span = time[-1] - time[0]
@@ -155,13 +146,10 @@ def resample(time: Array, columns: Columns, step: float) -> tuple[Array, dict[st
 
 
 def align(stamps: Array, time: Array, values: Array, max_gap: float | None) -> Array:
-    """Return `values` `(m,)`, logged at `time` `(m,)`, interpolated linearly at `stamps` `(n,)`.
+    """Return `values` `(m,)`, logged at the increasing stamps `time` `(m,)`, interpolated linearly at `stamps` `(n,)`, in any order.
 
     NaN where a stamp lies outside of the log, or between two of its samples more than `max_gap` apart (None: any distance will do),
     or is NaN itself. A stamp that is one of the log's own gets the value as logged.
-
-    - `stamps`: `(n,)` in any order, on the same clock as `time`.
-    - `time`: `(m,)` strictly increasing, at least one.
     """
     after = np.searchsorted(time, stamps, side="left").clip(0, len(time) - 1)
     before = np.where(time[after] == stamps, after, (after - 1).clip(0))

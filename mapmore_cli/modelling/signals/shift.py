@@ -8,38 +8,31 @@ one with the clearest peak is taken. A peak is sure where noise would not make i
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.signals.sampling import typical_step
 
-WIDTHS = (1, 2, 4, 8, 16, 32, 64)
-"""Samples on either side of a change."""
-LEAST_OVERLAP = 0.5
-"""Of the shorter record: fewer samples agree by chance."""
-LEAST_EVENTS = 0.3
-"""Of the changes of either record, squared and summed: an overlap with less of them says nothing."""
-RATIO = 1.15
-"""What the best peak has to exceed the next one by."""
-SIGMAS = 7.0
-"""Fisher's z of the best peak, in standard deviations of noise; thousands of lags are looked at."""
-MOST = 2_000_000
-"""Grid points of the longer record."""
-FEWEST = 8
-"""Samples of a record."""
+WIDTHS = (1, 2, 4, 8, 16, 32, 64)  # samples on either side of a change
+LEAST_OVERLAP = 0.5  # of the shorter record: fewer samples agree by chance
+LEAST_EVENTS = 0.3  # of the changes of either record, squared and summed: an overlap with less of them says nothing
+RATIO = 1.15  # what the best peak has to exceed the next one by
+SIGMAS = 7.0  # Fisher's z of the best peak, in standard deviations of noise; thousands of lags are looked at
+MOST = 2_000_000  # grid points of the longer record
+FEWEST = 8  # samples of a record
 
 
 @dataclass(frozen=True)
 class Shift:
-    """Hold what to add to the second log's time, and how sure that is.
+    """What to add to the second log's time, and how sure that is.
 
     - `value`, `half_width`: in the unit of the stamps; the latter of the 95 % interval.
     - `step`: the coarser of the two records' typical steps.
     - `correlation`: of the changes in both records at this shift; negative where one falls when the other rises.
-    - `next_best`: the absolute correlation of the next peak, and `rival` the shift that it stands for; 0 and None where there is no other
-      peak.
+    - `next_best`: the absolute correlation of the next peak, of the shift `rival`; 0 and None where there is none.
     - `sigmas`: how far the peak stands out of noise.
     """
 
@@ -70,17 +63,11 @@ class Shift:
 def find_shift(
     time: Array, first: Array, other_time: Array, second: Array, within: float | None = None, *, same_sign: bool = False
 ) -> Shift | None:
-    """Find the shift of a second log.
+    """Find the shift of a second log; None where nothing changes in one of the records, or no shift makes them overlap.
 
-    - `time`, `first`: stamps `(n,)`, strictly increasing, and values `(n,)` of the first log.
-    - `other_time`, `second`: the same of the second log, `(m,)`.
+    - `time`, `first`: stamps `(n,)`, strictly increasing, and values `(n,)` of the first log; `other_time`, `second`: `(m,)`, of the other.
     - `within`: shifts beyond this are not looked at.
     - `same_sign`: whether both rise together; else the one may fall while the other rises.
-
-    Returns
-    -------
-    Shift or None
-        None where nothing changes in one of the records, or no shift makes them overlap.
     """
     if min(len(time), len(other_time)) < FEWEST:
         return None
@@ -93,7 +80,7 @@ def find_shift(
         return None
     best = max(found, key=lambda peak: (not (peak.ambiguous or peak.lost_in_noise), peak.sigmas))
     half_width = max(best.half_width, 0.5 * sum(steps))  # a jump may lie anywhere between two samples
-    return Shift(best.value, half_width, max(steps), best.correlation, best.next_best, best.rival, best.sigmas)
+    return replace(best, half_width=half_width, step=max(steps))
 
 
 def _peak(one: Array, other: Array, width: int, offset: float, step: float, within: float | None, same_sign: bool) -> Shift | None:
@@ -110,7 +97,9 @@ def _peak(one: Array, other: Array, width: int, offset: float, step: float, with
     if size[top] == 0:
         return None
     rises_on = not 0 < top < len(r) - 1 or r[top - 1] == 0.0 or r[top + 1] == 0.0  # the edge of what is looked at is no peak
-    below, above = _lobe(size, top)
+    before, after = (np.flatnonzero(np.diff(side) > 0) for side in (size[top::-1], size[top:]))  # where the peak ends on either side
+    below = top - int(before[0]) if len(before) else 0
+    above = top + int(after[0]) if len(after) else len(size) - 1
     outside = size.copy()
     outside[below : above + 1] = 0.0
     rival = int(np.argmax(outside))
@@ -143,17 +132,10 @@ def correlation(u: Array, v: Array) -> tuple[Array, Array, Array]:
 
     Zero where the overlap is too short, or holds too little of the changes of either.
     """
-    from scipy.fft import irfft, next_fast_len, rfft  # takes long to load, and few specs need it
+    from scipy.signal import correlate  # takes long to load, and few specs need it
 
     n, m = len(u), len(v)
-    size = next_fast_len(n + m - 1, real=True)
-
-    def sums(a: Array, b: Array) -> Array:
-        """`sum_i a[i + lag] b[i]` for the lags -(m - 1) .. n - 1."""
-        whole = irfft(rfft(a, size) * np.conj(rfft(b, size)), size)
-        found: Array = np.concatenate([whole[size - (m - 1) :], whole[:n]])
-        return found
-
+    sums = partial(correlate, method="fft")  # `sum_i a[i + lag] b[i]` for the lags -(m - 1) .. n - 1
     ones_u, ones_v = np.ones(n), np.ones(m)
     count = np.rint(sums(ones_u, ones_v))
     at_least_one = np.maximum(count, 1.0)
@@ -165,17 +147,6 @@ def correlation(u: Array, v: Array) -> tuple[Array, Array, Array]:
     speaks &= (count >= LEAST_OVERLAP * min(n, m)) & (spread > 1e-18 * np.sum(u * u) * np.sum(v * v))
     r = np.where(speaks, covariance / np.sqrt(np.where(speaks, spread, 1.0)), 0.0)
     return r.clip(-1.0, 1.0), np.arange(-(m - 1.0), n), count
-
-
-def _lobe(size: Array, top: int) -> tuple[int, int]:
-    """Return the first and last lag of the peak itself: down to its feet on either side."""
-    below = top
-    while below > 0 and size[below - 1] <= size[below]:
-        below -= 1
-    above = top
-    while above < len(size) - 1 and size[above + 1] <= size[above]:
-        above += 1
-    return below, above
 
 
 def _vertex(size: Array, top: int) -> float:

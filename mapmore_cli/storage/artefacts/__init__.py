@@ -7,6 +7,10 @@ files without a checksum.
 
 `units` of `write_segmentation` and `write_fit` are those of `units_of(dataset)`: the types written there do not know them.
 
+A file from a stranger is looked over before any value is read: HDF5 can point into other files of the computer, at one object a million
+times, or at gigabytes that take a kilobyte on the disk. The files of a run are plain trees of small arrays, so whatever else is in a file
+is refused by name.
+
 Format versions are read like semantic versions: a new major is refused by older programs, a new minor only adds fields.
 
 2.0  first released version: fits and models have a body of one kind; sums have signs and renamed inputs.
@@ -15,6 +19,9 @@ Format versions are read like semantic versions: a new major is refused by older
 
 from __future__ import annotations
 
+import math
+import signal
+import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -23,31 +30,37 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 import h5py
+from h5py import h5d, h5g, h5l, h5o, h5t, h5z
 
 from mapmore_cli.domain.errors import DataError, Doubt
 from mapmore_cli.domain.fits import SegmentedCurve
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import FitResult, Validation
-from mapmore_cli.storage.artefacts.integrity import CHECKSUM, Digest, Invalid, look_over, stored_at
-from mapmore_cli.storage.artefacts.label import Label
-from mapmore_cli.storage.artefacts.layout import SegmentationFile
-from mapmore_cli.storage.artefacts.schema import check_lengths, schema_of
+from mapmore_cli.storage.artefacts.codecs import NO_UNIT, Digest, Invalid, Label, Writer, stored_at, texts_at_once, texts_left
+from mapmore_cli.storage.artefacts.schema import SegmentationFile, check_lengths, schema_of
 from mapmore_cli.storage.atomic import replacing
 from mapmore_cli.storage.run_record import refuse_newer
 
 FORMAT_VERSION = "2.1"
 
+CHECKSUM = "checksum"
+"""Attribute of the root: SHA-256 (hexadecimal) of all values in the file."""
+
+DEEPEST, MOST_ATTRIBUTES = 60, 100
+"""Groups within groups (ten sums of sums), and attributes of one object."""
+
+ROOM, RATIO = 64_000_000, 300
+"""Bytes that a file of any size may unpack to, and that one chunk may have; and beyond that, how many times its own size: columns that
+stand still shrink a thousandfold, whole recordings tenfold."""
+
 _ALTERED = "its values are not those that were written: the checksum does not match"
 _GET_ANOTHER = "get a fresh copy, or make it again with `mapmore run CONFIG`"
+_GIVE_OURS = "give a file out of a run folder, as runs/NAME/model.h5"
 
 Warn = Callable[[str], None]
 T = TypeVar("T")
 NO_UNITS: Mapping[str, str] = {}
-
-
-def silent(_message: str) -> None:
-    """Tell nobody."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +76,7 @@ class FileKind(Generic[T]):
 
         Raises WriteError where the disk is full.
         """
-        with replacing(path) as place:
+        with replacing(path) as place, _interrupted_later():
             steady = SteadyFile(place.fileno(), "r+b", closefd=False)
             try:
                 # Settled versions and no times: two writes give the same bytes, and old readers understand them.
@@ -71,29 +84,26 @@ class FileKind(Generic[T]):
                     file.attrs["kind"] = self.name
                     file.attrs["format_version"] = FORMAT_VERSION
                     file.attrs["creator"] = "mapmore"
-                    schema_of(self.type).write_into(file, record, Label(scope=units))
-                    digest = Digest()
-                    schema_of(self.type).feed(digest, "", record)
-                    file.attrs[CHECKSUM] = digest.text
+                    schema_of(self.type).store(Writer(file), record, Label(scope=units))
+                    file.attrs[CHECKSUM] = self._checksum(record)
                     if provenance is not None:
                         _write_provenance(file, provenance)
             finally:
                 if steady.fault is not None:
                     raise steady.fault
 
-    def read(self, path: Path, warn: Warn = silent, unverified: bool = False) -> T:
+    def read(self, path: Path, warn: Warn = lambda _message: None, unverified: bool = False) -> T:
         """Return the record in a file; `warn` is told where nothing says that it is as it was written.
 
-        Raises DataError where the file is missing, no regular file, damaged, of another kind or of a newer format; where it holds what the
-        format does not know, or values of another type or shape; where its checksum does not match (but not where it may be `unverified`).
+        Raises DataError as the module says, for a checksum that does not match only where it may not be `unverified`.
         """
         with _opened(path) as file:
             found, version = _kind_and_version(path, file)
             if found != self.name:
                 raise DataError(f"{path}: is a {found} file, not a {self.name} file", f"give a file that `mapmore {self.stage}` wrote")
             try:
-                look_over(file, path.stat().st_size)
-                record: T = schema_of(self.type).read_from(file)
+                _look_over(file, path.stat().st_size)
+                record: T = schema_of(self.type).read(file)
                 check_lengths(record)
                 doubt = self._doubt(file, version, record)
             except Invalid as fault:
@@ -104,7 +114,7 @@ class FileKind(Generic[T]):
             warn(Doubt.of(str(path), doubt))
         return record
 
-    def _doubt(self, file: h5py.File, version: str, record: Any) -> str | None:
+    def _doubt(self, file: h5py.File, version: str, record: T) -> str | None:
         """Why the values may not be those that were written; None where the checksum says that they are."""
         with stored_at(CHECKSUM):
             stored = file.attrs.get(CHECKSUM)
@@ -112,9 +122,12 @@ class FileKind(Generic[T]):
             return "has no checksum: nothing shows whether its values are those that were written"
         if _as_numbers(version) > _as_numbers(FORMAT_VERSION):
             return f"is of the newer format {version}: its checksum cannot be verified here"
+        return None if isinstance(stored, str) and stored == self._checksum(record) else _ALTERED
+
+    def _checksum(self, record: T) -> str:
         digest = Digest()
-        schema_of(self.type).feed(digest, "", record)
-        return None if isinstance(stored, str) and stored == digest.text else _ALTERED
+        schema_of(self.type).store(digest, record, Label())
+        return str(digest.hash.hexdigest())
 
 
 DATASET_FILE = FileKind("dataset", "ingest", Dataset)
@@ -154,7 +167,7 @@ def write_segmentation(path: Path, curves: tuple[SegmentedCurve, ...], units: Ma
     SEGMENTATION_FILE.write(path, SegmentationFile(tuple(curves)), units)
 
 
-def read_segmentation(path: Path, warn: Warn = silent, unverified: bool = False) -> tuple[SegmentedCurve, ...]:
+def read_segmentation(path: Path, warn: Warn = lambda _message: None, unverified: bool = False) -> tuple[SegmentedCurve, ...]:
     """Read where the training curves are cut."""
     return SEGMENTATION_FILE.read(path, warn, unverified).curves
 
@@ -164,7 +177,7 @@ def _write_provenance(file: h5py.File, provenance: Mapping[str, str]) -> None:
     group = file.create_group("provenance")
     for name, text in provenance.items():
         dataset = group.create_dataset(name, data=text.replace("\0", ""), dtype=h5py.string_dtype(), track_times=False)
-        Label("where the file comes from").without_unit().put_on(dataset)
+        Label("where the file comes from", NO_UNIT).put_on(dataset)
 
 
 def _kind_and_version(path: Path, file: h5py.File) -> tuple[str, str]:
@@ -174,7 +187,7 @@ def _kind_and_version(path: Path, file: h5py.File) -> tuple[str, str]:
     except Invalid as fault:
         raise DataError(f"{path}: {fault}", _GET_ANOTHER) from fault
     if not isinstance(kind, str) or kind not in {known.name for known in KINDS} or not isinstance(version, str):
-        raise DataError(f"{path}: is an HDF5 file, but not one of mapmore's", "give a file out of a run folder, as runs/NAME/model.h5")
+        raise DataError(f"{path}: is an HDF5 file, but not one of mapmore's", _GIVE_OURS)
     refuse_newer(path, version, FORMAT_VERSION)
     if _as_numbers(version) < (2,):
         raise DataError(f"{path}: is of the format {version}, from before the first release", _GET_ANOTHER)
@@ -191,7 +204,7 @@ def _opened(path: Path) -> Iterator[h5py.File]:
     if not path.exists():
         raise DataError(f"{path}: no such file", "`mapmore run CONFIG` makes it")
     if not path.is_file():
-        raise DataError(f"{path}: is a folder or a special file, not a file", "give a file out of a run folder, as runs/NAME/model.h5")
+        raise DataError(f"{path}: is a folder or a special file, not a file", _GIVE_OURS)
     try:
         file = h5py.File(path, "r")
     except OSError as fault:
@@ -199,6 +212,77 @@ def _opened(path: Path) -> Iterator[h5py.File]:
         raise DataError(f"{path}: cannot be read ({why})", f"give a file that mapmore wrote; {_GET_ANOTHER}") from fault
     with file:
         yield file
+
+
+def _look_over(file: h5py.File, size: int) -> None:
+    """Raise Invalid for a file that is no plain tree of numbers and texts, or that unpacks to far more than its `size` in bytes.
+
+    No value is read. Refused are links of all kinds but one hard link to every object, data in other files (external storage, virtual
+    datasets), filters other than gzip and byte shuffle, types other than numbers and texts, and groups too deep.
+    """
+    most = room = ROOM + RATIO * size
+    texts_left.set(most)
+    texts_at_once.set(max(1, ROOM // max(size, 1)))
+    with stored_at(""):
+        seen = {h5o.get_info(file.id).addr}
+    open_groups: list[tuple[str, Any, int]] = [("", h5g.open(file.id, b"/"), 0)]
+    while open_groups:
+        path, group, depth = open_groups.pop()
+        links: list[tuple[bytes, int]] = []
+        with stored_at(path):
+            group.links.iterate(lambda name, info, links=links: links.append((name, info.type)), info=True)
+        for name, kind in links:
+            where = f"{path}/{name.decode(errors='replace')}"
+            if kind != h5l.TYPE_HARD:
+                raise Invalid(where, "is a link to somewhere else")
+            with stored_at(where):
+                info = h5o.get_info(group, name)
+            if info.addr in seen:
+                raise Invalid(where, "is linked more than once")
+            seen.add(info.addr)
+            if info.num_attrs > MOST_ATTRIBUTES:
+                raise Invalid(where, f"has {info.num_attrs} attributes")
+            if info.type not in (h5o.TYPE_GROUP, h5o.TYPE_DATASET):
+                raise Invalid(where, "is neither a group nor a dataset")
+            if info.type == h5o.TYPE_GROUP and depth == DEEPEST:
+                raise Invalid(where, f"lies more than {DEEPEST} groups deep")
+            with stored_at(where):
+                if info.type == h5o.TYPE_GROUP:
+                    open_groups.append((where, h5g.open(group, name), depth + 1))
+                else:
+                    room -= _bytes_of(h5d.open(group, name), where)
+            if room < 0:
+                raise Invalid(where, f"brings the file of {size} bytes to more than {most / 1e6:.0f} MB of values")
+
+
+def _bytes_of(dataset: Any, where: str) -> int:
+    """Bytes of the values of a dataset; Invalid where they do not lie plainly in this file."""
+    plist, kind = dataset.get_create_plist(), dataset.get_type()
+    layout, width = plist.get_layout(), int(kind.get_size())
+    if layout not in (h5d.COMPACT, h5d.CONTIGUOUS, h5d.CHUNKED) or plist.get_external_count():
+        raise Invalid(where, "takes its values from other files or datasets")
+    if {plist.get_filter(place)[0] for place in range(plist.get_nfilters())} - {h5z.FILTER_DEFLATE, h5z.FILTER_SHUFFLE}:
+        raise Invalid(where, "is packed by a filter other than gzip and byte shuffle")
+    if kind.get_class() not in (h5t.FLOAT, h5t.INTEGER, h5t.STRING):
+        raise Invalid(where, "holds neither numbers nor texts")
+    if layout == h5d.CHUNKED and math.prod(plist.get_chunk()) * width > ROOM:
+        raise Invalid(where, f"is cut into chunks of more than {ROOM // 10**6} MB")
+    return int(math.prod(dataset.shape)) * width
+
+
+@contextmanager
+def _interrupted_later() -> Iterator[None]:
+    """Let Ctrl-C wait: what is raised while HDF5 calls back is lost, and the program goes on as if nobody had asked it to end."""
+    ours = threading.current_thread() is threading.main_thread() and callable(signal.getsignal(signal.SIGINT))
+    heard: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, _frame: heard.append(number)) if ours else None
+    try:
+        yield
+    finally:
+        if before is not None:
+            signal.signal(signal.SIGINT, before)
+    for number in heard[:1]:
+        signal.raise_signal(number)
 
 
 class SteadyFile(FileIO):

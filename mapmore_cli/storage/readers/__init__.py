@@ -1,7 +1,7 @@
 """Readers of recordings, one file each: whoever puts a file with a `READER` into this folder has added a format.
 
 The words of `data.reader`, the keys that each has a use for, the suffixes that ids of recordings leave out, and what `init` does with a
-file all follow from that declaration (`storage/tables/reader.py`). Libraries that only one format needs are imported when it is read.
+file all follow from that declaration (`Reader`). Libraries that only one format needs are imported when it is read.
 """
 
 from __future__ import annotations
@@ -11,18 +11,13 @@ from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
 
-from mapmore_cli.storage.tables.table import RawTable, Reader, TableRequest
+from mapmore_cli.storage.tables import RawTable, Reader, TableRequest
 
 __all__ = ["READERS", "RawTable", "Reader", "TableRequest", "reader_of", "suffix_of"]
 
-
-def _declared() -> dict[str, Reader]:
-    """Every reader by its name, in the order of the alphabet."""
-    found = [import_module(f"{__name__}.{module.name}").READER for module in iter_modules(__path__)]
-    return {reader.name: reader for reader in sorted(found, key=lambda reader: reader.name)}
-
-
-READERS: Mapping[str, Reader] = _declared()
+_found = [import_module(f"{__name__}.{module.name}").READER for module in iter_modules(__path__)]
+READERS: Mapping[str, Reader] = {reader.name: reader for reader in sorted(_found, key=lambda reader: reader.name)}
+"""Every reader by its name, in the order of the alphabet."""
 
 
 def suffix_of(path: Path) -> str:

@@ -3,49 +3,64 @@
 from __future__ import annotations
 
 import csv
-import gzip
 import math
-import zlib
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import replace
-from itertools import chain, islice
+import warnings
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence, Set
+from dataclasses import dataclass, replace
+from itertools import chain, islice, product, repeat
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.spool import by_blocks, in_a_row
+from mapmore_cli.storage.tables import (
+    NotANumber,
+    RawTable,
+    Reader,
+    SourceColumn,
+    TableRequest,
+    Top,
+    locate_columns,
+    number_of,
+    reading,
+    seconds_of_stamp,
+    shortened,
+)
 from mapmore_cli.storage.tables.lines import (
-    Lines,
+    UNREADABLE,
     guess_encoding,
-    last_lines,
-    lines_of,
+    is_number,
+    is_zipped,
     open_lines,
     open_quote,
     quote_left_open,
 )
-from mapmore_cli.storage.tables.table import RawTable, Reader, TableRequest, Top, locate_columns
-from mapmore_cli.storage.tables.text import (
-    DELIMITERS,
-    WHITESPACE,
-    Layout,
-    Numbered,
-    cut_short,
-    seconds_of_stamp,
-    separator_hint,
-    shortened,
-    values_of_lines,
-    values_of_records,
-)
 
-COMPARED = 50
-"""Lines before the last one, with which it is compared."""
+WHITESPACE = "whitespace"
+DELIMITERS = {"tab": "\t"}
+MARKS = ((";", "a semicolon"), ("\t", "a tab"))
+
+LAST, COMPARED, FEWEST_BEFORE = 200, 50, 10
+"""Last lines of a file that are looked at, those before the last one with which it is compared, and how many of these must be numbers."""
 
 CHUNK = 8192
 """Lines held as text at one time; where one of them is out of order, all of them are read record by record."""
+
+Numbered = tuple[int, list[str]]
+"""Line number in the file, and the fields of the record that ends there."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What is known after the header: the number of fields in a record, and of the wanted columns their places and titles."""
+
+    width: int
+    places: tuple[int, ...]
+    titles: tuple[SourceColumn, ...]
 
 
 def read_csv(path: Path, request: TableRequest) -> list[RawTable]:
@@ -59,126 +74,192 @@ def read_csv(path: Path, request: TableRequest) -> list[RawTable]:
     DataError
         Empty, damaged or binary file; a missing column; a record with too few or too many fields; a field that is not a number.
     """
-    with _damage_told(request.label):
-        return _read(path, request)
+    with reading(request.label, "gzip file", UNREADABLE):
+        try:
+            with open_lines(path, request.encoding, request.label) as (lines, raw):
+                return [_parse(lines, raw, request)]
+        except UnicodeError as error:
+            byte = f" (byte 0x{error.object[error.start]:02x})" if isinstance(error, UnicodeDecodeError) else f" ({error})"
+            raise DataError(
+                f"{request.label}: not a text file in {request.encoding.upper()}{byte}",
+                f"say `encoding: {guess_encoding(path)}`, which its bytes look like, or save the table in UTF-8",
+            ) from error
 
 
-@contextmanager
-def _damage_told(label: str) -> Iterator[None]:
-    """Turn what unpacking says of a damaged file into a DataError."""
-    try:
-        yield
-    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-        raise DataError(f"{label}: the file is damaged: {error}", "It may have been cut off while copying; get it again.") from error
-
-
-def _read(path: Path, request: TableRequest) -> list[RawTable]:
-    label = request.label
-    try:
-        with open_lines(path, request.encoding, label) as lines:
-            return [_whole(_parse(lines, request), path, request)]
-    except gzip.BadGzipFile:  # an OSError, and told as damage
-        raise
-    except UnicodeError as error:
-        byte = f" (byte 0x{error.object[error.start]:02x})" if isinstance(error, UnicodeDecodeError) else f" ({error})"
-        raise DataError(
-            f"{label}: not a text file in {request.encoding.upper()}{byte}",
-            f"say `encoding: {guess_encoding(path)}`, which its bytes look like, or save the table in UTF-8",
-        ) from error
-    except csv.Error as error:
-        raise DataError(f"{label}: not a readable CSV file: {error}", "Look for a quotation mark that is never closed.") from error
-    except OSError as error:
-        raise DataError(f"{label}: cannot be read: {error.strerror or error}") from error
-
-
-def _parse(lines: Lines, request: TableRequest) -> RawTable:
-    lines.take(request.skip_rows)
-    records = _records(lines, request)
+def _parse(lines: Iterator[str], raw: BinaryIO, request: TableRequest) -> RawTable:
+    deque(islice(lines, request.skip_rows), maxlen=0)
+    records = _records(lines, request, request.skip_rows)
     first = next((record for record in records if record[1]), None)
     if first is None:
         raise DataError(f"{request.label}: the file is empty")
     layout = _layout(first[1], request)
-    for _ in range(request.header - 1):
-        next(records, None)
-    leading = [] if request.header else [first]
-    parts = _parts(lines, records, leading, layout, request)
-    begin = next(parts, None)
+    *_, (row, _) = [first, *islice(records, max(request.header - 1, 0))]
+    leading = [] if request.header else [values_of_records([first], layout, request)]
+    last: deque[str] = deque(maxlen=LAST)
+    blocks = chain(leading, _blocks(lines, row, layout, request, lambda: request.progress(raw.tell()), last))
+    begin = next(blocks, None)
     if begin is None:
         raise DataError(f"{request.label}: the file has a header but no data")
-    table = in_a_row(chain([begin], parts))
+    table = in_a_row(chain([begin], blocks))
     columns = np.ascontiguousarray(table.T) if table.flags.writeable else table.T  # what was spooled stays where it is
     rows = by_blocks(lambda numbers: numbers.astype(np.int64), columns[0])
-    return RawTable(dict(zip(request.columns, columns[1:], strict=True)), rows, request.label)
+    found = RawTable(dict(zip(request.columns, columns[1:], strict=True)), rows, request.label)
+    return found if is_zipped(raw) else _whole(found, last, request)
 
 
-def _records(lines: Lines, request: TableRequest) -> Iterator[Numbered]:
-    """Yield the records that begin with the next line, blank lines as records without fields; no line is taken before it is needed."""
-    if request.delimiter == WHITESPACE:
-        yield from ((lines.taken, line.split()) for line in lines)
-        return
+def _blocks(
+    lines: Iterator[str], row: int, layout: Layout, request: TableRequest, told: Callable[[], None], last: deque[str]
+) -> Iterator[Array]:
+    """Yield numbers and values of the lines after `row`, (n, 1 + columns), block by block; `last` gets the last lines."""
+    while block := list(islice(lines, CHUNK)):
+        last.extend(block)
+        end, values = row + len(block), values_of_lines(block, layout, request)
+        if values is not None:
+            yield np.column_stack([np.arange(row + 1, end + 1), values])
+            row = end
+        else:
+            found: list[Numbered] = []
+            for number, cells in _records(chain(block, lines), request, row):
+                found += [(number, cells)] if cells else []
+                if (row := number) >= end:
+                    break
+            if found:
+                yield values_of_records(found, layout, request)
+        told()
+
+
+def _records(lines: Iterator[str], request: TableRequest, row: int) -> Iterator[Numbered]:
+    """Yield the records of lines, of which `row` came before; blank lines are records without fields. No line is taken before its time."""
     delimiter = DELIMITERS.get(request.delimiter, request.delimiter)
+    if delimiter == WHITESPACE:
+        yield from ((number, line.split()) for number, line in enumerate(lines, start=row + 1))
+        return
     taken: list[str] = []
-    records = csv.reader(_remembered(lines, taken), delimiter=delimiter)
-    while True:
-        try:
-            record = next(records, None)
-        except csv.Error as error:  # a field that is longer than any number
-            raise open_quote(request.label, lines.taken - len(taken) + 1) from error
-        if record is None:
-            return
-        if quote_left_open(taken, record, delimiter):
-            raise open_quote(request.label, lines.taken - len(taken) + 1)
-        taken.clear()
-        yield lines.taken, record if len(record) > 1 or (record and record[0].strip()) else []
 
+    def remembered() -> Iterator[str]:
+        for line in lines:
+            taken.append(line)
+            yield line
 
-def _remembered(lines: Iterator[str], taken: list[str]) -> Iterator[str]:
-    for line in lines:
-        taken.append(line)
-        yield line
+    try:
+        for record in csv.reader(remembered(), delimiter=delimiter):
+            if quote_left_open(taken, record, delimiter):
+                raise open_quote(request.label, row + 1)
+            row += len(taken)
+            taken.clear()
+            yield row, record if len(record) > 1 or (record and record[0].strip()) else []
+    except csv.Error as error:  # a field that is longer than any number
+        raise open_quote(request.label, row + 1) from error
 
 
 def _layout(first: Sequence[str], request: TableRequest) -> Layout:
     names = [name.strip() for name in first] if request.header else None
-    places = locate_columns(request, names, len(first), separator_hint(first) or _header_hint(first, request))
+    hint = separator_hint(first)
+    if hint is None and names is not None and all(is_number(name) and math.isfinite(float(name)) for name in names):
+        hint = "The first line holds numbers: give 0-based indices and say `header: false`."
+    places = locate_columns(request, names, len(first), hint)
     return Layout(len(first), tuple(places.values()), tuple(column if names is None else names[at] for column, at in places.items()))
 
 
-def _parts(
-    lines: Lines, records: Iterator[Numbered], leading: Sequence[Numbered], layout: Layout, request: TableRequest
-) -> Iterator[Array]:
-    """Line numbers and values of the data, (n, 1 + columns), piece by piece; `leading` are records that have been taken already."""
-    if leading:
-        yield _numbered(leading, layout, request)
-    while block := lines.take(CHUNK):
-        values, last = values_of_lines(block, layout, request), lines.taken
-        if values is not None:
-            yield np.column_stack([np.arange(last - len(values) + 1, last + 1), values])
-        else:
-            lines.put_back(block)
-            if found := list(_filled_until(last, lines, records)):
-                yield _numbered(found, layout, request)
-        request.progress(lines.position)
+def values_of_lines(lines: Sequence[str], layout: Layout, request: TableRequest) -> Array | None:
+    """Return the wanted columns, (n, columns), where every line is one record of full width with only plain numbers in them; else None.
+
+    NumPy's parser takes a twentieth of the time of `values_of_records`, and every number that it accepts is the same number there.
+    """
+    delimiter = DELIMITERS.get(request.delimiter, request.delimiter)
+    if request.decimal != ".":
+        if any("." in line for line in lines):
+            return None
+        lines = [line.replace(request.decimal, ".") for line in lines]
+    if delimiter == WHITESPACE:
+        values = _loaded(lines)
+        return values[:, layout.places] if values is not None and values.shape[1] == layout.width else None
+    if set(map(str.count, lines, repeat(delimiter))) != {layout.width - 1}:
+        return None
+    after = delimiter.join("0" * layout.width)  # a record of its own, unless a quotation mark is left open before it
+    values = _loaded([*lines, after], delimiter=delimiter, usecols=layout.places, quotechar='"')
+    return None if values is None else values[:-1]
 
 
-def _filled_until(end: int, lines: Lines, records: Iterator[Numbered]) -> Iterator[Numbered]:
-    """Yield records that are not blank, up to that which holds line `end`."""
-    while lines.taken < end and (record := next(records, None)):
-        if record[1]:
-            yield record
+def _loaded(lines: Sequence[str], **dialect: Any) -> Array | None:
+    """One row for every line; None where NumPy finds something else."""
+    try:
+        with warnings.catch_warnings(action="ignore"):  # of lines that hold nothing
+            values = np.loadtxt(lines, comments=None, ndmin=2, **dialect)
+    except (ValueError, TypeError):
+        return None
+    return values if len(values) == len(lines) else None
 
 
-def _whole(table: RawTable, path: Path, request: TableRequest) -> RawTable:
+def values_of_records(records: Sequence[Numbered], layout: Layout, request: TableRequest) -> Array:
+    """Return line numbers and wanted columns of records without blank ones, (n, 1 + columns); an empty field is NaN.
+
+    Raises DataError for a record with too few or too many fields; a field that is not a number; with row and column.
+    """
+    parse: Callable[[str, Set[str]], float] = number_of if request.decimal == "." else _with_decimal_comma
+    wanted = list(zip(layout.places, layout.titles, strict=True))
+    values: list[float] = []
+    for row, record in records:
+        cells = _of_width(row, record, layout.width, request)
+        values.append(row)
+        for place, title in wanted:
+            try:
+                values.append(parse(cells[place], request.missing))
+            except ValueError:
+                hint = separator_hint(cells) or _decimal_hint(cells[place])
+                raise NotANumber(cells[place].strip(), f"{request.label}:row {row}, column {title}", hint) from None
+    return np.array(values, dtype=float).reshape(len(records), 1 + len(wanted))
+
+
+def _of_width(row: int, record: list[str], width: int, request: TableRequest) -> list[str]:
+    """Return the record with `width` fields: blank ones at its end do not count, and those that a short one lacks may be missing."""
+    if len(record) == width:
+        return record
+    if len(record) > width and not any(map(str.strip, record[width:])):
+        return record[:width]
+    if request.incomplete:
+        return [""] * width  # a closing remark, half a record, or two run into one: none of its fields can be trusted
+    few = "few" if len(record) < width else "many"
+    remedy = "Mend or remove the line; a last line that is too short means that the file was cut off. `missing: drop` leaves it out."
+    what = f"{request.label}:row {row}: too {few} fields: {len(record)}, where the first line has {width}"
+    raise DataError(what, separator_hint(record) or remedy)
+
+
+def _with_decimal_comma(cell: str, missing: Set[str]) -> float:
+    """Read `1,5`; a point is refused, as nobody can tell the thousands of 1.500 from a decimal point, but in the date of a stamp."""
+    word = cell.strip()
+    if not word or word in missing:
+        return math.nan
+    if "." in word:
+        return seconds_of_stamp(word.replace(",", "."))
+    return number_of(word.replace(",", "."))
+
+
+def separator_hint(record: Sequence[str]) -> str | None:
+    """Return a remedy where the fields look as if something else separated them."""
+    for mark, name in MARKS:
+        if any(mark in cell for cell in record):
+            word = "tab" if mark == "\t" else f'"{mark}"'
+            return f'The delimiter looks like {name}: say `delimiter: {word}`, and `decimal: ","` where the numbers have commas.'
+    return None
+
+
+def _decimal_hint(cell: str) -> str | None:
+    if not is_number(cell.replace(",", ".")):
+        return None
+    return 'Say `decimal: ","`.' if "," in cell else 'Say `decimal: "."`.' if "." in cell else None
+
+
+def _whole(table: RawTable, lines: Sequence[str], request: TableRequest) -> RawTable:
     """Return the table, without a last line that has no end and whose last number is shorter than all before it: 254.126 was cut to 2.
 
     Raises DataError for such a line where missing values are errors.
     """
-    lines = last_lines(path, request.encoding)
-    if lines is None or lines[-1].endswith(("\n", "\r")):
+    if not lines or lines[-1].endswith(("\n", "\r")):
         return table
-    delimiter = DELIMITERS.get(request.delimiter, request.delimiter)
-    *before, last = [line.strip().split(None if delimiter == WHITESPACE else delimiter)[-1].strip() for line in lines if line.strip()]
-    if not cut_short(last, before[-COMPARED:], request.decimal):
+    delimiter = None if request.delimiter == WHITESPACE else DELIMITERS.get(request.delimiter, request.delimiter)
+    *before, last = [line.strip().split(delimiter)[-1].strip() for line in lines if line.strip()]
+    if not _is_cut_short(last, before[-COMPARED:], request.decimal):
         return table
     said = f"the last line has no end, and its last number, {shortened(last)}, has fewer digits than those before it"
     if not request.incomplete:
@@ -188,44 +269,39 @@ def _whole(table: RawTable, path: Path, request: TableRequest) -> RawTable:
     return replace(table, columns=columns, rows=table.rows[:-1], doubts=(f"{request.label}: {said}: it is left out",))
 
 
-def _numbered(records: Sequence[Numbered], layout: Layout, request: TableRequest) -> Array:
-    return np.column_stack([[row for row, _ in records], values_of_records(records, layout, request)])
+def _is_cut_short(last: str, before: Sequence[str], decimal: str) -> bool:
+    """Whether a number looks cut off beside ten or more numbers `before` it: it has fewer digits behind the mark than all of them.
 
+    It has to have three fewer, or none, where theirs vary: of 51 numbers as `repr` writes them, the last one may be the shortest.
+    A whole number among whole ones is shorter than all, and less than half of the smallest: 98 may follow 101, 25 hardly follows 254.
+    """
 
-def _header_hint(first: Sequence[str], request: TableRequest) -> str | None:
-    """Return a remedy where a header is expected but the first line holds numbers."""
-    try:
-        looks_like_data = request.header and not math.isnan(sum(map(float, first)))
-    except ValueError:
-        return None
-    return "The first line holds numbers: give 0-based indices and say `header: false`." if looks_like_data else None
+    def size(cell: str) -> float:
+        return abs(float(cell.replace(decimal, "."))) if is_number(cell.replace(decimal, ".")) else math.nan
+
+    values = {cell: size(cell) for cell in before if math.isfinite(size(cell))}
+    if sum(cell in values for cell in before) < FEWEST_BEFORE:
+        return False
+    digits = {len(cell.partition(decimal)[2]) for cell in values}
+    if min(digits):
+        return len(last.partition(decimal)[2]) < max(1, min(digits) - 2 * (len(digits) > 1))
+    return decimal not in last and len(last) < min(map(len, values)) and size(last) < min(values.values()) / 2
 
 
 def peek_csv(path: Path, most: int) -> Iterable[Top]:
     """Return the first lines of a text file, cut in every way that is usual; those with decimal points first."""
-    with _damage_told(path.name):
+    with reading(path.name, "gzip file", UNREADABLE):
         encoding = guess_encoding(path)
-        lines = [line.rstrip("\r\n") for line in _first_lines(path, encoding, most)]
-    told = {} if encoding == "utf-8" else {"encoding": encoding}
+        with open_lines(path, encoding, path.name, errors="replace") as (taken, _):
+            lines = [line.rstrip("\r\n") for line in islice(taken, most)]
     if any("\0" in line for line in lines):
         raise DataError(f"{path.name}: is no text", "save the table as CSV")
+    told = {} if encoding == "utf-8" else {"encoding": encoding}
     return [
-        Top(_cut(lines, character), is_number, {**told, **delimiter, **decimal})
-        for character, delimiter in _DIALECTS
-        for is_number, decimal in _NUMBERS
-        if (character, is_number) != (",", _with_comma)
+        Top(_cut(lines, character), reads, {**told, **delimiter, **decimal})
+        for (character, delimiter), (reads, decimal) in product(_DIALECTS, _NUMBERS)
+        if (character, reads) != (",", _with_comma)
     ]
-
-
-def _first_lines(path: Path, encoding: str, most: int) -> list[str]:
-    """Return the first lines; what is no UTF-8 is read as the encoding that it looks like."""
-    if encoding == "utf-8":
-        return list(islice(lines_of(path), most))
-    try:
-        with open_lines(path, encoding, path.name) as lines:
-            return [part for line in lines.take(most) for part in line.splitlines(keepends=True)]
-    except (EOFError, UnicodeError, OSError) as fault:
-        raise DataError(f"{path.name}: cannot be read as {encoding} ({fault})", "save the table as CSV in UTF-8") from fault
 
 
 def _cut(lines: Sequence[str], delimiter: str | None) -> list[list[str]]:
@@ -237,11 +313,7 @@ def _cut(lines: Sequence[str], delimiter: str | None) -> list[list[str]]:
 
 
 def _with_point(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return _is_stamp(cell)
-    return "_" not in cell  # Python reads 1_5 as 15
+    return "_" not in cell if is_number(cell) else _is_stamp(cell)  # Python reads 1_5 as 15
 
 
 def _is_stamp(cell: str) -> bool:

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, BinaryIO, Literal
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.tables.members import Member, as_numbers, table_of, tables
-from mapmore_cli.storage.tables.table import RawTable, Reader, SourceColumn, TableRequest, Top, known_names, optional_library, reading
-from mapmore_cli.storage.tables.trees import top_of
+from mapmore_cli.storage.tables import RawTable, Reader, SourceColumn, TableRequest, Top, known_names, optional_library, reading
+from mapmore_cli.storage.tables.members import Member, as_numbers, table_of, tables, top_of
 
 TAG = b"TDSm"
 LEAD_IN = 28  # bytes: tag, flags, version, length of the segment, offset of its data
@@ -30,27 +30,17 @@ def read_tdms(path: Path, request: TableRequest) -> list[RawTable]:
         No TDMS file, or a damaged one; a missing channel, or one that holds no numbers; channels of different length; npTDMS not
         installed.
     """
-    nptdms = optional_library("nptdms", "npTDMS", request.label)
-    nptdms.log.log_manager.set_level("CRITICAL")  # it writes to stderr what the message below says as well
-    with reading(request.label, "TDMS file"), path.open("rb") as stream:
-        if not request.incomplete and _breaks_off(stream):
-            raise DataError(
-                f"{request.label}: the last segment breaks off", "Get the file again; `missing: drop` reads the samples that are whole."
-            )
-        stream.seek(0)
-        with nptdms.TdmsFile.open(stream) as file:
-            if request.root is not None:
-                return tables(_groups(file), request)
-            channels = {f"{group.name}/{channel.name}": channel for group in file.groups() for channel in group.channels()}
-            columns = {column: _channel(column, channels, request.label) for column in request.columns}
+    with _opened(path, request.label, whole=not request.incomplete) as file:
+        if request.root is not None:
+            return tables(_groups(file), request)
+        channels = {f"{group.name}/{channel.name}": channel for group in file.groups() for channel in group.channels()}
+        columns = {column: _channel(column, channels, request.label) for column in request.columns}
     return [table_of(columns, request, request.label)]
 
 
 def peek_tdms(path: Path, most: int) -> Iterable[Top]:
     """Return the first rows of the group with the longest channels; the step that LabVIEW noted is the sample time."""
-    nptdms = optional_library("nptdms", "npTDMS", path.name)
-    nptdms.log.log_manager.set_level("CRITICAL")
-    with reading(path.name, "TDMS file"), path.open("rb") as stream, nptdms.TdmsFile.open(stream) as file:
+    with _opened(path, path.name) as file:
         found = top_of(_groups(file), most)
         if "root" in found.settings:
             first = next(group for group in file.groups() if {*found.addresses} <= {channel.name for channel in group.channels()})
@@ -61,17 +51,24 @@ def peek_tdms(path: Path, most: int) -> Iterable[Top]:
     return [replace(found, settings={**found.settings, "sample_time": steps[0]}) if steps and steps[0] else found]
 
 
+@contextmanager
+def _opened(path: Path, label: str, whole: bool = False) -> Iterator[Any]:
+    """Open a file, which has to be `whole` where that is asked for."""
+    nptdms = optional_library("nptdms", "npTDMS", label)
+    nptdms.log.log_manager.set_level("CRITICAL")  # it writes to stderr what the message below says as well
+    with reading(label, "TDMS file"), path.open("rb") as stream:
+        if whole and _breaks_off(stream):
+            raise DataError(f"{label}: the last segment breaks off", "get it again; `missing: drop` reads the samples that are whole")
+        stream.seek(0)
+        with nptdms.TdmsFile.open(stream) as file:
+            yield file
+
+
 def _groups(file: Any) -> Member:
     """Return the groups of a file, in the order in which they were written."""
-    groups = {group.name: {channel.name: channel for channel in group.channels()} for group in file.groups()}
+    groups = {group.name: _group({channel.name: channel for channel in group.channels()}) for group in file.groups()}
     every = list(groups.values())
-    return Member(
-        f"a file of {len(groups)} groups",
-        list(groups),
-        member=lambda name: _group(groups[name]),
-        count=len(groups),
-        element=lambda number: _group(every[number]),
-    )
+    return Member(f"a file of {len(groups)} groups", list(groups), groups.__getitem__, len(groups), every.__getitem__)
 
 
 def _group(channels: Mapping[str, Any]) -> Member:
@@ -79,7 +76,7 @@ def _group(channels: Mapping[str, Any]) -> Member:
         channel = channels[name]
         return Member("a channel", values=lambda selection: channel[selection[0]] if selection else channel[:], shape=(len(channel),))
 
-    return Member("a group", list(channels), member=member)
+    return Member("a group", list(channels), member)
 
 
 def _breaks_off(stream: BinaryIO) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import zipfile
 from collections.abc import Iterable, Iterator, Sequence, Set
+from contextlib import contextmanager
 from datetime import UTC, datetime, time, timedelta
 from fnmatch import fnmatchcase
 from itertools import chain, islice
@@ -14,21 +15,19 @@ from typing import Any
 import numpy as np
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.tables.table import (
+from mapmore_cli.storage.tables import (
+    NotANumber,
     RawTable,
     Reader,
-    SourceColumn,
     TableRequest,
     Top,
     known_names,
     locate_columns,
+    number_of,
     optional_library,
     reading,
+    refuse_bombs,
 )
-from mapmore_cli.storage.tables.text import NotANumber, number_of
-
-BOMB_RATIO = 200  # sheets of measurements shrink to a fifth or a tenth when zipped
-BOMB_SIZE = 100_000_000  # bytes unpacked, from which the ratio matters
 
 MOST_ROWS = 1_048_576  # of a sheet, as Excel has it
 MOST_SHEETS = 1000
@@ -47,26 +46,28 @@ def read_xlsx(path: Path, request: TableRequest) -> list[RawTable]:
     DataError
         No workbook, or a damaged one; a missing sheet or column; a cell that is not a number; openpyxl not installed.
     """
-    openpyxl = optional_library("openpyxl", "openpyxl", request.label)
-    with reading(request.label, "workbook (.xlsx)"), path.open("rb") as file:
-        _refuse_bombs(path, request.label)
-        book = openpyxl.load_workbook(file, read_only=True, data_only=True, keep_links=False)
+    with _opened(path, request.label) as book:
         return [_parse(_rows(sheet, request), request, f"{request.label}:{sheet.title}", name) for name, sheet in _sheets(book, request)]
 
 
 def peek_xlsx(path: Path, most: int) -> Iterable[Top]:
     """Return the first rows of every sheet that has some, the first one's first; a later sheet has to be named."""
-    openpyxl = optional_library("openpyxl", "openpyxl", path.name)
-    with reading(path.name, "workbook (.xlsx)"), path.open("rb") as file:
-        _refuse_bombs(path, path.name)
-        book = openpyxl.load_workbook(file, read_only=True, data_only=True, keep_links=False)
-        tops = []
+    tops = []
+    with _opened(path, path.name) as book:
         for number, sheet in enumerate(book.worksheets):
             sheet.reset_dimensions()
             rows = _even([list(row) for row in islice(sheet.iter_rows(values_only=True), most)])
             if rows or not number:
                 tops.append(Top(rows, lambda cell: not isinstance(cell, str), {"sheet": sheet.title} if number else {}, sheet=sheet.title))
     return tops
+
+
+@contextmanager
+def _opened(path: Path, label: str) -> Iterator[Any]:
+    openpyxl = optional_library("openpyxl", "openpyxl", label)
+    with reading(label, "workbook (.xlsx)"), path.open("rb") as file:
+        _refuse_bombs(path, label)
+        yield openpyxl.load_workbook(file, read_only=True, data_only=True, keep_links=False)
 
 
 def _even(rows: list[list[Any]]) -> list[list[Any]]:
@@ -83,39 +84,30 @@ def _refuse_bombs(path: Path, label: str) -> None:
         if sheets > MOST_SHEETS:
             raise DataError(f"{label}: has {sheets} sheets, more than {MOST_SHEETS}", "split the workbook, or save the tables as CSV")
         for member in archive.infolist():
-            if member.file_size > max(BOMB_SIZE, BOMB_RATIO * member.compress_size):
-                raise DataError(
-                    f"{label}: {member.filename} unpacks from {member.compress_size / 1e6:.2g} MB to {member.file_size / 1e6:.2g} MB",
-                    "Such a workbook does not hold measurements; save the table as CSV.",
-                )
+            refuse_bombs(f"{label}: {member.filename}", member.file_size, member.compress_size)
 
 
 def _sheets(book: Any, request: TableRequest) -> list[tuple[str | None, Any]]:
     """Return the sheets to read, with their titles where a glob chose them; of several, those that are empty are left out."""
-    tables = {sheet.title: sheet for sheet in book.worksheets}
+    sheets = {sheet.title: sheet for sheet in book.worksheets}
     if request.sheet is None:
         return [(None, book.worksheets[0])]
-    if request.sheet in tables:
-        return [(None, tables[request.sheet])]
-    found = [(title, sheet) for title, sheet in tables.items() if fnmatchcase(title, request.sheet)]
+    if request.sheet in sheets:
+        return [(None, sheets[request.sheet])]
+    found = [(title, sheet) for title, sheet in sheets.items() if fnmatchcase(title, request.sheet)]
     if not found:
-        remedy = known_names(request.sheet, list(tables), "The workbook has")
+        remedy = known_names(request.sheet, list(sheets), "The workbook has")
         raise DataError(f"{request.label}: there is no sheet '{request.sheet}'", remedy)
     return [(title, sheet) for title, sheet in found if next(_filled(_rows(sheet, request)), None) is not None] or found
 
 
 def _rows(sheet: Any, request: TableRequest) -> Iterator[Row]:
-    sheet.reset_dimensions()  # what other programs write there is often wrong, and would cut the sheet
-    return islice(
-        _bounded(enumerate(sheet.iter_rows(values_only=True), start=1), f"{request.label}:{sheet.title}"), request.skip_rows, None
-    )
-
-
-def _bounded(rows: Iterator[Row], label: str) -> Iterator[Row]:
     """Yield the rows of a sheet; DataError for one that lies where no sheet has rows: all between would be passed over one by one."""
-    for number, row in rows:
+    sheet.reset_dimensions()  # what other programs write there is often wrong, and would cut the sheet
+    for number, row in islice(enumerate(sheet.iter_rows(values_only=True), start=1), request.skip_rows, None):
         if number > MOST_ROWS:
-            raise DataError(f"{label}: has a row beyond {MOST_ROWS}, the last that a sheet can have", "save the table as CSV")
+            what = f"{request.label}:{sheet.title}: has a row beyond {MOST_ROWS}, the last that a sheet can have"
+            raise DataError(what, "save the table as CSV")
         yield number, row
 
 
@@ -125,23 +117,20 @@ def _parse(rows: Iterator[Row], request: TableRequest, label: str, title: str | 
         raise DataError(f"{label}: the sheet is empty")
     names = ["" if cell is None else str(cell).strip() for cell in first[1]] if request.header else None
     places = locate_columns(request, names, len(first[1]))
-    cells: dict[SourceColumn, list[float]] = {column: [] for column in places}
     numbers: list[int] = []
+    values: list[float] = []
     for number, row in _filled(islice(rows, request.header - 1, None) if request.header else chain([first], rows)):
         numbers.append(number)
         for column, place in places.items():
+            cell = row[place] if place < len(row) else None
             try:
-                cells[column].append(_number(row[place] if place < len(row) else None, request.missing))
+                values.append(_number(cell, request.missing))
             except ValueError:
-                name = column if names is None else names[place]
-                raise NotANumber(
-                    str(row[place]),
-                    f"{label}:row {number}, column {name}",
-                    "mend the cell, or list it in `missing: {tokens: [...]}`; column names belong in the header",
-                ) from None
+                raise NotANumber(str(cell), f"{label}:row {number}, column {column if names is None else names[place]}") from None
     if not numbers:
         raise DataError(f"{label}: the sheet has a header but no data")
-    return RawTable({column: np.array(values) for column, values in cells.items()}, np.array(numbers, dtype=np.int64), label, element=title)
+    columns = np.ascontiguousarray(np.array(values).reshape(len(numbers), len(places)).T)
+    return RawTable(dict(zip(places, columns, strict=True)), np.array(numbers, dtype=np.int64), label, element=title)
 
 
 def _filled(rows: Iterator[Row]) -> Iterator[Row]:

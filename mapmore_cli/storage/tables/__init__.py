@@ -1,1 +1,305 @@
-"""Tables of numbers out of files: what the readers of all formats share."""
+"""What every reader is asked for and what it returns; numbers and time stamps in cells; and tables that were read before."""
+
+from __future__ import annotations
+
+import difflib
+import importlib
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from mapmore_cli.domain.arrays import Array, IntArray
+from mapmore_cli.domain.errors import DataError, MapmoreError
+
+SourceColumn = str | int
+"""A column of a file: the name in its header, its 0-based index, or an address as `run.P`."""
+
+
+@dataclass(frozen=True)
+class TableRequest:
+    """Which columns of a file are wanted, and what its reader has to know; requests are equal that read a file in the same way.
+
+    - `label`, `columns`: how messages name the file, and the wanted columns.
+    - `header`: number of header lines, the first of which holds the names (text, sheets).
+    - `skip_rows`: lines before the header (text, sheets).
+    - `delimiter`: one character, `tab`, or `whitespace`: any run of blanks and tabs (text).
+    - `decimal`: the decimal point of the numbers (text).
+    - `encoding`: of the characters (text); a byte order mark of UTF-8 is swallowed.
+    - `sheet`: title of the sheet, or a glob of which every match is a recording; the first sheet where None (workbooks).
+    - `root`: where the columns start; `train[*]` makes every element a recording (MAT, HDF5).
+    - `missing`: texts, besides the usual ones, that stand where there is no value (text, sheets).
+    - `incomplete`: true where records that break off are missing values, False where they are errors.
+    - `progress`: told now and then how many bytes of the file have been read (text, the only format of which a long file takes long).
+    """
+
+    label: str = field(compare=False)
+    columns: tuple[SourceColumn, ...] = field(compare=False)
+    header: int = 1
+    skip_rows: int = 0
+    delimiter: str = ","
+    decimal: str = "."
+    encoding: str = "utf-8"
+    sheet: str | None = None
+    root: str | None = None
+    missing: frozenset[str] = frozenset()
+    incomplete: bool = False
+    progress: Callable[[int], None] = field(default=lambda _bytes: None, compare=False)
+
+
+@dataclass(frozen=True)
+class RawTable:
+    """Columns as the file holds them, before scaling and units.
+
+    `columns` has one `(n,)` array for each column of the request, NaN where a cell is empty. `label` names the table in messages (the
+    file, and the part of it), and `doubts` are warnings of its reader. `rows` is `(n,)`, where each sample stands: its `place` is a `row`
+    (line of a text file, row of a sheet, both from 1) or an `index` (of an array, from 0). `element` tells the recordings of one file
+    apart, by number or by the title of their sheet; None where it holds a single one.
+    """
+
+    columns: Mapping[Any, Array]
+    rows: IntArray
+    label: str
+    place: str = "row"
+    element: int | str | None = None
+    doubts: tuple[str, ...] = ()
+
+    @property
+    def size(self) -> int:
+        """Number of samples, n."""
+        return len(self.rows)
+
+    def at(self, sample: int) -> str:
+        """Where a sample stands, for messages: `a.csv:row 17`."""
+        return f"{self.label}:{self.place} {self.rows[sample]}"
+
+
+@dataclass(frozen=True)
+class Top:
+    """The first rows of a file, read in one way: with these `settings` of `data`, under which `is_number` tells cells that hold numbers.
+
+    `addresses` are how the spec names the columns, where these lie in a tree; `sheet` is the title of the sheet, in a workbook.
+    """
+
+    rows: Sequence[Sequence[Any]]
+    is_number: Callable[[Any], bool]
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    addresses: tuple[str, ...] = ()
+    sheet: str | None = None
+
+
+@dataclass(frozen=True)
+class Reader:
+    """A format of recordings. Everything that the program knows of it is declared in one file of `storage/readers/`, as its `READER`.
+
+    - `name`: the word of `data.reader`.
+    - `read`: reads the wanted columns of a file: one table for every recording in it.
+    - `suffixes`: how the names of such files end, lower case.
+    - `keys`: the keys of `data` that it has a use for, besides those of every reader.
+    - `column`: how the spec names a column, as an example.
+    - `by_index`: whether columns also go by their 0-based index.
+    - `peek`: reads the first rows of a file in every way that it may be meant, the likeliest first; None where columns have to be named by
+      hand.
+    """
+
+    name: str
+    read: Callable[[Path, TableRequest], list[RawTable]]
+    suffixes: tuple[str, ...]
+    keys: tuple[str, ...] = ()
+    column: str = "force"
+    by_index: bool = True
+    peek: Callable[[Path, int], Iterable[Top]] | None = None
+
+
+def locate_columns(request: TableRequest, names: Sequence[str] | None, width: int, hint: str | None = None) -> dict[SourceColumn, int]:
+    """Return the 0-based index of every wanted column in a file of `width` columns.
+
+    `names` are those of the header, None where there is none; `hint` replaces the usual remedy where the reader knows better.
+    Raises DataError for a column that does not exist, or whose name stands twice in the header.
+    """
+    return {column: _locate(column, request.label, names, width, hint) for column in request.columns}
+
+
+def _locate(column: SourceColumn, label: str, names: Sequence[str] | None, width: int, hint: str | None) -> int:
+    if isinstance(column, int):
+        if 0 <= column < width:
+            return column
+        raise DataError(f"{label}: there is no column {column}", hint or f"The file has {width} columns, numbered from 0 to {width - 1}.")
+    if names is None:
+        what = f"{label}: column '{column}' is asked for by name, but the spec says that the file has no header"
+        raise DataError(what, f"Give its index (0 to {width - 1}), or set `header: true`.")
+    if names.count(column) == 1:
+        return names.index(column)
+    if column in names:
+        raise DataError(f"{label}: column '{column}' stands {names.count(column)} times in the header", "Give its 0-based index instead.")
+    raise DataError(f"{label}: there is no column '{column}'", hint or known_names(column, names, "The header has"))
+
+
+def known_names(name: str, known: Sequence[str], introduction: str, most: int = 12) -> str:
+    """Return a remedy for a name that does not exist: the nearest one, and which there are."""
+    near = [other for other in known if other.lower() == name.lower()] or difflib.get_close_matches(name, known, n=1)
+    guess = f"Did you mean '{near[0]}'? " if near else ""
+    more = ", ..." if len(known) > most else ""
+    return f"{guess}{introduction}: {', '.join(known[:most])}{more}."
+
+
+Faults = type[Exception] | tuple[type[Exception], ...]
+
+
+@contextmanager
+def reading(label: str, kind: str, damage: Faults = Exception) -> Iterator[None]:
+    """Turn what a parser raises on a damaged file into a DataError that names the file; one that lacks the name gets it.
+
+    The parsers of binary formats raise a dozen kinds (KeyError, struct.error, zlib.error, XML errors, MemoryError for a length that
+    is nonsense), all of which mean the same to the user. A NameError or an ImportError is a fault of the program, and passes.
+    """
+    try:
+        yield
+    except MapmoreError as error:
+        if label not in error.message:
+            error.message = f"{label}: {error.message}"
+        raise
+    except damage as error:
+        if isinstance(error, ImportError) or type(error) is NameError:  # SciPy has an UnboundLocalError for some damaged files
+            raise
+        if isinstance(error, OSError) and error.errno is not None:
+            raise DataError(f"{label}: cannot be read: {error.strerror or error}", "check the path") from error
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise DataError(
+            f"{label}: the file is damaged, or is no {kind}: {reason[:150]}",
+            "open it in the program that wrote it and save it again; if it was cut off while copying, get it again",
+        ) from error
+
+
+BOMB_SIZE, BOMB_RATIO = 100_000_000, 200
+"""Bytes unpacked from which on it matters how many times larger they are than packed: logs shrink to a tenth, at most to a fiftieth."""
+
+
+def refuse_bombs(where: str, unpacked: float, packed: int) -> None:
+    """Raise DataError for what unpacks, or declares to, to far more than a log that was packed."""
+    if unpacked > max(BOMB_SIZE, BOMB_RATIO * packed):
+        sizes = f"from {packed / 1e6:.2g} MB to {unpacked / 1e6:.0f} MB or more"
+        raise DataError(f"{where} unpacks {sizes}", "save the measurements alone, or unpack them, if that is right")
+
+
+def optional_library(module: str, package: str, label: str) -> ModuleType:
+    """Import a library that only some formats need; DataError with the command that installs it where it is absent."""
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        what = f"{label}: reading this file needs {package}, which is not installed"
+        raise DataError(what, "install it with: pip install 'mapmore[formats]'") from error
+
+
+# Numbers and time stamps as people and programs write them into cells -----------------------------------------------------------------
+
+MISSING = frozenset({"na", "n/a", "#n/a", "null", "none"})
+"""What programs write, besides an empty cell and `nan`, where there is no value; lower case."""
+
+LONGEST_STAMP = 40
+_STAMPS = ("%d.%m.%Y %H:%M:%S", "%d.%m.%Y %H:%M:%S.%f", "%Y/%m/%d %H:%M:%S", "%Y/%m/%d %H:%M:%S.%f")
+_CLOCKS = ("%H:%M:%S", "%H:%M:%S.%f")
+
+
+class NotANumber(DataError):
+    """A cell that holds neither a number nor what stands for a missing one; `cell` is its text."""
+
+    def __init__(self, cell: str, where: str, remedy: str | None = None) -> None:
+        usual = "mend the cell, or list it in `missing: {tokens: [...]}`; column names belong in the header"
+        super().__init__(f"{where}: '{shortened(cell)}' is not a number", remedy or usual)
+        self.cell = cell
+
+
+def number_of(cell: str, missing: Set[str] = frozenset()) -> float:
+    """Return the number in a cell, or the seconds of its time stamp; NaN where the value is missing, as `missing` texts say.
+
+    Raises ValueError for anything else.
+    """
+    if "_" in cell and cell.strip() not in missing:  # Python reads 1_5 as 15
+        raise ValueError(cell)
+    try:
+        return float(cell)
+    except ValueError:
+        word = cell.strip()
+        if not word or word.lower() in MISSING or word in missing:
+            return math.nan
+        return seconds_of_stamp(word)
+
+
+def seconds_of_stamp(text: str) -> float:
+    """Return a date with time in seconds since 1970, and a time of day in seconds since midnight.
+
+    Dates are as in ISO 8601, `2026/03/01 12:00:00` or `01.03.2026 12:00:00`. A stamp without a time zone counts as if it were UTC, since
+    only differences matter. Months and days between slashes (`3/1/2026`) are refused: they read one way here and another way there.
+
+    Raises ValueError for text that is no such stamp.
+    """
+    if len(text) > LONGEST_STAMP or ":" not in text:
+        raise ValueError(text)
+    if clock := _parsed(text, _CLOCKS):
+        return (clock - datetime.strptime("0", "%H")) / timedelta(seconds=1)
+    try:
+        stamp = datetime.fromisoformat(text)
+    except ValueError:
+        if (dated := _parsed(text, _STAMPS)) is None:
+            raise
+        stamp = dated
+    return (stamp if stamp.tzinfo is not None else stamp.replace(tzinfo=UTC)).timestamp()
+
+
+def _parsed(text: str, forms: Sequence[str]) -> datetime | None:
+    for form in forms:
+        with suppress(ValueError):
+            return datetime.strptime(text, form)
+    return None
+
+
+def shortened(cell: str, limit: int = 40) -> str:
+    """Return a cell's text as a message may show it."""
+    shown = cell.encode("unicode_escape").decode("ascii") if not cell.isprintable() else cell
+    return shown if len(shown) <= limit else shown[: limit - 3] + "..."
+
+
+# Tables that were read before ---------------------------------------------------------------------------------------------------------
+
+MOST_NUMBERS = 20_000_000
+"""That are kept: 160 MB."""
+
+_KEPT: ContextVar[list[tuple[Path, TableRequest, list[RawTable]]] | None] = ContextVar("tables read before", default=None)
+
+
+@contextmanager
+def remembered() -> Iterator[None]:
+    """Within, no table is read twice; files are taken not to change."""
+    token = _KEPT.set([])
+    try:
+        yield
+    finally:
+        _KEPT.reset(token)
+
+
+def read_with(reader: Reader, path: Path, request: TableRequest) -> list[RawTable]:
+    """Return the tables of a file as `reader.read` gives them, those of before where they are remembered.
+
+    A table of rows has the columns of a smaller request as well; of a tree, arrays of other lengths would have cut it.
+    """
+    kept = _KEPT.get()
+    if kept is None:
+        return reader.read(path, request)
+    path = path.resolve()
+    for place, before, tables in kept:
+        enough = before.columns == request.columns or ("header" in reader.keys and {*request.columns} <= {*before.columns})
+        if place == path and enough and before == request:
+            request.progress(path.stat().st_size)
+            labels = (request.label + table.label[len(before.label) :] for table in tables)
+            wanted = ({name: table.columns[name] for name in request.columns} for table in tables)
+            return [replace(table, columns=own, label=label) for table, own, label in zip(tables, wanted, labels, strict=True)]
+    found = reader.read(path, request)
+    if sum(table.size * (1 + len(table.columns)) for *_, tables in [*kept, (path, request, found)] for table in tables) <= MOST_NUMBERS:
+        kept.append((path, request, found))
+    return list(found)

@@ -1,4 +1,4 @@
-"""A text file from bytes to lines with their numbers, taken one by one or many at once."""
+"""A text file from bytes to lines with their numbers, one by one; and text files written line by line."""
 
 from __future__ import annotations
 
@@ -11,73 +11,100 @@ import zlib
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from itertools import islice
 from pathlib import Path
-from typing import IO, TextIO, cast
+from typing import IO, BinaryIO, TextIO, cast
 
 from mapmore_cli.domain.errors import DataError, WriteError
 from mapmore_cli.storage.atomic import written
+from mapmore_cli.storage.tables import reading, refuse_bombs
 
-GZIP_MAGIC = b"\x1f\x8b"
 HEAD = 65536  # bytes by which the encoding is guessed
-TAIL = 16384  # bytes of the last lines
 MOSTLY = 0.7  # of every second byte, that is zero where plain letters are written in UTF-16
 UNDEFINED = bytes((0x81, 0x8D, 0x8F, 0x90, 0x9D))  # in cp1252
 
+LONGEST = 10_000_000
+"""Characters of a line; a file of megabytes without a line end is no table."""
 
-class Lines:
-    """An iterator over the lines of an open file, with their ends; `taken` counts them, so it is the number of the last one, from 1."""
+BLOCK = 1 << 17
+"""Characters that are read at once: what is computed of them stays in the processor's cache."""
 
-    def __init__(self, lines: Iterator[str], raw: IO[bytes]) -> None:
-        self.taken = 0
-        self._lines = lines
-        self._raw = raw
-        self._back: list[str] = []  # the next one last
+TEXT_ERRORS = "surrogateescape"
+TOLD_EVERY = 4096  # lines
 
-    def __iter__(self) -> Lines:
-        return self
+UNREADABLE = (OSError, EOFError, zlib.error)
+"""What opening, reading and unpacking raise."""
 
-    def __next__(self) -> str:
-        line = self._back.pop() if self._back else next(self._lines)
-        self.taken += 1
-        return line
 
-    @property
-    def position(self) -> int:
-        """How many bytes of the file have been read."""
-        return self._raw.tell()
+def is_zipped(raw: BinaryIO) -> bool:
+    """Whether an open file is gzipped, by its content."""
+    raw.seek(0)
+    magic = raw.read(2)
+    raw.seek(0)
+    return magic == b"\x1f\x8b"
 
-    def take(self, count: int) -> list[str]:
-        """Return the next `count` lines, or as many as there are."""
-        lines = [self._back.pop() for _ in range(min(count, len(self._back)))]
-        lines += islice(self._lines, count - len(lines))
-        self.taken += len(lines)
-        return lines
 
-    def put_back(self, lines: list[str]) -> None:
-        """Have these, the last ones that were taken, taken again."""
-        self._back += reversed(lines)
-        self.taken -= len(lines)
+def _unzipped(raw: BinaryIO, zipped: bool) -> IO[bytes]:
+    return cast(IO[bytes], gzip.GzipFile(fileobj=raw)) if zipped else raw
+
+
+@contextmanager
+def open_lines(path: Path, encoding: str, label: str, errors: str = "strict") -> Iterator[tuple[Iterator[str], BinaryIO]]:
+    """Open the lines of a file, plain or gzipped (recognised by content), which end in LF, CR LF or CR; and the file itself."""
+    # utf-8-sig swallows a byte order mark; newline="" leaves CR, LF and CRLF to the parser
+    encoding = "utf-8-sig" if codecs.lookup(encoding).name == "utf-8" else encoding
+    with path.open("rb") as raw:
+        zipped = is_zipped(raw)
+        with io.TextIOWrapper(_unzipped(raw, zipped), encoding=encoding, errors=errors, newline="") as text:
+            yield bounded_lines(text, label, os.fstat(raw.fileno()).st_size if zipped else None), raw
+
+
+def lines_of(path: Path, told: Callable[[int, int], None] = lambda _read, _size: None) -> Iterator[str]:
+    """Yield the lines of a file with their ends; DataError where it is missing, unreadable or cut off.
+
+    `told` is told now and then how many bytes of the file have been read, and how many it has.
+    """
+    with reading(str(path), "gzip file", UNREADABLE), path.open("rb") as raw:
+        size = os.fstat(raw.fileno()).st_size if raw.seekable() else 0  # a pipe has no size and no place
+        with as_text(_unzipped(raw, path.suffix == ".gz")) as text:
+            for number, line in enumerate(bounded_lines(text, str(path))):
+                if number % TOLD_EVERY == 0 and size:
+                    told(raw.tell(), size)
+                yield line
+
+
+def as_text(binary: IO[bytes]) -> TextIO:
+    """Return a text stream over a binary one; a byte order mark is swallowed."""
+    return io.TextIOWrapper(binary, encoding="utf-8-sig", errors=TEXT_ERRORS, newline="")
+
+
+def bounded_lines(text: TextIO, label: str, packed: int | None = None) -> Iterator[str]:
+    """Yield the lines of a text with their ends, LF, CR LF or CR; `packed` is the size of the file where it is a packed one.
+
+    Raises DataError for a line that is too long for a table, and for text that is hundreds of times larger than its file.
+    """
+    rest, number, size = "", 0, 0
+    while chunk := text.read(BLOCK):
+        size += len(chunk)
+        if packed is not None:
+            refuse_bombs(f"{label}: the file", size, packed)
+        end = chunk.rfind("\n") + 1 or chunk.rfind("\r", 0, -1) + 1  # a CR at the end may go on with LF
+        if not end:
+            rest += chunk
+        else:
+            lines = io.StringIO(rest + chunk[:end], newline="")
+            rest = chunk[end:]
+            for line in lines:
+                number += 1
+                yield line
+        if len(rest) > LONGEST:
+            raise DataError(f"{label}:row {number + 1}: is longer than {LONGEST // 10**6} million characters", "give a table")
+    yield from io.StringIO(rest, newline="")
 
 
 def guess_encoding(path: Path) -> str:
     """Return the encoding of a text file, plain or gzipped, as its beginning tells."""
     with path.open("rb") as raw:
-        zipped = raw.read(2) == GZIP_MAGIC
-        raw.seek(0)
-        return encoding_of((gzip.GzipFile(fileobj=raw) if zipped else raw).read(HEAD))
-
-
-def last_lines(path: Path, encoding: str) -> list[str] | None:
-    """Return some last lines of a text file, whole, with their ends; None for a gzipped file, which tells by itself where it was cut."""
-    with path.open("rb") as raw:
-        zipped = raw.read(2) == GZIP_MAGIC
-        size = raw.seek(0, os.SEEK_END)
-        start = max(0, size - TAIL) // 4 * 4  # a whole number of characters of every encoding but UTF-8, whose first ones are left out
-        raw.seek(start)
-        text = raw.read().decode(encoding, "replace")
-    lines = text.splitlines(keepends=True)[1 if start else 0 :]
-    return None if zipped or not lines else lines
+        return encoding_of(_unzipped(raw, is_zipped(raw)).read(HEAD))
 
 
 def encoding_of(head: bytes) -> str:
@@ -95,45 +122,6 @@ def encoding_of(head: bytes) -> str:
     return "utf-8"
 
 
-LONGEST = 10_000_000
-"""Characters of a line; a file of megabytes without a line end is no table."""
-
-BOMB_SIZE, BOMB_RATIO = 100_000_000, 200
-"""Bytes unpacked from which on it matters how many times larger they are than packed: logs shrink to a tenth, at most to a fiftieth."""
-
-BLOCK = 1 << 17
-"""Characters that are read at once: what is computed of them stays in the processor's cache."""
-
-
-def bounded_lines(text: TextIO, label: str, packed: int | None = None) -> Iterator[str]:
-    """Yield the lines of a text with their ends, LF, CR LF or CR; `packed` is the size of the file where it is a packed one.
-
-    Raises DataError for a line that is too long for a table, and for text that is hundreds of times larger than its file.
-    """
-    rest, number, size = "", 0, 0
-    while chunk := text.read(BLOCK):
-        size += len(chunk)
-        if packed is not None and size > max(BOMB_SIZE, BOMB_RATIO * packed):
-            raise DataError(f"{label}: unpacks from {packed / 1e6:.2g} MB to more than {size / 1e6:.0f} MB", "unpack it, if it is right so")
-        end = chunk.rfind("\n") + 1 or chunk.rfind("\r", 0, -1) + 1  # a CR at the end may go on with LF
-        if not end:
-            rest += chunk
-        else:
-            lines = lines_of_text(rest + chunk[:end])
-            rest = chunk[end:]
-            for line in lines:
-                number += 1
-                yield line
-        if len(rest) > LONGEST:
-            raise DataError(f"{label}:row {number + 1}: is longer than {LONGEST // 10**6} million characters", "give a table")
-    yield from lines_of_text(rest)
-
-
-def lines_of_text(text: str) -> Iterator[str]:
-    """Return the lines of a text in memory, with their ends."""
-    return io.StringIO(text, newline="")
-
-
 def quote_left_open(lines: Sequence[str], cells: Sequence[str], delimiter: str) -> bool:
     """Whether a quotation mark in a record was never meant to span its `lines`: it is not closed, or took whole records for text."""
     if not any('"' in line for line in lines):
@@ -148,12 +136,13 @@ def quote_left_open(lines: Sequence[str], cells: Sequence[str], delimiter: str) 
 
 def _holds_record(line: str, delimiter: str) -> bool:
     """Whether a line inside of a cell looks like one of the table: delimited, with a number in it."""
-    return delimiter in line and any(map(_is_number, line.split(delimiter)))
+    return delimiter in line and any(is_number(cell.strip(' "')) for cell in line.split(delimiter))
 
 
-def _is_number(cell: str) -> bool:
+def is_number(cell: str) -> bool:
+    """Whether a cell holds what Python reads as a number."""
     try:
-        float(cell.strip(' "'))
+        float(cell)
     except ValueError:
         return False
     return True
@@ -162,49 +151,6 @@ def _is_number(cell: str) -> bool:
 def open_quote(label: str, row: int) -> DataError:
     """Return what is told of a record in which a quotation mark was left open."""
     return DataError(f"{label}:row {row}: a quotation mark opens here and is not closed", "close it, or remove it")
-
-
-@contextmanager
-def open_lines(path: Path, encoding: str, label: str) -> Iterator[Lines]:
-    """Open the lines of a file, plain or gzipped (recognised by content), which end in LF, CR LF or CR."""
-    # utf-8-sig swallows a byte order mark; newline="" leaves CR, LF and CRLF to the parser
-    encoding = "utf-8-sig" if codecs.lookup(encoding).name == "utf-8" else encoding
-    with path.open("rb") as raw:
-        zipped = raw.read(2) == GZIP_MAGIC
-        raw.seek(0)
-        binary = cast(IO[bytes], gzip.GzipFile(fileobj=raw)) if zipped else raw
-        with io.TextIOWrapper(binary, encoding=encoding, newline="") as text:
-            yield Lines(bounded_lines(text, label, os.fstat(raw.fileno()).st_size if zipped else None), raw)
-
-
-TEXT_ERRORS = "surrogateescape"
-
-TOLD_EVERY = 4096  # lines
-
-
-def as_text(binary: IO[bytes]) -> TextIO:
-    """Return a text stream over a binary one; a byte order mark is swallowed."""
-    return io.TextIOWrapper(binary, encoding="utf-8-sig", errors=TEXT_ERRORS, newline="")
-
-
-def lines_of(path: Path, told: Callable[[int, int], None] = lambda _read, _size: None) -> Iterator[str]:
-    """Yield the lines of a file with their ends; DataError where it is missing, unreadable or cut off.
-
-    `told` is told now and then how many bytes of the file have been read, and how many it has.
-    """
-    try:
-        with path.open("rb") as raw:
-            unzipped: IO[bytes] = cast(IO[bytes], gzip.GzipFile(fileobj=raw)) if path.suffix == ".gz" else raw
-            size = os.fstat(raw.fileno()).st_size if raw.seekable() else 0  # a pipe has no size and no place
-            with as_text(unzipped) as text:
-                for number, line in enumerate(bounded_lines(text, str(path))):
-                    if number % TOLD_EVERY == 0 and size:
-                        told(raw.tell(), size)
-                    yield line
-    except (EOFError, zlib.error, gzip.BadGzipFile) as fault:
-        raise DataError(f"{path}: the file is damaged ({fault})", "it may have been cut off while copying; get it again") from fault
-    except OSError as fault:
-        raise DataError(f"{path}: cannot be read ({fault.strerror})", "check the path") from fault
 
 
 @contextmanager

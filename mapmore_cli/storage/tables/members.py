@@ -1,61 +1,30 @@
-"""Files that hold trees of arrays: how an address is followed, and how its arrays become a table.
+"""Files that hold trees of arrays: how an address is followed, how its arrays become a table, and what `init` sees in them.
 
 A format gives its top as a `Member`; the rest is the same for all.
 """
 
 from __future__ import annotations
 
-import math
 import re
-from collections.abc import Callable, Mapping, Sequence
-from contextvars import ContextVar
+from collections import Counter, deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass, replace
-from itertools import zip_longest
+from itertools import islice
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.tables.table import RawTable, SourceColumn, TableRequest, known_names
+from mapmore_cli.storage.tables import RawTable, Reader, SourceColumn, TableRequest, Top, known_names
 
 Selection = tuple[int | slice, ...]
 """An index in brackets, `:` being a whole axis."""
 
 EVERY = "[*]"
 _STEP = re.compile(r"(?P<separator>[./]?)(?:(?P<name>[^./\[\]]+)|\[(?P<index>[^\[\]]*)\])")
-
-
-@dataclass(frozen=True)
-class Address:
-    """Steps from the top of a file: names of members, and selections of elements; `text` is how the spec spells it."""
-
-    text: str
-    steps: tuple[str | Selection, ...]
-
-
-def parse_address(text: str) -> Address:
-    """Return the steps of an address: names after `.` or `/`, and 0-based indices in brackets. Raises DataError."""
-    steps: list[str | Selection] = []
-    position = 0
-    while position < len(text):
-        step = _STEP.match(text, position)
-        if step is None or (step["separator"] and step["name"] is None):
-            raise DataError(f"'{text}' is no address", "Write names and 0-based indices, as `run.P`, `train[3].y[:,0]` or `group/dataset`.")
-        steps.append(step["name"].strip() if step["name"] is not None else _selection(step["index"], text))
-        position = step.end()
-    return Address(text, tuple(steps))
-
-
-def _selection(inside: str, text: str) -> Selection:
-    def one(part: str) -> int | slice:
-        if part == ":":
-            return slice(None)
-        if re.fullmatch(r"\d+", part):
-            return int(part)
-        raise DataError(f"'{text}': '[{inside}]' is no index", "Write 0-based numbers and `:`, as `y[:,0]`; only `root` may end in `[*]`.")
-
-    return tuple(one(part.strip()) for part in inside.split(","))
 
 
 def _impossible(_: Any) -> Any:
@@ -86,6 +55,54 @@ class Member:
         return not self.names and self.count is None
 
 
+def group_of(kind: str, names: Sequence[str], member: Callable[[str], Member]) -> Member:
+    """Return a group whose members are its elements as well, in natural order: run_2 before run_10."""
+
+    def natural(name: str) -> list[tuple[bool, int | str]]:
+        return [(not part.isdigit(), int(part) if part.isdigit() else part) for part in re.split(r"(\d+)", name) if part]
+
+    in_order = sorted(names, key=natural)
+    return Member(kind, names, member, len(names), lambda number: member(in_order[number]))
+
+
+Opened = Callable[[Path, str, TableRequest | None], AbstractContextManager[Member]]
+"""Opens the top of a file that messages call so; with a request, what that does not name may be missing."""
+
+
+def tree_reader(name: str, opened: Opened, suffixes: tuple[str, ...], column: str, separator: str = "/") -> Reader:
+    """Return the reader of a format of trees, whose addresses have the `separator`."""
+
+    def read(path: Path, request: TableRequest) -> list[RawTable]:
+        with opened(path, request.label, request) as top:
+            return tables(top, request)
+
+    def peek(path: Path, most: int) -> Iterable[Top]:
+        with opened(path, path.name, None) as top:
+            return [top_of(top, most, separator)]
+
+    return Reader(name, read, suffixes, ("root",), column, peek=peek)
+
+
+def parse_address(text: str) -> tuple[str | Selection, ...]:
+    """Return the steps of an address: names after `.` or `/`, and 0-based indices in brackets. Raises DataError."""
+    steps: list[str | Selection] = []
+    position = 0
+    while position < len(text):
+        step = _STEP.match(text, position)
+        if step is None or (step["separator"] and step["name"] is None):
+            raise DataError(f"'{text}' is no address", "Write names and 0-based indices, as `run.P`, `train[3].y[:,0]` or `group/dataset`.")
+        steps.append(step["name"].strip() if step["name"] is not None else _selection(step["index"], text))
+        position = step.end()
+    return tuple(steps)
+
+
+def _selection(inside: str, text: str) -> Selection:
+    parts = [part.strip() for part in inside.split(",")]
+    if not all(re.fullmatch(r":|\d+", part) for part in parts):
+        raise DataError(f"'{text}': '[{inside}]' is no index", "Write 0-based numbers and `:`, as `y[:,0]`; only `root` may end in `[*]`.")
+    return tuple(slice(None) if part == ":" else int(part) for part in parts)
+
+
 def tables(top: Member, request: TableRequest) -> list[RawTable]:
     """Return the recordings below `request.root`: one, or one for every element where it ends in `[*]`.
 
@@ -94,17 +111,17 @@ def tables(top: Member, request: TableRequest) -> list[RawTable]:
     Raises DataError for an address that leads nowhere, arrays that are not columns of numbers, and columns of different length.
     """
     root = request.root or ""
-    every = root.endswith(EVERY)
-    base = _follow(top, parse_address(root.removesuffix(EVERY)).steps, root, request.label)
-    if not every:
+    base = _follow(top, parse_address(root.removesuffix(EVERY)), root, request.label)
+    if not root.endswith(EVERY):
         return [_table(base, request, f"{request.label}:{root}" if root else request.label)]
+    place = root.removesuffix(EVERY)
     elements = [base] if base.count is None and base.names else [base.element(i) for i in range(base.count or 0)]
     if not elements:
         raise DataError(
             f"{request.label}: `root: {root}` asks for every element of {base.kind}",
-            f"Only cell arrays, struct arrays and groups have elements; say `root: {root.removesuffix(EVERY)}`.",
+            f"Only cell arrays, struct arrays and groups have elements; say `root: {place}`.",
         )
-    label = f"{request.label}:{root.removesuffix(EVERY)}"
+    label = f"{request.label}:{place}"
     kept = [(i, element) for i, element in enumerate(elements) if not base.names or _has_some(element, request)]
     found = [_table(element, request, f"{label}[{i}]", i) for i, element in (kept or enumerate(elements))]
     if 0 < len(kept) < len(elements):
@@ -115,7 +132,7 @@ def tables(top: Member, request: TableRequest) -> list[RawTable]:
 
 def _has_some(element: Member, request: TableRequest) -> bool:
     """Return True for an element in which a wanted column may be."""
-    firsts = [parse_address(column).steps[:1] if isinstance(column, str) else () for column in request.columns]
+    firsts = [parse_address(column)[:1] if isinstance(column, str) else () for column in request.columns]
     return any(not first or first[0] in element.names for first in firsts)
 
 
@@ -136,13 +153,12 @@ def table_of(columns: Mapping[SourceColumn, Array], request: TableRequest, label
         )
     if n == 0:
         raise DataError(f"{label}: '{shortest}' holds no samples")
-    trimmed = {column: values[:n] for column, values in columns.items()}
-    return RawTable(trimmed, np.arange(n, dtype=np.int64), label, "index", element)
+    return RawTable({column: values[:n] for column, values in columns.items()}, np.arange(n, dtype=np.int64), label, "index", element)
 
 
 def _column(base: Member, address: str, label: str) -> Array:
     """Return the `(n,)` array at an address."""
-    steps = parse_address(address).steps
+    steps = parse_address(address)
     if not steps:
         raise DataError(f"{label}: a column has an empty address", "Name an array, as `run.P`.")
     selection = steps[-1] if isinstance(steps[-1], tuple) else ()
@@ -200,53 +216,170 @@ def _further(here: Member, wanted: str = "") -> str:
     return f"It is {here.kind}, which has no members."
 
 
-MOST_VALUES, RATIO = 32_000_000, 100
-"""Bytes of all arrays of a file that unpacks, and beyond that how many times its own size; logs shrink to a tenth, at most a fiftieth."""
+# What `init` sees: which arrays belong to one log, and what its clock is ----------------------------------------------------------------
+
+MOST_MEMBERS = 500  # of a file that are looked at
+WIDEST = 64  # columns of a matrix that is a table
+RATES = {"fs", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency", "framerate"}
+STEPS = {"dt", "ts", "h", "sampletime", "samplingtime", "timestep"}
 
 
-def refuse_bombs(label: str, unpacked: float, packed: int) -> None:
-    """Raise DataError for a file whose arrays declare to be far more than it holds, before a value is read."""
-    if unpacked > max(MOST_VALUES, RATIO * packed):
-        raise DataError(f"{label}: unpacks from {packed / 1e6:.2g} MB to {unpacked / 1e6:.0f} MB", "save the measurements alone")
+@dataclass(frozen=True)
+class Found:
+    """A column: its `address`, its `title` (None for one of a matrix), the `group` it lies in, its length, and its first values."""
+
+    address: str
+    title: str | None
+    group: str
+    length: int
+    values: Array
 
 
-_read: ContextVar[dict[str, int]] = ContextVar("_read")
-"""Bytes of each array of the open file that was read so far, by its name."""
+def top_of(top: Member, most: int, separator: str = "/") -> Top:
+    """Return the first rows of the log in a tree of arrays: of the group with the longest columns, of at least two.
 
-
-def refuse_other_files(file: Any, label: str) -> None:
-    """Raise DataError for an open HDF5 file with links to other files, before one is followed: they may lead anywhere on this computer."""
-    from h5py import h5l
-
-    def other(name: bytes, info: Any) -> bytes | None:
-        return name if info.type == h5l.TYPE_EXTERNAL else None
-
-    if name := file.id.links.visit(other, info=True):
-        raise DataError(f"{label}: '{name.decode(errors='replace')}' is a link to another file", "name that file itself in `files`")
-    _read.set({})
-
-
-def own_values(dataset: Any, selection: Selection = ()) -> Any:
-    """Return the dataset, of which a selection is read next.
-
-    Raises DataError where its values lie in other files (external storage, virtual datasets), and where all that was asked for of its file
-    is far larger than the file.
+    Groups of the same members, and elements of an array, are recordings (`root` ends in `[*]`) of which the first one is shown; members
+    with other names may lie beside them. Logs of Simulink (`X.time` beside `X.signals.values`) are one. A number named `fs` or `dt` is the
+    log's `sample_time`.
     """
-    if dataset.external or dataset.is_virtual:
-        raise DataError(f"{dataset.name} takes its values from other files", "write the values into the file itself")
-    read = _read.get({})
-    lengths = [1 if isinstance(one, int) else length for one, length in zip_longest(selection, dataset.shape)]
-    read[f"{dataset.name}{selection}"] = math.prod(lengths) * dataset.dtype.itemsize
-    refuse_bombs(dataset.name, sum(read.values()), dataset.file.id.get_filesize())
-    return dataset
+    found = list(_signals(top, separator, most))
+    shown = ((root, list(_columns(base, separator, most))) for root, base in (*_roots(top, separator), (None, top)))
+    root, columns = (None, found) if _log(found) else next((one for one in shown if len(_log(one[1])) > 1), (None, []))
+    log = _log(columns)
+    for name in () if log else top.names:
+        top.member(name)  # tells of an object that only its own program can read
+    step = _sample_time(column for column in columns if column.length == 1)
+    settings = {key: value for key, value in (("root", root), ("sample_time", step)) if value is not None}
+    titles = [column.title for column in log]
+    rows = [*([] if None in titles else [titles]), *zip(*(column.values.tolist() for column in log), strict=True)]
+    return Top(rows, lambda cell: isinstance(cell, float), settings, tuple(column.address for column in log))
 
 
-def check_fit(selection: Selection, shape: Sequence[int]) -> None:
-    """Raise IndexError, as NumPy does and h5py does not, for a selection beyond an array of a shape."""
-    if len(selection) > len(shape) or any(isinstance(i, int) and i >= n for i, n in zip(selection, shape, strict=False)):
-        raise IndexError(selection)
+def _signals(top: Member, separator: str, most: int) -> Iterator[Found]:
+    """Yield the columns of Simulink's structs with time, titled by their labels, else by the block or the variable that they lie in."""
+    places = {address: (name, group, member) for address, name, group, member in _walk(top, separator)}
+    for address, (name, group, member) in places.items():
+        if name != "signals":
+            continue
+        variable, _, holder = places.get(group, ("", "", None))
+        elements = {address: member}
+        if member.count is not None:
+            elements = {f"{address}[{number}]": member.element(number) for number in range(min(member.count, MOST_MEMBERS))}
+        for place, signal in elements.items():
+            values = _member(signal, "values")
+            title = _text(signal, "label") or _text(signal, "blockName").rpartition("/")[2] or variable
+            if values is not None and values.is_array:
+                yield from (replace(column, title=title, group="") for column in _of_array(values, title, f"{place}.values", "", most))
+        clock = None if holder is None else _member(holder, "time")
+        if clock is not None and clock.is_array:
+            yield from _of_array(clock, "time", f"{group}{separator}time", "", most)
 
 
-def natural(name: str) -> list[tuple[bool, int | str]]:
-    """Sort key that puts run_2 before run_10."""
-    return [(not part.isdigit(), int(part) if part.isdigit() else part) for part in re.split(r"(\d+)", name) if part]
+def _text(member: Member, name: str) -> str:
+    """Return the text of a member, of characters or of their codes; empty where there is none."""
+    text = _member(member, name)
+    values = np.asarray(text.values(())).reshape(-1) if text is not None and text.is_array else np.zeros(0)
+    return str(values[0]) if values.dtype.kind == "U" and values.size else "".join(map(chr, values)) if values.dtype.kind == "u" else ""
+
+
+def _log(columns: Sequence[Found]) -> list[Found]:
+    """Return the columns of one length that lie together, the longest of these; where none lie together, those of one length anywhere."""
+    for together in (True, False):
+        logs: dict[tuple[int, str], list[Found]] = {}
+        for column in columns:
+            if column.length > 1:
+                logs.setdefault((column.length, column.group if together else ""), []).append(column)
+        several = [log for log in logs.values() if len(log) > 1]
+        if several:
+            return max(several, key=lambda log: (log[0].length, len(log)))
+    return []
+
+
+def _roots(top: Member, separator: str) -> Iterator[tuple[str, Member]]:
+    """Yield the places whose elements may be recordings, with the first one of each."""
+    for address, here in (("", top), *((address, member) for address, _, _, member in _walk(top, separator))):
+        if here.count:
+            with suppress(DataError):
+                first = here.element(0) if not here.names else _first_alike(here)
+                if first is not None:
+                    yield f"{address}{EVERY}", first
+
+
+def _first_alike(here: Member) -> Member | None:
+    """Return the first of two members or more that are groups of the same names; None without any.
+
+    Beside them may be single values, and groups that have none of these names.
+    """
+    elements = [here.element(number) for number in range(min(here.count or 0, MOST_MEMBERS))]
+    if any(max(element.shape, default=1) > 1 for element in elements):
+        return None
+    names = [frozenset(element.names) for element in elements]
+    ((shared, count),) = Counter(own for own in names if own).most_common(1) or [(frozenset(), 0)]
+    if count < 2 or any(shared & own for own in names if own != shared):
+        return None
+    return elements[names.index(shared)]
+
+
+def _walk(top: Member, separator: str) -> Iterator[tuple[str, str, str, Member]]:
+    """Yield address, name, address of the group and the member itself, level by level; so many of them, as links may lead in circles."""
+
+    def below() -> Iterator[tuple[str, str, str, Member]]:
+        waiting = deque([("", top)])
+        while waiting:
+            group, here = waiting.popleft()
+            for name in here.names:
+                member = _member(here, name)
+                if member is not None:
+                    address = f"{group}{separator}{name}" if group else name
+                    yield address, name, group, member
+                    waiting.append((address, member))
+
+    return islice(below(), MOST_MEMBERS)
+
+
+def _member(here: Member, name: str) -> Member | None:
+    """Return a member; None where there is none, or nothing that can be read, or that an address leads to."""
+    if name not in here.names or re.search(r"[./\[\]]", name) or name != name.strip():
+        return None
+    try:
+        return here.member(name)
+    except DataError:
+        return None
+
+
+def _columns(top: Member, separator: str, most: int) -> Iterator[Found]:
+    """Every column of numbers in a tree; collections other than groups are left out."""
+    if top.is_array:
+        yield from _of_array(top, "", "", "", most)
+    for address, name, group, member in _walk(top, separator):
+        if member.is_array:
+            yield from _of_array(member, name, address, group, most)
+
+
+def _of_array(member: Member, name: str, address: str, group: str, most: int) -> Iterator[Found]:
+    """Yield the columns of an array: itself, or those of a matrix."""
+    long = [length for length in member.shape if length != 1]
+    matrix = len(member.shape) == 2 and len(long) == 2 and min(long) <= WIDEST
+    if len(long) > 1 and not matrix:
+        return
+    across = matrix and member.shape[0] < member.shape[1]
+    length, first = max(long, default=1), slice(0, most)
+    axis = 1 if across else member.shape.index(length) if long and not matrix else 0
+    try:
+        values = as_numbers(member.values((*(slice(None),) * axis, first) if member.shape else ()), address)
+    except DataError:
+        return
+    if not matrix:
+        yield Found(address, name, group, length, values.reshape(-1))
+        return
+    for place, column in enumerate(values if across else values.T):
+        yield Found(f"{address}[{place},:]" if across else f"{address}[:,{place}]", None, f"{address}[]", length, np.asarray(column))
+
+
+def _sample_time(numbers: Iterator[Found]) -> float | None:
+    """Seconds between samples, from a number whose name says so; None where there is none."""
+    for one in numbers:
+        name, value = re.sub(r"[^a-z]", "", (one.title or "").casefold()), float(one.values[0])
+        if value > 0 and np.isfinite(value) and name in RATES | STEPS:
+            return float(f"{1 / value if name in RATES else value:.12g}")
+    return None

@@ -3,26 +3,25 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import SpecError, UsageError
 from mapmore_cli.spec.units import CANONICAL, check_unit, convert
+from mapmore_cli.study.drafting.draft import Column, Draft, Guess, Note
 
 FORM = 'write `--columns "time:ms,_,pressure:bar,force:N"` by place, or `name=title:unit`; `_` leaves a column out'
 _QUANTITY = re.compile(r"[A-Za-z_]\w*", re.ASCII)
-_NUMBER = r"[+-]?\d+(?:\.\d+)?(?:[eE][+-]?\d+)?"
-_UNIT = re.compile(rf"(?P<unit>.*?)(?:\*(?P<scale>{_NUMBER}))?(?P<offset>[+-]\d+(?:\.\d+)?(?:[eE][+-]?\d+)?)?", re.DOTALL)
-
-
-@dataclass(frozen=True)
-class ToldColumn:
-    """One column as a person says it: the quantity is `value * scale + offset` in `unit`; the unit is None where nothing is said."""
-
-    column: str | int
-    unit: str | None = None
-    scale: float = 1.0
-    offset: float = 0.0
+_NUMBER = r"\d+(?:\.\d+)?(?:[eE][+-]?\d+)?"
+_UNIT = re.compile(rf"(?P<unit>.*?)(?:\*(?P<scale>[+-]?{_NUMBER}))?(?P<offset>[+-]{_NUMBER})?", re.DOTALL)
+WIDTH = 40  # characters of a course
+MOST_OPTIONS = 4
+MOST_COLUMNS = 7  # questions about columns; two more are about the rest
+BLOCKS = "▁▂▃▄▅▆▇█"
 
 
 @dataclass(frozen=True)
@@ -40,33 +39,32 @@ class Answers:
         numbers its groups; `none` pools them.
     length
         Of the muscle, m.
-    confirmed
-        Places of the draft whose guesses were accepted.
     """
 
-    columns: Mapping[str, ToldColumn] = field(default_factory=dict)
+    columns: Mapping[str, Guess] = field(default_factory=dict)
     target: str | None = None
     hold: str | None = None
     group: str | None = None
     length: float | None = None
-    confirmed: frozenset[tuple[str | int, ...]] = frozenset()
 
-    def for_columns(self, columns: Sequence[str | int], width: int) -> Answers | None:
+    def for_columns(self, columns: Sequence[Column], width: int) -> Answers | None:
         """Return the answers about a table with these columns; None where it has none of them."""
-        places = {name: told for name, told in self.columns.items() if isinstance(told.column, int)}
-        titles = {name: told for name, told in self.columns.items() if told.column in columns and name not in places}
-        if any(int(told.column) >= width for told in places.values()):
-            places = {}
-        found = {
-            name: replace(told, column=columns[told.column]) if isinstance(told.column, int) else told
-            for name, told in (places | titles).items()
-        }
-        return replace(self, columns={name: found[name] for name in self.columns if name in found}) if found or not self.columns else None
+        fits = all(told.column < width for told in self.columns.values() if isinstance(told.column, int))
+        found = {}
+        for name, told in self.columns.items():
+            if isinstance(told.column, int) and fits:
+                found[name] = replace(told, column=columns[told.column])
+            elif isinstance(told.column, str) and told.column in columns:
+                found[name] = told
+        return replace(self, columns=found) if found or not self.columns else None
 
 
-def read_columns(text: str) -> dict[str, ToldColumn]:
+NOTHING_SAID = Answers()
+
+
+def read_columns(text: str) -> dict[str, Guess]:
     """Read `time:ms,_,force:N` by place, or `force=Load:N` by title or place; UsageError for what is neither."""
-    found: dict[str, ToldColumn] = {}
+    found: dict[str, Guess] = {}
     for place, entry in enumerate(one.strip() for one in text.split(",")):
         if entry in ("", "_", "-"):
             continue
@@ -79,16 +77,19 @@ def read_columns(text: str) -> dict[str, ToldColumn]:
             raise UsageError(f"--columns: {name[:40]!r} is no name of a quantity", FORM)
         if name in found:
             raise UsageError(f"--columns: {name} is said twice", "give each column a name of its own, as `p1` and `p2`")
-        column: str | int = (int(where) if where.strip().isdigit() else where.strip()) if equals else place
-        found[name] = told_column(name, column, unit.strip())
-    if len([name for name in found if name != "time"]) < 2:
+        found[name] = _told_column(name, _place_or_title(where) if equals else place, unit)
+    if len(found.keys() - {"time"}) < 2:
         raise UsageError("--columns: two columns are needed, one that drives and one that follows", FORM)
     return found
 
 
-def told_column(name: str, column: str | int, unit: str) -> ToldColumn:
+def _place_or_title(text: str) -> Column:
+    return int(text) if text.strip().isdigit() else text.strip()
+
+
+def _told_column(name: str, column: Column, text: str) -> Guess:
     """Return the column in a unit such as `bar`, `N*1.744-18.6` (scale and offset) or ``; UsageError for a unit that cannot be."""
-    match = _UNIT.fullmatch(unit)
+    match = _UNIT.fullmatch(text.strip())
     assert match is not None  # everything matches
     try:
         if match["unit"]:
@@ -96,7 +97,123 @@ def told_column(name: str, column: str | int, unit: str) -> ToldColumn:
             convert(1.0, match["unit"], CANONICAL.get(name, match["unit"]))
     except SpecError as fault:
         raise UsageError(f"--columns: {name}: {fault.message}", fault.remedy or FORM) from fault
-    return ToldColumn(column, match["unit"] or None, float(match["scale"] or 1), float(match["offset"] or 0))
+    return Guess(column, match["unit"], scale=float(match["scale"] or 1), offset=float(match["offset"] or 0))
 
 
-NOTHING_SAID = Answers()
+# Questions ------------------------------------------------------------------------------------------------------------------------
+
+Ask = Callable[["Question"], str]
+"""Returns what a person answers: the empty text takes the first option. It is asked again where the answer cannot be."""
+
+
+@dataclass(frozen=True)
+class Option:
+    """An answer: its `text`, what speaks for it, and the course of its column."""
+
+    text: str
+    why: str
+    course: str = ""
+
+
+@dataclass(frozen=True)
+class Question:
+    """One thing that the data cannot tell; `check` raises UsageError for an answer that cannot be."""
+
+    text: str
+    options: tuple[Option, ...]
+    form: str = ""
+    check: Callable[[str], object] = lambda _: None
+
+
+def course(values: Sequence[Array]) -> str:
+    """Return a column over its samples, 40 characters wide, of all recordings one after the other."""
+    pooled = np.concatenate(values)
+    places = np.linspace(0, len(pooled) - 1, min(WIDTH, len(pooled))).astype(int)
+    low, span = float(pooled.min()), float(np.ptp(pooled)) or 1.0
+    return "".join(BLOCKS[int((len(BLOCKS) - 1) * (float(value) - low) / span + 0.5)] for value in pooled[places])
+
+
+def asked_columns(draft: Draft, said: Answers, ask: Ask) -> Answers:
+    """Ask for every column that is not sure; the answers name all columns of the draft."""
+    found: dict[str, Guess] = {}
+    asked = 0
+    for name, entry in draft.data["columns"].items():
+        column = Guess(entry["column"], entry.get("unit", ""), scale=float(entry.get("scale", 1)), offset=float(entry.get("offset", 0)))
+        note = draft.open.get(("data", "columns", name))
+        if note is None or asked == MOST_COLUMNS:
+            found[name] = column
+            continue
+        asked += 1
+        rivals = [(_plain(rival), rival.why) for rival in draft.rivals.get(name, ())]
+        options = [(column, note.why), *rivals][:MOST_OPTIONS]
+        is_target = draft.spec["target"] == {"column": name}
+        read = partial(_read, name=name, options=[one for one, _ in options], draft=draft)
+        question = Question(
+            "What is to be predicted?" if is_target else f"Which column is the {name}?",
+            tuple(Option(_shown(name, one), why, course(draft.raw[one.column])) for one, why in options),
+            "a number of the list, COLUMN:UNIT, NAME=COLUMN:UNIT, or - for none",
+            read,
+        )
+        answer = read(ask(question))
+        if answer is not None:
+            own, told = answer
+            found[own] = told
+            if own != name and (said.target == name if said.target else is_target):
+                said = replace(said, target=own)
+    joined = [name for log in draft.data.get("join", ()) for name in log["columns"]]
+    return replace(said, columns=found) if found.keys() - {"time"} and not (joined and len(found) == len(joined)) else said
+
+
+def asked_length(draft: Draft, ask: Ask) -> str:
+    """Ask for the length of the muscle, where names say by how many millimetres it was shortened; the empty text where it is unknown."""
+    if not any("say --length" in note.why for note in draft.notes.values()):
+        return ""
+    why = "the names say by how much it was shortened; with its length that is a strain"
+    return ask(Question("How long is the muscle?", (Option("unknown", why),), "a length, as 228mm")).strip()
+
+
+def asked_rest(draft: Draft, ask: Ask) -> Draft:
+    """Ask once whether what else is open is right; where it is, the marks go."""
+    if not draft.open:
+        return draft
+    options = (Option("yes", "all of them are right"), Option("no", "they stay marked CHECK"))
+    listed = "".join(f"\n  - {'.'.join(map(str, loc))}: {note.why}" for loc, note in draft.open.items())
+    if _is_yes(ask(Question(f"Are these guesses right?{listed}", options, "yes or no", _is_yes))):
+        return replace(draft, notes={loc: Note(note.why) for loc, note in draft.notes.items()})
+    return draft
+
+
+def _is_yes(reply: str) -> bool:
+    reply = reply.strip().casefold()
+    if reply not in ("", "1", "2", "y", "n", "yes", "no"):
+        raise UsageError(f"{reply!r} is neither yes nor no", "say yes or no")
+    return reply in ("", "1", "y", "yes")
+
+
+def _plain(guess: Guess) -> Guess:
+    """Return the column as a person would say it."""
+    return Guess(guess.column, "" if guess.unit == "1" else guess.unit, scale=guess.scale, offset=guess.offset)
+
+
+def _shown(name: str, told: Guess) -> str:
+    return f"{name}={told.column}" + (f":{told.unit}" if told.unit else "")
+
+
+def _read(reply: str, name: str, options: Sequence[Guess], draft: Draft) -> tuple[str, Guess] | None:
+    """Return the name and the column that an answer says; None for `-`. Raises UsageError for no such column, or a unit that cannot be."""
+    reply = reply.strip()
+    if not reply:
+        return name, options[0]
+    if reply == "-":
+        return None
+    if reply.isdigit() and 1 <= int(reply) <= len(options):
+        return name, options[int(reply) - 1]
+    own, equals, rest = reply.rpartition("=")
+    where, _, unit = rest.partition(":")
+    own = own.strip() if equals else name
+    if not _QUANTITY.fullmatch(own):
+        raise UsageError(f"{own!r} is no name of a quantity", "use letters, digits and _")
+    column = _place_or_title(where)
+    if column not in draft.raw:
+        raise UsageError(f"there is no column {column} of numbers", f"name one of {', '.join(map(str, draft.raw))}")
+    return own, _told_column(own, column, unit)

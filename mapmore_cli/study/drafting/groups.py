@@ -1,4 +1,4 @@
-"""Which files belong to one study, by their layout and by what their names say."""
+"""Which files belong to one study, by their layout and names, and the `files` of its spec, with what names tell of each."""
 
 from __future__ import annotations
 
@@ -9,106 +9,25 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.globs import expand, relative_name
-from mapmore_cli.storage.readers import READERS, reader_of, suffix_of
+from mapmore_cli.ingestion.files import expand, relative_name
+from mapmore_cli.spec.units import convert, default_unit
+from mapmore_cli.storage.readers import READERS, reader_of
 from mapmore_cli.storage.tables.lines import lines_of
-from mapmore_cli.study.drafting.preview import UNIT, Preview, preview, shared_start
+from mapmore_cli.study.drafting.columns import LARGEST_FRACTION, POSITIONS
+from mapmore_cli.study.drafting.draft import Draft
+from mapmore_cli.study.drafting.preview import Preview, preview, shared_start
+from mapmore_cli.study.inspection.names import NameParts, mass_in, number_in, read_label, read_names, words_of
 
-_REPEAT = re.compile(r"(?:test|run|rep|repeat|trial|take|try|no|nr|cycle)?\d{1,2}", re.IGNORECASE)
-_REPEAT_WORD = re.compile(r"test|run|rep|repeat|trial|take|try|no|nr", re.IGNORECASE)
-_SPECIMEN = re.compile(r"(?:specimens?|samples?|muscles?|actuators?|prototypes?|devices?|units?|dut|pam|s)", re.IGNORECASE)
-_NUMBERED = re.compile(rf"{_SPECIMEN.pattern}[-#.]?(?:\d{{1,3}}|[a-z])", re.IGNORECASE)
-_SIZE = re.compile(r"\d+(?:[.,]\d+)?(?:mm|cm|m|in)", re.IGNORECASE)
-_NUMBER = re.compile(rf"(\d+(?:[.,]\d+)?)\s*(?:{UNIT}|(?![a-z0-9]))", re.IGNORECASE)
+UNREAD = (".npz", ".npy", ".json", ".parquet", ".feather", ".pkl", ".pickle", ".xls", ".ods", ".bag", ".db3", ".mcap", ".sqlite")
+"""Suffixes of files that may hold data, which no reader takes."""
 
-
-@dataclass(frozen=True)
-class NameParts:
-    """What one name says among the others.
-
-    `group` holds the words that tell studies apart (sizes of a muscle, kinds), `condition` the one that may say what was held; `is_repeat`
-    says whether a number of a repeat is part of it.
-    """
-
-    group: tuple[str, ...]
-    condition: str | None
-    is_repeat: bool
-
-
-def words_of(name: str) -> list[str]:
-    """Return the words of a file's name, without its suffixes, after those of the folder before it; `10 psi` is one word."""
-    stem = name[:-3] if name.casefold().endswith(".gz") else name
-    stem = stem[: len(stem) - len(suffix_of(Path(name)))]
-    stem = re.sub(rf"(?<=\d)\s+(?={UNIT})", "", stem, flags=re.IGNORECASE)
-    return [word for word in re.split(r"[_\s/]+", stem) if word]
-
-
-def read_names(names: Sequence[str]) -> list[NameParts]:
-    """Compare names word by word; where they have different numbers of words they say nothing.
-
-    Among the words that vary, specimens (`S1`, `muscleA`, `Sample 2`), sizes (`10cm`) and words without numbers tell groups apart, `Test8`
-    is a repeat, and the last one of the others that some of the names have a number in is the condition; one with a unit comes first.
-    """
-    split = [words_of(name) for name in names]
-    if len({len(words) for words in split}) != 1:
-        return [NameParts((), None, False) for _ in names]
-    kinds = [
-        "constant" if len(set(column)) == 1 else _kind(column, split[0][:place]) for place, column in enumerate(zip(*split, strict=True))
-    ]
-    numbered = [place for place, kind in enumerate(kinds) if kind == "condition"]
-    united = [place for place in numbered if all((number_in(words[place]) or (0.0, None))[1] for words in split)]
-    held = (united or numbered)[-1] if numbered else None
-    return [
-        NameParts(
-            tuple(word for word, kind in zip(words, kinds, strict=True) if kind == "group"),
-            None if held is None else words[held],
-            "repeat" in kinds,
-        )
-        for words in split
-    ]
-
-
-def number_in(word: str) -> tuple[float, str | None] | None:
-    """Return the number of a word with its unit of pressure or length, or `%`: (25, None) of `kinked25`, (19, "mm") of `kinked19mm2`."""
-    found = _NUMBER.search(word)
-    if found is None:
-        return None
-    units = {"kpa": "kPa", "pa": "Pa", "mpa": "MPa", "pct": "%", "percent": "%"}
-    return float(found[1].replace(",", ".")), units.get(found[2].casefold(), found[2].casefold()) if found[2] else None
-
-
-TRAINS = re.compile(r"train|training|estimation|identification", re.IGNORECASE)
-TESTS = re.compile(r"test|testing|val|valid|validation", re.IGNORECASE)
-
-
-def tests_of(files: Sequence[Path]) -> list[Path]:
-    """Return the files whose names say `test` or `validation`, where all others say `train`; else none."""
-    words = {file: words_of(file.name) for file in files}
-    tests = [file for file in files if any(map(TESTS.fullmatch, words[file]))]
-    trains = [file for file in files if any(map(TRAINS.fullmatch, words[file]))]
-    return tests if tests and trains and len(tests) + len(trains) == len(files) and not {*tests} & {*trains} else []
-
-
-def _kind(column: Sequence[str], before: Sequence[str]) -> str:
-    if all(TRAINS.fullmatch(word) or TESTS.fullmatch(word) for word in column):
-        return "repeat"
-    if all(_REPEAT.fullmatch(word) and (not word.isdigit() or _follows_repeat_word(before)) for word in column):
-        return "repeat"
-    if all(_SIZE.fullmatch(word) for word in column) or _numbers_specimens(column, before):
-        return "group"
-    return "condition" if any(number_in(word) for word in column) else "group"
-
-
-def _numbers_specimens(column: Sequence[str], before: Sequence[str]) -> bool:
-    """Return True for `S1` and `S2`, and for `1` and `2` behind `Sample`."""
-    behind = bool(before) and _SPECIMEN.fullmatch(before[-1].rstrip("-#.")) is not None
-    return all(_NUMBERED.fullmatch(word) for word in column) or (behind and all(re.fullmatch(r"\d{1,3}|[A-Za-z]", word) for word in column))
-
-
-def _follows_repeat_word(before: Sequence[str]) -> bool:
-    return bool(before) and _REPEAT_WORD.fullmatch(before[-1]) is not None
+LENGTHS = {"mm", "cm"}
+IMPOSSIBLE = 100  # per cent of strain
+GRAVITY = 9.80665  # m/s^2
+MOST_TOLD = 8  # sheets that a note names
 
 
 @dataclass(frozen=True)
@@ -126,16 +45,29 @@ class Group:
     beside: Group | None = None
     of: str | None = None
 
+    def __str__(self) -> str:
+        return f"{len(self.files)} file{'s' if len(self.files) > 1 else ''}"
+
     @property
     def folder(self) -> Path:
         """The folder that all files are in."""
         return Path(os.path.commonpath([file.parent for file in self.files]))
 
     @property
+    def conditions(self) -> Sequence[str | None]:
+        """The words of the names that may say what was held, of sheets or of files."""
+        return (len(self.files) == 1 and self.layout.told) or [part.condition for part in self.names]
+
+    @property
     def specimens(self) -> list[tuple[int, str]]:
         """The number of the specimen of every file, and the words of its name that tell it from others."""
         words = [" ".join(part.group) for part in self.names]
         return [(sorted(set(words)).index(word) + 1, word) for word in words]
+
+    @property
+    def quantities(self) -> set[str]:
+        """What the titles name."""
+        return {label.quantity for title in self.layout.titles or () if (label := read_label(title)) is not None}
 
     @property
     def label(self) -> str:
@@ -154,7 +86,8 @@ def find_groups(path: Path, pooled: str | None = None) -> tuple[list[Group], lis
     """
     if not path.exists():
         raise DataError(f"{path}: no such file or folder", "give a recording, or a folder of recordings")
-    files = [path] if path.is_file() else sorted(file for file in path.rglob("*") if _is_recording(file, path))
+    every = [path] if path.is_file() else [file for file in sorted(path.rglob("*")) if file.is_file() and _is_own(file, path)]
+    files = [file for file in every if file == path or reader_of(file) is not None]
     homes = _homes(files)
     left_out = []
     columns: dict[Path, Preview] = {}
@@ -162,17 +95,17 @@ def find_groups(path: Path, pooled: str | None = None) -> tuple[list[Group], lis
     for file in files:
         try:
             layout = preview(file)
+            layouts.setdefault((homes[file.parent], repr(layout)), (layout, []))[1].append(file)
         except DataError as fault:
             try:
                 columns[file] = preview(file, least=1)
             except DataError:
                 left_out.append(fault.message)
-            continue
-        layouts.setdefault((homes[file.parent], repr(layout)), (layout, []))[1].append(file)
     groups = [group for (home, _), (layout, members) in layouts.items() for group in _by_names(members, home, layout, pooled)]
     pairs = _pairs(columns)
     paired = {file for group in pairs for file in (*group.files, *(group.beside.files if group.beside else ()))}
-    left_out += [f"{file.name}: no reader takes {file.suffix}; save it as CSV, HDF5 or MAT" for file in _of_data(path)]
+    unread = [file for file in every if file.suffix.casefold() in UNREAD and reader_of(file) is None]
+    left_out += [f"{file.name}: no reader takes {file.suffix}; save it as CSV, HDF5 or MAT" for file in unread]
     left_out += [f"{file.name}: a single column, and no other of as many rows beside it" for file in columns if file not in paired]
     groups += pairs
     folders = Counter(group.folder for group in groups)
@@ -180,54 +113,19 @@ def find_groups(path: Path, pooled: str | None = None) -> tuple[list[Group], lis
     return sorted(groups, key=lambda group: (-len(group.files), group.files[0])), left_out
 
 
-def _homes(files: Sequence[Path]) -> dict[Path, Path]:
-    """Every folder with itself; with the one above it where folders side by side tell what was held, as `10 psi` and `20 psi`."""
-    folders = {file.parent for file in files}
-    told = {one: number for one in folders if (number := number_in(one.name)) is not None and number[1] is not None}
-    levels = Counter(one.parent for one in told)
-    return {one: one.parent if one in told and levels[one.parent] > 1 else one for one in folders}
-
-
-def _pairs(columns: Mapping[Path, Preview]) -> list[Group]:
-    """Two files of a single column in one folder, of as many lines: the first one by its name, with the other beside it."""
-    found = []
-    for folder in dict.fromkeys(file.parent for file in columns):
-        files = sorted(file for file in columns if file.parent == folder and reader_of(file) == READERS["csv"])
-        if len(files) == 2 and (count := _lines(files[0])) is not None and count == _lines(files[1]):
-            first, other = (Group((file,), (NameParts((), None, False),), columns[file]) for file in files)
-            found.append(replace(first, beside=other))
-    return found
-
-
-def _lines(file: Path) -> int | None:
-    """Return the number of lines; None of a damaged file."""
-    try:
-        return sum(1 for _ in lines_of(file))
-    except DataError:
-        return None
-
-
-UNREAD = (".npz", ".npy", ".json", ".parquet", ".feather", ".pkl", ".pickle", ".xls", ".ods", ".bag", ".db3", ".mcap", ".sqlite")
-"""Suffixes of files that may hold data, which no reader takes."""
-
-
-def _of_data(path: Path) -> list[Path]:
-    """Return the files under a path that may hold data, and that no reader takes."""
-    files = [path] if path.is_file() else sorted(path.rglob("*"))
-    inside = [file for file in files if file.suffix.casefold() in UNREAD and reader_of(file) is None]
-    return [file for file in inside if file == path or _is_own(file, path)]
-
-
-def _is_recording(file: Path, folder: Path) -> bool:
-    """Return True for a file of a known format that is neither hidden nor the result of a run."""
-    return file.is_file() and reader_of(file) is not None and _is_own(file, folder)
-
-
 def _is_own(file: Path, folder: Path) -> bool:
     """Return True for a file that is neither hidden nor the result of a run."""
     inside = file.relative_to(folder)
     ours = any((folder / parent / "run.json").is_file() for parent in inside.parents)
     return not ours and not any(part.startswith(".") for part in inside.parts)
+
+
+def _homes(files: Sequence[Path]) -> dict[Path, Path]:
+    """Every folder with itself; with the one above it where folders side by side tell what was held, as `10 psi` and `20 psi`."""
+    folders = {file.parent for file in files}
+    told = {one for one in folders if (number := number_in(one.name)) is not None and number[1] is not None}
+    levels = Counter(one.parent for one in told)
+    return {one: one.parent if one in told and levels[one.parent] > 1 else one for one in folders}
 
 
 def _by_names(files: Sequence[Path], home: Path, layout: Preview, pooled: str | None) -> list[Group]:
@@ -241,6 +139,38 @@ def _by_names(files: Sequence[Path], home: Path, layout: Preview, pooled: str | 
     of = None if pooled == "none" else pooled
     made = [Group(tuple(file for file, _ in group), tuple(part for _, part in group), layout) for group in members.values()]
     return [replace(group, of=of) if len({part.group for part in group.names}) > 1 else group for group in made]
+
+
+def _pairs(columns: Mapping[Path, Preview]) -> list[Group]:
+    """Two files of a single column in one folder, of as many lines: the first one by its name, with the other beside it."""
+    found = []
+    for folder in dict.fromkeys(file.parent for file in columns):
+        files = sorted(file for file in columns if file.parent == folder and reader_of(file) == READERS["csv"])
+        if len(files) == 2 and (count := _lines(files[0])) is not None and count == _lines(files[1]):
+            first, other = (Group((file,), (NameParts(),), columns[file]) for file in files)
+            found.append(replace(first, beside=other))
+    return found
+
+
+def _lines(file: Path) -> int | None:
+    """Return the number of lines; None of a damaged file."""
+    try:
+        return sum(1 for _ in lines_of(file))
+    except DataError:
+        return None
+
+
+def second_of(group: Group, groups: Sequence[Group]) -> Group | None:
+    """Return the log with the pressure of the same tests: the one group in the folder whose titles have it, and that has as many files.
+
+    None where the group has a pressure of its own, lacks force, position or time, or more than one other comes into question.
+    """
+    here = group.quantities
+    if not {"time", "force"} <= here or "pressure" in here or here.isdisjoint(POSITIONS):
+        return None
+    beside = [one for one in groups if one.files[0].parent == group.files[0].parent and len(one.files) == len(group.files)]
+    found = [one for one in beside if {"time", "pressure"} <= one.quantities and one.quantities.isdisjoint({"force", *POSITIONS})]
+    return found[0] if len(found) == 1 else None
 
 
 def patterns(files: Sequence[Path], folder: Path) -> list[str]:
@@ -259,3 +189,124 @@ def _candidates(names: Sequence[str]) -> list[str]:
     end = shared_start([name[::-1] for name in names])[::-1]
     words = [end[mark.start() :] for mark in re.finditer(r"(?:\.[A-Za-z]\w*)+$|[_\s-]", end)][::-1]
     return [f"{glob.escape(start)}*{glob.escape(stop)}" for stop in words for start in (begin, "")]
+
+
+# What names tell ------------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, order=True)
+class Told:
+    """What the name of a file says about the held quantity, in the model's unit, and how."""
+
+    value: float = 0.0
+    why: str = ""
+
+
+def constants_of(
+    words: Sequence[str | None], quantity: str, length: float | None = None, *, strict: bool = False
+) -> tuple[str, list[Told]] | None:
+    """Return the held quantity by the names of the files, or by sheets of a workbook, and its values; None where they say nothing.
+
+    Strains above 1.5 are per cent, whether of the length or of the largest strain, and those of 100 are none; a name without a number
+    stands for zero. Millimetres are a contraction: a strain of the muscle's `length` in m, and a `displacement` where that is not known.
+    With `strict`, numbers without a unit say nothing. `L=180mm` is a length.
+    """
+    told = {word: number_in(word) for word in words if word is not None}
+    numbers = [number for number in told.values() if number is not None]
+    units = {unit for _, unit in numbers}
+    kinds = {"strain" if unit in {"%", *LENGTHS} else "pressure" for unit in units - {None}}
+    if None in words or len(told) < 2 or not numbers or (strict and None in units) or kinds - {quantity}:
+        return None
+    usual = default_unit(quantity)
+    if units & LENGTHS:
+        labels = [read_label(word) for word in told]
+        is_length = len(numbers) == len(told) and all(label is not None and label.quantity == "length" for label in labels)
+        quantity, usual = ("length" if is_length else "displacement" if length is None else "strain"), "mm"
+        if not is_length:
+            return quantity, [_shortened(str(word), told[str(word)], length) for word in words]
+    elif quantity == "strain":
+        largest = max(value for value, _ in numbers)
+        if largest >= IMPOSSIBLE:
+            return None
+        usual = "%" if largest > LARGEST_FRACTION else usual
+    return quantity, [_said(str(word), told[str(word)], quantity, usual) for word in words]
+
+
+def _shortened(word: str, number: tuple[float, str | None] | None, length: float | None) -> Told:
+    """Return the contraction that a name tells in mm: a strain where the length of the muscle is known, else a displacement in m."""
+    by = 0.0 if number is None else convert(number[0], number[1] if number[1] in LENGTHS else "mm", "m")
+    why = f"'{word}' " + (f"taken as shortened by {1000 * by:g} mm" if number else "has no number: taken as not shortened")
+    if length is None:
+        return Told(float(f"{by:.6g}"), f"{why}; say --length to make a strain of it, or the strain itself")
+    return Told(float(f"{by / length:.6g}"), f"{why} of {1000 * length:g} mm")
+
+
+def _said(word: str, number: tuple[float, str | None] | None, quantity: str, usual: str) -> Told:
+    if number is None:
+        return Told(0.0, f"'{word}' has no number: taken as {quantity} 0")
+    value, unit = number[0], number[1] or usual
+    shown = f"{value:g}{'' if unit == '1' else f' {unit}'}"
+    why = f"'{word}' taken as {quantity} {shown}: say what was measured, here and in `levels` and `split`"
+    return Told(float(f"{convert(value, unit, default_unit(quantity)):.12g}"), why)
+
+
+def pressures_told(names: Sequence[NameParts]) -> list[float]:
+    """Return the pressures in bar that names of files tell with a unit; empty where not all of them do."""
+    numbers = [number_in(part.condition or "") for part in names]
+    told = [convert(number[0], number[1], "bar") for number in numbers if number and number[1] and number[1] not in {"%", *LENGTHS}]
+    return told if len(told) == len(numbers) else []
+
+
+def loads_told(group: Group) -> list[Told] | None:
+    """Return the dead loads that the names of the files tell, as `Sample 1 Final 200 grams`; None where not all of them do."""
+    masses = [mass for path in group.files if (mass := mass_in(path.name)) is not None]
+    told = [Told(float(f"{mass * GRAVITY:.6g}"), f"N: '{word}' taken as the mass of a load that hangs there") for mass, word in masses]
+    return told if len(told) == len(group.files) else None
+
+
+def started(group: Group, name: str, folder: Path, quantity: str = "", constants: Sequence[Told] | None = None) -> Draft:
+    """Return a draft with the name and the files; those for which the same constant is set share an entry."""
+    layout, count = group.layout, len(group.files)
+    of_sheets = constants is not None and count == 1
+    data: dict[str, Any] = {"files": [], "reader": layout.reader, **layout.settings}
+    draft = Draft({"schema_version": 1, "name": name, "muscle": {"name": name}, "data": data}, files=count)
+    draft = draft.noted(("muscle",), "kind, length and diameter help `check`, as {kind: mckibben, length: 88 mm, diameter: 20 mm}")
+    if not layout.settings.get("header", True):
+        draft = draft.noted(("data", "header"), "the first line holds numbers")
+    if "sample_time" in layout.settings:
+        draft = draft.noted(("data", "sample_time"), "s: as the file says")
+    if layout.sheets or of_sheets:
+        draft = draft.without("data.sheet")
+    if layout.left:
+        draft = draft.noted(("data", "sheet" if "sheet" in draft.data else "reader"), _of_sheets(layout), False)
+    entries: list[tuple[Any, str | None]]
+    if of_sheets:
+        (path,) = patterns(group.files, folder)
+        pairs = zip(layout.told, constants or (), strict=True)
+        entries = [({"path": path, "sheet": sheet, "set": {quantity: one.value}}, one.why) for sheet, one in pairs]
+    elif constants is None and group.of is None:
+        found = patterns(group.files, folder)
+        entries = [(one, f"{count} files" if len(found) < count and one == found[0] else None) for one in found]
+    else:
+        entries = []
+        told_of = list(zip(constants or [Told()] * count, group.specimens if group.of else [(0, "")] * count, strict=True))
+        for told, (number, word) in sorted(set(told_of)):
+            members = [file for file, own in zip(group.files, told_of, strict=True) if own == (told, (number, word))]
+            known = ({quantity: told.value} if constants else {}) | ({group.of: number} if group.of else {})
+            words = "; ".join([*([told.why] if constants else []), *([f"'{word}' is {group.of} {number}"] if group.of else [])])
+            entries += [({"path": pattern, "set": known}, words) for pattern in patterns(members, folder)]
+    files: list[Any] = []
+    for entry, why in entries:
+        draft = draft.noted(("data", "files", len(files)), why, sure=constants is None)
+        plain = entry if isinstance(entry, dict) else {"path": entry}
+        files += [{**plain, "sheet": sheet} for sheet in layout.sheets] if layout.sheets and not of_sheets else [entry]
+    draft = draft.with_data("files", files)
+    return draft if group.of is None else draft.with_data("groups", {"of": group.of}, "each is scored by itself")
+
+
+def _of_sheets(layout: Preview) -> str:
+    """Which sheets of a workbook are read, and which are not."""
+    several = bool(layout.sheets) or "*" in layout.settings.get("sheet", "")
+    which = "the sheets that are alike" if several else "the sheet with the most rows"
+    names = ", ".join(f"'{name}'" for name in layout.left[:MOST_TOLD]) + (" ..." if len(layout.left) > MOST_TOLD else "")
+    return f"{which}; laid out in another way, and left out: {names}"

@@ -14,22 +14,15 @@ from typing import Any
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.readers import reader_of, suffix_of
-from mapmore_cli.storage.tables.table import Top
+from mapmore_cli.storage.tables import Top
+from mapmore_cli.study.inspection.names import UNIT
 
-WIDEST = 2000
-"""Columns of a table that `init` looks at."""
-
-LINES = 200
-MOST_HEADER_LINES = 9
-MOST_UNIT_LINES = 2
+WIDEST, LINES = 2000, 200  # columns, and lines of a table, that `init` looks at
+MOST_HEADER_LINES, MOST_UNIT_LINES = 9, 2
 REMARKS = ("#", "%", "//", "!")  # what a line begins with that is no data
 WORD = 3  # letters that titles of sheets share, to be a glob
-
-FEW = 5
+FEW = 5  # lines
 _LABELLED = re.compile(r"\s*[A-Za-z_]\w*\s*[:=]\s*[-+]?[.\d]\S*")  # as microcontrollers plot: `t:12,p:3.4`
-UNIT = r"(kpa|pa|mpa|bar|mbar|psi|pct|percent|%|mm|cm)(?![a-z])"
-"""A unit of pressure, strain or length, behind a number in names that tell what was held."""
-
 Row = Sequence[Any]
 
 
@@ -101,20 +94,19 @@ def preview(path: Path, least: int = 2) -> Preview:
 def _of_all_sheets(found: _Table, tables: Sequence[_Table], sheets: Sequence[str]) -> Preview:
     """Return the layout of the sheet with the most rows, for it and all that are like it."""
 
-    def shape(layout: Preview) -> tuple[Any, ...]:
-        return layout.titles, layout.width, {key: value for key, value in layout.settings.items() if key != "sheet"}
+    def shape(layout: Preview) -> Preview:
+        return replace(layout, settings={**layout.settings, "sheet": ""}, below=())
 
-    alike = [str(table.sheet) for table in tables if shape(table.layout) == shape(found.layout)]
-    others = tuple(sheet for sheet in sheets if sheet not in alike)
+    alike = tuple(str(table.sheet) for table in tables if shape(table.layout) == shape(found.layout))
+    layout = replace(found.layout, left=tuple(sheet for sheet in sheets if sheet not in alike))
     if len(alike) == 1:
-        return replace(found.layout, left=others)
+        return layout
     begin, end = shared_start(alike), shared_start([name[::-1] for name in alike])[::-1]
     globs = ["*", *([f"{glob.escape(begin)}*"] if len(begin) >= WORD else []), *([f"*{glob.escape(end)}"] if len(end) >= WORD else [])]
-    told = tuple(alike) if all(re.search(rf"\d\s*{UNIT}", name, re.IGNORECASE) for name in alike) else ()
+    told = alike if all(re.search(rf"\d\s*{UNIT}", name, re.IGNORECASE) for name in alike) else ()
     exact = next((one for one in globs if {sheet for sheet in sheets if fnmatchcase(sheet, one)} == {*alike}), None)
-    if exact is not None:
-        return replace(found.layout, settings={**found.layout.settings, "sheet": exact}, left=others, told=told)
-    return replace(found.layout, settings={**found.layout.settings, "sheet": alike[0]}, sheets=tuple(alike), left=others, told=told)
+    settings = {**layout.settings, "sheet": exact or alike[0]}
+    return replace(layout, settings=settings, sheets=() if exact else alike, told=told)
 
 
 def _table(first_rows: Top, reader: str, least: int) -> _Table | None:
@@ -139,10 +131,10 @@ def _table(first_rows: Top, reader: str, least: int) -> _Table | None:
         first += 1
     least = max(numeric) + 1 if reader == "xlsx" else width  # beyond the table a sheet may hold notes
     top = next((i for i in range(first, 0, -1) if blank[i - 1] or not _may_be_titles(whole[i - 1], width, least)), 0)
-    header = first - top
-    if first == len(whole) or header > MOST_HEADER_LINES:
+    if first == len(whole) or first - top > MOST_HEADER_LINES:
         return None
-    top += _before_titles(whole[top:first])
+    counts = [len(_filled(row)) for row in whole[top:first]]
+    top += next((place for place, count in enumerate(counts) if 2 * count > max(counts)), 0)  # names of a rig or a date stand in few cells
     header = first - top
     above = [[*row, *(None for _ in range(width - len(row)))] for row in whole[top:first]]
     titles = tuple("" if cell is None else str(cell).strip().strip('"') for cell in above[0]) if header else None
@@ -153,15 +145,9 @@ def _table(first_rows: Top, reader: str, least: int) -> _Table | None:
         layout = replace(layout, titles=tuple(map(str, whole[first - 1][1:])), remark=True)
     if first_rows.addresses:
         layout = replace(layout, settings={**first_rows.settings}, addresses=first_rows.addresses)
-    words = {place: _filled([row[place] for row in whole[first:] if len(row) == width]) for place in range(width) if place not in numeric}
-    doubtful = sum(any(mark in str(cell) for mark in "0123456789") for cells in words.values() for cell in cells[:1])
+    words = [_filled([row[place] for row in whole[first:] if len(row) == width]) for place in range(width) if place not in numeric]
+    doubtful = sum(any(mark in str(cells[0]) for mark in "0123456789") for cells in words if cells)
     return _Table(layout, len(whole) - first, doubtful, first_rows.sheet)
-
-
-def _before_titles(header: Sequence[Row]) -> int:
-    """Return how many lines of a header come first that fill half of the cells at most: names of a rig, a date."""
-    filled = [len(_filled(row)) for row in header]
-    return next((place for place, count in enumerate(filled) if 2 * count > max(filled)), 0)
 
 
 def _may_be_titles(row: Row, width: int, least: int) -> bool:
@@ -180,12 +166,8 @@ def _body(rows: Sequence[Row]) -> tuple[Sequence[Row], int]:
 
 def _numeric_columns(rows: Sequence[Row], is_number: Callable[[Any], bool]) -> list[int]:
     """Return the columns of which most cells that are filled are numbers."""
-    found = []
-    for place in range(len(rows[0]) if rows else 0):
-        cells = _filled([row[place] for row in rows])
-        if 2 * sum(map(is_number, cells)) > len(cells):
-            found.append(place)
-    return found
+    columns = [_filled(cells) for cells in zip(*rows, strict=True)]
+    return [place for place, cells in enumerate(columns) if 2 * sum(map(is_number, cells)) > len(cells)]
 
 
 def shared_start(names: Sequence[str]) -> str:

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import glob
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,9 +22,9 @@ from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.modelling.validation.metrics import divisor, on_common_rows, score_rows
 from mapmore_cli.pipeline.search import reads
 from mapmore_cli.pipeline.validate import scored_as
-from mapmore_cli.spec.loader import load
+from mapmore_cli.spec.loader import load_text
 from mapmore_cli.spec.yaml_loader import dump
-from mapmore_cli.study.drafting.draft import Draft
+from mapmore_cli.study.drafting.draft import Draft, Note
 from mapmore_cli.study.inspection.evidence import two_digits
 from mapmore_cli.study.inspection.lint import inspect
 
@@ -57,20 +55,16 @@ class Trial:
         return self.plainer is not None and self.own.rmse > times * self.plainer.rmse
 
     def __str__(self) -> str:
+        def per_cent(score: Score) -> str:
+            return f"{two_digits(100 * score.nrmse):g} %" if score.nrmse else "0 %"
+
         where = "on held-out data" if self.own.split == "validate" else "on its training data"
         if not np.isfinite(self.own.rmse):
             return f"no finite error {where}"
         if not np.isfinite(self.own.nrmse):
             return f"no NRMSE {where}: the measured values are zero, or all alike"
-        told = f"NRMSE {_per_cent(self.own)} {where}"
-        if self.own.r2 <= 0:
-            told += ", worse than their mean"
-        return f"{told}; {self.plainer.model} has {_per_cent(self.plainer)} there" if self.plainer and self._beaten(WORSE) else told
-
-
-def _per_cent(score: Score) -> str:
-    """Return the error in per cent, two digits of it."""
-    return f"{two_digits(100 * score.nrmse):g} %" if score.nrmse else "0 %"
+        told = f"NRMSE {per_cent(self.own)} {where}" + (", worse than their mean" if self.own.r2 <= 0 else "")
+        return f"{told}; {self.plainer.model} has {per_cent(self.plainer)} there" if self.plainer and self._beaten(WORSE) else told
 
 
 def scored(loaded: LoadedSpec, dataset: Dataset) -> Trial:
@@ -103,65 +97,44 @@ def proven(draft: Draft, folder: Path, budget: float | None = None, progress: Pr
         except MapmoreError as fault:
             faults.append(fault.message)
             continue
-        return _told(found.noted(("target",), _why(found, faults[0]), False) if faults else found, trial)
+        before = found.notes.get(("target",), Note(""))
+        simpler = [f"made simpler, as {' '.join(faults[0].split())[:160]}"] if faults else []
+        why = "; ".join([*([before.why] if before.why else []), *simpler, f"tried: {trial}"])
+        return found.noted(("target",), why, before.sure and not faults and not trial.bad)
     raise DataError(f"{draft.name}: {faults[0]}", "write the spec by hand")
-
-
-def _told(draft: Draft, trial: Trial) -> Draft:
-    """Return the draft with what its model scored; marked where the mean or a plainer model is better."""
-    before = draft.notes.get(("target",))
-    told = f"tried: {trial}"
-    return draft.noted(("target",), told if before is None else f"{before.why}; {told}", not trial.bad and (before is None or before.sure))
-
-
-def _why(draft: Draft, fault: str) -> str:
-    before = draft.notes.get(("target",))
-    told = f"made simpler, as {' '.join(fault.split())[:160]}"
-    return told if before is None else f"{before.why}; {told}"
 
 
 def _simpler(draft: Draft) -> Iterator[Draft]:
     """Yield the draft, then without one thing after the other that data may be too few or too odd for, at last as a straight line."""
     yield draft
-    steps: tuple[Callable[[Draft], Draft], ...] = (
-        lambda one: one.without("validate"),
-        lambda one: one.without_data("cycles", "keep", "derive"),
-        lambda one: one.without_data("split"),
-        lambda one: one.without_data("levels"),
-    )
-    for step in steps:
-        simpler = step(draft)
+    for keys in (("validate",), ("data.cycles", "data.keep", "data.derive"), ("data.split",), ("data.levels",)):
+        simpler = draft.without(*keys)
         if simpler.spec != draft.spec:
             draft = simpler
             yield draft
-    target = draft.spec["target"]
-    output = target["column"] if isinstance(target, dict) else "force"
     beside = [name for entry in draft.data["files"] if isinstance(entry, dict) for name in entry.get("set", {})]
-    inputs = [name for name in (*draft.data["columns"], *beside) if name not in ("time", output)]
-    draft = draft.without_data("resample", "gaps")
+    inputs = [name for name in (*draft.data["columns"], *beside) if name not in ("time", draft.output)]
+    draft = draft.without("data.resample", "data.gaps")
     yield draft.with_section("dictionary", [{"polynomial": {"of": inputs[:1], "order": 1}}], "a straight line: the least that is a model")
 
 
 def _tried(draft: Draft, folder: Path, budget: float, progress: Progress) -> tuple[Draft, Trial]:
     """Return the draft with a model, and its scores; MapmoreError for what `check`, `run` or the search have against it."""
-    with TemporaryDirectory() as place:
-        path = Path(place) / "draft.yaml"
 
-        def checked(spec: dict[str, Any]) -> tuple[LoadedSpec, Dataset]:
-            path.write_text(dump(_absolute(spec, folder)), encoding="utf-8")
-            loaded = load(path)
-            found = inspect(loaded)
-            if found.verdict is not None or found.dataset is None:
-                raise DataError("; ".join(issue.message for issue in found.issues if issue.severity == "error"))
-            return loaded, found.dataset
+    def checked(spec: dict[str, Any]) -> tuple[LoadedSpec, Dataset]:
+        loaded = load_text(dump(spec), "draft.yaml", folder)
+        found = inspect(loaded)
+        if found.verdict is not None or found.dataset is None:
+            raise DataError("; ".join(issue.message for issue in found.issues if issue.severity == "error"))
+        return loaded, found.dataset
 
-        if "dictionary" not in draft.spec:
-            loaded, dataset = checked({**draft.without("validate").spec, "model": {"type": AUTO, "budget": budget}})
-            draft = with_structure(draft, search(dataset, reads(loaded.spec), progress, beside=False))
-        return draft, scored(*checked(draft.spec))
+    if "dictionary" not in draft.spec:
+        loaded, dataset = checked({**draft.without("validate").spec, "model": {"type": AUTO, "budget": budget}})
+        draft = _with_structure(draft, search(dataset, reads(loaded.spec), progress, beside=False))
+    return draft, scored(*checked(draft.spec))
 
 
-def with_structure(draft: Draft, found: Search) -> Draft:
+def _with_structure(draft: Draft, found: Search) -> Draft:
     """Return the draft with the sections that a search has found, and how."""
     sections: dict[str, Any] = {}
     for key, value in found.found.sections.items():
@@ -173,15 +146,3 @@ def with_structure(draft: Draft, found: Search) -> Draft:
     why = f"found by search: {found.found.words}; of {tried}, the simplest that errs as little as the best on left-out training data"
     place = next(key for key in ("dictionary", "model", "segment") if sections.get(key))
     return replace(draft.noted((place,), f"{why} ({found.found.error:.2g} of the range)"), found=found)
-
-
-def _absolute(spec: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """Return the spec with paths that mean the same from anywhere."""
-    start = glob.escape(str(folder.resolve()))
-
-    def moved(log: dict[str, Any]) -> dict[str, Any]:
-        files = [{**entry, "path": f"{start}/{entry['path']}"} if isinstance(entry, dict) else f"{start}/{entry}" for entry in log["files"]]
-        return {**log, "files": files}
-
-    data = moved(spec["data"])
-    return {**spec, "data": {**data, "join": [moved(log) for log in data["join"]]} if "join" in data else data}

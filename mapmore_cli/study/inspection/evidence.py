@@ -1,91 +1,20 @@
-"""What the name of a column says: which quantity it holds, in which unit."""
+"""What the numbers of recordings show: slack, rest, memory, one signal in two units, what was set, and levels that tell of each other."""
 
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
+from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.expressions.operator import followed, linear
 from mapmore_cli.modelling.signals.cycles import bin_means
 from mapmore_cli.modelling.signals.rates import rate
 from mapmore_cli.modelling.signals.sampling import correlation
-
-_WORDS = {
-    "time": ("t", "time", "times", "timestamp", "seconds", "elapsed", "zeit", "clock", "tout"),
-    "pressure": ("p", "press", "pressure", "druck", "pression", "gauge"),
-    "strain": ("eps", "epsilon", "e", "strain", "contraction", "dehnung", "kontraktion", "ε"),
-    "force": ("f", "force", "kraft", "tension", "pull", "loadcell"),
-    "displacement": ("d", "x", "disp", "displacement", "position", "pos", "stroke", "extension", "elongation", "travel", "weg"),
-    "length": ("l", "len", "length"),
-    "load": ("load", "weight", "mass"),
-    "input": ("u", "v", "input", "voltage", "valve", "duty", "pwm", "dac", "regulator", "solenoid", "pump"),
-}
-_UNITS = {
-    "time": {"s": "s", "sec": "s", "secs": "s", "seconds": "s", "ms": "ms", "msec": "ms", "us": "us", "ns": "ns", "min": "min", "h": "h"},
-    "pressure": {"pa": "Pa", "hpa": "hPa", "kpa": "kPa", "mpa": "MPa", "bar": "bar", "mbar": "mbar", "psi": "psi", "mmhg": "mmHg"},
-    "strain": {"pct": "%", "percent": "%", "perc": "%", "%": "%", "frac": "1", "fraction": "1", "ratio": "1", "1": "1"},
-    "force": {"n": "N", "kn": "kN", "mn": "mN", "lbf": "lbf", "lbs": "lbf", "kgf": "kgf", "kg": "kgf", "gf": "gf", "g": "gf"},
-    "displacement": {"um": "um", "mm": "mm", "cm": "cm", "m": "m", "in": "in"},
-    "length": {"um": "um", "mm": "mm", "cm": "cm", "m": "m", "in": "in"},
-    "load": {"n": "N", "kn": "kN", "lbf": "lbf", "lbs": "lbf", "kgf": "kgf", "kg": "kgf", "gf": "gf", "g": "gf"},
-    "input": {"v": "V", "mv": "mV", **dict.fromkeys(("pa", "hpa", "kpa", "mpa", "bar", "mbar", "psi"), "")},
-}
-_COMMANDS = {"cmd", "command", "setpoint", "set", "desired", "demand", "reference", "ref"}
-_OF_WORD = {word: quantity for quantity, words in _WORDS.items() for word in words}
-_ONLY_PRESSURE = {unit for unit in _UNITS["pressure"] if len(unit) > 2}
-
-
-@dataclass(frozen=True)
-class ColumnTitle:
-    """A column's name, read: the `quantity` it names, and its `unit` where the name has one.
-
-    `plain` is True where nothing else stands in the name: `force_N` is plainer than `force_N_total`.
-    """
-
-    quantity: str
-    unit: str | None
-    plain: bool
-
-
-def read_label(name: str) -> ColumnTitle | None:
-    """Return what a column's name says: `pressure_kPa` and `P [kPa]` are pressures in kPa; None for a name that says nothing.
-
-    The first word that names a quantity decides, and a unit is looked for behind it; without such a word, a unit of pressure does.
-    """
-    words = [word.casefold() for word in re.findall(r"%|[^\W\d_]+|\d+", _apart(name))]
-    place = next((i for i, word in enumerate(words) if word in _OF_WORD), None)
-    if place is None and _COMMANDS & set(words):
-        return ColumnTitle("input", None, plain=len(words) == 1)
-    if place is None:
-        unit = next((word for word in words if word in _ONLY_PRESSURE), None)
-        return ColumnTitle("pressure", _UNITS["pressure"][unit], plain=False) if unit else None
-    quantity = "input" if _COMMANDS & set(words) else _OF_WORD[words[place]]
-    units = _UNITS[quantity]
-    found = [i for i in range(place + 1, len(words)) if words[i] in units]
-    unit = units[words[found[0]]] if found else None
-    return ColumnTitle(quantity, unit or None, plain=len(words) == 1 + bool(found))
-
-
-def unit_in(quantity: str, text: str) -> str | None:
-    """Return the unit of a quantity that a text holds, as `[kN]` under a column's name; None for none."""
-    words = [word.casefold() for word in re.findall(r"%|[^\W\d_]+|\d+", text)]
-    return next((_UNITS[quantity][word] or None for word in words if word in _UNITS.get(quantity, {})), None)
-
-
-def _apart(name: str) -> str:
-    """Return the name with its camel-case words apart, and `pL` of a pair; units as kPa and MPa stay whole."""
-    return re.sub(r"(?<=[a-z]{3})(?=[A-Z])|(?<=\bp)(?=[LRAB]\b)", " ", name)
-
-
-HINGED = "sarosi_hinged"
-"""The formula that is made for it."""
 
 GROUPS = 8  # of strain, where it is not held at fewer values
 BINS = 24  # of pressure
@@ -115,8 +44,8 @@ def slack_foot(pressure: Array, strain: Array, force: Array) -> Foot | None:
         return None
     found = []
     for middle, members in _groups(strain):
-        p, f = _binned((pressure[members] - pressure.min()) / span, force[members] / full)
-        end = _end_of_foot(p, f)
+        p, means = bin_means((pressure[members] - pressure.min()) / span, {"f": force[members] / full}, np.linspace(0, 1, BINS + 1))
+        end = _end_of_foot(p, means["f"])
         if end is not None:
             found.append((middle, pressure.min() + span * end))
     if len(found) < 2:
@@ -132,15 +61,6 @@ def _groups(strain: Array) -> list[tuple[float, IntArray]]:
     if len(np.unique(place)) > GROUPS:
         place = np.minimum((strain - low) / span * GROUPS, GROUPS - 1).astype(int)
     return [(float(np.median(strain[place == group])), np.flatnonzero(place == group)) for group in np.unique(place)]
-
-
-def _binned(p: Array, f: Array) -> tuple[Array, Array]:
-    """Mean pressure and mean force of every bin that holds samples."""
-    place = np.minimum(p * BINS, BINS - 1).astype(int)
-    counts = np.bincount(place, minlength=BINS)
-    filled = counts > 0
-    p_mean, f_mean = (np.bincount(place, values, minlength=BINS)[filled] / counts[filled] for values in (p, f))
-    return p_mean, f_mean
 
 
 def _end_of_foot(p: Array, f: Array) -> float | None:
@@ -166,16 +86,8 @@ MIDDLE = (0.1, 0.9)  # of the pressure range
 class Settling:
     """How a pressure settles.
 
-    Attributes
-    ----------
-    limit
-        Rate per second, a round number, below which a sample counts as settled.
-    share
-        Part of all samples that is settled.
-    share_between
-        Part of the samples in the middle of the pressure range that is settled: staircases rest there, and sweeps do not.
-    window
-        Width of the window in which the rate was found, in s.
+    A sample counts as settled below the rate `limit` per second, a round number, found in a `window` in s. That is a `share` of all
+    samples, and `share_between` of those in the middle of the pressure range: staircases rest there, and sweeps do not.
     """
 
     limit: float
@@ -213,8 +125,7 @@ def two_digits(value: float) -> float:
 # What is remembered ----------------------------------------------------------------------------------------------------------
 
 KNOTS = 12  # of the curve over the input of now
-DELAYS = (1, 2)  # samples
-LAGS = (4, 16, 64)  # samples
+DELAYS, LAGS = (1, 2), (4, 16, 64)  # samples
 TENTHS = 10  # parts of each record, of which every second one is learnt from
 MOST_SHOWN = 20_000  # samples that are looked at, one in so many of longer records
 RIDGE = 1e-6
@@ -229,48 +140,43 @@ class Remembered:
     before: float
 
 
-def remembered(records: Sequence[tuple[Array, Array]]) -> Remembered | None:
-    """How much better earlier samples of an input tell the response, of records given as input and response, each `(n,)`, in order.
+def remembered(drive: Sequence[Array], response: Sequence[Array]) -> Remembered | None:
+    """How much better earlier samples of an input tell the response; the arrays `(n,)` are those of each record, in order.
 
-    Two least-squares fits learn from every second tenth of each record and are tried on the others: a curve of 12 pieces over the input of
-    now, and the same with the input delayed and followed slowly. None where the input does not go there and back: nothing then tells the
-    two from each other.
+    Two least-squares fits: a curve of 12 pieces over the input of now, and the same with the input delayed and followed slowly. None where
+    the input does not go there and back: nothing then tells the two from each other.
     """
-    every = -(-sum(len(u) for u, _ in records) // MOST_SHOWN)
-    records = [(u[::every], y[::every]) for u, y in records]
-    drive = np.concatenate([u for u, _ in records])
-    response = np.concatenate([y for _, y in records])
-    scale = float(np.ptp(drive)) or 1.0
-    if sum(float(np.abs(np.diff(u)).sum()) for u, _ in records) < THERE_AND_BACK * scale:
+    drive, response = _scaled(_thinned(drive)), _thinned(response)
+    if sum(float(np.abs(np.diff(u)).sum()) for u in drive) < THERE_AND_BACK:
         return None
-    knots = np.unique(np.quantile(drive, np.linspace(0, 1, KNOTS + 1)))
-    hats = np.column_stack([np.interp(drive, knots, row) for row in np.eye(len(knots))])
-    past = np.concatenate([_earlier((u - drive.min()) / scale) for u, _ in records])
-    learn = np.concatenate([np.arange(len(u)) * TENTHS // len(u) % 2 == 0 for u, _ in records])
-    spread = float(np.std(response[~learn])) or 1.0
-    errors = [_tried(columns, response, learn) / spread for columns in (hats, np.column_stack([hats, past]))]
-    return Remembered(*errors)
+    now = np.concatenate(drive)
+    knots = np.unique(np.quantile(now, np.linspace(0, 1, KNOTS + 1)))
+    hats = np.column_stack([np.interp(now, knots, row) for row in np.eye(len(knots))])
+    past = np.concatenate([_earlier(u) for u in drive])
+    return Remembered(_left_over(hats, response), _left_over(np.column_stack([hats, past]), response))
 
 
 def untold(drives: Sequence[Sequence[Array]], response: Sequence[Array]) -> float:
     """Return the RMSE, relative to its spread, of a response by several inputs now and before; the arrays `(n,)` are those of each record.
 
-    Least squares on the inputs, their squares, delayed and slowly followed copies; it learns from every second tenth of each record.
-    1 where the lengths of columns differ.
+    Least squares on the inputs, their squares, delayed and slowly followed copies. 1 where the lengths of columns differ.
     """
-    every = -(-sum(map(len, response)) // MOST_SHOWN)
-    columns = []
     if any([len(one) for one in drive] != [len(one) for one in response] for drive in drives):
         return 1.0  # one of them lacks values
-    for drive in drives:
-        pooled = np.concatenate(drive)
-        scaled = [(values[::every] - pooled.min()) / (float(np.ptp(pooled)) or 1.0) for values in drive]
-        columns.append(np.concatenate([np.column_stack([one, one**2, _earlier(one)]) for one in scaled]))
-    y = np.concatenate([values[::every] for values in response])
-    learn = np.concatenate([np.arange(len(one[::every])) * TENTHS // len(one[::every]) % 2 == 0 for one in response])
-    if learn.all() or not learn.any():
-        return 1.0
-    return _tried(np.column_stack([np.ones(len(y)), *columns]), y, learn) / (float(np.std(y[~learn])) or 1.0)
+    scaled = [_thinned(_scaled(drive)) for drive in drives]
+    columns = [np.concatenate([np.column_stack([u, u**2, _earlier(u)]) for u in drive]) for drive in scaled]
+    return _left_over(np.column_stack([np.ones(len(columns[0])), *columns]), _thinned(response))
+
+
+def _thinned(values: Sequence[Array]) -> list[Array]:
+    every = -(-sum(map(len, values)) // MOST_SHOWN)
+    return [one[::every] for one in values]
+
+
+def _scaled(values: Sequence[Array]) -> list[Array]:
+    """Return a column in units of its range."""
+    pooled = np.concatenate(values)
+    return [(one - pooled.min()) / (float(np.ptp(pooled)) or 1.0) for one in values]
 
 
 def _earlier(u: Array) -> Array:
@@ -280,11 +186,18 @@ def _earlier(u: Array) -> Array:
     return np.column_stack([*delayed, *slow, *(one**2 for one in slow)])
 
 
-def _tried(columns: Array, y: Array, learn: BoolArray) -> float:
-    """RMSE on the rows that a ridge regression has not learnt from."""
+def _left_over(columns: Array, response: Sequence[Array]) -> float:
+    """Return the RMSE, relative to its spread, of a ridge regression that has learnt from every second tenth of each record, on the others.
+
+    1 where these are none.
+    """
+    y = np.concatenate(response)
+    learn = np.concatenate([np.arange(len(one)) * TENTHS // len(one) % 2 == 0 for one in response])
+    if learn.all() or not learn.any():
+        return 1.0
     gram = columns[learn].T @ columns[learn]
     weights = np.linalg.solve(gram + RIDGE * np.trace(gram) / len(gram) * np.eye(len(gram)), columns[learn].T @ y[learn])
-    return float(np.sqrt(np.mean((y[~learn] - columns[~learn] @ weights) ** 2)))
+    return float(np.sqrt(np.mean((y[~learn] - columns[~learn] @ weights) ** 2))) / (float(np.std(y[~learn])) or 1.0)
 
 
 # One signal in two units ------------------------------------------------------------------------------------------------------
@@ -302,16 +215,11 @@ def same_signals(columns: Sequence[Array]) -> list[list[int]]:
     for place, column in enumerate(columns):
         if len(column) < FEWEST_SAME or not np.ptp(column):
             continue
-        family = next((one for one in families if _one_signal(columns[one[0]], column)), None)
-        families.append([place]) if family is None else family.append(place)
+        every = -(-len(column) // MOST_SHOWN)
+        same = [one for one in families if len(columns[one[0]]) == len(column)]
+        alike = [one for one in same if abs(correlation(columns[one[0]][::every], column[::every])) >= SAME]
+        alike[0].append(place) if alike else families.append([place])
     return [family for family in families if len(family) > 1]
-
-
-def _one_signal(first: Array, second: Array) -> bool:
-    if len(first) != len(second):
-        return False
-    every = -(-len(first) // MOST_SHOWN)
-    return abs(correlation(first[::every], second[::every])) >= SAME
 
 
 TOGETHER, FARTHEST = 0.9, 30  # correlation of a command with what it commands, and samples that this may lag behind

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -18,8 +19,20 @@ from mapmore_cli.pipeline.search import SEARCH, read_search
 from mapmore_cli.pipeline.staleness import needed_runs
 from mapmore_cli.spec.loader import LoadedSpec
 from mapmore_cli.spec.sections.data import Split
-from mapmore_cli.study.inspection.rules import OF_CURVES, OF_RECORDINGS
-from mapmore_cli.study.inspection.subject import ORDER, Cause, Issue, Subject
+from mapmore_cli.study.inspection.rules import ORDER, Cause, Issue, Rule, Subject, curves, levels, memory, samples, units
+
+OF_RECORDINGS: tuple[Rule, ...] = (
+    *(units.strain_in_per_cent, units.pressure_in_pascals, units.pressure_in_bar, units.pull_of_the_bore, units.time_in_milliseconds),
+    *(units.unit_in_the_name, units.unit_line, samples.constant, samples.same_signal, samples.clipped, samples.cycles_of_noise),
+    *(samples.force_never_pulls, curves.wrong_way_round, samples.recorded_twice),
+)
+"""Rules that need the recordings alone, so that they can say why no curves could be made of them."""
+
+OF_CURVES: tuple[Rule, ...] = (
+    *(levels.few_samples, levels.segments, levels.beyond_training, samples.many_dropped, samples.unsettled, samples.slack_foot),
+    *(curves.single_valued, curves.loops_apart, memory.even_steps),
+)
+"""Rules that need the curves."""
 
 
 @dataclass(frozen=True)
@@ -57,54 +70,39 @@ def inspect(
     try:
         dataset = build_dataset(part, loaded.folder, progress=progress, warn=warn)
     except (SpecError, DataError) as fault:
-        found = _of_recordings_alone(loaded)
-        if not found:
-            raise
-        return Inspection(None, _sorted((*found, _issue_of(fault, loaded))))
+        bare: dict[str, Any] = {"derive": {}, "keep": [], "cycles": None, "levels": None, "split": Split()}
+        bare |= {"missing": "drop", "repeated_time": "average"}
+        with suppress(SpecError, DataError):  # which say nothing where the files cannot be read either
+            plain = build_dataset(replace(part, data=part.data.model_copy(update=bare)), loaded.folder)
+            found = _issues(loaded, plain, curves=False)
+            if found:
+                return _sorted(None, [*found, _no_curves(fault, loaded)])
+        raise
     issues = _issues(loaded, dataset)
-    same = {key: dataset if slice_of(other.spec) == part else None for key, other in needed.items()}
-    others = [issue for key, other in needed.items() for issue in _of_another(key, other, same[key])]
-    return Inspection(dataset, _sorted((*issues, *others, *_of_search(loaded, run_dir))))
-
-
-def _of_search(loaded: LoadedSpec, run_dir: Path | None) -> Iterator[Issue]:
-    """Yield what the search of a run noted, where the spec leaves the structure to it."""
+    for key, other in needed.items():  # what would end a run that this one needs, or is compared with, would end both
+        try:
+            found = _issues(other, dataset if slice_of(other.spec) == part else build_dataset(slice_of(other.spec), other.folder))
+        except (SpecError, DataError) as fault:
+            found = [_no_curves(fault, other)]
+        issues += [replace(issue, message=f"in `{key}`: {issue.message}") for issue in found if issue.severity == "error"]
     if run_dir is not None and loaded.spec.model.type == AUTO and (run_dir / SEARCH).is_file():
-        for note in read_search(run_dir / SEARCH).notes:
-            yield Issue("hint", "structure", loaded.where("model"), note, "its table of what was tried is on the page of the run")
+        remedy = "its table of what was tried is on the page of the run"
+        issues += [Issue("hint", "structure", loaded.where("model"), note, remedy) for note in read_search(run_dir / SEARCH).notes]
+    return _sorted(dataset, issues)
 
 
-def _issues(loaded: LoadedSpec, dataset: Dataset) -> tuple[Issue, ...]:
-    subject = Subject(loaded.spec, loaded.where, dataset.recordings, slice_of(loaded.spec).units, loaded.folder, dataset)
-    return tuple(issue for rule in (*OF_RECORDINGS, *OF_CURVES) for issue in rule(subject))
+def _issues(loaded: LoadedSpec, dataset: Dataset, curves: bool = True) -> list[Issue]:
+    """Return what the rules say of a dataset, or of its recordings alone."""
+    subject = Subject(
+        loaded.spec, loaded.where, dataset.recordings, slice_of(loaded.spec).units, loaded.folder, dataset if curves else None
+    )
+    return [issue for rule in (*OF_RECORDINGS, *(OF_CURVES if curves else ())) for issue in rule(subject)]
 
 
-def _of_another(key: str, loaded: LoadedSpec, dataset: Dataset | None) -> Iterator[Issue]:
-    """Return the errors of a run that this one needs or is compared with, which would end both; `dataset` where recordings are shared."""
-    try:
-        found = _issues(loaded, dataset or build_dataset(slice_of(loaded.spec), loaded.folder))
-    except (SpecError, DataError) as fault:
-        found = (_issue_of(fault, loaded),)
-    yield from (replace(issue, message=f"in `{key}`: {issue.message}") for issue in found if issue.severity == "error")
-
-
-def _of_recordings_alone(loaded: LoadedSpec) -> tuple[Issue, ...]:
-    """Return what the rules say about the columns as they stand in the files; nothing where these cannot be read either."""
-    part = slice_of(loaded.spec)
-    bare: dict[str, Any] = {"derive": {}, "keep": [], "cycles": None, "levels": None, "split": Split()}
-    bare |= {"missing": "drop", "repeated_time": "average"}
-    try:
-        plain = build_dataset(replace(part, data=part.data.model_copy(update=bare)), loaded.folder)
-    except (SpecError, DataError):
-        return ()
-    subject = Subject(loaded.spec, loaded.where, plain.recordings, part.units, loaded.folder)
-    return tuple(issue for rule in OF_RECORDINGS for issue in rule(subject))
-
-
-def _issue_of(fault: SpecError | DataError, loaded: LoadedSpec) -> Issue:
+def _no_curves(fault: SpecError | DataError, loaded: LoadedSpec) -> Issue:
     cause: Cause = "spec" if isinstance(fault, SpecError) else "data"
     return Issue("error", "no-curves", loaded.where("data"), fault.message, fault.remedy or "mend the other issues first", cause)
 
 
-def _sorted(issues: tuple[Issue, ...]) -> tuple[Issue, ...]:
-    return tuple(sorted(issues, key=lambda issue: ORDER.index(issue.severity)))
+def _sorted(dataset: Dataset | None, issues: Iterable[Issue]) -> Inspection:
+    return Inspection(dataset, tuple(sorted(issues, key=lambda issue: ORDER.index(issue.severity))))

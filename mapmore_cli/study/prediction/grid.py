@@ -13,7 +13,7 @@ from mapmore_cli.domain.errors import DataError, UsageError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.modelling.inverse import LOWEST, invert
 from mapmore_cli.modelling.kinds import runs_over_time
-from mapmore_cli.storage.tables.table import TableRequest, locate_columns
+from mapmore_cli.storage.tables import TableRequest, locate_columns
 from mapmore_cli.study.prediction.records import fields_of, records, values_of
 
 EXAMPLE = "write it as pressure=0:600:25,strain=0:0.25:0.01 (first:last:step, or one value)"

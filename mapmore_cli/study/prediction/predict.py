@@ -21,7 +21,7 @@ from mapmore_cli.modelling.memory.records import AtSample, numbered
 from mapmore_cli.modelling.program.model import slopes
 from mapmore_cli.modelling.signals.rates import with_signals
 from mapmore_cli.modelling.validation.intervals import checked, ends, half_widths_of, refusal
-from mapmore_cli.storage.tables.table import TableRequest, locate_columns
+from mapmore_cli.storage.tables import TableRequest, locate_columns
 from mapmore_cli.study.prediction.records import Reading, Row, fields_of, reading_of, recordings, records, stretches, values_of
 
 CHUNK = 20_000

@@ -16,16 +16,16 @@ from mapmore_cli.domain.arrays import Columns
 from mapmore_cli.domain.declared import taken
 from mapmore_cli.domain.errors import WriteError
 from mapmore_cli.fitting.stage import Progress
+from mapmore_cli.rig.air import Air, ClosedMuscle, Regulator
 from mapmore_cli.rig.antagonists import Joint, Swing, driven, sines, swung
-from mapmore_cli.rig.chamber import Braid, Chamber, Peano, Tubes
-from mapmore_cli.rig.closed_muscle import ClosedMuscle, Course, RandomMotion, random_velocity
 from mapmore_cli.rig.load_cycle import LoadCycle, Loading, Regulation, Strokes, contraction_table, load_cycle, perturbation
-from mapmore_cli.rig.mckibben import McKibben
-from mapmore_cli.rig.muscle import Hysteresis, StaticMuscle
+from mapmore_cli.rig.muscle import Hysteresis, Muscle
+from mapmore_cli.rig.random_velocity import Course, RandomMotion, random_velocity
 from mapmore_cli.rig.sensors import Sensor, measure, recording_generator
+from mapmore_cli.rig.static_muscles import McKibben, Peano
 from mapmore_cli.rig.step_response import StepRig, StepTimes, step_response
-from mapmore_cli.rig.waveform import Regulator, Waveform, WaveformRig, waveform_response
-from mapmore_cli.rig.wet_muscle import Plumbing, WetMuscle
+from mapmore_cli.rig.water import Plumbing, WetMuscle
+from mapmore_cli.rig.waveform import Waveform, WaveformRig, waveform_response
 from mapmore_cli.spec.fields import Section
 from mapmore_cli.spec.loader import load_as
 from mapmore_cli.spec.simulation import (
@@ -59,18 +59,10 @@ def _in_pascal(settings: Section, *names: str) -> dict[str, float]:
     return {name: getattr(settings, name) * KPA for name in names}
 
 
-def muscle_of(muscle: McKibbenMuscle | PeanoMuscle) -> StaticMuscle:
-    """Return the muscle at rest."""
-    return braid_of(muscle) if isinstance(muscle, McKibbenMuscle) else tube_of(muscle)
-
-
-def chamber_of(muscle: McKibbenMuscle | PeanoMuscle) -> Chamber:
-    """Return the same muscle, full of water."""
-    return Braid(braid_of(muscle)) if isinstance(muscle, McKibbenMuscle) else Tubes(tube_of(muscle), muscle.tubes)
-
-
-def tube_of(muscle: PeanoMuscle) -> Peano:
-    """One tube."""
+def muscle_of(muscle: McKibbenMuscle | PeanoMuscle) -> Muscle:
+    """Return the muscle."""
+    if isinstance(muscle, McKibbenMuscle):
+        return braid_of(muscle)
     return taken(Peano, muscle, **_in_pascal(muscle, "threshold", "threshold_width"))
 
 
@@ -97,7 +89,7 @@ def load_cycle_of(experiment: LoadCycles) -> tuple[LoadCycle, Regulation]:
 
 def wet_muscle_of(spec: SimulationSpec, rig: WaterRig) -> WetMuscle:
     """Return the muscle at the end of its water line."""
-    return WetMuscle(chamber_of(spec.muscle), hysteresis_of(spec.hysteresis), rig.rubber, rig.wall, taken(Plumbing, rig))
+    return WetMuscle(muscle_of(spec.muscle), hysteresis_of(spec.hysteresis), rig.rubber, rig.wall, taken(Plumbing, rig))
 
 
 def step_rig_of(spec: SimulationSpec, experiment: StepResponses) -> tuple[StepRig, StepTimes]:
@@ -114,8 +106,9 @@ def strokes_of(experiment: Perturbations) -> Strokes:
 
 def waveform_rig_of(muscle: McKibbenMuscle, hysteresis: HysteresisSpec, experiment: Waveforms) -> WaveformRig:
     """Return the muscle that hangs behind a regulator."""
-    parts = {"hysteresis": hysteresis_of(hysteresis), "regulator": regulator_of(experiment.regulator)}
-    return taken(WaveformRig, experiment, muscle=braid_of(muscle), **parts)
+    air = Air(experiment.polytropic, np.inf, experiment.dead_volume)
+    filled = ClosedMuscle(braid_of(muscle), hysteresis_of(hysteresis), experiment.rubber, air)
+    return WaveformRig(filled, regulator_of(experiment.regulator), experiment.end_mass)
 
 
 def regulator_of(regulator: RegulatorSpec) -> Regulator:

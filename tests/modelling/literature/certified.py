@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import permutations
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -22,10 +23,6 @@ FOLDER = Path(__file__).parent / "nist"
 LEVELS = ("Lower", "Average", "Higher")
 PUBLISHED = 11  # digits that NIST prints
 NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[Ee][-+]?\d+)?")
-
-WIDE = ((1e-3, 50.0),)
-SIGNED = ((-1000.0, -1e-3), (1e-3, 1000.0))
-RATE = ((0.1, 50.0),)
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,101 +121,78 @@ def digits(found: float, certified: float) -> float:
     return float(PUBLISHED) if found == certified else max(0.0, min(PUBLISHED, -math.log10(abs(found - certified) / abs(certified))))
 
 
-def _exponentials(name: str) -> Certified:
-    rates = tuple(Nonlinear(rate, "x", RATE) for rate in ("b2", "b4", "b6"))
-    return Certified(name, "b1*exp(-b2*x) + b3*exp(-b4*x) + b5*exp(-b6*x)", rates, alike=(("b1", "b2"), ("b3", "b4"), ("b5", "b6")))
+EXPONENTIALS = "b1*exp(-b2*x) + b3*exp(-b4*x) + b5*exp(-b6*x)"
+PEAKS = "b1*exp(-b2*x) + b3*exp(-(x - b4)^2*exp(-2*log(b5))) + b6*exp(-(x - b7)^2*exp(-2*log(b8)))"
+CUBICS = "(b1 + b2*x + b3*x2 + b4*x3)/(1 + b5*x + b6*x2 + b7*x3)"
+TIDES = "b1 + b2*cos(w*x/12) + b3*sin(w*x/12) + b5*cos(w*x/b4) + b6*sin(w*x/b4) + b8*cos(w*x/b7) + b9*sin(w*x/b7)"
+
+RATES = "b2 per x 0.1 50, b4 per x 0.1 50, b6 per x 0.1 50"
+PLACES = "b2 per x 0.1 50, b4 of x 0.05 1, b7 of x 0.05 1, b5 of x 0.01 0.5, b8 of x 0.01 0.5"
+SIGNED = "b5 per x -1000 -1e-3 1e-3 1000, b6 per x2 -1000 -1e-3 1e-3 1000, b7 per x3 -1000 -1e-3 1e-3 1000"
+WIDE = "b2 per x 1e-3 50"
+
+CHWIRUT = {
+    "form": LinearForm("a*exp(-b1*x)/(1 + r*x)", ("a",), {"b1": "b1", "b2": "1/a", "b3": "r/a"}),
+    "starts": {"a": "1/b2", "r": "b3/b2"},
+}
+ALIKE = {
+    "Lanczos": (("b1", "b2"), ("b3", "b4"), ("b5", "b6")),
+    "Gauss": (("b3", "b4", "b5"), ("b6", "b7", "b8")),
+    "MGH17": (("b2", "b4"), ("b3", "b5")),
+    "ENSO": (("b4", "b5", "b6"), ("b7", "b8", "b9")),
+}
+OWN = {
+    "Chwirut": CHWIRUT,
+    "Kirby2": {"powers": 2},
+    "Hahn1": {"powers": 3},
+    "Thurber": {"powers": 3},
+    "Nelson": {"logarithm": True},
+    "Roszman1": {"given": {"w": 1 / math.pi}},
+    "ENSO": {"given": {"w": 2 * math.pi}},
+}
+TEXTS = {  # the formula, and where its nonlinear parameters are sought
+    "Misra1a": ("b1*(1 - exp(-b2*x))", WIDE),
+    "Chwirut2": ("exp(-b1*x)/(b2 + b3*x)", "b1 per x 1e-3 50, r per x 1e-3 50"),
+    "Chwirut1": ("exp(-b1*x)/(b2 + b3*x)", "b1 per x 1e-3 50, r per x 1e-3 50"),
+    "Lanczos3": (EXPONENTIALS, RATES),
+    "Gauss1": (PEAKS, PLACES),
+    "Gauss2": (PEAKS, PLACES),
+    "DanWood": ("b1*exp(b2*log(x))", "b2 1e-3 50"),
+    "Misra1b": ("b1*(1 - (1 + b2*x/2)^-2)", WIDE),
+    "Kirby2": ("(b1 + b2*x + b3*x2)/(1 + b4*x + b5*x2)", "b4 per x -1000 -1e-3 1e-3 1000, b5 per x2 -1000 -1e-3 1e-3 1000"),
+    "Hahn1": (CUBICS, SIGNED),
+    "Nelson": ("b1 - b2*x1*exp(-b3*x2)", "b3 per x2 -1000 -1e-3 1e-3 1000"),
+    "MGH17": ("b1 + b2*exp(-x*b4) + b3*exp(-x*b5)", "b4 per x 0.1 50, b5 per x 0.1 50"),
+    "Lanczos1": (EXPONENTIALS, RATES),
+    "Lanczos2": (EXPONENTIALS, RATES),
+    "Gauss3": (PEAKS, PLACES),
+    "Misra1c": ("b1*(1 - (1 + 2*b2*x)^-0.5)", WIDE),
+    "Misra1d": ("b1*b2*x/(1 + b2*x)", WIDE),
+    "Roszman1": ("b1 - b2*x - w*atan(b3/(x - b4))", "b3 of x 1e-3 10, b4 of x -10 -1e-3 1e-3 10"),
+    "ENSO": (TIDES, "b4 of x 0.1 0.5, b7 of x 0.1 0.5"),
+    "MGH09": ("b1*(x^2 + x*b2)/(x^2 + x*b3 + b4)", "b2 of x 1e-3 10, b3 of x 1e-3 10, b4 1e-3 100"),
+    "Thurber": (CUBICS, SIGNED),
+    "BoxBOD": ("b1*(1 - exp(-b2*x))", WIDE),
+    "Rat42": ("b1/(1 + exp(b2 - b3*x))", "b2 0.1 10, b3 per x 0.1 50"),
+    "MGH10": ("b1*exp(b2/(x + b3))", "b2 of x 0.1 1000, b3 of x 0.1 100"),
+    "Eckerle4": ("(b1/b2)*exp(-0.5*((x - b3)/b2)^2)", "b2 of x 1e-3 1, b3 of x 0.5 1.5"),
+    "Rat43": ("b1*exp(-log(1 + exp(b2 - b3*x))/b4)", "b2 0.1 20, b3 per x 0.1 50, b4 0.1 10"),
+    "Bennett5": ("b1*exp(-log(b2 + x)/b3)", "b2 of x 0.1 100, b3 0.1 10"),
+}
 
 
-def _peaks(name: str) -> Certified:
-    text = "b1*exp(-b2*x) + b3*exp(-(x - b4)^2*exp(-2*log(b5))) + b6*exp(-(x - b7)^2*exp(-2*log(b8)))"
-    places = [Nonlinear(place, None, ((0.05, 1.0),), "x") for place in ("b4", "b7")]
-    widths = [Nonlinear(width, None, ((0.01, 0.5),), "x") for width in ("b5", "b8")]
-    return Certified(name, text, (Nonlinear("b2", "x", RATE), *places, *widths), alike=(("b3", "b4", "b5"), ("b6", "b7", "b8")))
+def _sought(text: str) -> Nonlinear:
+    """A nonlinear parameter from its name, the quantity that its scale is `per` or `of`, and the ends of its intervals."""
+    name, per, of, ends = re.fullmatch(r"(\w+)(?: per (\w+))?(?: of (\w+))?((?: \S+)+)", text).groups()
+    numbers = [float(end) for end in ends.split()]
+    return Nonlinear(name, per, tuple(zip(numbers[::2], numbers[1::2], strict=True)), of)
 
 
-def _chwirut(name: str) -> Certified:
-    form = LinearForm("a*exp(-b1*x)/(1 + r*x)", ("a",), {"b1": "b1", "b2": "1/a", "b3": "r/a"})
-    nonlinear = (Nonlinear("b1", "x", WIDE), Nonlinear("r", "x", WIDE))
-    return Certified(name, "exp(-b1*x)/(b2 + b3*x)", nonlinear, form, {"a": "1/b2", "r": "b3/b2"})
+def _own(table: Mapping[str, Any], name: str) -> Any:
+    return table.get(name) or table.get(name.rstrip("123"))
 
 
-def _cubics(name: str) -> Certified:
-    nonlinear = (Nonlinear("b5", "x", SIGNED), Nonlinear("b6", "x2", SIGNED), Nonlinear("b7", "x3", SIGNED))
-    return Certified(name, "(b1 + b2*x + b3*x2 + b4*x3)/(1 + b5*x + b6*x2 + b7*x3)", nonlinear, powers=3)
-
-
-def _one(name: str, text: str, per: str | None = "x") -> Certified:
-    return Certified(name, text, (Nonlinear("b2", per, WIDE),))
-
-
-OF_X = ((1e-3, 10.0),)
-PROBLEMS = (
-    _one("Misra1a", "b1*(1 - exp(-b2*x))"),
-    _chwirut("Chwirut2"),
-    _chwirut("Chwirut1"),
-    _exponentials("Lanczos3"),
-    _peaks("Gauss1"),
-    _peaks("Gauss2"),
-    _one("DanWood", "b1*exp(b2*log(x))", None),
-    _one("Misra1b", "b1*(1 - (1 + b2*x/2)^-2)"),
-    Certified(
-        "Kirby2",
-        "(b1 + b2*x + b3*x2)/(1 + b4*x + b5*x2)",
-        (Nonlinear("b4", "x", SIGNED), Nonlinear("b5", "x2", SIGNED)),
-        powers=2,
-    ),
-    _cubics("Hahn1"),
-    Certified("Nelson", "b1 - b2*x1*exp(-b3*x2)", (Nonlinear("b3", "x2", SIGNED),), logarithm=True),
-    Certified(
-        "MGH17",
-        "b1 + b2*exp(-x*b4) + b3*exp(-x*b5)",
-        (Nonlinear("b4", "x", RATE), Nonlinear("b5", "x", RATE)),
-        alike=(("b2", "b4"), ("b3", "b5")),
-    ),
-    _exponentials("Lanczos1"),
-    _exponentials("Lanczos2"),
-    _peaks("Gauss3"),
-    _one("Misra1c", "b1*(1 - (1 + 2*b2*x)^-0.5)"),
-    _one("Misra1d", "b1*b2*x/(1 + b2*x)"),
-    Certified(
-        "Roszman1",
-        "b1 - b2*x - w*atan(b3/(x - b4))",
-        (Nonlinear("b3", None, OF_X, "x"), Nonlinear("b4", None, ((-10.0, -1e-3), (1e-3, 10.0)), "x")),
-        given={"w": 1 / math.pi},
-    ),
-    Certified(
-        "ENSO",
-        "b1 + b2*cos(w*x/12) + b3*sin(w*x/12) + b5*cos(w*x/b4) + b6*sin(w*x/b4) + b8*cos(w*x/b7) + b9*sin(w*x/b7)",
-        (Nonlinear("b4", None, ((0.1, 0.5),), "x"), Nonlinear("b7", None, ((0.1, 0.5),), "x")),
-        alike=(("b4", "b5", "b6"), ("b7", "b8", "b9")),
-        given={"w": 2 * math.pi},
-    ),
-    Certified(
-        "MGH09",
-        "b1*(x^2 + x*b2)/(x^2 + x*b3 + b4)",
-        (Nonlinear("b2", None, OF_X, "x"), Nonlinear("b3", None, OF_X, "x"), Nonlinear("b4", None, ((1e-3, 100.0),))),
-    ),
-    _cubics("Thurber"),
-    _one("BoxBOD", "b1*(1 - exp(-b2*x))"),
-    Certified("Rat42", "b1/(1 + exp(b2 - b3*x))", (Nonlinear("b2", None, ((0.1, 10.0),)), Nonlinear("b3", "x", RATE))),
-    Certified(
-        "MGH10",
-        "b1*exp(b2/(x + b3))",
-        (Nonlinear("b2", None, ((0.1, 1000.0),), "x"), Nonlinear("b3", None, ((0.1, 100.0),), "x")),
-    ),
-    Certified(
-        "Eckerle4",
-        "(b1/b2)*exp(-0.5*((x - b3)/b2)^2)",
-        (Nonlinear("b2", None, ((1e-3, 1.0),), "x"), Nonlinear("b3", None, ((0.5, 1.5),), "x")),
-    ),
-    Certified(
-        "Rat43",
-        "b1*exp(-log(1 + exp(b2 - b3*x))/b4)",
-        (Nonlinear("b2", None, ((0.1, 20.0),)), Nonlinear("b3", "x", RATE), Nonlinear("b4", None, ((0.1, 10.0),))),
-    ),
-    Certified(
-        "Bennett5",
-        "b1*exp(-log(b2 + x)/b3)",
-        (Nonlinear("b2", None, ((0.1, 100.0),), "x"), Nonlinear("b3", None, ((0.1, 10.0),))),
-    ),
+PROBLEMS = tuple(
+    Certified(name, text, tuple(map(_sought, sought.split(", "))), alike=_own(ALIKE, name) or (), **_own(OWN, name) or {})
+    for name, (text, sought) in TEXTS.items()
 )

@@ -13,6 +13,25 @@ STATIC, DAMPING = (
 )
 """Those that need nothing but the data."""
 
+PLANTED: dict[str, dict[str, float]] = {
+    "chou_hannaford": {"c1": 2.4, "c2": 1.8},
+    "tondu_lopez": {"area": 1.05, "theta": 0.8},
+    "tondu_lopez_corrected": {"area": 0.6, "theta": 0.6, "a_k": 3.0, "b_k": -1.4},
+    "kerscher": {"theta": 0.6, "a_k": 3.5, "b_k": -1.2, "a_e": 0.3, "b_e": -0.5},
+    "none": {},
+    "linear_viscous": {"B0": -333.0},
+    "pressure_viscous": {"B1": -1.1},
+    "reynolds": {"B0_rise": -284.0, "B1_rise": 0.42, "B0_fall": -518.0, "B1_fall": 1.1},
+    "cao": {
+        **{"B0_rise_low": -155.0, "B1_rise_low": -0.46, "B0_rise_high": -812.0, "B1_rise_high": 2.2},
+        **{"B0_fall_low": -525.0, "B1_fall_low": 1.2, "B0_fall_high": 66.0, "B1_fall_high": -1.6},
+    },
+    "tondu_kinetic_friction": {"B0": -40.0, "B1": -25.0, "B2": 0.3},
+    "peternel": {"B0": -20.0, "B1": 9.0, "B2": -6.0, "B3": -15.0, "B4": 0.25},
+    "peternel_absolute": {"B0": -20.0, "B1": -9.0, "B2": -6.0, "B3": -15.0, "B4": 0.25},
+}
+"""Parameters that a muscle may have; pressures in kPa."""
+
 WRIST = {"a1": -5.699, "a2": 158.773, "a3": -42.647, "a4": -299.482, "a5": 86.216, "a6": -196.865}
 """W's published coefficients a..f: pressure in bar, strain as a fraction, force in N."""
 
@@ -67,3 +86,15 @@ def motion(seed: int, rows: int = 400) -> dict[str, Array]:
         "direction": rng.choice([-1.0, 1.0], rows),
         "load": rng.choice([42.0, 115.0, 213.0], rows),
     }
+
+
+def scattered(seed: int, rows: int) -> dict[str, Array]:
+    """Pressures in kPa and strains."""
+    rng = np.random.default_rng(seed)
+    return {"pressure": rng.uniform(50, 600, rows), "strain": rng.uniform(-0.01, 0.25, rows)}
+
+
+def noisy(name: str, seed: int, rows: int = 400, noise: float = 3.0) -> tuple[dict[str, Array], Array]:
+    """Scattered samples of a muscle with the planted parameters of a formula."""
+    columns = motion(seed, rows) if name in DAMPING else scattered(seed, rows)
+    return columns, get(name).predict(PLANTED[name], columns) + noise * np.random.default_rng(seed + 1000).standard_normal(rows)

@@ -11,7 +11,7 @@ import pytest
 from certified import FOLDER, LEVELS, PROBLEMS, Certified, digits
 
 from mapmore_cli.domain.fits import FormulaFit
-from mapmore_cli.modelling.literature import Formula, levenberg_marquardt
+from mapmore_cli.modelling.literature import Formula, solvers
 
 STARTS = (None, 1, 2)
 PROMISED = (
@@ -48,7 +48,7 @@ def test_certified_digits(problem: Certified, start: int | None) -> None:
 
 @pytest.mark.parametrize("problem", [p for p in PROBLEMS if p.name in SHORT_OF_STEPS], ids=lambda problem: problem.name)
 def test_only_steps_are_missing_where_a_start_ends_early(problem: Certified, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(levenberg_marquardt, "EVALUATIONS", 20_000)
+    monkeypatch.setattr(solvers, "EVALUATIONS", 20_000)
     fit = problem.fitted(1)
     assert fit.status == "converged"
     assert all(found >= least for found, least in zip(problem.digits(fit), PROMISED, strict=True))

@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.modelling.literature import descent, linear
-from mapmore_cli.modelling.literature import hinge as hinge_fit
+from mapmore_cli.modelling.literature import descent, hinge, linear
 from mapmore_cli.modelling.literature.descent import descend, descend_each, onto_bounds
 
 STEP = descent._step
@@ -98,9 +97,9 @@ def test_descents_that_crawl_far_above_the_end_of_another_are_given_up(monkeypat
         monkeypatch.setattr(descent, "PACE", pace)
         calls = []
         monkeypatch.setattr(descent, "_step", lambda *how, calls=calls: calls.append(1) or STEP(*how))
-        fits.append(hinge_fit.fit({"pressure": pressure, "strain": strain}, force))
+        fits.append(hinge.fit({"pressure": pressure, "strain": strain}, force))
         evaluations.append(len(calls))
-    assert fits[0].parameters.tolist() == fits[1].parameters.tolist()
+    assert fits[0].parameters == fits[1].parameters
     assert evaluations[0] < 0.7 * evaluations[1]
 
 

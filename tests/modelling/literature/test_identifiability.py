@@ -14,8 +14,8 @@ from scipy.stats import t as student
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.literature import Formula, Nonlinear, get
-from mapmore_cli.modelling.literature.cells import nominal
 from mapmore_cli.modelling.literature.identifiability import half_width
+from mapmore_cli.modelling.literature.problem import nominal
 
 LINE = Formula("line", "-", ("x", "z"), ("a", "b", "c"), "a + b*x + c*z")
 

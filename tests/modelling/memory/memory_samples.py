@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.fits import MemoryModel, StateSet
+from mapmore_cli.modelling.expressions import to_text
+from mapmore_cli.modelling.expressions.families import products
 from mapmore_cli.modelling.expressions.operator import Setting, along
 from mapmore_cli.modelling.expressions.operators import OPERATORS
 from mapmore_cli.modelling.memory.records import Record
@@ -28,6 +29,11 @@ def recipe_of(target, dictionary, step=STEP, *, max_terms, **changed):
     """Plain FROLS of so many terms, but for what is `changed`."""
     plain = {"scaling": "none", "tolerance": 0.0}
     return MemoryRecipe(target=target, dictionary=tuple(dictionary), step=step, max_terms=max_terms, **{**plain, **changed})
+
+
+def texts(of, order, **options):
+    """Products as a dictionary has them."""
+    return tuple(to_text(term) for term in products(of, order, **options))
 
 
 def record(training=True, **columns):
@@ -56,29 +62,22 @@ def slow(x, tau, step):
     return along(OPERATORS["slow"], x, Setting((tau,), step))
 
 
-def resonance(x, frequency, damping, step, name="resonance"):
-    """Position of the oscillator that x drives, or its velocity by the other name."""
-    return along(OPERATORS[name], x, Setting((frequency, damping), step))
+def resonance(x, frequency, damping, step):
+    """Position of the oscillator that x drives."""
+    return along(OPERATORS["resonance"], x, Setting((frequency, damping), step))
 
 
-def rrse(measured: Array, predicted: Array) -> float:
-    """Root relative squared error, `sqrt(sum (y - yhat)^2 / sum (y - mean y)^2)`.
-
-    The first sum is over the samples with a prediction, the second over all, as it is usual: the history counts as predicted exactly.
-    NaN where nothing is predicted, or the measured values do not vary.
-    """
+def rrse(measured, predicted):
+    """Root relative squared error, `sqrt(sum (y - yhat)^2 / sum (y - mean y)^2)`; the history counts as predicted exactly, as is usual."""
     known = np.isfinite(predicted)
-    return relative((predicted - measured)[known], measured) if known.any() else float("nan")
+    return relative((predicted - measured)[known], measured)
 
 
-def rmse(measured: Array, predicted: Array) -> float:
-    """`sqrt(mean (y - yhat)^2)` over the samples with a prediction; NaN where there is none."""
-    error = (predicted - measured)[np.isfinite(predicted)]
-    return float(np.sqrt(np.mean(error**2))) if len(error) else float("nan")
+def rmse(measured, predicted):
+    """`sqrt(mean (y - yhat)^2)` over the samples with a prediction."""
+    return float(np.sqrt(np.nanmean((predicted - measured) ** 2)))
 
 
-def nrmse_by_range(measured: Array, predicted: Array) -> float:
-    """RMSE over the range of the measured values among the samples with a prediction; NaN where there is none."""
-    known = np.isfinite(predicted)
-    span = float(np.ptp(measured[known])) if known.any() else 0.0
-    return rmse(measured, predicted) / span if span > 0 else float("nan")
+def nrmse_by_range(measured, predicted):
+    """RMSE over the range of the measured values among the samples with a prediction."""
+    return rmse(measured, predicted) / float(np.ptp(measured[np.isfinite(predicted)]))

@@ -10,14 +10,12 @@ from memory_samples import memory_model, narx_truth, recipe_of, record, state_se
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.frols import frols
-from mapmore_cli.modelling.memory import beam as beams
-from mapmore_cli.modelling.memory import selectors
-from mapmore_cli.modelling.memory.feedback import feedback_of
+from mapmore_cli.modelling.memory import fitting, selectors
+from mapmore_cli.modelling.memory.feedback import Feedback
 from mapmore_cli.modelling.memory.fitting import fit_with_memory
 from mapmore_cli.modelling.memory.free_run import free_run, one_step_ahead
-from mapmore_cli.modelling.memory.linearisation import Linearised, run_at_once
-from mapmore_cli.modelling.memory.refinement import THOROUGH, Coefficients, Problem, minimise, refine
-from mapmore_cli.modelling.memory.simulation import course_of, piece_of
+from mapmore_cli.modelling.memory.refinement import THOROUGH, Coefficients, Linearised, Problem, minimise, refine, run_at_once
+from mapmore_cli.modelling.memory.simulation import Course, piece_of
 
 TERMS = {
     "x": 0.5,
@@ -38,7 +36,7 @@ WIDE = (-1e9, 1e9)
 def course(terms, names, x, y, scaled=False):
     scales = {"low": [-0.7] * len(names), "high": [0.9] * len(names)} if scaled else {}
     states = state_set(*names, ranges={"y[k-1]": (-1.0, 1.0)}, **scales)
-    return course_of(feedback_of(list(terms), states, "y"), piece_of(states, "y", {"x": x, "y": y}))
+    return Course(Feedback(list(terms), states, "y"), piece_of(states, "y", {"x": x, "y": y}))
 
 
 @pytest.mark.parametrize("scaled", [False, True])
@@ -47,7 +45,8 @@ def test_derivatives_of_a_run_are_those_of_central_differences(scaled, horizon):
     rng = np.random.default_rng(0)
     ready = course(TERMS, NAMES, rng.uniform(-1, 1, 200), rng.uniform(-1, 1, 200), scaled)
     theta, h = np.array(list(TERMS.values())), 1e-6
-    found = Linearised(ready, ready.run(theta, 0.1, WIDE, horizon), theta).sensitivities()
+    line = Linearised(ready, ready.run(theta, 0.1, WIDE, horizon), theta)
+    found = line.solve(line.phi)
     for place in range(len(theta) + 1):
         move = h * np.eye(len(theta) + 1)[place]
         above, below = (ready.run(theta + sign * move[:-1], 0.1 + sign * move[-1], WIDE, horizon).output for sign in (1, -1))
@@ -137,54 +136,47 @@ def logistic(n=400):
     return record(x=x, y=y + 0.05 * rng.normal(size=n))
 
 
-def problem(terms, names, x, y):
-    ready = course(terms, names, x, y)
-    return Problem((ready,), (np.ones(ready.size, dtype=bool),), (-100.0, 100.0), np.zeros(len(terms)), free_constant=False)
-
-
 def test_a_start_that_explodes_is_tamed_by_short_horizons():
-    given = logistic()
-    one = problem(["y[k-1]", "x[k-1]"], ("y[k-1]", "x[k-1]"), given.columns["x"], given.columns["y"])
+    """One that explodes at once has an infinite error."""
+    given = logistic().columns
+    ready = course(["y[k-1]", "x[k-1]"], ("y[k-1]", "x[k-1]"), given["x"], given["y"])
+    one = Problem((ready,), (np.ones(ready.size, dtype=bool),), (-100.0, 100.0), np.zeros(2), free_constant=False)
+    assert np.isinf(refine(one, Coefficients(np.array([1e6, 0.0]), 0.0), THOROUGH).error)
     start = Coefficients(np.array([1.1, 0.05]), 0.0)
     assert np.isinf(minimise(one, start, None, THOROUGH).error)
     found = refine(one, start, THOROUGH)
     np.testing.assert_allclose(found.theta, [0.95, 0.05], atol=0.01)
 
 
-def test_what_explodes_at_once_has_an_infinite_error():
-    given = logistic()
-    one = problem(["y[k-1]", "x[k-1]"], ("y[k-1]", "x[k-1]"), given.columns["x"], given.columns["y"])
-    assert np.isinf(refine(one, Coefficients(np.array([1e6, 0.0]), 0.0), THOROUGH).error)
-
-
 DICTIONARY = ("y[k-1]", "x[k-1]", "y[k-1]^2", "y[k-1]^3", "x[k-1]*y[k-1]", "x[k-1]^2")
+RUNNING = {"criterion": "free_run", "stop": "free_run", "select": "free_run"}
 
 
 def test_a_divergent_candidate_is_refused_and_not_followed(monkeypatch):
     tried = []
-    original = beams._grown
+    original = fitting._grown
 
     def grown(training, member, chosen):
         assert np.isfinite(member.point.error) or not member.chosen  # nothing is built on a model that diverges
         found = original(training, member, chosen)
         if 3 in chosen:  # every model with the cube is said to diverge
-            found = beams.Member(found.chosen, Coefficients(found.point.theta, found.point.constant))
+            found = fitting.Member(found.chosen, Coefficients(found.point.theta, found.point.constant))
         tried.append(chosen)
         return found
 
-    monkeypatch.setattr(beams, "_grown", grown)
-    recipe = recipe_of("y", DICTIONARY, max_terms=3, criterion="free_run", stop="free_run", select="free_run")
-    fit = fit_with_memory([logistic()], recipe)
+    monkeypatch.setattr(fitting, "_grown", grown)
+    fit = fit_with_memory([logistic()], recipe_of("y", DICTIONARY, max_terms=3, **RUNNING))
     assert any(3 in chosen for chosen in tried)
     assert "y[k-1]^3" not in fit.model.terms
     assert {"y[k-1]", "x[k-1]"} <= set(fit.model.terms)
 
 
 def test_no_model_that_stays_finite_is_an_error(monkeypatch):
-    monkeypatch.setattr(beams, "_grown", lambda _training, _member, chosen: beams.Member(chosen, Coefficients(np.zeros(len(chosen)), 0.0)))
-    recipe = recipe_of("y", DICTIONARY, max_terms=3, criterion="free_run", stop="free_run", select="free_run")
+    monkeypatch.setattr(
+        fitting, "_grown", lambda _training, _member, chosen: fitting.Member(chosen, Coefficients(np.zeros(len(chosen)), 0.0))
+    )
     with pytest.raises(DataError, match="free run of every model diverges"):
-        fit_with_memory([logistic()], recipe)
+        fit_with_memory([logistic()], recipe_of("y", DICTIONARY, max_terms=3, **RUNNING))
 
 
 @pytest.mark.parametrize("select", ["one_step", "free_run"])
@@ -192,8 +184,7 @@ def test_no_model_that_stays_finite_is_an_error(monkeypatch):
 def test_the_held_out_end_decides_on_the_number_of_terms(select, ridge):
     """The error there of every size is told, and is that of the models fitted to the beginning alone."""
     given = logistic()
-    recipe = recipe_of("y", DICTIONARY, max_terms=4, ridge=ridge, criterion="free_run", stop="free_run", select=select)
-    fit = fit_with_memory([given], recipe)
+    fit = fit_with_memory([given], recipe_of("y", DICTIONARY, max_terms=4, ridge=ridge, **{**RUNNING, "select": select}))
     assert fit.held_out is not None
     assert len(fit.model.terms) == int(np.argmin(fit.held_out)) + 1
     assert fit.selection.stop == "free_run"
@@ -204,8 +195,7 @@ def test_the_held_out_end_decides_on_the_number_of_terms(select, ridge):
 
 
 def test_progress_is_told_and_an_interrupted_search_can_begin_again():
-    recipe = recipe_of("y", DICTIONARY, max_terms=3, criterion="free_run", stop="free_run", select="free_run")
-    told = []
+    recipe, told = recipe_of("y", DICTIONARY, max_terms=3, **RUNNING), []
     whole = fit_with_memory([logistic()], recipe, lambda done, total: told.append((done, total)))
     assert [done for done, _ in told] == list(range(1, len(told) + 1))
     assert all(done <= total for done, total in told)

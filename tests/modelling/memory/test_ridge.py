@@ -13,7 +13,7 @@ from mapmore_cli.modelling.expressions import parse
 from mapmore_cli.modelling.frols import frols
 from mapmore_cli.modelling.frols.moments import moments, standard, standardised
 from mapmore_cli.modelling.frols.ridge import RIDGES, Regularised, choose_ridge, prune, ridge_press, select, substitutes
-from mapmore_cli.modelling.memory.selectors import Plain, Regressors
+from mapmore_cli.modelling.memory.selectors import Regressors, selector
 from mapmore_cli.modelling.selection import MemoryRecipe
 
 
@@ -38,6 +38,12 @@ def in_full(P, y, ridge):
     Z, z = (P - P.mean(axis=0)) / P.std(axis=0), (y - y.mean()) / y.std()
     n, M = P.shape
     return np.vstack([Z, np.sqrt(n * ridge) * np.eye(M)]), np.r_[z, np.zeros(M)]
+
+
+def squares_left(Z, z, columns):
+    """Sum of squares that least squares on some columns leave."""
+    residual = z - Z[:, columns] @ np.linalg.lstsq(Z[:, columns], z, rcond=None)[0] if len(columns) else z
+    return residual @ residual
 
 
 CASES = {"n": st.integers(8, 60), "M": st.integers(2, 7), "seed": st.integers(0, 10_000), "ridge": st.sampled_from([1e-6, 1e-3, 0.1, 10.0])}
@@ -77,7 +83,7 @@ def test_candidates_without_a_ridge_are_ranked_the_same_in_any_unit(power):
 
     def ranking(units):
         states = dict(zip("abc", (P * units).T, strict=True))
-        return Plain(Regressors(terms, states, y), recipe).ranking.covariance
+        return selector(Regressors(terms, states, y), recipe).ranking.covariance
 
     near = ranking(np.ones(3))
     columns = np.column_stack([P, y])
@@ -90,34 +96,25 @@ def test_candidates_without_a_ridge_are_ranked_the_same_in_any_unit(power):
 @given(**CASES)
 def test_pruning_leaves_out_the_term_that_costs_least(n, M, seed, ridge):
     P, y = problem(n, M, seed)
-    data, (Z, z) = regularised(P, y, ridge), in_full(P, y, ridge)
-
-    def cost(kept):
-        residual = z - Z[:, kept] @ np.linalg.lstsq(Z[:, kept], z, rcond=None)[0]
-        return residual @ residual
-
-    subsets = prune(data, np.arange(M))
+    full = in_full(P, y, ridge)
+    subsets = prune(regularised(P, y, ridge), np.arange(M))
     assert [len(kept) for kept in subsets] == list(range(1, M + 1))
     for smaller, larger in pairwise(subsets):
-        every = [cost(np.delete(larger, place)) for place in range(len(larger))]
+        every = [squares_left(*full, np.delete(larger, place)) for place in range(len(larger))]
         assert set(smaller) < set(larger)
-        assert cost(smaller) <= min(every) * (1 + 1e-9) + 1e-9
+        assert squares_left(*full, smaller) <= min(every) * (1 + 1e-9) + 1e-9
 
 
 @settings(deadline=None)
 @given(**CASES, size=st.integers(1, 6))
 def test_a_substitute_is_the_best_of_the_others_in_the_place_of_a_term(n, M, seed, ridge, size):
     P, y = problem(n, M, seed)
-    data, (Z, z) = regularised(P, y, ridge), in_full(P, y, ridge)
+    full = in_full(P, y, ridge)
     chosen = np.random.default_rng(seed).permutation(M)[: min(size, M)]
-    best, shares = substitutes(data, chosen)
+    best, shares = substitutes(regularised(P, y, ridge), chosen)
 
     def gain(kept, one):
-        def left(columns):
-            residual = z - Z[:, columns] @ np.linalg.lstsq(Z[:, columns], z, rcond=None)[0] if len(columns) else z
-            return residual @ residual
-
-        return left(kept) - left(np.append(kept, one))
+        return squares_left(*full, kept) - squares_left(*full, np.append(kept, one))
 
     for place, one in enumerate(chosen):
         kept, others = np.delete(chosen, place), np.setdiff1d(np.arange(M), chosen)

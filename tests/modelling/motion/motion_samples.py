@@ -22,24 +22,21 @@ def recipe(**settings):
     return MotionRecipe(input="input", output="displacement", step=STEP, **settings)
 
 
-def published(model: str) -> Motion:
+def coefficients(row):
+    return [float(row[name]) for name in ("p1", "p2", "p3")]
+
+
+def published(model):
     """One of P's four models, used directly."""
     rows = [row for row in ROWS if row["model"] == model]
     directed = rows[0]["direction"] != "all"
-    ways = {"rise": "rise ", "fall": "fall ", "all": ""}
-    sections = tuple(
-        MotionSection(
-            f"{ways[row['direction']]}{max(int(row['section']), 1)}",
-            max(int(row["section"]), 1),
-            row["direction"],
-            float(row["p1"]),
-            float(row["p2"]),
-            np.array([float(row["p3"])]),
-        )
-        for row in rows
-    )
+    sections = []
+    for row in rows:
+        place = max(int(row["section"]), 1)
+        name = f"{row['direction']} {place}" if directed else str(place)
+        sections.append(MotionSection(name, place, row["direction"], *coefficients(row)[:2], np.array(coefficients(row)[2:])))
     boundaries = BOUNDARIES if len(rows) >= 6 else ()
-    return Motion("input", "displacement", STEP, "hard", boundaries, directed, 0.0, ("input",), sections, (0.0, 5.0))
+    return Motion("input", "displacement", STEP, "hard", boundaries, directed, 0.0, ("input",), tuple(sections), (0.0, 5.0))
 
 
 def looped(u, section, start="rest"):
@@ -58,14 +55,10 @@ def sine(samples=240, low=0.0, high=5.0, frequency=0.25):
 
 def record(u, y, training=None):
     n = len(u)
-    return Record(
-        {"time": STEP * np.arange(n), "input": u, "displacement": y},
-        np.ones(n, dtype=bool) if training is None else training,
-    )
+    return Record({"time": STEP * np.arange(n), "input": u, "displacement": y}, np.ones(n, dtype=bool) if training is None else training)
 
 
 def made_by(row, samples=240, noise=0.0, seed=0):
     """A record that a published row makes, with noise."""
     u = sine(samples)
-    section = [float(row[name]) for name in ("p1", "p2", "p3")]
-    return record(u, looped(u, section) + noise * np.random.default_rng(seed).standard_normal(samples))
+    return record(u, looped(u, coefficients(row)) + noise * np.random.default_rng(seed).standard_normal(samples))

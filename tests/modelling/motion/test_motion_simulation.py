@@ -9,26 +9,55 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from motion_samples import BOUNDARIES, ROWS, STEP, looped, published, sine
+from motion_samples import BOUNDARIES, ROWS, STEP, coefficients, looped, published, sine
 
 from mapmore_cli.domain.errors import FitError
 from mapmore_cli.domain.models import BUMPLESS, CARRIED, REST, ZERO
 from mapmore_cli.modelling.memory.records import AtSample
-from mapmore_cli.modelling.motion.bumpless import continued
-from mapmore_cli.modelling.motion.sections import EDGE, active, of_oscillator, of_reflections, radius, reflections, rising, spread, stable
-from mapmore_cli.modelling.motion.simulation import last_wavelength, motion_errors, response, shared, simulate, velocity
+from mapmore_cli.modelling.motion.fitting import continued
+from mapmore_cli.modelling.motion.simulation import (
+    EDGE,
+    active,
+    last_wavelength,
+    motion_errors,
+    of_oscillator,
+    of_reflections,
+    radius,
+    reflections,
+    response,
+    rising,
+    shared,
+    simulate,
+    spread,
+    stable,
+)
 
 MODELS = ("linear", "inflate_deflate", "piecewise", "piecewise_inflate_deflate")
-coefficients = st.floats(-EDGE, EDGE)
+reflected = st.floats(-EDGE, EDGE)
 
 
 def run(motion, u):
     return simulate(motion, {"time": STEP * np.arange(len(u)), "input": u})
 
 
+def switched(motion, u, start):
+    """Sections that hand one state on, sample by sample; an input that stands still falls (P eq 15-17)."""
+    numbers = [
+        2 * sum(now >= boundary for boundary in BOUNDARIES) + (not now > before) for now, before in zip(u, [u[0], *u[:-1]], strict=True)
+    ]
+    first = motion.sections[numbers[0]]
+    x1 = x2 = first.gain * u[0] if start == REST else 0.0
+    values = []
+    for now, number in zip(u, numbers, strict=True):
+        section = motion.sections[number]
+        values.append(x1)
+        x1, x2 = x2, section.p1 * x1 + section.p2 * x2 + section.p3 * now
+    return numbers, np.array(values)
+
+
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: f"{row['model']}-{row['printed_section']}")
 def test_every_published_row_is_stable_and_filters_as_a_loop_does(row):
-    p1, p2, p3 = (float(row[name]) for name in ("p1", "p2", "p3"))
+    p1, p2, p3 = coefficients(row)
     matrix = np.array([[0.0, 1.0], [p1, p2]])
     assert np.abs(np.linalg.eigvals(matrix)).max() < 0.8895
     u = sine()
@@ -44,20 +73,15 @@ def test_poles_and_gains_of_the_published_rows():
 
 def test_as_printed_in_continuous_time_every_row_is_unstable():
     for row in ROWS:
-        poles = np.linalg.eigvals([[0.0, 1.0], [float(row["p1"]), float(row["p2"])]])
+        poles = np.linalg.eigvals([[0.0, 1.0], coefficients(row)[:2]])
         assert poles.real.max() > 0
 
 
 def test_hard_switching_takes_the_active_one_of_parallel_sections():
-    """P eq 15-17, an input that stands still falls."""
     motion, u = published("piecewise_inflate_deflate"), sine(480)
-    parallel = [looped(u, (s.p1, s.p2, s.p3)) for s in motion.sections]
-    expected, last = [], u[0]
-    for k, now in enumerate(u):
-        place = sum(now >= boundary for boundary in BOUNDARIES)
-        expected.append(parallel[2 * place + (0 if now > last else 1)][k])
-        last = now
-    np.testing.assert_allclose(run(motion, u), expected, atol=1e-12)
+    parallel = np.array([looped(u, (s.p1, s.p2, s.p3)) for s in motion.sections])
+    numbers, _ = switched(motion, u, REST)
+    np.testing.assert_allclose(run(motion, u), parallel[numbers, np.arange(480)], atol=1e-12)
 
 
 def test_a_section_may_start_from_zero():
@@ -70,15 +94,7 @@ def test_a_section_may_start_from_zero():
 def test_a_carried_state_passes_from_section_to_section(start):
     """The section that holds drives one state on; nothing is joined."""
     motion, u = replace(published("piecewise_inflate_deflate"), switching=CARRIED, start=start), sine(480, 0.5, 5.0)
-    first = motion.sections[1]  # the first sample falls
-    x1 = x2 = first.gain * u[0] if start == REST else 0.0
-    expected, last = [], u[0]
-    for now in u:
-        section = motion.sections[2 * sum(now >= boundary for boundary in BOUNDARIES) + (0 if now > last else 1)]
-        expected.append(x1)
-        x1, x2 = x2, section.p1 * x1 + section.p2 * x2 + section.p3 * now
-        last = now
-    np.testing.assert_allclose(run(motion, u), expected, atol=1e-12)
+    np.testing.assert_allclose(run(motion, u), switched(motion, u, start)[1], atol=1e-12)
 
 
 def test_steady_outputs_of_published_sections_disagree_by_up_to_one_and_a_half_centimetres():
@@ -99,7 +115,7 @@ def test_a_slow_ramp_over_a_boundary_jumps_hard_and_never_with_a_shared_state(mo
     assert smooth < 0.05
 
 
-@given(st.lists(st.tuples(coefficients, coefficients), min_size=2, max_size=4), st.integers(0, 2**32 - 1))
+@given(st.lists(st.tuples(reflected, reflected), min_size=2, max_size=4), st.integers(0, 2**32 - 1))
 def test_a_shared_state_is_handed_on(poles, seed):
     rng = np.random.default_rng(seed)
     pairs = np.array([of_reflections(k1, k2, 0.98) for k1, k2 in poles])
@@ -117,7 +133,7 @@ def test_a_shared_state_is_handed_on(poles, seed):
     np.testing.assert_allclose(columns[:, 1], 2 * columns[:, 0], atol=1e-9 * scale)
 
 
-@given(coefficients, coefficients, st.floats(0.3, 1.0))
+@given(reflected, reflected, st.floats(0.3, 1.0))
 def test_reflections_are_all_sections_within_reach(k1, k2, reach):
     p1, p2 = of_reflections(k1, k2, reach)
     assert radius(p1, p2) <= reach * (1 + 1e-6)
@@ -218,8 +234,3 @@ def test_errors_are_those_of_the_last_wavelength():
     assert found.transient == pytest.approx(3.0)
     slopes = [(error[k + 1] - error[k - 1]) / (2 * STEP) for k in range(n - length + 1, n - 1)]
     assert found.max_velocity >= max(abs(slope) for slope in slopes) - 1e-12
-
-
-def test_velocity_of_a_ramp():
-    np.testing.assert_allclose(velocity(3.0 * STEP * np.arange(10), STEP), 3.0)
-    assert velocity(np.array([1.0]), STEP).tolist() == [0.0]

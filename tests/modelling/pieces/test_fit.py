@@ -10,7 +10,8 @@ from surfaces import built, recipe
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import Segment
-from mapmore_cli.modelling.expressions import dictionary_matrix, monomials, parse, to_text
+from mapmore_cli.modelling.expressions import dictionary_matrix, parse, to_text
+from mapmore_cli.modelling.expressions.families import products
 from mapmore_cli.modelling.frols import frols, reads_once
 from mapmore_cli.modelling.pieces.build import fit_segment, placements, scaled
 
@@ -65,7 +66,7 @@ def test_constant_variables_and_constant_force_divide_by_nothing(rule):
         assert scaling.y_slope > 0
 
 
-TERMS = monomials(["pressure", "strain"], 5)
+TERMS = products(["pressure", "strain"], 5)
 
 
 def long_segment(n, **changes):

@@ -7,20 +7,20 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from mapmore_cli.modelling.signals.shift import Shift, correlation, find_shift
+from mapmore_cli.modelling.signals.shift import correlation, find_shift
 
 TIME = np.arange(0.0, 60.0, 0.05)
 OTHER = np.arange(0.3, 55.0, 0.08)
 COARSER = 0.08
 
 
-def ramps(seed: int):
+def ramps(seed):
     """A quantity that goes to another random value every two seconds and a half."""
     knots, values = np.arange(-100.0, 200.0, 2.5), np.random.default_rng(seed).uniform(0, 300, 120)
     return lambda t: np.interp(t, knots, values)
 
 
-def found(truth, shift: float, noise: float = 0.0, seed: int = 0, **options) -> Shift:
+def found(truth, shift, noise=0.0, seed=0, **options):
     """The shift of a log whose clock shows `t - shift` at the time t."""
     random = np.random.default_rng(seed)
     first = truth(TIME) + noise * random.standard_normal(len(TIME))
@@ -30,7 +30,7 @@ def found(truth, shift: float, noise: float = 0.0, seed: int = 0, **options) -> 
     return shift_found
 
 
-def sure(shift: Shift) -> bool:
+def sure(shift):
     return not (shift.ambiguous or shift.lost_in_noise)
 
 
@@ -40,7 +40,7 @@ def sure(shift: Shift) -> bool:
 @example(
     -14.654927770943802, 1592, 0.0
 )  # less than 0.3 of the changes overlap: at the edge of what is looked at, the correlation still rises
-def test_a_shared_quantity_tells_the_shift_to_half_a_sample(shift: float, seed: int, noise: float) -> None:
+def test_a_shared_quantity_tells_the_shift_to_half_a_sample(shift, seed, noise):
     one = found(ramps(seed), shift, noise, seed)
     assert sure(one)
     assert one.value == pytest.approx(shift, abs=COARSER / 2)
@@ -48,7 +48,7 @@ def test_a_shared_quantity_tells_the_shift_to_half_a_sample(shift: float, seed: 
     assert one.step == pytest.approx(COARSER)
 
 
-def test_under_noise_the_interval_holds_the_shift_as_often_as_it_says() -> None:
+def test_under_noise_the_interval_holds_the_shift_as_often_as_it_says():
     shifts = np.random.default_rng(7).uniform(-10, 10, 60)
     every = [(shift, found(ramps(seed), shift, 12.0, seed)) for seed, shift in enumerate(shifts)]
     assert all(sure(one) for _, one in every)
@@ -57,7 +57,7 @@ def test_under_noise_the_interval_holds_the_shift_as_often_as_it_says() -> None:
 
 @settings(max_examples=25)
 @given(st.floats(-20, 20), st.floats(5, 50), st.floats(0.2, 5))
-def test_one_event_tells_it_too(shift: float, at: float, length: float) -> None:
+def test_one_event_tells_it_too(shift, at, length):
     """A pulse may lie anywhere between two samples of either log."""
     one = found(lambda t: 5.0 * ((t > 25) & (t < 25 + length)), shift, 0.05)
     assert sure(one)
@@ -65,7 +65,7 @@ def test_one_event_tells_it_too(shift: float, at: float, length: float) -> None:
 
 
 @pytest.mark.parametrize("kind", ["white", "walk", "slow"])
-def test_noise_is_refused(kind: str) -> None:
+def test_noise_is_refused(kind):
     for seed in range(15):
         random = np.random.default_rng(seed)
         y, z = random.standard_normal(len(TIME)), random.standard_normal(len(OTHER))
@@ -79,7 +79,7 @@ def test_noise_is_refused(kind: str) -> None:
 
 @settings(max_examples=15)
 @given(st.floats(-5, 5), st.floats(2, 8), st.sampled_from(["sine", "square", "staircase"]))
-def test_several_equal_peaks_are_refused(shift: float, period: float, kind: str) -> None:
+def test_several_equal_peaks_are_refused(shift, period, kind):
     waves = {
         "sine": lambda t: np.sin(2 * np.pi * t / period),
         "square": lambda t: np.sign(np.sin(2 * np.pi * t / period)),
@@ -90,7 +90,7 @@ def test_several_equal_peaks_are_refused(shift: float, period: float, kind: str)
     assert one.rival is not None
 
 
-def test_who_knows_about_when_need_not_be_refused() -> None:
+def test_who_knows_about_when_need_not_be_refused():
     def wave(t):
         return np.sin(2 * np.pi * t / 8)
 
@@ -100,7 +100,7 @@ def test_who_knows_about_when_need_not_be_refused() -> None:
     assert near.value == pytest.approx(1.3, abs=COARSER / 2)
 
 
-def test_a_quantity_that_falls_while_the_other_rises() -> None:
+def test_a_quantity_that_falls_while_the_other_rises():
     truth = ramps(3)
     opposite = -2 * truth(OTHER + 4.0)
     one = find_shift(TIME, truth(TIME), OTHER, opposite)
@@ -111,12 +111,12 @@ def test_a_quantity_that_falls_while_the_other_rises() -> None:
     assert together is None or not sure(together)
 
 
-def test_nothing_changes() -> None:
+def test_nothing_changes():
     assert find_shift(TIME, np.ones(len(TIME)), OTHER, ramps(0)(OTHER)) is None
     assert find_shift(TIME[:5], TIME[:5], OTHER, OTHER) is None
 
 
-def test_the_correlation_is_pearsons_over_the_overlap() -> None:
+def test_the_correlation_is_pearsons_over_the_overlap():
     random = np.random.default_rng(1)
     u, v = random.standard_normal(40), random.standard_normal(30)
     r, lags, overlap = correlation(u, v)

@@ -6,19 +6,15 @@ import ast
 import cmath
 import math
 import operator
-from collections.abc import Callable, Mapping
-from typing import Any
 
 import numpy as np
 from hypothesis import strategies as st
 
-from mapmore_cli.modelling.expressions.functions import FUNCTIONS
+from mapmore_cli.modelling.expressions.operator import FUNCTIONS
 
 NAMES = ("x", "y", "z")
 _NUMBERS = st.one_of(
-    st.integers(0, 9).map(str),
-    st.floats(1e-3, 1e3).map(repr),
-    st.sampled_from(["0.0", "1.0", "1e-05", "2.5e+16", ".5", "3."]),
+    st.integers(0, 9).map(str), st.floats(1e-3, 1e3).map(repr), st.sampled_from(["0.0", "1.0", "1e-05", "2.5e+16", ".5", "3."])
 )
 _ANALYTIC = ("exp", "log", "sqrt", "sin", "cos", "tan", "atan", "sinh", "cosh", "tanh", "expm1", "log1p")
 _OPERATIONS = {
@@ -31,7 +27,7 @@ _OPERATIONS = {
 }
 
 
-def _grown(inner: st.SearchStrategy[str], functions: tuple[str, ...]) -> st.SearchStrategy[str]:
+def _grown(inner, functions):
     exponents = st.sampled_from(["2", "3", "5", "-1", "-2", "0.5", "(1/3)", "1", "0", "20"])
     return st.one_of(
         st.builds("{} {} {}".format, inner, st.sampled_from("+-*/"), inner),
@@ -42,17 +38,17 @@ def _grown(inner: st.SearchStrategy[str], functions: tuple[str, ...]) -> st.Sear
     )
 
 
-def texts(functions: tuple[str, ...] = (*_ANALYTIC, "abs", "sign"), max_leaves: int = 12) -> st.SearchStrategy[str]:
+def texts(functions=(*_ANALYTIC, "abs", "sign"), max_leaves=12):
     """Well-formed expressions of x, y and z."""
     return st.recursive(st.one_of(st.sampled_from(NAMES), _NUMBERS), lambda inner: _grown(inner, functions), max_leaves=max_leaves)
 
 
-def analytic_texts() -> st.SearchStrategy[str]:
+def analytic_texts():
     """Expressions that have a complex derivative where they are finite."""
     return texts(_ANALYTIC, max_leaves=8)
 
 
-def by_python(text: str, values: Mapping[str, complex], nudge: float = 0.0) -> complex:
+def by_python(text, values, nudge=0.0):
     """Value of `text` by Python's parser and complex arithmetic; raises ArithmeticError or ValueError where it has none.
 
     `nudge` changes every number and name a little, each occurrence differently, to tell where rounding decides.
@@ -64,20 +60,18 @@ def by_python(text: str, values: Mapping[str, complex], nudge: float = 0.0) -> c
     return _walk(_body(text), values, functions, lambda value, place: complex(value) * (1 + nudge * math.sin(place + 1)))
 
 
-def by_numpy(text: str, values: Mapping[str, float]) -> float:
+def by_numpy(text, values):
     """Value of `text` by Python's parser and NumPy's real numbers, without any simplification; NaN or infinite where it has none."""
     functions = {name: function.compute for name, function in FUNCTIONS.items()}
     with np.errstate(all="ignore"):
         return float(_walk(_body(text), values, functions, lambda value, _: np.float64(value)))
 
 
-def _body(text: str) -> ast.expr:
+def _body(text):
     return ast.parse(text.replace("^", "**"), mode="eval").body
 
 
-def _walk(
-    node: ast.expr, values: Mapping[str, Any], functions: Mapping[str, Callable[[Any], Any]], number: Callable[[Any, int], Any]
-) -> Any:
+def _walk(node, values, functions, number):
     match node:
         case ast.Constant(value):
             return number(value, node.col_offset)

@@ -11,7 +11,7 @@ import scipy.io
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.readers import READERS, RawTable, TableRequest
-from mapmore_cli.storage.tables.table import SourceColumn
+from mapmore_cli.storage.tables import SourceColumn
 
 SUFFIXES = {"hdf5": "h5"}
 

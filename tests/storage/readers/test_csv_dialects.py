@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from reading import csv_table, refusal
 
-from mapmore_cli.storage.tables.text import DELIMITERS
+from mapmore_cli.storage.readers.csv import DELIMITERS
 
 EXPECTED = np.array([[0.0, 1.5], [0.5, -2000.25], [1.0, np.nan]])
 NAMES: tuple[str | int, ...] = ("t", "F")
@@ -59,29 +59,28 @@ def test_dialects(tmp_path: Path, name: str, zipped: bool) -> None:
 @settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     values=st.lists(st.tuples(st.floats(allow_infinity=False), st.floats(allow_infinity=False)), min_size=1, max_size=20),
-    delimiter=st.sampled_from([",", ";", "|", "\t", ":", "whitespace", "tab"]),
-    decimal=st.sampled_from([".", ","]),
+    dialect=st.fixed_dictionaries(
+        {
+            "delimiter": st.sampled_from([",", ";", "|", "\t", ":", "whitespace", "tab"]),
+            "decimal": st.sampled_from([".", ","]),
+            "skip_rows": st.integers(0, 3),
+            "header": st.integers(0, 3),
+        }
+    ),
     end=st.sampled_from(["\n", "\r\n", "\r"]),
-    skipped=st.integers(0, 3),
-    header=st.integers(0, 3),
     blank=st.integers(1, 4),
-    quoted=st.booleans(),
-    bom=st.booleans(),
-    zipped=st.booleans(),
+    flags=st.tuples(st.booleans(), st.booleans(), st.booleans()),
 )
 def test_numbers_and_their_rows_survive_every_dress(
     tmp_path: Path,
     values: list[tuple[float, float]],
-    delimiter: str,
-    decimal: str,
+    dialect: dict[str, Any],
     end: str,
-    skipped: int,
-    header: int,
     blank: int,
-    quoted: bool,
-    bom: bool,
-    zipped: bool,
+    flags: tuple[bool, bool, bool],
 ) -> None:
+    delimiter, decimal, skipped, header = (dialect[key] for key in ("delimiter", "decimal", "skip_rows", "header"))
+    quoted, bom, zipped = flags
     mark = {"whitespace": "   ", **DELIMITERS}.get(delimiter, delimiter)
     quote = '"' if (quoted and delimiter != "whitespace") or mark == decimal else ""
 
@@ -91,7 +90,6 @@ def test_numbers_and_their_rows_survive_every_dress(
     lines = ["anything at all"] * skipped + [mark.join(["x", " y ", "text"])] * header
     lines += [mark.join([cell(x), cell(y), "hello"]) for x, y in values]
     content = (end.join(lines) + blank * end).encode("utf-8-sig" if bom else "utf-8")
-    dialect = {"delimiter": delimiter, "decimal": decimal, "skip_rows": skipped, "header": header}
     columns: tuple[str | int, ...] = ("y", 0) if header else (1, 0)
     table = csv_table(tmp_path / "dressed.csv", gzip.compress(content) if zipped else content, *columns, **dialect)
     np.testing.assert_array_equal(table.columns[0], [x for x, _ in values])

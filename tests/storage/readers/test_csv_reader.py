@@ -8,7 +8,7 @@ import pytest
 from reading import csv_table, refusal
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.tables.table import SourceColumn
+from mapmore_cli.storage.tables import SourceColumn
 
 GOOD = b"t,P,F\n0,80,1.5\n1,81,2.5\n"
 

@@ -11,7 +11,7 @@ import pytest
 from reading import refusal, table_of
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.tables.table import SourceColumn
+from mapmore_cli.storage.tables import SourceColumn
 
 openpyxl = pytest.importorskip("openpyxl")
 
@@ -109,7 +109,7 @@ def test_sheet_with_broken_bytes_inside_is_noticed(book: Path, tmp_path: Path) -
 
 
 def test_bombs_are_not_unpacked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("mapmore_cli.storage.readers.xlsx.BOMB_SIZE", 1_000_000)
+    monkeypatch.setattr("mapmore_cli.storage.tables.BOMB_SIZE", 1_000_000)
     bomb = tmp_path / "bomb.xlsx"
     with zipfile.ZipFile(bomb, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("xl/sharedStrings.xml", b" " * 5_000_000)

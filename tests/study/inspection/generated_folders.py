@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from hypothesis import strategies as st
+from recorded import workbook
 
 Columns = dict[str, np.ndarray]
 
@@ -179,15 +180,7 @@ def _as_text(draw: st.DrawFn, named: Mapping[str, list[list[Any]]]) -> dict[str,
 
 def _save_tables(path: Path, tables: Sequence[tuple[str, list[list[Any]]]]) -> None:
     if path.suffix == ".xlsx":
-        import openpyxl
-
-        book = openpyxl.Workbook()
-        book.remove(book.active)
-        for title, table in tables:
-            sheet = book.create_sheet(title)
-            for row in table:
-                sheet.append(row)
-        book.save(path)
+        workbook(path, dict(tables))
         return
     groups = {name: _arrays(table) for name, table in tables}
     if path.suffix == ".h5":

@@ -12,7 +12,7 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.spec.loader import load
 from mapmore_cli.spec.yaml_loader import dump
 from mapmore_cli.study.inspection.lint import Inspection, inspect
-from mapmore_cli.study.inspection.subject import Issue
+from mapmore_cli.study.inspection.rules import Issue
 
 Table = dict[str, Array]
 Spoil = Callable[[float, Table], Table]

@@ -11,10 +11,9 @@ from hypothesis import strategies as st
 from lint_studies import inspected, only
 
 from mapmore_cli.domain.errors import UsageError
-from mapmore_cli.study.drafting.answers import Answers, ToldColumn, read_columns
-from mapmore_cli.study.drafting.columns import guess_columns
-from mapmore_cli.study.drafting.groups import number_in
-from mapmore_cli.study.drafting.moving import guess_others
+from mapmore_cli.study.drafting.answers import Answers, read_columns
+from mapmore_cli.study.drafting.columns import Table, guess_columns, guess_others
+from mapmore_cli.study.drafting.draft import Guess
 from mapmore_cli.study.inspection.evidence import leads, same_signals, untold
 
 LEVELS = (1.0, 2.0, 3.0, 4.0)  # bar
@@ -38,7 +37,7 @@ def test_volts_beside_each_sensor_are_never_taken_for_the_pressure(order: list[i
     records = [strokes(level, rng) for level in LEVELS]
     names = list(records[0])
     raw = {place: [record[names[which]] for record in records] for place, which in enumerate(order)}
-    guesses = guess_columns({}, raw, told=LEVELS)
+    guesses = guess_columns(Table({}, raw), told=LEVELS)
     found = {name: names[order[guess.column]] for name, guess in guesses.items()}
     assert found["time"] == "time"
     assert found["pressure"] == "pressure"
@@ -52,7 +51,7 @@ def test_counts_are_no_pressure_and_are_told() -> None:
     rng = np.random.default_rng(0)
     pressure = 300 * (1 - np.cos(TIME)) + rng.normal(0, 1, TIME.size)
     counts = np.round(np.clip(1.1 * pressure - 60 + rng.normal(0, 8, TIME.size), 0, None))
-    guesses = guess_columns({}, {0: [counts], 1: [np.abs(pressure)], 2: [TIME]})
+    guesses = guess_columns(Table({}, {0: [counts], 1: [np.abs(pressure)], 2: [TIME]}))
     assert (guesses["pressure"].column, guesses["force"].column) == (1, 0)
     assert "counts" in guesses["force"].why
 
@@ -62,8 +61,8 @@ def test_both_chambers_at_an_atmosphere_drive_in_mbar() -> None:
     one, two = (1012 + 600 * np.clip(np.sin(3 * TIME + shift), 0, None) for shift in (0.0, 3.2))
     angle = 0.05 * (one - two) + rng.normal(0, 0.3, TIME.size)
     still = [1011 + rng.normal(0, 0.05, TIME.size), 64 + rng.normal(0, 0.1, TIME.size), np.round(7 * rng.random(TIME.size))]
-    raw = dict(enumerate([[column] for column in (TIME, one, still[0], two, still[1], angle, still[2])]))
-    found = guess_others({}, raw, guess_columns({}, raw))
+    table = Table({}, dict(enumerate([[column] for column in (TIME, one, still[0], two, still[1], angle, still[2])])))
+    found = guess_others(table, guess_columns(table))
     assert found is not None
     guesses, inputs, target = found
     assert [(guesses[name].column, guesses[name].unit) for name in inputs] == [(1, "mbar"), (3, "mbar")]
@@ -73,9 +72,9 @@ def test_both_chambers_at_an_atmosphere_drive_in_mbar() -> None:
 def test_all_named_pressures_drive_and_no_clock_follows() -> None:
     p1, p2 = 200 + 50 * np.sin(TIME), 200 + 40 * np.sin(1.7 * TIME + 1)
     angle = 0.2 * (p1 - p2)
-    titles = {"t": "t", "p1_kPa": "p1_kPa", "p2_kPa": "p2_kPa", "q": "q", "tout": "tout"}
-    raw = {"t": [TIME], "p1_kPa": [p1], "p2_kPa": [p2], "q": [angle], "tout": [TIME + 3]}
-    found = guess_others(titles, raw, guess_columns(titles, raw))
+    columns = {"t": [TIME], "p1_kPa": [p1], "p2_kPa": [p2], "q": [angle], "tout": [TIME + 3]}
+    table = Table({name: name for name in columns}, columns)
+    found = guess_others(table, guess_columns(table))
     assert found is not None
     assert (len(found[1]), found[2]) == (2, "q")
 
@@ -105,19 +104,12 @@ def test_check_refuses_one_signal_as_input_and_target(tmp_path: Path) -> None:
     assert only(found, "same-signal").severity == "error"
 
 
-@pytest.mark.parametrize(
-    ("word", "number"), [("Kinked19mm2", (19, "mm")), ("Kinked9mm", (9, "mm")), ("Unkinked", None), ("2bar", (2, "bar"))]
-)
-def test_lengths_in_names_are_read(word: str, number: tuple[float, str] | None) -> None:
-    assert number_in(word) == number
-
-
 def test_columns_are_said_by_place_or_by_title() -> None:
     told = read_columns("time:ms,_,force=Load Cell:N*1.744-18.6,pressure:mbar-1013")
     assert told == {
-        "time": ToldColumn(0, "ms"),
-        "force": ToldColumn("Load Cell", "N", 1.744, -18.6),
-        "pressure": ToldColumn(3, "mbar", 1.0, -1013.0),
+        "time": Guess(0, "ms"),
+        "force": Guess("Load Cell", "N", scale=1.744, offset=-18.6),
+        "pressure": Guess(3, "mbar", offset=-1013.0),
     }
     assert Answers(told).for_columns(("a", "b", "c"), 3) is None
 
@@ -129,4 +121,4 @@ def test_columns_that_cannot_be_are_refused(text: str) -> None:
 
 
 def test_two_columns_that_never_decrease_are_no_fault() -> None:
-    assert "force" not in guess_columns({}, {0: [np.arange(30.0)], 1: [np.arange(30.0) ** 2]})
+    assert "force" not in guess_columns(Table({}, {0: [np.arange(30.0)], 1: [np.arange(30.0) ** 2]}))

@@ -7,26 +7,25 @@ from typing import Any
 
 import numpy as np
 import pytest
-import yaml
+from recorded import drafted as untried
+from recorded import write
 
 from mapmore_cli.spec.loader import load
-from mapmore_cli.study.drafting import start as drafting
-from mapmore_cli.study.drafting.draft import Draft
-from mapmore_cli.study.drafting.guesses import guesses_page
+from mapmore_cli.study.drafting.draft import Draft, guesses_page
 from mapmore_cli.study.drafting.proof import proven
+from mapmore_cli.study.drafting.start import start
 
 pytestmark = pytest.mark.usefixtures("fewer_families")
 
 
-def table(folder: Path, levels: int, samples: int, force: Any, header: str = "P [kPa],eps,F [N]") -> None:
+def table(folder: Path, levels: int, samples: int, force: Any) -> None:
     strain = np.linspace(0, 0.15, samples)
     for pressure in 100.0 * np.arange(1, levels + 1):
-        rows = np.column_stack(np.broadcast_arrays(pressure, strain, force(pressure, strain)))
-        np.savetxt(folder / f"pull_{pressure:g}.csv", rows, delimiter=",", header=header, comments="", fmt="%.7g")
+        write(folder / f"pull_{pressure:g}.csv", {"P [kPa]": pressure, "eps": strain, "F [N]": force(pressure, strain)})
 
 
 def drafted(folder: Path) -> Draft:
-    (draft,) = drafting.start(folder, folder, search=lambda one, place: proven(one, place, 20.0)).drafts
+    (draft,) = start(folder, folder, search=lambda one, place: proven(one, place, 20.0)).drafts
     return draft
 
 
@@ -43,11 +42,9 @@ def test_a_plane_is_found_where_it_is_all_that_there_is(tmp_path: Path) -> None:
 
 
 def test_the_page_counts_all_files_and_those_that_are_drawn(tmp_path: Path) -> None:
-    for level in range(1, 8):
-        rows = "".join(f"{100 * level},{0.01 * n:.2f},{level * (5 - 0.4 * n):.2f}\n" for n in range(12))
-        (tmp_path / f"p_{level}.csv").write_text("pressure_kPa,strain,force_N\n" + rows)
-    (draft,) = drafting.start(tmp_path, tmp_path).drafts
-    drawn = len(draft.raw["strain"])
+    table(tmp_path, 7, 12, lambda p, e: p * (2 - 9 * e))
+    draft = untried(tmp_path)
+    drawn = len(draft.raw["eps"])
     assert drawn < 7
     assert f"made of 7 files, to be checked by eye; {drawn} of them are drawn</p>" in guesses_page(draft)
 
@@ -57,7 +54,6 @@ def test_held_out_levels_do_not_move_the_structure(tmp_path: Path) -> None:
     found = []
     for spoil in (0.0, 40.0):
         folder = tmp_path / f"{spoil:g}"
-        folder.mkdir()
         table(folder, 5, 60, lambda p, e, spoil=spoil: p * (2 - 9 * e + 20 * e**2) + spoil * (p == 400) * np.sin(60 * e))
         found.append(drafted(folder))
     first, second = found
@@ -77,13 +73,6 @@ def test_with_few_levels_nothing_bends_between_them(tmp_path: Path) -> None:
     assert [one.words for one in found.tried if one.family == "surface"] == ["surface of order 1, 4 terms"]
 
 
-def test_a_long_dictionary_is_wrapped_and_means_the_same() -> None:
-    dictionary = [{"terms": [f"tanh((pressure-{k / 100:.2f})/0.05)" for k in range(60)]}]
-    draft = Draft({"name": "study", "dictionary": dictionary}).noted(("dictionary",), "why")
-    assert yaml.safe_load(draft.text())["dictionary"] == dictionary
-    assert max(map(len, draft.text().splitlines())) <= 132
-
-
 def test_a_position_that_follows_slowly_gets_a_memory(tmp_path: Path) -> None:
     rng = np.random.default_rng(1)
     pressure = 150 + np.convolve(rng.normal(0, 40, 700), np.ones(20) / 6, "same")
@@ -91,8 +80,7 @@ def test_a_position_that_follows_slowly_gets_a_memory(tmp_path: Path) -> None:
     for k in range(1, 700):
         position[k] = position[k - 1] + 0.15 * (0.02 * pressure[k] - position[k - 1])
     position += rng.normal(0, 0.01, 700)
-    rows = np.column_stack([0.1 * np.arange(700), pressure, position])
-    np.savetxt(tmp_path / "log.csv", rows, delimiter=",", header="t [s],P [kPa],x [mm]", comments="", fmt="%.7g")
+    write(tmp_path / "log.csv", {"t [s]": 0.1 * np.arange(700), "P [kPa]": pressure, "x [mm]": position})
     draft = drafted(tmp_path)
     (tmp_path / "log.yaml").write_text(draft.text())
     assert load(tmp_path / "log.yaml").spec.has_memory

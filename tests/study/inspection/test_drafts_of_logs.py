@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from recorded import drafted, drafts, write
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.scores import Score
-from mapmore_cli.study.drafting import start as drafting
 from mapmore_cli.study.drafting.answers import Answers
-from mapmore_cli.study.drafting.columns import guess_columns
+from mapmore_cli.study.drafting.columns import Table, guess_columns
 from mapmore_cli.study.drafting.draft import Draft
 from mapmore_cli.study.drafting.proof import Trial, proven
 from mapmore_cli.study.inspection.evidence import remembered
@@ -34,16 +34,13 @@ def followed(drive: Array, lag: float = 20.0) -> Array:
 
 
 @pytest.fixture
-def untried(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
+def untried(tmp_path: Path) -> Any:
     """Drafts of a folder as they were before their trials."""
 
-    def of(**tables: dict[str, Array]) -> tuple[Draft, ...]:
+    def of(**tables: dict[str, Array]) -> list[Draft]:
         for name, columns in tables.items():
-            np.savetxt(
-                tmp_path / f"{name}.csv", np.column_stack(list(columns.values())), "%.7g", ",", header=",".join(columns), comments=""
-            )
-        monkeypatch.setattr(drafting, "proven", lambda draft, _: draft)
-        return drafting.start(tmp_path, tmp_path).drafts
+            write(tmp_path / f"{name}.csv", columns)
+        return drafts(tmp_path)
 
     return of
 
@@ -71,13 +68,13 @@ def test_a_curve_or_noise_without_a_clock_is_static(untried: Any, response: Arra
 
 
 def test_memory_is_seen_where_the_input_goes_there_and_back() -> None:
-    found = remembered([(DRIVE, followed(DRIVE))])
+    found = remembered([DRIVE], [followed(DRIVE)])
     assert found is not None
     assert found.before < 0.5 * found.now
-    static = remembered([(DRIVE, DRIVE**2)])
+    static = remembered([DRIVE], [DRIVE**2])
     assert static is not None
     assert static.now < 0.05
-    assert remembered([(np.sort(DRIVE), followed(np.sort(DRIVE)))]) is None
+    assert remembered([np.sort(DRIVE)], [followed(np.sort(DRIVE))]) is None
 
 
 # What is held out --------------------------------------------------------------------------------------------------------------------
@@ -143,24 +140,20 @@ def test_a_second_log_with_many_rows_of_one_stamp_has_no_gaps(untried: Any) -> N
     assert "max_gap" not in draft.data["join"][0]
 
 
-def test_a_second_log_whose_time_runs_backwards_is_refused(untried: Any) -> None:
+@pytest.mark.parametrize(
+    ("log", "stamps", "told"),
+    [("gauge", "Time_s", "gauge.csv: its time never goes on"), ("tester", "Time_ms", "time runs backwards")],
+)
+def test_a_log_whose_clock_is_none_cannot_be_joined(untried: Any, log: str, stamps: str, told: str) -> None:
     logs = two_logs(0.0)
     with pytest.raises(DataError) as caught:
-        untried(**logs | {"gauge": logs["gauge"] | {"Time_s": -logs["gauge"]["Time_s"]}})
-    assert "gauge.csv: its time never goes on" in (caught.value.remedy or "")
-
-
-def test_a_log_whose_clock_is_none_cannot_be_joined_by_it(untried: Any) -> None:
-    logs = two_logs(0.0)
-    clock = -logs["tester"]["Time_ms"]
-    with pytest.raises(DataError) as caught:
-        untried(**logs | {"tester": logs["tester"] | {"Time_ms": clock}})
-    assert "time runs backwards" in (caught.value.remedy or "")
+        untried(**logs | {log: logs[log] | {stamps: -logs[log][stamps]}})
+    assert told in (caught.value.remedy or "")
 
 
 def test_a_column_of_zeros_is_no_fault() -> None:
     ramp = [np.linspace(0, 0.2, 3)]
-    guesses = guess_columns({}, {0: ramp, 1: [np.zeros(3)], 2: ramp, 3: [200 - 600 * ramp[0]]}, {})
+    guesses = guess_columns(Table({}, {0: ramp, 1: [np.zeros(3)], 2: ramp, 3: [200 - 600 * ramp[0]]}))
     assert guesses["force"].column == 3
 
 
@@ -220,10 +213,10 @@ def test_a_response_to_a_step_is_not_static(untried: Any) -> None:
 @pytest.mark.parametrize(
     ("title", "values", "rule"), [("L_mm", 88 - 0.1 * K, "(0.088 - length)/0.088"), ("x_mm", -0.1 * K / 6, "-displacement/0.088")]
 )
-def test_a_known_length_makes_a_strain(untried: Any, tmp_path: Path, title: str, values: Array, rule: str) -> None:
+def test_a_known_length_makes_a_strain(tmp_path: Path, title: str, values: Array, rule: str) -> None:
     pressure = np.repeat([100.0, 200.0, 300.0], 200)
-    untried(pull={"P_kPa": pressure, title: values, "F_N": pressure - 0.1 * values})
-    (draft,) = drafting.start(tmp_path, tmp_path, answers=Answers(length=0.088)).drafts
+    write(tmp_path / "pull.csv", {"P_kPa": pressure, title: values, "F_N": pressure - 0.1 * values})
+    draft = drafted(tmp_path, answers=Answers(length=0.088))
     assert draft.data["derive"] == {"strain": rule}
     assert draft.spec["muscle"]["length"] == 0.088
 
@@ -231,28 +224,25 @@ def test_a_known_length_makes_a_strain(untried: Any, tmp_path: Path, title: str,
 # A weight that hangs there -----------------------------------------------------------------------------------------------------------
 
 
-def hanging(place: Path, word: str) -> None:
+def hanging(place: Path, word: str) -> Draft:
     """Strokes under a dead load, without titles: time, pressure, and a position."""
     time = 0.01 * np.arange(400)
     pressure = 200 * np.sin(3 * time) ** 2
     for mass in (100, 200):
-        rows = np.column_stack([time, pressure, -5 * followed(pressure) / mass])
-        np.savetxt(place / f"Sample 1 {mass} {word}.csv", rows, "%.6g", ",")
+        write(place / f"Sample 1 {mass} {word}.csv", [time, pressure, -5 * followed(pressure) / mass])
+    return drafted(place)
 
 
-def test_a_mass_in_the_names_tells_a_position_from_a_force(untried: Any, tmp_path: Path) -> None:
-    hanging(tmp_path, "grams")
-    (draft,) = untried()
+def test_a_mass_in_the_names_tells_a_position_from_a_force(tmp_path: Path) -> None:
+    draft = hanging(tmp_path, "grams")
     assert draft.spec["target"] == {"column": "displacement"}
     assert [entry["set"]["load"] for entry in draft.data["files"]] == [0.980665, 1.96133]
-    assert all("load" in entry["set"] for entry in draft.data["files"])
     assert "CHECK: it is what is left, and a position where the names of the files tell a load; mm" in draft.text()
     assert "CHECK: N: '100 grams' taken as the mass of a load that hangs there" in draft.text()
 
 
-def test_what_values_do_not_tell_is_said(untried: Any, tmp_path: Path) -> None:
-    hanging(tmp_path, "turns")
-    (draft,) = untried()
+def test_what_values_do_not_tell_is_said(tmp_path: Path) -> None:
+    draft = hanging(tmp_path, "turns")
     assert "force" in draft.data["columns"]
     assert re.search(r"CHECK: it is what is left: a force, or a position\s+(# )?\(`displacement`\)\?", draft.text())
 
@@ -260,56 +250,44 @@ def test_what_values_do_not_tell_is_said(untried: Any, tmp_path: Path) -> None:
 # Both components ---------------------------------------------------------------------------------------------------------------------
 
 
-def cycles(apart: float) -> dict[str, dict[str, Array]]:
-    """Loading and unloading at three pressures, the branches so many newtons apart in the middle."""
+def cycles(*apart: float) -> dict[str, dict[str, Array]]:
+    """Loading and unloading at as many pressures, the branches so many newtons apart in the middle."""
     strain = 0.15 * np.concatenate([np.linspace(0, 1, 60), np.linspace(1, 0, 60)])
-    branch = np.repeat([0.5, -0.5], 60) * apart * np.sin(np.pi * strain / 0.15)
-    time = 0.1 * np.arange(120)
-    forces = {level: level * (2 - 9 * strain) + branch for level in (100, 200, 300)}
-    return {f"cycle_{level}": {"t_s": time, "P_kPa": np.full(120, level), "eps": strain, "F_N": force} for level, force in forces.items()}
+    side = np.repeat([0.5, -0.5], 60) * np.sin(np.pi * strain / 0.15)
+    levels = {100 * (number + 1): width for number, width in enumerate(apart)}
+    forces = {level: level * (2 - 9 * strain) + width * side for level, width in levels.items()}
+    return {f"cycle_{level}": {"t_s": 0.1 * np.arange(120), "P_kPa": level, "eps": strain, "F_N": force} for level, force in forces.items()}
 
 
-def test_branches_that_lie_apart_are_two_studies(untried: Any) -> None:
-    static, hysteresis = untried(**cycles(60.0))
+def test_branches_that_lie_apart_are_two_studies(untried: Any, tmp_path: Path) -> None:
+    static, hysteresis = untried(**cycles(60, 60, 60))
     assert (static.spec["target"], hysteresis.spec["target"]) == ("static", "hysteresis")
     assert hysteresis.name == f"{static.name}-hysteresis"
     assert hysteresis.data == static.data
     assert "model" not in hysteresis.spec
     assert "of the largest force: the component that the static study leaves out" in hysteresis.text()
-
-
-def test_branches_that_are_one_are_one_study(untried: Any, tmp_path: Path) -> None:
-    (static,) = untried(**cycles(5.0))
-    assert static.data["cycles"] == {"over": "strain", "samples": 200}
-    untried(**cycles(60.0))
-    assert len(drafting.start(tmp_path, tmp_path, single=True).drafts) == 1
-
-
-def test_a_draft_of_the_hysteresis_runs(untried: Any, tmp_path: Path) -> None:
-    _, hysteresis = untried(**cycles(60.0))
+    assert len(drafts(tmp_path, single=True)) == 1
     tried = proven(hysteresis, tmp_path)
     assert tried.spec == hysteresis.spec
     assert tried.notes["target",].sure
     assert re.search(r"tried: NRMSE [01]\.\d+ % on held-out data$", tried.notes["target",].why)
 
 
+def test_branches_that_are_one_are_one_study(untried: Any) -> None:
+    (static,) = untried(**cycles(5, 5, 5))
+    assert static.data["cycles"] == {"over": "strain", "samples": 200}
+
+
 def test_loops_that_differ_from_level_to_level_are_one_surface(untried: Any) -> None:
     """Every second loop is four times as wide: no loop lies between its neighbours."""
-    tables = {}
-    for number in range(7):
-        (strain, force), level = (cycles(60.0 * (1 + 3 * (number % 2)))["cycle_100"][name] for name in ("eps", "F_N")), 100 * (number + 1)
-        tables[f"cycle_{level}"] = {"t_s": 0.1 * np.arange(120), "P_kPa": np.full(120, level), "eps": strain, "F_N": force}
-    _, hysteresis = untried(**tables)
+    _, hysteresis = untried(**cycles(60, 240, 60, 240, 60, 240, 60))
     assert hysteresis.spec["segment"] == {"pressure": "none", "strain": {"method": "even", "count": 4}}
     assert hysteresis.spec["dictionary"] == [{"polynomial": {"of": ["strain", "pressure"], "order": 2}}]
     assert "CHECK: a loop hardly follows from those at the next levels (an error of" in hysteresis.text()
 
 
 def test_loops_that_grow_with_the_level_are_an_arch_each(untried: Any) -> None:
-    tables = {}
-    for level in range(100, 800, 100):
-        tables |= {f"cycle_{level}": {**cycles(0.3 * level)["cycle_100"], "P_kPa": np.full(120, level)}}
-    _, hysteresis = untried(**tables)
+    _, hysteresis = untried(**cycles(*range(30, 240, 30)))
     assert "segment" not in hysteresis.spec
     assert hysteresis.spec["dictionary"] == [{"polynomial": {"of": ["strain"], "order": 2}}]
 
@@ -327,24 +305,20 @@ def test_a_model_worse_than_the_mean_is_marked(untried: Any, tmp_path: Path) -> 
     assert re.search(r"tried: NRMSE \d+ % on held-out data, worse than their mean", note.why)
 
 
-def score(model: str, rmse: float, r2: float = 0.5) -> Score:
+def score(rmse: float, model: str = "mapmore", r2: float = 0.5) -> Score:
     return Score(model, "force", "validate", "all", 10, rmse, rmse / 100, 100.0, "max|force| over validate", rmse, rmse / 100, r2)
 
 
 @pytest.mark.parametrize(
     ("trial", "bad", "told"),
     [
-        (Trial(score("mapmore", 3.0)), False, "NRMSE 3 % on held-out data"),
-        (Trial(score("mapmore", 3.0), score("polynomial_5", 2.99)), False, "NRMSE 3 % on held-out data"),
-        (Trial(score("mapmore", 3.0), score("polynomial_5", 2.7)), False, "NRMSE 3 % on held-out data; polynomial_5 has 2.7 % there"),
-        (Trial(score("mapmore", 3.0), score("polynomial_5", 2.4)), True, "NRMSE 3 % on held-out data; polynomial_5 has 2.4 % there"),
-        (Trial(score("mapmore", 90.0, -0.1)), True, "NRMSE 90 % on held-out data, worse than their mean"),
-        (Trial(score("mapmore", np.inf, -np.inf)), True, "no finite error on held-out data"),
-        (
-            Trial(replace(score("mapmore", 3.0, np.nan), nrmse=np.nan)),
-            True,
-            "no NRMSE on held-out data: the measured values are zero, or all alike",
-        ),
+        (Trial(score(3.0)), False, "NRMSE 3 % on held-out data"),
+        (Trial(score(3.0), score(2.99, "polynomial_5")), False, "NRMSE 3 % on held-out data"),
+        (Trial(score(3.0), score(2.7, "polynomial_5")), False, "NRMSE 3 % on held-out data; polynomial_5 has 2.7 % there"),
+        (Trial(score(3.0), score(2.4, "polynomial_5")), True, "NRMSE 3 % on held-out data; polynomial_5 has 2.4 % there"),
+        (Trial(score(90.0, r2=-0.1)), True, "NRMSE 90 % on held-out data, worse than their mean"),
+        (Trial(score(np.inf, r2=-np.inf)), True, "no finite error on held-out data"),
+        (Trial(replace(score(3.0), nrmse=np.nan)), True, "no NRMSE on held-out data: the measured values are zero, or all alike"),
     ],
 )
 def test_what_a_trial_tells(trial: Trial, bad: bool, told: str) -> None:

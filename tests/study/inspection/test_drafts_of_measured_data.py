@@ -12,8 +12,7 @@ from mapmore_cli.fitting import searching
 from mapmore_cli.modelling.search.families import FAMILIES
 from mapmore_cli.storage.readers import reader_of
 from mapmore_cli.study.drafting import proof
-from mapmore_cli.study.drafting.groups import find_groups
-from mapmore_cli.study.drafting.second_logs import second_of
+from mapmore_cli.study.drafting.groups import find_groups, second_of
 
 ROWS = [tuple(row) for row in read_rows(drafted_tables.PAGE, "drafts")[1:]]
 

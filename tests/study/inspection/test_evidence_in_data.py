@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mapmore_cli.domain.recording import Curve, Recording
-from mapmore_cli.study.drafting.columns import guess_columns
+from mapmore_cli.study.drafting.columns import Table, guess_columns
 from mapmore_cli.study.drafting.experiment import find_held, goes_in_cycles, inner_levels, staircase
-from mapmore_cli.study.drafting.groups import number_in, read_names
-from mapmore_cli.study.inspection.evidence import neighbourhood, read_label, set_in_steps, slack_foot
+from mapmore_cli.study.inspection.evidence import neighbourhood, set_in_steps, slack_foot
+from mapmore_cli.study.inspection.names import number_in, read_label, read_names
 
 STRAINS = np.array([0.0, 0.05, 0.1, 0.15])
 
@@ -151,26 +151,12 @@ def test_held_out_levels_are_inner_ones(levels: list[float]) -> None:
 @pytest.mark.parametrize(
     ("name", "quantity", "unit"),
     [
-        ("pressure_kPa", "pressure", "kPa"),
-        ("P [bar]", "pressure", "bar"),
-        ("Pressure (psi)", "pressure", "psi"),
-        ("pressureMPa", "pressure", "MPa"),
-        ("mpr_sensor_kPa", "pressure", "kPa"),
-        ("cmd_kPa", "input", None),
-        ("t", "time", None),
-        ("time_ms", "time", "ms"),
-        ("Time (s)", "time", "s"),
-        ("eps", "strain", None),
-        ("strain_pct", "strain", "%"),
-        ("contraction [%]", "strain", "%"),
-        ("contraction_frac", "strain", "1"),
-        ("F", "force", None),
-        ("force_N_total", "force", "N"),
-        ("Load (kN)", "load", "kN"),
-        ("position_mm", "displacement", "mm"),
-        ("temperature", None, None),
-        ("", None, None),
-        ("42", None, None),
+        *(("pressure_kPa", "pressure", "kPa"), ("P [bar]", "pressure", "bar"), ("Pressure (psi)", "pressure", "psi")),
+        *(("pressureMPa", "pressure", "MPa"), ("mpr_sensor_kPa", "pressure", "kPa"), ("cmd_kPa", "input", None)),
+        *(("t", "time", None), ("time_ms", "time", "ms"), ("Time (s)", "time", "s"), ("eps", "strain", None)),
+        *(("strain_pct", "strain", "%"), ("contraction [%]", "strain", "%"), ("contraction_frac", "strain", "1")),
+        *(("F", "force", None), ("force_N_total", "force", "N"), ("Load (kN)", "load", "kN"), ("position_mm", "displacement", "mm")),
+        *(("temperature", None, None), ("", None, None), ("42", None, None)),
     ],
 )
 def test_names_of_columns(name: str, quantity: str | None, unit: str | None) -> None:
@@ -187,7 +173,7 @@ def test_any_name_of_a_column_or_a_file_can_be_read(name: str) -> None:
 def test_units_by_size() -> None:
     t = np.arange(2000.0)
     raw = {"t": [20 * t], "P": [1e5 * (1 + t / 2000)], "eps": [t / 100], "F": [np.sin(t)]}
-    guesses = guess_columns({name: name for name in raw}, raw)
+    guesses = guess_columns(Table({name: name for name in raw}, raw))
     assert {name: guess.unit for name, guess in guesses.items()} == {"time": "ms", "pressure": "Pa", "strain": "%", "force": "N"}
     assert not guesses["time"].sure
     assert not guesses["pressure"].sure
@@ -198,7 +184,7 @@ def test_columns_without_names_are_told_by_their_values() -> None:
     t = np.arange(3000) * 0.01
     pressure = 300 * (1 - np.cos(t))
     raw = {0: [0.7 * pressure - 9 + rng.normal(0, 6, t.size)], 1: [pressure], 2: [t], 3: [np.where(t < 15, 1.0, 2.0)], 4: [1.7e9 + t]}
-    guesses = guess_columns({}, raw)
+    guesses = guess_columns(Table({}, raw))
     assert {name: guess.column for name, guess in guesses.items()} == {"force": 0, "pressure": 1, "time": 2}
     assert not any(guess.sure for guess in guesses.values())
 
@@ -213,12 +199,8 @@ def test_names_of_files_tell_groups_conditions_and_repeats() -> None:
 @pytest.mark.parametrize(
     ("word", "number"),
     [
-        ("kinked25", (25, None)),
-        ("200kPa", (200, "kPa")),
-        ("1.5bar", (1.5, "bar")),
-        ("12%", (12, "%")),
-        ("Unkink", None),
-        ("200grams", None),
+        *(("kinked25", (25, None)), ("200kPa", (200, "kPa")), ("1.5bar", (1.5, "bar")), ("12%", (12, "%")), ("2bar", (2, "bar"))),
+        *(("Kinked19mm2", (19, "mm")), ("Kinked9mm", (9, "mm")), ("Unkinked", None), ("200grams", None)),
     ],
 )
 def test_numbers_in_words(word: str, number: tuple[float, str | None] | None) -> None:

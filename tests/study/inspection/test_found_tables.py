@@ -5,30 +5,19 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
+from recorded import drafted, workbook
+from scipy.io import savemat
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.study.drafting import start as drafting
-from mapmore_cli.study.drafting.draft import Draft
 from mapmore_cli.study.drafting.preview import preview
 from mapmore_cli.study.drafting.recordings import dataset_of
 
 N = 60
 T = 0.05 * np.arange(N)
 SWING = np.sin(0.1 * np.arange(N)) ** 2
-
-
-@pytest.fixture
-def drafted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
-    """The one draft of the folder, as it was before its trial."""
-
-    def one(**settings: Any) -> Draft:
-        monkeypatch.setattr(drafting, "proven", lambda draft, _: draft)
-        (draft,) = drafting.start(tmp_path, tmp_path, **settings).drafts
-        return draft
-
-    return one
 
 
 def table(**columns: np.ndarray) -> list[list[Any]]:
@@ -45,63 +34,53 @@ def as_text(rows: list[list[Any]], delimiter: str = ",") -> str:
 # Text --------------------------------------------------------------------------------------------------------------------------------
 
 
-def test_a_column_of_words_is_left_out(tmp_path: Path, drafted: Any) -> None:
+def test_a_column_of_words_is_left_out(tmp_path: Path) -> None:
     rows = [[*row[:2], "note" if not k else "up" if k < 30 else "down", *row[2:]] for k, row in enumerate(RUN)]
     (tmp_path / "a.csv").write_text(as_text(rows))
-    assert set(drafted().data["columns"]) == {"time", "pressure", "strain", "force"}
-    assert "left out: note" in drafted().text()
+    assert set(drafted(tmp_path).data["columns"]) == {"time", "pressure", "strain", "force"}
+    assert "left out: note" in drafted(tmp_path).text()
 
 
 @pytest.mark.parametrize("place", [7, 40])
-def test_a_word_for_a_missing_number_is_told_to_the_reader(tmp_path: Path, drafted: Any, place: int) -> None:
+def test_a_word_for_a_missing_number_is_told_to_the_reader(tmp_path: Path, place: int) -> None:
     """Also beyond the lines that are looked at first."""
     rows = [list(row) for row in RUN]
     rows[place][3] = rows[place + 3][3] = "OVLD"
     (tmp_path / "a.csv").write_text(as_text(rows))
-    draft = drafted()
+    draft = drafted(tmp_path)
     assert draft.data["missing"] == {"tokens": ["OVLD"]}
     assert "CHECK: 2 samples have a cell that is empty or holds 'OVLD': taken as no value" in draft.text()
     assert dataset_of(draft.data, tmp_path, "force").recordings[0].dropped == {"missing value": 2}
 
 
-def test_a_column_that_is_hardly_filled_hides_no_other(tmp_path: Path, drafted: Any) -> None:
+def test_a_column_that_is_hardly_filled_hides_no_other(tmp_path: Path) -> None:
     """Where the remark's number stands the pressure is 4 kPa, and elsewhere up to 300: no bar."""
     rows = [[*row, "remark" if not k else 1.0 if k in (1, 2) else ""] for k, row in enumerate(RUN)]
     for k in (1, 2):
         rows[k][1] = 4.0 + k
     (tmp_path / "a.csv").write_text(as_text(rows))
-    assert drafted().data["columns"]["pressure"] == {"column": "P_kPa", "unit": "kPa"}
+    assert drafted(tmp_path).data["columns"]["pressure"] == {"column": "P_kPa", "unit": "kPa"}
     (tmp_path / "a.csv").write_text(as_text(rows).replace("P_kPa", "P"))
-    assert drafted().data["columns"]["pressure"] == {"column": "P", "unit": "kPa"}
+    assert drafted(tmp_path).data["columns"]["pressure"] == {"column": "P", "unit": "kPa"}
 
 
 @pytest.mark.parametrize(("title", "unit"), [("P [bar]", "kPa"), ("P_MPa", "kPa")])
-def test_a_title_that_cannot_be_true_is_marked(tmp_path: Path, drafted: Any, title: str, unit: str) -> None:
+def test_a_title_that_cannot_be_true_is_marked(tmp_path: Path, title: str, unit: str) -> None:
     (tmp_path / "a.csv").write_text(as_text(RUN).replace("P_kPa", title))
-    assert drafted().data["columns"]["pressure"] == {"column": title, "unit": unit}
-    assert "which no muscle reaches" in drafted().text()
+    assert drafted(tmp_path).data["columns"]["pressure"] == {"column": title, "unit": unit}
+    assert "which no muscle reaches" in drafted(tmp_path).text()
 
 
-def test_what_cannot_be_a_strain_is_none(tmp_path: Path, drafted: Any) -> None:
+def test_what_cannot_be_a_strain_is_none(tmp_path: Path) -> None:
     rows = [RUN[0], *([*row[:2], 9000 * row[2], row[3]] for row in RUN[1:])]
     (tmp_path / "a.csv").write_text(as_text(rows).replace("eps", "e"))
-    assert "strain" not in drafted().data["columns"]
+    assert "strain" not in drafted(tmp_path).data["columns"]
 
 
-def test_a_closing_remark_and_blank_lines_are_no_table(tmp_path: Path) -> None:
-    path = tmp_path / "a.csv"
-    path.write_text("Time,Pressure\n" + "".join(f"{k},{2 * k}\n\n" for k in range(20)) + "end of test\n\n\n")
-    assert (preview(path).titles, preview(path).settings) == (("Time", "Pressure"), {})
-
-
-def test_a_line_of_units_that_has_a_one(tmp_path: Path) -> None:
+def test_a_line_of_units_that_has_a_one_and_words_beside_numbers(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_text("P;eps\nkPa;1\n" + "".join(f"{k};0,{k}\n" for k in range(10, 30)))
     assert (preview(path).settings, preview(path).below) == ({"delimiter": ";", "decimal": ",", "header": 2}, ("kPa", "1"))
-
-
-def test_words_beside_numbers_do_not_hide_the_delimiter(tmp_path: Path) -> None:
-    path = tmp_path / "a.csv"
     path.write_text("t;state;F\n" + "".join(f"{k},5;up;{k},25\n" for k in range(20)))
     assert preview(path).settings == {"delimiter": ";", "decimal": ","}
 
@@ -109,24 +88,16 @@ def test_words_beside_numbers_do_not_hide_the_delimiter(tmp_path: Path) -> None:
 # Workbooks ---------------------------------------------------------------------------------------------------------------------------
 
 
-def workbook(path: Path, **sheets: list[list[Any]]) -> None:
-    book = pytest.importorskip("openpyxl").Workbook()
-    book.remove(book.active)
-    for title, rows in sheets.items():
-        sheet = book.create_sheet(title)
-        for row in rows:
-            sheet.append(row)
-    book.save(path)
-
-
-def test_a_first_row_of_zeros_is_no_blank_one(tmp_path: Path) -> None:
-    workbook(tmp_path / "a.xlsx", run=table(t=T, P=SWING, F=SWING))
-    assert (preview(tmp_path / "a.xlsx").titles, preview(tmp_path / "a.xlsx").settings) == (("t", "P", "F"), {})
-
-
-def test_a_row_ends_at_its_last_filled_cell(tmp_path: Path) -> None:
-    workbook(tmp_path / "a.xlsx", run=[["rig 1"], [], ["t", "P", "F"], *([k, 2.0 * k, *([3.0 * k] if k % 2 else [])] for k in range(6))])
-    assert (preview(tmp_path / "a.xlsx").titles, preview(tmp_path / "a.xlsx").settings) == (("t", "P", "F"), {"skip_rows": 2})
+@pytest.mark.parametrize(
+    ("rows", "settings"),
+    [
+        (table(t=T, P=SWING, F=SWING), {}),  # a first row of zeros is no blank one
+        ([["rig 1"], [], ["t", "P", "F"], *([k, 2.0 * k, *([3.0 * k] if k % 2 else [])] for k in range(6))], {"skip_rows": 2}),
+    ],
+)
+def test_a_row_ends_at_its_last_filled_cell(tmp_path: Path, rows: list[list[Any]], settings: dict[str, int]) -> None:
+    workbook(tmp_path / "a.xlsx", {"run": rows})
+    assert (preview(tmp_path / "a.xlsx").titles, preview(tmp_path / "a.xlsx").settings) == (("t", "P", "F"), settings)
 
 
 NOTES = [["operator", "remarks"], ["me", "none"]]
@@ -135,9 +106,9 @@ NOTES = [["operator", "remarks"], ["me", "none"]]
 @pytest.mark.parametrize(
     ("titles", "sheet"), [(("run 1", "run 2"), "run *"), (("left", "right"), None), (("up load", "down load"), "* load"), (("one",), "one")]
 )
-def test_every_sheet_that_is_alike_is_read(tmp_path: Path, drafted: Any, titles: tuple[str, ...], sheet: str | None) -> None:
-    workbook(tmp_path / "a.xlsx", notes=NOTES, **dict.fromkeys(titles, RUN), summary=[["P", "F"], [1, 2], [3, 4]])
-    draft = drafted()
+def test_every_sheet_that_is_alike_is_read(tmp_path: Path, titles: tuple[str, ...], sheet: str | None) -> None:
+    workbook(tmp_path / "a.xlsx", {"notes": NOTES, **dict.fromkeys(titles, RUN), "summary": [["P", "F"], [1, 2], [3, 4]]})
+    draft = drafted(tmp_path)
     assert draft.data.get("sheet") == sheet
     files: list[Any] = ["a.xlsx"] if sheet else [{"path": "a.xlsx", "sheet": title} for title in titles]
     assert draft.data["files"] == files
@@ -149,8 +120,15 @@ def test_every_sheet_that_is_alike_is_read(tmp_path: Path, drafted: Any, titles:
 # Trees -------------------------------------------------------------------------------------------------------------------------------
 
 
+COLUMNS = dict(zip(RUN[0], np.array(RUN[1:]).T, strict=True))
+
+
+def held(level: float) -> dict[str, np.ndarray]:
+    """A run at one pressure."""
+    return {**COLUMNS, "P_kPa": np.full(N, level)}
+
+
 def hdf5(path: Path, **arrays: Any) -> None:
-    h5py = pytest.importorskip("h5py")
     with h5py.File(path, "w") as file:
         for name, values in arrays.items():
             file[name] = values
@@ -179,7 +157,6 @@ def test_columns_of_an_hdf5_file(tmp_path: Path, arrays: Any, columns: tuple[str
 
 
 def test_links_in_circles_end(tmp_path: Path) -> None:
-    h5py = pytest.importorskip("h5py")
     with h5py.File(tmp_path / "a.h5", "w") as file:
         run = file.create_group("run")
         run["t"], run["P"] = T, SWING
@@ -189,8 +166,6 @@ def test_links_in_circles_end(tmp_path: Path) -> None:
 
 
 def test_columns_of_a_mat_file(tmp_path: Path) -> None:
-    from scipy.io import savemat
-
     cells = np.empty(2, dtype=object)
     cells[:] = [{"t": T, "P": SWING}, {"t": T, "P": SWING}]
     for content, columns, settings in (
@@ -212,17 +187,15 @@ def test_columns_of_a_tdms_file(tmp_path: Path) -> None:
     assert (found.columns, found.titles, found.settings) == (("Rig/P", "Rig/F"), ("P", "F"), {"sample_time": 0.05})
 
 
-def test_groups_of_a_tdms_file_are_recordings(tmp_path: Path, drafted: Any) -> None:
+def test_groups_of_a_tdms_file_are_recordings(tmp_path: Path) -> None:
     """Also where a group of another kind lies beside them; the first of all is shown."""
     nptdms = pytest.importorskip("nptdms")
-    _, *rows = RUN
-    columns = dict(zip(("P_kPa", "eps", "F_N"), np.array(rows).T[1:], strict=True))
     with nptdms.TdmsWriter(tmp_path / "a.tdms") as file:
         for name, level in (("Run.1", 100.0), ("Run.2", 200.0), ("Run.3", 300.0)):
-            held = {**columns, "P_kPa": np.full(N, level)}
-            file.write_segment([nptdms.ChannelObject(name, title, values, {"wf_increment": 0.05}) for title, values in held.items()])
+            columns = {title: values for title, values in held(level).items() if title != "time_s"}
+            file.write_segment([nptdms.ChannelObject(name, title, values, {"wf_increment": 0.05}) for title, values in columns.items()])
         file.write_segment([nptdms.ChannelObject("Notes", "who", ["me", "you"])])
-    data = drafted().data
+    data = drafted(tmp_path).data
     assert (data["root"], data["sample_time"]) == ("[*]", 0.05)
     assert data["columns"]["force"] == {"column": "F_N", "unit": "N"}
     assert data["levels"] == {"of": "pressure", "at": [100, 200, 300]}
@@ -230,25 +203,18 @@ def test_groups_of_a_tdms_file_are_recordings(tmp_path: Path, drafted: Any) -> N
     assert [(one.id, one.rows_kept) for one in recordings] == [(f"a[{number}]", N) for number in range(3)]
 
 
-def test_runs_of_an_hdf5_file_beside_something_else(tmp_path: Path, drafted: Any) -> None:
-    columns = dict(zip(RUN[0], np.array(RUN[1:]).T, strict=True))
-    runs = {
-        f"run_{level}/{title}": values for level in (100, 200, 300) for title, values in {**columns, "P_kPa": np.full(N, level)}.items()
-    }
+def test_runs_of_an_hdf5_file_beside_something_else(tmp_path: Path) -> None:
+    runs = {f"run_{level}/{title}": values for level in (100, 200, 300) for title, values in held(level).items()}
     hdf5(tmp_path / "a.h5", **runs, **{"about/rig": 4.0, "fs": 20.0})
-    data = drafted().data
+    data = drafted(tmp_path).data
     assert data["root"] == "[*]"
     assert data["levels"] == {"of": "pressure", "at": [100, 200, 300]}
     assert len(dataset_of(data, tmp_path, "force").recordings) == 3
 
 
-def test_structs_of_a_mat_file_are_recordings(tmp_path: Path, drafted: Any) -> None:
-    from scipy.io import savemat
-
-    columns = dict(zip(RUN[0], np.array(RUN[1:]).T, strict=True))
-    runs = {f"run_{k}": {**columns, "P_kPa": np.full(N, 100.0 * k)} for k in (1, 2, 10)}
-    savemat(tmp_path / "a.mat", {**runs, "rig": "four", "about": {"who": "me"}})
-    data = drafted().data
+def test_structs_of_a_mat_file_are_recordings(tmp_path: Path) -> None:
+    savemat(tmp_path / "a.mat", {**{f"run_{k}": held(100.0 * k) for k in (1, 2, 10)}, "rig": "four", "about": {"who": "me"}})
+    data = drafted(tmp_path).data
     assert data["root"] == "[*]"
     recordings = dataset_of(data, tmp_path, "force").recordings
     assert [float(one.columns["pressure"][0]) for one in recordings] == [100, 200, 1000]
@@ -257,15 +223,15 @@ def test_structs_of_a_mat_file_are_recordings(tmp_path: Path, drafted: Any) -> N
 @pytest.mark.parametrize("other", ["P_kPa", "F_N"])
 def test_a_run_that_lacks_columns_is_no_recording_among_others(tmp_path: Path, other: str) -> None:
     """Half a run must not be passed over in silence: it is not drafted as one of them."""
-    columns = dict(zip(RUN[0], np.array(RUN[1:]).T, strict=True))
-    hdf5(tmp_path / "a.h5", **{f"run_{k}/{title}": values for k in range(2) for title, values in columns.items()}, **{f"run_9/{other}": T})
+    runs = {f"run_{k}/{title}": values for k in range(2) for title, values in COLUMNS.items()}
+    hdf5(tmp_path / "a.h5", **runs, **{f"run_9/{other}": T})
     assert "root" not in preview(tmp_path / "a.h5").settings
 
 
-def test_a_tree_is_drafted_by_the_titles_of_its_arrays(tmp_path: Path, drafted: Any) -> None:
+def test_a_tree_is_drafted_by_the_titles_of_its_arrays(tmp_path: Path) -> None:
     """The name of the group is no title; a clock among the columns takes the place of the sample time."""
-    hdf5(tmp_path / "a.h5", **{f"pressure test/{title}": values for title, values in zip(RUN[0], np.array(RUN[1:]).T, strict=True)}, dt=1.0)
-    data = drafted().data
+    hdf5(tmp_path / "a.h5", **{f"pressure test/{title}": values for title, values in COLUMNS.items()}, dt=1.0)
+    data = drafted(tmp_path).data
     assert data["columns"]["force"] == {"column": "pressure test/F_N", "unit": "N"}
     assert "sample_time" not in data
     assert dataset_of(data, tmp_path, "force").recordings[0].rows_kept == N

@@ -2,36 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from recorded import drafted, drafts, workbook, write
 
-from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.study.drafting.draft import Draft
-from mapmore_cli.study.drafting.groups import read_names, words_of
 from mapmore_cli.study.drafting.start import start
+from mapmore_cli.study.inspection.names import read_names, words_of
 
 STRAIN = np.linspace(0.0, 0.15, 40)
 THERE_AND_BACK = np.concatenate([STRAIN, STRAIN[::-1]])
+T = 0.01 * np.arange(3000)
+LEFT, RIGHT = 3 + 2 * np.sin(2 * T[:600]), 3 - 2 * np.sin(2 * T[:600]) + np.sin(5.4 * T[:600])
+PAIR = (2 * T[:600], LEFT, RIGHT, 5 * np.tanh(LEFT - RIGHT))  # of muscles at a joint
 
 
-def write(path: Path, columns: Sequence[Array], head: str = "", delimiter: str = ",", decimal: str = ".") -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    rows = [delimiter.join(f"{value:.10g}".replace(".", decimal) for value in row) for row in zip(*columns, strict=True)]
-    path.write_text(head + "\n".join(rows) + "\n")
-
-
-def drafted(folder: Path) -> Draft:
-    draft, *beside = start(folder, folder, search=lambda one, _folder: one).drafts
-    assert all(one.spec["target"] == "hysteresis" for one in beside)
-    return draft
-
-
-def force(bar: float, strain: Array) -> Array:
-    return np.asarray(40 * bar * (1 - 3 * strain) - 100 * strain)
+def force(bar: float, strain: Any) -> Any:
+    return 40 * bar * (1 - 3 * strain) - 100 * strain
 
 
 @pytest.mark.parametrize("name", ["{:g} psi/Specimen_RawData_{}.csv", "{:g}psi/{}.csv", "psi_{:g}psi_up/run{}.csv"])
@@ -50,7 +40,7 @@ def test_pressures_in_names_of_folders_are_levels_and_numbers_of_files_repeats(t
 
 def test_a_pressure_in_the_names_of_files_without_titles_is_no_column(tmp_path: Path) -> None:
     for bar in (0.5, 1.0, 1.5, 2.0):
-        write(tmp_path / f"P={bar}bar_run1.txt", (150 * STRAIN, force(bar, STRAIN)), delimiter="\t")
+        write(tmp_path / f"P={bar}bar_run1.txt", (150 * STRAIN, force(bar, STRAIN)), mark="\t")
     draft = drafted(tmp_path)
     assert {name: told["column"] for name, told in draft.data["columns"].items()} == {"displacement": 0, "force": 1}
     assert draft.data["levels"] == {"of": "pressure", "at": [50, 100, 150, 200]}
@@ -75,9 +65,7 @@ def test_a_title_that_is_missing_leaves_the_others_above_their_units(tmp_path: P
 
 
 def test_titles_in_a_remark_name_the_columns_by_their_places(tmp_path: Path) -> None:
-    t = 0.02 * np.arange(600)
-    left, right = 3 + 2 * np.sin(t), 3 - 2 * np.sin(t) + np.sin(2.7 * t)
-    write(tmp_path / "pair.dat", (t, left, right, 5 * np.tanh(left - right)), "# a joint\n# time pL pR theta\n", "   ")
+    write(tmp_path / "pair.dat", PAIR, "# a joint\n# time pL pR theta\n", "   ")
     draft = drafted(tmp_path)
     told = {name: one["column"] for name, one in draft.data["columns"].items()}
     assert told == {"time": 0, "pressure": 1, "pressure_2": 2, "theta": 3}
@@ -85,9 +73,7 @@ def test_titles_in_a_remark_name_the_columns_by_their_places(tmp_path: Path) -> 
 
 
 def test_what_moves_without_a_title_is_named_as_left_out(tmp_path: Path) -> None:
-    t = 0.02 * np.arange(600)
-    left, right = 3 + 2 * np.sin(t), 3 - 2 * np.sin(t) + np.sin(2.7 * t)
-    write(tmp_path / "pair.dat", (t, left, right, 5 * np.tanh(left - right)), delimiter="   ")
+    write(tmp_path / "pair.dat", PAIR, mark="   ")
     draft = drafted(tmp_path)
     used = {one["column"] for one in draft.data["columns"].values()}
     assert all(f"column {place}" in draft.notes["data", "columns"].why for place in {0, 1, 2, 3} - used)
@@ -95,9 +81,8 @@ def test_what_moves_without_a_title_is_named_as_left_out(tmp_path: Path) -> None
 
 @pytest.mark.parametrize(("unit", "ticks"), [("s", 1.0), ("ms", 1e3), ("us", 1e6), ("ns", 1e9)])
 def test_stamps_since_1970_say_their_unit(tmp_path: Path, unit: str, ticks: float) -> None:
-    t = 0.01 * np.arange(3000)
-    drive = 100 * (1 + np.sin(t))
-    stamps = [f"{1_616_161_616 + now:.2f}" if unit == "s" else f"{round((1_616_161_616 + now) * ticks)}" for now in t]
+    drive = 100 * (1 + np.sin(T))
+    stamps = [f"{1_616_161_616 + now:.2f}" if unit == "s" else f"{round((1_616_161_616 + now) * ticks)}" for now in T]
     rows = "\n".join(f"{stamp},{p:.4f},{np.tanh(p / 90):.5f}" for stamp, p in zip(stamps, drive, strict=True))
     (tmp_path / "bag.csv").write_text(f"%time,pressure_kpa,angle\n{rows}\n")
     draft = drafted(tmp_path)
@@ -117,15 +102,8 @@ def test_numbers_behind_names_are_refused_with_the_line_that_converts_them(tmp_p
 
 
 def test_pressures_in_the_names_of_sheets_are_levels(tmp_path: Path) -> None:
-    openpyxl = pytest.importorskip("openpyxl")
-    book = openpyxl.Workbook()
-    book.remove(book.active)
-    for bar in (1, 2, 3, 4):
-        sheet = book.create_sheet(f"{bar} bar")
-        sheet.append(["Strain (%)", "Force (N)"])
-        for strain in STRAIN:
-            sheet.append([float(100 * strain), float(force(bar, strain))])
-    book.save(tmp_path / "muscle.xlsx")
+    pulls = {f"{bar} bar": [(100 * e, force(bar, e)) for e in STRAIN.tolist()] for bar in (1, 2, 3, 4)}
+    workbook(tmp_path / "muscle.xlsx", {name: [("Strain (%)", "Force (N)"), *rows] for name, rows in pulls.items()})
     data = drafted(tmp_path).data
     assert data["files"][0] == {"path": "muscle.xlsx", "sheet": "1 bar", "set": {"pressure": 100}}
     assert data["levels"] == {"of": "pressure", "at": [100, 200, 300, 400]}
@@ -133,17 +111,16 @@ def test_pressures_in_the_names_of_sheets_are_levels(tmp_path: Path) -> None:
 
 def test_a_length_in_names_is_a_length(tmp_path: Path) -> None:
     for length in (200, 190, 180, 170):
-        own = force(1, np.array((200 - length) / 200)) * THERE_AND_BACK
+        own = force(1, (200 - length) / 200) * THERE_AND_BACK
         write(tmp_path / f"L={length}mm.csv", (2000 * THERE_AND_BACK, own), "P_kPa,F_N\n")
     assert drafted(tmp_path).data["levels"] == {"of": "length", "at": [0.17, 0.18, 0.19, 0.2]}
 
 
 @pytest.mark.parametrize("title", ["set_pressure_kPa", "desired", "Valve", "p_set"])
 def test_what_was_commanded_is_no_target_and_no_second_pressure(tmp_path: Path, title: str) -> None:
-    t = 0.01 * np.arange(3000)
-    command = 200 + 100 * np.sin(t) * np.cos(3.1 * t)
+    command = 200 + 100 * np.sin(T) * np.cos(3.1 * T)
     pressure = np.concatenate([np.full(9, command[0]), command[:-9]])
-    write(tmp_path / "log.csv", (t, pressure, np.tanh(pressure / 200), command), f"time,pressure_kPa,bend,{title}\n")
+    write(tmp_path / "log.csv", (T, pressure, np.tanh(pressure / 200), command), f"time,pressure_kPa,bend,{title}\n")
     draft = drafted(tmp_path)
     assert list(draft.data["columns"]) == ["time", "pressure", "bend"]
     assert draft.notes["data", "columns"].why == f"left out: {title}"
@@ -152,15 +129,14 @@ def test_what_was_commanded_is_no_target_and_no_second_pressure(tmp_path: Path, 
 def test_files_that_no_reader_takes_are_named(tmp_path: Path) -> None:
     write(tmp_path / "run.csv", (STRAIN, force(2, STRAIN)), "strain,force_N\n")
     (tmp_path / "run.npz").write_bytes(b"PK")
-    remarks = start(tmp_path, tmp_path, search=lambda one, _folder: one).remarks
+    remarks = start(tmp_path, tmp_path, search=lambda one, _: one).remarks
     assert [one for one in remarks if "run.npz: no reader takes .npz" in one]
 
 
 @pytest.mark.parametrize("head", ["time,pressure,bend\n(s),(V),(deg)\n", "time,pressure [V],bend\n", "time,Volts of pressure,bend\n"])
 def test_a_title_that_says_volts_asks_for_a_calibration(tmp_path: Path, head: str) -> None:
-    t = 0.01 * np.arange(3000)
-    volts = 2 + np.sin(t) * np.cos(3.1 * t)
-    write(tmp_path / "log.csv", (t, volts, np.tanh(volts)), head)
+    volts = 2 + np.sin(T) * np.cos(3.1 * T)
+    write(tmp_path / "log.csv", (T, volts, np.tanh(volts)), head)
     told = drafted(tmp_path).notes["data", "columns", "pressure"]
     assert "calibration" in told.why
     assert not told.sure
@@ -171,7 +147,7 @@ def test_names_of_files_say_what_tests(tmp_path: Path) -> None:
         t = 0.02 * np.arange(1500)
         pressure = 200 + 100 * np.sin(speed * t) * np.cos(0.31 * t)
         write(tmp_path / f"{name}.csv", (t, pressure, np.tanh(pressure / 200)), "time,pressure_kPa,bend\n")
-    asked = start(tmp_path, tmp_path, ask=lambda _question: "", search=lambda one, _folder: one).drafts[0]
+    asked = drafts(tmp_path, ask=lambda _: "")[0]
     assert drafted(tmp_path).data["split"] == asked.data["split"] == {"validate": {"files": ["validation_1.csv"]}}
 
 

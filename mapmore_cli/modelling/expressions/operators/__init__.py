@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib
 import pkgutil
 from collections.abc import Iterator, Mapping
-from types import MappingProxyType
 
 from mapmore_cli.modelling.expressions.operator import Operator
 
@@ -15,8 +14,7 @@ def _found() -> Iterator[Operator]:
         yield from importlib.import_module(f"{__name__}.{module}").OPERATORS
 
 
-OPERATORS: Mapping[str, Operator] = MappingProxyType({operator.name: operator for operator in _found()})
-"""Every operator by its name."""
+OPERATORS: Mapping[str, Operator] = {operator.name: operator for operator in _found()}  # every operator by its name
 
 
 def families() -> Mapping[str, tuple[Operator, ...]]:

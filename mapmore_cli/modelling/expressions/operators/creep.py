@@ -8,8 +8,7 @@ from typing import Any
 from mapmore_cli.modelling.expressions.operator import Arithmetic, Operator, Parameter, Recursion, Setting
 from mapmore_cli.modelling.expressions.operators.slow import BEYOND, spread_times
 
-FARTHEST = 60.0
-"""Half-widths of distance from rest beyond which the dashpot is as quick as it gets."""
+FARTHEST = 60.0  # half-widths of distance from rest beyond which the dashpot is as quick as it gets
 
 
 def recursion(setting: Setting) -> Recursion:

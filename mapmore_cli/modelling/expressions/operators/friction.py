@@ -7,11 +7,8 @@ from typing import Any
 
 from mapmore_cli.modelling.expressions.operator import Arithmetic, Operator, Parameter, Recursion, Setting
 
-WIDTHS = (0.001, 0.004, 0.016, 0.064, 0.25)
-"""Velocities that a search begins from, as fractions of the training range."""
-
-FINEST, COARSEST = 1e-4, 4.0
-"""Least and greatest of them: a jump, and a straight line."""
+WIDTHS = (0.001, 0.004, 0.016, 0.064, 0.25)  # velocities that a search begins from, as fractions of the training range
+FINEST, COARSEST = 1e-4, 4.0  # least and greatest of them: a jump, and a straight line
 
 
 def coulomb(setting: Setting) -> Recursion:

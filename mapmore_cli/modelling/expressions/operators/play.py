@@ -7,13 +7,11 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.expressions.operator import Operator, Parameter, Recursion, Setting
 
-WIDEST = 0.5
-"""Half-width, as a fraction of the range, from which a play never follows."""
+WIDEST = 0.5  # half-width, as a fraction of the range, from which a play never follows
 
 WIDTHS = Parameter("widths", "1", "0.1", below=1.0, between=lambda _step, _longest: (1e-3, WIDEST))
 
-STARTS = ((0.02,), (0.05,), (0.1,), (0.2,), (0.35,))
-"""Half-widths that a search begins from, as fractions of the range."""
+STARTS = ((0.02,), (0.05,), (0.1,), (0.2,), (0.35,))  # half-widths that a search begins from, as fractions of the range
 
 
 def recursion(setting: Setting) -> Recursion:

@@ -22,11 +22,7 @@ def direction(_setting: Setting) -> Recursion:
 
 
 OPERATORS = (
-    Operator(
-        name="rate",
-        summary="The change of the quantities `of` per second, from one sample to the next.",
-        recursion=rate,
-    ),
+    Operator(name="rate", summary="The change of the quantities `of` per second, from one sample to the next.", recursion=rate),
     Operator(
         name="direction",
         summary="The sign of the last change of the quantities `of`; of `play(pressure, 0.02)`, one that small changes do not turn.",

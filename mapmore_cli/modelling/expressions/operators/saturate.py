@@ -12,10 +12,5 @@ def recursion(setting: Setting) -> Recursion:
 
 
 OPERATORS = (
-    Operator(
-        name="saturate",
-        summary="The quantities `of`, held at the ends of their training range.",
-        recursion=recursion,
-        needs="range",
-    ),
+    Operator(name="saturate", summary="The quantities `of`, held at the ends of their training range.", recursion=recursion, needs="range"),
 )

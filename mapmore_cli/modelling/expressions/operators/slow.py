@@ -8,14 +8,9 @@ import numpy as np
 
 from mapmore_cli.modelling.expressions.operator import Operator, Parameter, Recursion, Setting, linear
 
-QUICKEST, SLOWEST = 10, 0.25
-"""Spread time constants lie between so many samples and this fraction of the longest piece."""
-
-BEYOND = 100.0
-"""Times the longest piece: what is slower than that is a drift at a constant rate."""
-
-STARTING = 6
-"""Time constants that a search begins from."""
+QUICKEST, SLOWEST = 10, 0.25  # spread time constants lie between so many samples and this fraction of the longest piece
+BEYOND = 100.0  # times the longest piece: what is slower than that is a drift at a constant rate
+STARTING = 6  # time constants that a search begins from
 
 
 def recursion(setting: Setting) -> Recursion:

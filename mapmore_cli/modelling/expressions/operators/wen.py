@@ -6,11 +6,8 @@ from typing import Any
 
 from mapmore_cli.modelling.expressions.operator import Arithmetic, Operator, Parameter, Recursion, Setting
 
-STEEPEST = 700.0
-"""Largest exponent: beyond it, a state is as good as infinite, and the run has diverged."""
-
-MOST = 1e4
-"""Largest rate that training tries: the loop turns within 1e-4 of the range."""
+STEEPEST = 700.0  # largest exponent: beyond it, a state is as good as infinite, and the run has diverged
+MOST = 1e4  # largest rate that training tries: the loop turns within 1e-4 of the range
 
 
 def recursion(setting: Setting) -> Recursion:

@@ -8,21 +8,44 @@ As printed `F* = c0 (exp(-c1 e*) - 1) + P* exp(-c2 e*^2)`, of the force over tha
 from mapmore_cli.modelling.literature.formula import Formula, LinearForm
 from mapmore_cli.modelling.literature.problem import Nonlinear
 
+SOURCE = "Bolen, Elzein, Pang, Hunt, Actuators 2026"
+
 # The constants of the two published muscles, over the largest strains of 0.16 to 0.25, lie at k1*max|strain| of 4 to 7.
 DECAY = Nonlinear("k1", per="strain", intervals=((1e-2, 50.0),))
 BELL = Nonlinear("k2", per=None, intervals=((1e-2, 1e4),))
 
-FORMULA = Formula(
-    name="bolen",
-    title="Bolen",
-    reference="Bolen, Elzein, Pang, Hunt, Actuators 2026",
-    inputs=("pressure", "strain"),
-    parameters=("F620", "c0", "k1", "k2"),
-    text="F620*(c0*(exp(-k1*strain) - 1) + pressure/620*exp(-k2*strain^2))",
-    nonlinear=(DECAY, BELL),
-    form=LinearForm(
-        text="a*(exp(-k1*strain) - 1) + b*pressure*exp(-k2*strain^2)",
-        linear=("a", "b"),
-        printed={"F620": "620*b", "c0": "a/(620*b)", "k1": "k1", "k2": "k2"},
+
+def published(diameter: int, largest: str, c0: float, c1: float, c2: float) -> Formula:
+    """Return the formula with the constants of one diameter, in mm; `largest` is the force at 620 kPa by the rest length."""
+    return Formula(
+        name=f"bolen_{diameter}mm",
+        title=f"Bolen, {diameter} mm",
+        reference=f"{SOURCE}; constants of {diameter} mm muscles",
+        about=f"Bolen's static force of a {diameter} mm muscle with the published constants: "
+        "the largest strain at 620 kPa alone is fitted. In kPa and N.",
+        inputs=("pressure", "strain"),
+        parameters=("length", "e620"),
+        text=f"{largest}*({c0}*(exp(-{c1}*strain/e620) - 1) + pressure/620*exp(-{c2}*(strain/e620)^2))",
+        nonlinear=(Nonlinear("e620", per=None, intervals=((0.02, 0.6),)),),
+        dimensions=("length",),
+    )
+
+
+FORMULAS = (
+    Formula(
+        name="bolen",
+        title="Bolen",
+        reference=SOURCE,
+        inputs=("pressure", "strain"),
+        parameters=("F620", "c0", "k1", "k2"),
+        text="F620*(c0*(exp(-k1*strain) - 1) + pressure/620*exp(-k2*strain^2))",
+        nonlinear=(DECAY, BELL),
+        form=LinearForm(
+            text="a*(exp(-k1*strain) - 1) + b*pressure*exp(-k2*strain^2)",
+            linear=("a", "b"),
+            printed={"F620": "620*b", "c0": "a/(620*b)", "k1": "k1", "k2": "k2"},
+        ),
     ),
+    published(10, "303.5*atan(19.03*(length - 0.0075))", 0.5682, 4.254, 0.5597),
+    published(20, "922.4*atan(15.37*(length - 0.013))", 0.2579, 6.477, 1.321),
 )

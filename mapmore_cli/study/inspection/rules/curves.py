@@ -8,7 +8,7 @@ import numpy as np
 
 from mapmore_cli.modelling.validation.repeatability import WORTH, floors
 from mapmore_cli.study.inspection.evidence import neighbourhood, set_in_steps
-from mapmore_cli.study.inspection.subject import Issue, Subject
+from mapmore_cli.study.inspection.rules import Issue, Subject
 
 POSITIONS = ("strain", "displacement", "length")
 
@@ -16,7 +16,7 @@ POSITIONS = ("strain", "displacement", "length")
 def single_valued(subject: Subject) -> Iterator[Issue]:
     """Find loops: they have two values at one place, of which a static model has one, so that its error has a floor."""
     spec, dataset = subject.spec, subject.dataset
-    if spec.target != "static" or spec.data.cycles is not None or dataset is None or dataset.level is None:
+    if spec.target != "static" or spec.data.cycles is not None or dataset.level is None:
         return
     swept = [name for name in ("pressure", *POSITIONS) if name in dataset.quantities and name not in (dataset.level, dataset.target)]
     swept = [name for name in swept if any(np.ptp(curve.columns[name]) for curve in dataset.curves)][:1]
@@ -34,7 +34,7 @@ def single_valued(subject: Subject) -> Iterator[Issue]:
 def loops_apart(subject: Subject) -> Iterator[Issue]:
     """Loops that do not follow from those at the next levels, so that no model of the level tells one that was not measured."""
     data, dataset = subject.spec.data, subject.dataset
-    if subject.spec.target != "hysteresis" or data.cycles is None or dataset is None or dataset.level is None:
+    if subject.spec.target != "hysteresis" or data.cycles is None or dataset.level is None:
         return
     found = neighbourhood(dataset.curves, data.cycles.over, dataset.target)
     if found is not None and not found.tells:

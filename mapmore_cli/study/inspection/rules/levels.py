@@ -17,7 +17,7 @@ from mapmore_cli.modelling.pieces.segmentation import cut_by_course
 from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.spec.check_study import formula_called
 from mapmore_cli.spec.sections.dictionary import entries_of, texts_in
-from mapmore_cli.study.inspection.subject import Issue, Subject
+from mapmore_cli.study.inspection.rules import Issue, Subject
 
 FEWEST = 5  # samples that show the shape of a curve
 SOME = 0.05  # of the validation samples, that may lie beyond a range that the split does not go by
@@ -26,7 +26,7 @@ BEYOND = 0.01  # of the training range, that held-out samples may lie outside
 
 def few_samples(subject: Subject) -> Iterator[Issue]:
     """Find curves of a few samples, which have no shape."""
-    for curve in _dataset(subject).curves:
+    for curve in subject.dataset.curves:
         if curve.size < FEWEST:
             message = f"{curve.id} has {curve.size} sample{'s' if curve.size > 1 else ''}"
             remedy = "leave the level out, widen `levels.within`, or loosen `keep`"
@@ -35,7 +35,7 @@ def few_samples(subject: Subject) -> Iterator[Issue]:
 
 def segments(subject: Subject) -> Iterator[Issue]:
     """Every segment needs more training samples than terms."""
-    spec, dataset = subject.spec, _dataset(subject)
+    spec, dataset = subject.spec, subject.dataset
     fits_decide = any(isinstance(cut, Cuts) and cut.method == "optimal" for cut in spec.segment.values())
     if spec.model.type != "mapmore" or fits_decide:
         return
@@ -57,26 +57,21 @@ def segments(subject: Subject) -> Iterator[Issue]:
 
 def beyond_training(subject: Subject) -> Iterator[Issue]:
     """Held-out samples outside of the training range test extrapolation, which is rarely meant."""
-    hold_out, dataset = subject.spec.data.split.hold_out, _dataset(subject)
+    hold_out, dataset = subject.spec.data.split.hold_out, subject.dataset
     if hold_out is None:
         return
     chosen = {*([dataset.level] if dataset.level else ()), *hold_out.quantities}
-    inputs = _inputs(subject)
-    for name in dict.fromkeys((*sorted(chosen), *inputs)):
+    for name in dict.fromkeys((*sorted(chosen), *_inputs(subject))):
         training, validation = _values(dataset, name, held_out=False), _values(dataset, name, held_out=True)
         if not training.size:
             continue
         margin = BEYOND * float(np.ptp(training))
         outside = validation[(validation < training.min() - margin) | (validation > training.max() + margin)]
         if outside.size > (0 if name in chosen else SOME * validation.size):
-            message = (
-                f"validation samples have {name} {outside.min():.6g} to {outside.max():.6g}, "
-                f"outside of the training range {training.min():.6g} to {training.max():.6g}"
-            )
-            if outside.min() == outside.max():
-                message = message.replace(f" to {outside.max():.6g}, ", ", ", 1)
-            if name not in chosen:
-                message = f"{outside.size / validation.size:.0%} of the {message}"
+            share = "" if name in chosen else f"{outside.size / validation.size:.0%} of the "
+            beyond = f"{outside.min():.6g}" + (f" to {outside.max():.6g}" if np.ptp(outside) else "")
+            within = f"the training range {training.min():.6g} to {training.max():.6g}"
+            message = f"{share}validation samples have {name} {beyond}, outside of {within}"
             place = subject.where("data", "split", "validate", name)
             yield Issue("warning", "validation-outside", place, message, "hold out an inner value, unless extrapolation is what you test")
 
@@ -89,7 +84,7 @@ def _inputs(subject: Subject) -> list[str]:
     used = {*spec.segment, *(formula.inputs if formula is not None else ())}
     used |= {name for text in texts for name in re.findall(r"[A-Za-z_]\w*", text)}
     measured = {*spec.data.measured} - {"time", spec.target_quantity}
-    return [name for name in _dataset(subject).quantities if name in used & measured]
+    return [name for name in subject.dataset.quantities if name in used & measured]
 
 
 def _values(dataset: Dataset, name: str, held_out: bool) -> Array:
@@ -99,8 +94,3 @@ def _values(dataset: Dataset, name: str, held_out: bool) -> Array:
         values = curve.columns[name] if name != dataset.level or curve.level is None else np.full(curve.size, curve.level)
         parts.append(values[curve.held_out == held_out])
     return np.concatenate(parts)
-
-
-def _dataset(subject: Subject) -> Dataset:
-    assert subject.dataset is not None, "a rule of curves was given none"
-    return subject.dataset

@@ -8,12 +8,12 @@ import numpy as np
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.memory.records import records_of, time_step
-from mapmore_cli.study.inspection.subject import Issue, Subject
+from mapmore_cli.study.inspection.rules import Issue, Subject
 
 
 def even_steps(subject: Subject) -> Iterator[Issue]:
     """All recordings at the same even steps, and none with holes that nobody declared."""
-    if not subject.spec.runs_over_time or subject.dataset is None:
+    if not subject.spec.runs_over_time:
         return
     curves = subject.dataset.curves
     try:

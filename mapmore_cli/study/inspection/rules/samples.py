@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 
 from mapmore_cli.domain.recording import Recording
-from mapmore_cli.modelling import literature
 from mapmore_cli.spec.units import convert
 from mapmore_cli.study.inspection import evidence
-from mapmore_cli.study.inspection.subject import Issue, Subject
+from mapmore_cli.study.inspection.rules import Issue, Subject
 
 MUCH = 0.5  # of the samples, lost for a reason that the spec does not ask for
 MOST = 0.95  # of the samples, left out on purpose
@@ -19,6 +18,7 @@ UNSETTLED = 0.2  # of the samples
 AT_REST = 0.5  # of the largest value: nearer to zero nothing is clipped
 CLIPPED, LONGEST, FAR_MORE = 0.01, 20, 10  # share, number, and times any other number, of samples at one end
 FROM_SENSORS = ("force", "pressure", "load")  # what hardly stops by itself at one number: its sensor does
+HINGED = "sarosi_hinged"  # the formula that is made for a slack foot
 HELD, MOVED = 0.05, 0.2  # movement within a recording, relative to the largest value: at most of what is held, at least of what is not
 
 
@@ -96,10 +96,13 @@ def force_never_pulls(subject: Subject) -> Iterator[Issue]:
 
 def recorded_twice(subject: Subject) -> Iterator[Issue]:
     """Find copied files: they count twice, and a copy among the validation data makes these worthless."""
-    held_out = _held_out(subject)
-    first: dict[bytes, Recording] = {}
+    curves = subject.made.curves if subject.made else ()
+    held_out = {name for curve in curves if curve.held_out.all() for name in curve.recordings}
+    first: dict[str, Recording] = {}
     for recording in (recording for recording in subject.recordings if recording.rows_kept):
-        twin = first.setdefault(_digest(recording, subject.spec.data.columns), recording)
+        measured = sorted(recording.columns.keys() & subject.spec.data.columns)  # what is set for a file does not make it another
+        told = b"".join(name.encode() + np.ascontiguousarray(recording.columns[name]).tobytes() for name in measured)
+        twin = first.setdefault(hashlib.sha256(told).hexdigest(), recording)
         if twin is recording:
             continue
         leak = (twin.id in held_out) != (recording.id in held_out)
@@ -126,9 +129,9 @@ def many_dropped(subject: Subject) -> Iterator[Issue]:
 
 def unsettled(subject: Subject) -> Iterator[Issue]:
     """While the pressure changes, the force lags: the sensor sits at the valve."""
-    data, level = subject.spec.data, subject.dataset.level if subject.dataset else None
+    data = subject.spec.data
     asked = any(keep.quantity.endswith("_rate") for keep in data.keep) or data.cycles is not None
-    if subject.spec.target != "static" or asked or level == "pressure" or not subject.has("time", "pressure"):
+    if subject.spec.target != "static" or asked or subject.dataset.level == "pressure" or not subject.has("time", "pressure"):
         return
     records = [(convert(r.columns["time"], subject.units["time"], "s"), r.columns["pressure"]) for r in subject.recordings if r.rows_kept]
     found = evidence.settling(records)
@@ -146,7 +149,7 @@ def unsettled(subject: Subject) -> Iterator[Issue]:
 def slack_foot(subject: Subject) -> Iterator[Issue]:
     """Find a slack foot: a plain formula spends its terms on that corner, for which `sarosi_hinged` is made."""
     model = subject.spec.model
-    if subject.spec.target != "static" or evidence.HINGED not in literature.names() or evidence.HINGED in (model.backbone, model.name):
+    if subject.spec.target != "static" or HINGED in (model.backbone, model.name):
         return
     if not subject.has("pressure", "strain", "force"):
         return
@@ -154,18 +157,4 @@ def slack_foot(subject: Subject) -> Iterator[Issue]:
     if found is not None:
         low, high = found.threshold.min(), found.threshold.max()
         message = f"the muscle is slack below {low:.0f} to {high:.0f} {subject.units['pressure']}, more so the more it is contracted"
-        yield Issue("hint", "slack-foot", subject.where("model"), message, f"try `model: {{type: mapmore, backbone: {evidence.HINGED}}}`")
-
-
-def _held_out(subject: Subject) -> set[str]:
-    """Ids of the recordings of which a sample validates."""
-    curves = subject.dataset.curves if subject.dataset else ()
-    return {name for curve in curves if curve.held_out.all() for name in curve.recordings}
-
-
-def _digest(recording: Recording, names: Collection[str]) -> bytes:
-    """Return a fingerprint of what was measured; what is set for a file does not make it another."""
-    told = hashlib.sha256()
-    for name in sorted(name for name in recording.columns if name in names):
-        told.update(name.encode() + np.ascontiguousarray(recording.columns[name]).tobytes())
-    return told.digest()
+        yield Issue("hint", "slack-foot", subject.where("model"), message, f"try `model: {{type: mapmore, backbone: {HINGED}}}`")

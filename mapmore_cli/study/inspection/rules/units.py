@@ -10,8 +10,8 @@ import numpy as np
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.spec.units import convert, default_unit
 from mapmore_cli.storage.readers import READERS
-from mapmore_cli.study.inspection.evidence import read_label, unit_in
-from mapmore_cli.study.inspection.subject import Issue, Subject
+from mapmore_cli.study.inspection.names import read_label, unit_in
+from mapmore_cli.study.inspection.rules import Issue, Subject
 
 LARGEST_STRAIN = 1.5
 LARGEST_PRESSURE = 5000.0  # kPa
@@ -84,14 +84,7 @@ def unit_in_the_name(subject: Subject) -> Iterator[Issue]:
     """Find columns whose name tells another unit: one called `P_psi` is hardly in kPa."""
     for name, column in subject.spec.data.columns.items():
         label = read_label(column.column) if isinstance(column.column, str) else None
-        declared = column.unit or default_unit(name, subject.spec.units)
-        if label is None or label.unit is None or label.quantity != name or column.scale != 1.0:
-            continue
-        try:
-            factor = convert(1.0, label.unit, declared)
-        except SpecError:  # the name means something else
-            continue
-        if not math.isclose(factor, 1.0):
+        if label is not None and label.quantity == name and (declared := _contradicted(subject, name, label.unit)):
             message = f"column '{column.column}' is read in {declared}, but its name says {label.unit}"
             yield Issue("warning", "unit-in-name", subject.source(name), message, f'say `unit: "{label.unit}"`, or rename the column')
 
@@ -115,10 +108,21 @@ def _units_below(subject: Subject, names: list[str], below: list[list[str]]) -> 
         place = column.column if isinstance(column.column, int) else names.index(column.column) if column.column in names else None
         texts = [row[place] for row in below if place is not None and place < len(row)]
         unit = next((found for text in texts if (found := unit_in(name, text)) is not None), None)
-        declared = column.unit or default_unit(name, subject.spec.units)
-        if unit is not None and column.scale == 1.0 and not math.isclose(convert(1.0, unit, declared), 1.0):
+        if declared := _contradicted(subject, name, unit):
             message = f"column '{column.column}' is read in {declared}, but the line under its name says {unit}"
             yield Issue("warning", "unit-line", subject.source(name), message, f'say `unit: "{unit}"`, or `scale` if the line is wrong')
+
+
+def _contradicted(subject: Subject, name: str, told: str | None) -> str:
+    """Return the unit that a column without a scale is read in, where another one is told; else the empty text."""
+    column = subject.spec.data.columns[name]
+    declared = column.unit or default_unit(name, subject.spec.units)
+    if told is None or column.scale != 1.0:
+        return ""
+    try:
+        return "" if math.isclose(convert(1.0, told, declared), 1.0) else declared
+    except SpecError:  # the name means something else
+        return ""
 
 
 def _declared(subject: Subject, name: str) -> str:

@@ -1,0 +1,208 @@
+"""Stamps of a clock as loggers write them: repeats, gaps, resets, other stamps, rates."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.signal import savgol_filter
+
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.modelling.signals.rates import rate
+from mapmore_cli.modelling.signals.sampling import (
+    align,
+    average_repeated,
+    find_gaps,
+    find_resets,
+    pieces,
+    resample,
+    spread_repeated,
+    typical_step,
+)
+
+stamps = st.lists(st.integers(0, 3), min_size=1, max_size=40).map(lambda steps: np.cumsum(steps) * 0.001)
+
+
+@settings(deadline=None)
+@given(time=stamps, seed=st.integers(0, 2**31))
+def test_averaging_leaves_each_stamp_once_with_the_mean_of_its_samples(time, seed):
+    force = np.random.default_rng(seed).normal(size=len(time))
+    once, averaged = average_repeated(time, {"force": force, "time": time})
+    assert (np.diff(once) > 0).all()
+    assert set(once) == set(time)
+    np.testing.assert_allclose(averaged["force"], [force[time == t].mean() for t in once], rtol=1e-12, atol=1e-15)
+
+
+@settings(deadline=None)
+@given(time=stamps)
+def test_spreading_makes_stamps_unique_without_reaching_the_next(time):
+    spread = spread_repeated(time)
+    first = np.concatenate([[True], np.diff(time) > 0])
+    np.testing.assert_array_equal(spread[first], time[first])
+    if len(np.unique(time)) > 1:
+        assert (np.diff(spread) > 0).all()
+    else:
+        np.testing.assert_array_equal(spread, time)
+
+
+def test_spreading_is_even():
+    np.testing.assert_allclose(spread_repeated(np.array([0.0, 1.0, 1.0, 3.0, 3.0, 3.0])), [0, 1, 2, 3, 3 + 2 / 3, 3 + 4 / 3])
+
+
+@settings(deadline=None)
+@given(
+    sizes=st.lists(st.integers(2, 30), min_size=1, max_size=6),
+    missing=st.lists(st.integers(5, 500), min_size=5, max_size=5),
+    step=st.sampled_from([0.001, 0.02, 0.1, 7.0]),
+)
+def test_planted_gaps_are_found_and_their_samples_counted(sizes, missing, step):
+    counts = np.concatenate([np.arange(size) + sum(sizes[:i]) + sum(missing[:i]) for i, size in enumerate(sizes)])
+    gaps = find_gaps(counts * step, 3 * step)
+    np.testing.assert_array_equal(gaps.after, np.cumsum(sizes)[:-1] - 1)
+    np.testing.assert_allclose(gaps.lengths, (np.array(missing[: len(sizes) - 1]) + 1) * step)
+    assert gaps.samples_missing == sum(missing[: len(sizes) - 1])
+    assert [part.stop - part.start for part in pieces(len(counts), gaps.after)] == sizes
+
+
+@pytest.mark.parametrize("start", [0.0, 1e4, 1.6e9])
+def test_step_of_exactly_the_limit_is_no_gap(start):
+    assert len(find_gaps(start + np.arange(1000) * 0.01, 0.01)) == 0
+
+
+def test_repeated_stamps_do_not_hide_the_usual_step_and_resets_are_found():
+    time = np.repeat(np.arange(10.0), 3)
+    assert (typical_step(time), typical_step(np.zeros(4))) == (1.0, 0.0)
+    assert find_gaps(np.append(time, 19.0), 2.0).samples_missing == 9
+    assert pieces(6, find_resets(np.array([0, 1, 1, 0.5, 2, 0]))) == [slice(0, 3), slice(3, 5), slice(5, 6)]
+
+
+times = st.lists(st.integers(-50, 50), min_size=1, max_size=30, unique=True).map(lambda stamps: np.array(sorted(stamps), dtype=float))
+
+
+@settings(deadline=None)
+@given(time=times, stamps=st.lists(st.floats(-60, 60), min_size=1, max_size=40), max_gap=st.one_of(st.none(), st.floats(0.5, 20)))
+def test_every_value_lies_between_two_near_samples_or_is_missing(time, stamps, max_gap):
+    values = 2 * time - 1
+    aligned = align(np.array(stamps), time, values, max_gap)
+    for stamp, value in zip(stamps, aligned, strict=True):
+        before, after = time[time <= stamp], time[time >= stamp]
+        near = len(before) and len(after) and (max_gap is None or after[0] - before[-1] <= max_gap * (1 + 1e-9))
+        if near:
+            np.testing.assert_allclose(value, 2 * stamp - 1, atol=1e-9)
+        else:
+            assert np.isnan(value)
+
+
+def test_own_stamps_keep_their_values_on_both_sides_of_a_gap():
+    time, values = np.array([0.0, 1.0, 9.0, 10.0]), np.array([5.0, 6.0, 7.0, 8.0])
+    np.testing.assert_array_equal(align(time, time, values, 2.0), values)
+    np.testing.assert_array_equal(align(np.array([1.5, np.nan, -0.1, 10.1]), time, values, 2.0), [np.nan] * 4)
+
+
+def rounded_stamps(seed, n):
+    """Stamps at about 550 Hz as a logger writes them: jittered, rounded to 1 ms, some repeating."""
+    steps = np.random.default_rng(seed).uniform(0.0008, 0.0028, n)
+    return np.round(np.cumsum(steps), 3)
+
+
+@given(seed=st.integers(0, 2**31), order=st.integers(1, 5), degree=st.integers(0, 5), offset=st.sampled_from([0.0, 1e3, -1e5]))
+def test_polynomial_up_to_the_order_has_its_exact_rate_on_rounded_stamps(seed, order, degree, offset):
+    degree = min(degree, order)
+    time = rounded_stamps(seed, 150)
+    c = np.random.default_rng(seed + 1).uniform(-3, 3, degree + 1)
+    values = np.polynomial.polynomial.polyval(time, c) + offset
+    exact = np.polynomial.polynomial.polyval(time, np.polynomial.polynomial.polyder(c)) if degree else np.zeros_like(time)
+    np.testing.assert_allclose(rate(time, values, 0.04, order), exact, atol=1e-6 * (1 + abs(offset) / 100))
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 4, 5])
+@pytest.mark.parametrize("half", [3, 5, 12])
+def test_even_stamps_give_the_filter_of_scipy_ends_included(order, half):
+    step = 0.01
+    time = 7.0 + step * np.arange(200)
+    values = np.random.default_rng(order).normal(size=200)
+    expected = savgol_filter(values, 2 * half + 1, order, deriv=1, delta=step, mode="interp")
+    np.testing.assert_allclose(rate(time, values, 2 * half * step, order), expected, rtol=1e-8, atol=1e-8)
+
+
+@settings(deadline=None, max_examples=30)
+@given(seed=st.integers(0, 2**31), row=st.integers(0, 149))
+def test_uneven_stamps_give_the_slope_of_a_fit_to_the_window(seed, row):
+    time = rounded_stamps(seed, 150)
+    values = np.random.default_rng(seed + 1).normal(size=150)
+    begin = np.clip(time[row] - 0.02, time[0], time[-1] - 0.04)
+    inside = (time >= begin - 1e-9) & (time <= begin + 0.04 + 1e-9)
+    slope = np.polyfit(time[inside] - time[row], values[inside], 2)[1]
+    assert rate(time, values, 0.04, 2)[row] == pytest.approx(slope, rel=1e-6, abs=1e-6)
+
+
+def test_blocks_do_not_show(monkeypatch):
+    time = rounded_stamps(1, 500)
+    values = np.sin(9 * time)
+    whole = rate(time, values, 0.04, 3)
+    monkeypatch.setattr("mapmore_cli.modelling.signals.rates.BLOCK", 70)
+    np.testing.assert_allclose(rate(time, values, 0.04, 3), whole, rtol=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("time", "window", "order", "parts"),
+    [
+        (0.01 * np.arange(50), 0.02, 3, ["0.02 s", "3 different", "needs 4", "wider"]),
+        (np.repeat([0.0, 1.0, 2.0], 40), 2.0, 3, ["3 different", "needs 4"]),
+        (np.array([0.0]), 1.0, 1, ["1 different"]),
+        (np.array([0.0, 1e-160, 2e-160, 3e-160]), 1.0, 3, ["too close together", "wider"]),
+        (np.array([0.0, 0.01, 0.02, 0.03, 5.0]), 0.03, 2, ["t = 5 s", "1 different"]),
+    ],
+)
+def test_window_with_too_few_stamps_says_what_to_do(time, window, order, parts):
+    with pytest.raises(DataError) as caught:
+        rate(time, time**2, window, order)
+    assert all(part in str(caught.value) for part in parts), str(caught.value)
+
+
+@settings(deadline=None)
+@given(
+    n=st.integers(2, 400),
+    ratio=st.floats(0.1, 30),
+    slope=st.floats(-100, 100),
+    start=st.floats(-1e3, 1e3),
+    jitter=st.floats(0, 0.3),
+    seed=st.integers(0, 99),
+)
+def test_straight_lines_stay_straight_on_even_stamps(n, ratio, slope, start, jitter, seed):
+    rng = np.random.default_rng(seed)
+    time = start + 0.01 * (np.arange(n) + jitter * rng.uniform(-1, 1, n))
+    step = 0.01 * ratio
+    stamps, columns = resample(time, {"time": time, "x": 3 + slope * (time - start)}, step)
+    assert list(columns) == ["x"]
+    np.testing.assert_allclose(np.diff(stamps), step, rtol=1e-6)
+    assert len(stamps) == 0 or (stamps[0] >= time[0] - 1e-9 and stamps[-1] <= time[-1] + step)
+    assert len(stamps) >= int((time[-1] - time[0]) / step)
+    means_inside = slice(1, -1)  # at both ends, the first and the last mean are held
+    np.testing.assert_allclose(columns["x"][means_inside], (3 + slope * (stamps - start))[means_inside], atol=1e-6 * (1 + abs(slope)))
+
+
+@pytest.mark.parametrize("samples", [2, 3, 10])
+def test_blocks_of_an_even_record_are_plain_means(samples):
+    time = 5 + 0.001 * np.arange(12 * samples + 1)
+    x = np.random.default_rng(1).normal(size=len(time))
+    stamps, columns = resample(time, {"x": x}, 0.001 * samples)
+    np.testing.assert_allclose(columns["x"], x[: 12 * samples].reshape(12, samples).mean(axis=1), atol=1e-9)
+    np.testing.assert_allclose(stamps, time[: 12 * samples].reshape(12, samples).mean(axis=1), rtol=0, atol=1e-9)
+
+
+def test_what_the_new_rate_cannot_show_is_averaged_away():
+    time = np.arange(10_000) * 0.001
+    hum = np.sin(2 * np.pi * 100 * time)  # a whole period in each step of 10 ms: picking samples would alias it to a constant
+    _, columns = resample(time, {"x": hum + 7}, 0.01)
+    np.testing.assert_allclose(columns["x"], 7, atol=1e-6)
+
+
+def test_finer_steps_are_interpolated_and_coarser_ones_than_the_record_say_nothing():
+    time, x = np.array([0.0, 1.0, 2.0]), np.array([0.0, 4.0, 0.0])
+    stamps, columns = resample(time, {"x": x}, 0.25)
+    np.testing.assert_allclose(stamps, np.arange(9) * 0.25)
+    np.testing.assert_allclose(columns["x"], [0, 1, 2, 3, 4, 3, 2, 1, 0])
+    stamps, columns = resample(0.1 * time, {"x": x}, 1.0)
+    assert stamps.size == columns["x"].size == 0

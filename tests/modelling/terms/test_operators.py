@@ -1,0 +1,174 @@
+"""Operators: against their recursions, written out sample by sample; and what follows from a recursion, a free run, derivatives and C."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from mapmore_cli.modelling.expressions import operators
+from mapmore_cli.modelling.expressions.operator import FLOATS, Setting, along, followed
+from mapmore_cli.modelling.expressions.operators import OPERATORS, families
+from mapmore_cli.modelling.program.model import recursion_slopes
+from mapmore_cli.rig.muscle import stop as rig_stop
+
+sys.path.append(str(Path(__file__).parents[2] / "exporting"))
+
+STEP = 0.01
+PATHS = arrays(float, st.integers(1, 60), elements=st.floats(-10, 10, width=16))
+WIDTHS = st.floats(0.01, 20)
+NUMBERS = {"tau": (0.05, 0.1), "widths": (0.11,), "frequency": (4.0, 0.2), "p": (1.5, 7.0), "rate": (3.0,), "v": (0.05, 0.2)}
+
+
+def setting_of(name):
+    parameters = OPERATORS[name].parameters
+    return Setting(NUMBERS[parameters[0].key][: len(parameters)] if parameters else (), STEP, (-3.0, 4.0))
+
+
+def state_of(name, x, *numbers, step=STEP):
+    """An operator along x, whose training range is one."""
+    return along(OPERATORS[name], x, Setting(numbers, step, (0.0, 1.0)))
+
+
+@settings(deadline=None)
+@given(PATHS, st.floats(1e-3, 100))
+def test_slow_follows_its_recursion_from_rest(x, tau):
+    a, s = np.exp(-STEP / tau), x[0]
+    np.testing.assert_allclose(state_of("slow", x, tau), [s := a * s + (1 - a) * now for now in x], rtol=1e-9, atol=1e-9)
+
+
+@given(PATHS, WIDTHS, st.lists(st.integers(1, 4), min_size=60, max_size=60))
+def test_play_follows_its_recursion_however_fast_the_path_is_run(x, width, repeats):
+    w, each = x[0], np.array(repeats[: len(x)])
+    expected = [w := min(max(w, now - width), now + width) for now in x]
+    np.testing.assert_array_equal(state_of("play", x, width), expected)
+    np.testing.assert_array_equal(state_of("play", np.repeat(x, each), width)[np.cumsum(each) - 1], expected)
+
+
+@given(PATHS, WIDTHS)
+def test_stop_is_the_elasto_slide_operator_of_the_rig(x, width):
+    slides = width * rig_stop(x, np.array([width]))[:, 0]
+    np.testing.assert_allclose(state_of("stop", x, width), slides, atol=1e-12 + 1e-14 * len(x) * np.abs(x).max())
+
+
+@settings(deadline=None)
+@given(PATHS, st.floats(0.1, 15), st.floats(0.01, 0.95))
+def test_resonance_follows_its_recursion_from_rest(x, frequency, damping):
+    w = 2 * np.pi * frequency
+    q, th = np.exp(-damping * w * STEP), w * STEP * np.sqrt(1 - damping**2)
+    y, before, velocity, expected = x[0], x[0], [], []
+    for now in x:
+        y, before = 2 * q * np.cos(th) * y - q**2 * before + (1 - 2 * q * np.cos(th) + q**2) * now, y
+        expected.append(y)
+        velocity.append((y - before) / (w * STEP))
+    np.testing.assert_allclose(state_of("resonance", x, frequency, damping), expected, rtol=1e-7, atol=1e-7)
+    found = state_of("resonance_velocity", x, frequency, damping)
+    assert found[0] == 0.0
+    np.testing.assert_allclose(found[1:], velocity[1:], rtol=1e-5, atol=1e-5)
+
+
+def test_resonance_rings_at_its_frequency_with_its_decay():
+    step, frequency, damping = 1e-3, 4.0, 0.1
+    y = state_of("resonance", np.r_[0.0, np.ones(5000)], frequency, damping, step=step)
+    peaks = np.flatnonzero((np.diff(y)[:-1] > 0) & (np.diff(y)[1:] <= 0)) + 1
+    assert np.diff(peaks[:4]) * step == pytest.approx(1 / (frequency * np.sqrt(1 - damping**2)), rel=5e-3)
+    over = y[peaks[:4]] - 1
+    assert over[1:] / over[:-1] == pytest.approx(np.exp(-2 * np.pi * damping / np.sqrt(1 - damping**2)), rel=5e-3)
+    assert y[-1] == pytest.approx(1.0, abs=1e-4)
+
+
+def sample_by_sample(operator, setting, x):
+    """The recursion from rest, its arguments put together here."""
+    rule = operator.recursion(setting)
+    own, source = [rule.rest(x[0])] * rule.own, [x[0]] * rule.source
+    values = []
+    for now in x:
+        values.append(rule.next(FLOATS, *own, now, *source))
+        own = [values[-1], *own][: rule.own]
+        source = [now, *source][: rule.source]
+    return np.array(values)
+
+
+@pytest.mark.parametrize("name", OPERATORS)
+@settings(deadline=None, max_examples=40)
+@given(x=PATHS, empty=st.integers(1, 5))
+def test_every_way_along_a_recording_is_the_recursion(name, x, empty):
+    """What the source leaves empty at the beginning stays empty."""
+    operator, setting = OPERATORS[name], setting_of(name)
+    expected = sample_by_sample(operator, setting, x)
+    np.testing.assert_allclose(along(operator, x, setting), expected, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(followed(operator.recursion(setting), x), expected, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(followed(replace(operator.recursion(setting), weights=None), x), expected, rtol=1e-9, atol=1e-9)
+    late = along(operator, np.r_[np.full(empty, np.nan), x], setting)
+    assert np.isnan(late[:empty]).all()
+    np.testing.assert_allclose(late[empty:], expected, rtol=1e-9, atol=1e-9)
+    assert np.isnan(along(operator, np.full(empty, np.nan), setting)).all()
+    assert len(along(operator, np.empty(0), setting)) == 0
+
+
+@pytest.mark.parametrize("name", OPERATORS)
+def test_slopes_are_the_derivatives_of_the_recursion(name):
+    rule = OPERATORS[name].recursion(setting_of(name))
+    rng = np.random.default_rng(1)
+    arguments = rng.uniform(-4, 5, (rule.own + rule.source + 1, 200))
+    slopes = recursion_slopes(rule, arguments)
+    by_statements = recursion_slopes(replace(rule, weights=None), arguments)
+    assert len(slopes) == len(arguments)
+    for place, slope in enumerate(slopes):
+        shift = np.zeros((len(arguments), 1))
+        shift[place] = 1e-6
+        above, below = (np.array([rule.next(FLOATS, *column) for column in (arguments + sign * shift).T]) for sign in (1, -1))
+        np.testing.assert_allclose(np.broadcast_to(slope, 200), (above - below) / 2e-6, atol=1e-7)
+        np.testing.assert_allclose(np.broadcast_to(by_statements[place], 200), np.broadcast_to(slope, 200), atol=1e-15)
+
+
+@pytest.mark.parametrize("name", OPERATORS)
+def test_a_resting_source_keeps_the_recursion_at_rest(name):
+    rule = OPERATORS[name].recursion(setting_of(name))
+    assert rule.next(FLOATS, *[rule.rest(1.5)] * rule.own, *[1.5] * (rule.source + 1)) == pytest.approx(rule.rest(1.5), abs=1e-12)
+
+
+def test_a_family_writes_the_operators_that_name_it():
+    assert [operator.name for operator in families()["resonance"]] == ["resonance", "resonance_velocity"]
+    assert sum(map(len, families().values())) == len(OPERATORS)
+
+
+NEW = '''
+"""Rate-limited following: a valve that opens no faster than its motor."""
+from mapmore_cli.modelling.expressions.operator import Operator, Parameter, Recursion
+
+
+def recursion(setting):
+    most = setting.numbers[0] * setting.step
+    soft = lambda m, s, x: s + most * m.call("tanh", (x - s) / most)
+    return Recursion(
+        1, 1, lambda m, s, x, before: m.where(x > before, lambda: soft(m, s, x), lambda: m.clip(x, s - most, s + most)), lambda x: x
+    )
+
+
+OPERATORS = (Operator("valve", "A rate limit.", recursion, (Parameter("rate", "1", "90"),)),)
+'''
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="there is no C compiler here")
+def test_an_operator_of_one_file_is_evaluated_fed_back_and_compiled(tmp_path, monkeypatch):
+    """Nothing else knows of it: its file is found, and its C equals its prediction, in a model driven by inputs and by its output."""
+    from agreement import compare
+    from export_samples import memory
+
+    (tmp_path / "valve.py").write_text(NEW)
+    monkeypatch.setattr(operators, "__path__", [*operators.__path__, str(tmp_path)])
+    found, with_it = OPERATORS, {operator.name: operator for operator in operators._found()}
+    for module in list(sys.modules.values()):
+        if vars(module).get("OPERATORS") is found:
+            monkeypatch.setattr(module, "OPERATORS", with_it)
+    states = ("valve(pressure, 900)", "valve(force[k-1], 2000)", "pressure")
+    model = memory(states, (*states, "valve(pressure, 900)*valve(force[k-1], 2000)"), gain=30.0)
+    assert compare(model, tmp_path, 3_000)[0] < 1e-12

@@ -1,0 +1,222 @@
+"""H's random motion and joint, and P's muscle behind a regulator: the laws that they obey, and what is published."""
+
+from __future__ import annotations
+
+import csv
+from functools import cache
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rig_cases import DATASETS, spec
+from scipy.integrate import solve_ivp, trapezoid
+from scipy.interpolate import CubicSpline
+
+from mapmore_cli.rig.air import ATMOSPHERE
+from mapmore_cli.rig.antagonists import driven, sines, swung
+from mapmore_cli.rig.random_velocity import random_velocity
+from mapmore_cli.rig.sensors import recording_generator
+from mapmore_cli.rig.static_muscles import volume
+from mapmore_cli.rig.waveform import Waveform, waveform_response
+from mapmore_cli.study.simulation import simulate
+from mapmore_cli.study.simulation.simulate import recording, waveform_rig_of
+
+
+@cache
+def closed_muscle(length: str = "16"):
+    short = spec(f"muscle-like/random_velocity_{length}cm")
+    return simulate.closed_muscle_of(short.muscle, short.hysteresis, short.experiment)
+
+
+def committed(path: str) -> dict[str, np.ndarray]:
+    table = np.genfromtxt(DATASETS / path, delimiter=",", names=True)
+    return {name: table[name] for name in table.dtype.names}
+
+
+@settings(deadline=None, max_examples=15)
+@given(st.floats(0.02, 0.2), st.floats(-0.1, 0.1), st.floats(2e5, 6e5))
+def test_slow_air_keeps_its_temperature_and_fast_air_its_heat(start, change, pressure):
+    muscle = closed_muscle()
+    strain = np.linspace(start, min(max(start + change, 0.0), 0.24), 2001)
+    chamber = volume(muscle.muscle, strain) + muscle.air.dead_volume
+    for step, exponent in ((1.0, 1.0), (1e-7, muscle.air.heat_ratio)):
+        absolute = muscle.closed_pressure(strain, pressure, step) + ATMOSPHERE
+        assert absolute[-1] * chamber[-1] ** exponent == pytest.approx(absolute[0] * chamber[0] ** exponent, rel=3e-3)
+
+
+def test_the_pressure_is_that_of_the_gas_and_its_warmth_integrated_apart():
+    """Pressure and temperature of a fixed mass as two equations: `p V = m R T`, `m c_v T' = -p V' + k (T_w - T)`."""
+    muscle, dt = closed_muscle(), 1e-3
+    time = dt * np.arange(1500)
+    strain = 0.12 + 0.08 * np.sin(2 * np.pi * 1.3 * time)
+    chamber = CubicSpline(time, volume(muscle.muscle, strain) + muscle.air.dead_volume)
+    gamma, tau, p0 = muscle.air.heat_ratio, muscle.air.cooling_time, 4e5 + ATMOSPHERE
+
+    def rate(t, warmth):
+        p = p0 * chamber(0.0) / chamber(t) * warmth
+        return -(gamma - 1) * p * chamber(t, 1) / (p0 * chamber(0.0)) + (1 - warmth) / tau
+
+    warmth = solve_ivp(rate, (0, time[-1]), [1.0], t_eval=time, rtol=1e-9, atol=1e-9).y[0]
+    expected = p0 * chamber(0.0) / chamber(time) * warmth - ATMOSPHERE
+    assert muscle.closed_pressure(strain, 4e5, dt) == pytest.approx(expected, rel=2e-4)
+
+
+def test_a_random_motion_is_what_its_columns_say():
+    motion = simulate.random_motion_of(spec("muscle-like/random_velocity_16cm", "experiment.duration=6", "experiment.every=1").experiment)
+    found = random_velocity(closed_muscle(), motion, 4e5, recording_generator(1, "a"))
+    assert found["velocity"][1:-1] == pytest.approx(-np.gradient(found["length"], found["time"])[1:-1], abs=2e-3)
+    assert np.abs(found["velocity"]).max() <= motion.speeds[1] * 1.01
+    assert found["force"][0] == pytest.approx(10.0, abs=0.1)
+    assert found["force"].min() >= 0.0
+    drawn = found["length"] - found["length"][0]
+    assert drawn.min() > -1e-9
+    assert np.corrcoef(drawn, found["pressure"])[0, 1] > 0.8  # a muscle that is drawn out holds less
+
+
+def test_fewer_logged_samples_are_those_of_the_full_record():
+    full, few = (
+        recording(
+            spec("muscle-like/random_velocity_12cm", "experiment.duration=8", f"experiment.every={n}", "sensors.force.noise=0"), 300.0
+        )
+        for n in (1, 40)
+    )
+    assert few["force"] == pytest.approx(full["force"][::40])
+    assert few["time"] == pytest.approx(full["time"][::40])
+
+
+def test_what_one_muscle_of_the_joint_gives_the_other_takes():
+    joint, swing = simulate.joint_of(
+        spec("muscle-like/joint").muscle,
+        spec("muscle-like/joint").hysteresis,
+        spec("muscle-like/joint", "experiment.duration=2", "experiment.sample_time=0.01").experiment,
+    )
+    closed = swung(joint, swing, 0.5, 5e5)
+    assert closed["velocity_1"] == pytest.approx(-closed["velocity_2"])
+    assert closed["length_1"] + closed["length_2"] == pytest.approx(
+        np.full(len(swing.clock), closed["length_1"][0] + closed["length_2"][0])
+    )
+    assert np.corrcoef(closed["pressure_1"], closed["length_1"])[0, 1] > 0.9
+    regulator = simulate.regulator_of(spec("muscle-like/joint").experiment.regulator)
+    moved = driven(joint, swing, regulator, sines(swing, 0.5e5, 5e5))
+    later = swing.clock > 0.5
+    assert np.corrcoef(moved["pressure_1"][later], moved["pressure_2"][later])[0, 1] < -0.9
+    turning = joint.radius * (moved["force_1"] - moved["force_2"]) - joint.damping * moved["velocity_1"] / joint.radius
+    acceleration = np.gradient(moved["velocity_1"], swing.clock) / joint.radius
+    assert np.corrcoef(turning[later], joint.inertia * acceleration[later])[0, 1] > 0.95  # but for the filter of the load cells
+
+
+def test_a_stiff_tendon_is_none():
+    """The states, step by step, come to what the filters of a muscle at closed valves have."""
+    short = ("experiment.duration=1.5", "experiment.sample_time=0.005", "experiment.every=1")
+    stiff = "experiment.tendon={stiffness: 2.0e+6, damping: 10000}"
+    studies = spec("muscle-like/random_velocity_16cm", *short), spec("muscle-like/tendon", *short, stiff)
+    motions = [simulate.random_motion_of(study.experiment) for study in studies]
+    plain, stiff = (random_velocity(closed_muscle(), motion, 4e5, recording_generator(1, "a")) for motion in motions)
+    assert stiff["pressure"] == pytest.approx(plain["pressure"], rel=5e-3)
+    assert stiff["force"] == pytest.approx(plain["force"], abs=1.0)
+
+
+def test_a_tendon_gives_way():
+    """What is drawn out is shared by tendon and muscle: the pressure, which the muscle's length makes, varies less, the force too."""
+    short = ("experiment.duration=2", "experiment.every=1", "experiment.sample_time=0.005")
+    found = [recording(spec(f"muscle-like/{name}", *short), 500.0) for name in ("random_velocity_16cm", "tendon")]
+    assert np.ptp(found[0]["length"]) == pytest.approx(np.ptp(found[1]["length"]), rel=0.5)
+    spans = [np.ptp(one["pressure"]) / np.ptp(one["length"]) for one in found]
+    assert spans[1] < 0.9 * spans[0]
+
+
+@pytest.mark.parametrize(("name", "cause", "shipped"), [("valves", 300.0, "valves_300"), ("joint_random", "random", "joint_random")])
+def test_the_records_of_random_pressures_begin_as_shipped(name, cause, shipped):
+    """But for the noise; what a regulator is told is what the muscle takes on a little later."""
+    short = spec(f"muscle-like/{name}", "experiment.duration=2", *(["experiment.every=2"] if name == "valves" else []))
+    made, committed_ = recording(short, cause), committed(f"muscle-like/{shipped}.csv")
+    columns = {"input": ("U", 0.0), "pressure": ("P", 10.0), "force": ("F", 3.0), "length": ("l", 0.2), "velocity": ("v", 5.0)}
+    for number in ("",) if name == "valves" else ("_1", "_2"):
+        for column, (head, noise) in columns.items():
+            theirs = committed_[f"{head}{number}"][: len(made["time"])]
+            assert made[f"{column}{number}"] == pytest.approx(theirs, abs=noise + 1e-3), column
+        later = 125.0 * np.roll(made[f"input{number}"], round(0.03 / made["time"][1]))
+        assert made[f"pressure{number}"][50:] == pytest.approx(later[50:], abs=20.0)
+
+
+FREE = {1.4: 1.7, 3.0: 6.4, 4.0: 8.8, 5.0: 9.9, 6.0: 10.3}
+"""Free contraction (cm) of the muscle at pressures in bar, as P's data suggest it."""
+
+
+@cache
+def hanging():
+    found = spec("waveforms/validation")
+    return waveform_rig_of(found.muscle, found.hysteresis, found.experiment)
+
+
+@cache
+def response(shape="sine", high=5.0, frequency=0.5, load=0.0):
+    return waveform_response(hanging(), Waveform(shape, 0.0, high, frequency, 1, 0.1, 0.0, 0.01), load)
+
+
+@given(
+    st.sampled_from(["sine", "triangle", "square"]),
+    st.floats(0, 4),
+    st.floats(0.1, 5),
+    st.sampled_from([0.25, 0.5, 1.0]),
+    st.integers(1, 4),
+)
+def test_a_command_repeats_within_its_bounds(shape, low, swing, frequency, wavelengths):
+    waveform = Waveform(shape, low, low + swing, frequency, wavelengths, 0.5, low, 0.01)
+    u = waveform.command(waveform.clock)
+    assert u.min() == pytest.approx(low)
+    assert u.max() == pytest.approx(low + swing)
+    period = round(1 / frequency / 0.01)
+    np.testing.assert_allclose(u[50 : 50 + (wavelengths - 1) * period], u[50 + period : 50 + wavelengths * period], atol=1e-9)
+    assert np.all(u[:50] == low)
+
+
+def test_shapes_begin_at_the_low_end_and_a_square_wave_at_the_high_one():
+    quarter = np.array([0.0, 0.25, 0.5, 0.75])
+    shares = {
+        shape: Waveform(shape, 0, 1, 1.0, 1, 0.0, 0.0, 0.01).command(quarter).round(6).tolist() for shape in ("sine", "triangle", "square")
+    }
+    assert shares == {"sine": [0, 0.5, 1, 0.5], "triangle": [0, 0.5, 1, 0.5], "square": [1, 1, 0, 0]}
+
+
+@pytest.mark.parametrize(("bar", "centimetres"), FREE.items())
+def test_free_contraction_is_what_the_published_data_suggest(bar, centimetres):
+    model = hanging()
+    travel = model.muscle.muscle.length * (
+        model.resting_strain(bar * 1e5, 0.0) - model.resting_strain(float(model.regulator.wanted(0.0)), 0.0)
+    )
+    assert 100 * travel == pytest.approx(centimetres, abs=0.3)
+
+
+def test_a_load_stretches_the_muscle_at_rest_and_hardly_shortens_the_stroke():
+    """P section 4: "the weight to have little effect on the motion"."""
+    free, loaded = response(), response(load=5.0)
+    assert loaded["displacement"][0] < free["displacement"][0] == pytest.approx(0.0, abs=1e-12)
+    assert np.ptp(loaded["displacement"]) == pytest.approx(np.ptp(free["displacement"]), rel=0.06)
+
+
+def test_the_load_cell_feels_weight_and_inertia():
+    truth = response(load=5.0)
+    assert truth["load"][0] == pytest.approx(5 * 9.81, rel=1e-6)
+    # Over the whole motion the inertia's impulse is the change of momentum.
+    step = truth["time"][1]
+    speed = np.gradient(truth["displacement"], step)
+    impulse = trapezoid(truth["load"] - 5 * 9.81, dx=step)
+    assert impulse == pytest.approx(5 * (speed[-1] - speed[0]), abs=0.05)
+    assert np.all(response()["load"] == 0.0)
+
+
+def test_the_waveforms_are_those_of_the_published_table():
+    """P table 2, its column of types read with the names."""
+    with (DATASETS / "published" / "p_table_2.csv").open(newline="") as lines:
+        rows = list(csv.DictReader(lines))
+    lows, swings = ([float(row[key]) for row in rows] for key in ("offset_V", "amplitude_V"))
+    told = [
+        (row["experiment"], low, low + swing, float(row["frequency_Hz"]), int(row["wavelengths"]), float(row["load_kg"]))
+        for row, low, swing in zip(rows, lows, swings, strict=True)
+    ]
+    waveforms = spec("waveforms/validation").experiment.waveforms
+    assert [(each.name, each.low, each.high, each.frequency, each.wavelengths, each.load) for each in waveforms] == told
+    shapes = {each.name: each.shape for each in waveforms}
+    assert shapes == dict.fromkeys(shapes, "sine") | {"triangle": "triangle", "square": "square"}

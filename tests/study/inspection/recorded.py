@@ -1,0 +1,58 @@
+"""Folders of made-up recordings, and what `init` makes of them before it searches a model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mapmore_cli.spec.loader import LoadedSpec, load
+from mapmore_cli.study.drafting.draft import Draft
+from mapmore_cli.study.drafting.start import start
+from mapmore_cli.study.inspection.lint import inspect
+
+Columns = Mapping[str, Any]
+
+
+def write(path: Path, columns: Columns | Sequence[Any], head: str | None = None, mark: str = ",", point: str = ".") -> None:
+    """Write columns as text, under their names or under `head`."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    titles = mark.join(columns) + "\n" if isinstance(columns, Mapping) else ""
+    values = np.broadcast_arrays(*(columns.values() if isinstance(columns, Mapping) else columns))
+    rows = [mark.join(f"{value:.10g}".replace(".", point) for value in row) for row in zip(*values, strict=True)]
+    path.write_text((titles if head is None else head) + "\n".join(rows) + "\n")
+
+
+def workbook(path: Path, sheets: Mapping[str, Sequence[Sequence[Any]]]) -> None:
+    """Write rows of cells as sheets."""
+    book = pytest.importorskip("openpyxl").Workbook()
+    book.remove(book.active)
+    for title, rows in sheets.items():
+        sheet = book.create_sheet(title)
+        for row in rows:
+            sheet.append(list(row))
+    book.save(path)
+
+
+def drafts(folder: Path, **settings: Any) -> list[Draft]:
+    """All drafts of a folder."""
+    return [*start(folder, folder, search=lambda draft, _: draft, **settings).drafts]
+
+
+def drafted(folder: Path, **settings: Any) -> Draft:
+    """The one draft of a folder; that of its hysteresis may stand beside it."""
+    draft, *beside = drafts(folder, **settings)
+    assert all(one.spec["target"] == "hysteresis" for one in beside)
+    return draft
+
+
+def checked(draft: Draft, folder: Path) -> LoadedSpec:
+    """The spec of a draft, of which `check` has hints at most."""
+    path = folder / f"{draft.name}.yaml"
+    path.write_text(draft.text(), encoding="utf-8")
+    loaded = load(path)
+    assert [issue for issue in inspect(loaded).issues if issue.severity != "hint"] == []
+    return loaded
