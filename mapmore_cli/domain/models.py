@@ -94,7 +94,7 @@ class Body:
     """Base of what a model consists of, by its kind: `modelling.kinds` says what each kind can do."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # equal to itself alone: arrays have no hash
 class Pieces(Body):
     """MAPMORE: `output = backbone + sum_i f_i prod_j w_ij` (M2 eq 9).
 

@@ -59,8 +59,8 @@ def test_an_inner_level_is_missed_as_by_a_run_that_holds_it_out(kind: str, tmp_p
     curve = read_dataset(tmp_path / "runs" / "held" / "ingest.h5").curves[1]
     errors = curve.columns["force"] - forecast(without, curve).values
     assert left_out.samples.tolist() == [curve.size]
-    assert [left_out.offset[0], left_out.scatter[0]] == pytest.approx([errors.mean(), errors.std()], rel=1e-9)
-    assert left_out.sizes[0, [0, 50, 100]] == pytest.approx(np.quantile(np.abs(errors), [0, 0.5, 1]), rel=1e-9)
+    found = [left_out.offset[0], left_out.scatter[0], *left_out.sizes[0, [0, 50, 100]]]
+    assert found == pytest.approx([errors.mean(), errors.std(), *np.quantile(np.abs(errors), [0, 0.5, 1])], rel=1e-9)
 
 
 def test_held_out_data_are_in_nothing_of_it(tmp_path: Path, mapmore: Mapmore) -> None:
@@ -153,8 +153,8 @@ def test_a_table_gains_the_ends(model_file: Path, mapmore: Mapmore) -> None:
     assert list(rows[0])[2:] == ["force_predicted", "outside_range", "force_low", "force_high", "force_by_pressure", "force_by_strain"]
     half = many_curves(read_model(model_file).left_out, 0.9)
     for row in rows[:2]:
-        ends = [float(row["force_low"]), float(row["force_high"])]
-        assert ends == pytest.approx([float(row["force_predicted"]) - half, float(row["force_predicted"]) + half])
+        low, middle, high = (float(row[f"force_{end}"]) for end in ("low", "predicted", "high"))
+        assert [low, high] == pytest.approx([middle - half, middle + half])
     assert (rows[2]["outside_range"], rows[2]["force_low"], rows[2]["force_high"]) == ("true", "", "")
     assert [rows[3][name] for name in ("force_predicted", "force_low")] == ["", ""]
     assert rows[2]["force_by_strain"] != ""
@@ -174,16 +174,13 @@ def test_the_page_shows_the_band(model_file: Path) -> None:
     assert "95% interval" in (model_file.parent / "report" / "fit.svg").read_text()
 
 
-def test_a_model_without_says_what_to_do(mapmore: Mapmore, finished: tuple[Path, Path]) -> None:
-    model = finished[1] / "bench" / "model.h5"
-    result = mapmore("predict", model, "-", "--interval", "0.95", stdin=TABLE)
-    assert (result.exit_code, result.stdout) == (4, "")
-    assert "validate: {intervals: true}" in result.stderr
+BAD = {"a level of 95": (["95"], TABLE, 2), "a column taken": (["0.95"], TABLE.replace("strain", "strain,force_low", 1), 4)}
 
 
-@pytest.mark.parametrize(
-    ("arguments", "table", "code"), [(["95"], TABLE, 2), (["0.95"], TABLE.replace("strain", "strain,force_low", 1), 4)]
-)
-def test_bad_asks_are_refused(arguments: list[str], table: str, code: int, model_file: Path, mapmore: Mapmore) -> None:
-    result = mapmore("predict", model_file, "-", "--interval", *arguments, stdin=table)
+@pytest.mark.parametrize("what", [*BAD, "a model without"])
+def test_bad_asks_are_refused(what: str, model_file: Path, mapmore: Mapmore, finished: tuple[Path, Path]) -> None:
+    model = finished[1] / "bench" / "model.h5" if what == "a model without" else model_file
+    arguments, table, code = BAD.get(what, (["0.95"], TABLE, 4))
+    result = mapmore("predict", model, "-", "--interval", *arguments, stdin=table)
     assert (result.exit_code, result.stdout) == (code, "")
+    assert ("validate: {intervals: true}" in result.stderr) == (model != model_file)

@@ -20,7 +20,7 @@ from mapmore_cli.modelling.program.writing import Inputs, Writer, limit
 def simulate(model: Model, columns: Columns) -> Run:
     """Return `backbone(inputs) + sum_i f_i(E(x)) prod_j w_ij(x_j)` at every row, (n,) (M1 eq 5, M2 eq 9); NaN where an input is."""
     body = _body(model)
-    pieces = _ready(_Same(body), tuple(quantity.name for quantity in model.inputs)) if body.segments else None
+    pieces = _ready(body, tuple(quantity.name for quantity in model.inputs)) if body.segments else None
 
     def value(inputs: dict[str, Array], n: int) -> Array:
         base = backbone_values(body.backbone, inputs, n)
@@ -29,23 +29,10 @@ def simulate(model: Model, columns: Columns) -> Run:
     return Run(by_blocks(model.inputs, columns, value))
 
 
-class _Same:
-    """A body as a key: equal to itself alone, since arrays have no hash."""
-
-    def __init__(self, body: Pieces) -> None:
-        self.body = body
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Same) and self.body is other.body
-
-    def __hash__(self) -> int:
-        return id(self.body)
-
-
 @lru_cache(maxsize=8)
-def _ready(key: _Same, names: tuple[str, ...]) -> Callable[[Columns], list[Array]]:
+def _ready(body: Pieces, names: tuple[str, ...]) -> Callable[[Columns], list[Array]]:
     """Return the pieces ready for many calls; to write their program takes ten times as long as to predict a few rows."""
-    return evaluator(pieces_program(key.body, names))
+    return evaluator(pieces_program(body, names))
 
 
 def equations(model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:

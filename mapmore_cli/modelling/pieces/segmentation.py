@@ -251,11 +251,6 @@ def cut_by_course(curves: Sequence[Curve], by_level: bool, cuts: Mapping[str, Cu
     return [segment_curve(curve, cuts, target, lambda _curve, _rows: 0.0) for curve in training_curves(curves, by_level)]
 
 
-def uncut(curves: Sequence[Curve], by_level: bool, target: str) -> list[SegmentedCurve]:
-    """Return the training curves whole, for models that have no segments: they say the range of the inputs."""
-    return cut_by_course(curves, by_level, {}, target)
-
-
 def segment_id(curve: str, variables: Sequence[str], cell: Sequence[int]) -> str:
     """`<curve>/strain:2`, with `;` between variables, `<curve>;direction=rise/...` for directions; `<curve>/all` where nothing is cut."""
     places = dict(zip(variables, cell, strict=True))

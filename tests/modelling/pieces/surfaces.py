@@ -59,3 +59,9 @@ def built(samples=None, backbone=None, **changes):
 def changed(curve, **columns):
     """The curve with other columns."""
     return replace(curve, columns={**curve.columns, **columns})
+
+
+def at(pressure, strain):
+    """Columns of the inputs."""
+    pressure, strain = np.broadcast_arrays(np.asarray(pressure, float), np.asarray(strain, float))
+    return {"pressure": pressure.ravel().copy(), "strain": strain.ravel().copy()}

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from surfaces import QUANTITIES, built, changed, curves, force, recipe
+from surfaces import QUANTITIES, at, built, changed, curves, force, recipe
 
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling import literature
@@ -87,10 +87,10 @@ def test_a_residual_that_jumps_from_level_to_level_counts_at_the_levels_alone():
     model = trusted(samples)
     assert model.body.fusion.shrink < 0.2
     for curve in samples:
-        at = {**curve.columns, "pressure": np.full(curve.size, curve.level)}
-        gain = np.sqrt(np.mean((predict(model, at) - curve.columns["force"]) ** 2))
-        assert gain < 0.3 * np.sqrt(np.mean((backbone_of(model, at) - curve.columns["force"]) ** 2))
-    middle = {"pressure": np.full(40, 200.0), "strain": np.linspace(0, 0.12, 40)}
+        places = at(curve.level, curve.columns["strain"])
+        own, alone = ((values - curve.columns["force"]).std() for values in (predict(model, places), backbone_of(model, places)))
+        assert own < 0.3 * alone
+    middle = at(200, np.linspace(0, 0.12, 40))
     whole = replace(model, body=replace(model.body, fusion=replace(model.body.fusion, shrink=1.0)))
     alone = backbone_of(model, middle)
     np.testing.assert_allclose(predict(model, middle) - alone, model.body.fusion.shrink * (predict(whole, middle) - alone), atol=1e-9)
@@ -109,7 +109,7 @@ def test_between_two_levels_the_backbone_stands_alone():
     model = trusted(bumped(curves(levels=(150.0, 350.0), held_out=()), lambda _number: 80))
     assert model.body.fusion.shrink == 0.0
     assert any("two levels" in note for note in model.notes)
-    middle = {"pressure": np.full(20, 250.0), "strain": np.linspace(0, 0.12, 20)}
+    middle = at(250, np.linspace(0, 0.12, 20))
     np.testing.assert_allclose(predict(model, middle), backbone_of(model, middle))
 
 
@@ -120,8 +120,8 @@ def test_pooled_data_drop_a_residual_that_does_harm():
     assert not any(curve.segments for curve in model.body.curves)
     assert model.body.cross_validation[0].rmse < model.body.cross_validation[1].rmse
     assert "keeps polynomial_2 alone" in model.notes[-1]
-    strain = {"pressure": np.full(9, 200.0), "strain": np.linspace(0, 0.1, 9)}
-    np.testing.assert_allclose(predict(model, strain), backbone_of(model, strain))
+    places = at(200, np.linspace(0, 0.1, 9))
+    np.testing.assert_allclose(predict(model, places), backbone_of(model, places))
 
 
 @settings(max_examples=3)
@@ -240,8 +240,7 @@ def test_an_empty_corner_takes_the_function_of_its_neighbour():
     assert len(counts) == sides[0] * sides[1] > 1
     assert min(counts.values()) >= 8
     model = built([curve], **OF_SURFACE | {"cuts": cut})
-    corner = {"pressure": np.array([85.0]), "strain": np.array([0.24])}
-    assert np.isfinite(predict(model, corner)).all()
+    assert np.isfinite(predict(model, at(85, 0.24))).all()
 
 
 def test_folds_are_the_inner_blocks_along_every_input():
@@ -272,7 +271,7 @@ def test_all_of_the_residual_counts_with_the_share_that_left_out_blocks_support(
     whole = on_polynomial(samples, **OF_SURFACE)
     kept = with_trusted_residual(whole, samples, made, QUANTITIES)
     share = leave_out(samples, made, QUANTITIES, "polynomial_2", inner_folds(samples, made)).share
-    columns = {name: samples[0].columns[name] for name in ("pressure", "strain")}
+    columns = samples[0].columns
     alone = backbone_of(whole, columns)
     expected = alone + share * (predict(whole, columns) - alone)
     np.testing.assert_allclose(predict(kept, columns), expected, rtol=1e-10, atol=1e-8)
@@ -283,7 +282,7 @@ def test_all_of_the_residual_counts_with_the_share_that_left_out_blocks_support(
 def test_a_given_share_counts_on_a_surface_as_well(share):
     samples = scattered()
     whole, part = (on_polynomial(samples, **OF_SURFACE, shrink=given) for given in (1.0, share))
-    columns = {name: samples[0].columns[name] for name in ("pressure", "strain")}
+    columns = samples[0].columns
     alone = backbone_of(whole, columns)
     np.testing.assert_allclose(predict(part, columns), alone + share * (predict(whole, columns) - alone), rtol=1e-10, atol=1e-8)
 

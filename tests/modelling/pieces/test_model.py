@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from surfaces import built, changed, curves, force
+from surfaces import at, built, changed, curves, force
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve
@@ -19,11 +19,6 @@ from mapmore_cli.modelling.pieces.definition import TRANSITIONS, cell_weights, w
 from mapmore_cli.modelling.pieces.recipe import Cuts
 
 seeds = st.integers(0, 2**32 - 1)
-
-
-def at(pressure, strain):
-    pressure, strain = np.broadcast_arrays(np.asarray(pressure, float), np.asarray(strain, float))
-    return {"pressure": pressure.ravel().copy(), "strain": strain.ravel().copy()}
 
 
 def segments_of(*models):

@@ -28,17 +28,13 @@ def imagined(rng, names, level, count, cuts, terms=3):
     curves = []
     for number, at in enumerate(levels):
         limits = {name: tuple(sorted(rng.uniform([0, 0.8], [0.2, 1.5]))) for name in free}
-        boundaries = tuple(
-            np.concatenate([[limits[n][0]], np.sort(rng.uniform(*limits[n], k - 1)), [limits[n][1]]]) for n, k in cuts.items()
-        )
-        segments = [
-            segment(rng, f"{number}/{cell}", cell, names, dict(zip(cuts, boundaries, strict=True)), terms)
-            for cell in product(*(range(1, k + 1) for k in cuts.values()))
-        ]
+        boundaries = {n: np.sort([*limits[n], *rng.uniform(*limits[n], k - 1)]) for n, k in cuts.items()}
+        cells = product(*(range(1, k + 1) for k in cuts.values()))
+        segments = [segment(rng, f"{number}/{cell}", cell, names, boundaries, terms) for cell in cells]
         if level:
             limits[level] = (at - 0.01, at + 0.01)
         threshold = rng.uniform(*limits[free[0]])
-        curves.append(CurveFunction(f"curve {number}", at, boundaries, limits, tuple(segments), threshold))
+        curves.append(CurveFunction(f"curve {number}", at, tuple(boundaries.values()), limits, tuple(segments), threshold))
     quantities = tuple(Quantity(name, "1") for name in names)
     sides = dict.fromkeys(names, ("continue", "continue"))
     return Model("imagined", Quantity("force", "N"), quantities, Pieces(level, tuple(cuts), tuple(curves), Fusion(extrapolation=sides)))
@@ -55,18 +51,14 @@ def fused(model, **changes):
 
 
 def segment(rng, name, cell, names, boundaries, terms):
-    scaling = Scaling(
-        "none", "-", tuple(names), rng.uniform(0.5, 2, len(names)), rng.normal(size=len(names)), rng.uniform(1, 9), rng.normal()
-    )
-    limits = {n: tuple(at[place - 1 : place + 1] + rng.normal(0, 0.05, 2)) for (n, at), place in zip(boundaries.items(), cell, strict=True)}
-    limits = {n: (min(pair), max(pair)) for n, pair in limits.items()}
-    chosen = tuple(
-        rng.choice([term for term in TERMS if not set("abc") & set(term) - set(names)], rng.integers(0, terms + 1), replace=False)
-    )
-    nothing = np.zeros(len(chosen))
-    return SegmentFunction(
-        name, cell, chosen, rng.normal(size=len(chosen)), nothing, nothing, nothing, scaling, 9, 1.0, "tolerance", limits
-    )
+    slope, intercept = rng.uniform(0.5, 2, len(names)), rng.normal(size=len(names))
+    scaling = Scaling("none", "-", tuple(names), slope, intercept, rng.uniform(1, 9), rng.normal())
+    places = zip(boundaries.items(), cell, strict=True)
+    limits = {n: tuple(sorted(at[place - 1 : place + 1] + rng.normal(0, 0.05, 2))) for (n, at), place in places}
+    usable = [term for term in TERMS if not set("abc") & set(term) - set(names)]
+    chosen = tuple(rng.choice(usable, rng.integers(0, terms + 1), replace=False))
+    theta, nothing = rng.normal(size=len(chosen)), np.zeros(len(chosen))
+    return SegmentFunction(name, cell, chosen, theta, nothing, nothing, nothing, scaling, 9, 1.0, "tolerance", limits)
 
 
 def places(rng, model, n=25):
