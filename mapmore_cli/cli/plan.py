@@ -62,7 +62,7 @@ def plan(
         )
 
     def drawing() -> Drawing:
-        from mapmore_cli.reporting.figures.plan import plan_drawing
+        from mapmore_cli.reporting.figures.commands import plan_drawing
 
         return plan_drawing(found)
 

@@ -54,7 +54,7 @@ def tune(
         found = tuning.tune(load(config, overrides), wanted, runs, progress=reporter.progress, warn=reporter.warn, on_stage=reporter.stage)
 
     def drawing() -> Drawing:
-        from mapmore_cli.reporting.figures.tuning import tuning_drawing
+        from mapmore_cli.reporting.figures.commands import tuning_drawing
 
         return tuning_drawing(found)
 

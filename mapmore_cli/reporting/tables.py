@@ -8,8 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from mapmore_cli.domain.recording import Dataset
-from mapmore_cli.modelling.memory.feedback import fed_back_states
-from mapmore_cli.modelling.memory.starts import started
 from mapmore_cli.modelling.validation.metrics import Band, bands
 from mapmore_cli.modelling.validation.repeatability import floors
 from mapmore_cli.reporting.inputs import ReportInputs
@@ -25,68 +23,57 @@ from mapmore_cli.reporting.memory_tables import (
 )
 from mapmore_cli.reporting.model_tables import coefficients_table, equations_table, folds_table, formulas_table, segments_table, terms_table
 from mapmore_cli.reporting.score_tables import curve_scores_table, score_table, search_table
-from mapmore_cli.reporting.table import Cell, Column, Table
+from mapmore_cli.reporting.table import Cell, Column, Columns, Table
 
 
 def all_tables(inputs: ReportInputs) -> tuple[Table, ...]:
     """Every table of the report, in the order of the page."""
-    scores, units = inputs.validation.scores, inputs.validation.units
-    memory = inputs.fit.memory
-    return (
-        _with_start(score_table(scores, units, inputs.published, inputs.failed), inputs),
+    scores, units, unit = inputs.validation.scores, inputs.validation.units, inputs.target.unit
+    memory, pieces = inputs.fit.memory, inputs.model.pieces
+    own = score_table(scores, units, inputs.published, inputs.failed)
+    found = [
+        replace(own, notes=(*own.notes, *([inputs.start] if inputs.start is not None else []))),
         recordings_table(inputs.dataset),
         levels_table(inputs.dataset, None if inputs.over_time or inputs.has_memory else inputs.in_curve.name),
         curve_scores_table(scores, units),
         error_parts_table(inputs),
         starts_table(inputs),
-        bands_table(bands(inputs.dataset, inputs.validation.predictions), inputs.target.unit),
+        bands_table(bands(inputs.dataset, inputs.validation.predictions), unit),
         segments_table(inputs),
         terms_table(inputs.fit),
         coefficients_table(inputs),
         equations_table(inputs.equations, inputs.other_equations),
         formulas_table(inputs),
-        *((search_table(inputs.search),) if inputs.search is not None else ()),
-        folds_table(inputs.model.pieces.cross_validation if inputs.model.pieces else (), inputs.target.unit),
-        *((sections_table(inputs.motions, inputs.target.unit), waveforms_table(inputs)) if inputs.motions else ()),
-        *inputs.published_tables,
-        *(
-            (states_table(memory.model.states), substitutes_table(memory), sizes_table(memory), identified_table(memory))
-            if memory is not None
-            else ()
-        ),
-    )
-
-
-def _with_start(table: Table, inputs: ReportInputs) -> Table:
-    """Return the scores with how free runs began, where the model's output is fed back."""
-    memory = inputs.fit.memory
-    if memory is None or not fed_back_states(memory.model.states, memory.model.output):
-        return table
-    return replace(table, notes=(*table.notes, started(memory.model)))
+    ]
+    found += [] if inputs.search is None else [search_table(inputs.search)]
+    found.append(folds_table(pieces.cross_validation if pieces else (), unit))
+    found += [sections_table(inputs.motions, unit), waveforms_table(inputs)] if inputs.motions else []
+    found += inputs.published_tables
+    if memory is not None:
+        found += [states_table(memory.model.states), substitutes_table(memory), sizes_table(memory), identified_table(memory)]
+    return tuple(found)
 
 
 def bands_table(found: Sequence[Band], unit: str) -> Table:
     """Return a row for each band, a column for each model."""
     models = list(found[0].rmse) if found else []
-    columns = (Column("from", unit), Column("to", unit), Column("samples"), *(Column(model, unit, ".3g") for model in models))
-    rows: tuple[tuple[Cell, ...], ...] = tuple(
-        (band.low, band.high, band.samples, *(band.rmse[model] for model in models)) for band in found
-    )
+    columns: Columns = (f"from [{unit}]", f"to [{unit}]", "samples", *(Column(model, unit, ".3g") for model in models))
+    rows = ((band.low, band.high, band.samples, *(band.rmse[model] for model in models)) for band in found)
     note = "RMSE of the samples whose absolute value lies in the band, of held-out data where there are any."
-    return Table("bands", "RMSE by the size of what was measured", columns, rows, (note,))
+    return Table.of("bands", "RMSE by the size of what was measured", columns, rows, note)
 
 
 def recordings_table(dataset: Dataset) -> Table:
     """Rows read, kept and dropped by reason, of every file."""
     reasons = tuple(dict.fromkeys(reason for recording in dataset.recordings for reason in recording.dropped))
-    columns = (Column("recording"), Column("file"), Column("read"), Column("kept"), *(Column(f"dropped: {reason}") for reason in reasons))
-    rows: list[tuple[Cell, ...]] = []
-    for recording in dataset.recordings:
-        dropped = (recording.dropped.get(reason, 0) for reason in reasons)
-        rows.append((recording.id, recording.source, recording.rows_read, recording.rows_kept, *dropped))
+    columns: Columns = ("recording", "file", "read", "kept", *(Column(f"dropped: {reason}") for reason in reasons))
+    rows: list[tuple[Cell, ...]] = [
+        (one.id, one.source, one.rows_read, one.rows_kept, *(one.dropped.get(reason, 0) for reason in reasons))
+        for one in dataset.recordings
+    ]
     uneven = [r.id for r in dataset.recordings if r.rows_read != r.rows_kept + sum(r.dropped.values())]
     notes = (f"Resampled, so that kept and dropped rows do not add up to those read: {', '.join(uneven)}.",) if uneven else ()
-    return Table("recordings", "Rows of every recording", columns, tuple(rows), notes)
+    return Table.of("recordings", "Rows of every recording", columns, rows, *notes)
 
 
 SINGLE_VALUED_NOTE = (
@@ -100,20 +87,18 @@ def levels_table(dataset: Dataset, along: str | None = None) -> Table:
 
     `along` is the quantity over which a static model has one value: where curves are not single-valued, it says by how much.
     """
-    level = Column("level", dataset.unit(dataset.level), ".6g") if dataset.level else Column("level")
-    columns = [Column("curve"), level, Column("train"), Column("validate"), Column("recordings")]
+    columns = ["curve", f"level [{dataset.unit(dataset.level)}] .6g" if dataset.level else "level", "train", "validate", "recordings"]
     rows: list[tuple[Cell, ...]] = []
     for curve in dataset.curves:
         held_out = int(np.count_nonzero(curve.held_out))
         rows.append((curve.id, curve.level, curve.size - held_out, held_out, ", ".join(curve.recordings)))
     notes: tuple[str, ...] = ()
-    lowest = _single_valued(dataset, along)
-    if lowest:
-        columns.append(Column("single-valued", "%", ".2g"))
+    if lowest := _single_valued(dataset, along):
+        columns.append("single-valued [%] .2g")
         rows = [(*row, 100 * floor) for row, floor in zip(rows, lowest, strict=True)]
         notes = (SINGLE_VALUED_NOTE.format(along=along, target=dataset.target),)
     title = f"Samples of every curve{f', levels of {dataset.level}' if dataset.level else ''}"
-    return Table("levels", title, tuple(columns), tuple(rows), notes)
+    return Table.of("levels", title, columns, rows, *notes)
 
 
 def _single_valued(dataset: Dataset, along: str | None) -> list[float]:

@@ -24,7 +24,7 @@ CONFIGS = DOCS.parent / "configs"
 def runs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """A folder of runs whose pages, where a run needs another with its page, have no figures: nobody looks at them here."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("mapmore_cli.reporting.figures.catalogue.drawings", lambda _name, _inputs: [])
+        patch.setattr("mapmore_cli.reporting.figures.drawing.drawings", lambda _name, _inputs: [])
         yield tmp_path_factory.mktemp("runs")
 
 

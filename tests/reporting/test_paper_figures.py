@@ -21,8 +21,7 @@ from mapmore_cli.domain.foreign import tex_text
 from mapmore_cli.domain.models import Equation
 from mapmore_cli.domain.page import FIGURES
 from mapmore_cli.reporting.figures import data
-from mapmore_cli.reporting.figures.catalogue import drawings, panel_of
-from mapmore_cli.reporting.figures.drawing import alone, compose
+from mapmore_cli.reporting.figures.drawing import alone, compose, drawings, panel_of
 from mapmore_cli.reporting.figures.saving import DOTS_PER_INCH, WRITERS
 from mapmore_cli.reporting.figures.style import figure_style, wrong_formula
 from mapmore_cli.reporting.inputs import FigureStyle
@@ -69,7 +68,7 @@ SCRIPT = """
 import hashlib, sys
 sys.path.insert(0, sys.argv[1])
 from report_builder import build
-from mapmore_cli.reporting.figures.catalogue import drawings
+from mapmore_cli.reporting.figures.drawing import drawings
 from mapmore_cli.reporting.figures.drawing import alone
 from mapmore_cli.reporting.figures.saving import WRITERS
 from mapmore_cli.reporting.figures.style import figure_style

@@ -3,20 +3,27 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 from matplotlib.axes import Axes
-from matplotlib.lines import Line2D
-from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter
 
-from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.domain.scores import REPEATABILITY
-from mapmore_cli.modelling.validation.comparison import ReferencePoint
 from mapmore_cli.reporting.campaign import CampaignScores
 from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
-from mapmore_cli.reporting.figures.style import DOUBLE, GREY, LIGHT, ModelStyle, best_of, level_colours, model_styles, shortened
-from mapmore_cli.reporting.inputs import MOST_LINES, FigureStyle
+from mapmore_cli.reporting.figures.style import (
+    DOUBLE,
+    GREY,
+    LIGHT,
+    ModelStyle,
+    best_of,
+    key,
+    label_rows,
+    model_styles,
+    plain_logarithm,
+    shortened,
+)
+from mapmore_cli.reporting.inputs import MOST_LINES
 
 FEWEST_RUNS = 2
 ROUNDING = 1e-10
@@ -37,9 +44,9 @@ def campaign_figures(scores: CampaignScores) -> list[Drawing]:
     if len(runs) < FEWEST_RUNS or not any(model in run for run in runs.values() for model in shown):
         return []
     styles = model_styles(shown)
-    handles = [Line2D([], [], label=model, **_look(style)) for model, style in styles.items()]
+    handles = [key(model, **_look(style)) for model, style in styles.items()]
     if any(REPEATABILITY in run for run in runs.values()):
-        handles.append(Line2D([], [], label=REPEATABILITY, **FLOOR))
+        handles.append(key(REPEATABILITY, **FLOOR))
     models = [model for model in scores.models if model != REPEATABILITY]
     which = f" {BEST_OTHER.capitalize()}: known afterwards only." if scores.sparse else best_of(len(shown), len(models))
     exact = [name for name, run in scores.pooled.items() if scores.own in run and run[scores.own].nrmse <= ROUNDING]
@@ -66,10 +73,8 @@ def _draw_runs(ax: Axes, runs: Mapping[str, dict[str, float]], styles: dict[str,
         found = [(run[model], place) for place, run in enumerate(runs.values()) if math.isfinite(run.get(model, math.nan))]
         if found:
             ax.plot(*zip(*found, strict=True), **look)
-    ax.set_yticks(range(len(runs)), [shortened(name, 40) for name in runs])
-    ax.tick_params(axis="y", length=0)
-    ax.set_ylim(len(runs) - 0.4, -0.6)
-    _label_logarithm(ax)
+    label_rows(ax, [shortened(name, 40) for name in runs])
+    plain_logarithm(ax.xaxis, (1.0, 2.0, 5.0))
 
 
 def _shown(scores: CampaignScores) -> list[str]:
@@ -87,37 +92,3 @@ def _mean_logarithm(scores: CampaignScores, model: str) -> float:
 
 def _look(style: ModelStyle) -> dict[str, Any]:
     return {"linestyle": "none", "marker": style.marker, "markersize": 4.0 + style.width, "color": style.colour, "markeredgewidth": 0}
-
-
-def _label_logarithm(ax: Axes) -> None:
-    """Label with plain numbers, as 0.5, 1, 2, 5, 10."""
-    ax.set_xscale("log")
-    ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    formatter = ScalarFormatter()
-    formatter.set_scientific(False)
-    ax.xaxis.set_major_formatter(formatter)
-    ax.xaxis.set_minor_formatter(NullFormatter())
-
-
-def drift_drawing(names: Sequence[str], points: Sequence[ReferencePoint], output: Quantity) -> Drawing:
-    """Return a line for each reference point, a dot for each campaign, in per cent of the first."""
-    colours = level_colours(len(points))
-    labels = [_label(point) for point in points]
-    data: dict[str, Values] = {"campaign": list(names)}
-    data |= {f"{label} [{output.unit}]": point.outputs for label, point in zip(labels, points, strict=True)}
-
-    def on(axes: Sequence[Axes]) -> None:
-        for point, colour in zip(points, colours, strict=True):
-            relative = [100 * value / point.outputs[0] for value in point.outputs]
-            axes[0].plot(range(len(names)), relative, color=colour, marker="o", markersize=3, linewidth=1.1)
-        axes[0].set_xticks(range(len(names)), [shortened(name, 22) for name in names])
-
-    handles = zip(labels, colours, strict=True)
-    legend = tuple(Line2D([], [], color=colour, marker="o", markersize=3, label=label) for label, colour in handles)
-    what = FigureStyle().axis_label(Quantity(output.name, "% of the first"))
-    caption = f"{output.name} at reference points over campaigns, in per cent of the first."
-    return Drawing("drift", caption, caption, (Panel("", on, "Campaign", (what,), data),), Grid(height=2.6), legend)
-
-
-def _label(point: ReferencePoint) -> str:
-    return ", ".join(f"{name} {value:.3g}" for name, value in point.inputs.items())

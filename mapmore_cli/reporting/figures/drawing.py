@@ -1,10 +1,11 @@
-"""Figures as data: panels with what they draw, set side by side on a page, or each by itself for a paper."""
+"""Figures as data: panels with what they draw, found by name, set side by side on a page, or each by itself for a paper."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from importlib import import_module
 from typing import Any, Literal
 
 import numpy as np
@@ -12,9 +13,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-from mapmore_cli.reporting.figures.style import fonts_may_lack_glyphs, small
-from mapmore_cli.reporting.inputs import SINGLE, FigureStyle
-from mapmore_cli.reporting.titles import title_of
+from mapmore_cli.domain.errors import UsageError
+from mapmore_cli.reporting.figures.saving import to_svg
+from mapmore_cli.reporting.figures.style import figure_style, fonts_may_lack_glyphs, small
+from mapmore_cli.reporting.html import title_of
+from mapmore_cli.reporting.inputs import SINGLE, FigureStyle, ReportInputs
 
 POINTS = 72
 """Points an inch. Figures have as many dots an inch, so that what is measured are points."""
@@ -80,10 +83,47 @@ class Drawing:
     legend: tuple[Any, ...] = ()
 
 
-def find_panel(drawings: Sequence[Drawing], keys: Collection[str]) -> tuple[Drawing, Panel] | None:
-    """Return the first panel that has one of the keys; None where there is none."""
-    every = ((drawing, panel) for drawing in drawings for panel in drawing.panels)
-    return next((pair for pair in every if pair[1].key in keys), None)
+def drawings(name: str, inputs: ReportInputs) -> list[Drawing]:
+    """Return the figures that a spec calls so, from `draw` in the module of that name: none where there is nothing to draw, or several."""
+    found: list[Drawing] = import_module(f"{__package__}.{name}").draw(inputs)
+    return found
+
+
+def panel_of(name: str, inputs: ReportInputs, words: str) -> tuple[Drawing, Panel]:
+    """Return the panel of a curve, a recording or a model, also of one that the page leaves out.
+
+    - `words`: the panel's key, or what a user calls a curve: its level alone (`250`, `250 kPa` for `pressure=250`), or a log that was cut.
+
+    Raises UsageError where there is no such panel; the message names those that there are.
+    """
+    ids = inputs.ids_of(words)
+    for looked_in, keys in ((inputs, {words, *ids}), (replace(inputs, asked=ids), ids)):
+        for drawing in drawings(name, looked_in) if keys else ():
+            for panel in drawing.panels:
+                if panel.key in keys:
+                    return drawing, panel
+    every = frozenset([*(curve.id for curve in inputs.dataset.curves), *(recording.id for recording in inputs.dataset.recordings)])
+    known = dict.fromkeys(panel.key for drawing in drawings(name, replace(inputs, asked=every)) for panel in drawing.panels)
+    names = ", ".join(filter(None, known))
+    raise UsageError(f"no panel of this figure is called {words!r}", f"choose one of {names}" if names else "leave the panel out")
+
+
+@dataclass(frozen=True)
+class RenderedFigure:
+    """A figure as SVG; `width` in inches, `numbers` is the file of what it was drawn from, empty where there is none."""
+
+    name: str
+    caption: str
+    svg: str
+    width: float
+    numbers: str = ""
+
+
+def rendered(drawing: Drawing, style: FigureStyle | None = None) -> RenderedFigure:
+    """All panels of a figure as one SVG."""
+    with figure_style(style):
+        figure = compose(drawing, style)
+        return RenderedFigure(drawing.name, drawing.caption, to_svg(figure, drawing.name, drawing.alt), float(figure.get_figwidth()))
 
 
 def compose(drawing: Drawing, style: FigureStyle | None = None) -> Figure:

@@ -23,8 +23,8 @@ from mapmore_cli.reporting.figures.style import (
     zero_line,
 )
 from mapmore_cli.reporting.figures.thinning import cloud
+from mapmore_cli.reporting.html import title_of
 from mapmore_cli.reporting.inputs import ReportInputs
-from mapmore_cli.reporting.titles import title_of
 
 DOTS = 600
 """In a panel by itself; half as many where panels stand side by side, which are smaller."""

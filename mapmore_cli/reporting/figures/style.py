@@ -12,15 +12,19 @@ from typing import Any
 import numpy as np
 from matplotlib import colormaps, rc_context, rcParams, rcParamsDefault
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.colors import to_hex
 from matplotlib.font_manager import FontProperties, fontManager
+from matplotlib.lines import Line2D
 from matplotlib.mathtext import MathTextParser
 from matplotlib.patches import Patch
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.reporting.figures.thinning import MOST_ON_A_LINE, band, spread
+from mapmore_cli.reporting.html import title_of
 from mapmore_cli.reporting.inputs import INTERVAL, SINGLE, FigureStyle, ReportInputs
-from mapmore_cli.reporting.titles import title_of
 
 DOUBLE = 7.16
 """Width of two columns of a journal page, inches."""
@@ -61,16 +65,10 @@ def figure_style(style: FigureStyle | None = None) -> Iterator[None]:
     large, small = ["axes.labelsize", "font.size"], ["axes.titlesize", "legend.fontsize", "xtick.labelsize", "ytick.labelsize"]
     sizes: dict[Any, Any] = {**dict.fromkeys(large, style.size), **dict.fromkeys(small, style.size - SMALLER)}
     fonts: dict[Any, Any] = {"font.family": [*([style.font] if style.font else []), "sans-serif"]}
-    with _no_word_of_absent_fonts(), rc_context({**_changed(), **RC, **sizes, **fonts}):
+    # `rcdefaults` sets all, and first reads the style sheets, which takes longer than to draw a figure
+    changed = {key: value for key, value in rcParamsDefault.items() if key not in BACKEND and rcParams[key] != value}
+    with _no_word_of_absent_fonts(), rc_context({**changed, **RC, **sizes, **fonts}):
         yield
-
-
-def _changed() -> dict[Any, Any]:
-    """Return the defaults of what a user's matplotlibrc has changed.
-
-    `rcdefaults` sets all, and first reads the style sheets, which takes longer than to draw a figure.
-    """
-    return {key: value for key, value in rcParamsDefault.items() if key not in BACKEND and rcParams[key] != value}
 
 
 @contextmanager
@@ -121,8 +119,7 @@ BLACK, GREY, LIGHT = "#000000", "#6e6e6e", "#b8b8b8"
 ORANGE, SKY, GREEN, BLUE, VERMILLION, PURPLE = "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00", "#CC79A7"
 """Okabe and Ito's colours, which colour-blind readers tell apart; their yellow is too pale for a line on white."""
 
-SEGMENT_COLOURS = (BLUE, ORANGE, GREEN, PURPLE)
-SEGMENT_MARKERS = ("o", "s", "^", "D")
+DOT: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 3}
 
 
 @dataclass(frozen=True)
@@ -134,6 +131,11 @@ class ModelStyle:
     width: float
     marker: str
     zorder: float
+
+    @property
+    def line(self) -> dict[str, Any]:
+        """What `plot` is told of its line."""
+        return {"color": self.colour, "linestyle": self.dashes, "linewidth": self.width, "zorder": self.zorder}
 
 
 OWN_STYLE = ModelStyle(VERMILLION, "-", 1.6, "o", 3.0)
@@ -195,6 +197,11 @@ def places(inputs: ReportInputs, ids: Sequence[str], most: int) -> list[int]:
     return spread(len(ids), most)
 
 
+def some_curves(inputs: ReportInputs, numbers: Sequence[int], most: int) -> list[int]:
+    """Which of the curves of these numbers in the dataset are drawn, likewise."""
+    return [numbers[i] for i in places(inputs, [inputs.dataset.curves[i].id for i in numbers], most)]
+
+
 def some_of(shown: int, count: int, what: str) -> str:
     """Return a sentence that says what was left out; nothing where all is shown."""
     return "" if shown == count else f" {shown} of {count} {what} are drawn, evenly spread."
@@ -221,6 +228,38 @@ def beyond_scale(models: Sequence[str]) -> str:
     return f" Too far off for the scale: {', '.join(map(title_of, models))}." if models else ""
 
 
+def heading(quantity: Quantity) -> str:
+    """Return the heading of a quantity's column among the numbers of a panel."""
+    return f"{quantity.name} [{quantity.unit}]"
+
+
+def key(label: str, **look: Any) -> Line2D:
+    """Return the entry of a legend."""
+    return Line2D([], [], label=label, **look)
+
+
+def plain_logarithm(axis: Axis, subs: Sequence[float] | None = None) -> None:
+    """Scale an axis by logarithms, labelled with plain numbers as 0.5, 1, 2; `subs` are the labelled multiples of the powers of ten."""
+    (axis.axes.set_xscale if axis is axis.axes.xaxis else axis.axes.set_yscale)("log")
+    if subs is not None:
+        axis.set_major_locator(LogLocator(subs=subs))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def label_rows(ax: Axes, names: Sequence[str], below: float = 0.4, above: float = 0.6) -> None:
+    """Name the rows 0, 1, ... of a panel from its top down, with so much room below the last and above the first."""
+    ax.set_yticks(range(len(names)), names)
+    ax.tick_params(axis="y", length=0)
+    ax.set_ylim(len(names) - below, -above)
+
+
+def write_beside(ax: Axes, row: float, text: str, distance: float) -> None:
+    """Write at the right of a panel, so many points beside it."""
+    beside: dict[str, Any] = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points", "va": "center", "fontsize": small()}
+    ax.annotate(text, (1.0, row), (distance, 0), **beside)
+
+
 def zero_line(ax: Axes) -> None:
     """Draw a thin line at an error of zero."""
     ax.axhline(0.0, color=GREY, linewidth=0.5, zorder=0)
@@ -244,12 +283,12 @@ def interval_words(inputs: ReportInputs) -> str:
     return f" The band holds a sample of a new curve with a probability of {INTERVAL:.0%}, by left-out {left_out.kind} of training data."
 
 
-def draw_band(ax: Axes, x: Array, y: Array, colour: str, **look: Any) -> None:
+def draw_band(ax: Axes, x: Array, y: Array, color: str, **look: Any) -> None:
     """Draw `y` over sorted `x` as a line; of many samples the mean, with their range as a pale band."""
     line = band(x, y)
     if not line.drawn_whole:
-        ax.fill_between(line.x, line.low, line.high, color=colour, alpha=0.15, linewidth=0, zorder=1)
-    ax.plot(line.x, line.mean, color=colour, **look)
+        ax.fill_between(line.x, line.low, line.high, color=color, alpha=0.15, linewidth=0, zorder=1)
+    ax.plot(line.x, line.mean, color=color, **look)
 
 
 def thinned(sizes: Sequence[int]) -> str:
