@@ -156,7 +156,7 @@ def figure(lines: Sequence[Line]) -> Any:
 
 def drawn(runs: Path, names: Sequence[str] = tuple(LINES)) -> dict[str, str]:
     """Return the figures as `<svg>` elements."""
-    from mapmore_cli.reporting.figures.saving import to_svg
+    from mapmore_cli.reporting.figures.drawing import to_svg
     from mapmore_cli.reporting.figures.style import figure_style
 
     with figure_style():
@@ -165,7 +165,7 @@ def drawn(runs: Path, names: Sequence[str] = tuple(LINES)) -> dict[str, str]:
 
 def write(runs: Path, folder: Path | None = None) -> None:
     """Every figure with its numbers; as PDF too where a folder is named."""
-    from mapmore_cli.reporting.figures.saving import SVG_PROLOGUE, WRITERS
+    from mapmore_cli.reporting.figures.drawing import SVG_PROLOGUE, WRITERS
     from mapmore_cli.reporting.figures.style import figure_style
 
     for name, svg in drawn(runs).items():

@@ -40,8 +40,7 @@ def write_result(path: Path, table: Callable[[], Table], drawing: Callable[[], D
     if suffix in TABLES:
         write_table(path, table())
         return
-    from mapmore_cli.reporting.figures.drawing import compose
-    from mapmore_cli.reporting.figures.saving import WRITERS
+    from mapmore_cli.reporting.figures.drawing import WRITERS, compose
     from mapmore_cli.reporting.figures.style import figure_style
 
     drawn = drawing()

@@ -183,8 +183,7 @@ def drawn_figure(
     Raises DataError where the folder holds no finished run; UsageError where there is no such panel or model (the message names those that
     there are), or `looks` are about anything else.
     """
-    from mapmore_cli.reporting.figures.drawing import alone, compose, drawings, panel_of
-    from mapmore_cli.reporting.figures.saving import WRITERS
+    from mapmore_cli.reporting.figures.drawing import WRITERS, alone, compose, drawings, panel_of
     from mapmore_cli.reporting.figures.style import figure_style
     from mapmore_cli.reporting.report import data_csv
     from mapmore_cli.spec.loader import load

@@ -10,13 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from mapmore_cli.domain.page import FIGURES
-from mapmore_cli.reporting.figures.drawing import Drawing, Panel, RenderedFigure, Values, alone, drawings, rendered
-from mapmore_cli.reporting.figures.saving import SVG_PROLOGUE, WRITERS
+from mapmore_cli.reporting.figures.drawing import SVG_PROLOGUE, WRITERS, Drawing, Panel, RenderedFigure, Values, alone, drawings, rendered
 from mapmore_cli.reporting.figures.style import figure_style
-from mapmore_cli.reporting.html import SCREEN_SCALE, environment
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.score_tables import verdict
-from mapmore_cli.reporting.table import Table, csv_text, number_text, to_csv, to_latex
+from mapmore_cli.reporting.table import SCREEN_SCALE, Table, csv_text, environment, number_text, to_csv, to_latex
 from mapmore_cli.reporting.tables import all_tables
 
 LONG_TABLE = 40

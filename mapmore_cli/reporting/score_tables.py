@@ -9,8 +9,7 @@ from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.domain.results import Search, Tried
 from mapmore_cli.domain.scores import REPEATABILITY, Published, Score, deciding
 from mapmore_cli.modelling.validation.comparison import Comparison
-from mapmore_cli.reporting.html import title_of
-from mapmore_cli.reporting.table import MODEL, Cell, Column, Columns, Table
+from mapmore_cli.reporting.table import MODEL, Cell, Column, Columns, Table, title_of
 
 FLOOR_NOTE = (
     f"{REPEATABILITY}: no model, but how far a sample lies from the mean of the other recordings at its level, place and direction, "

@@ -1,4 +1,4 @@
-"""A table as data, and its renderings: CSV, plain text, Markdown, LaTeX and HTML over the same object."""
+"""A table as data, its renderings (CSV, text, Markdown, LaTeX, HTML), and what all pages share: templates, names of models for people."""
 
 from __future__ import annotations
 
@@ -8,10 +8,15 @@ import math
 import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import cache, lru_cache
 from html import escape
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from mapmore_cli.domain.foreign import csv_cell, tex_comment, tex_text
+from mapmore_cli.domain.scores import BASELINES, SIMPLE
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
 
 Cell = str | int | float | None
 """What stands in a table; None (and NaN) is a number that there is not."""
@@ -187,3 +192,32 @@ def _html_row(line: Sequence[str], kinds: Sequence[str]) -> str:
 def _html_text(text: str) -> str:
     """Return the text; a long path may break after its slashes."""
     return escape(text).replace("/", "/<wbr>") if len(text) > LONG_TEXT else escape(text)
+
+
+SCREEN_SCALE = 1.35
+"""Figures are made for paper; a screen is read from further away."""
+
+OTHERS = {**BASELINES, **SIMPLE}
+
+
+@lru_cache(maxsize=10_000)
+def title_of(text: str) -> str:
+    """Return the title of the model or of the sum of models that a text names, `sarosi_hinged` as `Sárosi, hinged`; else the text."""
+    from mapmore_cli.modelling import literature  # a table by itself needs no formulas
+
+    names = text.split("+")
+    found = [OTHERS.get(name) or (literature.get(name).title if name in literature.names() else "") for name in names]
+    return text if "" in found else " + ".join(found)
+
+
+@cache
+def environment() -> Environment:
+    """Return the templates of the package, with tables and figures as filters."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined  # tables and figures need none of it
+    from markupsafe import Markup
+
+    loader = PackageLoader("mapmore_cli.reporting")
+    templates = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    templates.filters["table"] = lambda table: Markup(to_html(table, title_of))
+    templates.filters["svg"] = lambda figure: Markup(figure.svg)
+    return templates

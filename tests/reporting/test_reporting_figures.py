@@ -28,11 +28,23 @@ from mapmore_cli.reporting.figures.fit import (
 )
 from mapmore_cli.reporting.figures.nrmse import draw_nrmse, nrmse_bars
 from mapmore_cli.reporting.figures.segments import draw_segments, draw_weights, draw_zones, segment_curves
-from mapmore_cli.reporting.figures.style import OWN_STYLE, draw_band, figure_style, model_styles, shortened, two_lines
+from mapmore_cli.reporting.figures.style import (
+    MOST_ON_A_LINE,
+    OWN_STYLE,
+    STRETCHES,
+    band,
+    cloud,
+    draw_band,
+    envelope,
+    figure_style,
+    model_styles,
+    shortened,
+    spread,
+    two_lines,
+)
 from mapmore_cli.reporting.figures.terms import term_steps, whole_curves
-from mapmore_cli.reporting.figures.thinning import MOST_ON_A_LINE, STRETCHES, band, cloud, envelope, spread
-from mapmore_cli.reporting.html import title_of
 from mapmore_cli.reporting.inputs import FigureStyle
+from mapmore_cli.reporting.table import title_of
 
 
 @pytest.fixture

@@ -27,7 +27,7 @@ def of_scores(table: ScoreTable, published: Published | None = None) -> View:
 
 def of_validation(validation: Validation) -> View:
     """Return the scores pooled and by curve, and the formulas that were fitted as competitors."""
-    from mapmore_cli.reporting.model_tables import rival_minima
+    from mapmore_cli.reporting.tables import rival_minima
 
     pooled = of_scores(validation.table)
     formulas = {name: asdict(formula) for name, formula in validation.formulas.items()}

@@ -118,7 +118,7 @@ class View:
 
 def of_fit(result: FitResult) -> View:
     """Return the segments, or the model with memory, with their terms in the order of selection; theta is in scaled coordinates."""
-    from mapmore_cli.reporting.model_tables import terms_table
+    from mapmore_cli.reporting.tables import terms_table
 
     document = {
         "segments": [segment_document(fit, fit.selection) for fit in result.pieces],
@@ -157,7 +157,7 @@ def formula_document(formula: FormulaFit | None) -> dict[str, Any] | None:
 def formula_lines(formula: FormulaFit | None) -> tuple[str, ...]:
     """Its parameters in a line, and other minima that fit nearly as well."""
     from mapmore_cli.modelling.literature.own import units_of_parameters
-    from mapmore_cli.reporting.model_tables import rival_minima
+    from mapmore_cli.reporting.tables import rival_minima
 
     if formula is None:
         return ()

@@ -10,8 +10,8 @@ from matplotlib.axes import Axes
 from mapmore_cli.modelling.validation.metrics import Band, bands
 from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel
 from mapmore_cli.reporting.figures.style import ModelStyle, key, model_styles, plain_logarithm, shortened
-from mapmore_cli.reporting.html import title_of
 from mapmore_cli.reporting.inputs import ReportInputs
+from mapmore_cli.reporting.table import title_of
 from mapmore_cli.reporting.tables import bands_table
 
 

@@ -16,37 +16,12 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from mapmore_cli.domain.arrays import Array, BoolArray
+from mapmore_cli.reporting.figures import style
 from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
 from mapmore_cli.reporting.figures.motion import loop_figures, motion_figures
-from mapmore_cli.reporting.figures.style import (
-    BLACK,
-    DOT,
-    DOTS_A_CURVE,
-    GREY,
-    ModelStyle,
-    best_of,
-    beyond_scale,
-    columns_for,
-    draw_band,
-    draw_interval,
-    extent,
-    heading,
-    interval_key,
-    interval_words,
-    key,
-    level_colours,
-    model_styles,
-    shortened,
-    small,
-    some_curves,
-    some_of,
-    thinned,
-    width_for,
-    zero_line,
-)
-from mapmore_cli.reporting.figures.thinning import cloud, spread
-from mapmore_cli.reporting.html import title_of
+from mapmore_cli.reporting.figures.style import ModelStyle
 from mapmore_cli.reporting.inputs import ReportInputs
+from mapmore_cli.reporting.table import title_of
 
 MOST_PANELS, MOST_SPANS, MOST_CURVES = 9, 6, 10
 LABEL_ROOM, LABEL_HEIGHT = 0.24, 0.06
@@ -107,29 +82,29 @@ def held_out_spans(x: Array, held_out: BoolArray) -> list[tuple[float, float]]:
 
 def draw_fit(ax: Axes, curve: CurveFit, styles: Mapping[str, ModelStyle]) -> None:
     """Draw measured samples as dots, filled where held out, and every model as a line. A model without prediction draws nothing."""
-    for rows, face, edge in ((~curve.held_out, "none", GREY), (curve.held_out, BLACK, BLACK)):
+    for rows, face, edge in ((~curve.held_out, "none", style.GREY), (curve.held_out, style.BLACK, style.BLACK)):
         if rows.any():
-            dots = np.flatnonzero(rows)[cloud(curve.x[rows], curve.y[rows], DOTS_A_CURVE)]
+            dots = np.flatnonzero(rows)[style.cloud(curve.x[rows], curve.y[rows], style.DOTS_A_CURVE)]
             look: dict[str, Any] = {"markersize": 2.2, "markeredgewidth": 0.5, "markerfacecolor": face, "markeredgecolor": edge}
-            ax.plot(curve.x[dots], curve.y[dots], zorder=2, **DOT | look)
+            ax.plot(curve.x[dots], curve.y[dots], zorder=2, **style.DOT | look)
     if curve.interval is not None:
-        draw_interval(ax, curve.x, curve.interval, styles[curve.own].colour)
+        style.draw_interval(ax, curve.x, curve.interval, styles[curve.own].colour)
     _draw_models(ax, curve, curve.predictions, styles)
 
 
 def draw_error(ax: Axes, curve: CurveFit, styles: Mapping[str, ModelStyle]) -> None:
     """Draw predicted minus measured, one line a model."""
-    zero_line(ax)
+    style.zero_line(ax)
     if curve.interval is not None:
         low, high = (end - curve.predictions[curve.own] for end in curve.interval)
-        draw_interval(ax, curve.x, (low, high), styles[curve.own].colour)
+        style.draw_interval(ax, curve.x, (low, high), styles[curve.own].colour)
     _draw_models(ax, curve, {model: values - curve.y for model, values in curve.predictions.items()}, styles)
 
 
 def _draw_models(ax: Axes, curve: CurveFit, lines: Mapping[str, Array], styles: Mapping[str, ModelStyle]) -> None:
     for model, values in lines.items():
         if curve.predicted(model):
-            draw_band(ax, curve.x, values, label=model, **styles[model].line)
+            style.draw_band(ax, curve.x, values, label=model, **styles[model].line)
 
 
 def mark_held_out(ax: Axes, curve: CurveFit) -> None:
@@ -143,25 +118,25 @@ def mark_held_out(ax: Axes, curve: CurveFit) -> None:
 def held_out_figures(inputs: ReportInputs) -> list[Drawing]:
     """One pair of axes a curve that has held-out samples, or was asked for; no figure where there is none."""
     numbers = [i for i, curve in enumerate(inputs.dataset.curves) if curve.held_out.any() or curve.id in inputs.asked]
-    shown = some_curves(inputs, numbers, MOST_PANELS)
+    shown = style.some_curves(inputs, numbers, MOST_PANELS)
     if not shown:
         return []
     curves = [curve_fit(inputs, number) for number in shown]
-    styles = model_styles(inputs.lines, inputs.style.palette)
+    styles = style.model_styles(inputs.lines, inputs.style.palette)
     far_off = [model for model in inputs.far_off if model in inputs.lines]
     panels = tuple(_panel(inputs, inputs.dataset.curves[i].id, curve, styles, far_off) for i, curve in zip(shown, curves, strict=True))
-    grid = Grid(columns_for(len(panels)), width_for(len(panels)), 2.65, (2.0, 1.0), common_x=True, common_y="row")
+    grid = Grid(style.columns_for(len(panels)), style.width_for(len(panels)), 2.65, (2.0, 1.0), common_x=True, common_y="row")
     mixed = any(not curve.held_out.all() for curve in curves)
     what = f"Measured and predicted {inputs.target.name}"
     marked = " Filled dots and grey bands mark held-out samples, open dots training samples." if mixed else ""
-    left_out = some_of(len(curves), len(numbers), "curves with held-out samples") + best_of(len(styles), len(inputs.models))
-    drawn = f"{thinned([len(curve.x) for curve in curves])}{left_out}{beyond_scale(far_off)}"
-    caption = f"{what} of the held-out curves above, predicted minus measured below.{marked}{interval_words(inputs)}{drawn}"
+    left_out = style.some_of(len(curves), len(numbers), "curves with held-out samples") + style.best_of(len(styles), len(inputs.models))
+    drawn = f"{style.thinned([len(curve.x) for curve in curves])}{left_out}{style.beyond_scale(far_off)}"
+    caption = f"{what} of the held-out curves above, predicted minus measured below.{marked}{style.interval_words(inputs)}{drawn}"
     alt = f"{what} over {inputs.in_curve.name}: {_worst_errors(curves)}."
     return [Drawing("fit", caption, alt, panels, grid, tuple(_legend(curves, styles, mixed)))]
 
 
-def _panel(inputs: ReportInputs, key: str, curve: CurveFit, styles: Mapping[str, ModelStyle], far_off: Sequence[str]) -> Panel:
+def _panel(inputs: ReportInputs, name: str, curve: CurveFit, styles: Mapping[str, ModelStyle], far_off: Sequence[str]) -> Panel:
     """One curve; where models are far off, its axes show what was measured and the others."""
 
     def on(axes: Sequence[Axes]) -> None:
@@ -170,15 +145,15 @@ def _panel(inputs: ReportInputs, key: str, curve: CurveFit, styles: Mapping[str,
             draw(ax, curve, styles)
 
     near = [values for model, values in curve.predictions.items() if model not in far_off]
-    limits = (extent([curve.y, *near]), extent([values - curve.y for values in near])) if far_off else ()
+    limits = (style.extent([curve.y, *near]), style.extent([values - curve.y for values in near])) if far_off else ()
     labels = (inputs.axis_label(inputs.target), f"Error ({inputs.target.unit})")
-    return Panel(key, on, inputs.axis_label(inputs.in_curve), labels, curve_data(inputs, curve), shortened(curve.title, 34), limits)
+    return Panel(name, on, inputs.axis_label(inputs.in_curve), labels, curve_data(inputs, curve), style.shortened(curve.title, 34), limits)
 
 
 def curve_data(inputs: ReportInputs, curve: CurveFit) -> dict[str, Values]:
     """Return what is drawn of a curve, by heading: measured, whether held out, and what every model predicts."""
     unit = inputs.target.unit
-    data: dict[str, Values] = {heading(inputs.in_curve): curve.x, heading(inputs.target): curve.y}
+    data: dict[str, Values] = {style.heading(inputs.in_curve): curve.x, style.heading(inputs.target): curve.y}
     data["data"] = np.where(curve.held_out, "validate", "train")
     data |= {f"{model} [{unit}]": values for model, values in curve.predictions.items()}
     ends = {} if curve.interval is None else dict(zip(("low", "high"), curve.interval, strict=True))
@@ -188,15 +163,15 @@ def curve_data(inputs: ReportInputs, curve: CurveFit) -> dict[str, Values]:
 def _legend(curves: Sequence[CurveFit], styles: Mapping[str, ModelStyle], mixed: bool) -> list[Line2D | Patch]:
     handles: list[Line2D | Patch] = []
     if any(curve.held_out.any() for curve in curves):
-        handles.append(key("held out" if mixed else "measured", color=BLACK, **DOT))
+        handles.append(style.key("held out" if mixed else "measured", color=style.BLACK, **style.DOT))
     if mixed:
-        handles.append(key("training", markerfacecolor="none", markeredgecolor=GREY, **DOT))
-    for model, style in styles.items():
+        handles.append(style.key("training", markerfacecolor="none", markeredgecolor=style.GREY, **style.DOT))
+    for model, look in styles.items():
         failed = not any(curve.predicted(model) for curve in curves)
-        look: dict[str, Any] = {"linestyle": "none", "marker": "x"} if failed else {"linestyle": style.dashes}
-        handles.append(key(f"{title_of(model)} (failed)" if failed else model, color=style.colour, linewidth=style.width, **look))
+        cross: dict[str, Any] = {"linestyle": "none", "marker": "x"} if failed else {}
+        handles.append(style.key(f"{title_of(model)} (failed)" if failed else model, **look.line | cross))
     if any(curve.interval is not None for curve in curves):
-        handles.append(interval_key(styles[curves[0].own].colour))
+        handles.append(style.interval_key(styles[curves[0].own].colour))
     return handles
 
 
@@ -216,19 +191,19 @@ def training_curve_fits(inputs: ReportInputs) -> list[CurveFit]:
 
 def draw_training_curves(top: Axes, bottom: Axes, curves: Sequence[CurveFit], model: str, own_colour: str) -> None:
     """Draw measured samples coloured by curve with the model's lines over them, and the errors in the same colours."""
-    zero_line(bottom)
-    for curve, colour in zip(curves, level_colours(len(curves)), strict=True):
-        dots = cloud(curve.x, curve.y, DOTS_A_CURVE)
-        top.plot(curve.x[dots], curve.y[dots], color=colour, **DOT | {"markersize": 2.0, "markeredgewidth": 0})
+    style.zero_line(bottom)
+    for curve, colour in zip(curves, style.level_colours(len(curves)), strict=True):
+        dots = style.cloud(curve.x, curve.y, style.DOTS_A_CURVE)
+        top.plot(curve.x[dots], curve.y[dots], color=colour, **style.DOT | {"markersize": 2.0, "markeredgewidth": 0})
         if curve.predicted(model):
             predicted = curve.predictions[model]
-            draw_band(top, curve.x, predicted, own_colour, linewidth=1.1, zorder=3)
-            draw_band(bottom, curve.x, predicted - curve.y, colour, linewidth=0.8)
+            style.draw_band(top, curve.x, predicted, own_colour, linewidth=1.1, zorder=3)
+            style.draw_band(bottom, curve.x, predicted - curve.y, colour, linewidth=0.8)
 
 
 def label_curves(ax: Axes, curves: Sequence[CurveFit]) -> None:
     """Write the names of the curves beside that end at which they lie further apart; a name that would cover another is left out."""
-    colours = level_colours(len(curves))
+    colours = style.level_colours(len(curves))
     left, right = (np.array([curve.y[end] for curve in curves]) for end in (0, -1))
     at_left = bool(np.ptp(left) >= np.ptp(right))
     end, ends = (0, left) if at_left else (-1, right)
@@ -240,17 +215,17 @@ def label_curves(ax: Axes, curves: Sequence[CurveFit]) -> None:
         if ends[i] - last >= apart:
             last = ends[i]
             place, offset = (float(curves[i].x[end]), float(ends[i])), (-4 if at_left else 4, 0)
-            look = {"ha": "right" if at_left else "left", "va": "center", "fontsize": small(), "color": colours[i]}
-            ax.annotate(shortened(curves[i].title, 14), place, offset, textcoords="offset points", annotation_clip=False, **look)
+            look = {"ha": "right" if at_left else "left", "va": "center", "fontsize": style.small(), "color": colours[i]}
+            ax.annotate(style.shortened(curves[i].title, 14), place, offset, textcoords="offset points", annotation_clip=False, **look)
 
 
 def training_figures(inputs: ReportInputs) -> list[Drawing]:
     """One figure for the training curves, or for some of them where they are many."""
     every = training_curve_fits(inputs)
-    curves = [every[i] for i in spread(len(every), MOST_CURVES)]
+    curves = [every[i] for i in style.spread(len(every), MOST_CURVES)]
     if not curves:
         return []
-    look = model_styles([inputs.own], inputs.style.palette)[inputs.own]
+    look = style.model_styles([inputs.own], inputs.style.palette)[inputs.own]
 
     def on(axes: Sequence[Axes]) -> None:
         draw_training_curves(axes[0], axes[1], curves, inputs.own, look.colour)
@@ -258,16 +233,16 @@ def training_figures(inputs: ReportInputs) -> list[Drawing]:
 
     data: dict[str, Values] = {
         "curve": [curve.title for curve in curves for _ in curve.x],
-        heading(inputs.in_curve): np.concatenate([curve.x for curve in curves]),
-        heading(inputs.target): np.concatenate([curve.y for curve in curves]),
+        style.heading(inputs.in_curve): np.concatenate([curve.x for curve in curves]),
+        style.heading(inputs.target): np.concatenate([curve.y for curve in curves]),
         f"{inputs.own} [{inputs.target.unit}]": np.concatenate([curve.predictions[inputs.own] for curve in curves]),
     }
     labels = (inputs.axis_label(inputs.target), f"Error ({inputs.target.unit})")
     panel = Panel("", on, inputs.axis_label(inputs.in_curve), labels, data)
-    legend = (key("measured", color=GREY, **DOT), key(inputs.own, color=look.colour, linewidth=look.width))
+    legend = (style.key("measured", color=style.GREY, **style.DOT), style.key(inputs.own, color=look.colour, linewidth=look.width))
     caption = (
         f"The training curves with {inputs.own} above, its error (predicted minus measured) below."
-        f"{thinned([len(curve.x) for curve in curves])}{some_of(len(curves), len(every), 'training curves')}"
+        f"{style.thinned([len(curve.x) for curve in curves])}{style.some_of(len(curves), len(every), 'training curves')}"
     )
     spoken = ", ".join(curve.title for curve in curves)
     alt = f"Training curves {spoken}, with the predictions of {inputs.own} and their errors."

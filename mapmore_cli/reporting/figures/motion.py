@@ -12,28 +12,11 @@ from matplotlib.patches import Patch
 
 from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.recording import Curve, Quantity
+from mapmore_cli.reporting.figures import style
 from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
-from mapmore_cli.reporting.figures.style import (
-    BLACK,
-    DOUBLE,
-    GREY,
-    OWN_STYLE,
-    ModelStyle,
-    draw_interval,
-    heading,
-    interval_key,
-    interval_words,
-    key,
-    model_styles,
-    shortened,
-    some_curves,
-    some_of,
-    width_for,
-    zero_line,
-)
-from mapmore_cli.reporting.figures.thinning import envelope
-from mapmore_cli.reporting.html import title_of
+from mapmore_cli.reporting.figures.style import ModelStyle
 from mapmore_cli.reporting.inputs import ReportInputs
+from mapmore_cli.reporting.table import title_of
 
 MOST_RECORDINGS, MOST_LOOPS = 4, 3
 MOST_WAVEFORMS = 8
@@ -65,9 +48,9 @@ def motion_figures(inputs: ReportInputs) -> list[Drawing]:
 
 def _figure(inputs: ReportInputs, name: str, numbers: list[int]) -> Drawing:
     curves = inputs.dataset.curves
-    shown = some_curves(inputs, numbers, MOST_WAVEFORMS if inputs.motions else MOST_RECORDINGS)
+    shown = style.some_curves(inputs, numbers, MOST_WAVEFORMS if inputs.motions else MOST_RECORDINGS)
     models, others = _best_rivals(inputs, MOST_RIVALS)
-    styles = model_styles(models, inputs.style.palette)
+    styles = style.model_styles(models, inputs.style.palette)
     resting = any(curve.at_rest is not None and curve.at_rest.any() for curve in curves)
     mixed = any(_mixed(curves[number]) for number in shown)
     what = "held-out" if name == "fit" else "training"
@@ -75,32 +58,32 @@ def _figure(inputs: ReportInputs, name: str, numbers: list[int]) -> Drawing:
     rest += " The measured line is grey where samples train." if mixed else ""
     caption = (
         f"Measured and predicted {inputs.target.name} of the {what} recordings over time, predicted minus measured below."
-        f"{rest}{interval_words(inputs)}{others}{some_of(len(shown), len(numbers), f'{what} recordings')}"
+        f"{rest}{style.interval_words(inputs)}{others}{style.some_of(len(shown), len(numbers), f'{what} recordings')}"
     )
     alt = f"Measured and predicted {inputs.target.name} over time, {what} recordings."
-    handles: list[Line2D | Patch] = [key("held out" if mixed else "measured", color=BLACK, linewidth=MEASURED)]
-    handles += [key("training", color=GREY, linewidth=MEASURED)] if mixed else []
-    handles += [key(model, color=style.colour, linestyle=style.dashes, linewidth=style.width) for model, style in styles.items()]
+    handles: list[Line2D | Patch] = [style.key("held out" if mixed else "measured", color=style.BLACK, linewidth=MEASURED)]
+    handles += [style.key("training", color=style.GREY, linewidth=MEASURED)] if mixed else []
+    handles += [style.key(model, **look.line) for model, look in styles.items()]
     if any(fit.model.boundaries for fit in inputs.motions.values()):
-        handles.append(key("section boundary", color=BLACK, **CROSSING))
-    handles += [] if inputs.left_out is None else [interval_key(styles[inputs.own].colour)]
+        handles.append(style.key("section boundary", color=style.BLACK, **CROSSING))
+    handles += [] if inputs.left_out is None else [style.interval_key(styles[inputs.own].colour)]
     handles += [Patch(color=PLATEAU, label="plateau")] if resting else []
     panels = tuple(_panel(inputs, number, styles) for number in shown)
-    return Drawing(name, caption, alt, panels, Grid(width=DOUBLE, height=2.5, stack=(2.0, 1.0)), tuple(handles))
+    return Drawing(name, caption, alt, panels, Grid(width=style.DOUBLE, height=2.5, stack=(2.0, 1.0)), tuple(handles))
 
 
 def _panel(inputs: ReportInputs, number: int, styles: dict[str, ModelStyle]) -> Panel:
     curve, unit = inputs.dataset.curves[number], inputs.target.unit
     time = inputs.dataset.quantities.get("time", Quantity("time", "s"))
     data: dict[str, Values] = {
-        heading(time): curve.columns["time"],
-        heading(inputs.target): curve.columns[inputs.dataset.target],
+        style.heading(time): curve.columns["time"],
+        style.heading(inputs.target): curve.columns[inputs.dataset.target],
         "data": np.where(curve.held_out, "validate", "train"),
         **{f"{model} [{unit}]": inputs.validation.predictions[model][number] for model in styles},
         **{f"{inputs.own} {end} [{unit}]": x for end, x in zip(("low", "high"), inputs.interval(number) or (), strict=False)},
     }
     labels = (inputs.axis_label(inputs.target), f"Error ({unit})")
-    title = shortened(inputs.curve_label(curve), 60)
+    title = style.shortened(inputs.curve_label(curve), 60)
     return Panel(curve.id, lambda axes: _draw(inputs, number, axes, styles), inputs.axis_label(time), labels, data, title)
 
 
@@ -113,23 +96,23 @@ def _draw(inputs: ReportInputs, number: int, axes: Sequence[Axes], styles: dict[
             ax.axvspan(start, end, color=PLATEAU, zorder=-1, linewidth=0)
     interval = inputs.interval(number)
     for piece in curve.logs:
-        rows = piece[envelope(measured[piece], POINTS_A_LINE)]
+        rows = piece[style.envelope(measured[piece], POINTS_A_LINE)]
         if interval is not None:
             low, high = (end[rows] for end in interval)
             own, colour = inputs.validation.predictions[inputs.own][number][rows], styles[inputs.own].colour
-            draw_interval(top, time[rows], (low, high), colour)
-            draw_interval(bottom, time[rows], (low - own, high - own), colour)
-        top.plot(time[rows], measured[rows], color=GREY if _mixed(curve) else BLACK, linewidth=MEASURED, zorder=2)
+            style.draw_interval(top, time[rows], (low, high), colour)
+            style.draw_interval(bottom, time[rows], (low - own, high - own), colour)
+        top.plot(time[rows], measured[rows], color=style.GREY if _mixed(curve) else style.BLACK, linewidth=MEASURED, zorder=2)
         if _mixed(curve):
-            top.plot(time[rows], np.where(curve.held_out, measured, np.nan)[rows], color=BLACK, linewidth=MEASURED, zorder=2)
-        for model, style in styles.items():
+            top.plot(time[rows], np.where(curve.held_out, measured, np.nan)[rows], color=style.BLACK, linewidth=MEASURED, zorder=2)
+        for model, look in styles.items():
             predicted = inputs.validation.predictions[model][number]
-            rows = piece[envelope(predicted[piece], POINTS_A_LINE)]
-            top.plot(time[rows], predicted[rows], **style.line)
-            bottom.plot(time[rows], (predicted - measured)[rows], **style.line)
+            rows = piece[style.envelope(predicted[piece], POINTS_A_LINE)]
+            top.plot(time[rows], predicted[rows], **look.line)
+            bottom.plot(time[rows], (predicted - measured)[rows], **look.line)
         if (crossed := _crossed(inputs, curve, piece)) is not None:
-            top.plot(time[crossed], measured[crossed], color=BLACK, zorder=4, **CROSSING)
-    zero_line(bottom)
+            top.plot(time[crossed], measured[crossed], color=style.BLACK, zorder=4, **CROSSING)
+    style.zero_line(bottom)
 
 
 def _crossed(inputs: ReportInputs, curve: Curve, piece: IntArray) -> IntArray | None:
@@ -156,22 +139,22 @@ def _plateaus(curve: Curve) -> list[tuple[float, float]]:
 def loop_figures(inputs: ReportInputs) -> list[Drawing]:
     """Draw a row of panels for each held-out recording: the run's own model over the measured loops, and its best competitors."""
     numbers = [i for i, curve in enumerate(inputs.dataset.curves) if curve.held_out.any()]
-    shown = some_curves(inputs, numbers, MOST_LOOPS)
+    shown = style.some_curves(inputs, numbers, MOST_LOOPS)
     if not shown:
         return []
     models, best = _best_rivals(inputs, MOST_LOOP_RIVALS)
-    styles = model_styles(models, inputs.style.palette)
+    styles = style.model_styles(models, inputs.style.palette)
     panels = tuple(_loop(inputs, number, model, styles[model]) for number in shown for model in models)
     what = f"Measured and predicted {inputs.target.name} over {inputs.in_curve.name}"
-    left_out = some_of(len(shown), len(numbers), "recordings with held-out samples")
+    left_out = style.some_of(len(shown), len(numbers), "recordings with held-out samples")
     caption = f"{what} along the held-out samples, in the order of time.{best}{left_out}"
     alt = f"{what}, held-out samples in the order of time."
-    legend = [key("measured", color=BLACK, linewidth=MEASURED)]
-    legend += [key(model, color=style.colour, linewidth=OWN_STYLE.width) for model, style in styles.items()]
-    return [Drawing("loops", caption, alt, panels, Grid(len(models), width_for(len(models)), 2.3, common_y="row"), tuple(legend))]
+    legend = [style.key("measured", color=style.BLACK, linewidth=MEASURED)]
+    legend += [style.key(model, color=look.colour, linewidth=style.OWN_STYLE.width) for model, look in styles.items()]
+    return [Drawing("loops", caption, alt, panels, Grid(len(models), style.width_for(len(models)), 2.3, common_y="row"), tuple(legend))]
 
 
-def _loop(inputs: ReportInputs, number: int, model: str, style: ModelStyle) -> Panel:
+def _loop(inputs: ReportInputs, number: int, model: str, look: ModelStyle) -> Panel:
     curve, along, target = inputs.dataset.curves[number], inputs.in_curve, inputs.target
     x, measured = curve.columns[along.name], curve.columns[inputs.dataset.target]
     predicted = inputs.validation.predictions[model][number]
@@ -179,17 +162,21 @@ def _loop(inputs: ReportInputs, number: int, model: str, style: ModelStyle) -> P
 
     def on(axes: Sequence[Axes]) -> None:
         for piece in pieces:
-            _path(axes[0], x[piece], measured[piece], color=BLACK, linewidth=MEASURED, zorder=2)
-            _path(axes[0], x[piece], predicted[piece], color=style.colour, linewidth=OWN_STYLE.width, zorder=3)
+            _path(axes[0], x[piece], measured[piece], color=style.BLACK, linewidth=MEASURED, zorder=2)
+            _path(axes[0], x[piece], predicted[piece], color=look.colour, linewidth=style.OWN_STYLE.width, zorder=3)
 
     rows = np.concatenate(pieces)
-    data: dict[str, Values] = {heading(along): x[rows], heading(target): measured[rows], f"{model} [{target.unit}]": predicted[rows]}
-    title = f"{shortened(inputs.curve_label(curve), 22)}: {shortened(title_of(model), 24)}"
+    data: dict[str, Values] = {
+        style.heading(along): x[rows],
+        style.heading(target): measured[rows],
+        f"{model} [{target.unit}]": predicted[rows],
+    }
+    title = f"{style.shortened(inputs.curve_label(curve), 22)}: {style.shortened(title_of(model), 24)}"
     return Panel(f"{curve.id} {model}", on, inputs.axis_label(along), (inputs.axis_label(target),), data, title)
 
 
 def _path(ax: Axes, x: Array, y: Array, **look: object) -> None:
-    rows = np.union1d(envelope(x, POINTS_A_PATH // 2), envelope(y, POINTS_A_PATH // 2))
+    rows = np.union1d(style.envelope(x, POINTS_A_PATH // 2), style.envelope(y, POINTS_A_PATH // 2))
     ax.plot(x[rows], y[rows], **look)  # type: ignore[arg-type]
 
 

@@ -14,9 +14,9 @@ from matplotlib.patches import Patch
 from mapmore_cli.domain.scores import REPEATABILITY, Score
 from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
 from mapmore_cli.reporting.figures.style import BLACK, GREY, ModelStyle, key, label_rows, model_styles, two_lines, write_beside
-from mapmore_cli.reporting.html import title_of
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.score_tables import full_scale
+from mapmore_cli.reporting.table import title_of
 
 BAR = 0.36
 SPLITS = {"validate": "held out", "train": "training"}

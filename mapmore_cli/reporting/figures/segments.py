@@ -15,26 +15,11 @@ from mapmore_cli.domain.recording import DIRECTION, Quantity
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.pieces.definition import cell_weights, weight_of, zones
 from mapmore_cli.modelling.pieces.segmentation import training_curves
+from mapmore_cli.reporting.figures import style
 from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
-from mapmore_cli.reporting.figures.style import (
-    BLUE,
-    DOT,
-    GREEN,
-    GREY,
-    ORANGE,
-    PURPLE,
-    columns_for,
-    heading,
-    level_colours,
-    places,
-    shortened,
-    some_of,
-    width_for,
-)
-from mapmore_cli.reporting.figures.thinning import cloud
 from mapmore_cli.reporting.inputs import ReportInputs
 
-LOOKS = ((BLUE, "o", "-"), (ORANGE, "s", "--"), (GREEN, "^", "-."), (PURPLE, "D", ":"))
+LOOKS = ((style.BLUE, "o", "-"), (style.ORANGE, "s", "--"), (style.GREEN, "^", "-."), (style.PURPLE, "D", ":"))
 """Colour, marker and line of the segments, in turn."""
 MOST_CURVES, DOTS_A_SEGMENT, GRID = 6, 30, 401
 PLACES = (0.1, 0.5, 0.9)
@@ -76,7 +61,7 @@ def draw_segments(ax: Axes, curve: SegmentCurve) -> None:
     """Draw the samples, coloured and marked by segment."""
     for place in range(1, len(curve.boundaries)):
         rows = np.flatnonzero(curve.cell == place)
-        rows = rows[cloud(curve.x[rows], curve.y[rows], DOTS_A_SEGMENT)]
+        rows = rows[style.cloud(curve.x[rows], curve.y[rows], DOTS_A_SEGMENT)]
         colour, marker, _ = LOOKS[(place - 1) % len(LOOKS)]
         ax.plot(curve.x[rows], curve.y[rows], color=colour, marker=marker, linestyle="none", markersize=2.8, markeredgewidth=0)
 
@@ -95,7 +80,7 @@ def draw_zones(ax: Axes, boundaries: Array, z_s: float) -> None:
     for start, end in zip(*zones(boundaries, z_s), strict=True):
         ax.axvspan(start, end, color="#ececec", linewidth=0, zorder=-1)
     for boundary in boundaries:
-        ax.axvline(boundary, color=GREY, linewidth=0.5, zorder=0)
+        ax.axvline(boundary, color=style.GREY, linewidth=0.5, zorder=0)
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
@@ -109,12 +94,12 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
 
 def _variable_figure(inputs: ReportInputs, fusion: Fusion, variable: int, name: str) -> Drawing:
     every = segment_curves(inputs, variable)
-    shown = [every[i] for i in places(inputs, [curve.id for curve in every], MOST_CURVES)]
+    shown = [every[i] for i in style.places(inputs, [curve.id for curve in every], MOST_CURVES)]
     panels = tuple(_panel(inputs, fusion, curve, inputs.dataset.quantities[name]) for curve in shown)
-    grid = Grid(columns_for(len(panels)), width_for(len(panels)), 2.2, (2.0, 0.8), common_y="row")
+    grid = Grid(style.columns_for(len(panels)), style.width_for(len(panels)), 2.2, (2.0, 0.8), common_y="row")
     caption = (
         f"Training samples by segment of {name}, and the segments' weights within their curve below: boundaries as lines, transition zones "
-        f"shaded ({fusion.transition} transitions, z_s = {fusion.z_s:g}).{some_of(len(shown), len(every), 'curves')}"
+        f"shaded ({fusion.transition} transitions, z_s = {fusion.z_s:g}).{style.some_of(len(shown), len(every), 'curves')}"
     )
     spoken = "; ".join(f"{curve.title}: boundaries at {', '.join(f'{b:.3g}' for b in curve.boundaries)}" for curve in shown)
     stem = "segments" if variable == 0 else f"segments_{name}"
@@ -131,12 +116,12 @@ def _panel(inputs: ReportInputs, fusion: Fusion, curve: SegmentCurve, along: Qua
     target = inputs.dataset.quantities[inputs.fitted]
     weights = cell_weights(curve.x, curve.boundaries, fusion.transition, fusion.z_s).T
     data: dict[str, Values] = {
-        heading(along): curve.x,
-        heading(target): curve.y,
+        style.heading(along): curve.x,
+        style.heading(target): curve.y,
         "segment": curve.cell,
         **{f"weight of segment {place}": weight for place, weight in enumerate(weights, start=1)},
     }
-    return Panel(curve.id, on, inputs.axis_label(along), (inputs.axis_label(target), "Weight (–)"), data, shortened(curve.title, 34))
+    return Panel(curve.id, on, inputs.axis_label(along), (inputs.axis_label(target), "Weight (–)"), data, style.shortened(curve.title, 34))
 
 
 def level_figures(inputs: ReportInputs) -> list[Drawing]:
@@ -156,7 +141,7 @@ def _weights(pieces: Pieces, inputs: ReportInputs, level: Quantity, levels: Arra
         draw_levels(axes[0], levels, x, weights)
         axes[0].set_yticks([0, 0.5, 1])
 
-    data: dict[str, Values] = {heading(level): x}
+    data: dict[str, Values] = {style.heading(level): x}
     data |= {f"weight of {value:g} {level.unit}": weight for value, weight in zip(levels, weights, strict=True)}
     caption = f"Weights of the {len(levels)} training curves over {level.name}; a dot marks the level of each."
     if (share := pieces.fusion.shrink) < 1.0:
@@ -176,7 +161,7 @@ def _courses(inputs: ReportInputs, level: Quantity, levels: Array) -> Drawing:
         f"{inputs.own} over {level.name} at {at}; dots mark the training levels. Between them the values of the curves are interpolated so "
         "that they keep their shape: the weights depend on these values, and there is no single weight to draw."
     )
-    data: dict[str, Values] = {heading(level): courses[0].x}
+    data: dict[str, Values] = {style.heading(level): courses[0].x}
     data |= {f"{inputs.own} at {along.name} {course.place:.6g} [{inputs.target.unit}]": course.y for course in courses}
     labels = (inputs.axis_label(inputs.target),)
     panel = Panel("", lambda axes: draw_courses(axes[0], courses, levels), inputs.axis_label(level), labels, data)
@@ -185,7 +170,7 @@ def _courses(inputs: ReportInputs, level: Quantity, levels: Array) -> Drawing:
 
 def draw_levels(ax: Axes, levels: Array, x: Array, weights: Array) -> None:
     """Draw weights of the curves, `(levels, m)`, as the model has them at `x` between the levels and beyond the outer ones."""
-    for colour, level, weight in zip(level_colours(len(levels)), levels, weights, strict=True):
+    for colour, level, weight in zip(style.level_colours(len(levels)), levels, weights, strict=True):
         ax.plot(x, weight, color=colour, linewidth=1.2)
         ax.plot([level], [1.0], color=colour, marker="o", markersize=3)
 
@@ -193,8 +178,8 @@ def draw_levels(ax: Axes, levels: Array, x: Array, weights: Array) -> None:
 def level_weights(pieces: Pieces, levels: Array) -> tuple[Array, Array]:
     """Values of the level quantity `(m,)`, and the weight of every curve there `(levels, m)`, in the middle of the other inputs' ranges."""
     x = _level_grid(pieces, levels)
-    places = {name: np.full(len(x), np.mean([curve.limits[name] for curve in pieces.curves])) for name in pieces.curves[0].limits}
-    columns = {**places, str(pieces.level): x}
+    middle = {name: np.full(len(x), np.mean([curve.limits[name] for curve in pieces.curves])) for name in pieces.curves[0].limits}
+    columns = {**middle, str(pieces.level): x}
     return x, np.array([weight_of(pieces, {segment.id for segment in curve.segments}, columns) for curve in pieces.curves])
 
 
@@ -228,9 +213,9 @@ def level_courses(model: Model, along: str, levels: Array) -> list[Course]:
 
 def draw_courses(ax: Axes, courses: Sequence[Course], levels: Array) -> None:
     """Draw one line a place, a dot at every training level."""
-    for colour, course in zip(level_colours(len(courses)), courses, strict=True):
+    for colour, course in zip(style.level_colours(len(courses)), courses, strict=True):
         ax.plot(course.x, course.y, color=colour, linewidth=1.2)
-        ax.plot(levels, course.at_levels, color=colour, **DOT)
+        ax.plot(levels, course.at_levels, color=colour, **style.DOT)
 
 
 def _level_grid(pieces: Pieces, levels: Array) -> Array:

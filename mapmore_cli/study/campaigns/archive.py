@@ -117,8 +117,7 @@ def _check_frozen(folder: Path) -> None:
 def write_drift(path: Path, names: Sequence[str], models: Sequence[Model]) -> None:
     """Draw the output at reference points over the models, in their order; the format follows from the ending of `path`."""
     from mapmore_cli.reporting.figures.commands import drift_drawing
-    from mapmore_cli.reporting.figures.drawing import compose
-    from mapmore_cli.reporting.figures.saving import WRITERS
+    from mapmore_cli.reporting.figures.drawing import WRITERS, compose
     from mapmore_cli.reporting.figures.style import figure_style
 
     drawing = drift_drawing(names, reference_points(models), models[0].output)

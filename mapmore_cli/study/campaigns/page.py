@@ -112,7 +112,7 @@ class CampaignPage:
 def write_page(campaign: Campaign, results: Mapping[str, Finished | BaseException], runs: Path) -> CampaignPage:
     """Write `RUNS/CAMPAIGN/index.html` with its figures and tables; `results` are those of its runs by name, in their order."""
     from mapmore_cli.reporting.campaign import campaign_tables
-    from mapmore_cli.reporting.figures.campaign import campaign_figures
+    from mapmore_cli.reporting.figures.commands import campaign_figures
     from mapmore_cli.reporting.figures.drawing import rendered
     from mapmore_cli.reporting.report import render_campaign
 

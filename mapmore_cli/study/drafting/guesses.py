@@ -10,7 +10,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.results import Search
-from mapmore_cli.reporting.html import environment
+from mapmore_cli.reporting.table import environment
 from mapmore_cli.study.drafting.draft import Draft
 
 POINTS = 300  # of a thumbnail

@@ -10,8 +10,7 @@ from typing import Any
 from mapmore_cli import __version__
 from mapmore_cli.domain.errors import MapmoreError, told
 from mapmore_cli.pipeline.report import drawn_figure
-from mapmore_cli.reporting.html import environment
-from mapmore_cli.reporting.table import Column, Table
+from mapmore_cli.reporting.table import Column, Table, environment
 from mapmore_cli.spec.paper import Item, LoadedPaper
 from mapmore_cli.study.paper.compare import beside, sentences
 from mapmore_cli.study.paper.ours import Runs
