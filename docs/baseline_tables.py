@@ -5,16 +5,13 @@ The measured recordings must be there (docs/data.md), and scikit-learn (extra `b
 
 from __future__ import annotations
 
-import sys
-from functools import partial
 from pathlib import Path
 
-from pages import CONFIGS, DOCS, run, scores, write_tables
+from pages import CONFIGS, run, scores, write_page
 
 from mapmore_cli.domain.scores import BASELINES, OWN, REPEATABILITY, SIMPLE
-from mapmore_cli.reporting.table import Cell, Column, Table
+from mapmore_cli.reporting.table import Cell, Table
 from mapmore_cli.spec.loader import load
-from mapmore_cli.storage.artefacts import read_dataset
 
 STUDIES = (
     ("m2/dmsp-20-88-static", "simulated", "pressure"),
@@ -32,18 +29,18 @@ RIVALS = ("sarosi", *BASELINES)
 def row(study: str, runs: Path) -> tuple[float | int, ...]:
     """Training samples, and the NRMSE of every model on the held-out data of a study, in per cent."""
     name = study.rpartition("/")[2]
-    folder = run(study, runs, f"name={name}.baselines", f"validate.against=[{', '.join(RIVALS)}]")
-    samples = sum(int(curve.training.sum()) for curve in read_dataset(folder / "ingest.h5").curves)
-    found = scores(folder, "validate")
+    files = run(study, runs, f"name={name}.baselines", f"validate.against=[{', '.join(RIVALS)}]")
+    samples = sum(int(curve.training.sum()) for curve in files.dataset().curves)
+    found = scores(files)
     return (samples, *(100 * found[model].nrmse for model in ("mapmore", *RIVALS)))
 
 
 def baselines(runs: Path) -> Table:
     """Return a row for every study."""
-    heads = (Column("study"), Column("data"), Column("held out"), Column("training samples"))
-    columns = (*heads, *(Column(model, "%", ".3g") for model in ("mapmore", *RIVALS)))
-    rows = tuple((study.rpartition("/")[2], kind, held, *row(study, runs)) for study, kind, held in STUDIES)
-    return Table("baselines", "NRMSE on the held-out data", columns, rows)
+    heads = ("study", "data", "held out", "training samples")
+    columns = (*heads, *(f"{model} [%] .3g" for model in ("mapmore", *RIVALS)))
+    rows = ((study.rpartition("/")[2], kind, held, *row(study, runs)) for study, kind, held in STUDIES)
+    return Table.of("baselines", "NRMSE on the held-out data", columns, rows)
 
 
 POLYNOMIALS = ("plane", "quadratic", "cubic")
@@ -63,8 +60,8 @@ def studies_of_papers() -> list[str]:
 
 def beside(study: str, runs: Path) -> dict[str, float]:
     """NRMSE on the held-out data, in per cent, of the model, its page's competitors, and polynomials of its inputs."""
-    folder = run(study, runs, f"name={study.rpartition('/')[2]}.polynomials", "validate.simple=true")
-    return {model: 100 * one.nrmse for model, one in scores(folder, "validate").items() if model != REPEATABILITY}
+    files = run(study, runs, f"name={study.rpartition('/')[2]}.polynomials", "validate.simple=true")
+    return {model: 100 * one.nrmse for model, one in scores(files).items() if model != REPEATABILITY}
 
 
 def polynomials(runs: Path) -> Table:
@@ -77,12 +74,11 @@ def polynomials(runs: Path) -> Table:
         shown = [found[name] for name in POLYNOMIALS]
         rows.append((study.rpartition("/")[2], found[OWN], best, None if best is None else found[best], *shown))
         ahead += min(shown) < found[OWN]
-    columns = (Column("study"), Column("mapmore", "%", ".3g"), Column("best of its page"), Column("its error", "%", ".3g"))
+    columns = ("study", "mapmore [%] .3g", "best of its page", "its error [%] .3g")
     note = f"A polynomial is ahead of mapmore in {ahead} of {len(rows)} studies, picked afterwards."
-    polynomial = (Column(name, "%", ".3g") for name in POLYNOMIALS)
-    return Table("polynomials", "NRMSE on the held-out data", (*columns, *polynomial), tuple(rows), (note,))
+    polynomial = (f"{name} [%] .3g" for name in POLYNOMIALS)
+    return Table.of("polynomials", "NRMSE on the held-out data", (*columns, *polynomial), rows, note)
 
 
 if __name__ == "__main__":
-    made = {"baselines": baselines, "polynomials": polynomials}
-    write_tables(DOCS / "baselines.md", {name: partial(made[name], Path(sys.argv[1])) for name in sys.argv[2:] or made})
+    write_page("baselines.md", {"baselines": baselines, "polynomials": polynomials})

@@ -6,18 +6,13 @@ which a model has not seen, takes their place, by the same rule.
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
-from pages import CONFIGS, DOCS, finished, scores, write_tables
+from pages import rms, run, scores, write_page
 
 from mapmore_cli.modelling.kinds import simulate
-from mapmore_cli.reporting.table import Cell, Column, Table
-from mapmore_cli.spec.campaign import Entry
-from mapmore_cli.storage.artefacts import read_dataset, read_fit, read_model
+from mapmore_cli.reporting.table import Cell, Table
 
 
 class Benchmark(NamedTuple):
@@ -45,35 +40,26 @@ def benchmarks(runs: Path) -> Table:
     rows: list[tuple[Cell, ...]] = []
     for name, one in BENCHMARKS.items():
         changes = (f"data.split.validate={{last: {one.held_out}}}", "validate.against=[]", f"name={one.study}_benchmark")
-        folder = finished(Entry(CONFIGS / "identification" / f"{one.study}.yaml", changes), runs).run_dir
-        model, dataset = read_model(folder / "model.h5"), read_dataset(folder / "ingest.h5")
+        files = run(f"identification/{one.study}", runs, *changes)
+        model, dataset, fit = files.model(), files.dataset(), files.fit().memory
+        assert fit is not None
         (curve,) = dataset.curves
         columns = {quantity: values[curve.held_out] for quantity, values in curve.columns.items()}
         error = (simulate(model, columns).values - columns[dataset.target])[one.given :]
-        rmse = float(np.sqrt(np.mean(error**2)))
-        fit = read_fit(folder / "fit.h5").memory
-        assert fit is not None
-        rows.append((name, one.given, len(error), len(fit.model.terms), rmse, one.unit, one.published))
-    titles = (Column("benchmark"), Column("outputs given"), Column("samples"), Column("terms"), Column("RMSE", "", "#.3g"), Column("unit"))
-    return Table("benchmarks", "Free runs over the held-out end", (*titles, Column("published, test record")), tuple(rows))
+        rows.append((name, one.given, len(error), len(fit.model.terms), rms(error), one.unit, one.published))
+    titles = ("benchmark", "outputs given", "samples", "terms", "RMSE #.3g", "unit")
+    return Table.of("benchmarks", "Free runs over the held-out end", (*titles, "published, test record"), rows)
 
 
 def friction(runs: Path) -> Table:
     """Return what friction terms bring on held-out parts."""
     rows: list[tuple[Cell, ...]] = []
     for name in FRICTION:
-        folder = finished(Entry(CONFIGS / "identification" / f"{name}.yaml", ()), runs).run_dir
-        (own, *others) = scores(folder, "validate").values()
+        own, *others = scores(run(f"identification/{name}", runs)).values()
         rows.append((name, *(cell for one in (own, others[0]) for cell in (one.model, 100 * one.nrmse))))
-    columns = (Column("record"), Column("model"), Column("NRMSE", "%", ".2f"), Column("without friction"), Column("its NRMSE", "%", ".2f"))
-    return Table("friction", "Held-out parts of records with friction", columns, tuple(rows))
-
-
-def tables(runs: Path) -> Mapping[str, Callable[[], Table]]:
-    """Every table of the page, by its name there."""
-    return {"benchmarks": lambda: benchmarks(runs), "friction": lambda: friction(runs)}
+    columns = ("record", "model", "NRMSE [%] .2f", "without friction", "its NRMSE [%] .2f")
+    return Table.of("friction", "Held-out parts of records with friction", columns, rows)
 
 
 if __name__ == "__main__":
-    found = tables(Path(sys.argv[1]))
-    write_tables(DOCS / "benchmarks.md", {name: found[name] for name in sys.argv[2:] or found})
+    write_page("benchmarks.md", {"benchmarks": benchmarks, "friction": friction})

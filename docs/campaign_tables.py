@@ -6,31 +6,26 @@ change is left in peace, on measured repeats. The measured recordings must be th
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
 import numpy as np
-from pages import write_tables
+from pages import DOCS, run, write_page
 
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.modelling.pieces.build import build
 from mapmore_cli.modelling.pieces.recipe import Cuts, Recipe
 from mapmore_cli.modelling.validation.comparison import CHANGED, SAME, UNCLEAR, Comparison, compare
-from mapmore_cli.pipeline.runner import bring_up_to_date
-from mapmore_cli.reporting.table import Cell, Column, Table
+from mapmore_cli.reporting.table import Cell, Table
 from mapmore_cli.rig.load_cycle import load_cycle
 from mapmore_cli.rig.sensors import Sensor, measure
-from mapmore_cli.spec.loader import load, load_as
+from mapmore_cli.spec.loader import load_as
 from mapmore_cli.spec.simulation import SimulationSpec
-from mapmore_cli.storage.artefacts import read_model
 from mapmore_cli.study.simulate import KPA, hysteresis_of, load_cycle_of, muscle_of
 
-DOCS = Path(__file__).parent
-ROOT = DOCS.parent
 FACTORS = (1.00, 1.01, 1.02, 1.03, 1.05)
 PAIRS = 20
 FIRST_SEED = 7000
@@ -39,17 +34,14 @@ EVERY = 10
 PRESSURES = {4: (80.0, 150.0, 250.0, 350.0), 8: (80.0, 120.0, 160.0, 200.0, 240.0, 280.0, 320.0, 350.0)}
 QUANTITIES = {q.name: q for q in (Quantity("pressure", "kPa"), Quantity("strain", "1"), Quantity("force", "N"))}
 RECIPE = Recipe(  # M2 section 5.1
-    target="force",
-    dictionary=("1", "strain", "strain^2", "strain^3", "strain^4"),
-    cuts={"strain": Cuts("even", 4)},
-    level="pressure",
+    target="force", dictionary=("1", "strain", "strain^2", "strain^3", "strain^4"), cuts={"strain": Cuts("even", 4)}, level="pressure"
 )
 
 
 @cache
 def rig() -> SimulationSpec:
     """Return the rig of the load cycles of the simulated McKibben muscle."""
-    return load_as(ROOT / "datasets" / "mckibben" / "load_cycles.yaml", SimulationSpec).spec
+    return load_as(DOCS.parent / "datasets" / "mckibben" / "load_cycles.yaml", SimulationSpec).spec
 
 
 @cache
@@ -82,7 +74,7 @@ def pairs(count: int, factor: float, number: int = PAIRS) -> Iterator[Comparison
         yield compare(simulated("before", seed, PRESSURES[count], 1.0), simulated("after", seed + 1, PRESSURES[count], factor))
 
 
-def detection() -> Table:
+def detection(_runs: Path) -> Table:
     """How often a change is found."""
     rows: list[tuple[Cell, ...]] = []
     for count in PRESSURES:
@@ -95,24 +87,24 @@ def detection() -> Table:
             called = [f"{answers.count(answer)} of {PAIRS}" for answer in (CHANGED, SAME, UNCLEAR)]
             rows.append((count, factor, *called, certain, min(ratios), max(ratios), float(np.median(widths))))
     columns = (
-        Column("curves"),
-        Column("force, true factor", "", ".2f"),
-        Column("called changed"),
-        Column("called the same"),
-        Column("cannot tell"),
-        Column("interval excludes 1"),
-        Column("least ratio", "", ".4f"),
-        Column("largest ratio", "", ".4f"),
-        Column("median width of the interval", "", ".4f"),
+        "curves",
+        "force, true factor .2f",
+        "called changed",
+        "called the same",
+        "cannot tell",
+        "interval excludes 1",
+        "least ratio .4f",
+        "largest ratio .4f",
+        "median width of the interval .4f",
     )
-    return Table("detection", f"{PAIRS} simulated pairs each", columns, tuple(rows))
+    return Table.of("detection", f"{PAIRS} simulated pairs each", columns, rows)
 
 
-def first_pairs() -> Table:
+def first_pairs(_runs: Path) -> Table:
     """Return the first pairs one by one, which a test repeats."""
-    rows = tuple((number + 1, one.ratio, *one.interval) for number, one in enumerate(pairs(4, 1.03, 3)))
-    columns = (Column("pair"), Column("ratio", "", ".5f"), Column("from", "", ".5f"), Column("to", "", ".5f"))
-    return Table("first", "The first pairs of four curves, force x 1.03", columns, rows)
+    rows = ((number, one.ratio, *one.interval) for number, one in enumerate(pairs(4, 1.03, 3), 1))
+    columns = ("pair", "ratio .5f", "from .5f", "to .5f")
+    return Table.of("first", "The first pairs of four curves, force x 1.03", columns, rows)
 
 
 def festo(length: int, repeats: str, runs: Path) -> Model:
@@ -121,8 +113,7 @@ def festo(length: int, repeats: str, runs: Path) -> Model:
     others = [f"*_Test{number}.csv.gz" for number in ("8", "9", "10") if number not in numbers]
     name = f"festo_10mm_{length}cm_test{repeats}"
     settings = (f"name={name}", "data.split=" + f"{{validate: {{files: {others}}}}}".replace("'", '"'))
-    outcome = bring_up_to_date(load(ROOT / "configs" / "festo" / f"festo_10mm_{length}cm_repeat.yaml", settings), runs, until="fuse")
-    return replace(read_model(outcome.run_dir / "model.h5"), name=name)
+    return replace(run(f"festo/festo_10mm_{length}cm_repeat", runs, *settings, until="fuse").model(), name=name)
 
 
 def measured(runs: Path) -> Table:
@@ -135,20 +126,9 @@ def measured(runs: Path) -> Table:
         heaviest = max(curve.weight for curve in found.curves)
         names = [f"{length} cm, repeat{'s 8 and 9' if which == '89' else ' ' + which}" for length, which in (before, after)]
         rows.append((*names, found.ratio, *found.interval, found.p, len(found.curves), 100 * heaviest, found.answer))
-    columns = (
-        Column("before"),
-        Column("after"),
-        Column("ratio", "", ".4f"),
-        Column("from", "", ".4f"),
-        Column("to", "", ".4f"),
-        Column("p", "", ".2g"),
-        Column("curves"),
-        Column("weight of the heaviest curve", "%", ".0f"),
-        Column("answer"),
-    )
-    return Table("festo", "Measured Festo muscles", columns, tuple(rows))
+    columns = ("before", "after", "ratio .4f", "from .4f", "to .4f", "p .2g", "curves", "weight of the heaviest curve [%] .0f", "answer")
+    return Table.of("festo", "Measured Festo muscles", columns, rows)
 
 
 if __name__ == "__main__":
-    folder = Path(sys.argv[1])
-    write_tables(DOCS / "campaigns.md", {"detection": detection, "first": first_pairs, "festo": lambda: measured(folder)})
+    write_page("campaigns.md", {"detection": detection, "first": first_pairs, "festo": measured})

@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 import yaml
 from closed_loop import Lift, Loop, closed_loop, wanted_force
-from pages import CONFIGS, DOCS, write_tables
+from pages import DOCS, rms, run, write_page
 
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.models import Model
 from mapmore_cli.modelling.inverse import NEAREST, invert
-from mapmore_cli.pipeline.runner import bring_up_to_date
-from mapmore_cli.reporting.table import Cell, Column, Table
-from mapmore_cli.spec.loader import load
+from mapmore_cli.reporting.table import Cell, Table
 from mapmore_cli.spec.simulation import SimulationSpec
-from mapmore_cli.storage.artefacts import read_model
 from mapmore_cli.study.simulate import KPA, hysteresis_of, muscle_of
 
 LIFT = Lift(mass=20.0, length=0.088, damping=400.0, lag=0.05, highest=350 * KPA, step=0.5e-3)
@@ -45,8 +42,7 @@ def course(seconds: float) -> Array:
 
 def model_of(settings: tuple[str, ...], runs: Path) -> Model:
     """Return the static model of the study, with other settings."""
-    loaded = load(CONFIGS / f"{STUDY}.yaml", (*settings, "validate.against=[]"))
-    return read_model(bring_up_to_date(loaded, runs, "fuse").run_dir / "model.h5")
+    return run(STUDY, runs, *settings, "validate.against=[]", until="fuse").model()
 
 
 def followed(feed: str, runs: Path, seconds: float, loop: Loop = LOOP) -> Columns:
@@ -65,7 +61,7 @@ def followed(feed: str, runs: Path, seconds: float, loop: Loop = LOOP) -> Column
 def errors(feed: str, runs: Path, seconds: float = SECONDS, loop: Loop = LOOP) -> tuple[float, float]:
     """RMSE and largest error of the strain, in % strain, after the beginning."""
     error = 100 * (followed(feed, runs, seconds, loop)["strain"] - course(seconds))[round(SETTLED / LOOP.period) :]
-    return float(np.sqrt(np.mean(error**2))), float(np.max(np.abs(error)))
+    return rms(error), float(np.max(np.abs(error)))
 
 
 def tracking(runs: Path) -> Table:
@@ -75,8 +71,8 @@ def tracking(runs: Path) -> Table:
         alone = (None, None) if settings is None else errors(feed, runs, loop=Loop(LOOP.period, 0.0, 0.0))
         rows.append((feed, *errors(feed, runs), *alone))
     heads = ("RMSE", "largest error", "RMSE without the loop", "largest error without the loop")
-    columns = (Column("fed forward"), *(Column(head, "% strain", ".3g") for head in heads))
-    return Table("tracking", "A weight of 20 kg along a course of strain", columns, tuple(rows))
+    columns = ("fed forward", *(f"{head} [% strain] .3g" for head in heads))
+    return Table.of("tracking", "A weight of 20 kg along a course of strain", columns, rows)
 
 
 def figure(runs: Path, path: Path) -> None:
@@ -103,11 +99,6 @@ def figure(runs: Path, path: Path) -> None:
         drawn.savefig(path, metadata={"Date": None})
 
 
-def tables(runs: Path) -> Mapping[str, Callable[[], Table]]:
-    """Return the table of the page."""
-    return {"tracking": lambda: tracking(runs)}
-
-
 if __name__ == "__main__":
-    write_tables(DOCS / "control.md", tables(Path(sys.argv[1])))
+    write_page("control.md", {"tracking": tracking})
     figure(Path(sys.argv[1]), DOCS / "figures" / "closed-loop.svg")

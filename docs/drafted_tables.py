@@ -43,13 +43,7 @@ SAID: Mapping[str, tuple[str, Answers]] = {
     folder: (words, Answers(read_columns(columns), target, length=length))
     for folder, columns, target, length, words in (
         ("printed_cylinder", "time:ms,_,_,_,displacement:mm,pressure:bar,force:N", None, None, ""),
-        (
-            "single_bellows",
-            "time=Time:ms,strain=Tensile strain (Displacement):%,force=Force:N*-1,pressure=Pressure:psi",
-            None,
-            None,
-            "",
-        ),
+        ("single_bellows", "time=Time:ms,strain=Tensile strain (Displacement):%,force=Force:N*-1,pressure=Pressure:psi", None, None, ""),
         ("textile_arm", "time=0:s,pressure=4:psi,x=14:m", "x", None, "--target x"),
         ("bender", "time=0:s,p1=1:mbar,p2=3:mbar,angle=11:deg", "angle", None, "--target angle"),
         ("festo_20mm", "force:N*1.7444-18.595,pressure:kPa,time:s", None, 0.228, "--length 228mm"),
@@ -123,7 +117,7 @@ def table(made: Mapping[str, list[Row]]) -> Table:
     """Return the table with the rows of some folders made anew, and those of the others as they were, by folder."""
     kept = [tuple(row) for row in read_rows(PAGE, "drafts")[1:] if row[0] not in made]
     every = sorted([*kept, *(row for found in made.values() for row in found)], key=lambda row: row[0])
-    return Table("drafts", "What init proposes, and what comes of it", tuple(map(Column, COLUMNS)), tuple(every))
+    return Table.of("drafts", "What init proposes, and what comes of it", tuple(map(Column, COLUMNS)), tuple(every))
 
 
 if __name__ == "__main__":

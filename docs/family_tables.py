@@ -5,14 +5,14 @@ The measured recordings must be there (docs/data.md).
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from statistics import geometric_mean
 
 import numpy as np
-from pages import CONFIGS, DOCS, write_tables
+from pages import rms, run, shipped, write_page
 
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.fits import FormulaFit
@@ -21,10 +21,7 @@ from mapmore_cli.fitting.kinds.choices import model_choices
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.literature.backbone import fit_formula, pooled_training
 from mapmore_cli.modelling.literature.family import adapted
-from mapmore_cli.pipeline.runner import bring_up_to_date
-from mapmore_cli.reporting.table import Cell, Column, Table
-from mapmore_cli.spec.loader import load
-from mapmore_cli.storage.artefacts import read_dataset
+from mapmore_cli.reporting.table import Cell, Table
 
 STUDY = "festo/festo_10mm_lengths"
 OF = "rest_length"
@@ -42,9 +39,8 @@ POINTS: Mapping[str, tuple[int, ...]] = {
 @cache
 def measured(runs: Path) -> tuple[str, Dataset]:
     """Return the definition of the family, and all recordings as training data."""
-    loaded = load(CONFIGS / f"{STUDY}.yaml", ("name=festo_10mm_lengths_all", "data.split={}"))
-    folder = bring_up_to_date(loaded, runs, "ingest").run_dir
-    return str(model_choices(loaded.spec).model.name), read_dataset(folder / "ingest.h5")
+    everything = ("name=festo_10mm_lengths_all", "data.split={}")
+    return str(model_choices(shipped(STUDY, *everything).spec).model.name), run(STUDY, runs, *everything, until="ingest").dataset()
 
 
 def lengths(runs: Path) -> list[float]:
@@ -69,7 +65,7 @@ def specimen(length: float, runs: Path) -> dict[str, Array]:
 def nrmse(fit: FormulaFit, columns: Mapping[str, Array], rows: BoolArray) -> float:
     """RMSE over the largest force of the muscle, per cent."""
     error = literature.of(fit).predict(fit.parameters, columns) - columns["force"]
-    return 100 * float(np.sqrt(np.mean(error[rows] ** 2)) / np.abs(columns["force"]).max())
+    return 100 * rms(error[rows]) / float(np.abs(columns["force"]).max())
 
 
 def lengths_table(runs: Path) -> Table:
@@ -81,11 +77,10 @@ def lengths_table(runs: Path) -> Table:
         everything = np.ones(len(columns["force"]), dtype=bool)
         found = [nrmse(fitted(name, length, runs), columns, everything) for name in (family, "sarosi_hinged", "sarosi")]
         rows.append((1000 * length, *found, nrmse(fitted("sarosi_hinged", length, runs, own=True), columns, everything)))
-    means = np.exp(np.mean(np.log(np.array([row[1:] for row in rows], dtype=float)), axis=0))
-    rows.append(("geometric mean", *map(float, means)))
+    rows.append(("geometric mean", *map(geometric_mean, zip(*(row[1:] for row in rows), strict=True))))
     heads = ("family", "pooled sarosi_hinged", "pooled sarosi", "own fit of sarosi_hinged")
-    columns_ = (Column("length", "mm", ".0f"), *(Column(head, "%", ".2f") for head in heads))
-    return Table("lengths", "NRMSE of a length that is predicted from the two others", columns_, tuple(rows))
+    columns_ = ("length [mm] .0f", *(f"{head} [%] .2f" for head in heads))
+    return Table.of("lengths", "NRMSE of a length that is predicted from the two others", columns_, rows)
 
 
 def adapt_table(runs: Path) -> Table:
@@ -104,17 +99,14 @@ def adapt_table(runs: Path) -> Table:
             after.append(nrmse(own, columns, ~known))
             if len(numbers) > 1:
                 alone.append(nrmse(literature.get("sarosi_hinged").fit(few, few["force"], advice=False), columns, ~known))
-        means = [float(np.exp(np.mean(np.log(one)))) if one else None for one in (before, after, alone)]
+        means = [geometric_mean(one) if one else None for one in (before, after, alone)]
         rows.append((words, len(numbers), *means))
     heads = ("family as it is", "adapted", "fit to these levels alone")
-    columns_ = (Column("levels measured"), Column("count"), *(Column(head, "%", ".2f") for head in heads))
-    return Table("adapt", "NRMSE at the other levels of a new length, geometric mean over the lengths", columns_, tuple(rows))
+    columns_ = ("levels measured", "count", *(f"{head} [%] .2f" for head in heads))
+    return Table.of("adapt", "NRMSE at the other levels of a new length, geometric mean over the lengths", columns_, rows)
 
 
-def tables(runs: Path) -> Mapping[str, Callable[[], Table]]:
-    """Every table of the page."""
-    return {"lengths": lambda: lengths_table(runs), "adapt": lambda: adapt_table(runs)}
-
+TABLES = {"lengths": lengths_table, "adapt": adapt_table}
 
 if __name__ == "__main__":
-    write_tables(DOCS / "families.md", tables(Path(sys.argv[1])))
+    write_page("families.md", TABLES)

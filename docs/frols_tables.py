@@ -10,7 +10,7 @@ from pathlib import Path
 from pages import DOCS, write_tables
 
 from mapmore_cli.modelling.frols import frols
-from mapmore_cli.reporting.table import Cell, Column, Table
+from mapmore_cli.reporting.table import Cell, Column, Columns, Table
 
 BENCH = DOCS.parent / "tests" / "bench"
 sys.path.insert(0, str(BENCH))
@@ -38,11 +38,11 @@ def table(python: Path) -> Table:
     """Terms and shares of every case."""
     said = subprocess.run([python, BENCH / "peer_cases.py"], check=True, capture_output=True, text=True).stdout
     peers = json.loads(said.splitlines()[-1])
-    columns = (Column("case"), Column("asked for"), Column("largest", "%"), Column("ours"), *map(Column, PEERS))
+    columns: Columns = ("case", "asked for", "largest [%]", "ours", *map(Column, PEERS))
     rows: list[tuple[Cell, ...]] = []
     for name, own in ours().items():
         rows.append((name, *own, *(cell(**peers[name][peer]) for peer in PEERS)))
-    return Table("cases", "Terms, and the share that they explain", columns, tuple(rows))
+    return Table.of("cases", "Terms, and the share that they explain", columns, rows)
 
 
 if __name__ == "__main__":

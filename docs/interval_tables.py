@@ -6,9 +6,8 @@ The measured recordings must be there (docs/data.md). The simulated table takes 
 from __future__ import annotations
 
 import math
-import sys
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import combinations
@@ -17,8 +16,8 @@ from typing import Any
 
 import numpy as np
 import yaml
-from pages import CONFIGS, DOCS, write_tables
-from planning_tables import FESTO, LEVELS, trained_on
+from pages import DOCS, rms, run, shipped, write_page
+from planning_tables import FESTO, LEVELS, quiet, trained_on
 
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.models import LeftOut, Model
@@ -28,12 +27,9 @@ from mapmore_cli.fitting.left_out import refitted, residuals
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.kinds import outside_range
 from mapmore_cli.modelling.validation.intervals import FEW, NORMAL, few_levels, half_widths, half_widths_of, refusal
-from mapmore_cli.pipeline.runner import bring_up_to_date
-from mapmore_cli.reporting.table import Cell, Column, Table
+from mapmore_cli.reporting.table import Cell, Table
 from mapmore_cli.rig.load_cycle import turning_strain
-from mapmore_cli.spec.loader import load
 from mapmore_cli.spec.simulation import LoadCycles, SimulationSpec
-from mapmore_cli.storage.artefacts import read_dataset, read_model
 from mapmore_cli.study.simulate import KPA, hysteresis_of, load_cycle_of, muscle_of
 
 LEVEL = 0.95
@@ -60,10 +56,7 @@ MUSCLES = {
     "mckibben": Muscle("m2/dmsp-20-88-static", 80, 350, ("braid_angle", "wall", "c10", "threshold", "crimp_force", "taper")),
     "peano": Muscle("m2/peano-static", 80, 500, ("end_loss", "stiffness", "bending", "threshold")),
 }
-MODELS: Mapping[str, tuple[str, ...]] = {
-    "pieces (M2)": (),
-    "sarosi": ("model={type: literature, name: sarosi}",),
-}
+MODELS: Mapping[str, tuple[str, ...]] = {"pieces (M2)": (), "sarosi": ("model={type: literature, name: sarosi}",)}
 
 
 @dataclass(frozen=True)
@@ -131,14 +124,14 @@ def specimen(kind: str, curves: int, seed: int) -> Dataset:
 def made(choices: ModelChoices, dataset: Dataset) -> Model:
     """Return a model of the training curves, with what intervals are made of."""
     fitted = refitted(choices, dataset)
-    return replace(fitted, left_out=residuals(choices, dataset, {}, lambda _what, _done, _total: None, fitted))
+    return replace(fitted, left_out=residuals(choices, dataset, {}, quiet, fitted))
 
 
 @cache
 def simulated_model(kind: str, model: str, curves: int, seed: int) -> tuple[Model, Dataset]:
     """One specimen and its model."""
     dataset = specimen(kind, curves, seed)
-    return made(model_choices(load(CONFIGS / f"{MUSCLES[kind].config}.yaml", MODELS[model]).spec), dataset), dataset
+    return made(model_choices(shipped(MUSCLES[kind].config, *MODELS[model]).spec), dataset), dataset
 
 
 def simulated_row(kind: str, model: str, curves: int) -> tuple[Cell, ...]:
@@ -146,14 +139,14 @@ def simulated_row(kind: str, model: str, curves: int) -> tuple[Cell, ...]:
     return (f"{kind}, {model}, {curves} curves", *pooled([coverage(*simulated_model(kind, model, curves, seed)) for seed in SEEDS]))
 
 
-COLUMNS = (Column("inside", "%", ".1f"), Column("±", "N", ".3g"), Column("RMSE", "N", ".3g"), Column("± over RMSE", "", ".1f"))
+COLUMNS = ("inside [%] .1f", "± [N] .3g", "RMSE [N] .3g", "± over RMSE .1f")
 
 
-def simulated() -> Table:
+def simulated(_runs: Path) -> Table:
     """Coverage of new curves of simulated muscles."""
-    rows = tuple(simulated_row(kind, model, curves) for kind in MUSCLES for model in MODELS for curves in CURVES)
+    rows = (simulated_row(kind, model, curves) for kind in MUSCLES for model in MODELS for curves in CURVES)
     title = f"New curves of {len(SEEDS)} specimens of each simulated muscle: samples inside of their 95 % interval"
-    return Table("simulated", title, (Column("muscle, model, training curves"), *COLUMNS), rows)
+    return Table.of("simulated", title, ("muscle, model, training curves", *COLUMNS), rows)
 
 
 # Measured sets ------------------------------------------------------------------------------------------------------------------------
@@ -171,20 +164,18 @@ MEASURED = (
 
 def measured_row(config: str, runs: Path) -> tuple[Cell, ...]:
     """One row of the measured table: a shipped study as it is, asked for intervals."""
-    loaded = load(CONFIGS / f"{config}.yaml", (f"name={Path(config).name}.intervals", "validate.intervals=true"))
-    folder = bring_up_to_date(loaded, runs, "fuse").run_dir
-    model, dataset = read_model(folder / "model.h5"), read_dataset(folder / "ingest.h5")
+    files = run(config, runs, f"name={Path(config).name}.intervals", "validate.intervals=true", until="fuse")
+    model = files.model()
     assert model.left_out is not None
-    found = coverage(model, dataset)
+    found = coverage(model, files.dataset())
     return (Path(config).name, f"{model.left_out.curves} {model.left_out.kind}", found.samples, *pooled([found]), model.output.unit)
 
 
 def measured(runs: Path) -> Table:
     """Coverage of the held-out samples of every measured set."""
-    rows = tuple(measured_row(config, runs) for config in MEASURED)
-    numbers = [replace(column, unit=column.unit.replace("N", "")) for column in COLUMNS]
-    heads = (Column("study"), Column("training data"), Column("held out"), *numbers, Column("unit"))
-    return Table("measured", "Held-out samples of the measured sets inside of their 95 % interval", heads, rows)
+    heads = ("study", "training data", "held out", *(column.replace(" [N]", "") for column in COLUMNS), "unit")
+    rows = (measured_row(config, runs) for config in MEASURED)
+    return Table.of("measured", "Held-out samples of the measured sets inside of their 95 % interval", heads, rows)
 
 
 # Leave one family out -------------------------------------------------------------------------------------------------------------------
@@ -220,7 +211,7 @@ class Case:
             half = few_levels(self.left_out, self.at, LEVEL, scale) / self.left_out.largest
         else:
             half = half_widths(self.left_out, self.at, LEVEL) / self.left_out.largest
-        return 100 * float(np.mean(self.errors <= half)), float(np.median(half) / np.sqrt(np.mean(self.errors**2)))
+        return 100 * float(np.mean(self.errors <= half)), float(np.median(half)) / rms(self.errors)
 
 
 def case(name: str, model: Model, dataset: Dataset) -> Case:
@@ -251,7 +242,7 @@ def cases(runs: Path) -> tuple[Case, ...]:
         every = sorted({curve.level for curve in dataset.curves if curve.level is not None})
         kept = tuple(one for one in overrides if one.startswith(("data.", "segment")))
         for chosen in (overrides, (*MODELS["sarosi"], *kept))[: 1 if "bellows" in name else 2]:
-            choices = model_choices(load(CONFIGS / f"{config}.yaml", chosen).spec)
+            choices = model_choices(shipped(config, *chosen).spec)
             parts = [trained_on(dataset, at) for curves in CURVES for at in subsets(every, curves)]
             found += [case(name, made(choices, part), part) for part in parts]
     return tuple(one for one in found if len(one.errors))
@@ -260,8 +251,8 @@ def cases(runs: Path) -> tuple[Case, ...]:
 def measured_levels(name: str, runs: Path) -> Dataset:
     """All curves of a measured set."""
     config, overrides = SETS[name]
-    loaded = load(CONFIGS / f"{config}.yaml", (f"name=levels-{name.replace(', ', '-').replace(' ', '-')}", "data.split={}", *overrides))
-    return read_dataset(bring_up_to_date(loaded, runs, "ingest").run_dir / "ingest.h5")
+    called = f"name=levels-{name.replace(', ', '-').replace(' ', '-')}"
+    return run(config, runs, called, "data.split={}", *overrides, until="ingest").dataset()
 
 
 def subsets(every: Sequence[float], count: int) -> list[tuple[float, ...]]:
@@ -301,9 +292,9 @@ def scales(runs: Path) -> Mapping[str, Mapping[int, float]]:
 
 def constants(runs: Path) -> Table:
     """c_K by the family that was left out."""
-    rows: tuple[tuple[Cell, ...], ...] = tuple((family, *found.values()) for family, found in scales(runs).items())
-    heads = (Column("left out"), *(Column(f"{count} levels", "", ".2f") for count in FEW))
-    return Table("constants", "c by the number of levels, and by the family that was left out of its calibration", heads, rows)
+    rows: list[tuple[Cell, ...]] = [(family, *found.values()) for family, found in scales(runs).items()]
+    heads = ("left out", *(f"{count} levels .2f" for count in FEW))
+    return Table.of("constants", "c by the number of levels, and by the family that was left out of its calibration", heads, rows)
 
 
 def families(runs: Path) -> Table:
@@ -315,19 +306,9 @@ def families(runs: Path) -> Table:
         if given:
             inside, width = np.array([one.inside(scales(runs)[one.family]) for one in given]).T
             rows.append((name, curves, len(every), len(every) - len(given), float(inside.mean()), float(np.median(width))))
-    heads = (Column("set"), Column("levels"), Column("models"), Column("refused"), COLUMNS[0], COLUMNS[-1])
-    return Table("families", "Levels that were not measured, by constants of the other families", heads, tuple(rows))
-
-
-def tables(runs: Path) -> Mapping[str, Callable[[], Table]]:
-    """Every table of the page."""
-    return {
-        "simulated": simulated,
-        "measured": lambda: measured(runs),
-        "families": lambda: families(runs),
-        "constants": lambda: constants(runs),
-    }
+    heads = ("set", "levels", "models", "refused", COLUMNS[0], COLUMNS[-1])
+    return Table.of("families", "Levels that were not measured, by constants of the other families", heads, rows)
 
 
 if __name__ == "__main__":
-    write_tables(DOCS / "intervals.md", tables(Path(sys.argv[1])))
+    write_page("intervals.md", {"simulated": simulated, "measured": measured, "families": families, "constants": constants})

@@ -5,48 +5,42 @@ The measured recordings must be there (docs/data.md).
 
 from __future__ import annotations
 
-import math
-import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from statistics import geometric_mean
 
 import numpy as np
-from pages import CONFIGS, DOCS, campaign, finished, write_tables
+from pages import CONFIGS, campaign, of_campaign, rms, run, scores, write_page
 
 from mapmore_cli.domain.declared import Hold
-from mapmore_cli.domain.scores import OWN, Score, deciding
+from mapmore_cli.domain.scores import OWN, Score
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.literature.backbone import pooled
-from mapmore_cli.reporting.campaign import CampaignScores, nrmse_table
 from mapmore_cli.reporting.score_tables import score_table
-from mapmore_cli.reporting.table import Cell, Column, Table
-from mapmore_cli.spec.campaign import Entry, load_campaign
-from mapmore_cli.storage.artefacts import read_dataset, read_fit, read_model
+from mapmore_cli.reporting.table import Cell, Table
+from mapmore_cli.spec.campaign import load_campaign
+from mapmore_cli.storage.run_folder import RunFiles
 
 
-def auto(scores: CampaignScores, runs: Path) -> Table:
+def auto(runs: Path) -> Table:
     """Return the backbone that `auto` chooses from the training data of each run, and what it comes to on the held-out data."""
-    entries = load_campaign(CONFIGS / "campaigns" / "measured_static.yaml")[1]
+    measured = campaign("measured_static", runs)
     rows: list[tuple[Cell, ...]] = []
-    to_sarosi: list[float] = []
-    to_best: list[float] = []
-    for entry in entries:
+    ratios: list[tuple[float, float]] = []
+    for entry in load_campaign(CONFIGS / "campaigns" / "measured_static.yaml")[1]:
         name = entry.config.stem
         settings = (f"name={name}-auto", "model={type: mapmore, backbone: auto}", "validate.against=[]")
-        chosen = deciding(finished(Entry(entry.config, settings), runs).table.scores)[0]
-        backbone = read_fit(runs / f"{name}-auto" / "fit.h5").backbone
-        run = scores.pooled[name]
-        best = min(run[model].rmse for model in scores.best_of)
-        to_sarosi.append(chosen.rmse / run["sarosi"].rmse)
-        to_best.append(chosen.rmse / best)
-        rows.append((name, "none" if backbone is None else backbone.name, 100 * chosen.nrmse, to_sarosi[-1], to_best[-1]))
-    means = (math.exp(sum(map(math.log, ratios)) / len(ratios)) for ratios in (to_sarosi, to_best))
-    rows += [("geometric mean", None, None, *means), ("worst", None, None, max(to_sarosi), max(to_best))]
-    ratios = (Column("ratio to sarosi", "", ".3g"), Column("ratio to the best formula", "", ".3g"))
-    columns = (Column("run"), Column("chosen"), Column("NRMSE", "%", ".3g"), *ratios)
-    return Table("auto", "`backbone: auto`, run by run", columns, tuple(rows))
+        files = run(f"{entry.config.parent.name}/{name}", runs, *settings)
+        chosen, backbone, beside = scores(files)[OWN], files.fit().backbone, measured.pooled[name]
+        ratios.append((chosen.rmse / beside["sarosi"].rmse, chosen.rmse / min(beside[model].rmse for model in measured.best_of)))
+        rows.append((name, "none" if backbone is None else backbone.name, 100 * chosen.nrmse, *ratios[-1]))
+    by_rival = list(zip(*ratios, strict=True))
+    rows.append(("geometric mean", None, None, *map(geometric_mean, by_rival)))
+    rows.append(("worst", None, None, *map(max, by_rival)))
+    columns = ("run", "chosen", "NRMSE [%] .3g", "ratio to sarosi .3g", "ratio to the best formula .3g")
+    return Table.of("auto", "`backbone: auto`, run by run", columns, rows)
 
 
 PRESSURES = (50, 100, 150, 200, 250)
@@ -55,14 +49,12 @@ LEFT_OUT = "data.split={leave_one_level_out: true}"
 
 def pgm(runs: Path) -> Table:
     """Every pressure of the gel muscle left out in turn: NRMSE by pressure, and the mean of the inner ones."""
-    direct = finished(Entry(CONFIGS / "pgm" / "pgm_force.yaml", ("name=pgm_force-left-out", LEFT_OUT)), runs).table.scores
-    turned = _of_strain(runs, "pgm_strain-left-out", "validate={as: force, against: [], simple: false}")
-    rows = [*_by_pressure(turned, "mapmore, strain inverted"), *_by_pressure(direct)]
-    return Table("pgm", "Every pressure left out in turn", _pressure_columns("model"), tuple(rows))
-
-
-def _of_strain(runs: Path, name: str, validate: str) -> tuple[Score, ...]:
-    return finished(Entry(CONFIGS / "pgm" / "pgm_strain.yaml", (f"name={name}", LEFT_OUT, validate)), runs).table.scores
+    direct = run("pgm/pgm_force", runs, "name=pgm_force-left-out", LEFT_OUT)
+    inverted = "validate={as: force, against: [], simple: false}"
+    turned = run("pgm/pgm_strain", runs, "name=pgm_strain-left-out", LEFT_OUT, inverted)
+    rows = [*_by_pressure(turned.validation().scores, "mapmore, strain inverted"), *_by_pressure(direct.validation().scores)]
+    heads = (f"{head} [%] .3g" for head in (*(f"{pressure} kPa" for pressure in PRESSURES), "mean", "0 kPa", "300 kPa"))
+    return Table.of("pgm", "Every pressure left out in turn", ("model", *heads), rows)
 
 
 def _by_pressure(scores: Sequence[Score], called: str | None = None) -> Iterator[tuple[Cell, ...]]:
@@ -72,11 +64,6 @@ def _by_pressure(scores: Sequence[Score], called: str | None = None) -> Iterator
         errors = {score.curve: 100 * score.nrmse for score in held_out if score.model == model}
         inner = [errors[f"pressure={pressure}"] for pressure in PRESSURES]
         yield (called or model, *inner, sum(inner) / len(inner), errors["pressure=0"], errors["pressure=300"])
-
-
-def _pressure_columns(first: str) -> tuple[Column, ...]:
-    heads = (*(f"{pressure} kPa" for pressure in PRESSURES), "mean", "0 kPa", "300 kPa")
-    return (Column(first), *(Column(head, "%", ".3g") for head in heads))
 
 
 MAPS = {
@@ -104,74 +91,61 @@ def maps(runs: Path) -> Table:
             name = f"festo_datasheet-{shape}-{held_out}".replace(" ", "-").replace(",", "")
             against = "validate.against=[sarosi_hinged, sarosi, polynomial_2, polynomial_5, kerscher]"
             overrides = (f"name={name}", f"data.split={split}", "model={type: mapmore, backbone: auto}", *settings, against)
-            found = deciding(finished(Entry(CONFIGS / "festo" / "festo_datasheet.yaml", overrides), runs).table.scores)
-            errors |= {shape if score.model == OWN else score.model: 100 * score.nrmse for score in found}
+            found = scores(run("festo/festo_datasheet", runs, *overrides))
+            errors |= {shape if model == OWN else model: 100 * score.nrmse for model, score in found.items()}
         published = {model: error for model, error in errors.items() if model not in (*SHAPES, "sarosi_hinged")}
         best = min(published, key=published.__getitem__)
         rows.append((held_out, *(errors[shape] for shape in SHAPES), errors["sarosi_hinged"], best, published[best]))
-    columns = (Column("held out"), *(Column(shape, "%", ".3g") for shape in (*SHAPES, "sarosi_hinged")))
-    return Table("maps", "A map of 58 points", (*columns, Column("best published formula"), Column("its error", "%", ".3g")), tuple(rows))
+    columns = ("held out", *(f"{shape} [%] .3g" for shape in (*SHAPES, "sarosi_hinged")))
+    return Table.of("maps", "A map of 58 points", (*columns, "best published formula", "its error [%] .3g"), rows)
 
 
-def hold(scores: CampaignScores, papers: CampaignScores, runs: Path) -> Table:
+def hold(runs: Path) -> Table:
     """Held-out errors to the letter of M2 eq 9-11 over those with functions held beyond their samples: the same fits, fused anew."""
+    studies = list(campaign("measured_static", runs).pooled)
     groups = {
-        "measured, the study's settings": list(scores.pooled),
-        "measured, M2's settings": [f"{run}.m2_default" for run in scores.pooled],
-        "M1's studies": list(papers.pooled),
+        "measured, the study's settings": studies,
+        "measured, M2's settings": [f"{name}.m2_default" for name in studies],
+        "M1's studies": list(campaign("m1", runs).pooled),
     }
     rows: list[tuple[Cell, ...]] = []
     for group, names in groups.items():
         ratios = [held_out_error(runs, name, "none") / held_out_error(runs, name, "samples") for name in names]
         rows.append((group, len(names), min(ratios), geometric_mean(ratios), max(ratios)))
-    columns = (Column("runs"), Column("number"), *(Column(word, "", ".3f") for word in ("least ratio", "geometric mean", "greatest")))
-    return Table("hold", "Error to the letter over the error where functions are held", columns, tuple(rows))
+    columns = ("runs", "number", *(f"{word} .3f" for word in ("least ratio", "geometric mean", "greatest")))
+    return Table.of("hold", "Error to the letter over the error where functions are held", columns, rows)
 
 
 def held_out_error(runs: Path, name: str, how: Hold) -> float:
     """NRMSE of a run's model on the held-out samples, in per cent, with its pieces joined in a given way."""
-    model, dataset = read_model(runs / name / "model.h5"), read_dataset(runs / name.split(".")[0] / "ingest.h5")
+    model, dataset = RunFiles(runs / name).model(), RunFiles(runs / name.split(".")[0]).dataset()
     assert model.pieces is not None
     joined = replace(model, body=replace(model.pieces, fusion=replace(model.pieces.fusion, hold=how)))
     held_out = pooled([(curve, curve.held_out) for curve in dataset.curves])
     measured = held_out[dataset.target]
-    error = predict(joined, held_out) - measured
-    return 100 * float(np.sqrt(np.mean(error**2)) / np.abs(measured).max())
+    return 100 * rms(predict(joined, held_out) - measured) / float(np.abs(measured).max())
 
 
-def terms(scores: CampaignScores) -> Table:
+def terms(runs: Path) -> Table:
     """NRMSE of the own model by study (rows) and variant (columns)."""
     by_study: dict[str, dict[str, float]] = {}
-    for name, run in scores.pooled.items():
+    for name, found in campaign("m1_terms", runs).pooled.items():
         study, _, variant = name.rpartition("-")
-        by_study.setdefault(study, {})[variant] = 100 * run[scores.own].nrmse
+        by_study.setdefault(study, {})[variant] = 100 * found[OWN].nrmse
     words = {"1": "one term", "2": "two", "3": "three", "order2": "two of 1, x, x²"}
     rows: list[tuple[Cell, ...]] = [(study, *(variants[variant] for variant in words)) for study, variants in by_study.items()]
-    columns = (Column("study"), *(Column(word, "%", ".3g") for word in words.values()))
-    return Table("terms", "NRMSE of mapmore by number of terms", columns, tuple(rows))
+    columns = ("study", *(f"{word} [%] .3g" for word in words.values()))
+    return Table.of("terms", "NRMSE of mapmore by number of terms", columns, rows)
 
 
 def held_out(config: str, runs: Path) -> Table:
     """Return the scores of a shipped study on held-out data."""
-    table = finished(Entry(CONFIGS / f"{config}.yaml", ()), runs).table
-    return replace(score_table([score for score in table.scores if score.split == "validate"], table.units), notes=())
-
-
-def tables(runs: Path) -> Mapping[str, Callable[[], Table]]:
-    """Every table of the page, by its name there."""
-    measured, m1 = campaign("measured_static", runs), campaign("m1", runs)
-    return {
-        "measured": lambda: nrmse_table(measured),
-        "auto": lambda: auto(measured, runs),
-        "pgm": lambda: pgm(runs),
-        "maps": lambda: maps(runs),
-        "hold": lambda: hold(measured, m1, runs),
-        "family": lambda: held_out("festo/festo_10mm_family", runs),
-        "cylinder": lambda: held_out("cylinder/printed_cylinder", runs),
-        "m1": lambda: nrmse_table(m1),
-        "m1-terms": lambda: terms(campaign("m1_terms", runs)),
-    }
+    found = run(config, runs).validation()
+    return replace(score_table([score for score in found.scores if score.split == "validate"], found.units), notes=())
 
 
 if __name__ == "__main__":
-    write_tables(DOCS / "measured-static.md", tables(Path(sys.argv[1])))
+    tables = {"auto": auto, "pgm": pgm, "maps": maps, "hold": hold, "m1-terms": terms}
+    campaigns = {"measured": of_campaign("measured_static"), "m1": of_campaign("m1")}
+    studies = {"family": partial(held_out, "festo/festo_10mm_family"), "cylinder": partial(held_out, "cylinder/printed_cylinder")}
+    write_page("measured-static.md", {**campaigns, **tables, **studies})

@@ -6,8 +6,7 @@ The table of coiled muscles needs the measured recordings (docs/data.md); the ot
 from __future__ import annotations
 
 import json
-import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -15,7 +14,7 @@ from statistics import median
 from typing import Any
 
 import numpy as np
-from pages import CONFIGS, DOCS, campaign, finished, printed, run, scores, write_tables
+from pages import DOCS, campaign, of_campaign, printed, rms, run, scores, write_page
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.models import CARRIED, HARD, ZERO, Motion, MotionSection
@@ -23,10 +22,8 @@ from mapmore_cli.modelling.memory.records import Record
 from mapmore_cli.modelling.motion.fitting import continued, fit_motion
 from mapmore_cli.modelling.motion.problem import Bounds, MotionRecipe
 from mapmore_cli.modelling.motion.simulation import motion_errors, simulate
-from mapmore_cli.reporting.campaign import nrmse_table
-from mapmore_cli.reporting.table import Cell, Column, Table
-from mapmore_cli.spec.campaign import Entry
-from mapmore_cli.storage.artefacts import read_dataset, read_fit, read_validation
+from mapmore_cli.reporting.table import Cell, Table
+from mapmore_cli.storage.run_folder import RunFiles
 
 BOUNDARIES = (1.05, 2.35, 3.15, 3.95, 4.75)
 STEP = 0.05
@@ -54,32 +51,20 @@ def recipe(**settings: Any) -> MotionRecipe:
 def published(model: str) -> Motion:
     """One of P's models, used directly."""
     rows = [row for row in printed("p_table_1.csv") if row["model"] == model]
+    parameters = [[float(row[name]) for name in ("p1", "p2", "p3")] for row in rows]
     sections = tuple(
-        MotionSection(
-            row["printed_section"],
-            max(int(row["section"]), 1),
-            row["direction"],
-            float(row["p1"]),
-            float(row["p2"]),
-            np.array([float(row["p3"])]),
-        )
-        for row in rows
+        MotionSection(row["printed_section"], max(int(row["section"]), 1), row["direction"], p1, p2, np.array([p3]))
+        for row, (p1, p2, p3) in zip(rows, parameters, strict=True)
     )
     boundaries = BOUNDARIES if len(rows) >= len(BOUNDARIES) else ()
     return Motion("input", "displacement", STEP, HARD, boundaries, rows[0]["direction"] != "all", 0.0, ("input",), sections, (0.0, 5.0))
 
 
-def poles() -> Table:
+def poles(_runs: Path) -> Table:
     """Poles and gains of the published rows."""
     columns = (
-        Column("model"),
-        Column("sections"),
-        Column("largest pole", "", ".3f"),
-        Column("least steady output at 5 V", "cm", ".2f"),
-        Column("greatest", "cm", ".2f"),
-        Column("greatest jump at a boundary", "cm", ".2f"),
-        Column("the same on a slow ramp, hard", "cm", ".2f"),
-        Column("shared state", "cm", ".3f"),
+        *("model", "sections", "largest pole .3f", "least steady output at 5 V [cm] .2f", "greatest [cm] .2f"),
+        *("greatest jump at a boundary [cm] .2f", "the same on a slow ramp, hard [cm] .2f", "shared state [cm] .3f"),
     )
     rows = []
     for name in MODELS:
@@ -90,7 +75,7 @@ def poles() -> Table:
         steps = [abs(at * (b.gain - a.gain)) for line in lines for at, (a, b) in zip(model.boundaries, pairwise(line), strict=True)]
         ramps = (None, None) if not model.boundaries else (ramp(model), ramp(continued(model)))
         rows.append((name, len(gains), max(s.radius for s in model.sections), min(gains), max(gains), max(steps, default=None), *ramps))
-    return Table("poles", "The published parameters in discrete time", columns, tuple(rows))
+    return Table.of("poles", "The published parameters in discrete time", columns, rows)
 
 
 def ramp(model: Motion) -> float:
@@ -100,7 +85,7 @@ def ramp(model: Motion) -> float:
     return max(float(np.abs(np.diff(run))[round(1 / STEP) :].max()) for run in runs)
 
 
-def solvers() -> Table:
+def solvers(_runs: Path) -> Table:
     """Every solver on noisy data of P's linear row, from ten seeds."""
     row = next(row for row in printed("p_table_1.csv") if row["model"] == "linear")
     n = 4000
@@ -110,21 +95,14 @@ def solvers() -> Table:
     record = Record({"input": u, "displacement": y}, np.ones(n, dtype=np.bool_))
     found = {name: [fit_motion([record], recipe(seed=seed, **settings)).searches[0] for seed in SEEDS] for name, settings in TRIALS.items()}
     least = found["least_squares"][0].rmse
-    columns = (
-        Column("solver"),
-        Column("least RMSE, of that of least squares", "", ".3f"),
-        Column("median", "", ".3f"),
-        Column("greatest", "", ".3f"),
-        Column("seeds within 1 %"),
-        Column("simulations"),
-    )
+    columns = ("solver", "least RMSE, of that of least squares .3f", "median .3f", "greatest .3f", "seeds within 1 %", "simulations")
     rows = []
     for name, searches in found.items():
         ratios = [search.rmse / least for search in searches]
         within = f"{sum(ratio <= 1.01 for ratio in ratios)} of {len(ratios)}"
         rows.append((name, min(ratios), median(ratios), max(ratios), within, int(median(s.evaluations for s in searches))))
     assert float(row["p1"]) == published("linear").sections[0].p1
-    return Table("solvers", "Solvers on data that the published linear row made, with noise", columns, tuple(rows))
+    return Table.of("solvers", "Solvers on data that the published linear row made, with noise", columns, rows)
 
 
 BOUNDS = (0.5, 1.0, 2.0, 4.0, 1000.0)
@@ -139,7 +117,7 @@ def log(path: Path) -> Record:
     return Record({"input": rows[:, 1], "displacement": rows[:, 3] / 10}, np.ones(len(rows), dtype=np.bool_))
 
 
-def slowest() -> Table:
+def slowest(_runs: Path) -> Table:
     """P's linear and piecewise model by least squares, with the longest time constant that a section may have."""
     folder = DOCS.parent / "datasets" / "waveforms"
     held_out = [log(path) for path in sorted(folder.glob("waveform_*.csv"))]
@@ -150,26 +128,25 @@ def slowest() -> Table:
             made = recipe(slowest=bound, **settings)
             model = fit_motion([log(path) for path in sorted(folder.glob(pattern))], made).model
             wrong = [simulate(model, one.columns) - one.columns["displacement"] for one in held_out]
-            errors.append(float(np.sqrt(np.mean(np.concatenate(wrong) ** 2))))
+            errors.append(rms(np.concatenate(wrong)))
         rows.append((f"{bound:g} s", *errors))
-    columns = (Column("slowest"), Column("linear", "cm", ".3f"), Column("piecewise", "cm", ".3f"))
-    return Table("slowest", "RMSE over all seven waveforms, by the bound on the time constants", columns, tuple(rows))
+    columns = ("slowest", "linear [cm] .3f", "piecewise [cm] .3f")
+    return Table.of("slowest", "RMSE over all seven waveforms, by the bound on the time constants", columns, rows)
 
 
 def waveforms(runs: Path) -> Table:
     """RMSE over the last wavelength of every waveform, by model, with the greatest error."""
-    run = finished(Entry(CONFIGS / "motion" / "dmsp-20-400-waveforms.yaml", ()), runs).run_dir
-    dataset, found = read_dataset(run / "ingest.h5"), read_validation(run / "validate.h5").predictions
+    files = run("motion/dmsp-20-400-waveforms", runs)
+    dataset, found = files.dataset(), files.validation().predictions
     rows: list[tuple[Cell, ...]] = []
     for number, curve in enumerate(dataset.curves):
         if not curve.held_out.all():
             continue
-        measured, u = curve.columns["displacement"], curve.columns["input"]
-        errors = [motion_errors(measured, found[model][number], u, STEP) for model in found]
+        errors = [motion_errors(curve.columns["displacement"], one[number], curve.columns["input"], STEP) for one in found.values()]
         rows.append((curve.id.removeprefix("waveform_"), *(error.displacement_rmse for error in errors)))
         rows.append((f"{curve.id.removeprefix('waveform_')}, largest", *(error.max_displacement for error in errors)))
-    columns = (Column("waveform"), *(Column(model, "cm", ".2f") for model in found))
-    return Table("waveforms", "Errors over one wavelength", columns, tuple(rows))
+    columns = ("waveform", *(f"{model} [cm] .2f" for model in found))
+    return Table.of("waveforms", "Errors over one wavelength", columns, rows)
 
 
 READINGS: Mapping[str, dict[str, object]] = {
@@ -223,7 +200,7 @@ def agreement(errors: Mapping[str, Array]) -> float:
     return float(np.mean([kendalltau(errors[wave], said).statistic for wave, said in printed_errors().items()]))
 
 
-def readings() -> Table:
+def readings(_runs: Path) -> Table:
     """Compare both readings with table 3, over seeds."""
     rows: list[tuple[Cell, ...]] = []
     for name in READINGS:
@@ -232,25 +209,13 @@ def readings() -> Table:
         each_seed = [agreement({wave: each[k] for wave, each in errors.items()}) for k in range(len(READING_SEEDS))]
         winners = sum(int(np.argmin(medians[wave])) == int(np.argmin(said)) for wave, said in printed_errors().items())
         first = [sum(int(np.argmin(each[k])) == 0 for each in errors.values()) for k in range(len(READING_SEEDS))]
-        rows.append(
-            (
-                name,
-                agreement(medians),
-                float(np.mean(each_seed)),
-                float(np.std(each_seed)),
-                f"{winners} of 7",
-                f"{min(first)} to {max(first)} of 7",
-            )
-        )
+        words = (f"{winners} of 7", f"{min(first)} to {max(first)} of 7")
+        rows.append((name, agreement(medians), float(np.mean(each_seed)), float(np.std(each_seed)), *words))
     columns = (
-        Column("reading"),
-        Column("tau of the medians", "", ".2f"),
-        Column("tau of a seed, mean", "", ".2f"),
-        Column("tau of a seed, deviation", "", ".2f"),
-        Column("best model as printed"),
-        Column("linear is best"),
+        *("reading", "tau of the medians .2f", "tau of a seed, mean .2f", "tau of a seed, deviation .2f"),
+        *("best model as printed", "linear is best"),
     )
-    return Table("readings", "Two readings of P's text beside its table 3, 20 seeds", columns, tuple(rows))
+    return Table.of("readings", "Two readings of P's text beside its table 3, 20 seeds", columns, rows)
 
 
 def sections(runs: Path) -> Table:
@@ -258,32 +223,31 @@ def sections(runs: Path) -> Table:
     scores = campaign("motion_sections", runs)
     rows: list[tuple[Cell, ...]] = []
     for name, own in scores.pooled.items():
-        fits = {model: read_fit(runs / folder / "fit.h5").motion for model, folder in (("hard", name), ("shared", f"{name}.shared_state"))}
-        hard = fits["hard"]
+        hard = RunFiles(runs / name).fit().motion
         assert hard is not None
         simulations = sum(search.evaluations for search in hard.searches)
         seconds = [fit_seconds(runs / folder) for folder in (name, f"{name}.shared_state")]
         errors = (own["mapmore"].rmse, own["shared_state"].rmse)
         rows.append((name, len(hard.model.sections), *errors, simulations, *seconds))
     columns = (
-        Column("run"),
-        Column("sections, rise and fall"),
-        Column("RMSE, hard", "cm", ".3f"),
-        Column("RMSE, shared state", "cm", ".3f"),
-        Column("simulations"),
-        Column("fit, hard", "s", ".1f"),
-        Column("fit, shared state", "s", ".1f"),
+        "run",
+        "sections, rise and fall",
+        "RMSE, hard [cm] .3f",
+        "RMSE, shared state [cm] .3f",
+        "simulations",
+        "fit, hard [s] .1f",
+        "fit, shared state [s] .1f",
     )
-    return Table("sections", "How many sections?", columns, tuple(rows))
+    return Table.of("sections", "How many sections?", columns, rows)
 
 
 def loads(runs: Path) -> Table:
     """Errors under loads that were not seen, with and without the load."""
-    folder = run("motion/dmsp-20-400-loads", runs)
-    trained, new = scores(folder, "train"), scores(folder, "validate")
-    rows = tuple((name, trained[name].rmse, new[name].rmse) for name in new)
-    columns = (Column("model"), Column("RMSE, loads that train", "cm", ".3f"), Column("loads between", "cm", ".3f"))
-    return Table("loads", "One sine under five loads, of which two are held out", columns, rows)
+    files = run("motion/dmsp-20-400-loads", runs)
+    trained, new = scores(files, "train"), scores(files)
+    rows = ((name, trained[name].rmse, new[name].rmse) for name in new)
+    columns = ("model", "RMSE, loads that train [cm] .3f", "loads between [cm] .3f")
+    return Table.of("loads", "One sine under five loads, of which two are held out", columns, rows)
 
 
 def fit_seconds(run: Path) -> float:
@@ -291,19 +255,6 @@ def fit_seconds(run: Path) -> float:
     return float(json.loads((run / "run.json").read_text(encoding="utf-8"))["stages"]["fit"]["seconds"])
 
 
-def tables(runs: Path) -> Mapping[str, Callable[[], Table]]:
-    """Every table of the page, by its name there."""
-    return {
-        "poles": poles,
-        "solvers": solvers,
-        "slowest": slowest,
-        "waveforms": lambda: waveforms(runs),
-        "readings": readings,
-        "sections": lambda: sections(runs),
-        "loads": lambda: loads(runs),
-        "coiled_motion": lambda: nrmse_table(campaign("coiled_motion", runs)),
-    }
-
-
 if __name__ == "__main__":
-    write_tables(DOCS / "motion.md", tables(Path(sys.argv[1])))
+    tables = (poles, solvers, slowest, waveforms, readings, sections, loads)
+    write_page("motion.md", {**{table.__name__: table for table in tables}, "coiled_motion": of_campaign("coiled_motion")})

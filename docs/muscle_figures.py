@@ -16,7 +16,6 @@ from muscle_tables import joint_forces
 from pages import DOCS, printed, run
 
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.storage.artefacts import read_dataset, read_validation
 
 FIGURES = DOCS / "figures"
 EVERY = 10
@@ -61,7 +60,7 @@ def biological_velocity(v: Array) -> Array:
 
 def curves(runs: Path) -> Iterator[Line]:
     """Normalised forces of H's figure 4, for H's printed and our simulated 16 cm muscle."""
-    fit = read_validation(run("muscle-like/muscle-like-16cm", runs) / "validate.h5").formulas["muscle_like"].parameters
+    fit = run("muscle-like/muscle-like-16cm", runs).validation().formulas["muscle_like"].parameters
     said = {name: float(v) for name, v in next(r for r in printed("h_table_1.csv") if r["muscle"] == "16 cm").items() if name in fit}
     share = np.linspace(0.0, 1.0, 101)
     longest, fastest = 0.03, 0.2
@@ -83,9 +82,8 @@ def curves(runs: Path) -> Iterator[Line]:
 
 def identification(runs: Path) -> Iterator[Line]:
     """H's figure 3: force over elongation at every initial pressure, and a second of it beside the model."""
-    folder = run("muscle-like/muscle-like-16cm", runs)
-    dataset, predicted = read_dataset(folder / "ingest.h5"), read_validation(folder / "validate.h5").predictions["muscle_like"]
-    for curve, force in zip(dataset.curves, predicted, strict=True):
+    files = run("muscle-like/muscle-like-16cm", runs)
+    for curve, force in zip(files.dataset().curves, files.validation().predictions["muscle_like"], strict=True):
         columns = curve.columns
         initial = f"{columns['initial'][0]:g} kPa"
         yield "elongation", initial, 1e3 * columns["length"][::EVERY], columns["force"][::EVERY]
@@ -158,7 +156,7 @@ def figure(lines: Sequence[Line]) -> Any:
 
 def drawn(runs: Path, names: Sequence[str] = tuple(LINES)) -> dict[str, str]:
     """Return the figures as `<svg>` elements."""
-    from mapmore_cli.reporting.figures.saving import to_svg
+    from mapmore_cli.reporting.figures.drawing import to_svg
     from mapmore_cli.reporting.figures.style import figure_style
 
     with figure_style():
@@ -167,7 +165,7 @@ def drawn(runs: Path, names: Sequence[str] = tuple(LINES)) -> dict[str, str]:
 
 def write(runs: Path, folder: Path | None = None) -> None:
     """Every figure with its numbers; as PDF too where a folder is named."""
-    from mapmore_cli.reporting.figures.saving import SVG_PROLOGUE, WRITERS
+    from mapmore_cli.reporting.figures.drawing import SVG_PROLOGUE, WRITERS
     from mapmore_cli.reporting.figures.style import figure_style
 
     for name, svg in drawn(runs).items():

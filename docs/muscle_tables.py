@@ -6,12 +6,12 @@
 from __future__ import annotations
 
 import math
-import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 
 import numpy as np
-from pages import CONFIGS, DOCS, printed, run, scores, write_tables
+from pages import printed, r2, rms, run, scores, write_page
 from scipy.optimize import brentq, least_squares
 
 from mapmore_cli.domain.arrays import Array, Columns
@@ -20,14 +20,10 @@ from mapmore_cli.modelling.literature.backbone import pooled
 from mapmore_cli.modelling.literature.formula import Formula
 from mapmore_cli.modelling.literature.identifiability import half_width
 from mapmore_cli.modelling.validation.metrics import uncentred
-from mapmore_cli.pipeline.runner import bring_up_to_date
-from mapmore_cli.reporting.table import Cell, Column, Table
-from mapmore_cli.spec.loader import load
-from mapmore_cli.storage.artefacts import read_dataset, read_validation
+from mapmore_cli.reporting.table import Cell, Table
 
 Predict = Callable[[Mapping[str, float], Columns], Array]
 
-LENGTHS = ("22", "16", "12")
 INITIAL = (200, 300, 400, 500, 600)
 BAR, GRAVITY = 100.0, 9.81
 WRIST = {"diameter": 0.010}
@@ -64,7 +60,7 @@ def printed_parameters(model: str) -> dict[str, float]:
     return {**WRIST, **found}
 
 
-def rebuilt_table() -> Table:
+def rebuilt_table(_runs: Path) -> Table:
     """R of the printed parameters and of converged fits on the rebuilt points."""
     columns, force = rebuilt_points()
     rows: list[tuple[Cell, ...]] = []
@@ -74,28 +70,17 @@ def rebuilt_table() -> Table:
         as_printed = formula.predict(printed_parameters(model), columns)
         fit = formula.fit(columns, force)
         ours = formula.predict(fit.parameters, columns)
-        rmse = (round(float(np.sqrt(np.mean((y - force) ** 2))), 6) for y in (as_printed, ours))
+        rmse = (round(rms(y - force), 6) for y in (as_printed, ours))
         pearson = float(np.corrcoef(as_printed, force)[0, 1])
         found = uncentred(force, as_printed), pearson, uncentred(force, ours)
         rows.append((model, said["equation"], float(said["r"]), *found, *rmse, fit.status.replace("_", " ")))
-    heads = ("printed R", "R of the printed parameters", "Pearson's", "R, converged")
-    return Table(
-        "rebuilt",
-        "W's models on points rebuilt from its eq 12",
-        (
-            Column("model"),
-            Column("eq"),
-            *(Column(head, "", ".4f") for head in heads),
-            Column("RMSE, printed", "N", ".3g"),
-            Column("RMSE, converged", "N", ".3g"),
-            Column("status"),
-        ),
-        tuple(rows),
-        ("R is about zero (uncentred), as W's is.",),
-    )
+    heads = (f"{head} .4f" for head in ("printed R", "R of the printed parameters", "Pearson's", "R, converged"))
+    columns_ = ("model", "eq", *heads, "RMSE, printed [N] .3g", "RMSE, converged [N] .3g", "status")
+    title = "W's models on points rebuilt from its eq 12"
+    return Table.of("rebuilt", title, columns_, rows, "R is about zero (uncentred), as W's is.")
 
 
-def inert_table() -> Table:
+def inert_table(_runs: Path) -> Table:
     """Test how W's eq 8 and 9 were fitted: with `exp(-P)` of a pressure in kPa or Pa, a_k has no effect and keeps its start, 3.55."""
     columns, force = rebuilt_points()
     rows: list[tuple[Cell, ...]] = []
@@ -115,15 +100,15 @@ def inert_table() -> Table:
         words = ", ".join(f"{row['parameter']} {row['printed']}" for row in printed("w_models.csv") if row["model"] == model)
         rows.append((equation, words, float(said["r"]), float(said["r2"]), math.sqrt(float(said["r2"])), as_printed, best))
     heads = (
-        Column("eq"),
-        Column("printed"),
-        Column("printed R", "", ".4f"),
-        Column("printed R²", "", ".4f"),
-        Column("its root", "", ".4f"),
-        Column("R of the printed parameters, a_k inert", "", ".4f"),
-        Column("least squares, a_k inert"),
+        "eq",
+        "printed",
+        "printed R .4f",
+        "printed R² .4f",
+        "its root .4f",
+        "R of the printed parameters, a_k inert .4f",
+        "least squares, a_k inert",
     )
-    return Table("inert", "W's eq 8 and 9 with a_k inert, on the rebuilt points", heads, tuple(rows))
+    return Table.of("inert", "W's eq 8 and 9 with a_k inert, on the rebuilt points", heads, rows)
 
 
 def size_of_eq_3() -> float:
@@ -133,19 +118,16 @@ def size_of_eq_3() -> float:
     return float(theirs @ force / (theirs @ theirs))
 
 
-def score_rows(folder: Path, split: str, title: str, name: str) -> Table:
-    """Return a run's scores with the correlation about zero."""
-    rows = tuple((m, s.n, s.r_uncentred, s.r2, s.rmse, 100 * s.nrmse, s.max_abs_error) for m, s in scores(folder, split).items())
-    columns = (
-        Column("model"),
-        Column("samples"),
-        Column("R, uncentred", "", ".4f"),
-        Column("R²", "", ".4f"),
-        Column("RMSE", "N", ".3g"),
-        Column("NRMSE", "%", ".3g"),
-        Column("max error", "N", ".3g"),
-    )
-    return Table(name, title, columns, rows)
+def score_rows(config: str, split: str, title: str, name: str) -> Callable[[Path], Table]:
+    """Return what makes the table of a run's scores with the correlation about zero."""
+
+    def table(runs: Path) -> Table:
+        found = scores(run(config, runs), split)
+        rows = ((m, s.n, s.r_uncentred, s.r2, s.rmse, 100 * s.nrmse, s.max_abs_error) for m, s in found.items())
+        columns = ("model", "samples", "R, uncentred .4f", "R² .4f", "RMSE [N] .3g", "NRMSE [%] .3g", "max error [N] .3g")
+        return Table.of(name, title, columns, rows)
+
+    return table
 
 
 BOTH_WAYS = {
@@ -155,9 +137,9 @@ BOTH_WAYS = {
 """W's models by study; the diameter of the gel muscle is not known, so its area is fitted."""
 
 
-def both_ways(study: str, folder: Path) -> Table:
+def both_ways(study: str, runs: Path) -> Table:
     """W's models fitted to the error of the force, and to that of the strain: the error of both, and where strains are out of reach."""
-    dataset = read_dataset(folder / "ingest.h5")
+    dataset = run({"wrist": "wrist/wrist-static", "pgm": "pgm/pgm_force"}[study], runs, until="ingest").dataset()
     columns = pooled([(curve, np.ones(curve.size, dtype=np.bool_)) for curve in dataset.curves])
     force, rows = columns.pop(dataset.target), list[tuple[Cell, ...]]()
     for model in BOTH_WAYS[study]:
@@ -167,36 +149,23 @@ def both_ways(study: str, folder: Path) -> Table:
             fit = formula.fit(columns, force) if way == "force" else formula.fit_along(columns, force, way)
             strain = formula.solved(fit, columns, force, "strain") - columns["strain"]
             reached = np.isfinite(strain)
-            errors = math.sqrt(fit.sse / fit.samples), 100 * float(np.sqrt(np.mean(strain[reached] ** 2)))
+            errors = math.sqrt(fit.sse / fit.samples), 100 * rms(strain[reached])
             rows.append((f"{model}, {way}", *errors, int(np.sum(~reached)), fit.status.replace("_", " ")))
-    heads = (
-        Column("model, fitted to the error of"),
-        Column("RMSE of the force", "N", ".3g"),
-        Column("RMSE of the strain", "% strain", ".3g"),
-        Column("no strain"),
-        Column("status"),
-    )
+    heads = ("model, fitted to the error of", "RMSE of the force [N] .3g", "RMSE of the strain [% strain] .3g", "no strain", "status")
     note = "No strain: samples whose force the formula does not reach at their pressure; they are in no RMSE of the strain."
     what = {"wrist": "The simulated table", "pgm": "The measured gel muscle"}[study]
-    return Table(f"both-ways-{study}", f"{what}: fitted to the error of the force, and to that of the strain", heads, tuple(rows), (note,))
+    return Table.of(f"both-ways-{study}", f"{what}: fitted to the error of the force, and to that of the strain", heads, rows, note)
 
 
-def wrist_tables(runs: Path) -> Mapping[str, Callable[[], Table]]:
-    """Every table of docs/wrist.md."""
-    whole, held_out = run("wrist/wrist-static", runs), run("wrist/wrist-static-held-out", runs)
-    return {
-        "rebuilt": rebuilt_table,
-        "inert": inert_table,
-        "simulated": lambda: score_rows(whole, "train", "The simulated table, scored as W does: on the points of the fit", "simulated"),
-        "held-out": lambda: score_rows(held_out, "validate", "2, 4 and 6 bar held out", "held-out"),
-        "both-ways-wrist": lambda: both_ways("wrist", whole),
-    }
-
-
-def measured_wrist_tables(runs: Path) -> Mapping[str, Callable[[], Table]]:
-    """Return the table of docs/wrist.md that needs measured data."""
-    loaded = load(CONFIGS / "pgm" / "pgm_force.yaml")
-    return {"both-ways-pgm": lambda: both_ways("pgm", bring_up_to_date(loaded, runs, "ingest").run_dir)}
+WRIST_TABLES: Mapping[str, Callable[[Path], Table]] = {
+    "rebuilt": rebuilt_table,
+    "inert": inert_table,
+    "simulated": score_rows("wrist/wrist-static", "train", "The simulated table, scored as W does: on the points of the fit", "simulated"),
+    "held-out": score_rows("wrist/wrist-static-held-out", "validate", "2, 4 and 6 bar held out", "held-out"),
+    "both-ways-wrist": partial(both_ways, "wrist"),
+    "both-ways-pgm": partial(both_ways, "pgm"),
+}
+"""Every table of docs/wrist.md; the last one needs measured data."""
 
 
 # H ------------------------------------------------------------------------------------------------------------------------------------
@@ -207,16 +176,15 @@ def table_1(runs: Path) -> Table:
     rows: list[tuple[Cell, ...]] = []
     for said in printed("h_table_1.csv"):
         length = said["muscle"].removesuffix(" cm")
-        folder = run(f"muscle-like/muscle-like-{length}cm", runs)
-        fit = read_validation(folder / "validate.h5").formulas["muscle_like"]
-        row = scores(folder, "validate")["muscle_like"]
+        files = run(f"muscle-like/muscle-like-{length}cm", runs)
+        fit, row = files.validation().formulas["muscle_like"], scores(files)["muscle_like"]
         for name, value in fit.parameters.items():
             reach = half_width(fit.errors[name], fit.samples - fit.rank)
             rows.append((f"{said['muscle']}: {name}", float(said[name]), value, reach))
         rows.append((f"{said['muscle']}: R²", float(said["r2"]) if said["r2"] else "above .98", row.r2, None))
-    columns = (Column("parameter"), Column("H, table I", "", ".6g"), Column("simulated muscle", "", ".4g"), Column("± 95 %", "", ".2g"))
+    columns = ("parameter", "H, table I .6g", "simulated muscle .4g", "± 95 % .2g")
     note = "The simulated muscles are others than H's: only signs and sizes can be held against each other."
-    return Table("table-1", "The muscle-like model of three muscles", columns, tuple(rows), (note,))
+    return Table.of("table-1", "The muscle-like model of three muscles", columns, rows, note)
 
 
 SPLITS = {
@@ -230,33 +198,31 @@ def splits_table(runs: Path) -> Table:
     config, rows = "muscle-like/muscle-like-16cm", list[tuple[Cell, ...]]()
     models = ("mapmore", "muscle_like", "polynomial_3")
     for label, overrides in SPLITS.items():
-        found = scores(run(config, runs, *overrides), "validate")
+        found = scores(run(config, runs, *overrides))
         rows.append((label, found["mapmore"].n, *(found[m].rmse for m in models), *(found[m].r2 for m in models)))
     folds = [
-        scores(run(config, runs, f"name=muscle-like-16cm.without-{p}", f"data.split={{validate: {{initial: [{p}]}}}}"), "validate")
-        for p in INITIAL
+        scores(run(config, runs, f"name=muscle-like-16cm.without-{p}", f"data.split={{validate: {{initial: [{p}]}}}}")) for p in INITIAL
     ]
     count = sum(fold["mapmore"].n for fold in folds)
     pooled = (math.sqrt(sum(fold[m].n * fold[m].rmse ** 2 for fold in folds) / count) for m in models)
     rows.append(("each initial pressure in turn", count, *pooled, *(min(fold[m].r2 for fold in folds) for m in models)))
-    columns = (
-        Column("held out"),
-        Column("samples"),
-        *(Column(f"{m}, RMSE", "N", ".3g") for m in models),
-        *(Column(f"{m}, R²", "", ".4f") for m in models),
-    )
-    return Table(
-        "splits", "Three splits of the 16 cm muscle's record", columns, tuple(rows), ("R² of the last row: that of the worst fold.",)
-    )
+    columns = ("held out", "samples", *(f"{m}, RMSE [N] .3g" for m in models), *(f"{m}, R² .4f" for m in models))
+    note = "R² of the last row: that of the worst fold."
+    return Table.of("splits", "Three splits of the 16 cm muscle's record", columns, rows, note)
+
+
+def muscle_like(study: str, runs: Path) -> Callable[[Columns], Array]:
+    """Return H's model as a study of `configs/muscle-like` fitted it: force of a muscle, N, `(n,)`."""
+    fit = run(f"muscle-like/{study}", runs).validation().formulas["muscle_like"]
+    return lambda columns: literature.get("muscle_like").predict(fit.parameters, columns)
 
 
 def joint_forces(runs: Path, experiment: str) -> Iterator[tuple[str, Array, Array, Array]]:
     """Muscle, time (s), measured force and that of its model (N), each (n,): the models were identified one by one at closed valves."""
-    columns = read_dataset(run(f"muscle-like/muscle-like-joint-{experiment}", runs) / "ingest.h5").curves[0].columns
+    columns = run(f"muscle-like/muscle-like-joint-{experiment}", runs).dataset().curves[0].columns
     for number, muscle, length in ((2, "extensor", "22"), (1, "flexor", "16")):
-        fit = read_validation(run(f"muscle-like/muscle-like-{length}cm", runs) / "validate.h5").formulas["muscle_like"]
         inputs = {"pressure": columns[f"p{number}"], "length": columns[f"l{number}"], "velocity": columns[f"v{number}"]}
-        yield muscle, columns["time"], columns[muscle], literature.get("muscle_like").predict(fit.parameters, inputs)
+        yield muscle, columns["time"], columns[muscle], muscle_like(f"muscle-like-{length}cm", runs)(inputs)
 
 
 JOINTS = {"closed": "closed", "driven": "driven, 50 to 500 kPa", "driven-200": "driven, 200 to 500 kPa"}
@@ -268,60 +234,42 @@ def joint_table(runs: Path) -> Table:
     rows: list[tuple[Cell, ...]] = []
     said = {(row["experiment"], row["muscle"]): row["r2"] for row in printed("h_verification.csv")}
     for experiment, word in JOINTS.items():
-        folder = run(f"muscle-like/muscle-like-joint-{experiment}", runs)
         for muscle, _, force, predicted in joint_forces(runs, experiment):
             here = said[experiment.removesuffix("-200"), muscle] or "not printed"
-            rows.append((f"{word}: {muscle}", here, *_r2_and_rmse(force, predicted)))
-            if experiment == "driven":
-                rows.append((f"{word}: {muscle}, never below zero", here, *_r2_and_rmse(force, np.maximum(predicted, 0.0))))
-        found = scores(folder, "validate")
+            shown = {"": predicted} | ({", never below zero": np.maximum(predicted, 0.0)} if experiment == "driven" else {})
+            rows += [(f"{word}: {muscle}{how}", here, r2(force, one), rms(one - force)) for how, one in shown.items()]
+        found = scores(run(f"muscle-like/muscle-like-joint-{experiment}", runs))
         words = {"mapmore": "difference of both", "identified_here": "the same, identified from the first half of this record"}
         for model, name in words.items():
             rows.append((f"{word}: {name}", None, found[model].r2, found[model].rmse))
-    heads = (Column("force"), Column("H, R²"), Column("R²", "", ".4f"), Column("RMSE", "N", ".3g"))
-    return Table("joint", "The joint: muscle-like models, identified at closed valves where nothing else is said", heads, tuple(rows))
+    heads = ("force", "H, R²", "R² .4f", "RMSE [N] .3g")
+    return Table.of("joint", "The joint: muscle-like models, identified at closed valves where nothing else is said", heads, rows)
 
 
-def _r2_and_rmse(force: Array, predicted: Array) -> tuple[float, float]:
-    error = predicted - force
-    return 1 - float(np.sum(error**2) / np.sum((force - force.mean()) ** 2)), float(np.sqrt(np.mean(error**2)))
+def one_run(config: str, name: str, title: str, unit: str) -> Callable[[Path], Table]:
+    """Return what makes the table of held-out and training scores of a run."""
+
+    def table(runs: Path) -> Table:
+        files = run(f"muscle-like/{config}", runs)
+        train = scores(files, "train")
+        rows = ((m, s.n, s.rmse, 100 * s.nrmse, s.r2, 100 * train[m].nrmse) for m, s in scores(files).items())
+        columns = ("model", "samples", f"RMSE [{unit}] .3g", "NRMSE [%] .3g", "R² .4f", "training NRMSE [%] .3g")
+        return Table.of(name, title, columns, rows)
+
+    return table
 
 
-def one_run(config: str, runs: Path, name: str, title: str, unit: str) -> Table:
-    """Held-out and training scores of a run."""
-    folder = run(config, runs)
-    held_out, train = scores(folder, "validate"), scores(folder, "train")
-    rows = tuple((m, s.n, s.rmse, 100 * s.nrmse, s.r2, 100 * train[m].nrmse) for m, s in held_out.items())
-    columns = (
-        Column("model"),
-        Column("samples"),
-        Column("RMSE", unit, ".3g"),
-        Column("NRMSE", "%", ".3g"),
-        Column("R²", "", ".4f"),
-        Column("training NRMSE", "%", ".3g"),
-    )
-    return Table(name, title, columns, rows)
-
-
-def muscle_like_tables(runs: Path) -> Mapping[str, Callable[[], Table]]:
-    """Every table of docs/muscle-like.md."""
-    return {
-        "table-1": lambda: table_1(runs),
-        "splits": lambda: splits_table(runs),
-        "joint": lambda: joint_table(runs),
-        "closed-valves": lambda: one_run(
-            "muscle-like/muscle-like-closed-valves", runs, "closed-valves", "Pressure at closed valves, 300 and 500 kPa held out", "kPa"
-        ),
-        "antagonist": lambda: one_run("muscle-like/antagonist-pam", runs, "antagonist", "The measured pair, blocks of 3 s held out", "N"),
-    }
-
-
-def main(arguments: Sequence[str]) -> None:
-    """Bring the runs up to date and write both pages."""
-    runs = Path(arguments[0])
-    write_tables(DOCS / "wrist.md", {**wrist_tables(runs), **measured_wrist_tables(runs)})
-    write_tables(DOCS / "muscle-like.md", muscle_like_tables(runs))
+CLOSED = "Pressure at closed valves, 300 and 500 kPa held out"
+MUSCLE_LIKE_TABLES: Mapping[str, Callable[[Path], Table]] = {
+    "table-1": table_1,
+    "splits": splits_table,
+    "joint": joint_table,
+    "closed-valves": one_run("muscle-like-closed-valves", "closed-valves", CLOSED, "kPa"),
+    "antagonist": one_run("antagonist-pam", "antagonist", "The measured pair, blocks of 3 s held out", "N"),
+}
+"""Every table of docs/muscle-like.md."""
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    write_page("wrist.md", WRIST_TABLES)
+    write_page("muscle-like.md", MUSCLE_LIKE_TABLES)

@@ -6,16 +6,15 @@
 from __future__ import annotations
 
 import os
-import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
 from actuator_joint import chained, turned
-from muscle_tables import joint_forces
-from pages import DOCS, run, scores, write_tables
+from muscle_tables import joint_forces, muscle_like
+from pages import DOCS, r2, rms, run, scores, write_page
 from scipy.optimize import minimize_scalar
 from wrist_loop import Force, ModelMuscles, RigMuscles, Wrist, followed, lag_of
 
@@ -23,22 +22,15 @@ import mapmore_cli
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.kinds import predict
-from mapmore_cli.reporting.table import Cell, Column, Table
+from mapmore_cli.reporting.table import Cell, Table
 from mapmore_cli.rig.air import Air, ClosedMuscle, Regulator
 from mapmore_cli.rig.antagonists import Joint
 from mapmore_cli.rig.muscle import Rubber
 from mapmore_cli.spec.loader import load_as
 from mapmore_cli.spec.simulation import Antagonists, McKibbenMuscle, SimulationSpec
-from mapmore_cli.storage.artefacts import read_dataset, read_model, read_validation
 from mapmore_cli.study.simulate import KPA, braid_of, hysteresis_of, joint_of
 
 DATASETS = DOCS.parent / "datasets"
-
-
-def rmse_and_r2(truth: Array, found: Array) -> tuple[float, float]:
-    """Root mean square error, and its coefficient of determination."""
-    error = found - truth
-    return float(np.sqrt(np.mean(error**2))), 1 - float(np.sum(error**2) / np.sum((truth - truth.mean()) ** 2))
 
 
 # H ------------------------------------------------------------------------------------------------------------------------------------
@@ -69,14 +61,9 @@ def behind_tendon(columns: Columns, predicted: Predict, stiffness: float) -> Arr
     return force
 
 
-def in_series(muscle: Predict, stiffness: float) -> Predict:
-    """Return the force of a muscle behind a tendon."""
-    return lambda columns: behind_tendon(columns, muscle, stiffness)
-
-
 def tendon_found(study: str, runs: Path, identified: Callable[[float], Predict]) -> float:
     """Return the stiffness (N/m) with the least error on a study's training samples; `identified` is the muscle that goes with one."""
-    curves = read_dataset(run(f"muscle-like/{study}", runs) / "ingest.h5").curves
+    curves = run(f"muscle-like/{study}", runs).dataset().curves
 
     def error(power: float) -> float:
         muscle = identified(10.0**power)
@@ -88,7 +75,7 @@ def tendon_found(study: str, runs: Path, identified: Callable[[float], Predict])
 
 def muscle_behind(study: str, runs: Path, stiffness: float) -> Predict:
     """Return H's model, fitted to the muscle's own length and velocity, which follow from the measured force and a tendon's stiffness."""
-    curves = read_dataset(run(f"muscle-like/{study}", runs) / "ingest.h5").curves
+    curves = run(f"muscle-like/{study}", runs).dataset().curves
     own = [of_the_muscle(one.columns, one.columns["force"], stiffness) for one in curves]
     columns = {name: np.concatenate([x[name][one.training] for x, one in zip(own, curves, strict=True)]) for name in own[0]}
     formula = literature.get("muscle_like")
@@ -96,52 +83,48 @@ def muscle_behind(study: str, runs: Path, stiffness: float) -> Predict:
     return lambda given: formula.predict(fit.parameters, given)
 
 
-def muscle_like(study: str, runs: Path) -> Predict:
-    """Return H's model as a study of `configs/muscle-like` fitted it."""
-    fit = read_validation(run(f"muscle-like/{study}", runs) / "validate.h5").formulas["muscle_like"]
-    return lambda columns: literature.get("muscle_like").predict(fit.parameters, columns)
-
-
 def held_out(study: str, runs: Path, predicted: Predict, shortest: float = -np.inf) -> tuple[int, float, float]:
     """Return samples, RMSE (N) and R² of predictions of a study's records, where they are held out and not shorter than `shortest`."""
-    curves = read_dataset(run(f"muscle-like/{study}", runs) / "ingest.h5").curves
+    curves = run(f"muscle-like/{study}", runs).dataset().curves
     rows = [curve.held_out & (curve.columns["length"] >= shortest) for curve in curves]
     found = np.concatenate([predicted(curve.columns)[own] for curve, own in zip(curves, rows, strict=True)])
     force = np.concatenate([curve.columns["force"][own] for curve, own in zip(curves, rows, strict=True)])
-    return len(force), *rmse_and_r2(force, found)
+    return len(force), rms(found - force), r2(force, found)
 
 
 def outlook(runs: Path) -> Table:
     """Return how H's model does at controlled valves, behind a tendon, and on a joint whose motion does not repeat."""
     closed, valves, tendon = "muscle-like-16cm", "muscle-like-valves", "muscle-like-tendon"
     before = muscle_like(closed, runs)
-    (record,) = read_dataset(run(f"muscle-like/{valves}", runs) / "ingest.h5").curves
+    (record,) = run(f"muscle-like/{valves}", runs).dataset().curves
     common = float(record.columns["length"].min())
     alone, both = (tendon_found(tendon, runs, one) for one in (lambda _stiffness: before, partial(muscle_behind, tendon, runs)))
+    known, found, together = (
+        partial(behind_tendon, predicted=muscle, stiffness=stiffness)
+        for muscle, stiffness in ((before, TENDON), (before, alone), (muscle_behind(tendon, runs, both), both))
+    )
+    there = muscle_like(valves, runs)
     rows: list[tuple[Cell, ...]] = [
         ("closed valves: identified there", *held_out(closed, runs, before)),
-        ("closed valves: identified at controlled valves", *held_out(closed, runs, muscle_like(valves, runs))),
+        ("closed valves: identified at controlled valves", *held_out(closed, runs, there)),
         ("closed valves, common lengths: identified there", *held_out(closed, runs, before, common)),
-        (
-            "closed valves, common lengths: identified at controlled valves",
-            *held_out(closed, runs, muscle_like(valves, runs), common),
-        ),
+        ("closed valves, common lengths: identified at controlled valves", *held_out(closed, runs, there, common)),
         ("controlled valves: identified at closed valves", *held_out(valves, runs, before)),
-        ("controlled valves: identified there", *held_out(valves, runs, muscle_like(valves, runs))),
+        ("controlled valves: identified there", *held_out(valves, runs, there)),
         ("behind a tendon: the muscle alone", *held_out(tendon, runs, before)),
-        ("behind a tendon: muscle and known tendon", *held_out(tendon, runs, in_series(before, TENDON))),
-        ("behind a tendon: muscle, and a tendon found there", *held_out(tendon, runs, in_series(before, alone))),
-        ("behind a tendon: both identified there", *held_out(tendon, runs, in_series(muscle_behind(tendon, runs, both), both))),
+        ("behind a tendon: muscle and known tendon", *held_out(tendon, runs, known)),
+        ("behind a tendon: muscle, and a tendon found there", *held_out(tendon, runs, found)),
+        ("behind a tendon: both identified there", *held_out(tendon, runs, together)),
         ("behind a tendon: identified there, as a muscle", *held_out(tendon, runs, muscle_like(tendon, runs))),
     ]
     for muscle, _, measured, predicted in joint_forces(runs, "random"):
-        rows.append((f"joint, random: {muscle}", len(measured), *rmse_and_r2(measured, predicted)))
-    found = scores(run("muscle-like/muscle-like-joint-random", runs), "validate")
+        rows.append((f"joint, random: {muscle}", len(measured), rms(predicted - measured), r2(measured, predicted)))
+    joint = scores(run("muscle-like/muscle-like-joint-random", runs))
     for model, words in (("mapmore", "difference of both"), ("identified_here", "the same, identified from its first half")):
-        rows.append((f"joint, random: {words}", found[model].n, found[model].rmse, found[model].r2))
-    heads = (Column("record: model"), Column("samples"), Column("RMSE", "N", ".3g"), Column("R²", "", ".4f"))
+        rows.append((f"joint, random: {words}", joint[model].n, joint[model].rmse, joint[model].r2))
+    heads = ("record: model", "samples", "RMSE [N] .3g", "R² .4f")
     notes = (f"Stiffness of the tendon: {TENDON / 1e3:.0f} N/mm; found {alone / 1e3:.1f}, with the muscle {both / 1e3:.1f}.",)
-    return Table("outlook", "H's model where H leaves it to others (simulated)", heads, tuple(rows), notes)
+    return Table.of("outlook", "H's model where H leaves it to others (simulated)", heads, rows, *notes)
 
 
 # Both models as one unit --------------------------------------------------------------------------------------------------------------
@@ -165,31 +148,28 @@ def random_joint() -> tuple[Joint, Columns]:
 def actuators(runs: Path, samples: int | None = None) -> Table:
     """Return how the joint moves that two exported actuators turn: beside both models one after the other, and beside the rig."""
     joint, record = random_joint()
-    models = [
-        tuple(read_model(run(f"muscle-like/muscle-like-{study}", runs) / "model.h5") for study in pair)
-        for pair in (("16cm-formula", "joint-valve-flexor"), ("22cm-formula", "joint-valve-extensor"))
-    ]
-    pairs = [(force, pressure) for force, pressure in models]
+    names = (("16cm-formula", "joint-valve-flexor"), ("22cm-formula", "joint-valve-extensor"))
+    forces, pressures = ([run(f"muscle-like/muscle-like-{pair[part]}", runs).model() for pair in names] for part in (0, 1))
+    pairs = list(zip(forces, pressures, strict=True))
     record = {name: column[:samples] for name, column in record.items()}
     found = turned(joint, pairs, [record["U_1"], record["U_2"]], STEP)
     rows: list[tuple[Cell, ...]] = []
     later = slice(len(found["angle"]) // 2, None)
+
+    def beside(truth: Array, one: Array) -> tuple[float, float]:
+        return rms((one - truth)[later]), r2(truth[later], one[later])
+
     for which, muscle in ((1, "flexor"), (2, "extensor")):
         force, pair = found[f"force_{which}"], pairs[which - 1]
         apart = float(np.max(np.abs(force - chained(pair, found, which, STEP))) / np.median(np.abs(force)))
-        rows.append((f"{muscle}'s force [N]", apart, *rmse_and_r2(record[f"F_{which}"][later], force[later])))
+        rows.append((f"{muscle}'s force [N]", apart, *beside(record[f"F_{which}"], force)))
     angle, length = np.degrees(found["angle"]), 1e-3 * record["l_1"]
     start = float(joint.strain(0, np.asarray(0.0)))
     rest = joint.muscles[0].taut_strain(*joint.rest) - start
     true = np.degrees((rest * joint.muscles[0].muscle.length - length) / joint.radius)
-    rows.append(("angle [deg]", None, *rmse_and_r2(true[later], angle[later])))
-    heads = (
-        Column("of the joint"),
-        Column("unit beside both `predict`, relative", "", ".1e"),
-        Column("RMSE beside the rig", "", ".3g"),
-        Column("R²", "", ".4f"),
-    )
-    return Table("actuators", "A joint that two exported actuators turn, second half of the record", heads, tuple(rows))
+    rows.append(("angle [deg]", None, *beside(true, angle)))
+    heads = ("of the joint", "unit beside both `predict`, relative .1e", "RMSE beside the rig .3g", "R² .4f")
+    return Table.of("actuators", "A joint that two exported actuators turn, second half of the record", heads, rows)
 
 
 RECORDS = {"staircase": "repeating_take1_20s", "sweep": "sweep_take1_15s"}
@@ -210,8 +190,8 @@ def regulators(_runs: Path) -> Table:
             found = mapmore_cli.fit(frame, columns=columns, target={"column": "pressure"}, validate={"simple": False}, **settings)
             error = [100 * found.scores.of_model(split=split)["nrmse"] for split in ("train", "validate")]
             rows.append((f"{record}, {sensor} sensor", found.equations[0].text, *error))
-    heads = (Column("record"), Column("pressure [kPa]"), Column("training NRMSE", "%", ".3g"), Column("held-out NRMSE", "%", ".3g"))
-    return Table("regulators", "A lag behind a measured regulator", heads, tuple(rows))
+    heads = ("record", "pressure [kPa]", "training NRMSE [%] .3g", "held-out NRMSE [%] .3g")
+    return Table.of("regulators", "A lag behind a measured regulator", heads, rows)
 
 
 # W ------------------------------------------------------------------------------------------------------------------------------------
@@ -237,11 +217,11 @@ def course(seconds: float) -> Array:
 
 def force_of(name: str, runs: Path) -> Force:
     """Return the force of a model of `configs/wrist/wrist-static.yaml`."""
-    folder = run("wrist/wrist-static", runs)
+    files = run("wrist/wrist-static", runs)
     if name == "mapmore":
-        model = read_model(folder / "model.h5")
+        model = files.model()
         return lambda pressure, strain: predict(model, {"pressure": pressure, "strain": strain})
-    fit, formula = read_validation(folder / "validate.h5").formulas[name], literature.get(name)
+    fit, formula = files.validation().formulas[name], literature.get(name)
     return lambda pressure, strain: formula.predict(fit.parameters, {"pressure": pressure, "strain": strain})
 
 
@@ -271,7 +251,7 @@ def _loop(name: str | None, runs: Path, gains: float) -> tuple[Wrist, Force | No
 
 def _error(one: Array, other: Array) -> float:
     """RMSE of an angle, degrees, after the beginning."""
-    return float(np.degrees(np.sqrt(np.mean((one - other)[round(SETTLED / WRIST.period) :] ** 2))))
+    return float(np.degrees(rms((one - other)[round(SETTLED / WRIST.period) :])))
 
 
 def foretold(name: str, runs: Path, gains: float = 1.0) -> float:
@@ -302,26 +282,12 @@ def wrist_loop(runs: Path) -> Table:
     rows: list[tuple[Cell, ...]] = [(name or "nothing", *loops(name, runs), *loops(name, runs, gains=2.0)[:2]) for name in (*MODELS, None)]
     rows.append(("sarosi, on a rig without friction", frictionless("sarosi", runs), None, None, frictionless("sarosi", runs, 2.0), None))
     heads = ("rig: RMSE", "foretold: RMSE", "rig and foretold apart", "rig at twice the gains: RMSE", "foretold at twice the gains: RMSE")
-    columns = (Column("fed forward"), *(Column(head, "deg", ".3g") for head in heads))
+    columns = ("fed forward", *(f"{head} [deg] .3g" for head in heads))
     notes = (f"Lag of the regulator by least squares: {1e3 * lag():.0f} ms.",)
-    return Table("wrist-loop", "W's muscles on a wrist in a closed loop (simulated)", columns, tuple(rows), notes)
-
-
-TABLES: Mapping[str, tuple[str, Callable[[Path], Table]]] = {
-    "outlook": ("muscle-like.md", outlook),
-    "actuators": ("export.md", actuators),
-    "regulators": ("export.md", regulators),
-    "wrist-loop": ("wrist.md", wrist_loop),
-}
-
-
-def main(arguments: Sequence[str]) -> None:
-    """Write the tables, or those that are named behind the folder of runs."""
-    runs, *names = arguments
-    for name in names or TABLES:
-        page, table = TABLES[name]
-        write_tables(DOCS / page, {name: partial(table, Path(runs))})
+    return Table.of("wrist-loop", "W's muscles on a wrist in a closed loop (simulated)", columns, rows, *notes)
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    write_page("muscle-like.md", {"outlook": outlook})
+    write_page("export.md", {"actuators": actuators, "regulators": regulators})
+    write_page("wrist.md", {"wrist-loop": wrist_loop})

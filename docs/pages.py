@@ -8,17 +8,22 @@ from __future__ import annotations
 
 import csv
 import re
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import cache, partial
 from pathlib import Path
 
-from mapmore_cli.domain.scores import Score
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.scores import OWN, Score
 from mapmore_cli.pipeline.runner import bring_up_to_date
-from mapmore_cli.reporting.campaign import CampaignScores
+from mapmore_cli.reporting.campaign import CampaignScores, nrmse_table
 from mapmore_cli.reporting.table import Column, Table, to_markdown
 from mapmore_cli.spec.campaign import Entry, load_campaign
-from mapmore_cli.spec.loader import load
-from mapmore_cli.storage.artefacts import read_validation
+from mapmore_cli.spec.loader import LoadedSpec, load
+from mapmore_cli.storage.run_folder import RunFiles
 from mapmore_cli.study.campaigns.batch import Finished, Job, run_one
 from mapmore_cli.study.campaigns.page import scores_of
 
@@ -32,21 +37,41 @@ def finished(entry: Entry, runs: Path) -> Finished:
     return run_one(Job(entry.config, runs, entry.overrides))
 
 
+@cache
 def campaign(name: str, runs: Path) -> CampaignScores:
     """Return the scores of a shipped campaign."""
     spec, entries = load_campaign(CONFIGS / "campaigns" / f"{name}.yaml")
     return scores_of(spec, {run.name: run for run in (finished(entry, runs) for entry in entries)})
 
 
-def run(config: str, runs: Path, *overrides: str) -> Path:
-    """Return the folder of a shipped study's run, brought up to date but for its report; `config` as `wrist/wrist-static`."""
-    return bring_up_to_date(load(CONFIGS / f"{config}.yaml", overrides), runs, "validate").run_dir
+def shipped(config: str, *overrides: str) -> LoadedSpec:
+    """Return the spec of a shipped study, as `wrist/wrist-static`, with other settings."""
+    return load(CONFIGS / f"{config}.yaml", overrides)
 
 
-def scores(folder: Path, split: str) -> dict[str, Score]:
+def run(config: str, runs: Path, *overrides: str, until: str = "validate") -> RunFiles:
+    """Return the results of a shipped study, brought up to date as far as a stage."""
+    return RunFiles(bring_up_to_date(shipped(config, *overrides), runs, until).run_dir)
+
+
+def scores(files: RunFiles, split: str = "validate") -> dict[str, Score]:
     """Return the pooled rows of a run, by model."""
-    rows = read_validation(folder / "validate.h5").scores
-    return {row.model: row for row in rows if (row.split, row.curve) == (split, "all")}
+    return {row.model: row for row in files.validation().scores if (row.split, row.curve) == (split, "all")}
+
+
+def own(files: RunFiles, split: str = "validate") -> Score:
+    """Return the pooled row of a run's own model."""
+    return scores(files, split)[OWN]
+
+
+def rms(errors: Array) -> float:
+    """Root of the mean square."""
+    return float(np.sqrt(np.mean(errors**2)))
+
+
+def r2(truth: Array, found: Array) -> float:
+    """Coefficient of determination."""
+    return 1 - float(np.sum((found - truth) ** 2) / np.sum((truth - truth.mean()) ** 2))
 
 
 def printed(name: str) -> list[dict[str, str]]:
@@ -69,6 +94,17 @@ def write_tables(page: Path, found: Mapping[str, Callable[[], Table]]) -> None:
         return f"{head}\n{to_markdown(table) if kept is None else _excerpt(table, int(kept), page.stem, name)}{end}"
 
     page.write_text(BLOCK.sub(block, page.read_text(encoding="utf-8")), encoding="utf-8")
+
+
+def of_campaign(name: str) -> Callable[[Path], Table]:
+    """Return what makes the table of errors of a shipped campaign."""
+    return lambda runs: nrmse_table(campaign(name, runs))
+
+
+def write_page(page: str, tables: Mapping[str, Callable[[Path], Table]]) -> None:
+    """Write the tables of a page, or those of them that the command line names behind the folder of runs."""
+    runs, *names = sys.argv[1:]
+    write_tables(DOCS / page, {name: partial(table, Path(runs)) for name, table in tables.items() if name in (names or tables)})
 
 
 def _excerpt(table: Table, kept: int, page: str, name: str) -> str:

@@ -25,7 +25,7 @@ from mapmore_cli.modelling.planning import levels as of_levels
 from mapmore_cli.modelling.planning.points import Committee, Measured
 from mapmore_cli.modelling.validation.intervals import INTERVAL, half_widths, refusal
 from mapmore_cli.pipeline.runner import bring_up_to_date
-from mapmore_cli.reporting.table import Cell, Column, Table
+from mapmore_cli.reporting.table import Cell, Table
 from mapmore_cli.spec.loader import load
 from mapmore_cli.storage.artefacts import read_dataset
 from mapmore_cli.study.planning import formulas_of
@@ -158,11 +158,9 @@ def levels_table(runs: Path) -> Table:
         rows += [(name, k, *(100 * float(one.errors[k - START]) for one in found.values())) for k in counts]
     ratio = np.array([[row[2], row[4], row[5]] for row in rows], dtype=float) / np.array([[row[3]] for row in rows], dtype=float)
     mean = np.exp(np.log(ratio).mean(axis=0))
-    columns = (Column("map"), Column("levels"), *(Column(one, "%", ".2f") for one in ("plan", "equal", "random", "oracle")))
+    columns = ("map", "levels", *(f"{one} [%] .2f" for one in ("plan", "equal", "random", "oracle")))
     note = f"Geometric mean of the ratio to equal distances: plan {mean[0]:.2f}, random {mean[1]:.2f}, oracle {mean[2]:.2f}."
-    return Table(
-        "levels", "RMS error over all levels, in per cent of the largest force, after so many levels", columns, tuple(rows), (note,)
-    )
+    return Table.of("levels", "RMS error over all levels, in per cent of the largest force, after so many levels", columns, rows, note)
 
 
 def stopping_table(runs: Path) -> Table:
@@ -190,14 +188,8 @@ def stopping_table(runs: Path) -> Table:
                     reached += bool(np.quantile(errors, INTERVAL) <= wanted)
                     break
         rows.append((100 * wanted, len(LEVELS), stopped, reached, ", ".join(forecasts)))
-    columns = (
-        Column("wanted", "%", ".0f"),
-        Column("campaigns"),
-        Column("stopped"),
-        Column("reached"),
-        Column("forecast of more, from three levels"),
-    )
-    return Table("stopping", "Campaigns that stop where the widest half width is the wanted one", columns, tuple(rows))
+    columns = ("wanted [%] .0f", "campaigns", "stopped", "reached", "forecast of more, from three levels")
+    return Table.of("stopping", "Campaigns that stop where the widest half width is the wanted one", columns, rows)
 
 
 # Maps ---------------------------------------------------------------------------------------------------------------------------------
@@ -279,11 +271,11 @@ def maps_table(runs: Path) -> Table:
         logs[number] = np.median(np.log(errors / errors[:, :, 1:2]), axis=0)
         middle = 100 * np.median(errors, axis=0)
         rows += [(name.split(",")[0], size, *map(float, row)) for size, row in zip(SIZES, middle, strict=True)]
-    columns = (Column("map"), Column("points"), *(Column(one, "%", ".2f") for one in WAYS))
+    columns = ("map", "points", *(f"{one} [%] .2f" for one in WAYS))
     means = np.exp(logs.mean(axis=0))
     told = [f"{way} {', '.join(f'{one:.2f}' for one in means[:, WAYS.index(way)])}" for way in ("plan", "random", "oracle")]
     note = f"Ratio to equal distances, median over the starts, geometric mean over the maps, at {SIZES} points: {'; '.join(told)}."
-    return Table("maps", "RMS error over the map, in per cent of the largest force, after so many points", columns, tuple(rows), (note,))
+    return Table.of("maps", "RMS error over the map, in per cent of the largest force, after so many points", columns, rows, note)
 
 
 def tables(runs: Path) -> Mapping[str, Callable[[], Table]]:

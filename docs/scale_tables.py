@@ -18,7 +18,7 @@ from pathlib import Path
 
 from pages import CONFIGS, write_tables
 
-from mapmore_cli.reporting.table import Column, Table
+from mapmore_cli.reporting.table import Table
 from mapmore_cli.spec.loader import load
 
 DOCS = Path(__file__).parent
@@ -143,16 +143,16 @@ def limits() -> Table:
             least, took = bounds(loads, workers), simulated(loads, workers)
             rows.append((f"{count} on {workers}", least.client, least.files, least.workers, least.longest, least.limit, took, alone / took))
     columns = (
-        Column("runs on workers"),
-        Column("client", "s", ".1f"),
-        Column("file system", "s", ".1f"),
-        Column("workers", "s", ".1f"),
-        Column("longest run", "s", ".1f"),
-        Column("what limits"),
-        Column("simulated", "s", ".1f"),
-        Column("times faster than one worker", "", ".3g"),
+        "runs on workers",
+        "client [s] .1f",
+        "file system [s] .1f",
+        "workers [s] .1f",
+        "longest run [s] .1f",
+        "what limits",
+        "simulated [s] .1f",
+        "times faster than one worker .3g",
     )
-    return Table("limits", "What a campaign takes at least because of each, and in the simulation", columns, tuple(rows))
+    return Table.of("limits", "What a campaign takes at least because of each, and in the simulation", columns, rows)
 
 
 def record(runs: Path) -> None:

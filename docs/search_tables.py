@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from pages import DOCS, read_rows, run, scores, write_tables
+from pages import DOCS, own, read_rows, run, scores, write_tables
 
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.domain.results import Search
@@ -20,8 +20,8 @@ from mapmore_cli.domain.scores import BASELINES, OWN, SIMPLE
 from mapmore_cli.fitting.searching import formula_beside
 from mapmore_cli.pipeline.search import SEARCH, read_search
 from mapmore_cli.reporting.score_tables import verdict
-from mapmore_cli.reporting.table import Cell, Column, Table
-from mapmore_cli.storage.artefacts import read_validation
+from mapmore_cli.reporting.table import Cell, Table
+from mapmore_cli.storage.run_folder import RunFiles
 
 PAGE = DOCS / "search.md"
 FORMULAS = ("sarosi", "sarosi_hinged", "polynomial_2", "polynomial_5", "kerscher")
@@ -84,16 +84,17 @@ WORSE = 1.5
 
 def row(study: str, runs: Path) -> tuple[Cell, ...]:
     """Return the found structure, its held-out error in per cent, and those of the expert's, the black boxes and the formulas."""
-    name, own, rivals = study.rpartition("/")[2], OF_DATA.get(study, ()), STUDIES[study]
-    folder = run(study, runs, f"name={name}.found", *own, *BARE, f"validate.against=[{', '.join(rivals)}]")
-    shipped = None if study.startswith("..") else _error(run(study, runs, f"name={name}.shipped", *own, "validate.against=[]"))
-    search = read_search(folder / SEARCH)
-    errors = {model: 100 * score.nrmse for model, score in scores(folder, "validate").items()}
+    name, changes, rivals = study.rpartition("/")[2], OF_DATA.get(study, ()), STUDIES[study]
+    files = run(study, runs, f"name={name}.found", *changes, *BARE, f"validate.against=[{', '.join(rivals)}]")
+    experts = None if study.startswith("..") else run(study, runs, f"name={name}.shipped", *changes, "validate.against=[]")
+    shipped = None if experts is None else 100 * own(experts).nrmse
+    search = read_search(files.folder / SEARCH)
+    errors = {model: 100 * score.nrmse for model, score in scores(files).items()}
     found = errors["mapmore"]
     box = min((model for model in BASELINES if model in errors), key=lambda model: errors[model])
     formula = min((errors[model] for model in FORMULAS if model in errors), default=None)
     best = min(error for error in (found, shipped, errors[box], formula) if error is not None)
-    told = ("yes" if says_so(folder, search) else "no") if found > WORSE * best else ""
+    told = ("yes" if says_so(files, search) else "no") if found > WORSE * best else ""
     seconds = sum(tried.seconds for tried in search.tried)
     ratio = None if shipped is None else found / shipped
     return (name, search.found.words, found, shipped, ratio, errors[box], box, formula, round(seconds), told)
@@ -104,44 +105,37 @@ def other_splits(runs: Path, name: str) -> Table:
     study, split = OTHERS[name]
     rivals = STUDIES.get(study, LEARNERS if study.startswith("identification") else OF_FORCE)
     held_out = (f"data.split={{validate: {split}}}",) if split else ()
-    folder = run(study, runs, f"name={name}.other", *held_out, *BARE, f"validate.against=[{', '.join(rivals)}]")
-    errors = {model: 100 * score.nrmse for model, score in scores(folder, "validate").items()}
+    files = run(study, runs, f"name={name}.other", *held_out, *BARE, f"validate.against=[{', '.join(rivals)}]")
+    errors = {model: 100 * score.nrmse for model, score in scores(files).items()}
     box = min((model for model in BASELINES if model in errors), key=lambda model: errors[model])
-    made = (name, split or "as shipped", read_search(folder / SEARCH).found.words, errors["mapmore"], errors[box], box)
+    made = (name, split or "as shipped", read_search(files.folder / SEARCH).found.words, errors["mapmore"], errors[box], box)
     every = {cells[0]: tuple(map(_number, cells)) for cells in read_rows(PAGE, "others")[1:]} | {name: made}
     rows = [every[one] for one in OTHERS if one in every]
     below = sum(row[3] < row[4] for row in rows)  # type: ignore[operator]
     ratios = np.array([row[3] / row[4] for row in rows])  # type: ignore[operator]
     mean = f"found / best black box: {np.exp(np.mean(np.log(ratios))):.2f} in the geometric mean, at most {ratios.max():.2f}"
     told = f"Below the best black box in {below} of {len(rows)}; {mean}."
-    heads = (Column("study"), Column("held out"), Column("structure found"), Column("found", "%", ".3g"))
-    return Table(
-        "others", "NRMSE on other held-out data", (*heads, Column("best black box", "%", ".3g"), Column("which")), tuple(rows), (told,)
-    )
+    heads = ("study", "held out", "structure found", "found [%] .3g")
+    return Table.of("others", "NRMSE on other held-out data", (*heads, "best black box [%] .3g", "which"), rows, told)
 
 
-def says_so(folder: Path, search: Search) -> bool:
+def says_so(files: RunFiles, search: Search) -> bool:
     """Whether the page of a study that names no competitors says that another model errs less: on its first lines, by verdict or note."""
     shown = {OWN, *SIMPLE, formula_beside(search)}
-    rows = [row for row in read_validation(folder / "validate.h5").scores if row.model in shown]
+    rows = [row for row in files.validation().scores if row.model in shown]
     text = verdict(rows, OWN, Quantity(rows[0].target, ""))
     return "is worse" in text or any("errs" in note for note in search.notes)
 
 
-def _error(folder: Path) -> float:
-    """Return the error of a run on its held-out data, %."""
-    return 100 * scores(folder, "validate")["mapmore"].nrmse
-
-
 def found_structures(runs: Path, study: str) -> Table:
     """Return the table with the row of a study made anew."""
-    heads = (Column("study"), Column("structure found"), *(Column(word, "%", ".3g") for word in ("found", "shipped")))
-    boxes = (Column("found / shipped", "", ".2f"), Column("best black box", "%", ".3g"), Column("which"))
-    rest = (Column("best formula", "%", ".3g"), Column("work", "s", ".0f"), Column("told on its page"))
+    heads = ("study", "structure found", *(f"{word} [%] .3g" for word in ("found", "shipped")))
+    boxes = ("found / shipped .2f", "best black box [%] .3g", "which")
+    rest = ("best formula [%] .3g", "work [s] .0f", "told on its page")
     kept = {cells[0]: tuple(map(_number, cells)) for cells in read_rows(PAGE, "search")[1:]}
     every = {**kept, study.rpartition("/")[2]: row(study, runs)}
     rows = [every[name] for one in STUDIES if (name := one.rpartition("/")[2]) in every]
-    return Table("search", "NRMSE on the held-out data", (*heads, *boxes, *rest), tuple(rows), (summary(rows),))
+    return Table.of("search", "NRMSE on the held-out data", (*heads, *boxes, *rest), rows, summary(rows))
 
 
 def _number(cell: str) -> Cell:

@@ -45,7 +45,7 @@ def compare(
         remedy = "compare models of the same quantities that have curves in common"
         raise DataError(f"{models[0]}, {models[-1]}: {fault}", remedy) from fault
     if figure is not None:
-        from mapmore_cli.reporting.figures.campaign import drift_drawing
+        from mapmore_cli.reporting.figures.commands import drift_drawing
 
         console.write_figure(figure, drift_drawing(models, comparison.reference_points(found), found[0].output))
     console.print_view(of_comparisons(models, results), as_json)

@@ -135,8 +135,7 @@ def write_results(paths: Sequence[Path], table: Table, figure: str, found: Any) 
 
 def write_figure(path: Path, drawing: Drawing) -> None:
     """Write a figure in the format that the ending says."""
-    from mapmore_cli.reporting.figures.drawing import compose
-    from mapmore_cli.reporting.figures.saving import WRITERS
+    from mapmore_cli.reporting.figures.drawing import WRITERS, compose
     from mapmore_cli.reporting.figures.style import figure_style
 
     with figure_style():

@@ -13,10 +13,9 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.models import Formula, Memory, Pieces, StateSpace, Sum
 from mapmore_cli.domain.scores import RUN_PAGE
 from mapmore_cli.reporting.memory_tables import identified_table, sections_table, sizes_table, states_table, substitutes_table
-from mapmore_cli.reporting.model_tables import rival_minima, terms_table
 from mapmore_cli.reporting.score_tables import curve_scores_table, score_table
 from mapmore_cli.reporting.table import Column, Table
-from mapmore_cli.reporting.tables import levels_table, recordings_table
+from mapmore_cli.reporting.tables import levels_table, recordings_table, rival_minima, terms_table
 from mapmore_cli.storage import artefacts
 from mapmore_cli.storage.run_folder import RESULTS
 from mapmore_cli.storage.run_record import load_records, score_row, scores_in, stale_stages

@@ -11,12 +11,11 @@ from typing import TYPE_CHECKING
 from mapmore_cli.domain.errors import DataError, SpecError, UsageError
 from mapmore_cli.domain.foreign import is_one_line
 from mapmore_cli.fitting.stage import Stage, Workspace
-from mapmore_cli.spec.experiment import ExperimentSpec, Muscle, Report, Style, Validate
+from mapmore_cli.spec.experiment import ExperimentSpec, Muscle, Report, Validate
 from mapmore_cli.storage.run_folder import VALIDATION, RunFiles
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.models import Equation, Model
-    from mapmore_cli.domain.results import Search
     from mapmore_cli.reporting.inputs import FigureStyle, ReportInputs
     from mapmore_cli.reporting.table import Table
 
@@ -49,36 +48,22 @@ class Slice:
 
 def reads(spec: ExperimentSpec) -> Slice:
     """Return the stage's slice of the spec."""
-    return Slice(spec.name, spec.muscle, spec.validation, spec.report, _folds(spec), spec.unconfirmed)
-
-
-def _folds(spec: ExperimentSpec) -> str:
     split = spec.data.split
-    return "level" if split.leave_one_level_out else "group" if split.leave_one_group_out else ""
+    left_out = "level" if split.leave_one_level_out else "group" if split.leave_one_group_out else ""
+    return Slice(spec.name, spec.muscle, spec.validation, spec.report, left_out, spec.unconfirmed)
 
 
 def run(part: Slice, workspace: Workspace) -> None:
-    """Collect the results of the run and write the page."""
+    """Collect the results of the run and write the page, with what was tried where the structure was searched."""
+    from mapmore_cli.pipeline.search import SEARCH, read_search
     from mapmore_cli.reporting.report import write_report
 
-    tables = [published_table(workspace.spec_dir / path) for path in _published(part.report)]
-    inputs = replace(collected(part, workspace.run_dir, workspace.spec_text), published_tables=tuple(tables), search=_search(workspace))
+    tables = tuple(published_table(workspace.spec_dir / path) for path in part.report.published.tables) if part.report.published else ()
+    search = read_search(workspace.run_dir / SEARCH) if workspace.searched else None
+    inputs = replace(collected(part, workspace.run_dir, workspace.spec_text), published_tables=tables, search=search)
     for warning in faults_of(inputs.style):
         workspace.warn(warning)
     write_report(inputs, workspace.out / "report", part.report.figures, part.report.formats)
-
-
-def _search(workspace: Workspace) -> Search | None:
-    """Return what was tried, where the structure was searched."""
-    if not workspace.searched:
-        return None
-    from mapmore_cli.pipeline.search import SEARCH, read_search
-
-    return read_search(workspace.run_dir / SEARCH)
-
-
-def _published(report: Report) -> list[str]:
-    return report.published.tables if report.published else []
 
 
 def sources(spec: ExperimentSpec, folder: Path) -> list[Path]:
@@ -87,7 +72,7 @@ def sources(spec: ExperimentSpec, folder: Path) -> list[Path]:
     Raises SpecError where one is missing, is no CSV file, or lies neither below the spec's folder nor below one of `--tables`: a page shows
     it whole.
     """
-    paths = [folder / path for path in _published(spec.report)]
+    paths = [folder / path for path in spec.report.published.tables] if spec.report.published else []
     allowed = [folder, *(Path(place) for place in os.environ.get(TABLES, "").split(os.pathsep) if place)]
     for path in paths:
         if not path.is_file():
@@ -124,23 +109,23 @@ def published_table(path: Path) -> Table:
 def collected(part: Slice, run_dir: Path, spec_text: str = "") -> ReportInputs:
     """Return the results of the stages before, with what the spec says of the report."""
     from mapmore_cli.modelling.kinds import equations as model_equations
-    from mapmore_cli.reporting.inputs import ReportInputs
+    from mapmore_cli.reporting.inputs import FigureStyle, ReportInputs
     from mapmore_cli.storage.run_record import tool_versions
 
-    dataset = RunFiles(run_dir).dataset()
-    model = RunFiles(run_dir).model()
-    validation = RunFiles(run_dir).validation()
+    files, style, published = RunFiles(run_dir), part.report.style, part.report.published
+    dataset, model, validation = files.dataset(), files.model(), files.validation()
     turned = part.validate.as_
     if turned is not None:
         dataset = replace(dataset, target=turned)
-    published = part.report.published
+    muscle = {"name": part.muscle.name, "kind": part.muscle.kind}
+    muscle |= {key: f"{value * 1000:g} mm" for key, value in part.muscle.lengths.items() if value is not None}
     return ReportInputs(
         name=part.name,
-        muscle=_labels(part.muscle),
+        muscle={key: word for key, word in muscle.items() if word is not None},
         target=dataset.quantities[dataset.target],
         dataset=dataset,
-        segmentation=RunFiles(run_dir).segmentation(),
-        fit=RunFiles(run_dir).fit(),
+        segmentation=files.segmentation(),
+        fit=files.fit(),
         model=model,
         validation=validation,
         equations=model_equations(model),
@@ -156,14 +141,8 @@ def collected(part: Slice, run_dir: Path, spec_text: str = "") -> ReportInputs:
             *dataset.notes,
             *model.notes,
         ),
-        style=_style(part.report.style),
+        style=FigureStyle(style.width / METRES_PER_INCH, style.font, style.size, style.labels, tuple(style.palette)),
     )
-
-
-def _style(style: Style) -> FigureStyle:
-    from mapmore_cli.reporting.inputs import FigureStyle
-
-    return FigureStyle(style.width / METRES_PER_INCH, style.font, style.size, style.labels, tuple(style.palette))
 
 
 def faults_of(style: FigureStyle) -> list[str]:
@@ -203,9 +182,7 @@ def drawn_figure(
     Raises DataError where the folder holds no finished run; UsageError where there is no such panel or model (the message names those that
     there are), or `looks` are about anything else.
     """
-    from mapmore_cli.reporting.figures.catalogue import drawings, panel_of
-    from mapmore_cli.reporting.figures.drawing import alone, compose
-    from mapmore_cli.reporting.figures.saving import WRITERS
+    from mapmore_cli.reporting.figures.drawing import WRITERS, alone, compose, drawings, panel_of
     from mapmore_cli.reporting.figures.style import figure_style
     from mapmore_cli.reporting.report import data_csv
     from mapmore_cli.spec.loader import load
@@ -220,14 +197,14 @@ def drawn_figure(
     inputs = inputs.beside(models) if models else inputs
     with figure_style(inputs.style):
         if key is None:
-            found = drawings(name, inputs)
-            if not found:
+            drawing, numbers = next(iter(drawings(name, inputs)), None), None
+            if drawing is None:
                 raise UsageError(f"{run_dir}: has nothing to draw as {name!r}", "choose another figure")
-            figure = compose(found[0], inputs.style)
-            return WRITERS[suffix](figure, found[0].name, found[0].alt), None
-        drawing, panel = panel_of(name, inputs, key)
-        figure = alone(drawing, panel, inputs.style)
-        return WRITERS[suffix](figure, drawing.name, drawing.alt), data_csv(panel.data)
+            figure = compose(drawing, inputs.style)
+        else:
+            drawing, panel = panel_of(name, inputs, key)
+            figure, numbers = alone(drawing, panel, inputs.style), data_csv(panel.data)
+        return WRITERS[suffix](figure, drawing.name, drawing.alt), numbers
 
 
 def _in_units(model: Model, units: Mapping[str, str]) -> dict[str, tuple[Equation, ...]]:
@@ -244,14 +221,6 @@ def _in_units(model: Model, units: Mapping[str, str]) -> dict[str, tuple[Equatio
     changed = {quantity.name: factors[quantity.name] for quantity in model.inputs if named[quantity.name] != quantity.unit}
     words = ", ".join(f"{name} in {named[name]}" for name in changed)
     return {words: model_equations(model, changed)} if changed else {}
-
-
-def _labels(muscle: Muscle) -> dict[str, str]:
-    words = {"name": muscle.name, "kind": muscle.kind}
-    return {
-        **{key: word for key, word in words.items() if word is not None},
-        **{key: f"{value * 1000:g} mm" for key, value in muscle.lengths.items() if value is not None},
-    }
 
 
 STAGE = Stage(name="report", revision=5, outputs=("report",), reads=reads, run=run, sources=sources)

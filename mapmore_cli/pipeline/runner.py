@@ -7,8 +7,8 @@ in `run.json`, written last, commits them. Whatever is not committed runs again.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 from mapmore_cli.domain.errors import MapmoreError, RunWarning, WriteError
 from mapmore_cli.fitting.stage import Progress, Stage, Warn
 from mapmore_cli.modelling.selection import AUTO
+from mapmore_cli.pipeline.stage_maker import StageMaker
 from mapmore_cli.pipeline.staleness import MODEL_STAGE, Needed, Plan, as_found, needed_runs, plan_stages, runs_built_on
 from mapmore_cli.storage.atomic import write_text
 from mapmore_cli.storage.run_folder import is_tidy, open_run_folder, recover, run_lock
@@ -61,23 +62,23 @@ def explain(
     stages: Sequence[Stage] | None = None,
 ) -> list[tuple[str, str | None]]:
     """Every stage up to `until` with the reason why it would run, None where it is up to date. Nothing is written."""
-    run_dir = runs / loaded.spec.name
+    every, run_dir = stages or pipeline(), runs / loaded.spec.name
     records = load_records(run_dir, warn)
-    first: list[tuple[str, str | None]] = []
+    told: dict[str, str | None] = {}
     if searches(loaded, until):
-        first = [
-            (plan.stage.name, plan.reason) for plan in plan_stages(search_stages(), SEARCH_STAGE, loaded, run_dir, records, rehash, force)
-        ]
-        if any(reason is not None for _, reason in first):
-            later = [stage.name for stage in stages or pipeline()][1:]
-            return [*first, *((name, f"follows from {SEARCH_STAGE}") for name in later[: later.index(until) + 1])]
+        plans = plan_stages(search_stages(), SEARCH_STAGE, loaded, run_dir, records, rehash, force)
+        told = {plan.stage.name: plan.reason for plan in plans}
+        if any(told.values()):
+            later = [stage.name for stage in every][1:]
+            return [*told.items(), *((name, FOLLOWS) for name in later[: later.index(until) + 1])]
         loaded = as_found(loaded, run_dir)
-    plans = plan_stages(stages or pipeline(), until, loaded, run_dir, records, rehash, force)
-    return [*first, *((plan.stage.name, plan.reason) for plan in plans if plan.stage.name not in dict(first))]
+    plans = plan_stages(every, until, loaded, run_dir, records, rehash, force)
+    return list((told | {plan.stage.name: plan.reason for plan in plans if plan.stage.name not in told}).items())
 
 
 SEARCH_STAGE = "search"
 """The stage that finds the structure of a model; a spec that asks for none has no such stage."""
+FOLLOWS = f"follows from {SEARCH_STAGE}"
 
 
 def searches(loaded: LoadedSpec, until: str) -> bool:
@@ -118,51 +119,37 @@ def bring_up_to_date(
     Raises WriteError where the folder cannot be written or holds the run of another spec, the disk is full, or another process is writing
     the run; MapmoreError for whatever a stage found wrong; its outputs, and those of the stages after it, are then as they were.
     """
-    every = stages or pipeline()
     run_dir = runs / loaded.spec.name
-    before: RunOutcome | None = None
-    if searches(loaded, until):
-        before = bring_up_to_date(
-            loaded,
-            runs,
-            SEARCH_STAGE,
-            force=force,
-            rehash=rehash,
-            progress=progress,
-            warn=warn,
-            on_stage=on_stage,
-            stages=search_stages(),
-            heirs=heirs,
-            campaign=campaign,
-            patient=patient,
-            like=like,
-        )
-        loaded = as_found(loaded, run_dir)
-        on_stage = _after_search(on_stage)
     open_run_folder(run_dir)
-    run = _Run(loaded, run_dir, _origin(loaded, run_dir, campaign), every, progress, warn, on_stage, None if force else like)
-    if before is not None:
-        run = replace(run, found=True, renewed=SEARCH_STAGE in before.reasons)
-    others = runs_built_on(loaded, heirs) if until == every[-1].name else ()
-    plans = run.settled(until, rehash, heirs, others) if not force else None
-    if plans is None:
-        with run_lock(run_dir, patient):
-            plans = run.settle(until, force, rehash, heirs, others)
+
+    def run_of(spec: LoadedSpec, every: Sequence[Stage], tell: OnStage, **searched: bool) -> _Run:
+        origin = _origin(spec, run_dir, campaign)
+        return _Run(spec, run_dir, origin, progress, warn, None if force else like, every=every, on_stage=tell, **searched)
+
+    def settled(run: _Run, last: str) -> list[Plan]:
+        others = runs_built_on(run.loaded, heirs) if last == run.every[-1].name else ()
+        plans = run.settled(last, rehash, heirs, others) if not force else None
+        if plans is None:
+            with run_lock(run_dir, patient):
+                plans = run.settle(last, force, rehash, heirs, others)
+        return plans
+
+    every = stages or pipeline()
+    if searches(loaded, until):
+        first = settled(run_of(loaded, search_stages(), on_stage), SEARCH_STAGE)
+        renewed = any(plan.reason is not None for plan in first if plan.stage.name == SEARCH_STAGE)
+        later = run_of(as_found(loaded, run_dir), every, _after_search(on_stage), searched=True, renewed=renewed)
+        plans = [*first, *(plan for plan in settled(later, until) if plan.stage.name != "ingest")]
+    else:
+        plans = settled(run_of(loaded, every, on_stage), until)
     reasons = {plan.stage.name: plan.reason for plan in plans if plan.reason is not None}
     done = {plan.stage.name: "done" if plan.stage.name in reasons else "up-to-date" for plan in plans}
-    if before is not None:
-        done, reasons = {**before.stages, **_without_first(done)}, {**before.reasons, **_without_first(reasons)}
     return RunOutcome(loaded.spec.name, run_dir, done, reasons)
 
 
 def _after_search(on_stage: OnStage) -> OnStage:
     """Tell of the stages but ingest, which was told of before the search."""
     return lambda stage, reason: None if stage == "ingest" else on_stage(stage, reason)
-
-
-def _without_first(of_stages: Mapping[str, str]) -> dict[str, str]:
-    """Without ingest, which was brought up to date before the search."""
-    return {name: told for name, told in of_stages.items() if name != "ingest"}
 
 
 def _origin(loaded: LoadedSpec, run_dir: Path, campaign: Path | None) -> Origin:
@@ -199,28 +186,21 @@ def prepare(loaded: LoadedSpec, runs: Path) -> None:
     """
     every = pipeline()
     run_dir = runs / loaded.spec.name
-    run = _Run(loaded, run_dir, _origin(loaded, run_dir, None), every, lambda *_: None, lambda _: None, lambda *_: None)
-    wanted = [*runs_built_on(loaded, ()), *(other for stage in every for other in needed_runs(stage, loaded, ()))]
-    for other in wanted:
+    quiet = (lambda *_: None, lambda _: None)
+    run = _Run(loaded, run_dir, _origin(loaded, run_dir, None), *quiet, every=every, on_stage=lambda *_: None)
+    for other in [*runs_built_on(loaded, ()), *(other for stage in every for other in needed_runs(stage, loaded, ()))]:
         if other.role != "variation":  # which no other run shares
             with suppress(Exception):
                 run.bring(other)
 
 
-@dataclass(frozen=True)
-class _Run:
-    """Where and for whom stages run."""
+@dataclass(frozen=True, kw_only=True)
+class _Run(StageMaker):
+    """What makes the stages `every` of a run, where they are stale; `renewed` says whether its structure was searched just now."""
 
-    loaded: LoadedSpec
-    run_dir: Path
-    origin: Origin
     every: Sequence[Stage]
-    progress: Progress
-    warn: Warn
     on_stage: OnStage
-    like: Path | None = None
-    found: bool = False
-    renewed: bool = False  # whether its structure was searched just now
+    renewed: bool = False
 
     def settled(self, until: str, rehash: bool, heirs: tuple[Path, ...], others: Sequence[Needed]) -> list[Plan] | None:
         """Return the plans where nothing is to be done, seen without the lock of the run; None where something may be.
@@ -228,7 +208,7 @@ class _Run:
         Results are moved in whole and committed last, so what looks whole is. Where another process is at work, the lock decides.
         """
         records = load_records(self.run_dir, lambda _message: None)
-        plans = self._told_of_search(plan_stages(self.every, until, self.loaded, self.run_dir, records, rehash, False, heirs))
+        plans = self.planned(until, records, rehash, False, heirs)
         whole = (
             all(plan.reason is None for plan in plans)
             and _refreshed(records, plans) == records
@@ -246,34 +226,29 @@ class _Run:
 
     def settle(self, until: str, force: bool, rehash: bool, heirs: tuple[Path, ...], others: Sequence[Needed]) -> list[Plan]:
         """Do all that is to be done, the runs that this one is built on first; what was planned. The lock of the run is held."""
-        from mapmore_cli.pipeline.stage_maker import StageMaker
-
         recover(self.run_dir, _outputs(self.every))
         records = load_records(self.run_dir, self.warn)
-        plans = self._told_of_search(plan_stages(self.every, until, self.loaded, self.run_dir, records, rehash, force, heirs))
+        plans = self.planned(until, records, rehash, force, heirs)
         kept = _refreshed(records, plans)
         if kept != records or load_origin(self.run_dir) != self.origin:  # a new run as well: from now on the folder is known as a run's
             save_records(self.run_dir, self.loaded.spec.name, self.origin, kept)
         for other in others:
             self.bring(other)
         self.tell_outdated(plans)
-        maker = StageMaker(self.loaded, self.run_dir, self.origin, self.progress, self.warn, self.like, self.found)
         for plan in plans:
             self.on_stage(plan.stage.name, plan.reason)
             if plan.reason is not None:
-                kept = maker.make(plan, plan.reason, self.needed(plan), kept)
+                kept = self.make(plan, plan.reason, {other.key: self.bring(other) for other in plan.needed}, kept)
         self.write_spec()
         return plans
 
-    def _told_of_search(self, plans: Iterator[Plan]) -> list[Plan]:
+    def planned(self, until: str, records: Mapping[str, StageRecord], rehash: bool, force: bool, heirs: tuple[Path, ...]) -> list[Plan]:
         """Return the plans; the page shows what was tried, so that it is made anew where that was."""
+        plans = plan_stages(self.every, until, self.loaded, self.run_dir, records, rehash, force, heirs)
         last = self.every[-1].name
-        stale = f"follows from {SEARCH_STAGE}"
-        return [replace(plan, reason=stale) if self.renewed and plan.stage.name == last and plan.reason is None else plan for plan in plans]
-
-    def needed(self, plan: Plan) -> dict[str, Path]:
-        """See to the models that a stage needs; the folders of their runs by path or name in the spec."""
-        return {other.key: self.bring(other) for other in plan.needed}
+        return [
+            replace(plan, reason=FOLLOWS) if self.renewed and plan.stage.name == last and plan.reason is None else plan for plan in plans
+        ]
 
     def bring(self, other: Needed) -> Path:
         """Bring another run up to date in the same folder of runs; its folder. Nothing is locked where it is: others may be reading it.
@@ -286,7 +261,7 @@ class _Run:
         if self._is_current(other, until) or self._kept(other):
             self._mend(other, runs / name)
             return runs / name
-        with _told_of(name):
+        try:
             return bring_up_to_date(
                 other.loaded,
                 runs,
@@ -298,6 +273,9 @@ class _Run:
                 heirs=other.heirs,
                 like=self.run_dir if other.role == "variation" else None,
             ).run_dir
+        except MapmoreError as error:
+            error.message = f"{name}: {error.message}"
+            raise
 
     def _mend(self, other: Needed, run_dir: Path) -> None:
         """Do what a process left undone that was killed after the last stage of another run. Where a process holds the run, it will."""
@@ -315,8 +293,7 @@ class _Run:
 
     def _kept(self, other: Needed) -> bool:
         """Return True for a compared run that has a model."""
-        run_dir = self.run_dir.parent / other.loaded.spec.name
-        return other.role == "compared" and MODEL_STAGE in load_records(run_dir, lambda _message: None)
+        return other.role == "compared" and MODEL_STAGE in load_records(self.run_dir.parent / other.loaded.spec.name, lambda _message: None)
 
     def _is_current(self, other: Needed, until: str) -> bool:
         run_dir = self.run_dir.parent / other.loaded.spec.name
@@ -339,7 +316,7 @@ class _Run:
         """The specs that belong to the run; none where its structure is not known yet."""
         if self.every[-1].name == SEARCH_STAGE:
             return {}
-        found = {FOUND: self.loaded.resolved_in(self.run_dir, given_only=True)} if self.found else {}
+        found = {FOUND: self.loaded.resolved_in(self.run_dir, given_only=True)} if self.searched else {}
         return {RESOLVED_SPEC: self.loaded.resolved_in(self.run_dir), **found}
 
 
@@ -360,13 +337,3 @@ def _is_whole(run_dir: Path) -> bool:
 
 def _outputs(stages: Sequence[Stage]) -> list[str]:
     return [output for stage in stages for output in stage.outputs]
-
-
-@contextmanager
-def _told_of(name: str) -> Iterator[None]:
-    """Put the name of another run before the message of an error from within."""
-    try:
-        yield
-    except MapmoreError as error:
-        error.message = f"{name}: {error.message}"
-        raise

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mapmore_cli.domain.processors import THREADS
-from mapmore_cli.fitting.stage import Progress, Stage, Warn, Workspace
+from mapmore_cli.fitting.stage import Progress, Warn, Workspace
 from mapmore_cli.pipeline.staleness import Plan
 from mapmore_cli.storage.atomic import link_or_copy, refusals_told
 from mapmore_cli.storage.run_folder import stage_folder, swap_in
@@ -34,7 +34,7 @@ class StageMaker:
     origin: Origin
     progress: Progress
     warn: Warn
-    like: Path | None
+    like: Path | None = None
     searched: bool = False
 
     def make(self, plan: Plan, why: str, needed: Mapping[str, Path], records: Mapping[str, StageRecord]) -> dict[str, StageRecord]:
@@ -43,15 +43,16 @@ class StageMaker:
         with refusals_told(self.run_dir), stage_folder(self.run_dir, stage.name) as out:
             if not self._taken_over(plan, out):
                 with _one_blas_thread():
-                    stage.run(plan.part, self._workspace(out, needed))
-            _check_outputs(stage, out)
+                    where = (self.run_dir, out, self.loaded.folder)
+                    stage.run(plan.part, Workspace(*where, self.progress, self.warn, needed, self.loaded.resolved, self.searched))
+            written = {path.name for path in out.iterdir()}
+            if written != set(stage.outputs):  # the stage itself is wrong
+                raise RuntimeError(f"stage {stage.name} wrote {sorted(written)} and declares {sorted(stage.outputs)}")
             outputs = stamps_of(out, stage.outputs)
             swap_in(out, self.run_dir, stage.outputs)
             seconds = round(time.perf_counter() - started, 3)
-            entry = StageRecord(
-                plan.fingerprint, stage.revision, plan.before, plan.slice, plan.inputs, outputs, tool_versions(), seconds, why
-            )
-            committed = {**records, stage.name: entry}
+            made = (plan.fingerprint, stage.revision, plan.before, plan.slice, plan.inputs, outputs)
+            committed = {**records, stage.name: StageRecord(*made, tool_versions(), seconds, why)}
             save_records(self.run_dir, self.loaded.spec.name, self.origin, committed)
         return committed
 
@@ -60,12 +61,13 @@ class StageMaker:
 
         They are linked where the file system can, as files of runs are replaced and never written into, and hashed before they count.
         """
-        known = load_records(self.like, lambda _message: None).get(plan.stage.name) if self.like is not None else None
+        if self.like is None:
+            return False
+        known = load_records(self.like, lambda _message: None).get(plan.stage.name)
         if known is None or (known.fingerprint, known.tools) != (plan.fingerprint, tool_versions()):
             return False
         if set(known.outputs) != set(plan.stage.outputs):  # the page: it has links into its own run
             return False
-        assert self.like is not None
         for name, stamp in known.outputs.items():
             with suppress(OSError):
                 link_or_copy(self.like / name, out / name)
@@ -74,16 +76,6 @@ class StageMaker:
                     left.unlink()
                 return False
         return True
-
-    def _workspace(self, out: Path, needed: Mapping[str, Path]) -> Workspace:
-        return Workspace(self.run_dir, out, self.loaded.folder, self.progress, self.warn, needed, self.loaded.resolved, self.searched)
-
-
-def _check_outputs(stage: Stage, out: Path) -> None:
-    """Raise for a stage that does not write what it declares: it is wrong itself."""
-    written = {path.name for path in out.iterdir()}
-    if written != set(stage.outputs):
-        raise RuntimeError(f"stage {stage.name} wrote {sorted(written)} and declares {sorted(stage.outputs)}")
 
 
 @contextmanager
@@ -107,10 +99,8 @@ def variables_set(variables: Mapping[str, str]) -> Iterator[None]:
         yield
     finally:
         for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
+            os.environ.pop(name, None)
+            os.environ |= {} if value is None else {name: value}
 
 
 @cache

@@ -136,7 +136,8 @@ def plan_stages(
         outputs = _output_stamps(run_dir, known, rehash)
         plan = Plan(stage, part, chosen, mark, before, inputs, outputs, tuple(needed))
         reasons = ["forced"] if force else _reasons(plan, known, previous)
-        previous = replace(plan, reason=_joined(reasons) if reasons else None)
+        shown = [*reasons[:LONGEST_REASON], *([f"and {len(reasons) - LONGEST_REASON} more"] if len(reasons) > LONGEST_REASON else [])]
+        previous = replace(plan, reason="; ".join(shown) or None)
         yield previous
         if stage.name == until:
             return
@@ -172,13 +173,9 @@ def _reasons(plan: Plan, known: StageRecord | None, previous: Plan | None) -> li
         reasons.append(f"follows from {previous.stage.name}")
     if not reasons and known.fingerprint != plan.fingerprint:
         reasons.append("run.json does not fit its own entries")
-    return [*reasons, *_output_differences(plan.stage, known.outputs, plan.outputs)]
-
-
-def _output_differences(stage: Stage, known: Mapping[str, Stamp], found: Mapping[str, Stamp]) -> list[str]:
-    changed = _file_differences("output", known, found)
-    recorded = {path for name in known for path in (name, name.split("/", 1)[0])}
-    return [*changed, *(f"output missing: {output}" for output in stage.outputs if output not in recorded)]
+    recorded = {path for name in known.outputs for path in (name, name.split("/", 1)[0])}
+    missing = (f"output missing: {output}" for output in plan.stage.outputs if output not in recorded)
+    return [*reasons, *_file_differences("output", known.outputs, plan.outputs), *missing]
 
 
 def _file_differences(what: str, known: Mapping[str, Stamp], found: Mapping[str, Stamp]) -> list[str]:
@@ -207,12 +204,6 @@ def _output_stamps(run_dir: Path, known: StageRecord | None, rehash: bool) -> di
     return {path: take_stamp(run_dir / path, stamp, rehash) for path, stamp in old.items() if (run_dir / path).is_file()}
 
 
-def _joined(reasons: Sequence[str]) -> str:
-    shown = list(reasons[:LONGEST_REASON])
-    rest = len(reasons) - len(shown)
-    return "; ".join([*shown, f"and {rest} more"] if rest else shown)
-
-
 LONGEST_VALUE = 60
 """Characters of a value that a difference shows."""
 
@@ -222,9 +213,8 @@ NOT_SET = "not set"
 def plain(value: Any) -> Any:
     """Return a slice (frozen dataclasses, spec models and what they hold) as JSON values, under the names of the YAML file."""
     if isinstance(value, BaseModel):
-        return {field.alias or name: plain(getattr(value, name)) for name, field in type(value).model_fields.items()} | plain(
-            value.model_extra or {}
-        )
+        named = {field.alias or name: plain(getattr(value, name)) for name, field in type(value).model_fields.items()}
+        return named | plain(value.model_extra or {})
     if is_dataclass(value):
         return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
     if isinstance(value, Mapping):
@@ -245,8 +235,13 @@ def slice_differences(stage: str, old: Any, new: Any) -> list[str]:
     """Every changed key of a stage's slice with both values, as `fuse.z_s: 0.25 -> 0.3`."""
     if not isinstance(old, dict) or not isinstance(new, dict):
         return list(_differences(stage, old, new))
-    keys = [*new, *(key for key in old if key not in new)]
-    return [text for key in keys for text in _differences(place_in_spec(key, stage), old.get(key, NOT_SET), new.get(key, NOT_SET))]
+    return [text for key, *values in _pairs(old, new) for text in _differences(place_in_spec(key, stage), *values)]
+
+
+def _pairs(old: dict[str, Any], new: dict[str, Any]) -> Iterator[tuple[str, Any, Any]]:
+    """Yield every key of either with both values."""
+    for key in new | old:
+        yield key, old.get(key, NOT_SET), new.get(key, NOT_SET)
 
 
 def place_in_spec(key: str, stage: str) -> str:
@@ -260,8 +255,8 @@ def place_in_spec(key: str, stage: str) -> str:
 
 def _differences(place: str, old: Any, new: Any) -> Iterator[str]:
     if isinstance(old, dict) and isinstance(new, dict):
-        for key in [*new, *(key for key in old if key not in new)]:
-            yield from _differences(f"{place}.{key}", old.get(key, NOT_SET), new.get(key, NOT_SET))
+        for key, *values in _pairs(old, new):
+            yield from _differences(f"{place}.{key}", *values)
     elif isinstance(old, list) and isinstance(new, list) and len(old) == len(new) and any(isinstance(part, dict) for part in new):
         for number, (before, after) in enumerate(zip(old, new, strict=True)):
             yield from _differences(f"{place}[{number}]", before, after)

@@ -75,7 +75,7 @@ def run(part: Slice, workspace: Workspace) -> None:
     from mapmore_cli.modelling.forecast import forecast
     from mapmore_cli.modelling.validation.metrics import divisor
     from mapmore_cli.modelling.validation.residuals import alarms
-    from mapmore_cli.reporting.model_tables import rival_minima
+    from mapmore_cli.reporting.tables import rival_minima
     from mapmore_cli.storage.artefacts import write_validation
     from mapmore_cli.storage.run_record import write_scores
 

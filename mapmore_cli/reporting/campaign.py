@@ -8,11 +8,10 @@ from dataclasses import dataclass, field
 from statistics import median
 
 from mapmore_cli.domain.scores import OWN, REPEATABILITY, Published, Score, deciding
-from mapmore_cli.reporting.table import Cell, Column, Table
+from mapmore_cli.reporting.table import MODEL, Cell, Column, Columns, Table
 
 Pooled = Mapping[str, Score]
 """The scores of a run that count, by model: all curves pooled, of the held-out rows where there are any."""
-
 
 SPARSE = 0.5
 """Share of filled cells below which a table of all runs by all models is hard to read."""
@@ -65,12 +64,8 @@ class CampaignScores:
 
 def campaign_tables(scores: CampaignScores) -> tuple[Table, ...]:
     """Every table of the page; those without rows are left out. Runs that have few models in common are listed one after the other."""
-    made = (
-        models_table(scores) if scores.sparse else nrmse_table(scores),
-        hindsight_table(scores),
-        published_table(scores),
-        order_table(scores),
-    )
+    first = models_table if scores.sparse else nrmse_table
+    made = (table(scores) for table in (first, hindsight_table, published_table, order_table))
     return tuple(table for table in made if table.rows)
 
 
@@ -94,8 +89,8 @@ def nrmse_table(scores: CampaignScores) -> Table:
     if set(scores.best_of) & set(models):
         rows.append(("below the best formula", *(_wins(pooled.values(), model, scores.best_of) for model in models)))
         notes.append(f"The best formula of {', '.join(scores.best_of)}: which of them it is in a run, one knows afterwards only.")
-    columns = (Column("run"), *(Column(model, "", ".3g") for model in models))
-    return Table("nrmse", "NRMSE of every run and model", columns, tuple(rows), tuple(notes))
+    columns: Columns = ("run", *(Column(model, "", ".3g") for model in models))
+    return Table.of("nrmse", "NRMSE of every run and model", columns, rows, *notes)
 
 
 def models_table(scores: CampaignScores) -> Table:
@@ -103,14 +98,12 @@ def models_table(scores: CampaignScores) -> Table:
     rows: list[tuple[Cell, ...]] = []
     for name, run in scores.pooled.items():
         own = run.get(scores.own)
-        ordered = sorted(run.values(), key=lambda score: (score.model != scores.own, score.model == REPEATABILITY, _error_of(score)))
-        ratios = [_ratio(score, own) if own is not None and score is not own else None for score in ordered]
-        rows += [(name, score.model, 100 * score.nrmse, ratio) for score, ratio in zip(ordered, ratios, strict=True)]
+        for score in sorted(run.values(), key=lambda score: (score.model != scores.own, score.model == REPEATABILITY, _error_of(score))):
+            ratio = _ratio(score, own) if own is not None and score is not own else None
+            rows.append((name, score.model, 100 * score.nrmse, ratio))
     rows += [(name, scores.own, "failed", None) for name in scores.failed]
-    ratio = Column(f"RMSE in ratio to {scores.own}", "", ".3g")
-    columns = (Column("run"), Column("model", form="model"), Column("NRMSE", "%", ".3g"), ratio)
-    note = f"All curves pooled; normalised by {scores.normalisers}."
-    return Table("models", "NRMSE of every run and model", columns, tuple(rows), (note,))
+    columns = ("run", MODEL, "NRMSE [%] .3g", Column(f"RMSE in ratio to {scores.own}", "", ".3g"))
+    return Table.of("models", "NRMSE of every run and model", columns, rows, f"All curves pooled; normalised by {scores.normalisers}.")
 
 
 def _error_of(score: Score) -> float:
@@ -165,7 +158,7 @@ def _wins(runs: Iterable[Pooled], model: str, best_of: Sequence[str]) -> str | N
 
 def hindsight_table(scores: CampaignScores) -> Table:
     """Who wins where, and how near to repeated measurements: the least error of all models, of `best_of`, and of the runs' own model."""
-    rows = []
+    rows: list[tuple[Cell, ...]] = []
     for name, run in scores.pooled.items():
         least = _best(run, [model for model in scores.models if model != REPEATABILITY])
         formula, own, floor = _best(run, scores.best_of), run.get(scores.own), run.get(REPEATABILITY)
@@ -174,18 +167,12 @@ def hindsight_table(scores: CampaignScores) -> Table:
         ratios = (_ratio(own, formula), _ratio(own, floor) if floor else None)
         first, second = _tied(run, least), _tied({m: run[m] for m in scores.best_of if m in run}, formula)
         rows.append((name, first, 100 * least.nrmse, second, 100 * formula.nrmse, 100 * own.nrmse, *ratios))
-    columns = (
-        Column("run"),
-        Column("least of all"),
-        Column("NRMSE", "%", ".3g"),
-        Column("least of the formulas"),
-        Column("NRMSE", "%", ".3g"),
-        Column(scores.own, "%", ".3g"),
-        Column("ratio to that formula", "", ".3g"),
-        Column("ratio to repeatability", "", ".3g"),
+    columns: Columns = (
+        *("run", "least of all", "NRMSE [%] .3g", "least of the formulas", "NRMSE [%] .3g", Column(scores.own, "%", ".3g")),
+        *("ratio to that formula .3g", "ratio to repeatability .3g"),
     )
-    notes = (f"The formulas are {', '.join(scores.best_of)}; the least is picked afterwards, which nobody can do beforehand.",)
-    return Table("hindsight", "Who is best where", columns, tuple(rows), notes)
+    note = f"The formulas are {', '.join(scores.best_of)}; the least is picked afterwards, which nobody can do beforehand."
+    return Table.of("hindsight", "Who is best where", columns, rows, note)
 
 
 def _best(run: Pooled, models: Sequence[str]) -> Score | None:
@@ -200,29 +187,25 @@ def _tied(run: Pooled, best: Score) -> str:
 
 
 def published_table(scores: CampaignScores) -> Table:
-    """RMSE and NRMSE of held-out data, of every model that a publication reports, beside its numbers."""
+    """RMSE and NRMSE of held-out data, of every model that a publication reports, beside its numbers; columns without any are left out."""
     rows: list[tuple[Cell, ...]] = []
     for name, run in scores.pooled.items():
         paper = scores.published.get(name, Published(""))
         for model, score in run.items():
-            rmse, nrmse = paper.shown_rmse(model), 100 * paper.nrmse[model] if model in paper.nrmse else None
+            rmse, nrmse = paper.shown_rmse(model), paper.nrmse.get(model)
             if score.split == "validate" and (rmse, nrmse) != (None, None):
-                rows.append((name, model, score.rmse, rmse, 100 * score.nrmse, nrmse, _to_published(score, paper)))
+                printed = 100 * nrmse if nrmse is not None else None
+                rows.append((name, model, score.rmse, rmse, 100 * score.nrmse, printed, _to_published(score, paper)))
     units = {scores.units.get(str(row[0]), "") for row in rows}
     unit = units.pop() if len(units) == 1 else ""
     columns = (
-        Column("run"),
-        Column("model", form="model"),
-        Column("RMSE", unit, ".3g"),
-        Column("published RMSE", unit, ".3g"),
-        Column("NRMSE", "%", ".3g"),
-        Column("published NRMSE", "%", ".3g"),
-        Column("ours to published", "", ".2f"),
+        *("run", MODEL, f"RMSE [{unit}] .3g", f"published RMSE [{unit}] .3g", "NRMSE [%] .3g", "published NRMSE [%] .3g"),
+        "ours to published .2f",
     )
     filled = [j for j in range(len(columns)) if any(row[j] is not None for row in rows)]
-    kept = tuple(tuple(row[j] for j in filled) for row in rows)
     sources = dict.fromkeys(f"Published: {paper.source}." for paper in scores.published.values())
-    return Table("published", "Beside the published numbers", tuple(columns[j] for j in filled), kept, tuple(sources))
+    kept = ([row[j] for j in filled] for row in rows)
+    return Table.of("published", "Beside the published numbers", [columns[j] for j in filled], kept, *sources)
 
 
 def _to_published(score: Score, paper: Published) -> float | None:
@@ -240,10 +223,10 @@ def order_table(scores: CampaignScores) -> Table:
     rows: list[tuple[Cell, ...]] = []
     for name, run in scores.pooled.items():
         paper = scores.published.get(name, Published(""))
-        printed = paper.nrmse if paper.nrmse else {**paper.rmse, **paper.rmse_at_least}
+        printed = paper.nrmse or {**paper.rmse, **paper.rmse_at_least}
         ours = {model: run[model].rmse for model in printed if model in run and run[model].split == "validate"}
         if len(ours) > 1:
             theirs, mine = (sorted(ours, key=errors.__getitem__) for errors in (printed, ours))
             rows.append((name, " < ".join(theirs), " < ".join(mine), "agrees" if theirs == mine else "differs"))
-    columns = (Column("run"), Column("as published"), Column("here"), Column("order"))
-    return Table("order", "Order of the models by their error, as published and here", columns, tuple(rows))
+    title = "Order of the models by their error, as published and here"
+    return Table.of("order", title, ("run", "as published", "here", "order"), rows)

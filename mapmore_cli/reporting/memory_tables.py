@@ -9,28 +9,26 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.fits import MemoryFit, StateSet
-from mapmore_cli.domain.models import HARD, Motion, MotionFit, MotionSection, SectionSearch
-from mapmore_cli.modelling.memory.feedback import fed_back_states
-from mapmore_cli.modelling.memory.free_run import FIRST, started
+from mapmore_cli.domain.models import HARD, MotionFit
+from mapmore_cli.modelling.memory.free_run import FIRST
 from mapmore_cli.modelling.motion.simulation import extent, motion_errors
 from mapmore_cli.modelling.validation.repeatability import PARTS, error_parts
 from mapmore_cli.reporting.inputs import ReportInputs
-from mapmore_cli.reporting.table import Cell, Column, Table
+from mapmore_cli.reporting.table import MODEL, Cell, Column, Columns, Table
 
 
 def states_table(states: StateSet) -> Table:
     """Everything that training found out about the states: the oscillators, the ranges of operators, the scales."""
-    columns = (Column("state"), Column("what"), Column("from"), Column("to"), Column("frequency", "Hz"), Column("damping ratio"))
     rows: list[tuple[Cell, ...]] = []
     rows += [(name, "oscillator it drives", None, None, hertz, damping) for name, (hertz, damping) in states.resonances.items()]
     rows += [(name, "training range, of which widths are parts", low, high, None, None) for name, (low, high) in states.ranges.items()]
+    notes = [f"Samples are {states.step:.6g} s apart."]
     if states.scaled:
         scales = zip(states.names, states.low.tolist(), states.high.tolist(), strict=True)
         rows += [(name, "scaled to [0, 1]", low, high, None, None) for name, low, high in scales]
-    notes: tuple[str, ...] = (f"Samples are {states.step:.6g} s apart.",)
-    if states.scaled:
-        notes += (f"Scaled states are held once they are {states.margin:g} of their range beyond it.",)
-    return Table("states", "States with memory", columns, tuple(rows), notes)
+        notes.append(f"Scaled states are held once they are {states.margin:g} of their range beyond it.")
+    columns = ("state", "what", "from", "to", "frequency [Hz]", "damping ratio")
+    return Table.of("states", "States with memory", columns, rows, *notes)
 
 
 WHAT = {
@@ -51,11 +49,6 @@ ERROR_PARTS_NOTE = (
 def error_parts_table(inputs: ReportInputs) -> Table:
     """Return what the errors of each model consist of, where the input goes in cycles; no rows where it does not."""
     dataset, unit = inputs.dataset, inputs.target.unit
-    columns = (
-        *(Column("model", form="model"), Column("data"), Column("samples"), Column("cycles")),
-        *(Column(name, unit, ".3g") for name in ("RMSE", *PARTS, "moves by")),
-        Column("limited by"),
-    )
     names = [quantity.name for quantity in inputs.model.inputs]
     moving = [name for name in names if any(np.ptp(curve.columns[name]) > 0 for curve in dataset.curves)]
     rows, told = list[tuple[Cell, ...]](), ""
@@ -66,27 +59,25 @@ def error_parts_table(inputs: ReportInputs) -> Table:
                 travel = float(one.offsets[-1] - one.offsets[0])
                 rows.append((model, one.split, one.samples, len(one.offsets), math.hypot(*sizes), *sizes, travel, one.limit))
                 told = told if model != inputs.own else f"{inputs.own} is limited by {WHAT[one.limit]} on the {one.split} data."
-    return Table("error_parts", "What the errors consist of", columns, tuple(rows), (ERROR_PARTS_NOTE + told,))
+    numbers = (f"{name} [{unit}] .3g" for name in ("RMSE", *PARTS, "moves by"))
+    columns: Columns = (MODEL, "data", "samples", "cycles", *numbers, "limited by")
+    return Table.of("error_parts", "What the errors consist of", columns, rows, ERROR_PARTS_NOTE + told)
 
 
 def starts_table(inputs: ReportInputs) -> Table:
     """Errors of free runs over their first part and after it; no rows where nothing is fed back."""
-    columns = (
-        Column("model", form="model"),
-        Column("first samples"),
-        *(Column(name, inputs.target.unit, ".4g") for name in ("RMSE there", "RMSE after")),
-    )
-    memory, rows = inputs.fit.memory, list[tuple[Cell, ...]]()
-    if memory is None or not fed_back_states(memory.model.states, memory.model.output):
-        return Table("starts", "The beginning of free runs", columns, ())
-    curves, target = inputs.dataset.curves, inputs.dataset.target
+    unit, curves, target = inputs.target.unit, inputs.dataset.curves, inputs.dataset.target
+    title, columns = "The beginning of free runs", (MODEL, "first samples", f"RMSE there [{unit}] .4g", f"RMSE after [{unit}] .4g")
+    if inputs.start is None:
+        return Table.of("starts", title, columns, ())
+    rows: list[tuple[Cell, ...]] = []
     for model, predicted in inputs.validation.predictions.items():
         parts = [(values - curve.columns[target])[rows] for values, curve in zip(predicted, curves, strict=True) for rows in curve.logs]
         early = [part[: int(FIRST * len(part))] for part in parts]
         later = [part[int(FIRST * len(part)) :] for part in parts]
         rows.append((model, sum(map(len, early)), *(_rms(np.concatenate(ones)) for ones in (early, later))))
-    notes = (f"{started(memory.model)} First samples: {FIRST:.0%} of each recording, training or held out.",)
-    return Table("starts", "The beginning of free runs", columns, tuple(rows), notes)
+    note = f"{inputs.start} First samples: {FIRST:.0%} of each recording, training or held out."
+    return Table.of("starts", title, columns, rows, note)
 
 
 def _rms(errors: Array) -> float | None:
@@ -96,114 +87,77 @@ def _rms(errors: Array) -> float | None:
 
 def identified_table(fit: MemoryFit) -> Table:
     """Return the numbers of operators that training found; no rows where the dictionary left none open."""
-    columns = (Column("number"), Column("value", "", "#.6g"), Column("standard error", "", ".3g"), Column("at a bound"))
     found, rows = fit.identified, list[tuple[Cell, ...]]()
     if found is not None:
         cells = zip(found.names, found.numbers.tolist(), found.errors.tolist(), found.held.tolist(), strict=True)
         rows += [(name, value, error if math.isfinite(error) else None, "yes" if held else "no") for name, value, error, held in cells]
-    notes = ("Found with the coefficients in free run. A number at a bound of its search is not told by the data.",)
-    return Table("identified", "Numbers of operators that training found", columns, tuple(rows), notes)
+    columns = ("number", "value #.6g", "standard error .3g", "at a bound")
+    note = "Found with the coefficients in free run. A number at a bound of its search is not told by the data."
+    return Table.of("identified", "Numbers of operators that training found", columns, rows, note)
 
 
 def substitutes_table(fit: MemoryFit) -> Table:
     """For every term the candidate that would serve best in its place, beside the other terms; no rows without a ridge."""
-    columns = (Column("term"), Column("best substitute"), Column("its gain over the term's own", "%", ".1f"))
-    rows: list[tuple[Cell, ...]] = []
-    for term, place, share in zip(fit.model.terms, fit.substitutes.tolist(), fit.shares.tolist(), strict=False):
-        rows.append((term, fit.candidates[place] if place >= 0 else None, 100 * share))
+    places = zip(fit.model.terms, fit.substitutes.tolist(), fit.shares.tolist(), strict=False)
+    rows = ((term, fit.candidates[place] if place >= 0 else None, 100 * share) for term, place, share in places)
+    columns = ("term", "best substitute", "its gain over the term's own [%] .1f")
     notes = (
         "Gain: by how much the regularised error falls with the term, or with its substitute, beside all other terms. Near 100 %, the "
         "data do not tell the two apart, and another recording may choose the other.",
         f"{len(fit.forward)} terms were chosen forward, and pruned to {len(fit.model.terms)}.",
     )
-    return Table("substitutes", "What else would have served", columns, tuple(rows), notes)
+    return Table.of("substitutes", "What else would have served", columns, rows, *notes)
 
 
 def sizes_table(fit: MemoryFit) -> Table:
     """Return the error in free run of models of 1, 2, ... terms over training samples held out for that; no rows where none were."""
-    columns = (Column("terms"), Column("RMSE over the held-out end", "", "#.4g"))
     errors = [] if fit.held_out is None else fit.held_out.tolist()
-    rows: tuple[tuple[Cell, ...], ...] = tuple((number + 1, error if math.isfinite(error) else None) for number, error in enumerate(errors))
-    notes = (
+    rows = ((number, error if math.isfinite(error) else None) for number, error in enumerate(errors, 1))
+    title = "How many terms: error over the last quarter of the training samples"
+    note = (
         "Free runs of models fitted to the first three quarters of each recording's training samples. The model has the terms of the best "
-        f"one, {len(fit.model.terms)}, fitted to all of them. A dash: the run diverges.",
+        f"one, {len(fit.model.terms)}, fitted to all of them. A dash: the run diverges."
     )
-    return Table("sizes", "How many terms: error over the last quarter of the training samples", columns, rows, notes)
+    return Table.of("sizes", title, ("terms", "RMSE over the held-out end #.4g"), rows, note)
 
 
 def sections_table(fits: Mapping[str, MotionFit], unit: str) -> Table:
     """Return the parameters of every section of every model, its poles, its gain, and how it was found; P table 1 has the first."""
     drives = tuple(dict.fromkeys(text for fit in fits.values() for text in fit.model.drives[1:]))
-    columns = (
-        Column("model", form="model"),
-        Column("section"),
-        Column("input"),
-        Column("P1", "", "#.6g"),
-        Column("P2", "", "#.6g"),
-        Column("P3", "", "#.6g"),
+    columns: Columns = (
+        MODEL,
+        *("section", "input", "P1 #.6g", "P2 #.6g", "P3 #.6g"),
         *(Column(f"weight of {text}", "", "#.6g") for text in drives),
-        Column("largest pole", "", ".3f"),
-        Column("steady output at its upper end", unit, ".4g"),
-        Column("RMSE of the search", unit, ".3g"),
-        Column("samples"),
-        Column("solver"),
-        Column("iterations"),
-        Column("simulations"),
+        *("largest pole .3f", f"steady output at its upper end [{unit}] .4g", f"RMSE of the search [{unit}] .3g", "samples"),
+        *("solver", "iterations", "simulations"),
     )
-    rows = tuple(row for name, fit in fits.items() for row in _section_rows(name, fit, drives))
-    notes = (
+    rows = (row for name, fit in fits.items() for row in _section_rows(name, fit, drives))
+    notes = [
         "x1[k+1] = x2[k], x2[k+1] = P1 x1[k] + P2 x2[k] + P3 u[k] + ..., the output is x1. Stable sections have poles below 1.",
         *(f"Samples are {step:.6g} s apart." for step in {fit.model.step: None for fit in fits.values()}),
-        *(
-            ("With one shared state, the weights are those after the sections were joined; the RMSE is that of each section before.",)
-            if any(fit.model.switching != HARD for fit in fits.values())
-            else ()
-        ),
-    )
-    return Table("sections", "Sections of the models of motion", columns, rows, notes)
+    ]
+    if any(fit.model.switching != HARD for fit in fits.values()):
+        notes.append(
+            "With one shared state, the weights are those after the sections were joined; the RMSE is that of each section before."
+        )
+    return Table.of("sections", "Sections of the models of motion", columns, rows, *notes)
 
 
 def _section_rows(name: str, fit: MotionFit, drives: tuple[str, ...]) -> Iterator[tuple[Cell, ...]]:
-    for section, search in zip(fit.model.sections, fit.searches, strict=True):
-        weights = dict(zip(fit.model.drives, section.weights.tolist(), strict=True))
-        yield (
-            name,
-            section.id,
-            extent(fit.model.boundaries, section.place),
-            section.p1,
-            section.p2,
-            section.p3,
-            *(weights.get(text) for text in drives),
-            section.radius,
-            _steady(fit.model, section),
-            *_found(fit, search),
-        )
-
-
-def _found(fit: MotionFit, search: SectionSearch) -> tuple[Cell, ...]:
-    return search.rmse, search.samples, fit.solver.replace("_", " "), len(search.history) - 1, search.evaluations
-
-
-def _steady(motion: Motion, section: MotionSection) -> float:
-    """Steady output at the upper end of a section, without load."""
-    end = [*motion.boundaries, motion.limits[1]][section.place - 1]
-    constant = float(section.weights[1]) if len(section.weights) > 1 else 0.0
-    return (section.p3 * end + constant) / (1.0 - section.p1 - section.p2)
+    motion, solver = fit.model, fit.solver.replace("_", " ")
+    for section, search in zip(motion.sections, fit.searches, strict=True):
+        weights = dict(zip(motion.drives, section.weights.tolist(), strict=True))
+        constant = float(section.weights[1]) if len(section.weights) > 1 else 0.0
+        end = [*motion.boundaries, motion.limits[1]][section.place - 1]
+        steady = (section.p3 * end + constant) / (1.0 - section.p1 - section.p2)  # without load
+        parameters = (section.p1, section.p2, section.p3, *(weights.get(text) for text in drives))
+        found = (search.rmse, search.samples, solver, len(search.history) - 1, search.evaluations)
+        yield name, section.id, extent(motion.boundaries, section.place), *parameters, section.radius, steady, *found
 
 
 def waveforms_table(inputs: ReportInputs) -> Table:
     """Errors of displacement and velocity over the last wavelength of every held-out recording, as P table 3 has them."""
     unit, motion = inputs.target.unit, next(iter(inputs.motions.values())).model
-    columns = (
-        Column("recording"),
-        Column("model", form="model"),
-        Column("RMSE", unit, ".4g"),
-        Column("velocity RMSE", f"{unit}/s", ".4g"),
-        Column("max error", unit, ".4g"),
-        Column("max velocity error", f"{unit}/s", ".4g"),
-        Column("max error before", unit, ".4g"),
-        Column("samples"),
-    )
     rows: list[tuple[Cell, ...]] = []
     for number, curve in enumerate(inputs.dataset.curves):
         for log, samples in enumerate(curve.logs):
@@ -216,8 +170,12 @@ def waveforms_table(inputs: ReportInputs) -> Table:
                     e = motion_errors(measured, predicted, u, motion.step)
                     numbers = (e.displacement_rmse, e.velocity_rmse, e.max_displacement, e.max_velocity, e.transient, e.samples)
                     rows.append((curve.recordings[log], model, *numbers))
-    notes = (
-        "Over the last wavelength of the input, so many samples; where it does not repeat itself, over all of them. Before: over the "
-        "wavelengths before, with the transient at the beginning. Velocities are central differences.",
+    columns = (
+        *("recording", MODEL, f"RMSE [{unit}] .4g", f"velocity RMSE [{unit}/s] .4g", f"max error [{unit}] .4g"),
+        *(f"max velocity error [{unit}/s] .4g", f"max error before [{unit}] .4g", "samples"),
     )
-    return Table("waveforms", "Errors over one wavelength", columns, tuple(rows), notes)
+    note = (
+        "Over the last wavelength of the input, so many samples; where it does not repeat itself, over all of them. Before: over the "
+        "wavelengths before, with the transient at the beginning. Velocities are central differences."
+    )
+    return Table.of("waveforms", "Errors over one wavelength", columns, rows, note)

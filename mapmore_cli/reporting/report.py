@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -12,34 +10,38 @@ from pathlib import Path
 from typing import Any
 
 from mapmore_cli.domain.scores import FIGURES
-from mapmore_cli.reporting.figures.catalogue import RenderedFigure, drawings, rendered, rendered_by_section
-from mapmore_cli.reporting.figures.drawing import Drawing, Panel, Values, alone
-from mapmore_cli.reporting.figures.saving import SVG_PROLOGUE, WRITERS
+from mapmore_cli.reporting.figures.drawing import SVG_PROLOGUE, WRITERS, Drawing, Panel, RenderedFigure, Values, alone, drawings, rendered
 from mapmore_cli.reporting.figures.style import figure_style
-from mapmore_cli.reporting.html import SCREEN_SCALE, environment
-from mapmore_cli.reporting.inputs import FigureStyle, ReportInputs
+from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.score_tables import verdict
-from mapmore_cli.reporting.table import Table, number_text, to_csv, to_latex
+from mapmore_cli.reporting.table import SCREEN_SCALE, Table, csv_text, environment, number_text, to_csv, to_latex
 from mapmore_cli.reporting.tables import all_tables
 
 LONG_TABLE = 40
 """Rows from which a table starts folded on the screen; it is always printed."""
 
+TABLE_FILES: Mapping[str, Callable[[Table], str]] = {"csv": to_csv, "tex": to_latex}
+"""What is written of a table, by format."""
+
+PAPER = frozenset({"pdf", "png", "pgf"})
+"""Formats of figures for print: with one of these, every panel is a file of its own, beside the numbers that it was drawn from."""
+
+LONGEST_STEM = 80
+MOST_NUMBERS = 20_000
+"""Rows of a figure's numbers beside the page; longer ones are written on demand (`mapmore figure --data`)."""
+
 
 def render_page(inputs: ReportInputs, tables: Sequence[Table], figures: Mapping[str, Sequence[RenderedFigure]]) -> str:
     """Return the page, from the template `templates/page.html`, with `figures` by section; every text of the user's is escaped."""
-    return (
-        environment()
-        .get_template("page.html")
-        .render(
-            inputs=inputs,
-            verdict=verdict(inputs.validation.scores, inputs.own, inputs.target, inputs.failed),
-            tables={table.name: table for table in tables},
-            figures=figures,
-            held_out=any(curve.held_out.any() for curve in inputs.dataset.curves),
-            long_table=LONG_TABLE,
-            scale=SCREEN_SCALE,
-        )
+    template = environment().get_template("page.html")
+    return template.render(
+        inputs=inputs,
+        verdict=verdict(inputs.validation.scores, inputs.own, inputs.target, inputs.failed),
+        tables={table.name: table for table in tables},
+        figures=figures,
+        held_out=any(curve.held_out.any() for curve in inputs.dataset.curves),
+        long_table=LONG_TABLE,
+        scale=SCREEN_SCALE,
     )
 
 
@@ -49,15 +51,6 @@ def render_campaign(
     """Return the page: `pages` are links by run, `failed` the messages of runs that did not end."""
     template = environment().get_template("campaign.html")
     return template.render(title=title, tables=tables, figures=figures, scale=SCREEN_SCALE, pages=pages, failed=failed)
-
-
-TABLE_FILES: Mapping[str, Callable[[Table], str]] = {"csv": to_csv, "tex": to_latex}
-"""What is written of a table, by format."""
-
-PAPER = frozenset({"pdf", "png", "pgf"})
-"""Formats of figures for print: with one of these, every panel is a file of its own, beside the numbers that it was drawn from."""
-
-LONGEST_STEM = 80
 
 
 def write_report(inputs: ReportInputs, out: Path, figures: Sequence[str], formats: Sequence[str]) -> None:
@@ -71,30 +64,25 @@ def write_report(inputs: ReportInputs, out: Path, figures: Sequence[str], format
     tables = all_tables(inputs)
     out.mkdir(parents=True, exist_ok=True)
     for suffix, text_of in TABLE_FILES.items():
-        if suffix in formats:
-            (out / "tables").mkdir(exist_ok=True)
-            for table in tables:
-                if suffix == "tex" and not table.rows:
-                    continue  # a document does not want a table of nothing
+        for table in tables if suffix in formats else ():
+            if suffix == "csv" or table.rows:  # a document does not want a table of nothing
                 _write(out / "tables" / f"{table.name}.{suffix}", text_of(table))
     if set(formats) <= set(TABLE_FILES):
         return
     drawn = [(name, drawing) for name in FIGURES if name in figures for drawing in drawings(name, inputs)]
     if {"html", "svg"} & set(formats):
-        on_page = [(name, rendered(drawing, inputs.style)) for name, drawing in drawn]
-        if "csv" in formats:
-            on_page = [(name, _with_numbers(figure, drawing, out)) for (name, figure), (_, drawing) in zip(on_page, drawn, strict=True)]
-        if "svg" in formats:
-            for _, figure in on_page:
+        sections: dict[str, list[RenderedFigure]] = {}
+        for name, drawing in drawn:
+            figure = rendered(drawing, inputs.style)
+            if "csv" in formats:
+                figure = _with_numbers(figure, drawing, out)
+            if "svg" in formats:
                 _write(out / f"{figure.name}.svg", SVG_PROLOGUE + figure.svg)
+            sections.setdefault(FIGURES[name], []).append(figure)
         if "html" in formats:
-            _write(out / "index.html", render_page(inputs, tables, rendered_by_section(on_page)))
+            _write(out / "index.html", render_page(inputs, tables, sections))
     if PAPER & set(formats):
-        write_panels([drawing for _, drawing in drawn], out / "panels", formats, inputs)
-
-
-MOST_NUMBERS = 20_000
-"""Rows of a figure's numbers beside the page; longer ones are written on demand (`mapmore figure --data`)."""
+        _write_panels([(drawing, panel) for _, drawing in drawn for panel in drawing.panels], out / "panels", formats, inputs)
 
 
 def _with_numbers(figure: RenderedFigure, drawing: Drawing, out: Path) -> RenderedFigure:
@@ -107,27 +95,20 @@ def _with_numbers(figure: RenderedFigure, drawing: Drawing, out: Path) -> Render
     for heading in headings:
         pairs = zip((panel.data.get(heading, ()) for panel in drawing.panels), sizes, strict=True)
         table[heading] = [value for values, size in pairs for value in (values if len(values) else [math.nan] * size)]
-    (out / "numbers").mkdir(exist_ok=True)
     _write(out / "numbers" / f"{drawing.name}.csv", data_csv(table))
     return replace(figure, numbers=f"numbers/{drawing.name}.csv")
 
 
-def write_panels(drawn: Sequence[Drawing], folder: Path, formats: Sequence[str], inputs: ReportInputs) -> None:
+def _write_panels(panels: Sequence[tuple[Drawing, Panel]], folder: Path, formats: Sequence[str], inputs: ReportInputs) -> None:
     """Write every panel as a file of its own in every format of figures that is asked for, and the numbers behind it."""
     folder.mkdir(exist_ok=True)
-    panels = [(drawing, panel) for drawing in drawn for panel in drawing.panels]
     for stem, (drawing, panel) in zip(_stems(panels), panels, strict=True):
-        for name, content in _panel_files(stem, drawing, panel, formats, inputs.style).items():
-            (folder / name).write_bytes(content)
-
-
-def _panel_files(stem: str, drawing: Drawing, panel: Panel, formats: Sequence[str], style: FigureStyle) -> dict[str, bytes]:
-    """Return the files of a panel by their names."""
-    with figure_style(style):
-        figure = alone(drawing, panel, style)
-        wanted = {suffix: to_bytes for suffix, to_bytes in WRITERS.items() if suffix in formats}
-        pictures = {f"{stem}.{suffix}": to_bytes(figure, stem, drawing.alt) for suffix, to_bytes in wanted.items()}
-    return {f"{stem}.csv": data_csv(panel.data).encode(), **pictures}
+        _write(folder / f"{stem}.csv", data_csv(panel.data))
+        with figure_style(inputs.style):
+            figure = alone(drawing, panel, inputs.style)
+            for suffix, written in WRITERS.items():
+                if suffix in formats:
+                    (folder / f"{stem}.{suffix}").write_bytes(written(figure, stem, drawing.alt))
 
 
 def _stems(panels: Sequence[tuple[Drawing, Panel]]) -> Iterator[str]:
@@ -145,11 +126,7 @@ def _stems(panels: Sequence[tuple[Drawing, Panel]]) -> Iterator[str]:
 
 def data_csv(data: Mapping[str, Values]) -> str:
     """Return what a panel was drawn from, a column for each heading; 12 significant digits, an empty field where there is no number."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(data)
-    writer.writerows(zip(*map(_texts, data.values()), strict=True))
-    return text.getvalue()
+    return csv_text(data, zip(*map(_texts, data.values()), strict=True))
 
 
 def _texts(values: Values) -> list[str]:
@@ -165,4 +142,5 @@ def _texts(values: Values) -> list[str]:
 
 
 def _write(path: Path, text: str) -> None:
+    path.parent.mkdir(exist_ok=True)
     path.write_text(text, encoding="utf-8", newline="\n")

@@ -9,8 +9,7 @@ from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.domain.results import Search, Tried
 from mapmore_cli.domain.scores import REPEATABILITY, Published, Score, deciding
 from mapmore_cli.modelling.validation.comparison import Comparison
-from mapmore_cli.reporting.table import Cell, Column, Table
-from mapmore_cli.reporting.titles import title_of
+from mapmore_cli.reporting.table import MODEL, Cell, Column, Columns, Table, title_of
 
 FLOOR_NOTE = (
     f"{REPEATABILITY}: no model, but how far a sample lies from the mean of the other recordings at its level, place and direction, "
@@ -32,7 +31,7 @@ def score_table(scores: Sequence[Score], units: Mapping[str, str], published: Pu
     pooled = sorted((s for s in scores if s.curve == "all"), key=lambda s: s.split != "validate")
     unit = units.get(pooled[0].target, "") if pooled else ""
     free_running = _run_free(pooled)
-    columns = [Column("model", form="model"), Column("data"), *_metric_columns(unit, free_running)]
+    columns: list[Column | str] = [MODEL, "data", *_metric_columns(unit, free_running)]
     rows = [_score_cells(s, free_running) for s in pooled] + [(name, "failed", *[None] * (len(columns) - 2)) for name in failed]
     notes = [full_scale(pooled, unit)] if pooled else []
     if any(s.model == REPEATABILITY for s in pooled):
@@ -47,16 +46,15 @@ def score_table(scores: Sequence[Score], units: Mapping[str, str], published: Pu
     elif published is not None:
         notes.append(f"Published numbers ({published.source}) are of held-out data, and nothing is held out here to hold them against.")
     title = f"Scores (target: {pooled[0].target}), all curves pooled" if pooled else "Scores"
-    return Table("scores", title, tuple(columns), tuple(rows), tuple(notes))
+    return Table.of("scores", title, columns, rows, *notes)
 
 
-def _published_columns(published: Published, unit: str) -> Iterator[tuple[Column, dict[str, Cell]]]:
+def _published_columns(published: Published, unit: str) -> Iterator[tuple[str, dict[str, Cell]]]:
     """Yield the columns of a publication's numbers, with their cells by model."""
     if published.nrmse:
-        yield Column("published NRMSE", "%", ".3g"), {model: 100 * value for model, value in published.nrmse.items()}
-    models = [*published.rmse, *published.rmse_at_least]
-    if models:
-        yield Column("published RMSE", unit, ".3g"), {model: published.shown_rmse(model) for model in models}
+        yield "published NRMSE [%] .3g", {model: 100 * value for model, value in published.nrmse.items()}
+    if models := [*published.rmse, *published.rmse_at_least]:
+        yield f"published RMSE [{unit}] .3g", {model: published.shown_rmse(model) for model in models}
 
 
 def full_scale(pooled: Sequence[Score], unit: str) -> str:
@@ -74,8 +72,8 @@ def curve_scores_table(scores: Sequence[Score], units: Mapping[str, str]) -> Tab
     single = sorted((s for s in scores if s.curve != "all"), key=lambda s: (s.split != "validate", order[s.curve]))
     unit = units.get(single[0].target, "") if single else ""
     free_running = _run_free(single)
-    columns = (Column("curve"), Column("model", form="model"), Column("data"), *_metric_columns(unit, free_running))
-    return Table("curve_scores", "Scores by curve", columns, tuple((s.curve, *_score_cells(s, free_running)) for s in single))
+    columns: Columns = ("curve", MODEL, "data", *_metric_columns(unit, free_running))
+    return Table.of("curve_scores", "Scores by curve", columns, ((s.curve, *_score_cells(s, free_running)) for s in single))
 
 
 def _run_free(scores: Sequence[Score]) -> bool:
@@ -83,17 +81,9 @@ def _run_free(scores: Sequence[Score]) -> bool:
     return any(math.isfinite(s.rrse_one_step) and s.rrse_one_step != s.rrse for s in scores)
 
 
-def _metric_columns(unit: str, free_running: bool) -> tuple[Column, ...]:
-    one_step = (Column("RRSE, free run", "", ".5f"), Column("RRSE, one step", "", ".5f")) if free_running else ()
-    return (
-        Column("samples"),
-        Column("RMSE", unit),
-        Column("NRMSE", "%", ".2f"),
-        Column("max error", unit),
-        Column("max error", "% FS", ".2f"),
-        Column("R²", "", ".4f"),
-        *one_step,
-    )
+def _metric_columns(unit: str, free_running: bool) -> tuple[str, ...]:
+    one_step = ("RRSE, free run .5f", "RRSE, one step .5f") if free_running else ()
+    return ("samples", f"RMSE [{unit}]", "NRMSE [%] .2f", f"max error [{unit}]", "max error [% FS] .2f", "R² .4f", *one_step)
 
 
 def _score_cells(score: Score, free_running: bool) -> tuple[Cell, ...]:
@@ -149,15 +139,8 @@ def _percent(fraction: float) -> str:
 
 def changes_table(found: Comparison) -> Table:
     """Every curve that both models have, by the size of the change: the factor between them, its weight, and the difference."""
-    columns = (
-        Column("curve"),
-        Column("ratio", "", ".4f"),
-        Column("weight", "%", ".1f"),
-        Column("mean difference", found.unit, ".3g"),
-        Column("RMS difference", found.unit, ".3g"),
-        Column("largest difference", found.unit, ".3g"),
-        Column("at"),
-    )
+    differences = (f"{which} difference [{found.unit}] .3g" for which in ("mean", "RMS", "largest"))
+    columns = ("curve", "ratio .4f", "weight [%] .1f", *differences, "at")
     rows: list[tuple[Cell, ...]] = []
     for curve in found.by_effect:
         place = ", ".join(f"{name} {value:.4g}" for name, value in curve.place.items())
@@ -165,39 +148,37 @@ def changes_table(found: Comparison) -> Table:
     rows.append(("all", found.ratio, 100.0, *[None] * 4))
     low, high = found.interval
     permuted = "" if found.p_permutation is None else f"; permutation of the curves' signs p = {found.p_permutation:.2g}"
-    notes = (
+    note = (
         f"Ratio of all curves: 95 % interval {low:.4f} to {high:.4f} (Student's t, {len(found.curves) - 1} degrees of freedom; the unit is "
-        f"the curve), p = {found.p:.2g}{permuted}. Weight: share of the sum of squares of the earlier output.",
+        f"the curve), p = {found.p:.2g}{permuted}. Weight: share of the sum of squares of the earlier output."
     )
-    return Table("changes", f"{found.after} against {found.before}", columns, tuple(rows), notes)
+    return Table.of("changes", f"{found.after} against {found.before}", columns, rows, note)
 
 
 def drift_table(names: Sequence[str], results: Sequence[Comparison]) -> Table:
     """Every later model against the first."""
-    ratio = (Column(name, "", ".4f") for name in ("ratio", "from", "to"))
-    columns = (Column("model", form="model"), *ratio, Column("answer"))
-    rows = tuple((name, one.ratio, *one.interval, one.answer) for name, one in zip(names[1:], results, strict=True))
-    return Table("drift", f"Every model against {names[0]}", columns, rows)
+    rows = ((name, one.ratio, *one.interval, one.answer) for name, one in zip(names[1:], results, strict=True))
+    return Table.of("drift", f"Every model against {names[0]}", (MODEL, "ratio .4f", "from .4f", "to .4f", "answer"), rows)
 
 
 def search_table(search: Search) -> Table:
     """Return a row for every structure, the least error first; the best and the one that was taken are marked."""
-    order = sorted(range(len(search.tried)), key=lambda number: (bool(search.tried[number].failure), search.tried[number].excess))
-    rows = [_row(number, search.tried[number], search) for number in order]
-    errors = [Column("left-out error", "%", ".3f"), Column("levels left out", "%", ".3f")]
-    errors += [Column("above the best", "%", ".1f"), Column("standard error", "%", ".1f")]
-    columns = (Column("structure"), *errors, Column("parameters"), Column("seconds", "", ".2f"), Column(""))
-    parts = (f"Levels left out: the same for {search.parts}.",) if search.parts else ()
+    columns = (
+        *("structure", "left-out error [%] .3f", "levels left out [%] .3f", "above the best [%] .1f", "standard error [%] .1f"),
+        *("parameters", "seconds .2f", ""),
+    )
+    order = sorted(enumerate(search.tried), key=lambda pair: (bool(pair[1].failure), pair[1].excess))
     boxes = ", ".join(f"{name} {100 * error:.3g} %" for name, error in (search.black_boxes or {}).items())
     notes = (
         f"Left out in turn: {search.left_out}. Errors: RMSE / FS, FS = range of the training samples = {search.scale:.4g}. "
         "Above the best: mean difference of the logarithms over all folds, and its standard error.",
-        *parts,
+        *((f"Levels left out: the same for {search.parts}.",) if search.parts else ()),
         *((f"Black boxes on the same blocks: {boxes}.",) if boxes else ()),
         "Taken: the fewest parameters of those within one standard error, and 5 %, of the best. Held-out data were not used.",
         *search.notes,
     )
-    return Table("search", "Structures that were tried on training data", columns, tuple(rows), notes)
+    rows = (_row(number, one, search) for number, one in order)
+    return Table.of("search", "Structures that were tried on training data", columns, rows, *notes)
 
 
 def _row(number: int, one: Tried, search: Search) -> tuple[Cell, ...]:

@@ -1,16 +1,22 @@
-"""A table as data, and its renderings: CSV, plain text, Markdown, LaTeX and HTML over the same object."""
+"""A table as data, its renderings (CSV, text, Markdown, LaTeX, HTML), and what all pages share: templates, names of models for people."""
 
 from __future__ import annotations
 
 import csv
 import io
 import math
-from collections.abc import Callable, Sequence
+import re
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import cache, lru_cache
 from html import escape
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from mapmore_cli.domain.foreign import csv_cell, tex_comment, tex_text
+from mapmore_cli.domain.scores import BASELINES, SIMPLE
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
 
 Cell = str | int | float | None
 """What stands in a table; None (and NaN) is a number that there is not."""
@@ -20,6 +26,8 @@ LONG_TEXT = 24
 EQUATION = r"{{\raggedright\strut ${}$\strut\par}}"
 EQUATIONS = 0.75
 """What of a page's width LaTeX gives to equations."""
+
+WRITTEN = re.compile(r"(.*?)(?: \[(.*?)\])?(?: (#?\.\d+\w))?", re.DOTALL)
 
 
 @dataclass(frozen=True)
@@ -34,10 +42,24 @@ class Column:
     spec: str = "#.4g"
     form: Literal["cell", "text", "source", "model"] = "cell"
 
+    @classmethod
+    def of(cls, text: str) -> Column:
+        """Return the column that is written as `RMSE [N] .3g`: its name, its unit and its format, of which both may be left out."""
+        found = WRITTEN.fullmatch(text)
+        assert found is not None
+        name, unit, spec = found.groups()
+        return cls(name, unit or "", spec or cls.spec)
+
     @property
     def heading(self) -> str:
         """Name with unit, `RMSE [N]`."""
         return f"{self.name} [{self.unit}]" if self.unit not in ("", "1") else self.name
+
+
+Columns = Iterable[Column | str]
+"""Columns of a table; `RMSE [N] .3g` stands for the one that `Column.of` makes of it."""
+
+MODEL = Column("model", form="model")
 
 
 @dataclass(frozen=True)
@@ -54,6 +76,12 @@ class Table:
     columns: tuple[Column, ...]
     rows: tuple[tuple[Cell, ...], ...]
     notes: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, name: str, title: str, columns: Columns, rows: Iterable[Sequence[Cell]], *notes: str) -> Table:
+        """Return a table; what users name is given as a column, not as the text of one."""
+        heads = tuple(Column.of(column) if isinstance(column, str) else column for column in columns)
+        return cls(name, title, heads, tuple(map(tuple, rows)), notes)
 
     def __post_init__(self) -> None:
         if any(len(row) != len(self.columns) for row in self.rows):
@@ -83,10 +111,13 @@ def _show(cell: Cell, column: Column) -> str:
 
 def to_csv(table: Table) -> str:
     """Comma-separated, units in the header, 12 significant digits, an empty field where there is no number."""
+    return csv_text(map(csv_cell, table.headings), ([number_text(cell) for cell in row] for row in table.rows))
+
+
+def csv_text(headings: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
+    """Return headings and rows as comma-separated text, each line ended as on Unix."""
     text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(map(csv_cell, table.headings))
-    writer.writerows([number_text(cell) for cell in row] for row in table.rows)
+    csv.writer(text, lineterminator="\n").writerows([headings, *rows])
     return text.getvalue()
 
 
@@ -102,7 +133,8 @@ def to_text(table: Table) -> str:
     lines = [table.headings, *table.shown]
     widths = [max(len(line[j]) for line in lines) for j in range(len(table.columns))]
     rule = tuple("-" * width for width in widths)
-    body = [_pad(line, widths, table.numeric) for line in (table.headings, rule, *table.shown)]
+    sides = [str.rjust if number else str.ljust for number in table.numeric]
+    body = [[pad(text, width) for pad, text, width in zip(sides, line, widths, strict=True)] for line in (lines[0], rule, *lines[1:])]
     return "\n".join([table.title, "", *("  ".join(line).rstrip() for line in body), *table.notes]) + "\n"
 
 
@@ -162,5 +194,30 @@ def _html_text(text: str) -> str:
     return escape(text).replace("/", "/<wbr>") if len(text) > LONG_TEXT else escape(text)
 
 
-def _pad(line: Sequence[str], widths: Sequence[int], numeric: Sequence[bool]) -> list[str]:
-    return [text.rjust(width) if number else text.ljust(width) for text, width, number in zip(line, widths, numeric, strict=True)]
+SCREEN_SCALE = 1.35
+"""Figures are made for paper; a screen is read from further away."""
+
+OTHERS = {**BASELINES, **SIMPLE}
+
+
+@lru_cache(maxsize=10_000)
+def title_of(text: str) -> str:
+    """Return the title of the model or of the sum of models that a text names, `sarosi_hinged` as `Sárosi, hinged`; else the text."""
+    from mapmore_cli.modelling import literature  # a table by itself needs no formulas
+
+    names = text.split("+")
+    found = [OTHERS.get(name) or (literature.get(name).title if name in literature.names() else "") for name in names]
+    return text if "" in found else " + ".join(found)
+
+
+@cache
+def environment() -> Environment:
+    """Return the templates of the package, with tables and figures as filters."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined  # tables and figures need none of it
+    from markupsafe import Markup
+
+    loader = PackageLoader("mapmore_cli.reporting")
+    templates = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    templates.filters["table"] = lambda table: Markup(to_html(table, title_of))
+    templates.filters["svg"] = lambda figure: Markup(figure.svg)
+    return templates

@@ -97,7 +97,7 @@ class LoadedModel:
             import matplotlib.pyplot as plt
 
             ax = plt.figure(layout="constrained").subplots()
-        from mapmore_cli.reporting.figures.lines import draw_model  # and with it matplotlib
+        from mapmore_cli.reporting.figures.commands import draw_model  # and with it matplotlib
 
         draw_model(ax, self.model if interval is None else self._with_intervals, interval)
         return ax

@@ -21,8 +21,7 @@ from mapmore_cli.modelling.expressions import ExpressionError, evaluate, parse
 from mapmore_cli.modelling.motion.simulation import last_wavelength
 from mapmore_cli.pipeline.report import collected, drawn_figure, published_table, reads
 from mapmore_cli.pipeline.runner import bring_up_to_date
-from mapmore_cli.reporting.html import environment
-from mapmore_cli.reporting.table import Cell, Column, Table
+from mapmore_cli.reporting.table import Cell, Column, Table, environment
 from mapmore_cli.reporting.tables import all_tables
 from mapmore_cli.spec.campaign import Comparison, Item, LoadedPaper, Number, Ours, Sentence, Side, Verdict
 from mapmore_cli.spec.loader import load

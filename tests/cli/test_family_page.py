@@ -34,7 +34,7 @@ def test_the_numbers_of_the_sentences_are_those_of_the_table() -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("name", ["lengths", "adapt"])
 def test_a_table_made_anew(name: str, tmp_path_factory: pytest.TempPathFactory, measured_data: Path) -> None:
-    table = family_tables.tables(tmp_path_factory.getbasetemp() / "family-runs")[name]()
+    table = family_tables.TABLES[name](tmp_path_factory.getbasetemp() / "family-runs")
     shown = page_table(name, PAGE)
     for first, *cells in table.rows:
         key = f"{first:.0f}" if isinstance(first, float) else first

@@ -21,7 +21,7 @@ def page(name: str, path: Path) -> dict[str, dict[str, float]]:
 
 @pytest.mark.long
 def test_valves_tendon_and_random_pressures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("mapmore_cli.reporting.figures.catalogue.drawings", lambda _name, _inputs: [])
+    monkeypatch.setattr("mapmore_cli.reporting.figures.drawing.drawings", lambda _name, _inputs: [])
     assert_shown(outlook_tables.outlook(tmp_path), H)
 
 

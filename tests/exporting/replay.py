@@ -260,7 +260,7 @@ if __name__ == "__main__":
         columns = (Column("held out in"), Column("samples"), *(Column(name, "%", ".1e") for name in READERS))
         rows = []
         for study in (*SIMULATED, *MEASURED):
-            samples, worst = replayed(run(study, Path(sys.argv[1])))
+            samples, worst = replayed(run(study, Path(sys.argv[1])).folder)
             rows.append((study.partition("/")[2], samples, *worst.values()))
             print(rows[-1], file=sys.stderr)
         return Table("replays", "Largest difference from `predict`, in % of the prediction's range", columns, tuple(rows))

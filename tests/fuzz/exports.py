@@ -186,7 +186,7 @@ def try_text(chance: random.Random, number: int, folder: Path) -> str:
 
 def _figure(title: str, label: str, entry: str, maths: bool) -> None:
     """Fault where a figure is no XML, or TeX obeys more of it than of one whose texts are plain."""
-    from mapmore_cli.reporting.figures.saving import to_pgf, to_svg
+    from mapmore_cli.reporting.figures.drawing import to_pgf, to_svg
     from mapmore_cli.reporting.figures.style import fonts_may_lack_glyphs, wrong_formula
 
     ElementTree.fromstring(to_svg(_drawn(title, label, entry, False), "a", title))
@@ -209,7 +209,7 @@ def _drawn(title: str, label: str, entry: str, maths: bool) -> Any:
 
 @cache
 def tex_of_figures() -> frozenset[str]:
-    from mapmore_cli.reporting.figures.saving import to_pgf
+    from mapmore_cli.reporting.figures.drawing import to_pgf
 
     return frozenset(tex_commands(to_pgf(_drawn("a", "b", "c", False))))
 

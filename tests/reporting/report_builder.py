@@ -8,16 +8,19 @@ from typing import Any
 
 import numpy as np
 
-from mapmore_cli.domain.fits import FormulaFit, Scaling, Segment, SegmentedCurve, SegmentFit, Selection
-from mapmore_cli.domain.models import CurveFunction, Equation, Fusion, Model, Pieces, SegmentFunction
+from mapmore_cli.domain.fits import FormulaFit
+from mapmore_cli.domain.models import Equation, Model
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity, Recording
-from mapmore_cli.domain.results import FitResult, PiecesFit, Validation
+from mapmore_cli.domain.results import FitResult, Forecast, PiecesFit, Validation
 from mapmore_cli.domain.scores import Published, Score
 from mapmore_cli.modelling.kinds import predict
+from mapmore_cli.modelling.pieces import build as pieces
+from mapmore_cli.modelling.pieces.recipe import Cuts, Fuse, Recipe
+from mapmore_cli.modelling.validation.metrics import divisor, score_rows
 from mapmore_cli.reporting.inputs import ReportInputs
 
 QUANTITIES = {q.name: q for q in (Quantity("time", "s"), Quantity("pressure", "kPa"), Quantity("strain", "1"), Quantity("force", "N"))}
-CANDIDATES = ("1", "strain", "strain^2", "strain^3", "strain^4")
+FUSE = Fuse(transition="quadratic", extrapolation="continue")
 Prediction = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
@@ -47,20 +50,16 @@ def build(
     dataset = Dataset(
         "force", "pressure", QUANTITIES, tuple(_recording(c, random, rename) for c in curves), tuple(curves), ("1 level was merged.",)
     )
-    trained = [c for c in curves if not c.held_out.all()]
-    segmentation = tuple(_segmented(c, segments) for c in trained)
-    fit = FitResult(PiecesFit(tuple(_segment_fit(c, s) for c, cut in zip(trained, segmentation, strict=True) for s in cut.segments)))
-    model = _model(name, segmentation, fit)
+    dictionary = ("1", "strain", "strain^2", "strain^3", "strain^4")
+    recipe = Recipe(target="force", dictionary=dictionary, cuts={"strain": Cuts("even", segments)}, level="pressure", fuse=FUSE)
+    segmentation = pieces.segment(curves, recipe)
+    fit = FitResult(PiecesFit(pieces.fit(curves, segmentation, recipe)))
+    model = pieces.fuse(name, curves, segmentation, fit, recipe, QUANTITIES)
     predictions = {"mapmore": tuple(predict(model, c.columns) for c in curves)}
     predictions |= {key: tuple(f(c.columns["pressure"], c.columns["strain"]) for c in curves) for key, f in competitors.items()}
     formulas = {key: _formula(key, failed=all(np.isnan(y).all() for y in predictions[key])) for key in competitors}
-    scored = {key: y for key, y in predictions.items() if key not in formulas or not formulas[key].failed}
-    validation = Validation(
-        predictions,
-        formulas,
-        tuple(_scores(curves, scored)),
-        {"force": "N"},
-    )
+    scored = [key for key in predictions if key not in formulas or not formulas[key].failed]
+    validation = Validation(predictions, formulas, _scores(dataset, {key: predictions[key] for key in scored}), {"force": "N"})
     equations = tuple(
         Equation(f.id, f"force = 123.4*((strain - 0.01)/0.05)^2 + 12 = {f.terms[0]}", r"F = 123.4 \left(\epsilon\right)^2")
         for f in fit.segments
@@ -101,97 +100,19 @@ def _recording(curve: Curve, random, rename) -> Recording:
     return Recording(curve.recordings[0], f"../data/{curve.recordings[0]}.csv.gz", columns, len(time) + sum(dropped.values()), dropped)
 
 
-def _segmented(curve: Curve, count: int) -> SegmentedCurve:
-    rows = np.flatnonzero(~curve.held_out)
-    strain = curve.columns["strain"][rows]
-    boundaries = np.linspace(strain[0], strain[-1], count + 1)
-    cell = np.clip(np.searchsorted(boundaries, strain, side="right"), 1, count)
-    segments = tuple(Segment(f"{curve.id}/strain:{i}", curve.id, (i,), rows[cell == i]) for i in range(1, count + 1))
-    limits = {"strain": (float(strain[0]), float(strain[-1])), "pressure": (float(curve.level), float(curve.level))}
-    return SegmentedCurve(curve.id, curve.level, ("strain",), (boundaries,), limits, segments)
-
-
-def _segment_fit(curve: Curve, segment: Segment) -> SegmentFit:
-    strain, force = (curve.columns[name][segment.rows] for name in ("strain", "force"))
-    x = (strain - strain[0]) / np.ptp(strain)
-    y_slope, y_intercept = float(np.ptp(force)), float(force[0])
-    y = (force - y_intercept) / y_slope
-    P = np.column_stack([x**i for i in range(5)])
-    g = P.T @ y / np.sum(P**2, axis=0)
-    err = g**2 * np.sum(P**2, axis=0) / (y @ y)
-    order = np.argsort(-err)
-    best = int(order[0])
-    sse = float(np.sum((y - g[best] * P[:, best]) ** 2))
-    chosen = np.array([best])
-    runner_up, tied, condition = order[1:2], np.zeros(1, int), 1.0
-    theta_error = np.array([np.sqrt(sse / (len(y) - 1) / np.sum(P[:, best] ** 2))])
-    selection = Selection(
-        chosen, g[chosen], err[chosen], g[chosen], theta_error, np.eye(1), g[None], err[None], runner_up, tied, condition,
-        sse, float(y @ y), len(y), "max_terms",
-    )  # fmt: skip
-    scaling = Scaling(
-        "unit_square", "left", ("strain",), np.array([1 / np.ptp(strain)]), np.array([-strain[0] / np.ptp(strain)]), y_slope, y_intercept
-    )
-    return SegmentFit(segment.id, curve.id, segment.cell, CANDIDATES, scaling, selection)
-
-
-def _model(name: str, segmentation: Sequence[SegmentedCurve], fit: FitResult) -> Model:
-    functions = {
-        f.id: SegmentFunction(
-            f.id,
-            f.cell,
-            f.terms,
-            f.selection.theta,
-            f.selection.theta_error,
-            f.selection.g,
-            f.selection.err,
-            f.scaling,
-            f.selection.samples,
-            1.0,
-            "max_terms",
-        )
-        for f in fit.segments
-    }
-    curves = tuple(
-        CurveFunction(c.curve, c.level, c.boundaries, c.limits, tuple(functions[s.id] for s in c.segments)) for c in segmentation
-    )
-    fusion = Fusion(transition="quadratic", extrapolation={"strain": ("continue", "continue"), "pressure": ("continue", "continue_linear")})
-    return Model(name, QUANTITIES["force"], (QUANTITIES["pressure"], QUANTITIES["strain"]), Pieces("pressure", ("strain",), curves, fusion))
-
-
 def _formula(name: str, failed: bool) -> FormulaFit:
     if failed:
-        return FormulaFit(
-            name, {"a1": np.nan}, {"a1": np.nan}, "failed", "levenberg_marquardt", 0, np.nan, np.nan, 600, ("the solver found no step",)
-        )
-    return FormulaFit(
-        name,
-        {"a1": 0.6, "a2": -9.5, "a3": 2.3},
-        {"a1": 0.01, "a2": np.nan, "a3": 0.02},
-        "converged",
-        "variable projection",
-        3,
-        812.0,
-        5.0,
-        600,
-    )
+        nothing = {"a1": np.nan}
+        return FormulaFit(name, nothing, nothing, "failed", "levenberg_marquardt", 0, np.nan, np.nan, 600, ("the solver found no step",))
+    found, errors = {"a1": 0.6, "a2": -9.5, "a3": 2.3}, {"a1": 0.01, "a2": np.nan, "a3": 0.02}
+    return FormulaFit(name, found, errors, "converged", "variable projection", 3, 812.0, 5.0, 600)
 
 
-def _scores(curves: Sequence[Curve], predictions: Mapping[str, Sequence[np.ndarray]]):
-    def score(model: str, split: str, name: str, chosen: Sequence[tuple[int, np.ndarray]]) -> Score:
-        y = np.concatenate([curves[i].columns["force"][rows] for i, rows in chosen])
-        error = np.concatenate([predictions[model][i][rows] for i, rows in chosen]) - y
-        rmse, top, worst = float(np.sqrt(np.mean(error**2))), float(np.abs(y).max()), float(np.abs(error).max())
-        r2 = 1 - float(np.sum(error**2) / np.sum((y - y.mean()) ** 2))
-        return Score(model, "force", split, name, len(y), rmse, rmse / top, top, f"max|force| over {split}", worst, worst / top, r2)
-
-    for split in ("train", "validate"):
-        rows = {i: c.held_out == (split == "validate") for i, c in enumerate(curves)}
-        some = [(i, mask) for i, mask in rows.items() if mask.any()]
-        for model in predictions if some else ():
-            yield score(model, split, "all", some)
-            for i, mask in some:
-                yield score(model, split, curves[i].id, [(i, mask)])
+def _scores(dataset: Dataset, predictions: Mapping[str, Sequence[np.ndarray]]) -> tuple[Score, ...]:
+    """Rows of all models, the training data first."""
+    said = {model: [Forecast.of(values) for values in found] for model, found in predictions.items()}
+    rows = [row for model, found in said.items() for row in score_rows(model, "force", found, dataset, divisor(dataset, "max"))]
+    return tuple(sorted(rows, key=lambda row: row.split))
 
 
 def of_pieces(model: Model, **changes: Any) -> Model:

@@ -21,9 +21,8 @@ from mapmore_cli.reporting.campaign import (
     order_table,
     published_table,
 )
-from mapmore_cli.reporting.figures.campaign import campaign_figures
-from mapmore_cli.reporting.figures.catalogue import rendered
-from mapmore_cli.reporting.figures.drawing import compose
+from mapmore_cli.reporting.figures.commands import campaign_figures
+from mapmore_cli.reporting.figures.drawing import compose, rendered
 from mapmore_cli.reporting.report import render_campaign
 
 

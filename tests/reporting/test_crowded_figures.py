@@ -13,9 +13,8 @@ from report_builder import build, of_pieces, surface
 
 from mapmore_cli.domain.scores import FIGURES, REPEATABILITY
 from mapmore_cli.modelling.kinds import predict
-from mapmore_cli.reporting.figures.catalogue import drawings
-from mapmore_cli.reporting.figures.drawing import POINTS, compose
-from mapmore_cli.reporting.figures.levels import draw_courses, draw_levels, level_courses, level_figures, level_weights
+from mapmore_cli.reporting.figures.drawing import POINTS, compose, drawings
+from mapmore_cli.reporting.figures.segments import draw_courses, draw_levels, level_courses, level_figures, level_weights
 from mapmore_cli.reporting.figures.style import figure_style, model_styles
 from mapmore_cli.reporting.inputs import MOST_LINES
 from mapmore_cli.reporting.score_tables import score_table

@@ -14,8 +14,7 @@ from mapmore_cli.modelling.memory.fitting import fit_with_memory
 from mapmore_cli.modelling.memory.records import records_of
 from mapmore_cli.modelling.selection import MemoryRecipe
 from mapmore_cli.modelling.validation.metrics import divisor, score_rows
-from mapmore_cli.reporting.figures.catalogue import drawings
-from mapmore_cli.reporting.figures.drawing import compose
+from mapmore_cli.reporting.figures.drawing import compose, drawings
 from mapmore_cli.reporting.figures.style import figure_style
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.report import render_page

@@ -21,15 +21,12 @@ from mapmore_cli.domain.foreign import tex_text
 from mapmore_cli.domain.models import Equation
 from mapmore_cli.domain.scores import FIGURES
 from mapmore_cli.reporting.figures import data
-from mapmore_cli.reporting.figures.catalogue import drawings, panel_of
-from mapmore_cli.reporting.figures.drawing import alone, compose
-from mapmore_cli.reporting.figures.saving import DOTS_PER_INCH, WRITERS
+from mapmore_cli.reporting.figures.drawing import DOTS_PER_INCH, WRITERS, alone, compose, drawings, panel_of
 from mapmore_cli.reporting.figures.style import figure_style, wrong_formula
 from mapmore_cli.reporting.inputs import FigureStyle
-from mapmore_cli.reporting.model_tables import equations_table
 from mapmore_cli.reporting.report import write_report
 from mapmore_cli.reporting.table import Column, Table, to_csv, to_latex
-from mapmore_cli.reporting.tables import all_tables
+from mapmore_cli.reporting.tables import all_tables, equations_table
 
 HOSTILE = r"\input{/etc/passwd}\write18{rm}$%&#_{}^~[2]*" + "\n\n\\def"
 OBEYED = re.compile(r"(?<!\\)\\(input|write|def|include|catcode|csname|immediate|openout)\b")
@@ -69,9 +66,9 @@ SCRIPT = """
 import hashlib, sys
 sys.path.insert(0, sys.argv[1])
 from report_builder import build
-from mapmore_cli.reporting.figures.catalogue import drawings
+from mapmore_cli.reporting.figures.drawing import drawings
 from mapmore_cli.reporting.figures.drawing import alone
-from mapmore_cli.reporting.figures.saving import WRITERS
+from mapmore_cli.reporting.figures.drawing import WRITERS
 from mapmore_cli.reporting.figures.style import figure_style
 inputs = build()
 (drawing,) = drawings("nrmse", inputs)

@@ -13,19 +13,38 @@ from report_builder import build, of_pieces
 
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.domain.scores import FIGURES
-from mapmore_cli.reporting.figures.catalogue import drawings
-from mapmore_cli.reporting.figures.curves import curve_fit, draw_error, draw_fit, held_out_spans, mark_held_out
 from mapmore_cli.reporting.figures.data import draw_trace, traces
-from mapmore_cli.reporting.figures.drawing import compose
+from mapmore_cli.reporting.figures.drawing import compose, drawings
 from mapmore_cli.reporting.figures.error import draw_errors, model_errors
+from mapmore_cli.reporting.figures.fit import (
+    curve_fit,
+    draw_error,
+    draw_fit,
+    draw_training_curves,
+    held_out_spans,
+    label_curves,
+    mark_held_out,
+    training_curve_fits,
+)
 from mapmore_cli.reporting.figures.nrmse import draw_nrmse, nrmse_bars
 from mapmore_cli.reporting.figures.segments import draw_segments, draw_weights, draw_zones, segment_curves
-from mapmore_cli.reporting.figures.style import OWN_STYLE, draw_band, figure_style, model_styles, shortened, two_lines
+from mapmore_cli.reporting.figures.style import (
+    MOST_ON_A_LINE,
+    OWN_STYLE,
+    STRETCHES,
+    band,
+    cloud,
+    draw_band,
+    envelope,
+    figure_style,
+    model_styles,
+    shortened,
+    spread,
+    two_lines,
+)
 from mapmore_cli.reporting.figures.terms import term_steps, whole_curves
-from mapmore_cli.reporting.figures.thinning import MOST_ON_A_LINE, STRETCHES, band, cloud, envelope, spread
-from mapmore_cli.reporting.figures.training import draw_training_curves, label_curves, training_curve_fits
 from mapmore_cli.reporting.inputs import FigureStyle
-from mapmore_cli.reporting.titles import title_of
+from mapmore_cli.reporting.table import title_of
 
 
 @pytest.fixture

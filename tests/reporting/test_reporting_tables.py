@@ -14,10 +14,9 @@ from mapmore_cli.domain.models import FoldError
 from mapmore_cli.domain.recording import Dataset, Quantity, Recording
 from mapmore_cli.domain.results import PiecesFit
 from mapmore_cli.domain.scores import Published
-from mapmore_cli.reporting.model_tables import interval_half_width, same_models, terms_table
 from mapmore_cli.reporting.score_tables import score_table
 from mapmore_cli.reporting.table import Table, to_csv
-from mapmore_cli.reporting.tables import all_tables, levels_table, recordings_table
+from mapmore_cli.reporting.tables import all_tables, interval_half_width, levels_table, recordings_table, same_models, terms_table
 
 
 def tables_of(inputs) -> dict[str, Table]:

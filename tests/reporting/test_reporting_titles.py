@@ -6,8 +6,7 @@ import pytest
 
 from mapmore_cli.domain.scores import BASELINES, SIMPLE
 from mapmore_cli.modelling import literature
-from mapmore_cli.reporting.table import Column, Table, to_csv, to_html
-from mapmore_cli.reporting.titles import title_of
+from mapmore_cli.reporting.table import Column, Table, title_of, to_csv, to_html
 
 
 def test_every_formula_has_a_title_of_its_own() -> None:

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import partial
-
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.lines import Line2D
-from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from mapmore_cli.domain.models import FALL, MotionFit
 from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
-from mapmore_cli.reporting.figures.style import BLACK, DOUBLE, GREY, shortened
+from mapmore_cli.reporting.figures.style import BLACK, DOUBLE, GREY, key, plain_logarithm, shortened
 from mapmore_cli.reporting.inputs import ReportInputs
 
 SIDE_BY_SIDE = 3
@@ -23,13 +18,13 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     panels = [_panel(inputs, name, fit) for name, fit in inputs.motions.items()]
     if not panels:
         return []
-    handles = [Line2D([], [], color=BLACK, label="section"), Line2D([], [], color=GREY, linestyle="--", label="of a falling input")]
+    handles = (key("section", color=BLACK), key("of a falling input", color=GREY, linestyle="--"))
     caption = (
         "Lowest RMSE of every section over its own training samples, after so many iterations (of least squares: simulations). Where the "
         "sections share a state, before they were joined."
     )
     alt = f"Convergence of the searches of {len(panels)} models of motion."
-    return [Drawing("convergence", caption, alt, tuple(panels), Grid(min(SIDE_BY_SIDE, len(panels)), DOUBLE), tuple(handles))]
+    return [Drawing("convergence", caption, alt, tuple(panels), Grid(min(SIDE_BY_SIDE, len(panels)), DOUBLE), handles)]
 
 
 def _panel(inputs: ReportInputs, name: str, fit: MotionFit) -> Panel:
@@ -40,15 +35,12 @@ def _panel(inputs: ReportInputs, name: str, fit: MotionFit) -> Panel:
         "iteration": [step for _, step in points],
         f"lowest RMSE [{unit}]": [float(search.history[step]) for search, step in points],
     }
-    return Panel(name, partial(_draw_on, fit=fit), "Iteration", (f"Lowest RMSE ({unit})",), data, shortened(name, 24))
+    return Panel(name, lambda axes: _draw_on(axes[0], fit), "Iteration", (f"Lowest RMSE ({unit})",), data, shortened(name, 24))
 
 
-def _draw_on(axes: Sequence[Axes], fit: MotionFit) -> None:
-    (ax,) = axes
+def _draw_on(ax: Axes, fit: MotionFit) -> None:
     for section, search in zip(fit.model.sections, fit.searches, strict=True):
         falls = section.direction == FALL
         best = np.maximum(search.history, np.finfo(np.float64).tiny)  # an exact fit has no place on a logarithmic axis
         ax.plot(best, color=GREY if falls else BLACK, linestyle="--" if falls else "-", linewidth=0.7)
-    ax.set_yscale("log")
-    ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    ax.yaxis.set_minor_formatter(NullFormatter())
+    plain_logarithm(ax.yaxis)

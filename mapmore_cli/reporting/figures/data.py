@@ -12,8 +12,7 @@ from matplotlib.ticker import MaxNLocator
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.recording import Quantity, Recording
 from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
-from mapmore_cli.reporting.figures.style import BLUE, places, some_of, two_lines, width_for
-from mapmore_cli.reporting.figures.thinning import envelope
+from mapmore_cli.reporting.figures.style import BLUE, envelope, places, some_of, two_lines, width_for
 from mapmore_cli.reporting.inputs import FigureStyle, ReportInputs
 
 MOST_RECORDINGS = 5

@@ -1,20 +1,28 @@
-"""Figures as data: panels with what they draw, set side by side on a page, or each by itself for a paper."""
+"""Figures as data: panels with what they draw, found by name, set side by side on a page, or each by itself for a paper."""
 
 from __future__ import annotations
 
+import io
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from html import escape
+from importlib import import_module
 from typing import Any, Literal
 
 import numpy as np
+from matplotlib import rc_context
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_pgf import RendererPgf
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-from mapmore_cli.reporting.figures.style import fonts_may_lack_glyphs, small
-from mapmore_cli.reporting.inputs import SINGLE, FigureStyle
-from mapmore_cli.reporting.titles import title_of
+from mapmore_cli.domain.errors import UsageError
+from mapmore_cli.domain.foreign import tex_label, tex_text, xml_text
+from mapmore_cli.reporting.figures.style import figure_style, fonts_may_lack_glyphs, small
+from mapmore_cli.reporting.inputs import SINGLE, FigureStyle, ReportInputs
+from mapmore_cli.reporting.table import title_of
 
 POINTS = 72
 """Points an inch. Figures have as many dots an inch, so that what is measured are points."""
@@ -80,10 +88,47 @@ class Drawing:
     legend: tuple[Any, ...] = ()
 
 
-def find_panel(drawings: Sequence[Drawing], keys: Collection[str]) -> tuple[Drawing, Panel] | None:
-    """Return the first panel that has one of the keys; None where there is none."""
-    every = ((drawing, panel) for drawing in drawings for panel in drawing.panels)
-    return next((pair for pair in every if pair[1].key in keys), None)
+def drawings(name: str, inputs: ReportInputs) -> list[Drawing]:
+    """Return the figures that a spec calls so, from `draw` in the module of that name: none where there is nothing to draw, or several."""
+    found: list[Drawing] = import_module(f"{__package__}.{name}").draw(inputs)
+    return found
+
+
+def panel_of(name: str, inputs: ReportInputs, words: str) -> tuple[Drawing, Panel]:
+    """Return the panel of a curve, a recording or a model, also of one that the page leaves out.
+
+    - `words`: the panel's key, or what a user calls a curve: its level alone (`250`, `250 kPa` for `pressure=250`), or a log that was cut.
+
+    Raises UsageError where there is no such panel; the message names those that there are.
+    """
+    ids = inputs.ids_of(words)
+    for looked_in, keys in ((inputs, {words, *ids}), (replace(inputs, asked=ids), ids)):
+        for drawing in drawings(name, looked_in) if keys else ():
+            for panel in drawing.panels:
+                if panel.key in keys:
+                    return drawing, panel
+    every = frozenset([*(curve.id for curve in inputs.dataset.curves), *(recording.id for recording in inputs.dataset.recordings)])
+    known = dict.fromkeys(panel.key for drawing in drawings(name, replace(inputs, asked=every)) for panel in drawing.panels)
+    names = ", ".join(filter(None, known))
+    raise UsageError(f"no panel of this figure is called {words!r}", f"choose one of {names}" if names else "leave the panel out")
+
+
+@dataclass(frozen=True)
+class RenderedFigure:
+    """A figure as SVG; `width` in inches, `numbers` is the file of what it was drawn from, empty where there is none."""
+
+    name: str
+    caption: str
+    svg: str
+    width: float
+    numbers: str = ""
+
+
+def rendered(drawing: Drawing, style: FigureStyle | None = None) -> RenderedFigure:
+    """All panels of a figure as one SVG."""
+    with figure_style(style):
+        figure = compose(drawing, style)
+        return RenderedFigure(drawing.name, drawing.caption, to_svg(figure, drawing.name, drawing.alt), float(figure.get_figwidth()))
 
 
 def compose(drawing: Drawing, style: FigureStyle | None = None) -> Figure:
@@ -157,3 +202,76 @@ def _legend_columns(labels: Sequence[str], width: float) -> int:
     longest = max(len(label) for label in labels) * 0.55 * size + 4.2 * size
     rows = math.ceil(len(labels) / max(1, int(width / longest)))
     return math.ceil(len(labels) / rows)
+
+
+SVG_PROLOGUE = '<?xml version="1.0" encoding="utf-8"?>\n'
+DOTS_PER_INCH = 300
+
+_PROLOGUE = re.compile(r"\A.*?(?=<svg\b)", re.DOTALL)
+_GROUP_ID = re.compile(r'<g id="[^"]*"')
+
+
+def to_svg(figure: Figure, name: str, alt: str) -> str:
+    """Return an `<svg>` element that can stand in a page or in a file of its own.
+
+    No date, no creator, and definitions named by a hash of their content, salted by the `name`. Groups lose their names (`axes_1`), which
+    would repeat between the figures of one page.
+    """
+    text = io.StringIO()
+    with rc_context({"svg.hashsalt": name}), fonts_may_lack_glyphs():
+        figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
+    svg = _GROUP_ID.sub("<g", _PROLOGUE.sub("", xml_text(text.getvalue(), "\n")))
+    return svg.replace("<svg ", f'<svg role="img" aria-label="{escape(xml_text(alt))}" ', 1)
+
+
+def _svg_file(figure: Figure, name: str, alt: str) -> bytes:
+    return (SVG_PROLOGUE + to_svg(figure, name, alt)).encode()
+
+
+def _pdf_file(figure: Figure, _name: str, alt: str) -> bytes:
+    """Write a PDF: fonts are embedded as outlines that journals take (Type 42); neither a date nor the name of a program is written."""
+    found = io.BytesIO()
+    with rc_context({"pdf.fonttype": 42}), fonts_may_lack_glyphs():
+        figure.savefig(found, format="pdf", metadata={"CreationDate": None, "Creator": None, "Producer": None, "Title": alt})
+    return found.getvalue()
+
+
+def _png_file(figure: Figure, _name: str, alt: str) -> bytes:
+    found = io.BytesIO()
+    with fonts_may_lack_glyphs():
+        figure.savefig(found, format="png", dpi=DOTS_PER_INCH, metadata={"Software": None, "Description": alt})
+    return found.getvalue()
+
+
+def _pgf_file(figure: Figure, _name: str, _alt: str) -> bytes:
+
+    with fonts_may_lack_glyphs():
+        return to_pgf(figure).encode()
+
+
+WRITERS: Mapping[str, Callable[[Figure, str, str], bytes]] = {"svg": _svg_file, "pdf": _pdf_file, "png": _png_file, "pgf": _pgf_file}
+"""The bytes of a figure with its name and its description, by format."""
+
+
+class _Renderer(RendererPgf):
+    """Needs no TeX: letters are measured by the fonts of the other formats. Names are escaped, so that TeX obeys none of them."""
+
+    def get_text_width_height_descent(self, s, prop, ismath):  # type: ignore[no-untyped-def]
+        return super(RendererPgf, self).get_text_width_height_descent(s, prop, ismath)
+
+    def draw_text(self, gc, x, y, s, prop, angle, ismath=False, mtext=None):  # type: ignore[no-untyped-def]
+        super().draw_text(gc, x, y, tex_label(s) if ismath else tex_text(s), prop, angle, ismath, mtext)  # type: ignore[no-untyped-call]
+
+
+def to_pgf(figure: Figure) -> str:
+    """Return a `pgfpicture` to be read with `\\input`; its letters are set in the fonts of the document."""
+    text = io.StringIO()
+    width, height = figure.get_size_inches()
+    text.write("% \\usepackage{pgf} in the preamble, then \\input this file\n")
+    text.write("\\begingroup\n\\makeatletter\n\\begin{pgfpicture}\n")
+    text.write(
+        f"\\pgfpathrectangle{{\\pgfpointorigin}}{{\\pgfqpoint{{{width:f}in}}{{{height:f}in}}}}\n\\pgfusepath{{use as bounding box, clip}}\n"
+    )
+    figure.draw(_Renderer(figure, text))  # type: ignore[no-untyped-call]
+    text.write("\\end{pgfpicture}\n\\makeatother\n\\endgroup\n")
+    return text.getvalue()

@@ -13,10 +13,10 @@ from matplotlib.patches import Patch
 
 from mapmore_cli.domain.scores import REPEATABILITY, Score
 from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
-from mapmore_cli.reporting.figures.style import BLACK, GREY, ModelStyle, model_styles, small, two_lines
+from mapmore_cli.reporting.figures.style import BLACK, GREY, ModelStyle, key, label_rows, model_styles, two_lines, write_beside
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.score_tables import full_scale
-from mapmore_cli.reporting.titles import title_of
+from mapmore_cli.reporting.table import title_of
 
 BAR = 0.36
 SPLITS = {"validate": "held out", "train": "training"}
@@ -62,7 +62,7 @@ def draw_nrmse(ax: Axes, bars: NrmseBars, styles: Mapping[str, ModelStyle]) -> N
         for j, split in enumerate(bars.splits):
             at, solid = place + first + j * BAR, j == 0
             published = f" (published {bars.published[model]:.3g})" if solid and model in bars.published else ""
-            _write_beside(ax, at, (f"{by_split[split]:.2f}" if split in by_split else "failed") + published)
+            write_beside(ax, at, (f"{by_split[split]:.2f}" if split in by_split else "failed") + published, 5)
             if split in by_split:
                 look = _bar_look(styles[model].colour, solid)
                 ax.barh(at, by_split[split], BAR * 0.9, linewidth=0.8, **look)
@@ -71,18 +71,12 @@ def draw_nrmse(ax: Axes, bars: NrmseBars, styles: Mapping[str, ModelStyle]) -> N
     places = {model: place for place, model in enumerate(bars.values)}
     if bars.published:
         ax.plot([*bars.published.values()], [places[model] + first for model in bars.published], zorder=5, clip_on=False, **DIAMOND)
-    ax.set_yticks(range(len(places)), [two_lines(title_of(model), 18) for model in places])
-    ax.tick_params(axis="y", length=0)
-    ax.set_ylim(len(places) - 0.45, -0.55)
+    label_rows(ax, [two_lines(title_of(model), 18) for model in places], 0.45, 0.55)
     ax.set_xlim(left=0)
 
 
 def _bar_look(colour: str, solid: bool) -> dict[str, Any]:
     return {"facecolor": colour if solid else "white", "edgecolor": colour, "hatch": None if solid else "////"}
-
-
-def _write_beside(ax: Axes, at: float, text: str) -> None:
-    ax.annotate(text, (1.0, at), (5, 0), xycoords=("axes fraction", "data"), textcoords="offset points", va="center", fontsize=small())
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
@@ -94,10 +88,10 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     panel = Panel("", lambda axes: draw_nrmse(axes[0], bars, styles), "NRMSE (%)", ("",), _data(bars))
     handles: list[Patch | Line2D] = [Patch(label=SPLITS[split], **_bar_look(BLACK, j == 0)) for j, split in enumerate(bars.splits)]
     if bars.published:
-        handles.append(Line2D([], [], label="published", **DIAMOND))
+        handles.append(key("published", **DIAMOND))
     shown = bars.splits[0]
     if shown in bars.floor:
-        handles.append(Line2D([], [], label=f"repeatability {bars.floor[shown]:.2f}", **FLOOR))
+        handles.append(key(f"repeatability {bars.floor[shown]:.2f}", **FLOOR))
     source = f" Diamonds: {inputs.published.source}." if inputs.published and bars.published else ""
     floor = " The dashed line is what repeated measurements differ by, to be held against the solid bars." if shown in bars.floor else ""
     normaliser = full_scale([s for s in inputs.validation.scores if s.curve == "all"], inputs.target.unit)

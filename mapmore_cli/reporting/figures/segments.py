@@ -1,38 +1,29 @@
-"""Segments with the weights that join them, as M2's figures 5 and 6."""
+"""Segments with the weights that join them, as M2's figures 5 and 6; and the way between the training levels."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 
 from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.declared import Transition
-from mapmore_cli.domain.models import Fusion
+from mapmore_cli.domain.models import Fusion, Model, Pieces
 from mapmore_cli.domain.recording import DIRECTION, Quantity
-from mapmore_cli.modelling.pieces.definition import cell_weights, zones
+from mapmore_cli.modelling.kinds import predict
+from mapmore_cli.modelling.pieces.definition import cell_weights, weight_of, zones
 from mapmore_cli.modelling.pieces.segmentation import training_curves
+from mapmore_cli.reporting.figures import style
 from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
-from mapmore_cli.reporting.figures.levels import level_figures
-from mapmore_cli.reporting.figures.style import (
-    GREY,
-    SEGMENT_COLOURS,
-    SEGMENT_MARKERS,
-    columns_for,
-    places,
-    shortened,
-    some_of,
-    width_for,
-)
-from mapmore_cli.reporting.figures.thinning import cloud
 from mapmore_cli.reporting.inputs import ReportInputs
 
-MOST_CURVES = 6
-DOTS_A_SEGMENT = 30
-GRID = 401
+LOOKS = ((style.BLUE, "o", "-"), (style.ORANGE, "s", "--"), (style.GREEN, "^", "-."), (style.PURPLE, "D", ":"))
+"""Colour, marker and line of the segments, in turn."""
+MOST_CURVES, DOTS_A_SEGMENT, GRID = 6, 30, 401
+PLACES = (0.1, 0.5, 0.9)
+"""Shares of the range that all curves have in common, at which the model is drawn over the levels."""
 
 
 @dataclass(frozen=True)
@@ -70,15 +61,17 @@ def draw_segments(ax: Axes, curve: SegmentCurve) -> None:
     """Draw the samples, coloured and marked by segment."""
     for place in range(1, len(curve.boundaries)):
         rows = np.flatnonzero(curve.cell == place)
-        rows = rows[cloud(curve.x[rows], curve.y[rows], DOTS_A_SEGMENT)]
-        ax.plot(curve.x[rows], curve.y[rows], linestyle="none", markersize=2.8, markeredgewidth=0, **_look(place, "marker"))
+        rows = rows[style.cloud(curve.x[rows], curve.y[rows], DOTS_A_SEGMENT)]
+        colour, marker, _ = LOOKS[(place - 1) % len(LOOKS)]
+        ax.plot(curve.x[rows], curve.y[rows], color=colour, marker=marker, linestyle="none", markersize=2.8, markeredgewidth=0)
 
 
 def draw_weights(ax: Axes, curve: SegmentCurve, transition: Transition, z_s: float) -> None:
     """Draw the weight of every segment along the variable, where it has any."""
     x = np.union1d(np.linspace(curve.boundaries[0], curve.boundaries[-1], GRID), np.concatenate(zones(curve.boundaries, z_s)))
     for place, weight in enumerate(cell_weights(x, curve.boundaries, transition, z_s).T, start=1):
-        ax.plot(x, np.where(weight > 0, weight, np.nan), linewidth=1.2, **_look(place, "linestyle"))
+        colour, _, line = LOOKS[(place - 1) % len(LOOKS)]
+        ax.plot(x, np.where(weight > 0, weight, np.nan), color=colour, linestyle=line, linewidth=1.2)
     ax.set_yticks([0, 0.5, 1])
 
 
@@ -87,13 +80,7 @@ def draw_zones(ax: Axes, boundaries: Array, z_s: float) -> None:
     for start, end in zip(*zones(boundaries, z_s), strict=True):
         ax.axvspan(start, end, color="#ececec", linewidth=0, zorder=-1)
     for boundary in boundaries:
-        ax.axvline(boundary, color=GREY, linewidth=0.5, zorder=0)
-
-
-def _look(place: int, what: str) -> dict[str, Any]:
-    i = (place - 1) % len(SEGMENT_COLOURS)
-    marks = {"marker": SEGMENT_MARKERS[i], "linestyle": ("-", "--", "-.", ":")[i]}
-    return {"color": SEGMENT_COLOURS[i], what: marks[what]}
+        ax.axvline(boundary, color=style.GREY, linewidth=0.5, zorder=0)
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
@@ -107,14 +94,12 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
 
 def _variable_figure(inputs: ReportInputs, fusion: Fusion, variable: int, name: str) -> Drawing:
     every = segment_curves(inputs, variable)
-    shown = [every[i] for i in places(inputs, [curve.id for curve in every], MOST_CURVES)]
+    shown = [every[i] for i in style.places(inputs, [curve.id for curve in every], MOST_CURVES)]
     panels = tuple(_panel(inputs, fusion, curve, inputs.dataset.quantities[name]) for curve in shown)
-    grid = Grid(columns_for(len(panels)), width_for(len(panels)), 2.2, (2.0, 0.8), common_y="row")
-    joined = f"{fusion.transition} transitions, z_s = {fusion.z_s:g}"
+    grid = Grid(style.columns_for(len(panels)), style.width_for(len(panels)), 2.2, (2.0, 0.8), common_y="row")
     caption = (
         f"Training samples by segment of {name}, and the segments' weights within their curve below: boundaries as lines, transition zones "
-        f"shaded ({joined})."
-        f"{some_of(len(shown), len(every), 'curves')}"
+        f"shaded ({fusion.transition} transitions, z_s = {fusion.z_s:g}).{style.some_of(len(shown), len(every), 'curves')}"
     )
     spoken = "; ".join(f"{curve.title}: boundaries at {', '.join(f'{b:.3g}' for b in curve.boundaries)}" for curve in shown)
     stem = "segments" if variable == 0 else f"segments_{name}"
@@ -131,9 +116,112 @@ def _panel(inputs: ReportInputs, fusion: Fusion, curve: SegmentCurve, along: Qua
     target = inputs.dataset.quantities[inputs.fitted]
     weights = cell_weights(curve.x, curve.boundaries, fusion.transition, fusion.z_s).T
     data: dict[str, Values] = {
-        f"{along.name} [{along.unit}]": curve.x,
-        f"{target.name} [{target.unit}]": curve.y,
+        style.heading(along): curve.x,
+        style.heading(target): curve.y,
         "segment": curve.cell,
         **{f"weight of segment {place}": weight for place, weight in enumerate(weights, start=1)},
     }
-    return Panel(curve.id, on, inputs.axis_label(along), (inputs.axis_label(target), "Weight (–)"), data, shortened(curve.title, 34))
+    return Panel(curve.id, on, inputs.axis_label(along), (inputs.axis_label(target), "Weight (–)"), data, style.shortened(curve.title, 34))
+
+
+def level_figures(inputs: ReportInputs) -> list[Drawing]:
+    """One figure where there are levels to interpolate between."""
+    pieces = inputs.model.pieces
+    if pieces is None or pieces.level is None or len(pieces.curves) < 2:
+        return []
+    levels = np.array([curve.level for curve in pieces.curves], dtype=np.float64)
+    level = inputs.dataset.quantities[pieces.level]
+    return [_weights(pieces, inputs, level, levels) if pieces.fusion.levels == "linear" else _courses(inputs, level, levels)]
+
+
+def _weights(pieces: Pieces, inputs: ReportInputs, level: Quantity, levels: Array) -> Drawing:
+    x, weights = level_weights(pieces, levels)
+
+    def on(axes: Sequence[Axes]) -> None:
+        draw_levels(axes[0], levels, x, weights)
+        axes[0].set_yticks([0, 0.5, 1])
+
+    data: dict[str, Values] = {style.heading(level): x}
+    data |= {f"weight of {value:g} {level.unit}": weight for value, weight in zip(levels, weights, strict=True)}
+    caption = f"Weights of the {len(levels)} training curves over {level.name}; a dot marks the level of each."
+    if (share := pieces.fusion.shrink) < 1.0:
+        caption += (
+            f" Midway between levels, {share:.0%} of what the pieces explain on the backbone is carried: the weights sum to less than one."
+        )
+    alt = f"Weights with their peaks at {', '.join(f'{value:g}' for value in levels)} {level.unit}."
+    panel = Panel("", on, inputs.axis_label(level), ("Weight (–)",), data)
+    return Drawing("segments_levels", caption, alt, (panel,), Grid(height=1.3))
+
+
+def _courses(inputs: ReportInputs, level: Quantity, levels: Array) -> Drawing:
+    along = inputs.in_curve
+    courses = level_courses(inputs.model, along.name, levels)
+    at = f"{along.name} {', '.join(f'{course.place:.3g}' for course in courses)} {along.unit if along.unit != '1' else ''}".rstrip()
+    caption = (
+        f"{inputs.own} over {level.name} at {at}; dots mark the training levels. Between them the values of the curves are interpolated so "
+        "that they keep their shape: the weights depend on these values, and there is no single weight to draw."
+    )
+    data: dict[str, Values] = {style.heading(level): courses[0].x}
+    data |= {f"{inputs.own} at {along.name} {course.place:.6g} [{inputs.target.unit}]": course.y for course in courses}
+    labels = (inputs.axis_label(inputs.target),)
+    panel = Panel("", lambda axes: draw_courses(axes[0], courses, levels), inputs.axis_label(level), labels, data)
+    return Drawing("segments_levels", caption, f"{inputs.own} over {level.name} at {at}.", (panel,), Grid(height=2.0))
+
+
+def draw_levels(ax: Axes, levels: Array, x: Array, weights: Array) -> None:
+    """Draw weights of the curves, `(levels, m)`, as the model has them at `x` between the levels and beyond the outer ones."""
+    for colour, level, weight in zip(style.level_colours(len(levels)), levels, weights, strict=True):
+        ax.plot(x, weight, color=colour, linewidth=1.2)
+        ax.plot([level], [1.0], color=colour, marker="o", markersize=3)
+
+
+def level_weights(pieces: Pieces, levels: Array) -> tuple[Array, Array]:
+    """Values of the level quantity `(m,)`, and the weight of every curve there `(levels, m)`, in the middle of the other inputs' ranges."""
+    x = _level_grid(pieces, levels)
+    middle = {name: np.full(len(x), np.mean([curve.limits[name] for curve in pieces.curves])) for name in pieces.curves[0].limits}
+    columns = {**middle, str(pieces.level): x}
+    return x, np.array([weight_of(pieces, {segment.id for segment in curve.segments}, columns) for curve in pieces.curves])
+
+
+@dataclass(frozen=True)
+class Course:
+    """What a model says at one `place` along its curves over the levels: `y` over `x`, and `at_levels` at the training levels."""
+
+    place: float
+    x: Array
+    y: Array
+    at_levels: Array
+
+
+def level_courses(model: Model, along: str, levels: Array) -> list[Course]:
+    """Return the model at `PLACES` of the range that all its curves have of `along`, other inputs in the middle of their ranges."""
+    pieces = model.pieces
+    assert pieces is not None
+    level = str(pieces.level)
+    limits = {quantity.name: np.array([curve.limits[quantity.name] for curve in pieces.curves]) for quantity in model.inputs}
+    low, high = limits[along][:, 0].max(), limits[along][:, 1].min()
+    x = _level_grid(pieces, levels)
+    middle = {name: float(ends.mean()) for name, ends in limits.items()}
+
+    def at(place: float, values: Array) -> Array:
+        columns = {name: np.full(len(values), value) for name, value in middle.items()}
+        return predict(model, {**columns, along: np.full(len(values), place), level: values})
+
+    along_curves = [float(low + share * (high - low)) for share in PLACES]
+    return [Course(place, x, at(place, x), at(place, levels)) for place in along_curves]
+
+
+def draw_courses(ax: Axes, courses: Sequence[Course], levels: Array) -> None:
+    """Draw one line a place, a dot at every training level."""
+    for colour, course in zip(style.level_colours(len(courses)), courses, strict=True):
+        ax.plot(course.x, course.y, color=colour, linewidth=1.2)
+        ax.plot(levels, course.at_levels, color=colour, **style.DOT)
+
+
+def _level_grid(pieces: Pieces, levels: Array) -> Array:
+    """Values of the level quantity, a little beyond the outer levels where the model is extrapolated, the levels among them."""
+    below, above = pieces.fusion.extrapolation[str(pieces.level)]
+    margin = 0.08 * (levels[-1] - levels[0])
+    low = levels[0] - (margin if isinstance(below, str) else 0.0)
+    high = levels[-1] + (margin if isinstance(above, str) else 0.0)
+    return np.union1d(np.linspace(low, high, GRID), levels)

@@ -12,15 +12,18 @@ from typing import Any
 import numpy as np
 from matplotlib import colormaps, rc_context, rcParams, rcParamsDefault
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.colors import to_hex
 from matplotlib.font_manager import FontProperties, fontManager
+from matplotlib.lines import Line2D
 from matplotlib.mathtext import MathTextParser
 from matplotlib.patches import Patch
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from mapmore_cli.domain.arrays import Array
-from mapmore_cli.reporting.figures.thinning import MOST_ON_A_LINE, band, spread
+from mapmore_cli.domain.arrays import Array, IntArray
+from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.reporting.inputs import INTERVAL, SINGLE, FigureStyle, ReportInputs
-from mapmore_cli.reporting.titles import title_of
+from mapmore_cli.reporting.table import title_of
 
 DOUBLE = 7.16
 """Width of two columns of a journal page, inches."""
@@ -61,16 +64,10 @@ def figure_style(style: FigureStyle | None = None) -> Iterator[None]:
     large, small = ["axes.labelsize", "font.size"], ["axes.titlesize", "legend.fontsize", "xtick.labelsize", "ytick.labelsize"]
     sizes: dict[Any, Any] = {**dict.fromkeys(large, style.size), **dict.fromkeys(small, style.size - SMALLER)}
     fonts: dict[Any, Any] = {"font.family": [*([style.font] if style.font else []), "sans-serif"]}
-    with _no_word_of_absent_fonts(), rc_context({**_changed(), **RC, **sizes, **fonts}):
+    # `rcdefaults` sets all, and first reads the style sheets, which takes longer than to draw a figure
+    changed = {key: value for key, value in rcParamsDefault.items() if key not in BACKEND and rcParams[key] != value}
+    with _no_word_of_absent_fonts(), rc_context({**changed, **RC, **sizes, **fonts}):
         yield
-
-
-def _changed() -> dict[Any, Any]:
-    """Return the defaults of what a user's matplotlibrc has changed.
-
-    `rcdefaults` sets all, and first reads the style sheets, which takes longer than to draw a figure.
-    """
-    return {key: value for key, value in rcParamsDefault.items() if key not in BACKEND and rcParams[key] != value}
 
 
 @contextmanager
@@ -121,8 +118,7 @@ BLACK, GREY, LIGHT = "#000000", "#6e6e6e", "#b8b8b8"
 ORANGE, SKY, GREEN, BLUE, VERMILLION, PURPLE = "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00", "#CC79A7"
 """Okabe and Ito's colours, which colour-blind readers tell apart; their yellow is too pale for a line on white."""
 
-SEGMENT_COLOURS = (BLUE, ORANGE, GREEN, PURPLE)
-SEGMENT_MARKERS = ("o", "s", "^", "D")
+DOT: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 3}
 
 
 @dataclass(frozen=True)
@@ -134,6 +130,11 @@ class ModelStyle:
     width: float
     marker: str
     zorder: float
+
+    @property
+    def line(self) -> dict[str, Any]:
+        """What `plot` is told of its line."""
+        return {"color": self.colour, "linestyle": self.dashes, "linewidth": self.width, "zorder": self.zorder}
 
 
 OWN_STYLE = ModelStyle(VERMILLION, "-", 1.6, "o", 3.0)
@@ -195,6 +196,11 @@ def places(inputs: ReportInputs, ids: Sequence[str], most: int) -> list[int]:
     return spread(len(ids), most)
 
 
+def some_curves(inputs: ReportInputs, numbers: Sequence[int], most: int) -> list[int]:
+    """Which of the curves of these numbers in the dataset are drawn, likewise."""
+    return [numbers[i] for i in places(inputs, [inputs.dataset.curves[i].id for i in numbers], most)]
+
+
 def some_of(shown: int, count: int, what: str) -> str:
     """Return a sentence that says what was left out; nothing where all is shown."""
     return "" if shown == count else f" {shown} of {count} {what} are drawn, evenly spread."
@@ -221,6 +227,38 @@ def beyond_scale(models: Sequence[str]) -> str:
     return f" Too far off for the scale: {', '.join(map(title_of, models))}." if models else ""
 
 
+def heading(quantity: Quantity) -> str:
+    """Return the heading of a quantity's column among the numbers of a panel."""
+    return f"{quantity.name} [{quantity.unit}]"
+
+
+def key(label: str, **look: Any) -> Line2D:
+    """Return the entry of a legend."""
+    return Line2D([], [], label=label, **look)
+
+
+def plain_logarithm(axis: Axis, subs: Sequence[float] | None = None) -> None:
+    """Scale an axis by logarithms, labelled with plain numbers as 0.5, 1, 2; `subs` are the labelled multiples of the powers of ten."""
+    (axis.axes.set_xscale if axis is axis.axes.xaxis else axis.axes.set_yscale)("log")
+    if subs is not None:
+        axis.set_major_locator(LogLocator(subs=subs))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def label_rows(ax: Axes, names: Sequence[str], below: float = 0.4, above: float = 0.6) -> None:
+    """Name the rows 0, 1, ... of a panel from its top down, with so much room below the last and above the first."""
+    ax.set_yticks(range(len(names)), names)
+    ax.tick_params(axis="y", length=0)
+    ax.set_ylim(len(names) - below, -above)
+
+
+def write_beside(ax: Axes, row: float, text: str, distance: float) -> None:
+    """Write at the right of a panel, so many points beside it."""
+    beside: dict[str, Any] = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points", "va": "center", "fontsize": small()}
+    ax.annotate(text, (1.0, row), (distance, 0), **beside)
+
+
 def zero_line(ax: Axes) -> None:
     """Draw a thin line at an error of zero."""
     ax.axhline(0.0, color=GREY, linewidth=0.5, zorder=0)
@@ -244,12 +282,12 @@ def interval_words(inputs: ReportInputs) -> str:
     return f" The band holds a sample of a new curve with a probability of {INTERVAL:.0%}, by left-out {left_out.kind} of training data."
 
 
-def draw_band(ax: Axes, x: Array, y: Array, colour: str, **look: Any) -> None:
+def draw_band(ax: Axes, x: Array, y: Array, color: str, **look: Any) -> None:
     """Draw `y` over sorted `x` as a line; of many samples the mean, with their range as a pale band."""
     line = band(x, y)
     if not line.drawn_whole:
-        ax.fill_between(line.x, line.low, line.high, color=colour, alpha=0.15, linewidth=0, zorder=1)
-    ax.plot(line.x, line.mean, color=colour, **look)
+        ax.fill_between(line.x, line.low, line.high, color=color, alpha=0.15, linewidth=0, zorder=1)
+    ax.plot(line.x, line.mean, color=color, **look)
 
 
 def thinned(sizes: Sequence[int]) -> str:
@@ -258,3 +296,90 @@ def thinned(sizes: Sequence[int]) -> str:
         return ""
     lines = " Lines are means over short stretches, pale bands the range of the samples." if max(sizes) > MOST_ON_A_LINE else ""
     return SOME_DOTS + lines
+
+
+MOST_ON_A_LINE = 600
+"""A line of more samples than this is drawn as the mean and the range over `STRETCHES` stretches of the axis."""
+
+STRETCHES = 150
+IN_A_STRETCH = 5
+
+
+def envelope(y: Array, limit: int) -> IntArray:
+    """Row numbers that draw a trace with at most `limit` points: the lowest and the highest sample of each of `limit // 2` runs.
+
+    All rows where there are no more than `limit`.
+    """
+    n = len(y)
+    if n <= limit:
+        return np.arange(n)
+    size = -(-n // (limit // 2))
+    runs = -(-n // size)
+    padded = np.concatenate([y, np.full(runs * size - n, np.nan)]).reshape(runs, size)
+    missing = np.isnan(padded)
+    first = np.arange(runs) * size
+    lowest = first + np.argmin(np.where(missing, np.inf, padded), axis=1)
+    highest = first + np.argmax(np.where(missing, -np.inf, padded), axis=1)
+    return np.unique(np.concatenate([lowest, highest]))
+
+
+def cloud(x: Array, y: Array, limit: int) -> IntArray:
+    """Row numbers of at most `limit` dots: from each of `limit // 5` stretches of x, five samples of evenly spaced rank in y.
+
+    All finite rows where there are no more than `limit`.
+    """
+    rows = np.flatnonzero(np.isfinite(x) & np.isfinite(y))
+    if len(rows) <= limit:
+        return rows
+    stretch = _stretches(x[rows], max(limit // IN_A_STRETCH, 1))
+    rows = rows[np.lexsort((y[rows], stretch))]
+    ends = np.cumsum(np.bincount(stretch))
+    chosen = [
+        rows[start + i]
+        for start, end in zip([0, *ends[:-1]], ends, strict=True)
+        if end > start
+        for i in spread(int(end - start), IN_A_STRETCH)
+    ]
+    return np.unique(np.array(chosen, dtype=np.int64))
+
+
+@dataclass(frozen=True)
+class Band:
+    """A line over x with the range of the samples behind each of its points, each `(m,)`."""
+
+    x: Array
+    mean: Array
+    low: Array
+    high: Array
+
+    @property
+    def drawn_whole(self) -> bool:
+        """True where every point of the line is a sample."""
+        return self.low is self.mean
+
+
+def band(x: Array, y: Array) -> Band:
+    """`y` over sorted `x`, averaged over those equal stretches of x that hold any where there are more than `MOST_ON_A_LINE` samples."""
+    if len(x) <= MOST_ON_A_LINE:
+        return Band(x, y, y, y)
+    rows = np.flatnonzero(np.isfinite(y))
+    stretch = _stretches(x, STRETCHES)[rows]
+    starts = np.flatnonzero(np.diff(stretch, prepend=-1))
+    count = np.diff(starts, append=len(rows))
+    x_mean, y_mean = (np.add.reduceat(values[rows], starts) / count for values in (x, y))
+    return Band(x_mean, y_mean, np.minimum.reduceat(y[rows], starts), np.maximum.reduceat(y[rows], starts))
+
+
+def _stretches(x: Array, count: int) -> IntArray:
+    """Return number, from 0, of the stretch that each sample lies in."""
+    low, high = float(x.min()), float(x.max())
+    if high <= low:
+        return np.zeros(len(x), dtype=np.int64)
+    return np.clip(((x - low) * (count / (high - low))).astype(np.int64), 0, count - 1)
+
+
+def spread(count: int, limit: int) -> list[int]:
+    """At most `limit` of `count` numbers, evenly spread, the first and the last among them."""
+    if count <= limit:
+        return list(range(count))
+    return sorted({int(i) for i in np.linspace(0, count - 1, limit).round()})

@@ -12,8 +12,7 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.modelling.kinds import outside_range, predict
 from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
-from mapmore_cli.reporting.figures.style import SOME_DOTS
-from mapmore_cli.reporting.figures.thinning import spread
+from mapmore_cli.reporting.figures.style import SOME_DOTS, spread
 from mapmore_cli.reporting.inputs import ReportInputs
 
 CELLS = 60

@@ -4,23 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.lines import Line2D
-from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.fits import SegmentFit
+from mapmore_cli.reporting.figures import style
 from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
-from mapmore_cli.reporting.figures.style import DOUBLE, GREY, LIGHT, model_styles, shortened, small, some_of
-from mapmore_cli.reporting.figures.thinning import spread
 from mapmore_cli.reporting.inputs import ReportInputs
 
 MOST_SEGMENTS, MOST_SPOKEN = 40, 12
 LETTERS = 80
 """Letters beside the axis in a figure of two columns' width."""
+MARKS = style.DOT | {"markersize": 4}
 LEAST = 1e-6
 """Unexplained shares in per cent below this one are drawn at it."""
 
@@ -49,7 +46,7 @@ def whole_curves(fits: Sequence[SegmentFit], most: int) -> list[SegmentFit]:
     curves = list(dict.fromkeys(fit.curve for fit in fits))
     if len(fits) <= most:
         return list(fits)
-    chosen = {curves[i] for i in spread(len(curves), max(2, most * len(curves) // len(fits)))}
+    chosen = {curves[i] for i in style.spread(len(curves), max(2, most * len(curves) // len(fits)))}
     return [fit for fit in fits if fit.curve in chosen]
 
 
@@ -57,28 +54,15 @@ def draw_terms(ax: Axes, segments: Sequence[TermSteps], colour: str) -> None:
     """Draw one row a segment: a filled dot for every chosen term, an open one for its runner-up, the names at the right."""
     left_room, right_room = _room(ax, segments)
     margins = [[*one.left, np.nan, one.left[-1], one.left_by_runner_up[-1], np.nan] for one in segments]
-    ax.plot(*_in_rows(margins), color=LIGHT, linewidth=0.8, zorder=1)
-    rivals = _in_rows([one.left_by_runner_up for one in segments])
-    ax.plot(*rivals, linestyle="none", marker="o", markersize=4, color=GREY, markerfacecolor="white", zorder=2)
-    ax.plot(*_in_rows([one.left for one in segments]), linestyle="none", marker="o", markersize=4, color=colour, zorder=3)
+    ax.plot(*_in_rows(margins), color=style.LIGHT, linewidth=0.8, zorder=1)
+    ax.plot(*_in_rows([one.left_by_runner_up for one in segments]), zorder=2, **MARKS | {"color": style.GREY, "markerfacecolor": "white"})
+    ax.plot(*_in_rows([one.left for one in segments]), color=colour, zorder=3, **MARKS)
     for row, segment in enumerate(segments):
-        ax.annotate(
-            shortened(segment.terms, right_room),
-            (1.0, row),
-            (6, 0),
-            xycoords=("axes fraction", "data"),
-            textcoords="offset points",
-            va="center",
-            fontsize=small(),
-        )
-    ax.set_xscale("log")
+        style.write_beside(ax, row, style.shortened(segment.terms, right_room), 6)
+    style.plain_logarithm(ax.xaxis)
     low, high = np.log10(ax.get_xlim())
     ax.set_xlim(10.0 ** np.floor(low), 10.0 ** np.ceil(high))
-    ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    ax.xaxis.set_minor_formatter(NullFormatter())
-    ax.set_yticks(range(len(segments)), [shortened(segment.segment, left_room) for segment in segments])
-    ax.tick_params(axis="y", length=0)
-    ax.set_ylim(len(segments) - 0.4, -0.6)
+    style.label_rows(ax, [style.shortened(segment.segment, left_room) for segment in segments])
 
 
 def _in_rows(shares: Sequence[Values]) -> tuple[Array, Array]:
@@ -89,8 +73,8 @@ def _in_rows(shares: Sequence[Values]) -> tuple[Array, Array]:
 def _room(ax: Axes, segments: Sequence[TermSteps]) -> tuple[int, int]:
     """Letters that the names of the segments may have at the left, and their terms at the right; what the terms leave is the names'."""
     figure = ax.get_figure(root=True)
-    width = DOUBLE if figure is None else float(figure.get_figwidth())
-    letters = int(LETTERS * width / DOUBLE)
+    width = style.DOUBLE if figure is None else float(figure.get_figwidth())
+    letters = int(LETTERS * width / style.DOUBLE)
     longest = max(len(segment.terms) for segment in segments)
     left = max(letters * 2 // 5, letters - longest)
     return left, letters - min(left, max(len(segment.segment) for segment in segments))
@@ -102,22 +86,16 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     segments = [term_steps(fit) for fit in whole_curves(fits, MOST_SEGMENTS) if fit.terms]
     if not segments:
         return []
-    own = model_styles([inputs.own], inputs.style.palette)[inputs.own].colour
-    marks = (("chosen term", own, own), ("its runner-up", GREY, "white"))
-    handles = [Line2D([], [], linestyle="none", marker="o", markersize=4, color=c, markerfacecolor=f, label=label) for label, c, f in marks]
+    own = style.model_styles([inputs.own], inputs.style.palette)[inputs.own].colour
+    handles = (style.key("chosen term", color=own, **MARKS), style.key("its runner-up", color=style.GREY, markerfacecolor="white", **MARKS))
     caption = (
         "What the chosen terms (named at the right, in the order of selection) leave unexplained in every segment, and what the runner-up "
-        f"of each step would have left: the distance is the margin of the choice.{some_of(len(segments), len(fits), 'segments')}"
+        f"of each step would have left: the distance is the margin of the choice.{style.some_of(len(segments), len(fits), 'segments')}"
     )
     spoken = "; ".join(f"{segment.segment}: {segment.terms}, {segment.left[-1]:.2g} % left" for segment in segments[:MOST_SPOKEN])
-    on = partial(_draw_on, segments=segments, colour=own)
-    panel = Panel("", on, "Sum of squares left unexplained (%)", ("",), _data(segments))
-    grid = Grid(width=DOUBLE, height=0.3 + 0.17 * len(segments))
-    return [Drawing("terms", caption, f"Unexplained sum of squares by segment. {spoken}.", (panel,), grid, tuple(handles))]
-
-
-def _draw_on(axes: Sequence[Axes], segments: Sequence[TermSteps], colour: str) -> None:
-    draw_terms(axes[0], segments, colour)
+    panel = Panel("", lambda axes: draw_terms(axes[0], segments, own), "Sum of squares left unexplained (%)", ("",), _data(segments))
+    grid = Grid(width=style.DOUBLE, height=0.3 + 0.17 * len(segments))
+    return [Drawing("terms", caption, f"Unexplained sum of squares by segment. {spoken}.", (panel,), grid, handles)]
 
 
 def _data(segments: Sequence[TermSteps]) -> dict[str, Values]:

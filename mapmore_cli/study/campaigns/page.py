@@ -105,8 +105,8 @@ def write_page(campaign: Campaign, results: Mapping[str, Finished | BaseExceptio
     Returns the path of the page, and the tables on it.
     """
     from mapmore_cli.reporting.campaign import campaign_tables
-    from mapmore_cli.reporting.figures.campaign import campaign_figures
-    from mapmore_cli.reporting.figures.catalogue import rendered
+    from mapmore_cli.reporting.figures.commands import campaign_figures
+    from mapmore_cli.reporting.figures.drawing import rendered
     from mapmore_cli.reporting.report import render_campaign
 
     scores = scores_of(campaign, results)

@@ -180,7 +180,7 @@ POINTS, WIDTH, HEIGHT = 300, 200, 60  # of a thumbnail
 
 def guesses_page(draft: Draft) -> str:
     """Return the page of a draft as HTML: every column with its course, what it was taken for, and what is open; all texts are escaped."""
-    from mapmore_cli.reporting.html import environment
+    from mapmore_cli.reporting.table import environment
 
     used = {entry["column"]: name for name, entry in draft.data["columns"].items()}
     drawn = {name: draft.raw[column] for column, name in used.items() if column in draft.raw}
