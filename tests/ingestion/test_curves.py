@@ -6,12 +6,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 from ingest_samples import Ingest, csv_text, spec_of, steps
 
-from mapmore_cli.domain.errors import DataError, MapmoreError, SpecError
+from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.ingestion.dataset import build_dataset
 from mapmore_cli.ingestion.files import slice_of
+from mapmore_cli.modelling.signals.cycles import last_cycles
 from mapmore_cli.pipeline.stages import INGEST
 from mapmore_cli.pipeline.staleness import plain
 
@@ -82,11 +85,9 @@ def test_what_is_held_out(ingest: Ingest, choice: dict[str, Any], expected: list
 
 
 def test_held_out_samples_are_marked_one_by_one(ingest: Ingest) -> None:
-    by_file = ingest(REPEATS, levels=LEVELS, split={"validate": {"files": ["*_2.csv"]}})
-    for curve in by_file.curves:
+    for curve in ingest(REPEATS, levels=LEVELS, **held(files=["*_2.csv"])).curves:
         np.testing.assert_array_equal(curve.held_out, curve.columns["force"] % 100 == 2)
-    last = ingest(REPEATS, levels=LEVELS, split={"validate": {"last": 0.25}})
-    for curve in last.curves:
+    for curve in ingest(REPEATS, levels=LEVELS, **held(last=0.25)).curves:
         np.testing.assert_array_equal(curve.held_out, curve.columns["time"] >= 1.45)
 
 
@@ -100,24 +101,29 @@ def test_random_fraction_is_exact_and_hangs_on_the_seed_alone(ingest: Ingest) ->
     assert (chosen(1) != chosen(2)).any()
 
 
-BROKEN: dict[str, tuple[dict[str, Any], type[MapmoreError], list[str]]] = {
-    "no such level": ({"split": {"quantities": {"pressure": [300.0]}}}, DataError, ["no level pressure=300", "80, 150, 250"]),
-    "no such value": ({"split": {"quantities": {"force": [7.0]}}}, DataError, ["force is nowhere 7", "8001 to 25002", "between"]),
-    "no such interval": ({"split": {"quantities": {"time": {"between": [(5.0, 6.0)]}}}}, DataError, ["time between 5 and 6", "0 to 1.9"]),
-    "no such file": ({"split": {"files": ["*_2.csv", "*_3.csv"]}}, DataError, ["files: '*_3.csv' matches nothing", "80_1.csv"]),
-    "no such recording": ({"split": {"recordings": ["x*"]}}, DataError, ["recordings: 'x*' matches nothing", "80_1"]),
-    "nothing left": ({"split": {"files": ["*.csv"]}}, DataError, ["none is left to train on"]),
-    "nothing in both": ({"split": {"recordings": ["80_1"], "quantities": {"pressure": [150.0]}}}, DataError, ["no sample fulfils all"]),
-    "empty level": ({"levels": {"of": "pressure", "at": [80.0, 500.0]}}, DataError, ["within 210 of pressure=500", "80 to 250"]),
+def held(**choice: Any) -> dict[str, Any]:
+    return {"split": {"validate": choice}}
+
+
+BROKEN: dict[str, tuple[dict[str, Any], list[str]]] = {
+    "no such level": (held(pressure=[300.0]), ["no level pressure=300", "levels 80, 150, 250"]),
+    "no name of a level": (held(pressure=[171.0]), ["no level pressure=171"]),  # though a sample of it goes to the nearest level
+    "between levels": (held(pressure=[115.0]), ["no level pressure=115"]),
+    "no such value": (held(force=[7.0]), ["force is nowhere 7", "8001 to 25002", "between"]),
+    "no such interval": (held(time={"between": [(5.0, 6.0)]}), ["time between 5 and 6", "0 to 1.9"]),
+    "no such file": (held(files=["*_2.csv", "*_3.csv"]), ["files: '*_3.csv' matches nothing", "80_1.csv"]),
+    "no such recording": (held(recordings=["x*"]), ["recordings: 'x*' matches nothing", "80_1"]),
+    "nothing left": (held(files=["*.csv"]), ["none is left to train on"]),
+    "nothing in both": (held(recordings=["80_1"], pressure=[150.0]), ["no sample fulfils all"]),
+    "empty level": ({"levels": {"of": "pressure", "at": [80.0, 500.0]}}, ["within 210 of pressure=500", "80 to 250"]),
 }
 
 
 @pytest.mark.parametrize("case", BROKEN)
 def test_choices_that_the_data_cannot_fulfil(ingest: Ingest, case: str) -> None:
-    data, error, parts = BROKEN[case]
-    split = {"split": {"validate": data["split"]}} if "split" in data else {}
-    with pytest.raises(error) as caught:
-        ingest(REPEATS, **{"levels": LEVELS, **data, **split})
+    data, parts = BROKEN[case]
+    with pytest.raises(DataError) as caught:
+        ingest(REPEATS, **{"levels": LEVELS, **data})
     assert all(part in str(caught.value) for part in parts), str(caught.value)
 
 
@@ -162,22 +168,16 @@ def test_last_makes_no_sense_after_cycles(ingest: Ingest) -> None:
 
 
 def test_slice_holds_what_ingest_depends_on_and_no_more() -> None:
-    spec = spec_of({"files": ["a.csv"]})
+    a = {"files": ["a.csv"]}
     same = [
-        spec_of({"files": ["a.csv"]}, fuse={"z_s": 0.1}, fit={"max_terms": 3}),
-        spec_of({"files": ["a.csv"], "split": {"leave_one_level_out": True}}),
-        spec_of({"files": ["a.csv"]}, units={"torque": "N*m"}),
-        spec_of({"files": ["a.csv"]}, target={"column": "force"}),
+        spec_of(a, fuse={"z_s": 0.1}, fit={"max_terms": 3}),
+        spec_of({**a, "split": {"leave_one_level_out": True}}),
+        spec_of(a, units={"torque": "N*m"}),
+        spec_of(a, target={"column": "force"}),
     ]
-    other = [
-        spec_of({"files": ["b.csv"]}),
-        spec_of({"files": ["a.csv"]}, units={"force": "kN"}),
-        spec_of({"files": ["a.csv"]}, target={"column": "pressure"}),
-        spec_of({"files": ["a.csv"], "split": {"validate": {"last": 0.5}}}),
-        spec_of({"files": ["a.csv"], "split": {"validate": {"quantities": {"pressure": [80.0]}}}}),
-        spec_of({"files": ["a.csv"], "split": {"validate": {"quantities": {"pressure": [150.0]}}}}),
-    ]
-    part = plain(slice_of(spec))
+    other = [spec_of({"files": ["b.csv"]}), spec_of(a, units={"force": "kN"}), spec_of(a, target={"column": "pressure"})]
+    other += [spec_of({**a, **held(**choice)}) for choice in ({"last": 0.5}, {"pressure": [80.0]}, {"pressure": [150.0]})]
+    part = plain(slice_of(spec_of(a)))
     assert all(plain(slice_of(one)) == part for one in same)
     different = [part, *(plain(slice_of(one)) for one in other)]
     assert all(one != another for one, another in combinations(different, 2))
@@ -195,30 +195,113 @@ def test_stage_names_its_sources_and_reports_progress(tmp_path: Path, monkeypatc
     assert seen == [("MB read", done, 2 * size) for done in (0, size, size, 2 * size)]
 
 
-@pytest.mark.parametrize("value", [171.0, 115.0])
-def test_a_value_that_names_no_level_is_refused(ingest: Ingest, value: float) -> None:
-    """Samples go to the nearest level; what is held out has to be named."""
-    with pytest.raises(DataError, match=rf"there is no level pressure={value:g}") as told:
-        ingest(REPEATS, levels=LEVELS, split={"validate": {"quantities": {"pressure": [value]}}})
-    assert "levels 80, 150, 250" in str(told.value.remedy)
-
-
 def test_the_scatter_of_a_level_counts_as_its_name(ingest: Ingest) -> None:
     """A regulator that wanders by 3 kPa: who says 151.5 means the level that was found at 150."""
     wander = 3 * np.sin(np.arange(40.0))
     files = {f"{level}.csv": steps(level, 40, P=level + wander) for level in (80, 150, 250)}
     levels = {"of": "pressure", "at": [80.0, 150.0, 250.0]}
-    assert validating(ingest(files, levels=levels, split={"validate": {"quantities": {"pressure": [151.5]}}})) == {"pressure=150": 40}
+    assert validating(ingest(files, levels=levels, **held(pressure=[151.5]))) == {"pressure=150": 40}
     with pytest.raises(DataError, match="there is no level pressure=153"):
-        ingest(files, levels=levels, split={"validate": {"quantities": {"pressure": [153.0]}}})
+        ingest(files, levels=levels, **held(pressure=[153.0]))
 
 
 def test_a_level_that_was_found_goes_by_the_number_that_a_person_writes(ingest: Ingest) -> None:
     """Found at 84, 154 and 254: 150 means the level 154, and 120 none."""
     files = {f"{level}.csv": steps(level, 40) for level in (84, 154, 254)}
-    levels = {"of": "pressure", "at": "auto"}
-    found = ingest(files, levels=levels, split={"validate": {"quantities": {"pressure": [150.0]}}})
+    found = ingest(files, levels=LEVELS, **held(pressure=[150.0]))
     assert validating(found) == {"pressure=154": 40}
     assert "split.validate: pressure 150 is taken as the level 154" in found.notes
     with pytest.raises(DataError, match="there is no level pressure=120"):
-        ingest(files, levels=levels, split={"validate": {"quantities": {"pressure": [120.0]}}})
+        ingest(files, levels=LEVELS, **held(pressure=[120.0]))
+
+
+# Cycles of a driven quantity -----------------------------------------------------------------------------------------------------------
+
+SPLIT = {"longer_than": 5.0, "action": "split"}
+HALF = {"validate": {"last_cycles": 0.5, "of": "pressure"}}
+LENGTH = 100
+"""Samples of a cycle: rest, rise, fall."""
+
+
+def driven(cycles: int, rest: float = 10.0, gaps: tuple[int, ...] = ()) -> str:
+    """Pressure cycles, a sample each second, with a pause of a minute before each sample of `gaps`."""
+    one = np.interp(np.arange(LENGTH), [0, 20, 60, LENGTH], [0, 0, 300, 0])
+    pressure = rest + np.tile(one, cycles)
+    pause = np.zeros(len(pressure))
+    pause[list(gaps)] = 60.0
+    return csv_text(t=np.arange(len(pressure)) + np.cumsum(pause), P=pressure, eps=pressure / 1e4, F=np.arange(len(pressure)))
+
+
+def mask_of(dataset: Dataset) -> np.ndarray:
+    return np.concatenate([curve.held_out for curve in dataset.curves])
+
+
+@pytest.mark.parametrize(("cycles", "trained"), [(2, 1), (3, 2), (4, 2), (5, 3)])
+def test_the_later_cycles_are_held_out_and_the_larger_part_trains(ingest: Ingest, cycles: int, trained: int) -> None:
+    mask = mask_of(ingest({"a.csv": driven(cycles)}, split=HALF))
+    first = int(np.argmax(mask))
+    assert mask[first:].all()
+    assert trained * LENGTH <= first <= trained * LENGTH + 30  # from the end of its rest, at the latest 5 % up the rise
+
+
+def test_cycles_are_counted_over_all_pieces_of_a_log(ingest: Ingest) -> None:
+    """A gap within the second of four cycles, and one before the last."""
+    dataset = ingest({"a.csv": driven(4, gaps=(140, 310))}, gaps=SPLIT, split=HALF)
+    whole = ingest({"a.csv": driven(4)}, split=HALF)
+    assert [curve.id for curve in dataset.curves] == ["a#1", "a#2", "a#3"]
+    assert [int(curve.held_out.sum()) for curve in dataset.curves[::2]] == [0, 90]
+    np.testing.assert_array_equal(mask_of(dataset), mask_of(whole))
+
+
+def test_each_log_has_its_own_cycles(ingest: Ingest) -> None:
+    dataset = ingest({"a.csv": driven(2), "b.csv": driven(4, rest=40.0)}, split=HALF)
+    alone = [mask_of(ingest({f"{n}.csv": driven(n)}, files=[f"{n}.csv"], split=HALF)) for n in (2, 4)]
+    np.testing.assert_array_equal(mask_of(dataset), np.concatenate(alone))
+
+
+@settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(gaps=st.sets(st.integers(1, 399), max_size=6), share=st.sampled_from([0.25, 0.5, 0.75]))
+def test_levels_and_gaps_do_not_change_which_samples_are_held_out(ingest: Ingest, gaps: set[int], share: float) -> None:
+    split = {"validate": {"last_cycles": share, "of": "pressure"}}
+    levels = {"of": "pressure", "at": [10.0, 300.0], "within": 145.0}
+    dataset = ingest({"a.csv": driven(4, gaps=tuple(sorted(gaps)))}, gaps=SPLIT, split=split, levels=levels)
+    number = np.concatenate([curve.columns["force"] for curve in dataset.curves])
+    pressure = np.concatenate([curve.columns["pressure"] for curve in dataset.curves])
+    order = np.argsort(number)
+    np.testing.assert_array_equal(mask_of(dataset)[order], last_cycles(pressure[order], share))
+
+
+def test_cycles_can_be_those_of_one_recording(ingest: Ingest) -> None:
+    split = {"validate": {"recordings": ["b"], "last_cycles": 0.5, "of": "pressure"}}
+    dataset = ingest({"a.csv": driven(2), "b.csv": driven(2)}, split=split)
+    assert [curve.held_out.any() for curve in dataset.curves] == [False, True]
+
+
+REFUSED: dict[str, tuple[str, dict[str, Any], type[Exception], list[str]]] = {
+    "one cycle": (driven(1), {}, DataError, ["a.csv, cycles of pressure: 1 cycle(s)", "`last: 0.5`"]),
+    "no motion": (csv_text(t=np.arange(50), P=5, eps=0, F=0), {}, DataError, ["a.csv, cycles of pressure: 0 cycle(s)"]),
+    "load cycles": (driven(2), {"cycles": {"over": "strain"}}, SpecError, ["`last_cycles` needs samples in the order of time"]),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_recordings_without_cycles_to_part(ingest: Ingest, case: str) -> None:
+    text, data, error, parts = REFUSED[case]
+    with pytest.raises(error) as caught:
+        ingest({"a.csv": text}, split=HALF, **data)
+    assert all(part in str(caught.value) for part in parts), str(caught.value)
+
+
+def test_an_interval_is_left_out_with_both_its_ends(ingest: Ingest) -> None:
+    text = csv_text(t=np.arange(10), P=80, eps=0, F=0)
+    (recording,) = ingest({"a.csv": text}, keep=[{"quantity": "time", "outside": (3.0, 6.0)}]).recordings
+    np.testing.assert_array_equal(recording.columns["time"], [0, 1, 2, 7, 8, 9])
+    assert dict(recording.dropped) == {"time from 3 to 6 s": 4}
+
+
+def test_samples_of_one_file_are_left_out_and_no_others(ingest: Ingest) -> None:
+    text = csv_text(t=np.arange(10), P=80, eps=0, F=0)
+    files = [{"path": "a.csv", "keep": [{"quantity": "time", "above": 3.0}, {"quantity": "time", "below": 9.0}]}, "b.csv"]
+    dataset = ingest({"a.csv": text, "b.csv": text}, files=files, keep=[{"quantity": "time", "below": 8.0}])
+    assert [list(recording.columns["time"]) for recording in dataset.recordings] == [[4, 5, 6, 7], list(range(8))]
+    assert [dict(recording.dropped) for recording in dataset.recordings] == [{"time >= 8 s": 2, "time <= 3 s": 4}, {"time >= 8 s": 2}]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 import tracemalloc
 from collections.abc import Iterator
 from pathlib import Path
@@ -182,30 +180,6 @@ def test_a_long_log_takes_the_memory_of_its_blocks(tmp_path: Path, spooled: Path
     assert read_dataset(tmp_path / "ingest.h5").recordings[0].rows_kept > 0.9 * n
     one_column = 8 * n
     assert peak < 2 * one_column, "there are five columns, twice, besides row numbers, places and masks"
-
-
-SCRIPT = """
-import resource, sys
-from pathlib import Path
-import numpy as np
-from mapmore_cli.domain.errors import WriteError
-from mapmore_cli.storage.spool import counted, spooling_in
-
-resource.setrlimit(resource.RLIMIT_FSIZE, (5_000_000, resource.RLIM_INFINITY))
-try:
-    with spooling_in(Path(sys.argv[1])):
-        counted(lambda rows: rows / 2, 2_000_000)
-except WriteError as error:
-    print(error)
-"""
-
-
-def test_a_disk_without_room_for_a_column_is_told(tmp_path: Path) -> None:
-    pytest.importorskip("resource", reason="the size of files can be limited on POSIX alone")
-    done = subprocess.run([sys.executable, "-c", SCRIPT, tmp_path], capture_output=True, text=True, check=True)
-    assert "cannot be written" in done.stdout
-    assert not done.stderr
-    assert not list(tmp_path.iterdir())
 
 
 def test_more_columns_than_files_may_be_open_stay_in_memory(spooled: Path, monkeypatch: pytest.MonkeyPatch) -> None:

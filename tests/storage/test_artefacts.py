@@ -131,20 +131,22 @@ def arrays_of(path: Path) -> dict[str, tuple[str, str]]:
 
 def test_every_array_says_its_unit_and_what_it_is(written: dict[str, Path]) -> None:
     for path in written.values():
-        arrays = arrays_of(path)
-        assert arrays
-        assert all(unit and description for unit, description in arrays.values())
+        assert all(all(attributes) for attributes in arrays_of(path).values())
+
+
+UNITS = [
+    ("dataset", "curves/000/columns/pressure", "kPa"),
+    ("dataset", "recordings/000/columns/force", "N"),
+    ("model", "body/curves/000/limits/pressure", "kPa"),
+    ("model", "body/curves/000/boundaries/000", "1"),
+    ("model", "body/curves/000/segments/000/terms", NO_UNIT),
+    ("model", "body/curves/000/segments/000/scaling/slope", "1/1"),
+    ("validation", "predictions/mapmore/000", "N"),
+]
 
 
 def test_units_are_those_of_the_quantities(written: dict[str, Path]) -> None:
-    dataset, model = arrays_of(written["dataset"]), arrays_of(written["model"])
-    assert dataset["curves/000/columns/pressure"][0] == "kPa"
-    assert dataset["recordings/000/columns/force"][0] == "N"
-    assert model["body/curves/000/limits/pressure"][0] == "kPa"
-    assert model["body/curves/000/boundaries/000"][0] == "1"
-    assert model["body/curves/000/segments/000/terms"][0] == NO_UNIT
-    assert model["body/curves/000/segments/000/scaling/slope"][0] == "1/1"
-    assert arrays_of(written["validation"])["predictions/mapmore/000"][0] == "N"
+    assert [(kind, place, arrays_of(written[kind])[place][0]) for kind, place, _ in UNITS] == UNITS
 
 
 def test_later_stages_hand_the_units_on(tmp_path: Path) -> None:
@@ -267,21 +269,32 @@ def test_damaged_content_is_a_data_error(damage: Callable[[h5py.File], None], wr
         artefacts.read_fit(changed(written["fit"], damage))
 
 
-def test_other_files_are_refused(tmp_path: Path, written: dict[str, Path]) -> None:
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (None, "no such file"),
+        ("folder", "is a folder"),
+        ("strain,force\n0,1\n", "x.h5: cannot be read"),
+        ({"kind": "something else"}, "not one of mapmore's"),
+    ],
+)
+def test_other_files_are_refused(tmp_path: Path, content: Any, words: str) -> None:
+    path = tmp_path / "x.h5"
+    if content == "folder":
+        path.mkdir()
+    elif isinstance(content, str):
+        path.write_text(content)
+    elif content:
+        with h5py.File(path, "w") as file:
+            file.attrs.update(content)
+    for read in (artefacts.read_model, artefacts.kind_of):
+        with pytest.raises(DataError, match=words):
+            read(path)
+
+
+def test_another_kind_is_named(written: dict[str, Path]) -> None:
     with pytest.raises(DataError, match="is a fit file, not a model file"):
         artefacts.read_model(written["fit"])
-    with pytest.raises(DataError, match="no such file"):
-        artefacts.read_model(tmp_path / "nowhere.h5")
-    with pytest.raises(DataError, match="is a folder"):
-        artefacts.kind_of(tmp_path)
-    csv = tmp_path / "data.h5"
-    csv.write_text("strain,force\n0,1\n")
-    with pytest.raises(DataError, match=r"data\.h5"):
-        artefacts.kind_of(csv)
-    with h5py.File(csv, "w") as file:
-        file.attrs["kind"] = "something else"
-    with pytest.raises(DataError, match="not one of mapmore's"):
-        artefacts.kind_of(csv)
 
 
 @pytest.mark.parametrize(("version", "readable"), [("2.9", True), ("1.2", False), ("3.0", False), ("10.0", False), ("one", False)])

@@ -1,4 +1,4 @@
-"""A disk that fills up, or Ctrl-C, while HDF5 writes. HDF5 itself would crash at the exit of the program: each case runs in its own."""
+"""A disk that fills up, or Ctrl-C, while HDF5 writes, which would crash at the exit of the program; and while a column is spooled."""
 
 from __future__ import annotations
 
@@ -9,6 +9,14 @@ from pathlib import Path
 import pytest
 
 pytest.importorskip("resource", reason="the size of files can be limited on POSIX alone")
+
+
+def told_by(script: str, *arguments: object) -> str:
+    """What a program of its own says."""
+    done = subprocess.run([sys.executable, "-c", script, *map(str, arguments)], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    return done.stdout
+
 
 SCRIPT = """
 import resource, sys
@@ -54,12 +62,8 @@ def test_room_enough(tmp_path: Path) -> None:
 
 def written(folder: Path, limit: int, n: int) -> tuple[str, int]:
     """What was told of n samples in a file of limited size, and how many the file has afterwards."""
-    done = subprocess.run(
-        [sys.executable, "-c", SCRIPT, folder / "ingest.h5", str(limit), str(n)], capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
+    *told, kept = told_by(SCRIPT, folder / "ingest.h5", limit, n).splitlines()
     assert [file.name for file in folder.iterdir()] == ["ingest.h5"]
-    *told, kept = done.stdout.splitlines()
     return "\n".join(told), int(kept)
 
 
@@ -87,8 +91,25 @@ print(read_dataset(path).curves[0].size)
 def test_an_interruption_is_not_lost_within_hdf5(tmp_path: Path, call: int) -> None:
     """Found by torture: raised while HDF5 called back, it was swallowed, or came out as another error."""
     start = SCRIPT[: SCRIPT.index("resource.setrlimit")]
-    done = subprocess.run(
-        [sys.executable, "-c", start + INTERRUPTED, tmp_path / "ingest.h5", str(call)], capture_output=True, text=True, check=False
-    )
-    assert done.stdout.splitlines() == ["interrupted", "10"], done.stderr
+    assert told_by(start + INTERRUPTED, tmp_path / "ingest.h5", call).splitlines() == ["interrupted", "10"]
     assert [file.name for file in tmp_path.iterdir()] == ["ingest.h5"]
+
+
+SPOOLING = """
+import resource, sys
+from pathlib import Path
+from mapmore_cli.domain.errors import WriteError
+from mapmore_cli.storage.spool import counted, spooling_in
+
+resource.setrlimit(resource.RLIMIT_FSIZE, (5_000_000, resource.RLIM_INFINITY))
+try:
+    with spooling_in(Path(sys.argv[1])):
+        counted(lambda rows: rows / 2, 2_000_000)
+except WriteError as error:
+    print(error)
+"""
+
+
+def test_a_disk_without_room_for_a_column_is_told(tmp_path: Path) -> None:
+    assert "cannot be written" in told_by(SPOOLING, tmp_path)
+    assert not list(tmp_path.iterdir())

@@ -1,10 +1,11 @@
-"""Logs as other programs leave them: Simulink's structs and arrays, objects of MATLAB, notes in workbooks, tables in a row, encoders."""
+"""Logs as programs and laboratories that nobody here had seen leave them: each is read, or told what is wrong with it."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 import scipy.io
@@ -14,9 +15,11 @@ from reading import opaque_mat
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.ingestion.samples import unwrapped
+from mapmore_cli.modelling.signals.sampling import longest_ascent
 from mapmore_cli.spec.loader import load
 from mapmore_cli.study.drafting import start as drafting
 from mapmore_cli.study.drafting.draft import Draft
+from mapmore_cli.study.drafting.recordings import dataset_of
 from mapmore_cli.study.inspection.lint import inspect
 
 pytestmark = pytest.mark.usefixtures("quick_families")
@@ -39,14 +42,13 @@ def taken(draft: Draft) -> dict[str, tuple[Any, Any]]:
     return {name: (one["column"], one.get("unit")) for name, one in draft.data["columns"].items()}
 
 
-def read(draft: Draft, folder: Path) -> dict[str, np.ndarray]:
-    """The columns of the recording that a draft reads."""
+def recordings(draft: Draft, folder: Path) -> list[dict[str, np.ndarray]]:
+    """The columns of the recordings that a draft reads."""
     path = folder / "spec.yaml"
     path.write_text(draft.text())
     found = inspect(load(path))
     assert found.dataset is not None
-    (recording,) = found.dataset.recordings
-    return dict(recording.columns)
+    return [dict(recording.columns) for recording in found.dataset.recordings]
 
 
 def test_a_scope_of_simulink_is_one_log_by_its_labels(tmp_path: Path) -> None:
@@ -61,7 +63,7 @@ def test_a_scope_of_simulink_is_one_log_by_its_labels(tmp_path: Path) -> None:
         "pressure": ("ScopeData.signals[0].values", "kPa"),
         "displacement": ("ScopeData.signals[1].values", "mm"),
     }
-    np.testing.assert_allclose(read(draft, tmp_path)["displacement"], POSITION / 1000, rtol=1e-6)
+    np.testing.assert_allclose(recordings(draft, tmp_path)[0]["displacement"], POSITION / 1000, rtol=1e-6)
 
 
 def test_structs_with_time_of_each_variable_are_one_log_by_their_names(tmp_path: Path) -> None:
@@ -83,8 +85,6 @@ def test_arrays_to_workspace_have_tout_for_a_clock(tmp_path: Path) -> None:
 
 
 def test_a_timetable_alone_is_refused_with_the_line_that_converts_it(tmp_path: Path) -> None:
-    import h5py
-
     with h5py.File(tmp_path / "log.mat", "w") as file:
         log = file.create_dataset("log", data=np.array([[0xDD000000, 2, 1, 1, 1, 1]], dtype=np.uint32))
         log.attrs["MATLAB_class"], log.attrs["MATLAB_object_decode"] = b"timetable", np.int32(3)
@@ -106,11 +106,7 @@ def test_several_tables_of_a_text_file_are_recordings_of_one_study(tmp_path: Pat
     (tmp_path / "test.txt").write_text(text)
     (draft,) = drafting.start(tmp_path, tmp_path).drafts
     assert {name: unit for name, (_, unit) in taken(draft).items()} == {"time": "s", "pressure": "kPa", "displacement": "mm"}
-    path = tmp_path / "spec.yaml"
-    path.write_text(draft.text())
-    found = inspect(load(path))
-    assert found.dataset is not None
-    assert [len(one.columns["time"]) for one in found.dataset.recordings] == pytest.approx([300, 700], abs=1)
+    assert [len(one["time"]) for one in recordings(draft, tmp_path)] == pytest.approx([300, 700], abs=1)
 
 
 def test_notes_in_a_workbook_hide_neither_titles_nor_numbers(tmp_path: Path) -> None:
@@ -128,7 +124,7 @@ def test_notes_in_a_workbook_hide_neither_titles_nor_numbers(tmp_path: Path) -> 
     book.save(tmp_path / "book.xlsx")
     (draft,) = drafting.start(tmp_path, tmp_path).drafts
     assert {name: unit for name, (_, unit) in taken(draft).items()} == {"time": "s", "pressure": "kPa", "displacement": "mm"}
-    np.testing.assert_allclose(read(draft, tmp_path)["pressure"], PRESSURE[:300], rtol=1e-12)
+    np.testing.assert_allclose(recordings(draft, tmp_path)[0]["pressure"], PRESSURE[:300], rtol=1e-12)
 
 
 @given(
@@ -155,8 +151,92 @@ def test_a_wrapping_encoder_is_seen_and_unwrapped(tmp_path: Path) -> None:
     (draft,) = drafting.start(tmp_path, tmp_path).drafts
     assert draft.data["columns"]["angle"]["unwrap"] == 360
     assert not draft.notes[("data", "columns", "angle")].sure
-    np.testing.assert_allclose(read(draft, tmp_path)["angle"][20:200], angle[20:200], rtol=1e-3)
+    np.testing.assert_allclose(recordings(draft, tmp_path)[0]["angle"][20:200], angle[20:200], rtol=1e-3)
     plain = np.column_stack([T, PRESSURE, 90 + 80 * np.sin(T)])
     np.savetxt(tmp_path / "log.csv", plain, delimiter=",", header="t [s],P [kPa],angle", comments="", fmt="%.8g")
     (draft,) = drafting.start(tmp_path, tmp_path).drafts
     assert all("unwrap" not in one for one in draft.data["columns"].values())
+
+
+COLUMNS = {"time": {"column": "t", "unit": "s"}, "force": {"column": "F", "unit": "N"}}
+
+
+def table(path: Path, rows: list[str]) -> None:
+    path.write_text("\n".join(rows) + "\n")
+
+
+def test_a_joined_log_with_repeated_and_glitched_stamps_is_read(tmp_path: Path) -> None:
+    time = np.arange(300) * 0.01
+    table(tmp_path / "force.csv", ["t,F", *(f"{t:.2f},{np.sin(t):.5f}" for t in time)])
+    stamps = [f"{t:.2f}" for t in time for _ in (0, 1)]
+    stamps[101] = "0.07"  # a glitch back, and one ahead
+    stamps[301] = "9.99"
+    table(tmp_path / "log.txt", ["t,P", *(f"{stamp},{100 + row / 10:.2f}" for row, stamp in enumerate(stamps))])
+    data = {
+        "files": ["force.csv"],
+        "columns": COLUMNS,
+        "join": [{"files": ["log.txt"], "columns": {"time": {"column": "t", "unit": "s"}, "pressure": {"column": "P", "unit": "kPa"}}}],
+        "repeated_time": "average",
+    }
+    with pytest.raises(DataError, match="runs backwards") as refusal:
+        dataset_of(data, tmp_path, "force")
+    assert "glitches: drop" in str(refusal.value.remedy)
+    (recording,) = dataset_of({**data, "glitches": "drop"}, tmp_path, "force").recordings
+    wanted = 100 + (2 * np.arange(300) + 0.5) / 10
+    assert recording.rows_kept == 300
+    assert np.abs(recording.columns["pressure"] - wanted).max() < 0.2
+
+
+def test_a_clock_that_was_set_back_is_no_glitch(tmp_path: Path) -> None:
+    time = np.concatenate([np.arange(200), np.arange(200)]) * 0.01
+    table(tmp_path / "force.csv", ["t,F", *(f"{t:.2f},{row}" for row, t in enumerate(time))])
+    with pytest.raises(DataError, match="runs backwards"):
+        dataset_of({"files": ["force.csv"], "columns": COLUMNS, "glitches": "drop"}, tmp_path, "force")
+
+
+def test_a_line_with_a_field_too_many_is_left_out_where_the_spec_says_so(tmp_path: Path) -> None:
+    rows = ["t,F", *(f"{row},{row * row}" for row in range(20))]
+    rows[7] = "6,36,6.5,42"  # two lines run into one
+    table(tmp_path / "force.csv", rows)
+    data = {"files": ["force.csv"], "columns": COLUMNS}
+    with pytest.raises(DataError, match="too many fields") as refusal:
+        dataset_of(data, tmp_path, "force")
+    assert "missing: drop" in str(refusal.value.remedy)
+    (recording,) = dataset_of({**data, "missing": "drop"}, tmp_path, "force").recordings
+    assert recording.rows_kept == 19
+
+
+def test_bars_between_fields_and_a_readme_beside(tmp_path: Path) -> None:
+    time = np.arange(400) * 0.01
+    drive = 100 + 50 * np.sin(2 * time)
+    table(tmp_path / "run_1.txt", [f"{t:.2f}|  {p:.3e}|  {0.001 * p**1.5:.4e}" for t, p in zip(time, drive, strict=True)])
+    table(tmp_path / "ReadMe.txt", ["Date 1009", "Trail List", "1. single sine A=5, f=0.1Hz 0g load", "", "2. steps 200g load"])
+    found = drafting.start(tmp_path, tmp_path)
+    (draft,) = found.drafts
+    assert draft.data["delimiter"] == "|"
+    assert any("ReadMe" in remark for remark in found.remarks)
+
+
+def test_quoted_numbers_under_two_header_rows_and_a_pressure_log_of_its_own(tmp_path: Path) -> None:
+    time = np.arange(600) * 20.0
+    pressure = 2 + np.sin(time / 1500)
+    strain = 5 * np.sin(time / 400)
+    force = 3 * pressure - strain
+    header = ["Time,Tensile strain,Force", "(ms),(%),(N)"]
+    table(tmp_path / "tester.csv", [*header, *(f'"{t:.4f}","{e:.4f}","{f:.4f}"' for t, e, f in zip(time, strain, force, strict=True))])
+    table(tmp_path / "log.txt", ["Time, Pressure", *(f"{int(t)},{p:.3f}" for t, p in zip(time, pressure, strict=True) for _ in (0, 1))])
+    (draft, *_) = drafting.start(tmp_path, tmp_path).drafts
+    assert draft.data["header"] == 2
+    assert draft.data["repeated_time"] == "average"
+    assert "join" in draft.data
+
+
+@given(st.lists(st.integers(-20, 20), max_size=40))
+def test_the_longest_ascent_never_decreases_and_leaves_out_no_ordered_stamp(stamps: list[int]) -> None:
+    time = np.array(stamps, dtype=float)
+    kept = longest_ascent(time)
+    assert (np.diff(time[kept]) >= 0).all()
+    lengths = [1] * len(stamps)  # by every earlier stamp: slow, and plainly right
+    for i in range(len(stamps)):
+        lengths[i] = 1 + max((lengths[j] for j in range(i) if stamps[j] <= stamps[i]), default=0)
+    assert kept.sum() == max(lengths, default=0)
