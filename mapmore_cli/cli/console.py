@@ -10,7 +10,6 @@ import sys
 import traceback
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -130,7 +129,9 @@ def write_results(paths: Sequence[Path], table: Table, figure: str, found: Any) 
         if path.suffix.removeprefix(".") in TABLE_FILES:
             write_text(path, (to_csv if path.suffix == ".csv" else to_latex)(table))
         else:
-            write_figure(path, getattr(import_module(f"mapmore_cli.reporting.figures.{figure}"), f"{figure}_drawing")(found))
+            from mapmore_cli.reporting.figures import commands
+
+            write_figure(path, getattr(commands, f"{figure}_drawing")(found))
 
 
 def write_figure(path: Path, drawing: Drawing) -> None:

@@ -43,6 +43,8 @@ def unfinished_beside(path: Path, folder: bool = False) -> Iterator[Path]:
 
     What killed processes left of the same file is cleared away. This process holds its own with a lock of the system, which dies with it.
     """
+    if not path.name:  # the folder that one is in
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     _clear_abandoned(path)
     while True:
         unfinished = path.with_name(f"{TEMPORARY}{token_hex(6)}-{path.name}")

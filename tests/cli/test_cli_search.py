@@ -109,7 +109,7 @@ def test_tune_without_over_is_the_same_search(tmp_path, mapmore):
 def test_a_budget_that_cut_the_list_is_told(tmp_path, mapmore, monkeypatch):
     from mapmore_cli.fitting import searching
 
-    monkeypatch.setattr(searching.Clock, "over", property(lambda _self: next(times)))
+    monkeypatch.setattr(searching.Budget, "over", property(lambda _self: next(times)))
     monkeypatch.setattr(searching, "shared_out", lambda work, items, *_: [work(item) for item in items])
     times = iter([False] * 30 + [True] * 1000)
     result = mapmore("tune", write_bare(tmp_path), "--budget", "5 s", "--runs", tmp_path / "runs")

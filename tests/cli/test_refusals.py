@@ -61,7 +61,7 @@ LINES = [
     ("predict MODEL", 2, "either a TABLE or --grid"),
     (f"predict MODEL t.csv {GRID}", 2, "either a TABLE or --grid"),
     (f"predict MODEL {GRID} -o none/out.csv", 7, "cannot be written"),
-    (f"predict MODEL {GRID} -o ..", 7, "cannot be written"),
+    (f"predict MODEL {GRID} -o .", 7, "cannot be written"),
     (f"predict none.h5 {GRID}", 4, "none.h5"),
     (f"predict RUN/fit.h5 {GRID}", 4, "fit.h5"),
     (f"predict RUN/scores.csv {GRID}", 4, "scores.csv"),

@@ -33,7 +33,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
         lines = [f"{level},{e:.5f},{f:.3f}" for e, f in zip(strain, force, strict=True)]
         (folder / f"bench_{level}.csv").write_text("\n".join(["P,eps,F", *lines]) + "\n")
     spec = folder / "bench.yaml"
-    spec.write_text(SPEC.format(name="bench"))
+    spec.write_text(SPEC.format(name="bench", levels=[100, 200, 300], split="  split: {validate: {pressure: [200]}}\n"))
     return spec
 
 

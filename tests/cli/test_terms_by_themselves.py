@@ -58,7 +58,7 @@ def test_a_left_out_level_chooses_anew(tmp_path, mapmore):
     settings = ("--set", "segment.strain.count=1", "--set", "fit.max_terms=auto")
     result = mapmore("validate", spec, "--runs", tmp_path / "runs", "--json", "-q", *settings)
     left_out = {row["curve"]: row["rmse"] for row in json.loads(result.stdout)["scores"] if row["split"] == "validate"}
-    alone = write_bench(tmp_path, held_out="400")
+    alone = write_bench(tmp_path, held_out=(400,))
     result = mapmore("validate", alone, "--runs", tmp_path / "others", "--json", "-q", *settings)
     held = {row["curve"]: row["rmse"] for row in json.loads(result.stdout)["scores"] if row["split"] == "validate"}
     assert left_out["pressure=400"] == pytest.approx(held["pressure=400"], rel=1e-9)

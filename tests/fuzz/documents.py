@@ -110,4 +110,4 @@ def warm(folder: Path) -> None:
 
 
 PAST = ("scores read", "scores refused (exit 4)", "record read", "record refused (exit 4)", "record read, ignored with a warning")
-TARGET = Target("documents", attempt, ("storage/run_record.py", "cli/views/files.py"), past=PAST, traced=50, warm=warm)
+TARGET = Target("documents", attempt, ("storage/run_record.py", "cli/views.py"), past=PAST, traced=50, warm=warm)

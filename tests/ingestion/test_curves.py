@@ -141,7 +141,7 @@ def cycle(level: float, rows: int = 400) -> str:
 def test_cycles_become_static_and_hysteresis_curves(ingest: Ingest) -> None:
     files = {f"{level}.csv": cycle(level) for level in (80, 150)}
     data = {"cycles": {"over": "strain", "samples": 50}, "levels": {"of": "pressure", "at": [80.0, 150.0]}}
-    static = ingest(files, **data, split={"validate": {"quantities": {"pressure": [150.0]}}})
+    static = ingest(files, **data, split={"validate": {"pressure": [150.0]}})
     assert (static.target, [curve.held_out.all() for curve in static.curves]) == ("force", [False, True])
     for curve in static.curves:
         assert curve.level is not None

@@ -110,7 +110,7 @@ def test_datasheet_without_time(measured_data: Path) -> None:
             "force": {"column": "force_N"},
         },
         "levels": {"of": "pressure", "at": "auto"},
-        "split": {"validate": {"quantities": {"pressure": [300.0]}}},
+        "split": {"validate": {"pressure": [300.0]}},
     }
     dataset = read(data, measured_data)
     assert [curve.level for curve in dataset.curves] == [0, 100, 200, 300, 400, 500, 600]
