@@ -13,7 +13,7 @@ from types import MappingProxyType
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns
-from mapmore_cli.domain.errors import DataError, SpecError
+from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling import literature
@@ -60,23 +60,6 @@ def fit_formula(
         else:
             raise SpecError(f"{formula.name} is fitted in a way of its own: to errors of {target}", "remove `errors_in`")
     return _FITTED[key]
-
-
-def fit_ahead(name: str, tables: Sequence[Sequence[Curve]], target: str, *, advice: bool = True) -> None:
-    """Fit a formula to several sets of curves side by side, for `fit_formula` to find; nothing where one after the other is as quick.
-
-    Where one of them cannot be fitted, none is: `fit_formula` says why.
-    """
-    formula = literature.get(name)
-    small = [one for one in tables if sum(curve.training.sum() for curve in one) <= formula.side_by_side]
-    columns = {_digest(one, name, target, None, None, None, advice): one for one in map(pooled_training, small)}
-    new = {key: one for key, one in columns.items() if key not in _FITTED}
-    try:
-        fits = formula.fit_each([(one, one[target]) for one in new.values()], advice=advice)
-    except DataError:
-        return
-    for key, fit in zip(new, fits, strict=True):
-        _keep(key, fit)
 
 
 MOST_KEPT = 512

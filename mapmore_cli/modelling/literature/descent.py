@@ -1,4 +1,4 @@
-"""Least squares within bounds: Levenberg and Marquardt's method from several starts at once, and for several problems at once.
+"""Least squares within bounds: Levenberg and Marquardt's method from several starts at once.
 
 Over the few rows of a table, fifty descents side by side cost little more than one: the 108 descents of the run of a table of 60 points
 take 0.13 s, and 1.8 s one by one in `scipy.optimize.least_squares`, which ends in the same minima (to 1e-6) and would add half to that run.
@@ -36,8 +36,6 @@ TOUCHING = 1e-6  # of the range of a coordinate (or absolute, where it has no en
 Bounds = tuple[Array, Array]
 System = Callable[[Array], tuple[Array, Array]]
 """From s places, `(s, k)`, to the residuals there, `(s, n)`, and their derivatives, `(s, n, k)`; not finite where it has no value."""
-Systems = Callable[[Array, IntArray], tuple[Array, Array]]
-"""The same of several problems with as many rows: the second argument is the number of the problem of every place, `(s,)`."""
 
 
 @dataclass(frozen=True)
@@ -51,10 +49,9 @@ class End:
 
 @dataclass
 class _Descents:
-    """The descents that still go on: for every one its problem, place, sum of squares, J'J, J'r, D, the damping and what it grows by."""
+    """The descents that still go on: for every one its number, place, sum of squares, J'J, J'r, D, the damping and what it grows by."""
 
     number: IntArray
-    problem: IntArray
     x: Array
     cost: Array
     square: Array
@@ -74,62 +71,56 @@ def descend(system: System, starts: Sequence[Array], bounds: Bounds, tolerance: 
     has: then its end is that one's. One that cannot come near the end of another in time is given up. `bounds` are the lowest and the
     highest coordinates, each `(k,)`.
     """
-    return descend_each(lambda x, _: system(x), [starts], bounds, tolerance)[0]
-
-
-def descend_each(systems: Systems, starts: Sequence[Sequence[Array]], bounds: Bounds, tolerance: float) -> list[list[End]]:
-    """`descend` for several problems side by side, from the starts of each: the same ends as one by one."""
-    problem = np.repeat(np.arange(len(starts)), [len(some) for some in starts])
-    going = _begun(systems, np.clip(np.concatenate([np.array(some) for some in starts]), *bounds), problem)
+    going = _begun(system, np.clip(np.array(starts), *bounds))
     ends: dict[int, End] = {}
-    least, lowest = np.full(len(starts), np.inf), np.zeros((len(starts), going.x.shape[1]))
-    costs = np.full((EVALUATIONS, len(problem)), np.inf)
+    least, lowest = np.inf, np.zeros(going.x.shape[1])
+    costs = np.full((EVALUATIONS, len(starts)), np.inf)
     for evaluation in range(EVALUATIONS):
         if not len(going.number):
             break
         costs[evaluation, going.number] = going.cost
-        done = _step(going, systems, bounds, tolerance)
+        done = _step(going, system, bounds, tolerance)
         if done.any():
             arrived = going.only(done)
             ends |= _ended(arrived, converged=True)
-            for of, cost, x in zip(arrived.problem, arrived.cost, arrived.x, strict=True):
-                if cost < least[of]:
-                    least[of], lowest[of] = cost, x
+            deepest = int(np.argmin(arrived.cost))
+            if arrived.cost[deepest] < least:
+                least, lowest = float(arrived.cost[deepest]), arrived.x[deepest]
             going = going.only(~done)
-        to, place = least[going.problem], lowest[going.problem]
-        joined, slow = _joined(going, to, place), _slow(going, to, costs[max(0, evaluation + 1 - PACE)], EVALUATIONS - evaluation - 1)
+        joined = _joined(going, least, lowest)
+        slow = _slow(going, least, costs[max(0, evaluation + 1 - PACE)], EVALUATIONS - evaluation - 1)
         if joined.any() or slow.any():
-            ends |= {int(one): End(place[row], 0.5 * float(to[row]), True) for row, one in enumerate(going.number) if joined[row]}
+            ends |= {int(one): End(lowest, 0.5 * least, True) for one in going.number[joined]}
             ends |= _ended(going.only(slow), converged=False)
             going = going.only(~(joined | slow))
     ends |= _ended(going, converged=False)
-    return [[ends[number] for number in sorted(ends) if problem[number] == of] for of in range(len(starts))]
+    return [ends[number] for number in sorted(ends)]
 
 
-def _joined(at: _Descents, least: Array, lowest: Array) -> BoolArray:
-    """Which descents, `(s,)`, have come to the deepest ends so far of their problems: their costs, `(s,)`, and places, `(s, k)`."""
-    apart, length = (np.einsum("si,si->s", at.diagonal, part**2) for part in (at.x - lowest, lowest))
+def _joined(at: _Descents, least: float, lowest: Array) -> BoolArray:
+    """Which descents, `(s,)`, have come to the deepest end so far: its cost, and place, `(k,)`."""
+    apart, length = (np.einsum("si,si->s", at.diagonal, np.broadcast_to(part, at.x.shape) ** 2) for part in (at.x - lowest, lowest))
     return np.asarray((at.cost >= least) & (at.cost <= (1 + SAME_COST) * least) & (apart <= SAME_PLACE**2 * length))
 
 
-def _slow(at: _Descents, least: Array, before: Array, left: int) -> BoolArray:
-    """Which descents will not come near the `least` costs in the evaluations `left` at their pace since they had those `before`, `(s,)`."""
+def _slow(at: _Descents, least: float, before: Array, left: int) -> BoolArray:
+    """Which descents will not come near the `least` cost in the evaluations `left` at their pace since they had those `before`, `(s,)`."""
     with np.errstate(all="ignore"):
         later = at.cost * (at.cost / before[at.number]) ** (left / PACE)
     return np.asarray((at.cost > FAR_ABOVE * least) & (later > FAR_ABOVE * least) & (EVALUATIONS - left >= PACE))
 
 
-def _begun(systems: Systems, x: Array, problem: IntArray) -> _Descents:
-    cost, square, slope = _linearised(systems, x, problem)
+def _begun(system: System, x: Array) -> _Descents:
+    cost, square, slope = _linearised(system, x)
     every, diagonal = np.arange(len(x)), np.maximum(_diagonal(square), TINY)
-    begun = _Descents(every, problem, x, cost, square, slope, diagonal, np.full(len(x), DAMPING), np.full(len(x), 2.0))
+    begun = _Descents(every, x, cost, square, slope, diagonal, np.full(len(x), DAMPING), np.full(len(x), 2.0))
     return begun.only(np.isfinite(cost))
 
 
-def _step(at: _Descents, systems: Systems, bounds: Bounds, tolerance: float) -> BoolArray:
+def _step(at: _Descents, system: System, bounds: Bounds, tolerance: float) -> BoolArray:
     """One step of every descent, taken where it gains; which of them have converged, `(s,)`."""
     x = np.clip(at.x + _towards(at, bounds), *bounds)
-    cost, square, slope = _linearised(systems, x, at.problem)
+    cost, square, slope = _linearised(system, x)
     step, finite = x - at.x, np.isfinite(cost)
     promised = -(2.0 * np.einsum("si,si->s", at.slope, step) + np.einsum("si,sij,sj->s", step, at.square, step))
     gained = at.cost - cost
@@ -163,10 +154,10 @@ def _ended(at: _Descents, *, converged: bool) -> dict[int, End]:
     return {int(number): End(x, 0.5 * float(cost), converged) for number, x, cost in zip(at.number, at.x, at.cost, strict=True)}
 
 
-def _linearised(systems: Systems, x: Array, problem: IntArray) -> tuple[Array, Array, Array]:
+def _linearised(system: System, x: Array) -> tuple[Array, Array, Array]:
     """Sum of squares, `(s,)`, infinite where it has no value; `J'J`, `(s, k, k)`, and `J'r`, `(s, k)`."""
     with np.errstate(all="ignore"):
-        r, jacobian = systems(x, problem)
+        r, jacobian = system(x)
         turned = jacobian.transpose(0, 2, 1)
         square, slope = turned @ jacobian, (turned @ r[:, :, None])[:, :, 0]
         cost = np.einsum("sn,sn->s", r, r)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import ClassVar, Self, TypeGuard
@@ -54,8 +54,6 @@ class LiteratureModel(ABC):
     definition: str = field(default="", kw_only=True)
 
     fitted_to: ClassVar[str] = TARGET
-    side_by_side: ClassVar[int] = 0
-    """Rows of a table up to which `fit_each` is quicker than one fit after the other."""
 
     def of_muscle(self, lengths: Mapping[str, float | None]) -> Self:
         """Return the model with the dimensions of a muscle, in m, those that it needs among `lengths`.
@@ -78,10 +76,6 @@ class LiteratureModel(ABC):
 
         Without `advice`, notes do not say what to measure for parameters that the data do not show.
         """
-
-    def fit_each(self, tables: Sequence[tuple[Columns, Array]], method: str | None = None, *, advice: bool = True) -> list[FormulaFit]:
-        """`fit` of several tables, inputs and target: the same fits, to the last digit."""
-        return [self.fit(columns, y, method, advice=advice) for columns, y in tables]
 
     @abstractmethod
     def predict(self, parameters: Mapping[str, float], columns: Columns) -> Array:

@@ -10,15 +10,15 @@ order of `NAMES`, but for ln w in place of w.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns
 from mapmore_cli.domain.fits import FormulaFit, Optimum
 from mapmore_cli.modelling.literature import linear
-from mapmore_cli.modelling.literature.descent import End, descend_each, lowest, onto_bounds, rivals
+from mapmore_cli.modelling.literature.descent import End, descend, lowest, onto_bounds, rivals
 from mapmore_cli.modelling.literature.problem import condensed, dependence
 
 METHOD = "penalised least squares"
@@ -67,18 +67,10 @@ INDEPENDENT = 300
 any number from 30 to 1000 predicts left-out strains about as well."""
 TOLERANCE = 1e-13
 LOWEST, HIGHEST = (np.array([LIMITS.get(i, (-np.inf, np.inf))[side] for i in range(len(NAMES))]) for side in (0, 1))
-SIDE_BY_SIDE = 1000
-"""Most rows with which several tables are fitted side by side: of larger ones, the arithmetic outweighs the calls that are saved."""
-
-ROWS = 16
-"""Tables are filled up to a multiple of it, by rows without weight: so folds of nearly one size are of one."""
 
 
 class _Problem(NamedTuple):
-    """Normalised rows with the roots of their weights, each `(n,)`, and the centres and weights of the priors, `(10,)`.
-
-    Of several tables, all have a first axis for these.
-    """
+    """Normalised rows with the roots of their weights, each `(n,)`, and the centres and weights of the priors, `(10,)`."""
 
     p: Array
     x: Array
@@ -86,15 +78,6 @@ class _Problem(NamedTuple):
     root: Array
     centre: Array
     weight: Array
-
-    def filled_up(self) -> _Problem:
-        """Return the same problem with rows without weight at its end, a number that depends on its own alone."""
-        p, x, f, root = (np.pad(part, (0, -len(self.f) % ROWS)) for part in self[:4])
-        return _Problem(p, x, f, root, self.centre, self.weight)
-
-    def of(self, tables: IntArray) -> _Problem:
-        """Those of the tables with these numbers."""
-        return _Problem(*(part[tables] for part in self))
 
     def of_data(self, q: Array) -> tuple[Array, Array]:
         """Residuals of the rows and their derivatives, `(n,)` and `(n, 10)`; of several places `(s, n)` and `(s, n, 10)`."""
@@ -104,7 +87,7 @@ class _Problem(NamedTuple):
     def system(self, q: Array) -> tuple[Array, Array]:
         """Return the same with the priors below, for a `descent`: `(s, n + 10)` and `(s, n + 10, 10)`."""
         residual, slopes = self.of_data(q)
-        priors = np.broadcast_to(self.weight[..., None] * np.eye(len(NAMES)), (*q.shape, len(NAMES)))
+        priors = np.broadcast_to(np.diag(self.weight), (*q.shape, len(NAMES)))
         return np.concatenate([residual, self.weight * (q - self.centre)], axis=-1), np.concatenate([slopes, priors], axis=-2)
 
 
@@ -115,34 +98,9 @@ def fit(columns: Columns, y: Array) -> FormulaFit:
     are with the priors taken as observations, rank and condition those of the data alone. Deterministic; the units of pressure and
     target are no matter. Above some thousand samples the search goes over means of neighbouring ones (`problem.condensed`).
     """
-    return fit_each([(columns, y)])[0]
-
-
-def fit_each(tables: Sequence[tuple[Columns, Array]]) -> list[FormulaFit]:
-    """`fit` of several tables: small ones of nearly as many rows side by side, to the same digits as one by one."""
-    problems = [_normalised(*table) for table in tables]
-    return [_found(*one) for one in zip(problems, _descents(problems), tables, strict=True)]
-
-
-def _descents(problems: Sequence[_Problem]) -> list[list[End]]:
-    """Where the descents of every problem end."""
-    groups: dict[tuple[int, int], list[int]] = {}
-    filled = [problem.filled_up() for problem in problems]
-    for number, problem in enumerate(filled):
-        rows = len(problem.f)
-        groups.setdefault((rows, number if rows > SIDE_BY_SIDE else 0), []).append(number)
-    ends: dict[int, list[End]] = {}
-    for numbers in groups.values():
-        every = _Problem(*map(np.stack, zip(*(filled[number] for number in numbers), strict=True)))
-        starts = [list(_starts(problems[number])) for number in numbers]
-        found = descend_each(lambda q, tables, every=every: every.of(tables).system(q), starts, (LOWEST, HIGHEST), TOLERANCE)  # type: ignore[misc]
-        ends |= dict(zip(numbers, found, strict=True))
-    return [ends[number] for number in range(len(problems))]
-
-
-def _found(problem: _Problem, ends: list[End], table: tuple[Columns, Array]) -> FormulaFit:
-    columns, y = table
+    problem = _normalised(columns, y)
     target, units = _scale(y), _units(*map(_scale, (columns["pressure"], columns["strain"], y)))
+    ends = descend(problem.system, list(_starts(problem)), (LOWEST, HIGHEST), TOLERANCE)
     best, agreement = lowest(ends, len(START_A3))
     q, touched = onto_bounds(best.x, (LOWEST, HIGHEST))
     _, rank, condition = linear.standard_errors(problem.of_data(q)[1], 0.0)

@@ -25,7 +25,7 @@ from mapmore_cli.domain.models import FoldError, Model, Pieces
 from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.expressions import parse
-from mapmore_cli.modelling.literature.backbone import fit_ahead, fit_formula, pooled
+from mapmore_cli.modelling.literature.backbone import fit_formula, pooled
 from mapmore_cli.modelling.pieces.build import build, multiplied, names_in
 from mapmore_cli.modelling.pieces.model import simulate
 from mapmore_cli.modelling.pieces.recipe import Cuts, Recipe
@@ -77,7 +77,6 @@ def leave_out(
 
     Raises FitError where the backbone cannot be fitted without some of the data.
     """
-    fit_backbones(curves, folds, recipe, backbone)
     found = []
     for left_out in folds:
         found.append(of_fold(curves, left_out, recipe, quantities, backbone))
@@ -98,12 +97,6 @@ def of_fold(
     measured = rows[recipe.target]
     alone = np.zeros(len(measured)) if formula is None else literature.of(formula).predict(formula.parameters, rows)
     return LeftOut(measured, alone, simulate(model, rows).values - alone, 1)
-
-
-def fit_backbones(curves: Sequence[Curve], folds: Folds, recipe: Recipe, backbone: str | None) -> None:
-    """Fit the backbone to the rest of every fold at once, where that is quicker than in `of_fold`, which finds the fits then."""
-    if backbone is not None:
-        fit_ahead(backbone, [_rest(curves, left_out) for left_out in folds], recipe.target, advice=False)
 
 
 def _rest(curves: Sequence[Curve], left_out: Sequence[BoolArray]) -> list[Curve]:
@@ -341,8 +334,6 @@ def _raced(
     def tried(name: str | None) -> Candidate | None:
         """Return the candidate on one more fold, as if those to come added no error; None where it cannot be fitted without one."""
         own = said[name]
-        if len(own) == 1:  # it has come through the first: those that do are mostly tried on all
-            fit_backbones(curves, folds, recipe, name)
         try:
             own.append(of_fold(curves, folds[len(own)], recipe, quantities, name))
         except MapmoreError:

@@ -10,7 +10,7 @@ from scipy.optimize import least_squares
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.literature import descent, hinge, linear
-from mapmore_cli.modelling.literature.descent import descend, descend_each, onto_bounds
+from mapmore_cli.modelling.literature.descent import descend, onto_bounds
 
 STEP = descent._step
 EVERYWHERE = np.full(3, -np.inf), np.full(3, np.inf)
@@ -47,20 +47,6 @@ def test_every_start_ends_where_a_library_ends(seed, lowest):
         assert end.cost <= oracle.cost * (1 + 1e-12)
         assert end.x == pytest.approx(oracle.x, rel=1e-6)
         assert (end.x[2] == -1.0) == (lowest == -1.0)
-
-
-def test_problems_side_by_side_end_to_the_digit_where_they_end_alone():
-    systems = [decay(seed) for seed in (3, 4, 5)]
-    starts = [[np.array([0.0, 1.0, -0.5]), np.array([1.0, 2.0, -1.0])], [np.array([0.1, 1.0, -0.4])], [np.array([1.0, 2.0, -1.0])] * 3]
-
-    def every(x: Array, of: Array) -> tuple[Array, Array]:
-        parts = [systems[one](place[None]) for place, one in zip(x, of, strict=True)]
-        return np.concatenate([r for r, _ in parts]), np.concatenate([slopes for _, slopes in parts])
-
-    together = descend_each(every, starts, EVERYWHERE, 1e-12)
-    for system, some, ends in zip(systems, starts, together, strict=True):
-        alone = descend(system, some, EVERYWHERE, 1e-12)
-        assert [(end.x.tolist(), end.cost, end.converged) for end in ends] == [(end.x.tolist(), end.cost, end.converged) for end in alone]
 
 
 def test_a_descent_that_joins_another_ends_where_that_one_ended(monkeypatch):

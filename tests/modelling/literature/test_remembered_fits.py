@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.literature import backbone
 from mapmore_cli.modelling.literature.formula import Formula
@@ -45,27 +44,3 @@ def test_the_same_data_are_fitted_once(monkeypatch: pytest.MonkeyPatch) -> None:
     backbone.fit_formula("polynomial_5", [replace(whole, columns=shifted)], "force")
     assert backbone.fit_formula("polynomial_2", [curve()], "force") == first
     assert len(fits) == 6
-
-
-def test_tables_that_are_fitted_ahead_are_not_fitted_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    """To the digit they are the fits that each would have had alone, whether they have as many rows as others or not."""
-    whole = curve()
-    tables = [[replace(whole, held_out=np.arange(60) % parts == 1)] for parts in (4, 5, 6)]
-    tables += [[replace(whole, held_out=np.arange(60) % 5 == 2)]]
-    monkeypatch.setattr(backbone, "_FITTED", {})
-    alone = [backbone.fit_formula("sarosi_hinged", table, "force", advice=False) for table in tables]
-    monkeypatch.setattr(backbone, "_FITTED", {})
-    backbone.fit_ahead("sarosi_hinged", tables, "force", advice=False)
-    monkeypatch.setattr(type(backbone.literature.get("sarosi_hinged")), "fit_each", None)
-    found = [backbone.fit_formula("sarosi_hinged", table, "force", advice=False) for table in tables]
-    assert [repr(fit) for fit in found] == [repr(fit) for fit in alone]
-
-
-def test_what_cannot_be_fitted_ahead_says_why_when_it_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(backbone, "_FITTED", {})
-    few = [replace(curve(), held_out=np.arange(60) > 4)]
-    backbone.fit_ahead("sarosi_hinged", [few, [curve()]], "force", advice=False)
-    with pytest.raises(DataError, match="only 5 samples"):
-        backbone.fit_formula("sarosi_hinged", few, "force", advice=False)
-    backbone.fit_ahead("polynomial_2", [[curve()]], "force", advice=False)
-    assert not backbone._FITTED

@@ -13,7 +13,7 @@ over a strain of 1/33).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -39,32 +39,18 @@ COMPUTED = (  # the same, but cannot overflow: ln(1 + exp(z)) = (z + |z|)/2 + ln
 class SarosiHinged(Formula):
     """A formula with a fit of its own, whose equation is printed in another form than it is computed in."""
 
-    side_by_side = hinge.SIDE_BY_SIDE
-
-    def fit(self, columns: Columns, y: Array, method: str | None = None, *, advice: bool = True) -> FormulaFit:
+    def fit(self, columns: Columns, y: Array, method: str | None = None, *, advice: bool = True) -> FormulaFit:  # noqa: ARG002 - has none
         """Penalised least-squares fit of the hinged part (`hinge.fit`), blended with the plain formula.
 
         `method` is that of the plain formula. Standard errors are those of the two parts, the share's is unknown; status and condition are
         those of the part with the larger share. Raises as `Formula.fit`.
         """
-        return self.fit_each([(columns, y)], method, advice=advice)[0]
+        problem = self._problem(columns, y)
+        ordered = problem.columns, problem.y
+        return self._blended(hinge.fit(*ordered), PLAIN.fit(*ordered, method, advice=False), *ordered)
 
-    def fit_each(
-        self,
-        tables: Sequence[tuple[Columns, Array]],
-        method: str | None = None,
-        *,
-        advice: bool = True,  # noqa: ARG002 - has none
-    ) -> list[FormulaFit]:
-        """`fit` of several tables, whose hinged parts are sought side by side."""
-        problems = [self._problem(*table) for table in tables]
-        ordered = [(problem.columns, problem.y) for problem in problems]
-        plain = [PLAIN.fit(*table, method, advice=False) for table in ordered]
-        return [self._blended(*parts) for parts in zip(hinge.fit_each(ordered), plain, ordered, strict=True)]
-
-    def _blended(self, hinged: FormulaFit, plain: FormulaFit, table: tuple[Columns, Array]) -> FormulaFit:
+    def _blended(self, hinged: FormulaFit, plain: FormulaFit, columns: Columns, y: Array) -> FormulaFit:
         """Return the blend; the parameters of a plain formula that has no share are zero."""
-        columns, y = table
         usable, largest = plain.status == "converged", float(np.abs(y).max()) or 1.0
         own = {name: value if usable else 0.0 for name, value in plain.parameters.items()}
         parameters = {**hinged.parameters, "share": 1.0, **{PLAIN_NAMES[name]: value for name, value in own.items()}}
