@@ -13,7 +13,6 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.ingestion.files import Log, Meter, Source
 from mapmore_cli.ingestion.samples import Samples, read_tables, without_missing
 from mapmore_cli.modelling.signals.sampling import (
-    Gaps,
     align,
     average_repeated,
     find_gaps,
@@ -25,7 +24,7 @@ from mapmore_cli.modelling.signals.sampling import (
     spread_repeated,
     typical_step,
 )
-from mapmore_cli.modelling.signals.shift import Shift, find_shift
+from mapmore_cli.modelling.signals.shift import find_shift
 from mapmore_cli.spec.sections.data import Data
 from mapmore_cli.spec.sections.logs import Join
 from mapmore_cli.spec.units import convert
@@ -106,21 +105,17 @@ def _at_gaps(samples: Samples, data: Data, unit: str) -> list[Samples]:
     gaps = find_gaps(time, limit)
     if not len(gaps):
         return [samples]
-    found = _described(samples, gaps, limit, unit)
+    longest = int(np.argmax(gaps.lengths))
+    which = "a gap" if len(gaps) == 1 else f"the first of {len(gaps)} gaps"
+    found = (
+        f"{samples.at(int(gaps.after[0]))}: {which} longer than {limit:.4g} {unit} follows; the longest takes {gaps.lengths[longest]:.4g} "
+        f"{unit}, after {samples.place} {samples.rows[gaps.after[longest]]}; about {gaps.samples_missing} samples are missing"
+    )
     if data.gaps is None:
         return [replace(samples, doubts=(*samples.doubts, f"{found}; say in `gaps` what to do about it"))]
     if data.gaps.action == "error":
         raise DataError(found, "Say `gaps: {longer_than: ..., action: split}` to make a recording of each piece, or raise `longer_than`.")
     return replace(samples, notes=(*samples.notes, f"{found}: split")).cut(pieces(samples.size, gaps.after))
-
-
-def _described(samples: Samples, gaps: Gaps, limit: float, unit: str) -> str:
-    longest = int(np.argmax(gaps.lengths))
-    which = "a gap" if len(gaps) == 1 else f"the first of {len(gaps)} gaps"
-    return (
-        f"{samples.at(int(gaps.after[0]))}: {which} longer than {limit:.4g} {unit} follows; the longest takes {gaps.lengths[longest]:.4g} "
-        f"{unit}, after {samples.place} {samples.rows[gaps.after[longest]]}; about {gaps.samples_missing} samples are missing"
-    )
 
 
 def _resampled(samples: Samples, step: float) -> Samples:
@@ -188,9 +183,6 @@ def _by_time(first: Samples, second: Samples, join: Join, units: Mapping[str, st
     return replace(first.with_columns(columns), notes=(*first.notes, *([note] if note else [])))
 
 
-BY_HAND = "or write the shift, as `shift: -40.2 s`"
-
-
 def _found_shift(first: Samples, second: Samples, join: Join, units: Mapping[str, str]) -> tuple[float, str]:
     """Return the shift in the model's unit of time, and a note that says how sure it is.
 
@@ -205,7 +197,7 @@ def _found_shift(first: Samples, second: Samples, join: Join, units: Mapping[str
     same_sign = units[match.first] == units[match.second]
     found = find_shift(time, values, second.columns["time"], second.columns[match.second], within, same_sign=same_sign)
     pair = f"{match.second} of {second.label} and {match.first} of {first.label}"
-    others = f"name other quantities in `match`, {BY_HAND}"
+    others = "name other quantities in `match`, or write the shift, as `shift: -40.2 s`"
     if found is None:
         raise DataError(f"no shift can be found from {pair}: nothing changes in one of them", others)
     # one digit more than is sure
@@ -214,21 +206,17 @@ def _found_shift(first: Samples, second: Samples, join: Join, units: Mapping[str
     if found.lost_in_noise:
         raise DataError(f"no shift can be found from {pair}: the best, {best}, is no better than noise", others)
     if found.ambiguous:
-        _refuse_ambiguous(found, best, pair, units["time"])
+        assert found.rival is not None
+        halfway = (abs(found.value) + abs(found.rival)) / 2  # an example of a limit that leaves one of the two
+        raise DataError(
+            f"the shift is ambiguous by {pair}: {found.rival:.6g} {units['time']} ({found.next_best:.3f}) is nearly as good as {best}",
+            f"say in `match` within which time the shift lies, as `within: {halfway:.3g} {units['time']}`, {others}",
+        )
     lag = "" if same_sign else f"; where {match.second} lags behind {match.first} by nature, that is part of it"
     next_best = "no other shift comes near" if math.isinf(found.ratio) else f"{found.ratio:.2f} times that of the next best shift"
     return found.value, (
         f"{second.label}: shift {value} ± {found.half_width:.2g} {units['time']}, found from {match.second} and {match.first} "
         f"(correlation of their changes {found.correlation:.3f}, {next_best}){lag}"
-    )
-
-
-def _refuse_ambiguous(found: Shift, best: str, pair: str, unit: str) -> None:
-    assert found.rival is not None
-    halfway = (abs(found.value) + abs(found.rival)) / 2  # an example of a limit that leaves one of the two
-    raise DataError(
-        f"the shift is ambiguous by {pair}: {found.rival:.6g} {unit} ({found.next_best:.3f}) is nearly as good as {best}",
-        f"say in `match` within which time the shift lies, as `within: {halfway:.3g} {unit}`, name other quantities, {BY_HAND}",
     )
 
 

@@ -183,19 +183,15 @@ def swap_in(folder: Path, run_dir: Path, outputs: Sequence[str]) -> None:
     sync_tree(folder)
     for output in outputs:
         new, place = folder / output, run_dir / output
-        if new.is_dir() and place.exists():
-            _swap_folder(new, place)
-        else:
+        if not (new.is_dir() and place.exists()):
             new.replace(place)
+            continue
+        aside = run_dir / f"{ASIDE}{output}"
+        place.rename(aside)
+        try:
+            new.rename(place)
+        except BaseException:
+            aside.rename(place)
+            raise
+        remove(aside)
     sync_folder(run_dir)
-
-
-def _swap_folder(new: Path, place: Path) -> None:
-    aside = place.with_name(f"{ASIDE}{place.name}")
-    place.rename(aside)
-    try:
-        new.rename(place)
-    except BaseException:
-        aside.rename(place)
-        raise
-    remove(aside)

@@ -51,12 +51,9 @@ def take_stamp(path: Path, known: Stamp | None = None, rehash: bool = False) -> 
 
 def stamps_of(folder: Path, outputs: tuple[str, ...]) -> dict[str, Stamp]:
     """Return the stamps of every file of `outputs` (files or folders in `folder`), by POSIX path relative to `folder`."""
-    files = [path for output in outputs for path in _files_of(folder / output)]
+    places = [folder / output for output in outputs]
+    files = (path for place in places for path in (sorted(filter(Path.is_file, place.rglob("*"))) if place.is_dir() else [place]))
     return {path.relative_to(folder).as_posix(): take_stamp(path) for path in files}
-
-
-def _files_of(path: Path) -> list[Path]:
-    return sorted(inner for inner in path.rglob("*") if inner.is_file()) if path.is_dir() else [path]
 
 
 def refuse_newer(path: Path, found: str, known: str) -> None:

@@ -101,23 +101,6 @@ def test_held_strains_of_the_bellows(measured_data: Path) -> None:
         read({**data, "missing": "error"}, measured_data)
 
 
-def test_datasheet_without_time(measured_data: Path) -> None:
-    data = {
-        "files": ["festo_datasheet/dmsp_20mm.csv"],
-        "columns": {
-            "pressure": {"column": "pressure_kPa", "unit": "kPa"},
-            "strain": {"column": "contraction_frac"},
-            "force": {"column": "force_N"},
-        },
-        "levels": {"of": "pressure", "at": "auto"},
-        "split": {"validate": {"quantities": {"pressure": [300.0]}}},
-    }
-    dataset = read(data, measured_data)
-    assert [curve.level for curve in dataset.curves] == [0, 100, 200, 300, 400, 500, 600]
-    assert [curve.held_out.all() for curve in dataset.curves] == [False, False, False, True, False, False, False]
-    assert sum(curve.size for curve in dataset.curves) == 58
-
-
 @pytest.mark.parametrize(("muscle", "levels"), [("mckibben", [0, 80, 150, 250, 350]), ("peano", [0, 80, 200, 350, 500])])
 def test_levels_of_the_simulated_load_cycles(muscle: str, levels: list[float]) -> None:
     data = {
@@ -224,5 +207,7 @@ def test_clock_that_was_set_back_while_logging(measured_data: Path) -> None:
 
 def test_datasheet(measured_data: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     dataset = shipped("festo/festo_datasheet.yaml", monkeypatch, measured_data)
+    assert "time" not in dataset.quantities
+    assert [curve.level for curve in dataset.curves] == [0, 100, 200, 300, 400, 500, 600]
     assert [curve.level for curve in dataset.curves if curve.held_out.all()] == [200, 500]
     assert sum(curve.size for curve in dataset.curves) == 58

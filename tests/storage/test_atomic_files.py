@@ -36,24 +36,17 @@ def full_disk(*_arguments: Any) -> None:
     raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
-def test_full_disk_keeps_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = tmp_path / "a.txt"
-    write_text(path, "old")
-    monkeypatch.setattr(os, "fsync", full_disk)
-    with pytest.raises(WriteError, match="No space left") as caught:
-        write_text(path, "new")
-    assert "room" in str(caught.value.remedy)
-    assert [file.read_text() for file in tmp_path.iterdir()] == ["old"]
+def interrupt(*_arguments: Any) -> None:
+    raise KeyboardInterrupt
 
 
-def test_interruption_keeps_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def interrupt(_handle: int) -> None:
-        raise KeyboardInterrupt
-
+@pytest.mark.parametrize(("fault", "told"), [(full_disk, WriteError), (interrupt, KeyboardInterrupt)])
+def test_a_write_that_breaks_off_keeps_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: Any, told: Any) -> None:
     write_text(tmp_path / "a.txt", "old")
-    monkeypatch.setattr(os, "fsync", interrupt)
-    with pytest.raises(KeyboardInterrupt):
+    monkeypatch.setattr(os, "fsync", fault)
+    with pytest.raises(told) as caught:
         write_text(tmp_path / "a.txt", "new")
+    assert fault is interrupt or ("No space left" in caught.value.message and "room" in caught.value.remedy)
     assert [file.read_text() for file in tmp_path.iterdir()] == ["old"]
 
 
@@ -106,22 +99,14 @@ def test_stamps_of_folders_name_every_file(tmp_path: Path) -> None:
     assert list(stamps_of(tmp_path, ("fit.h5", "report"))) == ["fit.h5", "report/index.html", "report/tables/a.csv"]
 
 
-def test_file_in_place_of_the_folder(tmp_path: Path) -> None:
+def test_places_that_cannot_be_the_folder_of_a_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "runs").write_text("")
-    for run_dir in (tmp_path / "runs", tmp_path / "runs" / "demo"):
-        with pytest.raises(WriteError, match="runs: is a file"):
-            open_run_folder(run_dir)
-
-
-def test_folder_without_permission(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, words in (("runs", "runs: is a file"), ("runs/demo", "runs: is a file"), ("x" * 300, "too long")):
+        with pytest.raises(WriteError, match=words):
+            open_run_folder(tmp_path / name)
     monkeypatch.setattr(os, "access", lambda _path, _mode: False)  # permissions do not bind the superuser
     with pytest.raises(WriteError, match="may not write"):
         open_run_folder(tmp_path / "demo")
-
-
-def test_too_long_a_name(tmp_path: Path) -> None:
-    with pytest.raises(WriteError, match="too long"):
-        open_run_folder(tmp_path / ("x" * 300))
 
 
 def new_report(run_dir: Path, text: str) -> None:

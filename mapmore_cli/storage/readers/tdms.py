@@ -34,7 +34,12 @@ def read_tdms(path: Path, request: TableRequest) -> list[RawTable]:
         if request.root is not None:
             return tables(_groups(file), request)
         channels = {f"{group.name}/{channel.name}": channel for group in file.groups() for channel in group.channels()}
-        columns = {column: _channel(column, channels, request.label) for column in request.columns}
+        columns: dict[SourceColumn, Array] = {}
+        for column in request.columns:
+            if column not in channels:
+                remedy = known_names(str(column), list(channels), "The file has")
+                raise DataError(f"{request.label}: there is no channel '{column}'", remedy)
+            columns[column] = as_numbers(channels[str(column)][:], f"{request.label}: channel '{column}'")
     return [table_of(columns, request, request.label)]
 
 
@@ -91,12 +96,6 @@ def _breaks_off(stream: BinaryIO) -> bool:
         order: Literal["big", "little"] = "big" if lead_in[4] & BIG_ENDIAN else "little"
         position += LEAD_IN + int.from_bytes(lead_in[12:20], order)  # 2^64 - 1 where LabVIEW crashed
     return position > size
-
-
-def _channel(column: SourceColumn, channels: Mapping[str, Any], label: str) -> Array:
-    if column not in channels:
-        raise DataError(f"{label}: there is no channel '{column}'", known_names(str(column), list(channels), "The file has"))
-    return as_numbers(channels[str(column)][:], f"{label}: channel '{column}'")
 
 
 READER = Reader("tdms", read_tdms, suffixes=(".tdms",), keys=("root",), column="Group/Channel", by_index=False, peek=peek_tdms)

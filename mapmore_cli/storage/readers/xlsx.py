@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import zipfile
-from collections.abc import Iterable, Iterator, Sequence, Set
+from collections.abc import Iterable, Iterator, Set
 from contextlib import contextmanager
 from datetime import UTC, datetime, time, timedelta
 from fnmatch import fnmatchcase
@@ -134,11 +134,7 @@ def _parse(rows: Iterator[Row], request: TableRequest, label: str, title: str | 
 
 
 def _filled(rows: Iterator[Row]) -> Iterator[Row]:
-    return ((number, row) for number, row in rows if not _is_blank(row))
-
-
-def _is_blank(row: Sequence[Any]) -> bool:
-    return all(cell is None or (isinstance(cell, str) and not cell.strip()) for cell in row)
+    return ((number, row) for number, row in rows if any(cell.strip() if isinstance(cell, str) else cell is not None for cell in row))
 
 
 def _number(cell: Any, missing: Set[str]) -> float:
