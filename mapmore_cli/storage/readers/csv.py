@@ -300,7 +300,7 @@ def peek_csv(path: Path, most: int) -> Iterable[Top]:
     return [
         Top(_cut(lines, character), reads, {**told, **delimiter, **decimal})
         for (character, delimiter), (reads, decimal) in product(_DIALECTS, _NUMBERS)
-        if (character, reads) != (",", _with_comma)
+        if not (decimal and character == ",")
     ]
 
 
@@ -312,21 +312,16 @@ def _cut(lines: Sequence[str], delimiter: str | None) -> list[list[str]]:
         return []
 
 
-def _with_point(cell: str) -> bool:
-    return "_" not in cell if is_number(cell) else _is_stamp(cell)  # Python reads 1_5 as 15
+def _holds_number(parse: Callable[[str, Set[str]], float]) -> Callable[[Any], bool]:
+    """Return whether a cell holds a number or a time stamp as `parse` reads it, rather than a word for a missing one."""
 
+    def holds(cell: str) -> bool:
+        try:
+            return not math.isnan(parse(cell, frozenset())) or is_number(cell)
+        except ValueError:
+            return False
 
-def _is_stamp(cell: str) -> bool:
-    """Whether it is a date with a time, or a time of day, which is read as seconds."""
-    try:
-        seconds_of_stamp(cell.strip())
-    except ValueError:
-        return False
-    return True
-
-
-def _with_comma(cell: str) -> bool:
-    return ("." not in cell and _with_point(cell.replace(",", "."))) or _is_stamp(cell.strip().replace(",", "."))
+    return holds
 
 
 _DIALECTS: tuple[tuple[str | None, dict[str, Any]], ...] = (
@@ -336,7 +331,10 @@ _DIALECTS: tuple[tuple[str | None, dict[str, Any]], ...] = (
     ("|", {"delimiter": "|"}),
     (None, {"delimiter": "whitespace"}),
 )
-_NUMBERS: tuple[tuple[Callable[[Any], bool], dict[str, Any]], ...] = ((_with_point, {}), (_with_comma, {"decimal": ","}))
+_NUMBERS: tuple[tuple[Callable[[Any], bool], dict[str, Any]], ...] = (
+    (_holds_number(number_of), {}),
+    (_holds_number(_with_decimal_comma), {"decimal": ","}),
+)
 """Dialects in the order of preference where several fit."""
 
 READER = Reader(
