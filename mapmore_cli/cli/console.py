@@ -20,6 +20,8 @@ from mapmore_cli.domain.foreign import printable
 from mapmore_cli.storage.atomic import write_bytes, write_text
 
 if TYPE_CHECKING:
+    from mapmore_cli.domain.results import Plan
+    from mapmore_cli.domain.scores import Tuning
     from mapmore_cli.reporting.figures.drawing import Drawing
     from mapmore_cli.reporting.table import Table
     from mapmore_cli.study.campaigns.batch import Finished
@@ -121,17 +123,17 @@ def refuse_endings(
             raise UsageError(f"{path}: {what}", f"choose .{', .'.join(endings)}")
 
 
-def write_results(paths: Sequence[Path], table: Table, figure: str, found: Any) -> None:
-    """Write the table to each of the files, or where it ends as a figure does, what `figure` draws of what was `found`."""
+def write_results(paths: Sequence[Path], table: Table, found: Tuning | Plan) -> None:
+    """Write the table to each of the files, or where it ends as a figure does, a drawing of what was `found`."""
     from mapmore_cli.reporting.table import to_csv, to_latex
 
     for path in paths:
         if path.suffix.removeprefix(".") in TABLE_FILES:
             write_text(path, (to_csv if path.suffix == ".csv" else to_latex)(table))
         else:
-            from mapmore_cli.reporting.figures import commands
+            from mapmore_cli.reporting.figures.commands import drawing_of
 
-            write_figure(path, getattr(commands, f"{figure}_drawing")(found))
+            write_figure(path, drawing_of(found))
 
 
 def write_figure(path: Path, drawing: Drawing) -> None:

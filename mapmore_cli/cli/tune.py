@@ -51,7 +51,7 @@ def tune(
         else:
             found, spec = planning.searched(loaded, runs, budget, **reporter.listeners)
             view = compared.of_search(found, str(spec))
-    console.write_results(output, view.tables[0], "tuning", found)
+    console.write_results(output, view.tables[0], found)
     console.print_view(view, as_json)
 
 
@@ -88,7 +88,7 @@ def plan(
     with Reporter(quiet) as reporter:
         found = planning.plan(load(config, overrides), runs, points=points, until=until, prices=prices, **reporter.listeners)
     view = of_plan(found)
-    console.write_results(output, view.tables[0], "plan", found)
+    console.write_results(output, view.tables[0], found)
     console.print_view(view, as_json)
 
 

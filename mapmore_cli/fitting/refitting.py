@@ -88,8 +88,8 @@ def folds_of(dataset: Dataset, choices: ModelChoices, normaliser: str, by_level:
 
 def _blocks(curve: Curve, along: str | None) -> list[BoolArray]:
     """Contiguous blocks of the training samples: along a quantity, or of each recording in the order of time."""
-    rows = np.flatnonzero(curve.training)
     if along is not None:
+        rows = np.flatnonzero(curve.training)
         return contiguous([rows[np.argsort(curve.columns[along][rows], kind="stable")]], BLOCKS, curve.size)
     return contiguous([log[curve.training[log]] for log in curve.logs], BLOCKS, curve.size)
 

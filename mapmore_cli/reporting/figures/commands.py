@@ -31,6 +31,11 @@ SHOWN = 3
 POINTS = 201
 
 
+def drawing_of(found: Tuning | Plan) -> Drawing:
+    """Return the figure of what `tune` or `plan` found."""
+    return tuning_drawing(found) if isinstance(found, Tuning) else plan_drawing(found)
+
+
 def tuning_drawing(tuning: Tuning) -> Drawing:
     """Return a dot for every combination, with the standard error of what it errs above the best; the simplest within that is ringed."""
     trials = [trial for trial in tuning.trials if trial.errors]
