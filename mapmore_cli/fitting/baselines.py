@@ -34,6 +34,9 @@ LESS = 0.8
 MOST_IN_A_FOLD = 1_500
 """Training samples of a black box in each fold; fewer where as a competitor it has fewer."""
 
+FEWEST = 100
+"""Training samples, below which no trees are fitted in folds: a step for every handful of samples says nothing of a smooth surface."""
+
 MOST_INPUTS = 4
 """Inputs, delays included, up to which a Gaussian process is fitted: it takes long with more."""
 
@@ -128,7 +131,9 @@ def black_boxes(dataset: Dataset, inputs: Sequence[str], folds: Sequence[Sequenc
         return {}
     delays = DELAYS if past else (0,)
     x = np.concatenate([features(curve, inputs, delays) for curve in dataset.curves])
-    names = ["gradient_boosting", "gaussian_process" if len(inputs) * len(delays) <= MOST_INPUTS else "mlp"]
+    names = ["gaussian_process" if len(inputs) * len(delays) <= MOST_INPUTS else "mlp"]
+    if len(x) >= FEWEST:
+        names.insert(0, "gradient_boosting")
     errors: dict[str, list[Array]] = {name: [] for name in names}
     y = np.concatenate([curve.columns[dataset.target] for curve in dataset.curves])
     for fold in folds:

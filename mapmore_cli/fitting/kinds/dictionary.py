@@ -5,6 +5,7 @@ from __future__ import annotations
 import graphlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.recording import Signal
@@ -73,7 +74,7 @@ def _terms(entry: DictionaryEntry, clock: Clock | None, *, constant: bool) -> Se
     """Return the terms of one family; within products, where `constant` is false, without the constant."""
     name, family = entry.family
     if isinstance(family, list):
-        return [to_text(parse(text)) for text in family]
+        return [_printed(text) for text in family]
     if isinstance(family, Products):
         return _products(family, clock, constant=constant)
     of = list(dict.fromkeys(_canonical(text) for text in family.of))
@@ -85,6 +86,11 @@ def _terms(entry: DictionaryEntry, clock: Clock | None, *, constant: bool) -> Se
     if isinstance(family, Delays):
         return delays(of, family.times, clock.step)
     return operated(name, of, family.numbers(clock.step, clock.longest))
+
+
+@lru_cache(maxsize=4096)  # a search asks for the same terms in every fold
+def _printed(text: str) -> str:
+    return to_text(parse(text))
 
 
 def _canonical(text: str) -> str:

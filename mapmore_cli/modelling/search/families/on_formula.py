@@ -9,7 +9,7 @@ from mapmore_cli.modelling.search.families.formula import fitting
 from mapmore_cli.modelling.search.families.surface import polynomial
 from mapmore_cli.modelling.search.situation import Situation
 
-BACKBONES = ("sarosi_hinged", "sarosi", "polynomial_2", "muscle_like")
+BACKBONES = ("sarosi_hinged", "sarosi", "muscle_like")
 
 
 def candidates(of: Situation) -> Iterator[Candidate]:
