@@ -102,14 +102,12 @@ def residuals(choices: ModelChoices, dataset: Dataset, needed: Mapping[str, Path
         raise SpecError(f"validate.intervals: {found}", "leave it out, or ask for the intervals of the parts")
 
     def missed(name: str, outs: tuple[BoolArray, ...]) -> tuple[list[Array], float]:
-        curves = tuple(replace(c, held_out=c.held_out | out) for c, out in zip(dataset.curves, outs, strict=True))
         try:
-            rest = made_anew(choices, replace(dataset, curves=curves), needed)
+            every = refitting.left_out_of(dataset, outs, lambda rest: made_anew(choices, rest, needed))
         except (DataError, FitError) as error:
             raise type(error)(
                 f"validate.intervals: without {name}, {error.message}", "leave it out, or change what that fit needs"
             ) from error
-        every = [(curve, out, forecast(rest, curve)) for curve, out in zip(dataset.curves, outs, strict=True) if out.any()]
         said = np.concatenate([found.values[out & found.ready] for _, out, found in every])
         beyond = max(0.0, float(np.max(said - high, initial=0.0)), float(np.max(low - said, initial=0.0)))
         return [(curve.columns[dataset.target] - found.values)[out & found.ready] for curve, out, found in every], beyond

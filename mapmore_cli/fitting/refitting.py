@@ -4,27 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
+from mapmore_cli.domain.arrays import BoolArray, IntArray
 from mapmore_cli.domain.errors import DataError, FitError, MapmoreError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve, Dataset
+from mapmore_cli.domain.results import Forecast
 from mapmore_cli.fitting.kinds import added_up, refit
 from mapmore_cli.fitting.kinds.choices import FitChoices, ModelChoices, level_of, with_terms
 from mapmore_cli.fitting.kinds.dictionary import terms_of
 from mapmore_cli.fitting.kinds.pieces import backbone_name
 from mapmore_cli.modelling.forecast import forecast
+from mapmore_cli.modelling.pieces.cross_validation import BLOCKS
 from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.modelling.validation.metrics import divisor
 from mapmore_cli.modelling.validation.significance import simplest_of
 
 FEWEST_INNER = 3
 """Inner training levels from which on levels are left out; with fewer, blocks are: a standard error of one or two folds says nothing."""
-
-BLOCKS = 5
-"""Contiguous blocks of every recording or curve."""
 
 
 @dataclass(frozen=True)
@@ -105,20 +105,25 @@ def contiguous(parts: Sequence[IntArray], count: int, size: int, times: int = 1)
     return masks
 
 
+Missed = tuple[Curve, BoolArray, Forecast]
+"""A curve, its samples that were left out of a fit, (n,), and what that model says of the curve."""
+
+
+def left_out_of(dataset: Dataset, masks: Sequence[BoolArray], remade: Callable[[Dataset], Model]) -> list[Missed]:
+    """Return every curve of which samples are left out, with what a model says that is `remade` without them. Raises as the fit does."""
+    curves = tuple(replace(curve, held_out=curve.held_out | out) for curve, out in zip(dataset.curves, masks, strict=True))
+    model = remade(replace(dataset, curves=curves))
+    return [(curve, out, forecast(model, curve)) for curve, out in zip(curves, masks, strict=True) if out.any()]
+
+
 def errors_of(choices: ModelChoices, folds: Folds, remade: Callable[[ModelChoices, Dataset], Model]) -> list[float]:
     """NRMSE on each fold, of models that are `remade` without it; infinite where nothing finite was predicted. Raises as the fits do."""
     found = []
     target = folds.dataset.target
     for masks in folds.masks:
-        curves = tuple(replace(curve, held_out=out) for curve, out in zip(folds.dataset.curves, masks, strict=True))
-        model = remade(choices, replace(folds.dataset, curves=curves))
-        squares: list[Array] = []
-        for curve in (curve for curve in curves if curve.held_out.any()):
-            said = forecast(model, curve)
-            rows = curve.held_out & said.ready
-            squares.append((said.values[rows] - curve.columns[target][rows]) ** 2)
-        every = np.concatenate(squares)
-        error = float(np.sqrt(every.mean())) / folds.scale if len(every) else float("inf")
+        every = left_out_of(folds.dataset, masks, partial(remade, choices))
+        errors = np.concatenate([(said.values - curve.columns[target])[out & said.ready] for curve, out, said in every])
+        error = float(np.sqrt(np.mean(errors**2))) / folds.scale if len(errors) else float("inf")
         found.append(error if np.isfinite(error) else float("inf"))
     return found
 

@@ -10,13 +10,11 @@ import numpy as np
 from mapmore_cli.domain.arrays import BoolArray
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.fitting.refitting import contiguous, kept, training_only
+from mapmore_cli.modelling.pieces.cross_validation import BLOCKS
 from mapmore_cli.modelling.pieces.recipe import Fuse
 from mapmore_cli.modelling.search.situation import Situation
 from mapmore_cli.spec.sections.data import Between, Holdout, Levels
 from mapmore_cli.spec.sections.model import ModelChoice
-
-BLOCKS = 5
-"""Folds: contiguous blocks of every recording or curve that are left out in turn."""
 
 PLACES = 1_000
 """Along an input, of which the middles of left-out bands are chosen."""

@@ -20,6 +20,7 @@ from mapmore_cli.domain.results import Search, Tried
 from mapmore_cli.fitting.baselines import black_boxes, note_of, strongest
 from mapmore_cli.fitting.kinds import refit
 from mapmore_cli.fitting.kinds.choices import ModelChoices
+from mapmore_cli.fitting.refitting import left_out_of
 from mapmore_cli.fitting.search_bench import Bench, Masks, Slice, holds_ends_out, holds_parts_out, searchable, shortened, thinning_of
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.kinds import fed_back, parameters
@@ -258,15 +259,11 @@ def rings(model: Model, dataset: Dataset) -> bool:
 
 def _left_out(choices: ModelChoices, dataset: Dataset, fold: Masks, rows: Sequence[BoolArray] | None) -> Left:
     """Errors of the model without a fold on the samples of the fold, and which of them it predicts; of an even share of `rows`."""
-    curves = tuple(replace(curve, held_out=out | curve.held_out) for curve, out in zip(dataset.curves, fold, strict=True))
-    model = refit(choices, replace(dataset, curves=curves))
+    shares = [out if rows is None else out & rows[number] for number, out in enumerate(fold) if out.any()]
     errors, ready = [np.zeros(0)], [np.zeros(0, dtype=np.bool_)]
-    for number, (curve, out) in enumerate(zip(curves, fold, strict=True)):
-        if out.any():
-            found = forecast(model, curve)
-            counted = out if rows is None else out & rows[number]
-            errors.append((found.values - curve.columns[dataset.target])[counted])
-            ready.append(found.ready[counted])
+    for (curve, _, said), counted in zip(left_out_of(dataset, fold, partial(refit, choices)), shares, strict=True):
+        errors.append((said.values - curve.columns[dataset.target])[counted])
+        ready.append(said.ready[counted])
     return np.concatenate(errors), np.concatenate(ready)
 
 
