@@ -70,15 +70,9 @@ def select(data: Regularised, max_terms: int, among: IntArray | None = None) -> 
     if not len(found.chosen):
         return found
     chosen, freedom, total = columns[found.chosen], data.samples - len(found.chosen), data.samples * float(data.covariance[-1, -1])
-    tables = np.full((2, len(chosen), M), np.nan)
-    tables[:, :, columns] = found.g_all, found.err_all
     return replace(
-        found,
-        chosen=chosen,
+        found.among(columns, M),
         theta_error=found.theta_error * np.sqrt((len(y) - len(chosen)) / freedom if freedom > 0 else np.nan),
-        g_all=tables[0],
-        err_all=tables[1],
-        runner_up=np.where(found.runner_up >= 0, columns[found.runner_up], -1),
         sse=total * data.unexplained(chosen, found.theta),
         yy=total,
         samples=data.samples,
