@@ -148,7 +148,7 @@ def test_interrupted_by_the_keyboard(model_file):
 @pytest.mark.parametrize("pause", [0.1, pytest.param(0.8, marks=pytest.mark.long)])
 def test_interrupting_a_batch_ends_its_workers(pause, tmp_path):
     """Whether they are still starting or already at work: no traceback, and nobody goes on."""
-    specs = [write_study(tmp_path, f"study{number}") for number in range(6)]
+    specs = [write_study(tmp_path, f"study{number}") for number in range(40)]
     command = [*COMMAND, "batch", *specs, "--runs", tmp_path / "runs", "--jobs", "2"]
     with subprocess.Popen(command, stdout=PIPE, stderr=PIPE, text=True, start_new_session=True) as process:
         children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
@@ -160,7 +160,7 @@ def test_interrupting_a_batch_ends_its_workers(pause, tmp_path):
     assert (process.returncode, stdout) == (130, "")
     assert stderr.splitlines()[-1] == "interrupted"
     assert "Traceback" not in stderr
-    assert len(list(tmp_path.glob("runs/*/scores.json"))) < 3
+    assert len(list(tmp_path.glob("runs/*/scores.json"))) < len(specs) / 2
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")

@@ -46,7 +46,7 @@ def started(mapmore, source: Path, place: Path) -> list[dict[str, str]]:
 
 @pytest.mark.long
 def test_measured_muscles_of_two_lengths_are_two_studies_with_a_slack_foot(
-    tmp_path: Path, mapmore, measured_data: Path, monkeypatch
+    tmp_path: Path, mapmore, measured_data: Path, monkeypatch, fewer_families: None
 ) -> None:
     """One of the three repeats; the strains are known to the names of the files alone."""
     monkeypatch.chdir(tmp_path)
