@@ -69,11 +69,6 @@ def _shape_of(type_: Any) -> str:
     return next((name for types, name in _SHAPES if issubclass(origin or type_, types)), "<a mapping>")
 
 
-def _keys_of(section: Any) -> Mapping[str, Any]:
-    found: Mapping[str, Any] = getattr(section, "__dataclass_fields__", None) or getattr(section, "model_fields", {})
-    return found
-
-
 @dataclass(frozen=True)
 class Either:
     """Marks a union whose member is told by the shape of the value, so that a mistake gives one message and not one for each member.
@@ -91,8 +86,8 @@ class Either:
         return {"type": "tagged-union", "choices": choices, "discriminator": self._told}
 
     def _tag(self, member: Any) -> str:
-        keyed = self.key is not None and self.key in _keys_of(member)
-        return f"<a mapping with `{self.key}`>" if keyed else _shape_of(member)
+        keys = getattr(member, "__dataclass_fields__", None) or getattr(member, "model_fields", {})
+        return f"<a mapping with `{self.key}`>" if self.key in keys else _shape_of(member)
 
     def _told(self, value: Any) -> str:
         if self.word is not None:

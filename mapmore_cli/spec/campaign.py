@@ -12,7 +12,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from annotated_types import Gt
 from pydantic import Field
@@ -20,7 +20,8 @@ from pydantic import Field
 from mapmore_cli.domain.declared import Contradiction
 from mapmore_cli.domain.scores import FIGURES
 from mapmore_cli.spec.diagnostics import Finding
-from mapmore_cli.spec.fields import Name, Section, SettingsOfSpec, SpecPath
+from mapmore_cli.spec.experiment import OtherSettings
+from mapmore_cli.spec.fields import Name, Section, SpecPath
 from mapmore_cli.spec.loader import Loaded, load_as
 from mapmore_cli.spec.yaml_loader import LARGEST, as_overrides
 
@@ -31,7 +32,7 @@ class Variant(Section):
     base: SpecPath | None = None
     name: Name | None = None
     group: str | None = None  # of whose runs the tables give the median and the worst
-    set: Annotated[dict[str, Any], SettingsOfSpec()] = {}
+    set: OtherSettings = {}
 
     def _contradictions(self) -> Iterator[ValueError]:
         if self.base is None and self.name is None:

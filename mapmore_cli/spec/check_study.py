@@ -388,10 +388,10 @@ def metrics(spec: ExperimentSpec) -> Iterator[Finding]:
 
 def units(spec: ExperimentSpec) -> Iterator[Finding]:
     """Require units that exist: the model's fit the canonical quantity, the columns' fit the model's."""
-    known = dict.fromkeys((*spec.data.quantities, *CANONICAL))
+    known = (*spec.data.quantities, *CANONICAL)
     wrong = []
     for name, unit in spec.units.items():
-        yield from unknown_quantity(name, list(known), ("units", name), on_key=True)
+        yield from unknown_quantity(name, known, ("units", name), on_key=True)
         found = _unit(("units", name), unit, default_unit(name) if is_canonical(name) else unit)
         wrong += [name] if found else []
         yield from found

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Self, TypeVar
+from typing import Annotated, Any, Self, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
@@ -35,17 +35,6 @@ class Section(BaseModel):
         for contradiction in self._contradictions():
             raise contradiction
         return self
-
-
-class WholeSpec(Section):
-    """Base of the model of a whole spec, of which some settings within it are keys: it can be named before it is there."""
-
-    root: ClassVar[type[BaseModel]]
-
-    @classmethod
-    def __pydantic_init_subclass__(cls, **_: Any) -> None:
-        """Remember the model."""
-        WholeSpec.root = cls
 
 
 PARTIAL = {"partial": True}
@@ -109,7 +98,9 @@ class RelativePath:
 
 @dataclass(frozen=True)
 class SettingsOfSpec:
-    """Marks a mapping with keys of a whole spec, as `data.files`."""
+    """Marks a mapping with keys of a whole spec, as `data.files`; `spec` names its model, which may be declared below the mark."""
+
+    spec: Callable[[], type[BaseModel]]
 
 
 def possible_path(path: str) -> str:
@@ -197,9 +188,10 @@ def moved(document: Any, kinds: Sequence[Kind], folder: Path, to: Path) -> Any:
 
 def _under(kinds: Sequence[Kind], step: str | int) -> list[Kind]:
     """Return what may stand under a key or list index; keys of settings, as `data.files`, lead from the root of a spec."""
-    if not _mark(kinds, SettingsOfSpec):
+    settings = _mark(kinds, SettingsOfSpec)
+    if settings is None:
         return [found for kind in kinds for found in below(kind, step)]
-    here = [Kind(WholeSpec.root)]
+    here = [Kind(settings.spec())]
     for name in str(step).split("."):
         here = _under(here, int(name) if name.isdecimal() else name)
     return here

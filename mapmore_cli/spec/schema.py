@@ -25,17 +25,21 @@ class _Untitled(GenerateJsonSchema):
         return False
 
 
+def _whole_schema() -> JsonSchemaValue:
+    """Return the schema of a spec that inherits nothing, with `extends` first of its keys."""
+    schema = ExperimentSpec.model_json_schema(schema_generator=_Untitled)
+    extends = {"type": "string", "description": "Another spec, from which this one inherits what it does not say itself."}
+    schema["properties"] = {"extends": extends, **schema["properties"]}
+    return schema
+
+
 def json_schema() -> JsonSchemaValue:
     """Return the schema (draft 2020-12) of what a file may say: numbers may carry units, and what is required may be inherited."""
-    schema = ExperimentSpec.model_json_schema(schema_generator=_Untitled)
+    schema = _whole_schema()
     sections = schema["$defs"]
     complete = {"required": schema.pop("required"), "properties": {"data": {"required": sections["Data"]["required"]}}}
     for name in {*_inside(schema, sections, ("items", "prefixItems", "$defs", "default"))}:  # `extends` merges mappings, and no lists
         sections[name].pop("required", None)
-    schema["properties"] = {
-        "extends": {"type": "string", "description": "Another spec, from which this one inherits what it does not say itself."},
-        **schema["properties"],
-    }
     return {"$schema": GenerateJsonSchema.schema_dialect, **schema, "if": {"required": ["extends"]}, "else": complete}
 
 
@@ -65,8 +69,7 @@ def schema_text() -> str:
 
 def reference() -> str:
     """Return every section with its keys, values and defaults as Markdown, in the order of the pipeline, and the metrics of `require`."""
-    schema = ExperimentSpec.model_json_schema()
-    schema["properties"] = {"extends": json_schema()["properties"]["extends"], **schema["properties"]}
+    schema = _whole_schema()
     names = dict.fromkeys(_inside(schema, schema["$defs"], ("$defs", "default")))
     sections = {"Top level": schema, **{_heading(name): schema["$defs"][name] for name in names}}
     tables = [_section(title, section) for title, section in sections.items() if "properties" in section]

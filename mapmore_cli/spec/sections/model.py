@@ -106,6 +106,9 @@ class Summand(Settings):
             raise Contradiction("a part of a sum is a `model` or a `formula`", "give one, as `{model: flexor.yaml}`", "model", "formula")
 
 
+FitMethod = Literal["variable_projection", "levenberg_marquardt", "simplex"]
+"""How a formula of the literature is fitted."""
+
 Summands = Annotated[Sequence[Summand], Len(2)]
 """At least two parts: models of runs, or formulas that are fitted together."""
 
@@ -140,7 +143,7 @@ class ModelChoice(MotionSettings):
     inputs: Annotated[Sequence[Quantity], Len(1)] | None = None
     backbone: str | None = None
     name: str | None = None
-    method: Literal["variable_projection", "levenberg_marquardt", "simplex"] | None = None
+    method: FitMethod | None = None
     starts: str | None = None
     errors_in: str | None = None
     sum: Summands | None = None
