@@ -124,7 +124,7 @@ class InUnit:
 
 def of_sibling(name: str) -> InUnit:
     """Mark a number in the unit of the quantity that another key of the section names."""
-    return InUnit(lambda around: around.unit_of(around.sibling(name)))
+    return InUnit(lambda around: around.unit_of(around.siblings.get(name)))
 
 
 Positive = Annotated[float, Gt(0)]

@@ -18,12 +18,13 @@ from annotated_types import Gt
 from pydantic import Field
 
 from mapmore_cli.domain.declared import Contradiction
+from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.scores import FIGURES
 from mapmore_cli.spec.diagnostics import Finding
 from mapmore_cli.spec.experiment import OtherSettings
 from mapmore_cli.spec.fields import Name, Section, SpecPath
 from mapmore_cli.spec.loader import Loaded, load_as
-from mapmore_cli.spec.yaml_loader import LARGEST, as_overrides
+from mapmore_cli.spec.yaml_loader import as_overrides, read_source
 
 
 class Variant(Section):
@@ -67,9 +68,8 @@ class Entry:
 def is_campaign(path: Path) -> bool:
     """Return True where a YAML file has the key `campaign` at its top level."""
     try:
-        with path.open("rb") as file:
-            lines = file.read(LARGEST).decode().splitlines()
-    except (OSError, UnicodeDecodeError):
+        lines = read_source(path).text.splitlines()
+    except SpecError:
         return False  # loading it says why
     return any(line.startswith("campaign:") for line in lines)
 

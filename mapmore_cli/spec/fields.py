@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Self, TypeVar
 
@@ -52,19 +52,15 @@ class Surroundings:
     target: str  # the quantity that is modelled
     level: str | None = None  # the quantity that is constant within a curve
     key: str = ""  # the nearest key that the user chose, as `pressure` in `set: {pressure: 2 bar}`
-    siblings: Mapping[str, Any] | None = None  # the section that the number stands in
+    siblings: Mapping[str, Any] = field(default_factory=dict)  # the section that the number stands in
 
     def unit_of(self, quantity: object) -> str | None:
         """Return the model's unit of a quantity; None where the spec does not name one."""
         return default_unit(quantity, self.units) if isinstance(quantity, str) else None
 
-    def sibling(self, name: str) -> object:
-        """Another value of the same section."""
-        return (self.siblings or {}).get(name)
-
 
 def _column_unit(around: Surroundings) -> str | None:
-    unit = around.sibling("unit")
+    unit = around.siblings.get("unit")
     return unit if isinstance(unit, str) else around.unit_of(around.key)
 
 
