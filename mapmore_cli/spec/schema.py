@@ -112,13 +112,10 @@ def _values(value: dict[str, Any]) -> str:
         return f"mapping to {_values(inner)}" if isinstance(inner, dict) else "mapping"
     if value.get("type") == "string" and str(value.get("pattern", "")).startswith(r"^\s*[-+]?"):
         return "with unit"
-    words = {"string": "text", "number": "number", "integer": "whole number", "boolean": "`true` or `false`", "null": "nothing"}
-    return words.get(value.get("type", ""), "value") + _bounds(value)
-
-
-def _bounds(value: dict[str, Any]) -> str:
     signs = {"minimum": "≥", "exclusiveMinimum": ">", "maximum": "≤", "exclusiveMaximum": "<"}
-    return "".join(f" {sign} {value[key]:g}" for key, sign in signs.items() if key in value)
+    bounds = [f" {sign} {value[key]:g}" for key, sign in signs.items() if key in value]
+    words = {"string": "text", "number": "number", "integer": "whole number", "boolean": "`true` or `false`", "null": "nothing"}
+    return "".join([words.get(value.get("type", ""), "value"), *bounds])
 
 
 def _default(value: dict[str, Any], required: bool) -> str:

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 from annotated_types import Len
 from pydantic import Field
 
-from mapmore_cli.domain.declared import Contradiction, Seconds, Settings
+from mapmore_cli.domain.declared import Contradiction, Pair, Seconds, Settings
 from mapmore_cli.modelling.literature.own import FamilySettings
 from mapmore_cli.modelling.motion.problem import MotionSettings
 from mapmore_cli.spec.fields import Quantity, Section, SpecPath
@@ -25,7 +25,7 @@ class FormulaParameter(Section):
     """
 
     unit: str | None = None
-    bounds: Annotated[tuple[float, float], Field(strict=False)] | None = None
+    bounds: Pair | None = None
     start: float | None = None
     value: float | None = None
 
