@@ -139,9 +139,6 @@ OfHeld = Annotated[float, InUnit(lambda around: around.unit_of(around.level))]
 Transition = Literal["linear", "quadratic", "cubic"]
 """Course of a weight over a transition zone (M2 figure 5)."""
 
-Between = Literal["linear", "pchip"]
-"""Interpolation between the curves of neighbouring levels."""
-
 Hold = Literal["samples", "none"]
 """Whether a segment function is held where a transition zone reaches far beyond its samples."""
 
@@ -155,5 +152,5 @@ class Joining(Settings):
 
     transition: Annotated[Transition, "`linear`, `quadratic` or `cubic`"] = "linear"
     z_s: Annotated[float, Interval(ge=0, le=0.5), "half-width of a transition zone, as a fraction of the segment"] = 0.25
-    levels: Annotated[Between, "interpolation between curves, `linear` or `pchip`"] = "linear"
+    levels: Annotated[Literal["linear", "pchip"], "interpolation between curves, `linear` or `pchip`"] = "linear"
     hold: Annotated[Hold, "`samples` where segment functions are held beyond theirs, or `none`"] = "samples"
