@@ -86,10 +86,6 @@ def load_campaign(path: Path) -> tuple[Campaign, tuple[Entry, ...]]:
 
 # Papers -----------------------------------------------------------------------------------------------------------------------------
 
-KINDS = ("equation", "table", "figure")
-STATUS = ("computed", "compared", "drawn", "told", "absent")
-"""`computed`: the program computes it; `compared`: our numbers stand beside it; `drawn`: our figure does; `told`: a page tells of it."""
-
 _ID = re.compile(r"(equation|table|figure|text) (\d+)(?:([a-z])|(?: to (\d+)))?(?:, .*)?")
 
 
@@ -170,12 +166,13 @@ class Drawn(Section):
 class Item(Section):
     """An equation, a table, a figure or a passage of the paper, as `figure 3`, `equation 2 to 9` or `text 1, section IV.B`.
 
+    `computed`: the program computes it; `compared`: our numbers stand beside it; `drawn`: our figure does; `told`: a page tells of it.
     `place` lists files where it is, from the paper's `root`; after a `#` stand words that the file holds.
     """
 
     id: Annotated[str, Field(pattern=rf"^{_ID.pattern}$")]
     title: str
-    status: Literal[STATUS]  # type: ignore[valid-type]
+    status: Literal["computed", "compared", "drawn", "told", "absent"]
     place: Annotated[list[str], Field(min_length=1)]
     why: str = ""  # it differs, or is not here
     compare: list[Comparison] = []
@@ -205,7 +202,7 @@ class Paper(Section):
     schema_version: Literal[1] = 1
     paper: Name
     title: str
-    has: dict[Literal[KINDS], Annotated[int, Field(ge=0, le=200)]]  # type: ignore[valid-type]
+    has: dict[Literal["equation", "table", "figure"], Annotated[int, Field(ge=0, le=200)]]
     root: SpecPath = "."  # where places start
     tables: SpecPath = "."  # where the published tables are
     items: Annotated[list[Item], Field(min_length=1)]

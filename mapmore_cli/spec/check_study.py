@@ -17,7 +17,7 @@ from mapmore_cli.modelling.literature.formula import can_be_solved
 from mapmore_cli.modelling.literature.own import formula_of
 from mapmore_cli.modelling.pieces.recipe import CutByDirection, Cuts
 from mapmore_cli.modelling.selection import AUTO
-from mapmore_cli.spec.check_names import OF_NOTHING, changed, expression_findings, unknown_quantity
+from mapmore_cli.spec.check_names import DERIVED, OF_NOTHING, changed, expression_findings, unknown_quantity
 from mapmore_cli.spec.diagnostics import Finding, did_you_mean, refused
 from mapmore_cli.spec.experiment import Competitor, ExperimentSpec, TargetColumn
 from mapmore_cli.spec.sections.data import STEP_OF
@@ -84,7 +84,7 @@ def groups(spec: ExperimentSpec) -> Iterator[Finding]:
     if of.offset and spec.data.split.leave_one_group_out:
         why = "the offset of a group that is left out is not known"
         yield Finding("data.groups.offset:", why, "remove `offset` or `leave_one_group_out`")
-    if of.offset and spec.target in ("hysteresis", "damping"):
+    if of.offset and spec.target in DERIVED:
         yield Finding("data.groups.offset:", f"the {spec.target} force is a difference, which no offset changes", "remove `offset`")
 
 
