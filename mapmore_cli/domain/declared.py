@@ -28,6 +28,11 @@ class Settings:
         """Take mappings too, although the values in them are strict."""
         return {**handler(source), "strict": False}
 
+    @property
+    def changed(self) -> list[str]:
+        """Keys whose values differ from their defaults."""
+        return [key.name for key in fields(self) if getattr(self, key.name) != key.default]  # type: ignore[arg-type]
+
 
 class Contradiction(ValueError):
     """Settings that do not fit each other; shown at the first key of `near` that the section has, else at the section."""

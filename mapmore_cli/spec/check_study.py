@@ -17,7 +17,7 @@ from mapmore_cli.modelling.literature.formula import can_be_solved
 from mapmore_cli.modelling.literature.own import formula_of
 from mapmore_cli.modelling.pieces.recipe import CutByDirection, Cuts
 from mapmore_cli.modelling.selection import AUTO
-from mapmore_cli.spec.check_names import DERIVED, OF_NOTHING, changed, expression_findings, unknown_quantity
+from mapmore_cli.spec.check_names import DERIVED, OF_NOTHING, expression_findings, unknown_quantity
 from mapmore_cli.spec.diagnostics import Finding, did_you_mean, refused
 from mapmore_cli.spec.experiment import Competitor, ExperimentSpec, TargetColumn
 from mapmore_cli.spec.sections.data import STEP_OF
@@ -105,7 +105,7 @@ def after_cycles(spec: ExperimentSpec) -> Iterator[Finding]:
 def joining(spec: ExperimentSpec) -> Iterator[Finding]:
     """Require something for what is set about the way between levels, or about a residual, to act on."""
     pooled = spec.data.levels is None or spec.segment.get(spec.data.levels.of) == "none"
-    for key in changed(spec.fuse):
+    for key in spec.fuse.changed:
         if key in ("levels", "align") and pooled:
             yield Finding(f"fuse.{key}:", "there are no levels to interpolate between", f"remove `{key}`, or add `levels` to `data`")
         if key == "shrink" and spec.model.backbone is None:

@@ -161,11 +161,11 @@ class ModelChoice(MotionSettings):
             raise Contradiction("type `state_space` needs the `input`", "add it, as `input: pressure`", "type")
         if self.type == "literature" and self.name is None and self.family is None:
             raise Contradiction("type `literature` needs the `name` of a formula", "add it, as `name: sarosi`", "type")
-        for key in fields(self):
-            owner = _TYPE_OF.get(key.name, self.type)
-            if owner != self.type and getattr(self, key.name) != key.default:
-                instead = "use `backbone`, or" if key.name == "name" else "remove it, or use"
-                raise Contradiction(f"type `{self.type}` has no `{key.name}`", f"{instead} `type: {owner}`", key.name)
+        for key in self.changed:
+            owner = _TYPE_OF.get(key, self.type)
+            if owner != self.type:
+                instead = "use `backbone`, or" if key == "name" else "remove it, or use"
+                raise Contradiction(f"type `{self.type}` has no `{key}`", f"{instead} `type: {owner}`", key)
         refuse_mixed(self.sum or ())
 
 
