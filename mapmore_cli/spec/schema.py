@@ -1,14 +1,12 @@
 """The JSON Schema of an experiment, with which editors complete and check a spec while it is typed, and the reference of its keys.
 
-`python -m mapmore_cli.spec.schema FILE` writes the schema; the one in `configs/` is checked in. `mapmore schema keys` prints the reference.
+`mapmore schema` prints the schema, of which `make schema` writes the one in `configs/`; `mapmore schema keys` prints the reference.
 """
 
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import Any
 
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
@@ -57,11 +55,6 @@ def _inside(schema: Any, sections: dict[str, Any], skipped: Sequence[str]) -> It
         for key, value in schema.items():
             if key not in skipped:
                 yield from _inside(value, sections, skipped)
-
-
-def schema_text() -> str:
-    """Return the schema as it is checked in."""
-    return json.dumps(json_schema(), indent=2, ensure_ascii=False) + "\n"
 
 
 # The reference of the keys ----------------------------------------------------------------------------------------------------------
@@ -130,7 +123,3 @@ def _heading(name: str) -> str:
     module, _, last = name.rpartition("__")
     words = module.rpartition("__")[2].capitalize() + last.replace("_", "")
     return "".join(f" {letter.lower()}" if letter.isupper() and place else letter for place, letter in enumerate(words))
-
-
-if __name__ == "__main__":
-    Path(sys.argv[1] if len(sys.argv) > 1 else "configs/experiment.schema.json").write_text(schema_text(), encoding="utf-8")
