@@ -28,6 +28,11 @@ class Settings:
         """Take mappings too, although the values in them are strict."""
         return {**handler(source), "strict": False}
 
+    @property
+    def changed(self) -> list[str]:
+        """Keys whose values differ from their defaults."""
+        return [key.name for key in fields(self) if getattr(self, key.name) != key.default]  # type: ignore[arg-type]
+
 
 class Contradiction(ValueError):
     """Settings that do not fit each other; shown at the first key of `near` that the section has, else at the section."""
@@ -69,11 +74,6 @@ def _shape_of(type_: Any) -> str:
     return next((name for types, name in _SHAPES if issubclass(origin or type_, types)), "<a mapping>")
 
 
-def _keys_of(section: Any) -> Mapping[str, Any]:
-    found: Mapping[str, Any] = getattr(section, "__dataclass_fields__", None) or getattr(section, "model_fields", {})
-    return found
-
-
 @dataclass(frozen=True)
 class Either:
     """Marks a union whose member is told by the shape of the value, so that a mistake gives one message and not one for each member.
@@ -91,8 +91,8 @@ class Either:
         return {"type": "tagged-union", "choices": choices, "discriminator": self._told}
 
     def _tag(self, member: Any) -> str:
-        keyed = self.key is not None and self.key in _keys_of(member)
-        return f"<a mapping with `{self.key}`>" if keyed else _shape_of(member)
+        keys = getattr(member, "__dataclass_fields__", None) or getattr(member, "model_fields", {})
+        return f"<a mapping with `{self.key}`>" if self.key in keys else _shape_of(member)
 
     def _told(self, value: Any) -> str:
         if self.word is not None:
@@ -129,7 +129,7 @@ class InUnit:
 
 def of_sibling(name: str) -> InUnit:
     """Mark a number in the unit of the quantity that another key of the section names."""
-    return InUnit(lambda around: around.unit_of(around.sibling(name)))
+    return InUnit(lambda around: around.unit_of(around.siblings.get(name)))
 
 
 Positive = Annotated[float, Gt(0)]
@@ -144,9 +144,6 @@ OfHeld = Annotated[float, InUnit(lambda around: around.unit_of(around.level))]
 Transition = Literal["linear", "quadratic", "cubic"]
 """Course of a weight over a transition zone (M2 figure 5)."""
 
-Between = Literal["linear", "pchip"]
-"""Interpolation between the curves of neighbouring levels."""
-
 Hold = Literal["samples", "none"]
 """Whether a segment function is held where a transition zone reaches far beyond its samples."""
 
@@ -160,5 +157,5 @@ class Joining(Settings):
 
     transition: Annotated[Transition, "`linear`, `quadratic` or `cubic`"] = "linear"
     z_s: Annotated[float, Interval(ge=0, le=0.5), "half-width of a transition zone, as a fraction of the segment"] = 0.25
-    levels: Annotated[Between, "interpolation between curves, `linear` or `pchip`"] = "linear"
+    levels: Annotated[Literal["linear", "pchip"], "interpolation between curves, `linear` or `pchip`"] = "linear"
     hold: Annotated[Hold, "`samples` where segment functions are held beyond theirs, or `none`"] = "samples"

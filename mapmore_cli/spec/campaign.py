@@ -12,17 +12,19 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from annotated_types import Gt
 from pydantic import Field
 
 from mapmore_cli.domain.declared import Contradiction
+from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.scores import FIGURES
 from mapmore_cli.spec.diagnostics import Finding
-from mapmore_cli.spec.fields import Name, Section, SettingsOfSpec, SpecPath
+from mapmore_cli.spec.experiment import OtherSettings
+from mapmore_cli.spec.fields import Name, Section, SpecPath
 from mapmore_cli.spec.loader import Loaded, load_as
-from mapmore_cli.spec.yaml_loader import LARGEST, as_overrides
+from mapmore_cli.spec.yaml_loader import as_overrides, read_source
 
 
 class Variant(Section):
@@ -31,7 +33,7 @@ class Variant(Section):
     base: SpecPath | None = None
     name: Name | None = None
     group: str | None = None  # of whose runs the tables give the median and the worst
-    set: Annotated[dict[str, Any], SettingsOfSpec()] = {}
+    set: OtherSettings = {}
 
     def _contradictions(self) -> Iterator[ValueError]:
         if self.base is None and self.name is None:
@@ -66,9 +68,8 @@ class Entry:
 def is_campaign(path: Path) -> bool:
     """Return True where a YAML file has the key `campaign` at its top level."""
     try:
-        with path.open("rb") as file:
-            lines = file.read(LARGEST).decode().splitlines()
-    except (OSError, UnicodeDecodeError):
+        lines = read_source(path).text.splitlines()
+    except SpecError:
         return False  # loading it says why
     return any(line.startswith("campaign:") for line in lines)
 
@@ -84,10 +85,6 @@ def load_campaign(path: Path) -> tuple[Campaign, tuple[Entry, ...]]:
 
 
 # Papers -----------------------------------------------------------------------------------------------------------------------------
-
-KINDS = ("equation", "table", "figure")
-STATUS = ("computed", "compared", "drawn", "told", "absent")
-"""`computed`: the program computes it; `compared`: our numbers stand beside it; `drawn`: our figure does; `told`: a page tells of it."""
 
 _ID = re.compile(r"(equation|table|figure|text) (\d+)(?:([a-z])|(?: to (\d+)))?(?:, .*)?")
 
@@ -169,12 +166,13 @@ class Drawn(Section):
 class Item(Section):
     """An equation, a table, a figure or a passage of the paper, as `figure 3`, `equation 2 to 9` or `text 1, section IV.B`.
 
+    `computed`: the program computes it; `compared`: our numbers stand beside it; `drawn`: our figure does; `told`: a page tells of it.
     `place` lists files where it is, from the paper's `root`; after a `#` stand words that the file holds.
     """
 
     id: Annotated[str, Field(pattern=rf"^{_ID.pattern}$")]
     title: str
-    status: Literal[STATUS]  # type: ignore[valid-type]
+    status: Literal["computed", "compared", "drawn", "told", "absent"]
     place: Annotated[list[str], Field(min_length=1)]
     why: str = ""  # it differs, or is not here
     compare: list[Comparison] = []
@@ -204,7 +202,7 @@ class Paper(Section):
     schema_version: Literal[1] = 1
     paper: Name
     title: str
-    has: dict[Literal[KINDS], Annotated[int, Field(ge=0, le=200)]]  # type: ignore[valid-type]
+    has: dict[Literal["equation", "table", "figure"], Annotated[int, Field(ge=0, le=200)]]
     root: SpecPath = "."  # where places start
     tables: SpecPath = "."  # where the published tables are
     items: Annotated[list[Item], Field(min_length=1)]

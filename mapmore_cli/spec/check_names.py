@@ -5,12 +5,11 @@ from __future__ import annotations
 import graphlib
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import fields
 
 from mapmore_cli.domain.recording import DIRECTION
 from mapmore_cli.modelling.expressions import ExpressionError, Operated, parse, state
 from mapmore_cli.modelling.expressions.states import Lagged, Measured, State
-from mapmore_cli.modelling.pieces.recipe import CutByDirection, Fuse
+from mapmore_cli.modelling.pieces.recipe import CutByDirection
 from mapmore_cli.modelling.selection import AUTO, Fit
 from mapmore_cli.spec.diagnostics import Finding, did_you_mean, refused
 from mapmore_cli.spec.experiment import ExperimentSpec, TargetColumn
@@ -269,13 +268,8 @@ def pieces(spec: ExperimentSpec) -> Iterator[Finding]:
     if levels is not None and levels.of not in spec.segment:
         remedy = f"add `segment: {{{levels.of}: none}}`, and name `{levels.of}` in the terms where it matters"
         yield Finding("data.levels:", f"{ONE}: it is not interpolated between levels of `{levels.of}`", remedy)
-    for key in changed(spec.fuse):
+    for key in spec.fuse.changed:
         yield Finding(f"fuse.{key}:", f"{ONE}: there is nothing to join", f"remove `{key}`")
-
-
-def changed(settings: Fuse | Fit) -> list[str]:
-    """Return the names of settings that differ from their defaults."""
-    return [field.name for field in fields(settings) if getattr(settings, field.name) != field.default]
 
 
 def settings(spec: ExperimentSpec) -> Iterator[Finding]:
@@ -285,7 +279,7 @@ def settings(spec: ExperimentSpec) -> Iterator[Finding]:
         yield from _in_free_run(spec)
     elif spec.model.type == "mapmore" and not remembers(spec.dictionary):
         remedy = "remove it, or add a family with memory to the `dictionary`, as `lags`, `slow` or `play`"
-        for key in changed(spec.fit):
+        for key in spec.fit.changed:
             said = f"{key}: {getattr(spec.fit, key)}"
             if key in ("margin", "ridge", "forward"):
                 yield Finding(f"fit.{key}:", f"`{key}` belongs to terms with memory, and there are none", remedy)
@@ -296,7 +290,7 @@ def settings(spec: ExperimentSpec) -> Iterator[Finding]:
 def _with_memory(fit: Fit) -> Iterator[Finding]:
     if fit.scaling not in ("none", "range"):
         yield Finding("fit.scaling", f"`{fit.scaling}` scales segments, and {ONE}", "write `none`, or `range`")
-    if "margin" in changed(fit) and fit.scaling != "range":
+    if "margin" in fit.changed and fit.scaling != "range":
         yield Finding("fit.margin:", "`margin` clips states that are scaled", "add `scaling: range`, or remove it")
     if fit.train_level != "all":
         yield Finding(

@@ -17,7 +17,7 @@ from mapmore_cli.modelling.literature.formula import can_be_solved
 from mapmore_cli.modelling.literature.own import formula_of
 from mapmore_cli.modelling.pieces.recipe import CutByDirection, Cuts
 from mapmore_cli.modelling.selection import AUTO
-from mapmore_cli.spec.check_names import OF_NOTHING, changed, expression_findings, unknown_quantity
+from mapmore_cli.spec.check_names import DERIVED, OF_NOTHING, expression_findings, unknown_quantity
 from mapmore_cli.spec.diagnostics import Finding, did_you_mean, refused
 from mapmore_cli.spec.experiment import Competitor, ExperimentSpec, TargetColumn
 from mapmore_cli.spec.sections.data import STEP_OF
@@ -84,7 +84,7 @@ def groups(spec: ExperimentSpec) -> Iterator[Finding]:
     if of.offset and spec.data.split.leave_one_group_out:
         why = "the offset of a group that is left out is not known"
         yield Finding("data.groups.offset:", why, "remove `offset` or `leave_one_group_out`")
-    if of.offset and spec.target in ("hysteresis", "damping"):
+    if of.offset and spec.target in DERIVED:
         yield Finding("data.groups.offset:", f"the {spec.target} force is a difference, which no offset changes", "remove `offset`")
 
 
@@ -105,7 +105,7 @@ def after_cycles(spec: ExperimentSpec) -> Iterator[Finding]:
 def joining(spec: ExperimentSpec) -> Iterator[Finding]:
     """Require something for what is set about the way between levels, or about a residual, to act on."""
     pooled = spec.data.levels is None or spec.segment.get(spec.data.levels.of) == "none"
-    for key in changed(spec.fuse):
+    for key in spec.fuse.changed:
         if key in ("levels", "align") and pooled:
             yield Finding(f"fuse.{key}:", "there are no levels to interpolate between", f"remove `{key}`, or add `levels` to `data`")
         if key == "shrink" and spec.model.backbone is None:
@@ -388,10 +388,10 @@ def metrics(spec: ExperimentSpec) -> Iterator[Finding]:
 
 def units(spec: ExperimentSpec) -> Iterator[Finding]:
     """Require units that exist: the model's fit the canonical quantity, the columns' fit the model's."""
-    known = dict.fromkeys((*spec.data.quantities, *CANONICAL))
+    known = (*spec.data.quantities, *CANONICAL)
     wrong = []
     for name, unit in spec.units.items():
-        yield from unknown_quantity(name, list(known), ("units", name), on_key=True)
+        yield from unknown_quantity(name, known, ("units", name), on_key=True)
         found = _unit(("units", name), unit, default_unit(name) if is_canonical(name) else unit)
         wrong += [name] if found else []
         yield from found

@@ -31,11 +31,10 @@ from mapmore_cli.spec.fields import (
     SettingsOfSpec,
     Share,
     SpecPath,
-    WholeSpec,
 )
 from mapmore_cli.spec.sections.data import Data
 from mapmore_cli.spec.sections.dictionary import DictionaryEntry, remembers
-from mapmore_cli.spec.sections.model import ModelChoice, Needs, OwnFormula, Summands, refuse_mixed
+from mapmore_cli.spec.sections.model import FitMethod, ModelChoice, Needs, OwnFormula, Summands, refuse_mixed
 
 
 @dataclass(frozen=True)
@@ -63,6 +62,10 @@ class TargetColumn(Settings):
 # What comes out -----------------------------------------------------------------------------------------------------------------------
 
 
+OtherSettings = Annotated[dict[str, Any], SettingsOfSpec(lambda: ExperimentSpec)]
+"""Keys of a spec, as `fit.max_terms`, with other values."""
+
+
 class Competitor(Section):
     """A competitor with settings of its own: a literature `model`, or that of another `run` (the path of its spec) or of this one, changed.
 
@@ -77,10 +80,10 @@ class Competitor(Section):
 
     model: Annotated[str, RelativePath(bare=True)] | None = None
     run: SpecPath | None = None
-    set: Annotated[dict[str, Any], SettingsOfSpec()] | None = None
+    set: OtherSettings | None = None
     static: str | None = None
     damping: str | None = None
-    method: Literal["variable_projection", "levenberg_marquardt", "simplex"] | None = None
+    method: FitMethod | None = None
     starts: str | None = None
     errors_in: str | None = None
     sum: Summands | None = None
@@ -200,7 +203,7 @@ def _given_memory(dictionary: Any) -> bool:
         return False
 
 
-class ExperimentSpec(WholeSpec):
+class ExperimentSpec(Section):
     """One experiment: what was measured, how to cut it up, which terms may appear, how to join, what to compare with."""
 
     schema_version: Literal[1] = 1

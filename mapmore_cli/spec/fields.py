@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Self, TypeVar
+from typing import Annotated, Any, Self, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
@@ -37,17 +37,6 @@ class Section(BaseModel):
         return self
 
 
-class WholeSpec(Section):
-    """Base of the model of a whole spec, of which some settings within it are keys: it can be named before it is there."""
-
-    root: ClassVar[type[BaseModel]]
-
-    @classmethod
-    def __pydantic_init_subclass__(cls, **_: Any) -> None:
-        """Remember the model."""
-        WholeSpec.root = cls
-
-
 PARTIAL = {"partial": True}
 """Context of the validation of what is left of a spec without its faulty parts: what is required may be among them."""
 
@@ -63,19 +52,15 @@ class Surroundings:
     target: str  # the quantity that is modelled
     level: str | None = None  # the quantity that is constant within a curve
     key: str = ""  # the nearest key that the user chose, as `pressure` in `set: {pressure: 2 bar}`
-    siblings: Mapping[str, Any] | None = None  # the section that the number stands in
+    siblings: Mapping[str, Any] = field(default_factory=dict)  # the section that the number stands in
 
     def unit_of(self, quantity: object) -> str | None:
         """Return the model's unit of a quantity; None where the spec does not name one."""
         return default_unit(quantity, self.units) if isinstance(quantity, str) else None
 
-    def sibling(self, name: str) -> object:
-        """Another value of the same section."""
-        return (self.siblings or {}).get(name)
-
 
 def _column_unit(around: Surroundings) -> str | None:
-    unit = around.sibling("unit")
+    unit = around.siblings.get("unit")
     return unit if isinstance(unit, str) else around.unit_of(around.key)
 
 
@@ -109,7 +94,9 @@ class RelativePath:
 
 @dataclass(frozen=True)
 class SettingsOfSpec:
-    """Marks a mapping with keys of a whole spec, as `data.files`."""
+    """Marks a mapping with keys of a whole spec, as `data.files`; `spec` names its model, which may be declared below the mark."""
+
+    spec: Callable[[], type[BaseModel]]
 
 
 def possible_path(path: str) -> str:
@@ -197,9 +184,10 @@ def moved(document: Any, kinds: Sequence[Kind], folder: Path, to: Path) -> Any:
 
 def _under(kinds: Sequence[Kind], step: str | int) -> list[Kind]:
     """Return what may stand under a key or list index; keys of settings, as `data.files`, lead from the root of a spec."""
-    if not _mark(kinds, SettingsOfSpec):
+    settings = _mark(kinds, SettingsOfSpec)
+    if settings is None:
         return [found for kind in kinds for found in below(kind, step)]
-    here = [Kind(WholeSpec.root)]
+    here = [Kind(settings.spec())]
     for name in str(step).split("."):
         here = _under(here, int(name) if name.isdecimal() else name)
     return here

@@ -57,7 +57,7 @@ class Loaded(Generic[M]):
     @cached_property
     def resolved(self) -> str:
         """YAML with the defaults filled in and `extends`, variables and units resolved; it loads to an equal spec."""
-        return resolved(self.spec)
+        return dump(escaped(_document(self.spec)))
 
     def resolved_in(self, folder: Path, given_only: bool = False) -> str:
         """Return the resolved spec for a file in another folder: relative paths start there, so that it runs again where it lies.
@@ -142,11 +142,6 @@ def _last_items_first(loc: Loc) -> tuple[tuple[int, str], ...]:
     return tuple((step, "") if isinstance(step, int) else (0, step) for step in loc)
 
 
-def resolved(spec: BaseModel) -> str:
-    """Return the spec as YAML that loads to an equal one."""
-    return dump(escaped(_document(spec)))
-
-
 def _document(spec: BaseModel) -> Any:
     return spec.model_dump(mode="json", by_alias=True, exclude_none=True)
 
@@ -182,8 +177,6 @@ def confirmed(text: str) -> str:
 DEEPEST = 20
 """Files that may extend each other, one the next."""
 
-_NO_FILE = "paths start at the folder of the file that they are written in"
-
 
 def _extended(source: SourceText, path: Path, problems: list[Mistake], heirs: tuple[Path, ...] = ()) -> Node:
     """Return the tree of a text with everything that it inherits; `path` is where it lies, `heirs` extend it."""
@@ -205,16 +198,17 @@ def _extended(source: SourceText, path: Path, problems: list[Mistake], heirs: tu
     if base.resolve() in chain:
         circle = " -> ".join([heir.name for heir in chain] + [base.name])
         fail(reference.at, f"the files extend each other in a circle: {circle}", "remove one `extends`")
-    if not base.is_file():
-        fail(reference.at, f"there is no file {base}", _NO_FILE)
     return merged(_extended(read_source(base), base, problems, chain), own)
 
 
 def _file_at(node: Node, spelt: Callable[[str], str], folder: Path, remedy: str) -> Path:
     try:
-        return Path(os.path.normpath(folder / possible_path(spelt(str(node.value)))))
+        path = Path(os.path.normpath(folder / possible_path(spelt(str(node.value)))))
     except ValueError as error:
         fail(node.at, str(error), remedy)
+    if not path.is_file():
+        fail(node.at, f"there is no file {path}", "paths start at the folder of the file that they are written in")
+    return path
 
 
 def _with_formulas(root: Node, problems: list[Mistake]) -> Node:
@@ -227,8 +221,6 @@ def _with_formulas(root: Node, problems: list[Mistake]) -> Node:
         formula = entry
         if isinstance(entry.value, str):
             path = _file_at(entry, str, entry.at.source.folder, "write `formulas: [my_formula.yaml]`")
-            if not path.is_file():
-                fail(entry.at, f"there is no file {path}", _NO_FILE)
             formula = parse(read_source(path), problems)
         read.append(formula)
     return with_child(root, "formulas", replace(listed, value=read))

@@ -1,14 +1,12 @@
 """The JSON Schema of an experiment, with which editors complete and check a spec while it is typed, and the reference of its keys.
 
-`python -m mapmore_cli.spec.schema FILE` writes the schema; the one in `configs/` is checked in. `mapmore schema keys` prints the reference.
+`mapmore schema` prints the schema, of which `make schema` writes the one in `configs/`; `mapmore schema keys` prints the reference.
 """
 
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import Any
 
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
@@ -25,17 +23,21 @@ class _Untitled(GenerateJsonSchema):
         return False
 
 
+def _whole_schema() -> JsonSchemaValue:
+    """Return the schema of a spec that inherits nothing, with `extends` first of its keys."""
+    schema = ExperimentSpec.model_json_schema(schema_generator=_Untitled)
+    extends = {"type": "string", "description": "Another spec, from which this one inherits what it does not say itself."}
+    schema["properties"] = {"extends": extends, **schema["properties"]}
+    return schema
+
+
 def json_schema() -> JsonSchemaValue:
     """Return the schema (draft 2020-12) of what a file may say: numbers may carry units, and what is required may be inherited."""
-    schema = ExperimentSpec.model_json_schema(schema_generator=_Untitled)
+    schema = _whole_schema()
     sections = schema["$defs"]
     complete = {"required": schema.pop("required"), "properties": {"data": {"required": sections["Data"]["required"]}}}
     for name in {*_inside(schema, sections, ("items", "prefixItems", "$defs", "default"))}:  # `extends` merges mappings, and no lists
         sections[name].pop("required", None)
-    schema["properties"] = {
-        "extends": {"type": "string", "description": "Another spec, from which this one inherits what it does not say itself."},
-        **schema["properties"],
-    }
     return {"$schema": GenerateJsonSchema.schema_dialect, **schema, "if": {"required": ["extends"]}, "else": complete}
 
 
@@ -55,18 +57,12 @@ def _inside(schema: Any, sections: dict[str, Any], skipped: Sequence[str]) -> It
                 yield from _inside(value, sections, skipped)
 
 
-def schema_text() -> str:
-    """Return the schema as it is checked in."""
-    return json.dumps(json_schema(), indent=2, ensure_ascii=False) + "\n"
-
-
 # The reference of the keys ----------------------------------------------------------------------------------------------------------
 
 
 def reference() -> str:
     """Return every section with its keys, values and defaults as Markdown, in the order of the pipeline, and the metrics of `require`."""
-    schema = ExperimentSpec.model_json_schema()
-    schema["properties"] = {"extends": json_schema()["properties"]["extends"], **schema["properties"]}
+    schema = _whole_schema()
     names = dict.fromkeys(_inside(schema, schema["$defs"], ("$defs", "default")))
     sections = {"Top level": schema, **{_heading(name): schema["$defs"][name] for name in names}}
     tables = [_section(title, section) for title, section in sections.items() if "properties" in section]
@@ -109,13 +105,10 @@ def _values(value: dict[str, Any]) -> str:
         return f"mapping to {_values(inner)}" if isinstance(inner, dict) else "mapping"
     if value.get("type") == "string" and str(value.get("pattern", "")).startswith(r"^\s*[-+]?"):
         return "with unit"
-    words = {"string": "text", "number": "number", "integer": "whole number", "boolean": "`true` or `false`", "null": "nothing"}
-    return words.get(value.get("type", ""), "value") + _bounds(value)
-
-
-def _bounds(value: dict[str, Any]) -> str:
     signs = {"minimum": "≥", "exclusiveMinimum": ">", "maximum": "≤", "exclusiveMaximum": "<"}
-    return "".join(f" {sign} {value[key]:g}" for key, sign in signs.items() if key in value)
+    bounds = [f" {sign} {value[key]:g}" for key, sign in signs.items() if key in value]
+    words = {"string": "text", "number": "number", "integer": "whole number", "boolean": "`true` or `false`", "null": "nothing"}
+    return "".join([words.get(value.get("type", ""), "value"), *bounds])
 
 
 def _default(value: dict[str, Any], required: bool) -> str:
@@ -130,7 +123,3 @@ def _heading(name: str) -> str:
     module, _, last = name.rpartition("__")
     words = module.rpartition("__")[2].capitalize() + last.replace("_", "")
     return "".join(f" {letter.lower()}" if letter.isupper() and place else letter for place, letter in enumerate(words))
-
-
-if __name__ == "__main__":
-    Path(sys.argv[1] if len(sys.argv) > 1 else "configs/experiment.schema.json").write_text(schema_text(), encoding="utf-8")

@@ -30,11 +30,6 @@ _NAMED_DIMENSIONS = {
     "s": "a time", "kPa": "a pressure", "N": "a force", "m": "a length", "V": "a voltage", "1": "a plain number",
     "kg": "a mass", "1/s": "a rate", "kPa/s": "a pressure rate", "m/s": "a speed", "K": "a temperature", "A": "a current",
 }  # fmt: skip
-_COMMON = [
-    *("Pa", "hPa", "kPa", "MPa", "mbar", "bar", "psi", "mmHg", "um", "mm", "cm", "m", "in", "s", "ms", "us", "ns", "min", "h"),
-    *("mN", "N", "kN", "lbf", "kgf", "N*m", "mV", "V", "g", "kg", "%", "1", "degC", "K", "kPa/ms"),
-    *(f"{unit}/s" for unit in ("1", "%", "mm", "m", "N", "V", "Pa", "kPa", "bar", "psi")),
-]
 _EVERYDAY: Mapping[str, tuple[str, Fraction]] = {
     unit: (dimension, Fraction(factor))
     for dimension, factors in {
@@ -49,6 +44,11 @@ _EVERYDAY: Mapping[str, tuple[str, Fraction]] = {
     for unit, factor in factors.items()
 }
 """Dimension, and factor to its first unit."""
+_COMMON = [
+    *_EVERYDAY,
+    *("psi", "mmHg", "in", "lbf", "kgf", "N*m", "degC", "K", "kPa/ms"),
+    *(f"{unit}/s" for unit in ("1", "%", "mm", "m", "N", "V", "Pa", "kPa", "bar", "psi")),
+]
 
 _QUANTITY = re.compile(r"([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?)(.*)", re.ASCII | re.DOTALL)  # one way to match
 _FACTOR = r"\(*(?:1|%|[^\W\d]\w*|°[CF])(?:(?:\^|\*\*)-?\d)?\)*"

@@ -20,16 +20,14 @@ from mapmore_cli.spec.diagnostics import Mistake, fail
 from mapmore_cli.spec.tree import Node, Position, SourceText
 
 _TAG = "tag:yaml.org,2002:"
-_SCALARS = (  # tag, pattern, possible first characters (None: the empty text)
-    ("null", r"~|null|Null|NULL|", ["~", "n", "N", ""]),
-    ("bool", r"true|True|TRUE|false|False|FALSE", list("tTfF")),
-    ("int", r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+", list("-+0123456789")),
-    ("float", r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)", list("-+.0123456789")),
-)
-_RESOLVERS = {
-    first: [(_TAG + tag, re.compile(f"(?:{pattern})\\Z", re.ASCII)) for tag, pattern, firsts in _SCALARS if first in firsts]
-    for first in {first for _, _, firsts in _SCALARS for first in firsts}
+_SCALARS = {
+    "null": r"~|null|Null|NULL|",
+    "bool": r"true|True|TRUE|false|False|FALSE",
+    "int": r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+",
+    "float": r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)",
 }
+_RESOLVERS = {None: [(_TAG + tag, re.compile(f"(?:{pattern})\\Z", re.ASCII)) for tag, pattern in _SCALARS.items()]}
+"""Tags and patterns that PyYAML tries in turn, whatever a scalar begins with (None)."""
 
 DEEPEST = 40
 """Levels of nesting that are read; a spec needs ten."""
@@ -80,7 +78,7 @@ _CoreDumper.add_representer(str, _CoreDumper.represent_str)
 
 def tag_of(text: str) -> str:
     """Return the core type of a plain scalar: `null`, `bool`, `int`, `float` or `str`."""
-    tags = (tag.removeprefix(_TAG) for tag, pattern in _RESOLVERS.get(text[:1], []) if pattern.match(text))
+    tags = (tag.removeprefix(_TAG) for tag, pattern in _RESOLVERS[None] if pattern.match(text))
     return next(tags, "str")
 
 

@@ -189,16 +189,6 @@ def test_segments_depend_on_the_fit_only_where_boundaries_try_it(tmp_path: Path)
     assert next(tried) != next(tried)
 
 
-def test_where_points_at_keys_items_and_the_nearest_section(tmp_path: Path) -> None:
-    loaded = load_text(tmp_path, STATIC)
-    places = [
-        loaded.where(*loc) for loc in [("data", "columns", "force"), ("data", "levels", "at", 1), ("fuse", "z_s"), ("model", "type"), ()]
-    ]
-    assert [place.removeprefix(f"{tmp_path}/") for place in places] == [
-        "spec.yaml:11:5", "spec.yaml:13:35", "spec.yaml:22:28", "spec.yaml:1:1", "spec.yaml:1:1",
-    ]  # fmt: skip
-
-
 class Regulator(Section):
     """Another kind of spec."""
 

@@ -12,6 +12,7 @@ from spec_examples import FORMULA, STATIC, load_text, refusal
 from mapmore_cli.domain.errors import SpecError, UsageError
 from mapmore_cli.spec.experiment import Competitor
 from mapmore_cli.spec.loader import LoadedSpec, load
+from mapmore_cli.spec.tree import Loc
 from mapmore_cli.spec.yaml_loader import as_overrides, escaped, expand
 
 # Environment -------------------------------------------------------------------------------------------------------------------------
@@ -126,12 +127,19 @@ def test_paths_in_inherited_settings_start_there_too_and_their_quantities_wait(f
     assert rival.set == {"data.files": ["../x.csv", {"path": "../d/*.csv", "set": {"pressure": "2 bar"}}], "units.pressure": "bar"}
 
 
-def test_a_value_is_placed_in_the_file_that_it_comes_from(family: Path) -> None:
-    loaded = load(family / "child" / "spec.yaml")
-    places = [loaded.where(*loc) for loc in [("name",), ("fit", "max_terms"), ("data", "columns", "force"), ("data", "levels", "at", 1)]]
-    assert [place.removeprefix(f"{family}/") for place in places] == [
-        "child/spec.yaml:2:1", "base.yaml:2:7", "deep/root.yaml:11:5", "base.yaml:5:20",
-    ]  # fmt: skip
+@pytest.mark.parametrize(
+    ("loc", "place"),
+    [
+        (("name",), "child/spec.yaml:2:1"),
+        (("fit", "max_terms"), "base.yaml:2:7"),
+        (("data", "columns", "force"), "deep/root.yaml:11:5"),
+        (("data", "levels", "at", 1), "base.yaml:5:20"),
+        (("model", "type"), "child/spec.yaml:1:1"),
+        ((), "child/spec.yaml:1:1"),
+    ],
+)
+def test_a_value_is_placed_in_the_file_that_it_or_the_section_around_it_comes_from(family: Path, loc: Loc, place: str) -> None:
+    assert load(family / "child" / "spec.yaml").where(*loc) == f"{family}/{place}"
 
 
 def test_a_mistake_in_an_inherited_file_is_shown_there(family: Path) -> None:

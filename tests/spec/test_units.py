@@ -14,21 +14,26 @@ from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.spec import units
 from mapmore_cli.spec.units import check_unit, convert, default_unit, is_quantity, parse_quantity
 
+ALONE = {
+    "time": "s", "pressure": "kPa", "strain": "1", "force": "N", "length": "m", "displacement": "m", "load": "N", "input": "V",
+    "pressure_rate": "kPa/s", "strain_rate": "1/s", "length_rate": "m/s", "step_pressure": "kPa", "temperature": "1",
+}  # fmt: skip
+CHANGES = {"pressure": "bar", "time": "ms", "force_rate": "N/s"}
+RATES = {"v": "displacement", "a": "v"}
+
 
 @pytest.mark.parametrize(
-    ("name", "unit"),
+    ("name", "changes", "rates", "unit"),
     [
-        ("time", "s"), ("pressure", "kPa"), ("strain", "1"), ("force", "N"), ("length", "m"), ("displacement", "m"), ("load", "N"),
-        ("input", "V"), ("pressure_rate", "kPa/s"), ("strain_rate", "1/s"), ("length_rate", "m/s"), ("temperature", "1"),
+        *((name, {}, {}, unit) for name, unit in ALONE.items()),
+        ("pressure", CHANGES, {}, "bar"), ("pressure_rate", CHANGES, {}, "bar/ms"), ("force_rate", CHANGES, {}, "N/s"),
+        ("v", {}, RATES, "m/s"), ("a", {}, RATES, "m/s/s"), ("a", {"v": "mm/s"}, RATES, "mm/s/s"),
+        ("b", {}, {"b": "c", "c": "b"}, "1/s/s"),  # a circle, which is reported elsewhere
     ],
 )  # fmt: skip
-def test_default_units(name: str, unit: str) -> None:
-    assert default_unit(name) == unit
-
-
-def test_units_of_the_spec_come_first_and_rates_follow_them() -> None:
-    changes = {"pressure": "bar", "time": "ms", "force_rate": "N/s"}
-    assert [default_unit(name, changes) for name in ("pressure", "pressure_rate", "force_rate")] == ["bar", "bar/ms", "N/s"]
+def test_default_units(name: str, changes: dict[str, str], rates: dict[str, str], unit: str) -> None:
+    """The units of the spec come first, and rates follow them."""
+    assert default_unit(name, changes, rates) == unit
 
 
 # Factors from the definitions of the units (BIPM; the pound and the inch are exact since 1959).
@@ -142,13 +147,6 @@ def test_any_text_is_a_unit_or_refused(text: str) -> None:
         convert(1.0, text, "kPa")
     except SpecError as error:
         assert error.remedy  # noqa: PT017 (most texts are refused, a few are units of pressure)
-
-
-def test_a_rate_of_a_rate_has_the_unit_of_neither_name() -> None:
-    rates = {"v": "displacement", "a": "v"}
-    assert [default_unit(name, {}, rates) for name in ("v", "a")] == ["m/s", "m/s/s"]
-    assert default_unit("a", {"v": "mm/s"}, rates) == "mm/s/s"
-    assert default_unit("b", {}, {"b": "c", "c": "b"})  # a circle is reported elsewhere
 
 
 def test_the_table_of_everyday_units_is_pints():

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from spec_examples import STATIC, refusal
 
 from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.spec.loader import load
 from mapmore_cli.spec.tree import Node, SourceText, nearest, plain
 from mapmore_cli.spec.yaml_loader import dump, parse
 
@@ -142,8 +143,6 @@ def test_a_byte_order_mark_is_no_part_of_the_text(tmp_path: Path) -> None:
 
 
 def test_a_missing_file_and_a_folder_are_refused(tmp_path: Path) -> None:
-    from mapmore_cli.spec.loader import load
-
     with pytest.raises(SpecError, match="no such file"):
         load(tmp_path / "none.yaml")
     with pytest.raises(SpecError, match="is a directory"):

@@ -17,8 +17,6 @@ from mapmore_cli.storage.readers import READERS
 OfQuantity = Annotated[float, of_sibling("quantity")]
 Interval = Annotated[tuple[OfQuantity, OfQuantity], Field(strict=False)]
 
-CONDITIONS = ("abs_below", "below", "above", "between", "outside")
-
 
 class Keep(Section):
     """Samples to keep: those whose `quantity` fulfils exactly one condition, in the quantity's unit.
@@ -34,10 +32,11 @@ class Keep(Section):
     outside: Interval | None = None
 
     def _contradictions(self) -> Iterator[ValueError]:
-        given = [name for name in CONDITIONS if getattr(self, name) is not None]
+        conditions = [name for name in type(self).model_fields if name != "quantity"]
+        given = [name for name in conditions if getattr(self, name) is not None]
         if len(given) != 1:
             found = "two conditions at once: " + ", ".join(f"`{name}`" for name in given) if given else "no condition"
-            remedy = f"give one of {', '.join(f'`{name}`' for name in CONDITIONS)}"
+            remedy = f"give one of {', '.join(f'`{name}`' for name in conditions)}"
             yield Contradiction(f"`keep` has {found}", remedy, *given[1:], "quantity")
         for name in ("between", "outside"):
             interval = getattr(self, name)

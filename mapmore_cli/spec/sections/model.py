@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 from annotated_types import Len
 from pydantic import Field
 
-from mapmore_cli.domain.declared import Contradiction, Seconds, Settings
+from mapmore_cli.domain.declared import Contradiction, Pair, Seconds, Settings
 from mapmore_cli.modelling.literature.own import FamilySettings
 from mapmore_cli.modelling.motion.problem import MotionSettings
 from mapmore_cli.spec.fields import Quantity, Section, SpecPath
@@ -25,7 +25,7 @@ class FormulaParameter(Section):
     """
 
     unit: str | None = None
-    bounds: Annotated[tuple[float, float], Field(strict=False)] | None = None
+    bounds: Pair | None = None
     start: float | None = None
     value: float | None = None
 
@@ -106,6 +106,9 @@ class Summand(Settings):
             raise Contradiction("a part of a sum is a `model` or a `formula`", "give one, as `{model: flexor.yaml}`", "model", "formula")
 
 
+FitMethod = Literal["variable_projection", "levenberg_marquardt", "simplex"]
+"""How a formula of the literature is fitted."""
+
 Summands = Annotated[Sequence[Summand], Len(2)]
 """At least two parts: models of runs, or formulas that are fitted together."""
 
@@ -140,7 +143,7 @@ class ModelChoice(MotionSettings):
     inputs: Annotated[Sequence[Quantity], Len(1)] | None = None
     backbone: str | None = None
     name: str | None = None
-    method: Literal["variable_projection", "levenberg_marquardt", "simplex"] | None = None
+    method: FitMethod | None = None
     starts: str | None = None
     errors_in: str | None = None
     sum: Summands | None = None
@@ -158,11 +161,11 @@ class ModelChoice(MotionSettings):
             raise Contradiction("type `state_space` needs the `input`", "add it, as `input: pressure`", "type")
         if self.type == "literature" and self.name is None and self.family is None:
             raise Contradiction("type `literature` needs the `name` of a formula", "add it, as `name: sarosi`", "type")
-        for key in fields(self):
-            owner = _TYPE_OF.get(key.name, self.type)
-            if owner != self.type and getattr(self, key.name) != key.default:
-                instead = "use `backbone`, or" if key.name == "name" else "remove it, or use"
-                raise Contradiction(f"type `{self.type}` has no `{key.name}`", f"{instead} `type: {owner}`", key.name)
+        for key in self.changed:
+            owner = _TYPE_OF.get(key, self.type)
+            if owner != self.type:
+                instead = "use `backbone`, or" if key == "name" else "remove it, or use"
+                raise Contradiction(f"type `{self.type}` has no `{key}`", f"{instead} `type: {owner}`", key)
         refuse_mixed(self.sum or ())
 
 

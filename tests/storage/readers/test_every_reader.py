@@ -46,10 +46,10 @@ def test_one_new_file_adds_a_format(tmp_path: Path) -> None:
     (tmp_path / "log.bar").write_text(f"strain|pressure|force\n{rows}")
     code = """
 from pathlib import Path
-from mapmore_cli.spec.schema import schema_text
+from mapmore_cli.spec.schema import json_schema
 from mapmore_cli.study.drafting.preview import preview
 from mapmore_cli.ingestion.files import unique_ids
-assert '"bars"' in schema_text()
+assert "'bars'" in str(json_schema())
 assert preview(Path("log.bar")).columns == ("strain", "pressure", "force")
 print(*unique_ids(["log.bar"]))
 from mapmore_cli.spec.sections.logs import Logs
