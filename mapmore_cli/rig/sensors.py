@@ -1,16 +1,40 @@
-"""What every experiment needs: its clock, the integration of its equations, and what instruments and logger make of the truth."""
+"""What every experiment needs: names of its recordings, its clock, the integration of its equations, instruments and logger."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Annotated, Any
 
 import numpy as np
+from annotated_types import Len
 from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 
 from mapmore_cli.domain.arrays import Array, Columns
+from mapmore_cli.domain.declared import After, NonNegative, Positive, Settings
 from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.rig.muscle import Pressure
+
+
+def pressure_label(pressure: float) -> str:
+    """Name of a pressure (Pa) in file names, in kPa: `080`, `350`, `82.5`."""
+    return f"{pressure / 1e3:03g}"
+
+
+def distinct(label: Callable[[Any], str], mistake: str = "each pressure makes one recording: name it once") -> After:
+    """Refuse a list in which two items would give files of one name."""
+
+    def refuse_twins(items: Sequence[Any]) -> Sequence[Any]:
+        if len(set(map(label, items))) != len(items):
+            raise ValueError(mistake)
+        return items
+
+    return After(refuse_twins)
+
+
+Pressures = Annotated[Sequence[Pressure], Len(1), distinct(pressure_label)]
+"""A recording each, Pa."""
 
 
 def clock(duration: float, sample_time: float) -> Array:
@@ -53,11 +77,11 @@ def low_pass(force: Array, cut_off: float, sample_time: float) -> Array:
 
 
 @dataclass(frozen=True)
-class Sensor:
-    """White Gaussian noise, then rounding; both in the unit of what is sensed."""
+class Sensor(Settings):
+    """White Gaussian noise, then rounding; both in the unit of the column."""
 
-    noise: float  # standard deviation
-    resolution: float  # quantisation step, > 0
+    noise: NonNegative  # standard deviation
+    resolution: Positive  # quantisation step
 
     def read(self, truth: Array, rng: np.random.Generator) -> Array:
         """Return readings `(n,)`: whole multiples of `resolution`."""

@@ -17,10 +17,10 @@ from typing import Annotated, Any, Literal
 from annotated_types import Gt
 from pydantic import Field
 
-from mapmore_cli.domain.declared import Contradiction
+from mapmore_cli.domain.declared import Contradiction, Name
 from mapmore_cli.domain.scores import FIGURES
 from mapmore_cli.spec.diagnostics import Finding
-from mapmore_cli.spec.fields import Name, Section, SettingsOfSpec, SpecPath
+from mapmore_cli.spec.fields import Section, SettingsOfSpec, SpecPath
 from mapmore_cli.spec.loader import Loaded, load_as
 from mapmore_cli.spec.yaml_loader import LARGEST, as_overrides
 
