@@ -19,6 +19,9 @@ from mapmore_cli.rig.static_muscles import McKibben, volume, volume_slope
 ATMOSPHERE = 101_325.0
 """p0, Pa."""
 
+TOLERANCE = 1e-5
+"""Of each step of an integration of air, relative to a state and to its scale: it moves what is seen by less than a sensor's step."""
+
 LAMINAR_RATIO = 0.995
 """Pressure ratio above which a valve's flow is taken as linear: ISO 6358's slope is infinite at equal pressures."""
 

@@ -15,9 +15,9 @@ from annotated_types import Len
 
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.declared import ListToo, NonNegative, Positive, Settings
-from mapmore_cli.rig.air import Air, ClosedMuscle, Regulator
+from mapmore_cli.rig.air import TOLERANCE, Air, ClosedMuscle, Regulator
 from mapmore_cli.rig.muscle import IN_KPA, Hysteresis, Pressure, Rubber
-from mapmore_cli.rig.random_velocity import TOLERANCE, Course, RestLength
+from mapmore_cli.rig.random_velocity import Course, RestLength
 from mapmore_cli.rig.sensors import clock, integrate, low_pass
 from mapmore_cli.rig.static_muscles import McKibben
 

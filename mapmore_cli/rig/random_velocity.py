@@ -11,13 +11,10 @@ from scipy.interpolate import CubicHermiteSpline
 
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.declared import ListToo, Positive, Settings
-from mapmore_cli.rig.air import ATMOSPHERE, Air, ClosedMuscle, Regulator
+from mapmore_cli.rig.air import ATMOSPHERE, TOLERANCE, Air, ClosedMuscle, Regulator
 from mapmore_cli.rig.muscle import IN_KPA, Pressure, Rubber
 from mapmore_cli.rig.sensors import Pressures, clock, integrate, low_pass
 from mapmore_cli.rig.static_muscles import volume
-
-TOLERANCE = 1e-5
-"""Of each step of the integration, relative to a state and to its scale."""
 
 
 @dataclass(frozen=True)
@@ -105,8 +102,7 @@ def random_velocity(muscle: ClosedMuscle, motion: RandomVelocity, pressure: floa
     if motion.tendon is None and motion.valves is None:
         moved = muscle.move(np.asarray(path(time)), pressure, motion.sample_time, motion.load_cell)
     else:
-        asked = None if motion.valves is None else motion.valves.course.drawn(pressure, time[-1], rng.spawn(1)[0])
-        moved = _moved(muscle, motion, path, start, pressure, time, asked)
+        moved = _moved(muscle, motion, path, start, pressure, time, rng)
     rest = muscle.taut_strain(motion.rest.pressure, motion.rest.force) - soft * motion.rest.force
     columns = {"time": time, **moved, "length": (rest - path(time)) * length, "velocity": path(time, 1) * length}
     return {name: values[:: motion.every] for name, values in columns.items()}
@@ -119,14 +115,16 @@ def _moved(
     start: float,
     pressure: float,
     time: Array,
-    asked: CubicHermiteSpline | None,
+    rng: np.random.Generator,
 ) -> Columns:
     """`pressure` (Pa), `force` (N) and a regulator's `input` (V), along a `path` of the strain of muscle and tendon together.
 
     `F = k L0 (e_muscle - e) + c L0 (e_muscle' - e')`; the first state is the muscle's strain.
     """
-    length, tendon, regulator = muscle.muscle.length, motion.tendon, None if motion.valves is None else motion.valves.regulator
+    length, tendon, valves = muscle.muscle.length, motion.tendon, motion.valves
     shut_in = (pressure + ATMOSPHERE) * (float(volume(muscle.muscle, np.asarray(start))) + muscle.air.dead_volume)
+    regulator = None if valves is None else valves.regulator
+    asked = None if valves is None else valves.course.drawn(pressure, time[-1], rng.spawn(1)[0])
 
     def strain_at(at: float, states: Array) -> float:
         return float(path(at)) if tendon is None else float(states[0])

@@ -16,7 +16,7 @@ from annotated_types import Ge, Interval, Len
 
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.declared import Name, NonNegative, Positive, Settings
-from mapmore_cli.rig.air import Air, ClosedMuscle, Regulator
+from mapmore_cli.rig.air import TOLERANCE, Air, ClosedMuscle, Regulator
 from mapmore_cli.rig.muscle import GRAVITY, Hysteresis, Rubber
 from mapmore_cli.rig.sensors import clock, distinct, integrate
 from mapmore_cli.rig.static_muscles import McKibben
@@ -110,10 +110,6 @@ class WaveformRig:
         acceleration = (self.muscle.tension(own, strain) - mass * GRAVITY) / (mass * self.muscle.muscle.length)
         settled = float(regulator.wanted(waveform.command(np.asarray(time - self.setup.rest))))
         return np.array([strain_rate, acceleration, *self.muscle.rates(own, strain, strain_rate, regulator, settled)])
-
-
-TOLERANCE = 1e-5
-"""Of each step of the integration, relative to a state and to its scale: it moves the displacement by less than a sensor's step."""
 
 
 def waveform_response(rig: WaveformRig, waveform: Waveform, tolerance: float = TOLERANCE) -> Columns:

@@ -26,6 +26,7 @@ SHIPPED = [  # and which of its recordings
     ("peano/perturbations", slice(0, 1)),
     ("waveforms/training", slice(3, 4)),
     ("waveforms/loads", slice(3, 4)),
+    ("wrist/contraction_table", slice(None)),
 ]
 
 
@@ -34,7 +35,7 @@ def test_committed_recordings_regenerate(path, some):
     """Another machine's libm may round a value to the neighbouring step: a few may differ, each by one step."""
     study = spec(path)
     resolutions = {name: sensor.resolution for name, sensor in sensors(study).items()}
-    steps = {"time": study.experiment.sample_time, **SET_STEPS.get(study.experiment.type, {}), **resolutions}
+    steps = {"time": getattr(study.experiment, "sample_time", None), **SET_STEPS.get(study.experiment.type, {}), **resolutions}
     for cause in causes_of(study)[some]:
         made = csv_text(recording(study, cause), decimals(study))
         committed = (DATASETS / path).with_name(f"{study.output}_{label(cause)}.csv").read_text()
@@ -44,7 +45,7 @@ def test_committed_recordings_regenerate(path, some):
             ours, theirs = (np.loadtxt(text.splitlines()[1:], delimiter=",") for text in (made, committed))
             flips = np.abs(np.round((ours - theirs) / [steps[name] for name in HEADER if HEADER[name] in header.split(",")]))
             assert flips.max() <= 1
-            assert flips.mean() < 1e-3
+            assert flips.sum() <= 1 + 1e-3 * flips.size
 
 
 def test_every_shipped_recording_has_its_spec():
