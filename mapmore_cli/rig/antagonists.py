@@ -134,15 +134,11 @@ def driven(joint: Joint, asked: tuple[Asked, Asked]) -> Columns:
     """
     setup, times = joint.setup, joint.setup.clock
     starts = [muscle.at_rest(float(wanted(0.0))) for muscle, wanted in zip(joint.muscles, asked, strict=True)]
-    cut = 2 + len(starts[0])
-
-    def parts(states: Array) -> tuple[Array, Array]:
-        return states[2:cut], states[cut:]
 
     def rates(time: float, states: Array) -> Array:
         angle, rate = states[:2].tolist()
         pulls, changes = [], []
-        for which, (muscle, own) in enumerate(zip(joint.muscles, parts(states), strict=True)):
+        for which, (muscle, own) in enumerate(zip(joint.muscles, np.split(states[2:], 2), strict=True)):
             strain = float(joint.strain(which, np.asarray(angle)))
             strain_rate = SIGNS[which] * setup.radius * rate / muscle.muscle.length
             pulls.append(muscle.pull(own, strain))
@@ -153,8 +149,7 @@ def driven(joint: Joint, asked: tuple[Asked, Asked]) -> Columns:
     scales = np.concatenate([[0.1, 1.0], *(muscle.scales for muscle in joint.muscles)])
     states = integrate(rates, np.concatenate([[0.0, 0.0], *starts]), times, scales, TOLERANCE)
     columns = {"time": times}
-    for which, muscle in enumerate(joint.muscles):
-        own = np.array([parts(row)[which] for row in states])
+    for which, (muscle, own) in enumerate(zip(joint.muscles, np.split(states[:, 2:], 2, axis=1), strict=True)):
         force = np.array([muscle.pull(row, float(e)) for row, e in zip(own, joint.strain(which, states[:, 0]), strict=True)])
         moved = {"input": setup.regulator.command(np.array([asked[which](time) for time in times.tolist()])), "pressure": own[:, 1]}
         moved["force"] = low_pass(force, setup.load_cell, setup.sample_time)

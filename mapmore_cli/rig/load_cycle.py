@@ -20,7 +20,7 @@ from scipy.signal import lfilter
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.declared import NonNegative, Pair, Positive, Settings
 from mapmore_cli.rig.muscle import GRAVITY, IN_KPA, SLACK_WIDTH, Hysteresis, StaticMuscle, softplus, zero_force_strain
-from mapmore_cli.rig.sensors import TOLERANCE, Pressures, clock, distinct, integrate, pressure_label
+from mapmore_cli.rig.sensors import Pressures, clock, distinct, integrate, pressure_label
 from mapmore_cli.rig.water import DrivingPressure, WaterRig, WetMuscle, observe
 
 
@@ -177,7 +177,7 @@ class Perturbations(Settings):
         return np.cumsum([0.0, *spans]), np.repeat(ends, 2)
 
 
-def perturbation(muscle: WetMuscle, strokes: Perturbations, pressure: float, tolerance: float = TOLERANCE) -> Columns:
+def perturbation(muscle: WetMuscle, strokes: Perturbations, pressure: float) -> Columns:
     """Truth of one recording, columns `(n,)` as those of `observe`, at a constant `pressure` (Pa) of the reservoir.
 
     It begins with still water, and with friction and rubber relaxed.
@@ -191,5 +191,5 @@ def perturbation(muscle: WetMuscle, strokes: Perturbations, pressure: float, tol
         return muscle.respond(states, pressure, float(strain(time)), float(strain_rate(time)))[1]
 
     at = clock(times[-1], strokes.sample_time)[:-1]
-    wet = integrate(rates, muscle.at_rest(pressure), at, muscle.scales, tolerance)
+    wet = integrate(rates, muscle.at_rest(pressure), at, muscle.scales)
     return observe(muscle, at, np.asarray(strain(at)), wet)

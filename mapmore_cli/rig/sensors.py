@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -45,11 +45,14 @@ def clock(duration: float, sample_time: float) -> Array:
 TOLERANCE = 1e-6
 """Of each step of the integration, relative to a state and to its scale."""
 
+Rates = Callable[[float, Array], Array]
+"""Of states `(k,)` at a time, s."""
+
 LONGEST_STEP = 0.01
 """s; so that no step of the integration passes over a short motion."""
 
 
-def integrate(rates: Callable[[float, Array], Array], start: Array, time: Array, scales: Array, tolerance: float = TOLERANCE) -> Array:
+def integrate(rates: Rates, start: Array, time: Array, scales: Array, tolerance: float = TOLERANCE) -> Array:
     """States `(n, k)` at the times `(n,)`, from `start` `(k,)` at the first of them.
 
     Raises `SpecError` where the equations cannot be solved.
@@ -63,6 +66,14 @@ def integrate(rates: Callable[[float, Array], Array], start: Array, time: Array,
             "bring the parameters of `muscle` and `rig` nearer to their defaults",
         )
     return np.asarray(solution.y.T)
+
+
+def integrate_phases(phases: Iterable[tuple[Rates, Array]], start: Array, scales: Array, tolerance: float = TOLERANCE) -> Array:
+    """States `(n, k)` at the times of all phases, rates and times each: one begins with the last time of the one before."""
+    path = [start[np.newaxis]]
+    for rates, time in phases:
+        path.append(integrate(rates, path[-1][-1], time, scales, tolerance)[1:])
+    return np.concatenate(path)
 
 
 def low_pass(force: Array, cut_off: float, sample_time: float) -> Array:

@@ -18,7 +18,7 @@ from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.declared import NonNegative, Positive, Settings
 from mapmore_cli.rig.air import Reservoir
 from mapmore_cli.rig.muscle import GRAVITY, zero_force_strain
-from mapmore_cli.rig.sensors import TOLERANCE, distinct, integrate, pressure_label
+from mapmore_cli.rig.sensors import TOLERANCE, distinct, integrate_phases, pressure_label
 from mapmore_cli.rig.water import DrivingPressure, WaterRig, WetMuscle, observe
 
 ABOVE_WATER = (1e5, 0.1, 1.0)
@@ -67,12 +67,11 @@ class StepResponses(Settings):
         if 10 * self.sample_time > min(self.rest, self.hold, self.fall):
             raise ValueError("`rest`, `hold` and `fall` need ten samples each: shorten `sample_time` or lengthen them")
 
-    def clock(self) -> tuple[Array, Array, Array]:
+    def clocks(self) -> list[Array]:
         """Sample times, s, of the three phases; each ends with the sample that begins the next."""
         switches = np.cumsum([0.0, self.rest, self.hold, self.fall])
         counts = np.round(switches / self.sample_time).astype(int)
-        rest, hold, fall = (self.sample_time * np.arange(first, last + 1) for first, last in pairwise(counts))
-        return rest, hold, fall
+        return [self.sample_time * np.arange(first, last + 1) for first, last in pairwise(counts)]
 
 
 @dataclass(frozen=True)
@@ -113,10 +112,8 @@ def step_response(rig: StepRig, step: Step, tolerance: float = TOLERANCE) -> Col
     """Truth of one recording, columns `(n,)` as those of `observe`."""
     states, bumper = rig.at_rest(), rig.setup.bumper
     touch = states[1] + (step.weight - bumper.pretension) / (bumper.stiffness * rig.muscle.muscle.length)
-    clocks, path = rig.setup.clock(), [states[np.newaxis]]
-    for clock, supply in zip(clocks, (None, step.pressure, None), strict=True):
-        motion = partial(rig.rates, supply=supply, weight=step.weight, touch=touch)
-        path.append(integrate(motion, path[-1][-1], clock, rig.scales, tolerance)[1:])
+    clocks = rig.setup.clocks()
+    motions = [partial(rig.rates, supply=supply, weight=step.weight, touch=touch) for supply in (None, step.pressure, None)]
+    along = integrate_phases(zip(motions, clocks, strict=True), states, rig.scales, tolerance)
     time = np.concatenate([clocks[0][:1], *(clock[1:] for clock in clocks)])
-    along = np.concatenate(path)
     return observe(rig.muscle, time, along[:, 1], along[:, len(ABOVE_WATER) :])

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import pairwise
 from typing import Annotated, Literal
 
 import numpy as np
@@ -18,7 +19,7 @@ from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.declared import Name, NonNegative, Positive, Settings
 from mapmore_cli.rig.air import TOLERANCE, Air, ClosedMuscle, Regulator
 from mapmore_cli.rig.muscle import GRAVITY, Hysteresis, Rubber
-from mapmore_cli.rig.sensors import clock, distinct, integrate
+from mapmore_cli.rig.sensors import clock, distinct, integrate_phases
 from mapmore_cli.rig.static_muscles import McKibben
 
 Command = Annotated[float, Interval(ge=0, le=10)]
@@ -112,7 +113,7 @@ class WaveformRig:
         return np.array([strain_rate, acceleration, *self.muscle.rates(own, strain, strain_rate, regulator, settled)])
 
 
-def waveform_response(rig: WaveformRig, waveform: Waveform, tolerance: float = TOLERANCE) -> Columns:
+def waveform_response(rig: WaveformRig, waveform: Waveform) -> Columns:
     """Truth of one recording, from the beginning of the rest to the end of the last wavelength, each `(n,)`.
 
     `time` (s), `input` (V), `pressure` in the muscle (Pa), `displacement` of its lower end (m, upwards), `load` on it (N, as a load cell
@@ -120,9 +121,11 @@ def waveform_response(rig: WaveformRig, waveform: Waveform, tolerance: float = T
     """
     setup, load, motion = rig.setup, waveform.load, partial(rig.rates, waveform=waveform)
     time = clock(setup.rest + waveform.wavelengths / waveform.frequency, setup.sample_time)
-    corners = setup.rest + 0.5 / waveform.frequency * np.arange(2 * waveform.wavelengths, dtype=np.float64)
-    scales = np.array([0.1, 1.0, *rig.muscle.scales])
-    states = _piecewise(motion, rig.at_rest(waveform.rest_at, load), time, corners, scales, tolerance)
+    # Anew from every half wavelength: there the input may jump or have a corner.
+    corners = setup.rest + 0.5 / waveform.frequency * np.arange(2 * waveform.wavelengths)
+    ends = pairwise([0, *np.searchsorted(time, corners - 1e-9), len(time) - 1])
+    phases = [(motion, time[first : last + 1]) for first, last in ends if last > first]
+    states = integrate_phases(phases, rig.at_rest(waveform.rest_at, load), np.array([0.1, 1.0, *rig.muscle.scales]), TOLERANCE)
     accelerations = np.array([motion(float(at), state)[1] for at, state in zip(time, states, strict=True)])
     length = rig.muscle.muscle.length
     zero = rig.resting_strain(float(setup.regulator.wanted(0.0)), 0.0)
@@ -133,13 +136,3 @@ def waveform_response(rig: WaveformRig, waveform: Waveform, tolerance: float = T
         "displacement": length * (states[:, 0] - zero),
         "load": load * (GRAVITY + length * accelerations),
     }
-
-
-def _piecewise(motion: partial[Array], start: Array, time: Array, corners: Array, scales: Array, tolerance: float) -> Array:
-    """States `(n, k)` at the times, integrated anew from every half wavelength: there the input may jump or have a corner."""
-    starts = np.searchsorted(time, corners - 1e-9)
-    path = [start[np.newaxis]]
-    for first, last in zip([0, *starts], [*starts, len(time) - 1], strict=True):
-        if last > first:
-            path.append(integrate(motion, path[-1][-1], time[first : last + 1], scales, tolerance)[1:])
-    return np.concatenate(path)
