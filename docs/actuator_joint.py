@@ -47,7 +47,7 @@ def turned(joint: Joint, pairs: Sequence[Pair], inputs: Sequence[Array], step: f
     `J a'' = r (F_1 - F_2) - d a'`, from sample to sample: the rate by the forces at the angle before, then the angle by the rate. A rope
     does not push. Columns: `angle` (rad) and, for each muscle, what it is told and answers, as `input_1`, `length_1` (m), `force_1` (N).
     """
-    n, rests = len(inputs[0]), [muscle.taut_strain(*joint.rest) for muscle in joint.muscles]
+    n, setup = len(inputs[0]), joint.setup
     names = ("input", "length", "velocity", "force")
     found = {name: np.zeros(n) for name in ("angle", *(f"{name}_{which}" for which in (1, 2) for name in names))}
     angle = rate = 0.0
@@ -55,15 +55,15 @@ def turned(joint: Joint, pairs: Sequence[Pair], inputs: Sequence[Array], step: f
         for k in range(n):
             found["angle"][k] = angle
             for which, (unit, places) in enumerate((first, second)):
-                length = (rests[which] - float(joint.strain(which, np.asarray(angle)))) * joint.muscles[which].muscle.length
-                told = {"input": float(inputs[which][k]), "length": length, "velocity": SIGNS[which] * joint.radius * rate}
+                length = float(joint.elongation(which, np.asarray(angle)))
+                told = {"input": float(inputs[which][k]), "length": length, "velocity": SIGNS[which] * setup.radius * rate}
                 unit.setReal([places[name] for name in told], list(told.values()))
                 unit.doStep(k * step, step)
                 told["force"] = unit.getReal([places["force"]])[0]
                 for name, value in told.items():
                     found[f"{name}_{which + 1}"][k] = value
             pulls = [max(found[f"force_{which}"][k], 0.0) for which in (1, 2)]
-            rate += step / joint.inertia * (joint.radius * (pulls[0] - pulls[1]) - joint.damping * rate)
+            rate += step / setup.inertia * (setup.radius * (pulls[0] - pulls[1]) - setup.damping * rate)
             angle += step * rate
     return found
 

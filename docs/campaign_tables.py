@@ -20,11 +20,11 @@ from mapmore_cli.modelling.pieces.build import build
 from mapmore_cli.modelling.pieces.recipe import Cuts, Recipe
 from mapmore_cli.modelling.validation.comparison import CHANGED, SAME, UNCLEAR, Comparison, compare
 from mapmore_cli.reporting.table import Cell, Table
-from mapmore_cli.rig.load_cycle import load_cycle
-from mapmore_cli.rig.sensors import Sensor, measure
+from mapmore_cli.rig.load_cycle import LoadCycles, load_cycle
+from mapmore_cli.rig.sensors import measure
 from mapmore_cli.spec.loader import load_as
 from mapmore_cli.spec.simulation import SimulationSpec
-from mapmore_cli.study.simulate import KPA, hysteresis_of, load_cycle_of, muscle_of
+from mapmore_cli.study.simulate import KPA, sensors
 
 FACTORS = (1.00, 1.01, 1.02, 1.03, 1.05)
 PAIRS = 20
@@ -49,17 +49,17 @@ def cycle(seed: int, pressure: float) -> tuple[dict[str, np.ndarray], np.random.
     """One cycle as it truly is, and the random numbers that its sensors go on with."""
     spec = rig()
     random = np.random.default_rng([seed, round(pressure)])
-    moves, regulation = load_cycle_of(spec.experiment)  # type: ignore[arg-type]
-    return dict(load_cycle(muscle_of(spec.muscle), hysteresis_of(spec.hysteresis), moves, regulation, KPA * pressure, random)), random
+    assert isinstance(spec.experiment, LoadCycles)
+    return dict(load_cycle(spec.muscle, spec.hysteresis, spec.experiment, KPA * pressure, random)), random
 
 
 def simulated(name: str, seed: int, pressures: Sequence[float], factor: float) -> Model:
     """Return a model of a campaign of load cycles, in which the muscle pulls `factor` times as strongly."""
-    sensors = {key: Sensor(one.noise, one.resolution) for key in ("strain", "force") if (one := getattr(rig().sensors, key)) is not None}
+    seen = {key: sensors(rig())[key] for key in ("strain", "force")}
     curves = []
     for pressure in pressures:
         truth, random = cycle(seed, pressure)
-        logged = measure({**truth, "force": factor * truth["force"]}, sensors, np.random.default_rng(random.bit_generator.seed_seq))  # type: ignore[arg-type]
+        logged = measure({**truth, "force": factor * truth["force"]}, seen, np.random.default_rng(random.bit_generator.seed_seq))  # type: ignore[arg-type]
         columns = {key: logged[key][::EVERY] for key in ("strain", "force")}
         n = len(columns["force"])
         columns["pressure"] = np.full(n, pressure)

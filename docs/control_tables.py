@@ -16,7 +16,7 @@ from mapmore_cli.domain.models import Model
 from mapmore_cli.modelling.inverse import NEAREST, invert
 from mapmore_cli.reporting.table import Cell, Table
 from mapmore_cli.spec.simulation import SimulationSpec
-from mapmore_cli.study.simulate import KPA, hysteresis_of, muscle_of
+from mapmore_cli.study.simulate import KPA
 
 LIFT = Lift(mass=20.0, length=0.088, damping=400.0, lag=0.05, highest=350 * KPA, step=0.5e-3)
 LOOP = Loop(period=5e-3, kp=500 * KPA, ki=4000 * KPA)
@@ -55,7 +55,7 @@ def followed(feed: str, runs: Path, seconds: float, loop: Loop = LOOP) -> Column
     if not np.isfinite(found).all():
         raise ValueError(f"{feed}: there is no pressure for {int(np.sum(~np.isfinite(found)))} of {len(found)} samples of the course")
     fed = KPA * (found if settings is not None else np.full(len(found), found[0]))
-    return closed_loop(muscle_of(spec.muscle), hysteresis_of(spec.hysteresis), LIFT, loop, reference, fed)
+    return closed_loop(spec.muscle, spec.hysteresis, LIFT, loop, reference, fed)
 
 
 def errors(feed: str, runs: Path, seconds: float = SECONDS, loop: Loop = LOOP) -> tuple[float, float]:

@@ -28,9 +28,9 @@ from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.kinds import outside_range
 from mapmore_cli.modelling.validation.intervals import FEW, NORMAL, few_levels, half_widths, half_widths_of, refusal
 from mapmore_cli.reporting.table import Cell, Table
-from mapmore_cli.rig.load_cycle import turning_strain
-from mapmore_cli.spec.simulation import LoadCycles, SimulationSpec
-from mapmore_cli.study.simulate import KPA, hysteresis_of, load_cycle_of, muscle_of
+from mapmore_cli.rig.load_cycle import LoadCycles, turning_strain
+from mapmore_cli.spec.simulation import SimulationSpec
+from mapmore_cli.study.simulate import KPA
 
 LEVEL = 0.95
 SEEDS = range(100, 120)
@@ -106,7 +106,7 @@ def specimen(kind: str, curves: int, seed: int) -> Dataset:
         given["muscle"][name] *= float(np.exp(SCATTER * rng.standard_normal()))
     spec = SimulationSpec.model_validate(given)
     assert isinstance(spec.experiment, LoadCycles)
-    pull, friction, (cycle, _) = muscle_of(spec.muscle), hysteresis_of(spec.hysteresis), load_cycle_of(spec.experiment)
+    pull, friction, cycle = spec.muscle, spec.hysteresis, spec.experiment
     train, new = np.linspace(muscle.low, muscle.high, curves), rng.uniform(muscle.low, muscle.high, NEW)
 
     def curve(pressure: float, held_out: bool) -> Curve:

@@ -24,11 +24,12 @@ from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.reporting.table import Cell, Table
 from mapmore_cli.rig.air import Air, ClosedMuscle, Regulator
-from mapmore_cli.rig.antagonists import Joint
+from mapmore_cli.rig.antagonists import Antagonists, Joint
 from mapmore_cli.rig.muscle import Rubber
+from mapmore_cli.rig.static_muscles import McKibben
 from mapmore_cli.spec.loader import load_as
-from mapmore_cli.spec.simulation import Antagonists, McKibbenMuscle, SimulationSpec
-from mapmore_cli.study.simulate import KPA, braid_of, hysteresis_of, joint_of
+from mapmore_cli.spec.simulation import SimulationSpec
+from mapmore_cli.study.simulate import KPA
 
 DATASETS = DOCS.parent / "datasets"
 
@@ -139,10 +140,9 @@ def random_joint() -> tuple[Joint, Columns]:
     spec = load_as(DATASETS / "muscle-like" / "joint_random.yaml", SimulationSpec).spec
     table = np.genfromtxt(DATASETS / "muscle-like" / "joint_random.csv", delimiter=",", names=True)
     assert table.dtype.names
-    assert isinstance(spec.muscle, McKibbenMuscle)
+    assert isinstance(spec.muscle, McKibben)
     assert isinstance(spec.experiment, Antagonists)
-    joint, _ = joint_of(spec.muscle, spec.hysteresis, spec.experiment)
-    return joint, {name: table[name] for name in table.dtype.names}
+    return Joint(spec.muscle, spec.hysteresis, spec.experiment), {name: table[name] for name in table.dtype.names}
 
 
 def actuators(runs: Path, samples: int | None = None) -> Table:
@@ -164,9 +164,7 @@ def actuators(runs: Path, samples: int | None = None) -> Table:
         apart = float(np.max(np.abs(force - chained(pair, found, which, STEP))) / np.median(np.abs(force)))
         rows.append((f"{muscle}'s force [N]", apart, *beside(record[f"F_{which}"], force)))
     angle, length = np.degrees(found["angle"]), 1e-3 * record["l_1"]
-    start = float(joint.strain(0, np.asarray(0.0)))
-    rest = joint.muscles[0].taut_strain(*joint.rest) - start
-    true = np.degrees((rest * joint.muscles[0].muscle.length - length) / joint.radius)
+    true = np.degrees((float(joint.elongation(0, np.asarray(0.0))) - length) / joint.setup.radius)
     rows.append(("angle [deg]", None, *beside(true, angle)))
     heads = ("of the joint", "unit beside both `predict`, relative .1e", "RMSE beside the rig .3g", "R² .4f")
     return Table.of("actuators", "A joint that two exported actuators turn, second half of the record", heads, rows)
@@ -228,10 +226,9 @@ def force_of(name: str, runs: Path) -> Force:
 def rig_muscles(friction: float = 1.0) -> RigMuscles:
     """Return the muscles of datasets/wrist, full of air, behind regulators; with so much of their friction."""
     spec = load_as(DATASETS / "wrist" / "contraction_table.yaml", SimulationSpec).spec
-    assert isinstance(spec.muscle, McKibbenMuscle)
-    found = hysteresis_of(spec.hysteresis)
-    found = replace(found, base=friction * found.base, per_pressure=friction * found.per_pressure)
-    return RigMuscles(ClosedMuscle(braid_of(spec.muscle), found, RUBBER, AIR), REGULATOR, WRIST)
+    assert isinstance(spec.muscle, McKibben)
+    found = replace(spec.hysteresis, base=friction * spec.hysteresis.base, per_pressure=friction * spec.hysteresis.per_pressure)
+    return RigMuscles(ClosedMuscle(spec.muscle, found, RUBBER, AIR), REGULATOR, WRIST)
 
 
 @cache

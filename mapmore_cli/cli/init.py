@@ -116,7 +116,7 @@ def _given(option: str, text: str, unit: str, example: str) -> float:
 def _check_name(name: str | None) -> None:
     from pydantic import TypeAdapter, ValidationError
 
-    from mapmore_cli.spec.fields import Name
+    from mapmore_cli.domain.declared import Name
 
     try:
         TypeAdapter(Name | None).validate_python(name)

@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Annotated, Any, ClassVar, Literal, TypeVar, get_args, get_origin
 
-from annotated_types import Ge, Gt, Interval
+from annotated_types import Ge, Gt, Interval, MaxLen
 
 S = TypeVar("S")
 
@@ -113,6 +113,28 @@ class ListToo:
 Pair = Annotated[tuple[float, float], ListToo()]
 
 
+@dataclass(frozen=True)
+class After:
+    """Marks a value that a function checks or converts after the marks before it; what the function returns is kept."""
+
+    function: Callable[[Any], Any]
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        """Return the value's schema, and the function behind it."""
+        return {"type": "function-after", "function": {"type": "no-info", "function": self.function}, "schema": handler(source)}
+
+
+@dataclass(frozen=True)
+class Matching:
+    """Marks a text of which a pattern is true."""
+
+    pattern: str
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        """Return the text's schema with the pattern."""
+        return {**handler(source), "pattern": self.pattern}
+
+
 # Numbers with units -------------------------------------------------------------------------------------------------------------------
 
 
@@ -140,6 +162,9 @@ OfKey = Annotated[float, InUnit(lambda around: around.unit_of(around.key))]
 OfHeld = Annotated[float, InUnit(lambda around: around.unit_of(around.level))]
 """In the unit of the quantity that is constant within a curve."""
 
+
+Name = Annotated[str, MaxLen(100), Matching(r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
+"""The name of a run, which is a folder's as well."""
 
 Transition = Literal["linear", "quadratic", "cubic"]
 """Course of a weight over a transition zone (M2 figure 5)."""

@@ -12,12 +12,15 @@ from scipy.signal import lfilter
 
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.declared import NonNegative, Positive, Settings
-from mapmore_cli.rig.muscle import SLACK_WIDTH, MovingMuscle, softplus, zero_force_strain
+from mapmore_cli.rig.muscle import IN_KPA, SLACK_WIDTH, MovingMuscle, softplus, zero_force_strain
 from mapmore_cli.rig.sensors import low_pass
 from mapmore_cli.rig.static_muscles import McKibben, volume, volume_slope
 
 ATMOSPHERE = 101_325.0
 """p0, Pa."""
+
+TOLERANCE = 1e-5
+"""Of each step of an integration of air, relative to a state and to its scale: it moves what is seen by less than a sensor's step."""
 
 LAMINAR_RATIO = 0.995
 """Pressure ratio above which a valve's flow is taken as linear: ISO 6358's slope is infinite at equal pressures."""
@@ -60,17 +63,17 @@ class Reservoir(Settings):
 
 
 @dataclass(frozen=True)
-class Regulator:
+class Regulator(Settings):
     """Proportional pressure regulator: its wanted pressure lags the input, its ISO 6358 valve opens in proportion to what is missing."""
 
-    slope: float  # of the wanted pressure, Pa/V
-    offset: float  # at no input, Pa
-    lag: float  # of the wanted pressure, s
-    band: float  # missing pressure at which the valve is fully open, Pa
-    supply: float  # gauge, Pa
-    supply_conductance: float  # m3/(s Pa)
-    exhaust_conductance: float
-    critical_ratio: float
+    slope: Annotated[Positive, IN_KPA]  # of the wanted pressure, Pa/V
+    offset: Annotated[float, IN_KPA]  # at no input, Pa
+    lag: Positive  # of the wanted pressure, s
+    band: Annotated[Positive, IN_KPA]  # missing pressure at which the valve is fully open, Pa
+    supply: Annotated[Positive, IN_KPA]  # gauge, Pa
+    supply_conductance: Positive  # m3/(s Pa)
+    exhaust_conductance: Positive
+    critical_ratio: Annotated[float, Interval(ge=0, lt=0.99)]
 
     def wanted(self, command: Array | float) -> Array:
         """Pressure that an input (V) asks for once it has settled, Pa: `max(slope u + offset, 0)`."""

@@ -9,27 +9,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import Annotated, Literal
 
 import numpy as np
+from annotated_types import Ge, Interval, Len
 from scipy.interpolate import CubicHermiteSpline
 from scipy.signal import lfilter
 
 from mapmore_cli.domain.arrays import Array, Columns
-from mapmore_cli.domain.declared import NonNegative, Positive, Settings
-from mapmore_cli.rig.muscle import GRAVITY, SLACK_WIDTH, Hysteresis, StaticMuscle, softplus, zero_force_strain
-from mapmore_cli.rig.sensors import TOLERANCE, clock, integrate
-from mapmore_cli.rig.water import WetMuscle, observe
-
-
-@dataclass(frozen=True)
-class LoadCycle:
-    """How the actuator moves."""
-
-    duration: float  # of the recording, s
-    sample_time: float  # s
-    dwell: float  # rest before, between and after the moves, s
-    least_stroke: float  # strain that is reached even by a muscle without any force
-    turns: tuple[float, ...] = (1.0,)  # where it reverses, as fractions of the stroke; it begins and ends at zero
+from mapmore_cli.domain.declared import NonNegative, Pair, Positive, Settings
+from mapmore_cli.rig.muscle import GRAVITY, IN_KPA, SLACK_WIDTH, Hysteresis, StaticMuscle, softplus, zero_force_strain
+from mapmore_cli.rig.sensors import Pressures, clock, distinct, integrate, pressure_label
+from mapmore_cli.rig.water import DrivingPressure, WaterRig, WetMuscle, observe
 
 
 @dataclass(frozen=True)
@@ -40,21 +32,43 @@ class Regulation(Settings):
     correlation_time: Positive  # s
 
 
-def load_cycle(
-    muscle: StaticMuscle, hysteresis: Hysteresis, cycle: LoadCycle, regulation: Regulation, pressure: float, rng: np.random.Generator
-) -> Columns:
+@dataclass(frozen=True, kw_only=True)
+class LoadCycles(Settings):
+    """One slow contraction and extension at each pressure (M1 section IV.A); with more `turns`, reversals inside of that loop."""
+
+    type: Literal["load_cycles"]
+    pressures: Pressures
+    duration: Positive  # of each recording, s
+    sample_time: Positive  # s
+    dwell: NonNegative  # rest before, between and after the moves, s
+    turns: Annotated[Sequence[Annotated[float, Interval(ge=0, le=1)]], Len(1)] = (1.0,)  # of the stroke, which begins and ends at zero
+    least_stroke: Annotated[float, Interval(gt=0, le=0.2)]  # strain reached even where the muscle has no force
+    regulation: Regulation
+
+    def __post_init__(self) -> None:
+        """Refuse moves without a time or a way, and too few samples."""
+        rests = len(self.turns) + 2
+        if rests * self.dwell >= self.duration:
+            raise ValueError(f"{rests} rests of `dwell` leave no time to move: lengthen `duration`")
+        if any(after == before for before, after in pairwise([0.0, *self.turns, 0.0])):
+            raise ValueError("the actuator must move from each of `turns` to the next, beginning and ending at zero")
+        if 100 * self.sample_time > self.duration:
+            raise ValueError("fewer than 100 samples: shorten `sample_time` or lengthen `duration`")
+
+
+def load_cycle(muscle: StaticMuscle, hysteresis: Hysteresis, cycle: LoadCycles, pressure: float, rng: np.random.Generator) -> Columns:
     """Return True `time` (s), `pressure` (Pa), `strain` and `force` (N) of one cycle at the set `pressure` (Pa), each `(n,)`.
 
     `F = softplus(F_static(P, e) - h(P, e))`: hysteresis takes from the pull in contraction and adds to it in extension.
     """
     time = clock(cycle.duration, cycle.sample_time)
     strain = strain_path(cycle, turning_strain(muscle, hysteresis, cycle, pressure), time)
-    actual = regulated_pressure(regulation, cycle.sample_time, pressure, rng.standard_normal(len(time)))
+    actual = regulated_pressure(cycle.regulation, cycle.sample_time, pressure, rng.standard_normal(len(time)))
     pull = muscle.force(actual, strain) - hysteresis.force(actual, strain)
     return {"time": time, "pressure": actual, "strain": strain, "force": softplus(pull, SLACK_WIDTH)}
 
 
-def turning_strain(muscle: StaticMuscle, hysteresis: Hysteresis, cycle: LoadCycle, pressure: float) -> float:
+def turning_strain(muscle: StaticMuscle, hysteresis: Hysteresis, cycle: LoadCycles, pressure: float) -> float:
     """Strain at which the contracting muscle's force has fallen to zero, or the least stroke where that is further.
 
     Friction stops the muscle a little short of its static free strain.
@@ -67,7 +81,7 @@ def turning_strain(muscle: StaticMuscle, hysteresis: Hysteresis, cycle: LoadCycl
     return max(zero_force_strain(contracting), cycle.least_stroke)
 
 
-def strain_path(cycle: LoadCycle, stroke: float, time: Array) -> Array:
+def strain_path(cycle: LoadCycles, stroke: float, time: Array) -> Array:
     """Strain `(n,)`: rest at zero, moves from turn to turn and back to zero at one speed, rests between them, rest."""
     ends = stroke * np.array([0.0, *cycle.turns, 0.0])
     distances = np.abs(np.diff(ends))
@@ -89,21 +103,26 @@ def regulated_pressure(regulation: Regulation, sample_time: float, pressure: flo
 
 
 @dataclass(frozen=True)
-class Loading:
-    """What hangs on the muscle, and how well its pressure is set."""
+class ContractionTable(Settings):
+    """Contraction at each pressure under each load, repeated and averaged (W section II): a table for each pressure."""
 
-    masses: Sequence[float]  # kg, one after the other
-    regulator_error: float  # standard deviation of the pressure from one repeat to the next, Pa
+    type: Literal["contraction_table"]
+    pressures: Pressures
+    masses: Annotated[Sequence[NonNegative], Len(1)]  # kg, in the order in which they are hung on
+    repeats: Annotated[int, Ge(1)]
+    regulator_error: Annotated[NonNegative, IN_KPA]  # standard deviation of the pressure from one repeat to the next, Pa
 
 
-def contraction_table(muscle: StaticMuscle, hysteresis: Hysteresis, loading: Loading, pressure: float, rng: np.random.Generator) -> Columns:
+def contraction_table(
+    muscle: StaticMuscle, hysteresis: Hysteresis, table: ContractionTable, pressure: float, rng: np.random.Generator
+) -> Columns:
     """Return True `pressure` (Pa), `strain` and `force` (N) of one repeat, each `(n,)` for n masses.
 
     The regulator keeps what it happens to settle on; the force is the weight alone. Friction holds a muscle that has contracted a little
     short of its free strain, and one that is drawn out a little less far than without it.
     """
-    actual = max(pressure + loading.regulator_error * float(rng.standard_normal()), 0.0)
-    weights = GRAVITY * np.asarray(loading.masses, dtype=np.float64)
+    actual = max(pressure + table.regulator_error * float(rng.standard_normal()), 0.0)
+    weights = GRAVITY * np.asarray(table.masses, dtype=np.float64)
     return {"pressure": np.full(len(weights), actual), "strain": resting_strains(muscle, hysteresis, actual, weights), "force": weights}
 
 
@@ -133,23 +152,32 @@ STRETCHED = -0.08
 
 
 @dataclass(frozen=True)
-class Strokes:
-    """How the actuator moves: from the contracted to the stretched end and back, smoothly, with rests between."""
+class Perturbations(Settings):
+    """The muscle is stretched and released at constant pressure, at several speeds, smoothly, with rests between (M2 section 6.2)."""
 
-    stretched: float  # strain at this end, as a fraction of the free strain
-    contracted: float
-    moves: tuple[float, ...]  # duration of each stretch and of the release after it, s
-    dwell: float  # rest before, between and after the moves, s
-    sample_time: float  # s
+    type: Literal["perturbation"]
+    pressures: Annotated[Sequence[DrivingPressure], Len(1), distinct(pressure_label)]
+    between: Pair  # stretched and contracted end, as fractions of the free strain
+    moves: Annotated[Sequence[Positive], Len(1)]  # duration of each stretch, and of the release after it, s
+    dwell: Positive  # before, between and after the moves, s
+    sample_time: Positive  # s
+    rig: WaterRig
+
+    def __post_init__(self) -> None:
+        """Refuse ends in the wrong order, and too few samples."""
+        if not 0.0 <= self.between[0] < self.between[1] <= 1.0:
+            raise ValueError("`between` needs two fractions of the free strain, the stretched end first: [0.2, 0.8]")
+        if 10 * self.sample_time > min(self.dwell, *self.moves):
+            raise ValueError("each move and `dwell` need ten samples: shorten `sample_time` or lengthen them")
 
     def corners(self, free: float) -> tuple[Array, Array]:
         """Return times (s) and strains, `(4 m + 2,)` for m moves, at which rests begin and end; `free` is the free strain."""
         spans = [self.dwell, *(span for move in self.moves for span in (move, self.dwell, move, self.dwell))]
-        ends = np.resize([free * self.contracted, free * self.stretched], 2 * len(self.moves) + 1)
+        ends = np.resize([free * end for end in reversed(self.between)], 2 * len(self.moves) + 1)
         return np.cumsum([0.0, *spans]), np.repeat(ends, 2)
 
 
-def perturbation(muscle: WetMuscle, strokes: Strokes, pressure: float, cut_off: float, tolerance: float = TOLERANCE) -> Columns:
+def perturbation(muscle: WetMuscle, strokes: Perturbations, pressure: float) -> Columns:
     """Truth of one recording, columns `(n,)` as those of `observe`, at a constant `pressure` (Pa) of the reservoir.
 
     It begins with still water, and with friction and rubber relaxed.
@@ -163,5 +191,5 @@ def perturbation(muscle: WetMuscle, strokes: Strokes, pressure: float, cut_off: 
         return muscle.respond(states, pressure, float(strain(time)), float(strain_rate(time)))[1]
 
     at = clock(times[-1], strokes.sample_time)[:-1]
-    wet = integrate(rates, muscle.at_rest(pressure), at, muscle.scales, tolerance)
-    return observe(muscle, at, np.asarray(strain(at)), wet, cut_off)
+    wet = integrate(rates, muscle.at_rest(pressure), at, muscle.scales)
+    return observe(muscle, at, np.asarray(strain(at)), wet)

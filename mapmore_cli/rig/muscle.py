@@ -1,21 +1,30 @@
 """What every synthetic muscle has: a static force, a strain at which it pulls no more, and in motion friction and rubber.
 
-The rig computes in SI units: Pa, N, m, s, and strain as a fraction of the starting length, positive in contraction.
+The rig computes in SI units: Pa, N, m, s, and strain as a fraction of the starting length, positive in contraction. What specs give in
+other units is marked, and converted when a spec is read; the bounds before a mark are in the spec's unit.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from functools import cached_property
+from typing import Annotated, NamedTuple, Protocol
 
 import numpy as np
+from annotated_types import Interval, Len
 from scipy.optimize import brentq
 
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.domain.declared import NonNegative, Positive, Settings
+from mapmore_cli.domain.declared import After, NonNegative, Positive, Settings
 from mapmore_cli.domain.errors import SpecError
+
+IN_KPA = After(lambda pressure: pressure * 1e3)
+"""Marks a pressure, Pa, that specs give in kPa."""
+
+Pressure = Annotated[float, Interval(ge=0, le=2000), IN_KPA]
+"""Gauge, Pa; above the bound, the geometry of the muscles means nothing."""
 
 GRAVITY = 9.81
 """m/s2."""
@@ -88,16 +97,39 @@ def zero_force_strain(force: Callable[[float], float], lowest: float = STRAIN_RA
 
 
 @dataclass(frozen=True)
-class Hysteresis:
+class Stop(Settings):
+    """One elasto-slide element: it yields after `yield_strain` and carries `share` of the friction."""
+
+    yield_strain: Positive
+    share: Positive
+
+
+@dataclass(frozen=True)
+class Hysteresis(Settings):
     """Friction of fibres and fabric, which a moving muscle has to overcome; `m` springs in parallel, each behind a slider.
 
     `h(P, e) = (base + per_pressure P) sum_j shares_j s_j(e)`, where s_j is a stop operator of yield strain `yield_strains_j`.
     """
 
-    base: float  # half-width of the full loop at no pressure, N
-    per_pressure: float  # its growth, N/Pa
-    yield_strains: Array  # (m,), each > 0
-    shares: Array  # (m,), sum 1
+    base: NonNegative  # half-width of the full loop at no pressure, N
+    per_pressure: Annotated[NonNegative, After(lambda growth: growth / 1e3)]  # its growth, N/Pa; in specs N/kPa
+    stops: Annotated[Sequence[Stop], Len(1)]
+
+    def __post_init__(self) -> None:
+        """Refuse shares that are not those of one whole."""
+        total = sum(stop.share for stop in self.stops)
+        if abs(total - 1.0) > 1e-9:
+            raise ValueError(f"the shares of the stops must add up to 1, not {total:g}")
+
+    @cached_property
+    def yield_strains(self) -> Array:
+        """Of the stops, `(m,)`."""
+        return np.array([stop.yield_strain for stop in self.stops])
+
+    @cached_property
+    def shares(self) -> Array:
+        """Of the stops, `(m,)`."""
+        return np.array([stop.share for stop in self.stops])
 
     def half_width(self, pressure: Array | float) -> Array:
         """Largest |h|, N, at `pressure` (Pa)."""

@@ -1,16 +1,40 @@
-"""What every experiment needs: its clock, the integration of its equations, and what instruments and logger make of the truth."""
+"""What every experiment needs: names of its recordings, its clock, the integration of its equations, instruments and logger."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Annotated, Any
 
 import numpy as np
+from annotated_types import Len
 from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 
 from mapmore_cli.domain.arrays import Array, Columns
+from mapmore_cli.domain.declared import After, NonNegative, Positive, Settings
 from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.rig.muscle import Pressure
+
+
+def pressure_label(pressure: float) -> str:
+    """Name of a pressure (Pa) in file names, in kPa: `080`, `350`, `82.5`."""
+    return f"{pressure / 1e3:03g}"
+
+
+def distinct(label: Callable[[Any], str], mistake: str = "each pressure makes one recording: name it once") -> After:
+    """Refuse a list in which two items would give files of one name."""
+
+    def refuse_twins(items: Sequence[Any]) -> Sequence[Any]:
+        if len(set(map(label, items))) != len(items):
+            raise ValueError(mistake)
+        return items
+
+    return After(refuse_twins)
+
+
+Pressures = Annotated[Sequence[Pressure], Len(1), distinct(pressure_label)]
+"""A recording each, Pa."""
 
 
 def clock(duration: float, sample_time: float) -> Array:
@@ -21,11 +45,14 @@ def clock(duration: float, sample_time: float) -> Array:
 TOLERANCE = 1e-6
 """Of each step of the integration, relative to a state and to its scale."""
 
+Rates = Callable[[float, Array], Array]
+"""Of states `(k,)` at a time, s."""
+
 LONGEST_STEP = 0.01
 """s; so that no step of the integration passes over a short motion."""
 
 
-def integrate(rates: Callable[[float, Array], Array], start: Array, time: Array, scales: Array, tolerance: float = TOLERANCE) -> Array:
+def integrate(rates: Rates, start: Array, time: Array, scales: Array, tolerance: float = TOLERANCE) -> Array:
     """States `(n, k)` at the times `(n,)`, from `start` `(k,)` at the first of them.
 
     Raises `SpecError` where the equations cannot be solved.
@@ -41,6 +68,14 @@ def integrate(rates: Callable[[float, Array], Array], start: Array, time: Array,
     return np.asarray(solution.y.T)
 
 
+def integrate_phases(phases: Iterable[tuple[Rates, Array]], start: Array, scales: Array, tolerance: float = TOLERANCE) -> Array:
+    """States `(n, k)` at the times of all phases, rates and times each: one begins with the last time of the one before."""
+    path = [start[np.newaxis]]
+    for rates, time in phases:
+        path.append(integrate(rates, path[-1][-1], time, scales, tolerance)[1:])
+    return np.concatenate(path)
+
+
 def low_pass(force: Array, cut_off: float, sample_time: float) -> Array:
     """Force `(n,)` behind a second-order low-pass with `cut_off` Hz at -3 dB, which had settled on the first sample.
 
@@ -53,11 +88,11 @@ def low_pass(force: Array, cut_off: float, sample_time: float) -> Array:
 
 
 @dataclass(frozen=True)
-class Sensor:
-    """White Gaussian noise, then rounding; both in the unit of what is sensed."""
+class Sensor(Settings):
+    """White Gaussian noise, then rounding; both in the unit of the column."""
 
-    noise: float  # standard deviation
-    resolution: float  # quantisation step, > 0
+    noise: NonNegative  # standard deviation
+    resolution: Positive  # quantisation step
 
     def read(self, truth: Array, rng: np.random.Generator) -> Array:
         """Return readings `(n,)`: whole multiples of `resolution`."""

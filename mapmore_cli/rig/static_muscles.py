@@ -7,39 +7,51 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated, Literal
 
 import numpy as np
+from annotated_types import Ge, Interval
 from scipy.optimize import brentq
 
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.rig.muscle import Response, effective_pressure, effective_pressure_slope, softplus
+from mapmore_cli.domain.declared import After, NonNegative, Positive, Settings
+from mapmore_cli.rig.muscle import IN_KPA, Response, effective_pressure, effective_pressure_slope, softplus
 
 
 @dataclass(frozen=True)
-class McKibben:
+class McKibben(Settings):
     """`F = P_e V'(e)/L0 - U'(e)/L0 + crimp + stretch`, valid while `1 - 1/cos(theta0) < e < 0.4`.
 
     - P_e: pressure beyond the soft threshold (`effective_pressure`).
     - V, U: volume within the braid, and Mooney-Rivlin energy of the rubber wall.
     - crimp: fibres straightening in the ends, `crimp_force tanh(P_e/crimp_pressure)/(1 + e/crimp_strain)^crimp_exponent`.
     - stretch: taut braid below zero strain, `stretch_stiffness softplus(-e; stretch_strain)`.
+
+    The defaults are those of the DMSP-20-88N.
     """
 
-    length: float  # L0, m
-    radius: float  # r0, m
-    braid_angle: float  # theta0 between fibre and axis at rest, rad
-    taper: float  # length of each tapered end over the change of radius
-    wall: float  # rubber thickness t, m
-    c10: float  # Mooney-Rivlin constants, Pa
-    c01: float
-    threshold: float  # P_th, Pa
-    threshold_width: float  # Pa
-    crimp_force: float  # N
-    crimp_pressure: float  # Pa
-    crimp_strain: float
-    crimp_exponent: float
-    stretch_stiffness: float  # N
-    stretch_strain: float
+    kind: Literal["mckibben"]
+    length: Positive = 0.088  # L0, m
+    diameter: Positive = 0.020  # m
+    braid_angle: Annotated[float, Interval(ge=12, lt=54), After(math.radians)] = math.radians(25.0)
+    """theta0 between fibre and axis at rest, rad; in specs degrees. Below 12, taut before 2 % of stretch."""
+    taper: Annotated[float, Interval(ge=0, le=2)] = 0.85  # length of each tapered end over the change of radius
+    wall: Positive = 0.002  # rubber thickness t, m
+    c10: Annotated[NonNegative, IN_KPA] = 280e3  # Mooney-Rivlin constants, Pa
+    c01: Annotated[NonNegative, IN_KPA] = 60e3
+    threshold: Annotated[NonNegative, IN_KPA] = 22e3  # P_th that unfolds the wall, Pa
+    threshold_width: Annotated[Positive, IN_KPA] = 8e3  # Pa
+    crimp_force: NonNegative = 150.0  # N
+    crimp_pressure: Annotated[Positive, IN_KPA] = 150e3  # Pa
+    crimp_strain: Positive = 0.012
+    crimp_exponent: Positive = 1.5
+    stretch_stiffness: NonNegative = 9000.0  # N
+    stretch_strain: Positive = 0.002
+
+    @property
+    def radius(self) -> float:
+        """r0, m."""
+        return 0.5 * self.diameter
 
     def force(self, pressure: Array | float, strain: Array | float) -> Array:
         """Return static pull, N, for pressures >= 0 (Pa) and strains, broadcast against each other."""
@@ -115,24 +127,25 @@ _SMALL = 1e-2  # rad, below which the series is exact to the last digits
 
 
 @dataclass(frozen=True)
-class Peano:
+class Peano(Settings):
     """Flat tubes in series, by half the opening angle of their arcs, `0 <= alpha <= pi/2`; they have to fill before they pull.
 
     `e = 1 - sin(alpha)/alpha - F/K` and `F = P_e w (D - 2 beta w sin(alpha)) cos(alpha)/alpha - k_b alpha`; where a tube is flat
     (alpha = 0, no pressure), `F = K (e_g - e)` with the geometric strain e_g = 0: the fabric alone. All tubes carry the same force at the
     same strain. The volume is `V'(alpha) = n w B(alpha) e_g'(alpha)/alpha`, by virtual work with `B = w (D - 2 beta w sin(alpha))
     cos(alpha)` and `e_g = 1 - sin(alpha)/alpha`; pressure and strain give alpha, by `G = P_e B - k_b alpha^2 - alpha T = 0` with the
-    fabric's tension `T = K (e_g - e)`.
+    fabric's tension `T = K (e_g - e)`. The defaults are those of the four-tube muscle of M2.
     """
 
-    tube_width: float  # w of the flat tube, along the pull, m
-    tube_length: float  # D, across the pull, m
-    end_loss: float  # beta: share of the bulge that the closed tube ends take away
-    stiffness: float  # K of the fabric, N per strain
-    bending: float  # k_b of the tube's edges, N per rad
-    threshold: float  # P_th, Pa
-    threshold_width: float  # Pa
-    tubes: int  # n
+    kind: Literal["peano"]
+    tube_width: Positive = 0.01725  # w of the flat tube, along the pull, m
+    tube_length: Positive = 0.046  # D, across the pull, m
+    end_loss: Annotated[float, Interval(ge=0, lt=1)] = 0.33  # beta: share of the bulge that the closed tube ends take away
+    stiffness: Positive = 26000.0  # K of the fabric, N per strain
+    bending: NonNegative = 26.0  # k_b of the tube's edges, N per rad
+    tubes: Annotated[int, Ge(1)] = 4  # n; the wet rig has to fill them all
+    threshold: Annotated[NonNegative, IN_KPA] = 6e3  # P_th, Pa
+    threshold_width: Annotated[Positive, IN_KPA] = 3e3  # Pa
 
     @property
     def length(self) -> float:

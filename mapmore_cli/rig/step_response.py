@@ -5,18 +5,21 @@ The muscle lifts the weight, holds it until it has come to rest, is exhausted, a
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
+from typing import Annotated, Literal
 
 import numpy as np
+from annotated_types import Len
 
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.declared import NonNegative, Positive, Settings
 from mapmore_cli.rig.air import Reservoir
 from mapmore_cli.rig.muscle import GRAVITY, zero_force_strain
-from mapmore_cli.rig.sensors import TOLERANCE, integrate
-from mapmore_cli.rig.water import WetMuscle, observe
+from mapmore_cli.rig.sensors import TOLERANCE, distinct, integrate_phases, pressure_label
+from mapmore_cli.rig.water import DrivingPressure, WaterRig, WetMuscle, observe
 
 ABOVE_WATER = (1e5, 0.1, 1.0)
 """Size of the states that stand before the wet muscle's: reservoir pressure (Pa), strain, strain rate (1/s)."""
@@ -36,20 +39,39 @@ class Bumper(Settings):
 
 
 @dataclass(frozen=True)
-class StepTimes:
-    """When the valve is switched, and when is sampled."""
+class Step(Settings):
+    """One recording."""
 
-    rest: float  # before the supply opens, s
-    hold: float  # until the exhaust opens, s
-    fall: float  # until the recording ends, s
-    sample_time: float  # s
+    pressure: DrivingPressure  # of the supply, Pa
+    weight: Positive  # that hangs on the muscle, N
 
-    def clock(self) -> tuple[Array, Array, Array]:
+
+@dataclass(frozen=True)
+class StepResponses(Settings):
+    """A weight is suddenly lifted and dropped again, once for each step (M2 section 4.1, table 3)."""
+
+    type: Literal["step_responses"]
+    steps: Annotated[Sequence[Step], Len(1), distinct(lambda step: pressure_label(step.pressure))]
+    rest: Positive  # before the supply opens, s
+    hold: Positive  # until the exhaust opens, s
+    fall: Positive  # until the recording ends, s
+    sample_time: Positive  # s
+    reservoir: Reservoir
+    bumper: Bumper
+    rig: WaterRig
+
+    def __post_init__(self) -> None:
+        """Refuse weights that do not rest on their stop, and too few samples."""
+        if any(step.weight <= self.bumper.pretension for step in self.steps):
+            raise ValueError("each weight must exceed the `pretension`, or it would hang free of its stop from the start")
+        if 10 * self.sample_time > min(self.rest, self.hold, self.fall):
+            raise ValueError("`rest`, `hold` and `fall` need ten samples each: shorten `sample_time` or lengthen them")
+
+    def clocks(self) -> list[Array]:
         """Sample times, s, of the three phases; each ends with the sample that begins the next."""
         switches = np.cumsum([0.0, self.rest, self.hold, self.fall])
         counts = np.round(switches / self.sample_time).astype(int)
-        rest, hold, fall = (self.sample_time * np.arange(first, last + 1) for first, last in pairwise(counts))
-        return rest, hold, fall
+        return [self.sample_time * np.arange(first, last + 1) for first, last in pairwise(counts)]
 
 
 @dataclass(frozen=True)
@@ -57,9 +79,7 @@ class StepRig:
     """The rig of M2's figure 8, set up for step responses; its states are those of `ABOVE_WATER`, then the wet muscle's."""
 
     muscle: WetMuscle
-    reservoir: Reservoir
-    bumper: Bumper
-    load_cell: float  # cut-off of its amplifier, Hz
+    setup: StepResponses
 
     @property
     def scales(self) -> Array:
@@ -71,7 +91,7 @@ class StepRig:
         wet = self.muscle.at_rest(0.0)
 
         def excess(strain: float) -> float:
-            return self.muscle.respond(wet, 0.0, strain, 0.0)[0] - self.bumper.pretension
+            return self.muscle.respond(wet, 0.0, strain, 0.0)[0] - self.setup.bumper.pretension
 
         return np.concatenate([[0.0, zero_force_strain(excess), 0.0], wet])
 
@@ -81,20 +101,19 @@ class StepRig:
         wet = states[len(ABOVE_WATER) :]
         length = self.muscle.muscle.length
         pull, wet_rates = self.muscle.respond(wet, pressure, strain, strain_rate)
-        inflow = self.reservoir.exhausted(pressure) if supply is None else self.reservoir.supplied(pressure, supply)
-        push = self.bumper.push(length * (touch - strain), -length * strain_rate)
+        reservoir = self.setup.reservoir
+        inflow = reservoir.exhausted(pressure) if supply is None else reservoir.supplied(pressure, supply)
+        push = self.setup.bumper.push(length * (touch - strain), -length * strain_rate)
         acceleration = (pull + push - weight) * GRAVITY / (weight * length)
-        return np.concatenate([[self.reservoir.rate(pressure, float(wet[0]), inflow), strain_rate, acceleration], wet_rates])
+        return np.concatenate([[reservoir.rate(pressure, float(wet[0]), inflow), strain_rate, acceleration], wet_rates])
 
 
-def step_response(rig: StepRig, times: StepTimes, pressure: float, weight: float, tolerance: float = TOLERANCE) -> Columns:
-    """Truth of one recording, columns `(n,)` as those of `observe`, for a supply at `pressure` (Pa) and a hanging `weight` (N)."""
-    states = rig.at_rest()
-    touch = states[1] + (weight - rig.bumper.pretension) / (rig.bumper.stiffness * rig.muscle.muscle.length)
-    clocks, path = times.clock(), [states[np.newaxis]]
-    for clock, supply in zip(clocks, (None, pressure, None), strict=True):
-        motion = partial(rig.rates, supply=supply, weight=weight, touch=touch)
-        path.append(integrate(motion, path[-1][-1], clock, rig.scales, tolerance)[1:])
+def step_response(rig: StepRig, step: Step, tolerance: float = TOLERANCE) -> Columns:
+    """Truth of one recording, columns `(n,)` as those of `observe`."""
+    states, bumper = rig.at_rest(), rig.setup.bumper
+    touch = states[1] + (step.weight - bumper.pretension) / (bumper.stiffness * rig.muscle.muscle.length)
+    clocks = rig.setup.clocks()
+    motions = [partial(rig.rates, supply=supply, weight=step.weight, touch=touch) for supply in (None, step.pressure, None)]
+    along = integrate_phases(zip(motions, clocks, strict=True), states, rig.scales, tolerance)
     time = np.concatenate([clocks[0][:1], *(clock[1:] for clock in clocks)])
-    along = np.concatenate(path)
-    return observe(rig.muscle, time, along[:, 1], along[:, len(ABOVE_WATER) :], rig.load_cell)
+    return observe(rig.muscle, time, along[:, 1], along[:, len(ABOVE_WATER) :])

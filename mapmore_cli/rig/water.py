@@ -8,15 +8,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import pi, sqrt
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
+from annotated_types import Interval
 
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.declared import NonNegative, Positive, Settings
 from mapmore_cli.rig.air import ATMOSPHERE
-from mapmore_cli.rig.muscle import SLACK_WIDTH, MovingMuscle, softplus
+from mapmore_cli.rig.muscle import IN_KPA, SLACK_WIDTH, MovingMuscle, Rubber, softplus
 from mapmore_cli.rig.sensors import low_pass
+
+DrivingPressure = Annotated[float, Interval(gt=0, le=1000), IN_KPA]
+"""That fills a muscle with water; gauge, Pa."""
 
 WATER_DENSITY = 998.0
 """kg/m3."""
@@ -75,13 +79,16 @@ class Wall(Settings):
 
 
 @dataclass(frozen=True)
-class Plumbing:
-    """Water between reservoir and muscle."""
+class WaterRig(Settings):
+    """From the reservoir to the load cell."""
 
-    line: Pipe  # reservoir to sensor
+    line: Pipe  # reservoir to pressure sensor
     hose: Wall  # of the line, where the sensor sits
     tube: Pipe  # sensor to muscle
-    trapped_air: float  # in the muscle, m3 at no gauge pressure
+    trapped_air: Positive  # in the muscle, m3 at no gauge pressure
+    wall: Wall  # of the muscle
+    rubber: Rubber
+    load_cell: Positive  # cut-off of its amplifier, Hz
 
 
 def bubble_compliance(volume: float, pressure: float) -> float:
@@ -110,8 +117,7 @@ LOSSES = len(WATER_SCALES)
 class WetMuscle(MovingMuscle):
     """A muscle, its losses and the water that drives it; `(k,)` states: `Water`, then the losses."""
 
-    wall: Wall
-    plumbing: Plumbing
+    rig: WaterRig
 
     @property
     def scales(self) -> Array:
@@ -120,12 +126,12 @@ class WetMuscle(MovingMuscle):
 
     def at_rest(self, pressure: float) -> Array:
         """States `(k,)` of still water at `pressure` (Pa), with relaxed friction and rubber."""
-        water = Water(0.0, self.plumbing.hose.compliance * pressure, 0.0, pressure, self.wall.compliance * pressure)
+        water = Water(0.0, self.rig.hose.compliance * pressure, 0.0, pressure, self.rig.wall.compliance * pressure)
         return np.concatenate([water, self.relaxed])
 
     def sensor_pressure(self, water: Water) -> float:
         """P1, Pa, in the hose between line and tube."""
-        return self.plumbing.hose.pressure(water.hose, water.line_flow - water.tube_flow)
+        return self.rig.hose.pressure(water.hose, water.line_flow - water.tube_flow)
 
     def respond(self, states: Array, source: float, strain: float, strain_rate: float) -> tuple[float, Array]:
         """Pull (N) and rates `(k,)` of the states behind a `source` pressure (Pa), at `strain`, moving at `strain_rate` (1/s).
@@ -133,15 +139,15 @@ class WetMuscle(MovingMuscle):
         `I1 Q1' = P_a - P1 - dp1(Q1)`, `W1' = Q1 - Q2`, `I2 Q2' = P1 - Pm - dp2(Q2)`, `(dV/dP + C_air) Pm' = Q2 - V_e e' - W'`; pull
         `softplus(tension - friction - s)`, all at the pressure in the muscle.
         """
-        water, losses, pipes = Water(*states[:LOSSES].tolist()), states[LOSSES:], self.plumbing
+        water, losses, rig = Water(*states[:LOSSES].tolist()), states[LOSSES:], self.rig
         muscle = self.muscle.respond(water.pressure, strain)
         sensor = self.sensor_pressure(water)
-        growth = self.wall.growth(water.bulge, water.pressure)
-        compliance = muscle.filling + bubble_compliance(pipes.trapped_air, water.pressure)
+        growth = rig.wall.growth(water.bulge, water.pressure)
+        compliance = muscle.filling + bubble_compliance(rig.trapped_air, water.pressure)
         changes = Water(
-            line_flow=(source - sensor - pipes.line.drop(water.line_flow)) / pipes.line.inertance,
+            line_flow=(source - sensor - rig.line.drop(water.line_flow)) / rig.line.inertance,
             hose=water.line_flow - water.tube_flow,
-            tube_flow=(sensor - water.pressure - pipes.tube.drop(water.tube_flow)) / pipes.tube.inertance,
+            tube_flow=(sensor - water.pressure - rig.tube.drop(water.tube_flow)) / rig.tube.inertance,
             pressure=(water.tube_flow - muscle.displacement * strain_rate - growth) / compliance,
             bulge=growth,
         )
@@ -149,10 +155,10 @@ class WetMuscle(MovingMuscle):
         return pull, np.concatenate([changes, self.rates_of_losses(losses, strain_rate)])
 
 
-def observe(muscle: WetMuscle, time: Array, strain: Array, wet: Array, cut_off: float) -> Columns:
+def observe(muscle: WetMuscle, time: Array, strain: Array, wet: Array) -> Columns:
     """Columns `(n,)` along the muscle's states `wet` `(n, k)`, evenly spaced in time.
 
-    `time` (s), `pressure` at the sensor before the tube (Pa), `strain`, `force` behind the load cell's amplifier of `cut_off` (Hz) (N),
+    `time` (s), `pressure` at the sensor before the tube (Pa), `strain`, `force` behind the load cell's amplifier (N),
     `flow` through the tube (m3/s, positive towards the muscle), `muscle_pressure` in the muscle (Pa).
     """
     pull = np.array([muscle.respond(states, 0.0, at, 0.0)[0] for states, at in zip(wet, strain.tolist(), strict=True)])
@@ -161,7 +167,7 @@ def observe(muscle: WetMuscle, time: Array, strain: Array, wet: Array, cut_off: 
         "time": time,
         "pressure": np.asarray(muscle.sensor_pressure(water)),
         "strain": strain,
-        "force": low_pass(pull, cut_off, float(time[1] - time[0])),
+        "force": low_pass(pull, muscle.rig.load_cell, float(time[1] - time[0])),
         "flow": np.asarray(water.tube_flow),
         "muscle_pressure": np.asarray(water.pressure),
     }

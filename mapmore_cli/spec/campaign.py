@@ -17,12 +17,12 @@ from typing import Annotated, Literal
 from annotated_types import Gt
 from pydantic import Field
 
-from mapmore_cli.domain.declared import Contradiction
+from mapmore_cli.domain.declared import Contradiction, Name
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.scores import FIGURES
 from mapmore_cli.spec.diagnostics import Finding
 from mapmore_cli.spec.experiment import OtherSettings
-from mapmore_cli.spec.fields import Name, Section, SpecPath
+from mapmore_cli.spec.fields import Section, SpecPath
 from mapmore_cli.spec.loader import Loaded, load_as
 from mapmore_cli.spec.yaml_loader import as_overrides, read_source
 

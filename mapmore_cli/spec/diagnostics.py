@@ -124,6 +124,7 @@ MOST_ERRORS = 200
 _EXPECTED = {
     **{"string_type": "text", "int_type": "a whole number", "int_from_float": "a whole number", "float_type": "a number"},
     **{"bool_type": "true or false", "list_type": "a list", "tuple_type": "a list"},
+    **dict.fromkeys(("is_instance_of", "sequence_str"), "a list"),  # of a `Sequence`
     **dict.fromkeys(("dict_type", "model_type", "model_attributes_type", "dataclass_type"), "a mapping"),
 }
 _UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")

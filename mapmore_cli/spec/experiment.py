@@ -15,7 +15,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, PrivateAttr, ValidationError, ValidationInfo, model_validator
 
-from mapmore_cli.domain.declared import Contradiction, Either, Settings
+from mapmore_cli.domain.declared import Contradiction, Either, Name, Settings
 from mapmore_cli.domain.scores import FIGURES, Published
 from mapmore_cli.modelling.pieces.recipe import CutByDirection, Fuse, Segmented
 from mapmore_cli.modelling.selection import Fit
@@ -23,7 +23,6 @@ from mapmore_cli.spec.fields import (
     PARTIAL,
     Metres,
     Metric,
-    Name,
     OfTarget,
     Quantity,
     RelativePath,

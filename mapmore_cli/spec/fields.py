@@ -76,8 +76,6 @@ Share = Annotated[float, InUnit(lambda _: "1")]
 
 Quantity = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$", max_length=100)]
 """The name of a quantity, as expressions spell it."""
-Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", max_length=100)]
-"""The name of a run, which is a folder's as well."""
 
 
 # Paths and settings -------------------------------------------------------------------------------------------------------------------

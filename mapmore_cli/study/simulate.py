@@ -13,130 +13,23 @@ from pathlib import Path
 import numpy as np
 
 from mapmore_cli.domain.arrays import Columns
-from mapmore_cli.domain.declared import taken
 from mapmore_cli.domain.errors import WriteError
 from mapmore_cli.fitting.stage import Progress
-from mapmore_cli.rig.air import Air, ClosedMuscle, Regulator
-from mapmore_cli.rig.antagonists import Joint, Swing, driven, sines, swung
-from mapmore_cli.rig.load_cycle import LoadCycle, Loading, Regulation, Strokes, contraction_table, load_cycle, perturbation
-from mapmore_cli.rig.muscle import Hysteresis, Muscle
-from mapmore_cli.rig.random_velocity import Course, RandomMotion, random_velocity
-from mapmore_cli.rig.sensors import Sensor, measure, recording_generator
-from mapmore_cli.rig.static_muscles import McKibben, Peano
-from mapmore_cli.rig.step_response import StepRig, StepTimes, step_response
-from mapmore_cli.rig.water import Plumbing, WetMuscle
-from mapmore_cli.rig.waveform import Waveform, WaveformRig, waveform_response
-from mapmore_cli.spec.fields import Section
+from mapmore_cli.rig.air import ClosedMuscle
+from mapmore_cli.rig.antagonists import Antagonists, Joint, driven, swung
+from mapmore_cli.rig.load_cycle import ContractionTable, LoadCycles, Perturbations, contraction_table, load_cycle, perturbation
+from mapmore_cli.rig.random_velocity import RandomVelocity, random_velocity
+from mapmore_cli.rig.sensors import Sensor, measure, pressure_label, recording_generator
+from mapmore_cli.rig.static_muscles import McKibben
+from mapmore_cli.rig.step_response import Step, StepResponses, StepRig, step_response
+from mapmore_cli.rig.water import WetMuscle
+from mapmore_cli.rig.waveform import Waveform, Waveforms, waveform_response
 from mapmore_cli.spec.loader import load_as
-from mapmore_cli.spec.simulation import (
-    Antagonists,
-    ContractionTable,
-    HysteresisSpec,
-    LoadCycles,
-    McKibbenMuscle,
-    PeanoMuscle,
-    Perturbations,
-    RandomVelocity,
-    RegulatorSpec,
-    RestLength,
-    SensorSpec,
-    SimulationSpec,
-    StepResponses,
-    WaterRig,
-    Waveforms,
-    WaveformSpec,
-    pressure_label,
-)
-from mapmore_cli.spec.simulation import Course as CourseSpec
+from mapmore_cli.spec.simulation import SimulationSpec
 from mapmore_cli.storage.atomic import refusals_told, write_text
 
 KPA = 1e3
-"""Pa; the rig computes in Pa, specs and recordings say kPa."""
-
-
-def _in_pascal(settings: Section, *names: str) -> dict[str, float]:
-    """Return pressures of a spec, which are in kPa, in Pa."""
-    return {name: getattr(settings, name) * KPA for name in names}
-
-
-def muscle_of(muscle: McKibbenMuscle | PeanoMuscle) -> Muscle:
-    """Return the muscle."""
-    if isinstance(muscle, McKibbenMuscle):
-        return braid_of(muscle)
-    return taken(Peano, muscle, **_in_pascal(muscle, "threshold", "threshold_width"))
-
-
-def braid_of(muscle: McKibbenMuscle) -> McKibben:
-    """Return the braid and its rubber."""
-    pressures = _in_pascal(muscle, "c10", "c01", "threshold", "threshold_width", "crimp_pressure")
-    return taken(McKibben, muscle, radius=0.5 * muscle.diameter, braid_angle=float(np.deg2rad(muscle.braid_angle)), **pressures)
-
-
-def hysteresis_of(hysteresis: HysteresisSpec) -> Hysteresis:
-    """Its friction."""
-    return Hysteresis(
-        base=hysteresis.base,
-        per_pressure=hysteresis.per_pressure / KPA,
-        yield_strains=np.array([stop.yield_strain for stop in hysteresis.stops]),
-        shares=np.array([stop.share for stop in hysteresis.stops]),
-    )
-
-
-def load_cycle_of(experiment: LoadCycles) -> tuple[LoadCycle, Regulation]:
-    """Return the slow cycle and its regulator."""
-    return taken(LoadCycle, experiment, turns=tuple(experiment.turns)), experiment.regulation
-
-
-def wet_muscle_of(spec: SimulationSpec, rig: WaterRig) -> WetMuscle:
-    """Return the muscle at the end of its water line."""
-    return WetMuscle(muscle_of(spec.muscle), hysteresis_of(spec.hysteresis), rig.rubber, rig.wall, taken(Plumbing, rig))
-
-
-def step_rig_of(spec: SimulationSpec, experiment: StepResponses) -> tuple[StepRig, StepTimes]:
-    """Return the rig of the step responses, and when its valve is switched."""
-    rig = taken(StepRig, experiment, muscle=wet_muscle_of(spec, experiment.rig), load_cell=experiment.rig.load_cell)
-    return rig, taken(StepTimes, experiment)
-
-
-def waveform_rig_of(muscle: McKibbenMuscle, hysteresis: HysteresisSpec, experiment: Waveforms) -> WaveformRig:
-    """Return the muscle that hangs behind a regulator."""
-    air = Air(experiment.polytropic, np.inf, experiment.dead_volume)
-    filled = ClosedMuscle(braid_of(muscle), hysteresis_of(hysteresis), experiment.rubber, air)
-    return WaveformRig(filled, regulator_of(experiment.regulator), experiment.end_mass)
-
-
-def regulator_of(regulator: RegulatorSpec) -> Regulator:
-    """Return the regulator."""
-    return taken(Regulator, regulator, **_in_pascal(regulator, "slope", "offset", "band", "supply"))
-
-
-def closed_muscle_of(muscle: McKibbenMuscle, hysteresis: HysteresisSpec, experiment: RandomVelocity | Antagonists) -> ClosedMuscle:
-    """Return a muscle full of air."""
-    return ClosedMuscle(braid_of(muscle), hysteresis_of(hysteresis), experiment.rubber, experiment.air)
-
-
-def random_motion_of(experiment: RandomVelocity) -> RandomMotion:
-    """Return what the motor does."""
-    valves = experiment.valves
-    asked = {} if valves is None else {"regulator": regulator_of(valves.regulator), "course": course_of(valves.course)}
-    return taken(RandomMotion, experiment, rest=_rest_of(experiment.rest), **asked)
-
-
-def course_of(course: CourseSpec) -> Course:
-    """Return the random moves of a wanted pressure."""
-    return Course((course.between[0] * KPA, course.between[1] * KPA), course.pace)
-
-
-def joint_of(flexor: McKibbenMuscle, hysteresis: HysteresisSpec, experiment: Antagonists) -> tuple[Joint, Swing]:
-    """Return the joint, and its sine."""
-    muscles = (closed_muscle_of(flexor, hysteresis, experiment), closed_muscle_of(experiment.extensor, hysteresis, experiment))
-    upright = (experiment.pressure * KPA, experiment.taut)
-    return taken(Joint, experiment, muscles=muscles, rest=_rest_of(experiment.rest), upright=upright), taken(Swing, experiment)
-
-
-def _rest_of(rest: RestLength) -> tuple[float, float]:
-    return rest.pressure * KPA, rest.force
-
+"""Pa; the rig computes in Pa, recordings say kPa."""
 
 UNITS = {"pressure": KPA, "muscle_pressure": KPA, "flow": 1e-3 / 60.0, "displacement": 1e-3, "length": 1e-3, "velocity": 1e-3}
 """Of the recordings, in SI units: kPa, L/min, mm, mm/s; the other columns have the rig's own."""
@@ -153,8 +46,8 @@ SET_STEPS = {
 }
 """Steps in the files of what is set and not measured: V, N."""
 
-Cause = float | WaveformSpec | str
-"""What tells one recording of a simulation from another: its pressure (kPa), its waveform, or a name."""
+Cause = float | Step | Waveform | str
+"""What tells one recording of a simulation from another: its pressure (Pa), its step or waveform, or a name."""
 
 
 def simulate(spec: SimulationSpec, folder: Path, progress: Progress, force: bool = False) -> list[Path]:
@@ -177,23 +70,27 @@ def simulate(spec: SimulationSpec, folder: Path, progress: Progress, force: bool
 
 def causes_of(spec: SimulationSpec) -> list[Cause]:
     """Return one cause for each recording."""
-    experiment = spec.experiment
-    if isinstance(experiment, Waveforms):
-        return [*experiment.waveforms]
-    return [*(experiment.recordings if isinstance(experiment, Antagonists) else experiment.pressures)]
+    match spec.experiment:
+        case Waveforms(waveforms=causes) | StepResponses(steps=causes) | Antagonists(recordings=causes):
+            return [*causes]
+        case experiment:
+            return [*experiment.pressures]
 
 
 def label(cause: Cause) -> str:
     """Name of a recording within its file's name."""
-    if isinstance(cause, WaveformSpec):
-        return cause.name
-    return cause if isinstance(cause, str) else pressure_label(cause)
+    match cause:
+        case Waveform(name=name) | str(name):
+            return name
+        case Step(pressure=pressure) | pressure:
+            return pressure_label(pressure)
 
 
 def recording(spec: SimulationSpec, cause: Cause) -> Columns:
     """Return readings, each `(n,)`, by the names and in the units of `HEADER`: those that the experiment measures."""
-    rng = recording_generator(spec.seed, f"pressure={cause:g}" if isinstance(cause, float) else f"waveform={label(cause)}")
-    seen = {name: Sensor(sensor.noise, sensor.resolution) for name, sensor in sensors(spec).items()}
+    pressure = cause.pressure if isinstance(cause, Step) else cause
+    rng = recording_generator(spec.seed, f"pressure={pressure / KPA:g}" if isinstance(pressure, float) else f"waveform={label(cause)}")
+    seen = sensors(spec)
     read: list[Columns] = []
     for _ in range(spec.experiment.repeats if isinstance(spec.experiment, ContractionTable) else 1):
         in_units = {name: values / UNITS.get(quantity(name), 1.0) for name, values in truth(spec, cause, rng).items()}
@@ -208,39 +105,27 @@ def quantity(name: str) -> str:
 
 def truth(spec: SimulationSpec, cause: Cause, rng: np.random.Generator) -> Columns:
     """Return what happens in the spec's experiment, in SI units."""
-    hysteresis = hysteresis_of(spec.hysteresis)
-    match spec.experiment, spec.muscle, cause:
-        case Waveforms() as experiment, McKibbenMuscle() as muscle, WaveformSpec() as waveform:
-            rest = {"rest": experiment.rest, "rest_input": waveform.rest_at, "sample_time": experiment.sample_time}
-            return waveform_response(waveform_rig_of(muscle, spec.hysteresis, experiment), taken(Waveform, waveform, **rest), waveform.load)
-        case ContractionTable() as experiment, muscle, float(pressure):
-            loading = Loading(tuple(experiment.masses), experiment.regulator_error * KPA)
-            return contraction_table(muscle_of(muscle), hysteresis, loading, pressure * KPA, rng)
-        case RandomVelocity() as experiment, McKibbenMuscle() as muscle, float(pressure):
-            closed = closed_muscle_of(muscle, spec.hysteresis, experiment)
-            return random_velocity(closed, random_motion_of(experiment), pressure * KPA, rng)
-        case Antagonists() as experiment, McKibbenMuscle() as flexor, str(name):
-            joint, swing = joint_of(flexor, spec.hysteresis, experiment)
-            if name == "closed":
-                return swung(joint, swing, experiment.amplitude, experiment.pressure * KPA)
-            wanted = sines(swing, experiment.pressures[0] * KPA, experiment.pressures[1] * KPA)
-            if name == "random" and experiment.course is not None:
-                course = course_of(experiment.course)
-                first, second = (course.drawn(joint.upright[0], experiment.duration, own) for own in rng.spawn(2))
-                wanted = lambda time: float(first(time)), lambda time: float(second(time))
-            return driven(joint, swing, regulator_of(experiment.regulator), wanted)
-        case LoadCycles() as experiment, muscle, float(pressure):
-            return load_cycle(muscle_of(muscle), hysteresis, *load_cycle_of(experiment), pressure * KPA, rng)
-        case StepResponses() as experiment, _, float(pressure):
-            weight = next(step.weight for step in experiment.steps if step.pressure == pressure)
-            return step_response(*step_rig_of(spec, experiment), pressure * KPA, weight)
-        case Perturbations() as experiment, _, float(pressure):
-            strokes = Strokes(*experiment.between, tuple(experiment.moves), experiment.dwell, experiment.sample_time)
-            return perturbation(wet_muscle_of(spec, experiment.rig), strokes, pressure * KPA, experiment.rig.load_cell)
+    muscle, friction = spec.muscle, spec.hysteresis
+    match spec.experiment, muscle, cause:
+        case LoadCycles() as cycle, _, float(pressure):
+            return load_cycle(muscle, friction, cycle, pressure, rng)
+        case ContractionTable() as table, _, float(pressure):
+            return contraction_table(muscle, friction, table, pressure, rng)
+        case StepResponses(rig=rig) as setup, _, Step() as step:
+            return step_response(StepRig(WetMuscle(muscle, friction, rig.rubber, rig), setup), step)
+        case Perturbations(rig=rig) as strokes, _, float(pressure):
+            return perturbation(WetMuscle(muscle, friction, rig.rubber, rig), strokes, pressure)
+        case Waveforms() as setup, McKibben() as braid, Waveform() as waveform:
+            return waveform_response(setup.rig(braid, friction), waveform)
+        case RandomVelocity(rubber=rubber, air=air) as motion, McKibben() as braid, float(pressure):
+            return random_velocity(ClosedMuscle(braid, friction, rubber, air), motion, pressure, rng)
+        case Antagonists() as setup, McKibben() as flexor, str(name):
+            joint = Joint(flexor, friction, setup)
+            return swung(joint) if name == "closed" else driven(joint, setup.asked(name, rng))
     raise ValueError(f"{spec.experiment.type} has no recording of {cause}")
 
 
-def sensors(spec: SimulationSpec) -> dict[str, SensorSpec]:
+def sensors(spec: SimulationSpec) -> dict[str, Sensor]:
     """Return the sensors that the experiment has, by quantity."""
     return {name: sensor for name, sensor in spec.sensors if sensor is not None}
 

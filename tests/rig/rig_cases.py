@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
 import pytest
 
+from mapmore_cli.rig.muscle import Hysteresis, Stop
+from mapmore_cli.rig.static_muscles import McKibben, Peano
 from mapmore_cli.spec.loader import load_as
-from mapmore_cli.spec.simulation import McKibbenMuscle, PeanoMuscle, SimulationSpec
-from mapmore_cli.study.simulate import muscle_of
+from mapmore_cli.spec.simulation import SimulationSpec
 
 DATASETS = Path(__file__).parents[2] / "datasets"
-BRAID, TUBES = muscle_of(McKibbenMuscle(kind="mckibben")), muscle_of(PeanoMuscle(kind="peano"))
+BRAID, TUBES = McKibben(kind="mckibben"), Peano(kind="peano")
 MUSCLES = {"mckibben": BRAID, "peano": TUBES}
 both = pytest.mark.parametrize("kind", list(MUSCLES))
 
@@ -21,3 +23,8 @@ both = pytest.mark.parametrize("kind", list(MUSCLES))
 def spec(path: str, *changes: str) -> SimulationSpec:
     """A shipped simulation, `mckibben/load_cycles`, with changes."""
     return load_as(DATASETS / f"{path}.yaml", SimulationSpec, changes).spec
+
+
+def friction(base: float, per_pressure: float, yields: Sequence[float], shares: Sequence[float]) -> Hysteresis:
+    """Friction of such stops; N, N/Pa."""
+    return Hysteresis(base, per_pressure, [Stop(*stop) for stop in zip(yields, shares, strict=True)])

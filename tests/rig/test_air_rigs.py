@@ -13,20 +13,19 @@ from rig_cases import DATASETS, spec
 from scipy.integrate import solve_ivp, trapezoid
 from scipy.interpolate import CubicSpline
 
-from mapmore_cli.rig.air import ATMOSPHERE
-from mapmore_cli.rig.antagonists import driven, sines, swung
+from mapmore_cli.rig.air import ATMOSPHERE, ClosedMuscle
+from mapmore_cli.rig.antagonists import Joint, driven, swung
 from mapmore_cli.rig.random_velocity import random_velocity
-from mapmore_cli.rig.sensors import recording_generator
+from mapmore_cli.rig.sensors import clock, recording_generator
 from mapmore_cli.rig.static_muscles import volume
 from mapmore_cli.rig.waveform import Waveform, waveform_response
-from mapmore_cli.study import simulate
-from mapmore_cli.study.simulate import recording, waveform_rig_of
+from mapmore_cli.study.simulate import recording
 
 
 @cache
-def closed_muscle(length: str = "16"):
-    short = spec(f"muscle-like/random_velocity_{length}cm")
-    return simulate.closed_muscle_of(short.muscle, short.hysteresis, short.experiment)
+def closed_muscle():
+    found = spec("muscle-like/random_velocity_16cm")
+    return ClosedMuscle(found.muscle, found.hysteresis, found.experiment.rubber, found.experiment.air)
 
 
 def committed(path: str) -> dict[str, np.ndarray]:
@@ -63,7 +62,7 @@ def test_the_pressure_is_that_of_the_gas_and_its_warmth_integrated_apart():
 
 
 def test_a_random_motion_is_what_its_columns_say():
-    motion = simulate.random_motion_of(spec("muscle-like/random_velocity_16cm", "experiment.duration=6", "experiment.every=1").experiment)
+    motion = spec("muscle-like/random_velocity_16cm", "experiment.duration=6", "experiment.every=1").experiment
     found = random_velocity(closed_muscle(), motion, 4e5, recording_generator(1, "a"))
     assert found["velocity"][1:-1] == pytest.approx(-np.gradient(found["length"], found["time"])[1:-1], abs=2e-3)
     assert np.abs(found["velocity"]).max() <= motion.speeds[1] * 1.01
@@ -75,35 +74,25 @@ def test_a_random_motion_is_what_its_columns_say():
 
 
 def test_fewer_logged_samples_are_those_of_the_full_record():
-    full, few = (
-        recording(
-            spec("muscle-like/random_velocity_12cm", "experiment.duration=8", f"experiment.every={n}", "sensors.force.noise=0"), 300.0
-        )
-        for n in (1, 40)
-    )
+    changes = ("experiment.duration=8", "sensors.force.noise=0")
+    full, few = (recording(spec("muscle-like/random_velocity_12cm", *changes, f"experiment.every={n}"), 3e5) for n in (1, 40))
     assert few["force"] == pytest.approx(full["force"][::40])
     assert few["time"] == pytest.approx(full["time"][::40])
 
 
 def test_what_one_muscle_of_the_joint_gives_the_other_takes():
-    joint, swing = simulate.joint_of(
-        spec("muscle-like/joint").muscle,
-        spec("muscle-like/joint").hysteresis,
-        spec("muscle-like/joint", "experiment.duration=2", "experiment.sample_time=0.01").experiment,
-    )
-    closed = swung(joint, swing, 0.5, 5e5)
+    found = spec("muscle-like/joint", "experiment.duration=2", "experiment.sample_time=0.01")
+    setup, joint = found.experiment, Joint(found.muscle, found.hysteresis, found.experiment)
+    closed = swung(joint)
     assert closed["velocity_1"] == pytest.approx(-closed["velocity_2"])
-    assert closed["length_1"] + closed["length_2"] == pytest.approx(
-        np.full(len(swing.clock), closed["length_1"][0] + closed["length_2"][0])
-    )
+    assert np.ptp(closed["length_1"] + closed["length_2"]) == pytest.approx(0.0, abs=1e-9)
     assert np.corrcoef(closed["pressure_1"], closed["length_1"])[0, 1] > 0.9
-    regulator = simulate.regulator_of(spec("muscle-like/joint").experiment.regulator)
-    moved = driven(joint, swing, regulator, sines(swing, 0.5e5, 5e5))
-    later = swing.clock > 0.5
+    moved = driven(joint, setup.asked("driven", np.random.default_rng(1)))
+    later = setup.clock > 0.5
     assert np.corrcoef(moved["pressure_1"][later], moved["pressure_2"][later])[0, 1] < -0.9
-    turning = joint.radius * (moved["force_1"] - moved["force_2"]) - joint.damping * moved["velocity_1"] / joint.radius
-    acceleration = np.gradient(moved["velocity_1"], swing.clock) / joint.radius
-    assert np.corrcoef(turning[later], joint.inertia * acceleration[later])[0, 1] > 0.95  # but for the filter of the load cells
+    turning = setup.radius * (moved["force_1"] - moved["force_2"]) - setup.damping * moved["velocity_1"] / setup.radius
+    acceleration = np.gradient(moved["velocity_1"], setup.clock) / setup.radius
+    assert np.corrcoef(turning[later], setup.inertia * acceleration[later])[0, 1] > 0.95  # but for the filter of the load cells
 
 
 def test_a_stiff_tendon_is_none():
@@ -111,8 +100,7 @@ def test_a_stiff_tendon_is_none():
     short = ("experiment.duration=1.5", "experiment.sample_time=0.005", "experiment.every=1")
     stiff = "experiment.tendon={stiffness: 2.0e+6, damping: 10000}"
     studies = spec("muscle-like/random_velocity_16cm", *short), spec("muscle-like/tendon", *short, stiff)
-    motions = [simulate.random_motion_of(study.experiment) for study in studies]
-    plain, stiff = (random_velocity(closed_muscle(), motion, 4e5, recording_generator(1, "a")) for motion in motions)
+    plain, stiff = (random_velocity(closed_muscle(), study.experiment, 4e5, recording_generator(1, "a")) for study in studies)
     assert stiff["pressure"] == pytest.approx(plain["pressure"], rel=5e-3)
     assert stiff["force"] == pytest.approx(plain["force"], abs=1.0)
 
@@ -120,13 +108,13 @@ def test_a_stiff_tendon_is_none():
 def test_a_tendon_gives_way():
     """What is drawn out is shared by tendon and muscle: the pressure, which the muscle's length makes, varies less, the force too."""
     short = ("experiment.duration=2", "experiment.every=1", "experiment.sample_time=0.005")
-    found = [recording(spec(f"muscle-like/{name}", *short), 500.0) for name in ("random_velocity_16cm", "tendon")]
+    found = [recording(spec(f"muscle-like/{name}", *short), 5e5) for name in ("random_velocity_16cm", "tendon")]
     assert np.ptp(found[0]["length"]) == pytest.approx(np.ptp(found[1]["length"]), rel=0.5)
     spans = [np.ptp(one["pressure"]) / np.ptp(one["length"]) for one in found]
     assert spans[1] < 0.9 * spans[0]
 
 
-@pytest.mark.parametrize(("name", "cause", "shipped"), [("valves", 300.0, "valves_300"), ("joint_random", "random", "joint_random")])
+@pytest.mark.parametrize(("name", "cause", "shipped"), [("valves", 3e5, "valves_300"), ("joint_random", "random", "joint_random")])
 def test_the_records_of_random_pressures_begin_as_shipped(name, cause, shipped):
     """But for the noise; what a regulator is told is what the muscle takes on a little later."""
     short = spec(f"muscle-like/{name}", "experiment.duration=2", *(["experiment.every=2"] if name == "valves" else []))
@@ -147,12 +135,12 @@ FREE = {1.4: 1.7, 3.0: 6.4, 4.0: 8.8, 5.0: 9.9, 6.0: 10.3}
 @cache
 def hanging():
     found = spec("waveforms/validation")
-    return waveform_rig_of(found.muscle, found.hysteresis, found.experiment)
+    return found.experiment.rig(found.muscle, found.hysteresis)
 
 
 @cache
-def response(shape="sine", high=5.0, frequency=0.5, load=0.0):
-    return waveform_response(hanging(), Waveform(shape, 0.0, high, frequency, 1, 0.1, 0.0, 0.01), load)
+def response(load=0.0):
+    return waveform_response(hanging(), Waveform("loaded", "sine", 0.0, 5.0, 0.5, 1, load=load))
 
 
 @given(
@@ -163,8 +151,8 @@ def response(shape="sine", high=5.0, frequency=0.5, load=0.0):
     st.integers(1, 4),
 )
 def test_a_command_repeats_within_its_bounds(shape, low, swing, frequency, wavelengths):
-    waveform = Waveform(shape, low, low + swing, frequency, wavelengths, 0.5, low, 0.01)
-    u = waveform.command(waveform.clock)
+    waveform = Waveform("any", shape, low, low + swing, frequency, wavelengths, rest_at=low)
+    u = waveform.command(clock(0.5 + wavelengths / frequency, 0.01) - 0.5)
     assert u.min() == pytest.approx(low)
     assert u.max() == pytest.approx(low + swing)
     period = round(1 / frequency / 0.01)
@@ -174,19 +162,15 @@ def test_a_command_repeats_within_its_bounds(shape, low, swing, frequency, wavel
 
 def test_shapes_begin_at_the_low_end_and_a_square_wave_at_the_high_one():
     quarter = np.array([0.0, 0.25, 0.5, 0.75])
-    shares = {
-        shape: Waveform(shape, 0, 1, 1.0, 1, 0.0, 0.0, 0.01).command(quarter).round(6).tolist() for shape in ("sine", "triangle", "square")
-    }
+    shares = {shape: Waveform("any", shape, 0, 1, 1.0, 1).command(quarter).round(6).tolist() for shape in ("sine", "triangle", "square")}
     assert shares == {"sine": [0, 0.5, 1, 0.5], "triangle": [0, 0.5, 1, 0.5], "square": [1, 1, 0, 0]}
 
 
 @pytest.mark.parametrize(("bar", "centimetres"), FREE.items())
 def test_free_contraction_is_what_the_published_data_suggest(bar, centimetres):
     model = hanging()
-    travel = model.muscle.muscle.length * (
-        model.resting_strain(bar * 1e5, 0.0) - model.resting_strain(float(model.regulator.wanted(0.0)), 0.0)
-    )
-    assert 100 * travel == pytest.approx(centimetres, abs=0.3)
+    start, end = (model.resting_strain(pressure, 0.0) for pressure in (float(model.setup.regulator.wanted(0.0)), bar * 1e5))
+    assert 100 * model.muscle.muscle.length * (end - start) == pytest.approx(centimetres, abs=0.3)
 
 
 def test_a_load_stretches_the_muscle_at_rest_and_hardly_shortens_the_stroke():

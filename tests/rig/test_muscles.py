@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rig_cases import BRAID, MUSCLES, TUBES, both
+from rig_cases import BRAID, MUSCLES, TUBES, both, friction
 from scipy.integrate import quad, trapezoid
 
 from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.rig.muscle import Hysteresis, effective_pressure, effective_pressure_slope, stop, zero_force_strain
+from mapmore_cli.rig.muscle import effective_pressure, effective_pressure_slope, stop, zero_force_strain
 from mapmore_cli.rig.static_muscles import (
     energy_slope,
     geometric_slope_ratio,
@@ -23,8 +23,6 @@ from mapmore_cli.rig.static_muscles import (
     volume,
     volume_slope,
 )
-from mapmore_cli.spec.simulation import McKibbenMuscle
-from mapmore_cli.study.simulate import muscle_of
 
 PUBLISHED = {  # kPa, force at zero strain N, free strain
     "mckibben": ((80, 215, 0.036), (150, 445, 0.104), (250, 735, 0.181), (350, 1002, 0.221)),
@@ -104,7 +102,7 @@ def test_the_peano_solver_returns_to_the_angle_that_it_is_given(alpha, pressure)
 
 
 def test_a_muscle_that_never_stops_pulling_is_refused():
-    endless = muscle_of(McKibbenMuscle(kind="mckibben", braid_angle=12.0, c10=0.0, c01=0.0, taper=0.0))
+    endless = replace(BRAID, braid_angle=np.deg2rad(12.0), c10=0.0, c01=0.0, taper=0.0)
     with pytest.raises(SpecError, match=r"does not vanish between strains -0\.02 and 0\.36.*\n.*lower the pressure"):
         free_strain(endless, 500e3)
 
@@ -186,7 +184,7 @@ def test_the_slope_of_the_effective_pressure(pressure):
 
 
 YIELDS = np.array([0.001, 0.004, 0.016])
-FRICTION = Hysteresis(base=3.0, per_pressure=6e-5, yield_strains=YIELDS, shares=np.array([0.4, 0.35, 0.25]))
+FRICTION = friction(3.0, 6e-5, YIELDS, (0.4, 0.35, 0.25))
 paths = st.lists(st.floats(-0.05, 0.3), min_size=2, max_size=30).map(np.array)
 
 
@@ -236,6 +234,6 @@ def test_friction_never_gives_work_back_over_a_closed_cycle(path, pressure):
 @pytest.mark.parametrize("amplitude", [0.05, 0.2])
 def test_the_dissipated_work_of_one_stop(amplitude):
     """Half-width r, yield strain y, relaxed start, to A and back: `r (2A - 5y/2)`."""
-    one = Hysteresis(base=10.0, per_pressure=0.0, yield_strains=np.array([0.01]), shares=np.array([1.0]))
+    one = friction(10.0, 0.0, [0.01], [1.0])
     path = np.concatenate([np.linspace(0, amplitude, 20001), np.linspace(amplitude, 0, 20001)])
     assert trapezoid(one.force(0.0, path), path) == pytest.approx(10.0 * (2 * amplitude - 0.025), rel=1e-6)

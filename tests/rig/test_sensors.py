@@ -7,8 +7,9 @@ import pytest
 from closed_loop import Lift, Loop, closed_loop, wanted_force
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from rig_cases import friction
 
-from mapmore_cli.rig.muscle import GRAVITY, Hysteresis
+from mapmore_cli.rig.muscle import GRAVITY
 from mapmore_cli.rig.sensors import Sensor, measure, recording_generator
 
 
@@ -46,7 +47,7 @@ def test_only_sensed_columns_are_read():
 
 
 LIFT = Lift(mass=10.0, length=0.1, damping=300.0, lag=0.02, highest=4e5, step=1e-3)
-NO_FRICTION = Hysteresis(0.0, 0.0, np.array([0.01]), np.array([1.0]))
+NO_FRICTION = friction(0.0, 0.0, [0.01], [1.0])
 
 
 class Spring:
@@ -78,8 +79,8 @@ def test_the_loop_takes_a_wrong_pressure_off_and_the_command_stays_in_its_limits
 
 
 def test_friction_holds_it_back() -> None:
-    friction = Hysteresis(30.0, 0.0, np.array([0.002]), np.array([1.0]))
+    holding = friction(30.0, 0.0, [0.002], [1.0])
     reference = np.full(400, 0.05)
     pushed = pressure_at_rest(reference) + 2e4
-    held = closed_loop(Spring(), friction, LIFT, Loop(5e-3, 0.0, 0.0), reference, pushed)["strain"][-1]
+    held = closed_loop(Spring(), holding, LIFT, Loop(5e-3, 0.0, 0.0), reference, pushed)["strain"][-1]
     assert 0.05 < held < 0.055

@@ -6,12 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
-from pydantic import ValidationError
 from rig_cases import DATASETS, spec
 
 from mapmore_cli.domain.errors import SpecError, WriteError
-from mapmore_cli.spec.simulation import SimulationSpec
 from mapmore_cli.study.simulate import HEADER, SET_STEPS, causes_of, csv_text, decimals, label, recording, sensors, simulate
 
 PEANO = "peano/load_cycles"
@@ -29,6 +26,7 @@ SHIPPED = [  # and which of its recordings
     ("peano/perturbations", slice(0, 1)),
     ("waveforms/training", slice(3, 4)),
     ("waveforms/loads", slice(3, 4)),
+    ("wrist/contraction_table", slice(None)),
 ]
 
 
@@ -37,7 +35,7 @@ def test_committed_recordings_regenerate(path, some):
     """Another machine's libm may round a value to the neighbouring step: a few may differ, each by one step."""
     study = spec(path)
     resolutions = {name: sensor.resolution for name, sensor in sensors(study).items()}
-    steps = {"time": study.experiment.sample_time, **SET_STEPS.get(study.experiment.type, {}), **resolutions}
+    steps = {"time": getattr(study.experiment, "sample_time", None), **SET_STEPS.get(study.experiment.type, {}), **resolutions}
     for cause in causes_of(study)[some]:
         made = csv_text(recording(study, cause), decimals(study))
         committed = (DATASETS / path).with_name(f"{study.output}_{label(cause)}.csv").read_text()
@@ -47,7 +45,7 @@ def test_committed_recordings_regenerate(path, some):
             ours, theirs = (np.loadtxt(text.splitlines()[1:], delimiter=",") for text in (made, committed))
             flips = np.abs(np.round((ours - theirs) / [steps[name] for name in HEADER if HEADER[name] in header.split(",")]))
             assert flips.max() <= 1
-            assert flips.mean() < 1e-3
+            assert flips.sum() <= 1 + 1e-3 * flips.size
 
 
 def test_every_shipped_recording_has_its_spec():
@@ -63,7 +61,7 @@ def test_the_steps_are_those_of_the_paper():
     weights = [42, 66, 115, 213]
     for kind, pressures in (("mckibben", [80, 150, 250, 350]), ("peano", [80, 200, 350, 500])):
         steps = spec(f"{kind}/step_responses").experiment.steps
-        assert [(step.pressure, step.weight) for step in steps] == list(zip(pressures, weights, strict=True))
+        assert [(step.pressure / 1e3, step.weight) for step in steps] == list(zip(pressures, weights, strict=True))
 
 
 def test_another_pressure_leaves_the_others_as_they_were(tmp_path):
@@ -74,7 +72,7 @@ def test_another_pressure_leaves_the_others_as_they_were(tmp_path):
 
 
 def test_another_seed_changes_the_noise_only():
-    one, two = (recording(spec(PEANO, f"seed={seed}"), 200.0) for seed in (1, 2))
+    one, two = (recording(spec(PEANO, f"seed={seed}"), 2e5) for seed in (1, 2))
     assert not np.array_equal(one["force"], two["force"])
     assert np.abs(one["force"] - two["force"]).max() < 0.05 * one["force"].max()
     np.testing.assert_allclose(one["strain"], two["strain"], atol=3e-4)
@@ -108,80 +106,73 @@ def test_a_file_in_place_of_the_folder_is_refused(tmp_path):
 
 BAD = {
     PEANO: [
-        ("experiment.pressures", [80, 80], "name it once"),
-        ("experiment.pressures", [], "at least 1"),
-        ("experiment.pressures", [-5], "greater than or equal to 0"),
-        ("experiment.pressures", ["80 kPa"], "valid number"),
-        ("experiment.dwell", 20, "no time to move"),
-        ("experiment.turns", [1, 0.5, 0.5], "must move from each of `turns`"),
-        ("experiment.turns", [1, 0], "must move from each of `turns`"),
-        ("experiment.turns", [1.1], "less than or equal to 1"),
-        ("experiment.turns", [], "at least 1"),
-        ("experiment.sample_time", 5, "fewer than 100 samples"),
-        ("experiment.colour", "red", "not permitted"),
-        ("hysteresis.stops", [{"yield_strain": 0.01, "share": 0.9}], "add up to 1"),
-        ("sensors.force.resolution", 0, "greater than 0"),
-        ("sensors.flow", {"noise": 0.02, "resolution": 0.01}, "with these only"),
-        ("muscle.kind", "bellows", "kind"),
-        ("output", "../elsewhere", "pattern"),
-        ("seed", 1.5, "integer"),
+        ("experiment.pressures=[80, 80]", "name it once"),
+        ("experiment.pressures=[]", "at least 1"),
+        ("experiment.pressures=[-5]", "at least 0"),
+        ("experiment.pressures=[80 kPa]", "should be a number"),
+        ("experiment.pressures=80", r"should be a list.*\n.*write `\[80\]`"),
+        ("experiment.dwell=20", "no time to move"),
+        ("experiment.turns=[1, 0.5, 0.5]", "must move from each of `turns`"),
+        ("experiment.turns=[1, 0]", "must move from each of `turns`"),
+        ("experiment.turns=[1.1]", "at most 1"),
+        ("experiment.turns=[]", "at least 1"),
+        ("experiment.sample_time=5", "fewer than 100 samples"),
+        ("experiment.colour=red", "unknown key `colour`"),
+        ("hysteresis.stops=[{yield_strain: 0.01, share: 0.9}]", "add up to 1"),
+        ("sensors.force.resolution=0", "greater than 0"),
+        ("sensors.flow={noise: 0.02, resolution: 0.01}", "with these only"),
+        ("muscle.kind=bellows", "kind"),
+        ("output=../elsewhere", "cannot be"),
+        ("seed=1.5", "whole number"),
     ],
     "peano/step_responses": [
-        ("experiment.steps.1.pressure", 80, "name it once"),
-        ("experiment.steps.1.pressure", 0, "greater than 0"),
-        ("experiment.steps.1.weight", 0.5, "exceed the `pretension`"),
-        ("experiment.rest", 0.005, "ten samples"),
-        ("experiment.rig.tube.diameter", -1, "greater than 0"),
-        ("experiment.reservoir.critical_ratio", 1.0, "less than 0.99"),
-        ("sensors.flow", None, r"sensors\.flow"),
+        ("experiment.steps.1.pressure=80", "name it once"),
+        ("experiment.steps.1.pressure=0", "greater than 0"),
+        ("experiment.steps.1.weight=0.5", "exceed the `pretension`"),
+        ("experiment.rest=0.005", "ten samples"),
+        ("experiment.rig.tube.diameter=-1", "greater than 0"),
+        ("experiment.reservoir.critical_ratio=1.0", "less than 0.99"),
+        ("sensors.flow=null", r"sensors\.flow"),
     ],
     "peano/perturbations": [
-        ("experiment.between", [0.8, 0.2], "stretched end first"),
-        ("experiment.between", [0.8], "Field required"),
-        ("experiment.moves", [], "at least 1"),
-        ("experiment.moves", [0.5, 0.001], "ten samples"),
-        ("experiment.pressures", [80, 80.0], "name it once"),
-        ("experiment.type", "vibration", "type"),
+        ("experiment.between=[0.8, 0.2]", "stretched end first"),
+        ("experiment.between=[0.8]", "too few values"),
+        ("experiment.moves=[]", "at least 1"),
+        ("experiment.moves=[0.5, 0.001]", "ten samples"),
+        ("experiment.pressures=[80, 80.0]", "name it once"),
+        ("experiment.type=vibration", "type"),
     ],
     "waveforms/validation": [
-        ("experiment.waveforms.1.name", "full_stroke", "a name of its own"),
-        ("experiment.waveforms.0.low", 5, "must lie below"),
-        ("experiment.waveforms.0.shape", "saw", "sine"),
-        ("experiment.waveforms.0.frequency", 20, "ten samples"),
-        ("experiment.waveforms.0.load", -1, "greater than or equal to 0"),
-        ("experiment.waveforms", [], "at least 1"),
-        ("experiment.regulator.lag", 0, "greater than 0"),
-        ("sensors.displacement", None, r"sensors\.displacement` is missing"),
-        ("sensors.strain", {"noise": 0, "resolution": 1}, r"sensors\.strain` goes with load_cycles"),
-        ("muscle", {"kind": "peano"}, "kind: mckibben"),
+        ("experiment.waveforms.1.name=full_stroke", "a name of its own"),
+        ("experiment.waveforms.0.low=5", "must lie below"),
+        ("experiment.waveforms.0.shape=saw", "sine"),
+        ("experiment.waveforms.0.frequency=20", "ten samples"),
+        ("experiment.waveforms.0.load=-1", "at least 0"),
+        ("experiment.waveforms=[]", "at least 1"),
+        ("experiment.regulator.lag=0", "greater than 0"),
+        ("sensors.displacement=null", r"sensors\.displacement` is missing"),
+        ("sensors.strain={noise: 0, resolution: 1}", r"sensors\.strain` goes with load_cycles"),
+        ("muscle={kind: peano}", "kind: mckibben"),
     ],
+    "wrist/contraction_table": [
+        ("experiment.repeats=0", "at least 1"),
+        ("sensors.force={noise: 1, resolution: 1}", "goes with"),
+    ],
+    "muscle-like/random_velocity_16cm": [
+        ("experiment.speeds=[0.2, 0.1]", "slower one first"),
+        ("experiment.every=40000", "fewer than 100 samples"),
+        ("muscle={kind: peano}", "kind: mckibben"),
+    ],
+    "muscle-like/joint": [
+        ("experiment.recordings=[swung]", "closed"),
+        ("experiment.recordings=[random]", "needs a `course`"),
+        ("experiment.extensor.c10=-1", "at least 0"),
+    ],
+    "muscle-like/tendon": [("experiment.tendon.stiffness=0", "greater than 0")],
 }
 
 
-@pytest.mark.parametrize(("path", "where", "value", "message"), [(path, *one) for path, some in BAD.items() for one in some])
-def test_a_bad_spec_is_refused(path, where, value, message):
-    document = part = yaml.safe_load((DATASETS / f"{path}.yaml").read_text("utf-8"))
-    *keys, last = where.split(".")
-    for key in keys:
-        part = part[int(key) if key.isdigit() else key]
-    part[last] = value
-    with pytest.raises(ValidationError, match=message):
-        SimulationSpec.model_validate(document)
-
-
-@pytest.mark.parametrize(
-    ("name", "change", "words"),
-    [
-        ("wrist/contraction_table", "experiment.repeats=0", "greater than or equal to 1|at least 1"),
-        ("wrist/contraction_table", "sensors.force={noise: 1, resolution: 1}", "goes with"),
-        ("muscle-like/random_velocity_16cm", "experiment.speeds=[0.2, 0.1]", "slower one first"),
-        ("muscle-like/random_velocity_16cm", "experiment.every=40000", "fewer than 100 samples"),
-        ("muscle-like/random_velocity_16cm", "muscle={kind: peano}", "kind: mckibben|unknown key"),
-        ("muscle-like/joint", "experiment.recordings=[swung]", "closed"),
-        ("muscle-like/joint", "experiment.recordings=[random]", "needs a `course`"),
-        ("muscle-like/tendon", "experiment.tendon.stiffness=0", "greater than 0"),
-    ],
-)
-def test_impossible_experiments_are_refused(name, change, words):
-    with pytest.raises(SpecError, match=words):
-        spec(name, change)
+@pytest.mark.parametrize(("path", "change", "message"), [(path, *one) for path, some in BAD.items() for one in some])
+def test_a_bad_spec_is_refused(path, change, message):
+    with pytest.raises(SpecError, match=message):
+        spec(path, change)

@@ -14,13 +14,12 @@ from scipy.signal import find_peaks
 
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.rig.air import ATMOSPHERE, Reservoir, valve_flow
-from mapmore_cli.rig.load_cycle import Strokes, perturbation
+from mapmore_cli.rig.load_cycle import perturbation
 from mapmore_cli.rig.muscle import stop, stop_rates
 from mapmore_cli.rig.sensors import integrate, low_pass
 from mapmore_cli.rig.static_muscles import volume
-from mapmore_cli.rig.step_response import Bumper, StepTimes, step_response
-from mapmore_cli.rig.water import WATER_DENSITY, WATER_VISCOSITY, Pipe, Wall, bubble_compliance
-from mapmore_cli.study.simulate import step_rig_of, wet_muscle_of
+from mapmore_cli.rig.step_response import Bumper, Step, StepRig, step_response
+from mapmore_cli.rig.water import WATER_DENSITY, WATER_VISCOSITY, Pipe, Wall, WetMuscle, bubble_compliance
 
 TUBE = Pipe(length=0.5, diameter=0.0045, loss=0.0)
 RESERVOIR = Reservoir(air_volume=2e-4, polytropic=1.2, supply_conductance=0.4e-8, exhaust_conductance=1e-8, critical_ratio=0.3)
@@ -84,21 +83,24 @@ def test_a_bubble_obeys_boyles_law(pressure):
     assert bubble_compliance(1e-6, pressure) == pytest.approx(slope, rel=1e-4)
 
 
-TIMES = StepTimes(rest=0.1, hold=2.5, fall=0.8, sample_time=0.001)
 VALIDATION = {"mckibben": 250e3, "peano": 350e3}  # Pa, of 115 N
 WEIGHT = 115.0
 BUMPER = Bumper(stiffness=3e5, damping=6.0, pretension=0.7)
 
 
+def wet_muscle(found):
+    return WetMuscle(found.muscle, found.hysteresis, found.experiment.rig.rubber, found.experiment.rig)
+
+
 @cache
-def rig(kind):
-    found = spec(f"{kind}/step_responses")
-    return step_rig_of(found, found.experiment)[0]
+def rig(kind, *changes):
+    found = spec(f"{kind}/step_responses", *changes)
+    return StepRig(wet_muscle(found), found.experiment)
 
 
 @cache
 def response(kind):
-    return step_response(rig(kind), TIMES, VALIDATION[kind], WEIGHT)
+    return step_response(rig(kind), Step(VALIDATION[kind], WEIGHT))
 
 
 def swollen(kind, pressure, strain):
@@ -109,8 +111,8 @@ def swollen(kind, pressure, strain):
     else:
         inside = quad(lambda p: muscle.respond(p, strain).filling, 0, pressure, points=[1, 30, 1e3, 1e4], limit=500)[0]
         inside += quad(lambda e: muscle.respond(0.0, e).displacement, -1e-3, strain, points=[0.0, 1e-3], limit=500)[0]
-    bubble = wet.plumbing.trapped_air * ATMOSPHERE / (ATMOSPHERE + pressure)
-    return inside + wet.wall.compliance * pressure - bubble
+    bubble = wet.rig.trapped_air * ATMOSPHERE / (ATMOSPHERE + pressure)
+    return inside + wet.rig.wall.compliance * pressure - bubble
 
 
 @both
@@ -156,8 +158,8 @@ def test_the_peano_fills_before_it_moves():
 
 @both
 def test_a_finer_integration_changes_less_than_the_sensors_see(kind):
-    short = StepTimes(rest=0.02, hold=0.6, fall=0.3, sample_time=0.001)
-    coarse, fine = (step_response(rig(kind), short, VALIDATION[kind], WEIGHT, tolerance) for tolerance in (1e-6, 5e-7))
+    short = rig(kind, "experiment.rest=0.02", "experiment.hold=0.6", "experiment.fall=0.3")
+    coarse, fine = (step_response(short, Step(VALIDATION[kind], WEIGHT), tolerance) for tolerance in (1e-6, 5e-7))
     for name, noise in (("pressure", 400.0), ("muscle_pressure", 400.0), ("strain", 2e-5), ("force", 0.7), ("flow", 3e-7)):
         assert np.abs(coarse[name] - fine[name]).max() < noise, name
 
@@ -191,29 +193,23 @@ def test_equations_that_explode_are_reported():
         integrate(lambda _, state: state**2, np.array([1.0]), np.linspace(0, 2, 11), np.ones(1))
 
 
-STROKES = Strokes(stretched=0.2, contracted=0.8, moves=(1.0, 0.3), dwell=0.25, sample_time=0.001)
+TWO_MOVES = "experiment.moves=[1.0, 0.3]"
 
 
-@cache
-def wet_muscle(kind):
-    found = spec(f"{kind}/perturbations")
-    return wet_muscle_of(found, found.experiment.rig)
-
-
-@cache
-def strokes(kind):
-    return perturbation(wet_muscle(kind), STROKES, 350e3, 40.0)
+def strokes(kind, *changes):
+    found = spec(f"{kind}/perturbations", *changes)
+    return perturbation(wet_muscle(found), found.experiment, 350e3)
 
 
 def test_each_move_and_rest_has_its_duration():
-    times, strains = STROKES.corners(0.2)
+    times, strains = spec("peano/perturbations", TWO_MOVES).experiment.corners(0.2)
     np.testing.assert_allclose(np.diff(times), [0.25, 1.0, 0.25, 1.0, 0.25, 0.3, 0.25, 0.3, 0.25])
     np.testing.assert_allclose(strains, np.repeat([0.16, 0.04, 0.16, 0.04, 0.16], 2))
 
 
 @both
 def test_the_actuator_rests_at_its_ends_and_stays_between(kind):
-    strain = strokes(kind)["strain"]
+    strain = strokes(kind, TWO_MOVES)["strain"]
     assert len(strain) == 3850
     assert np.ptp(strain[:250]) == 0
     assert strain.min() == pytest.approx(0.25 * strain.max())
@@ -223,9 +219,10 @@ def test_the_actuator_rests_at_its_ends_and_stays_between(kind):
 @both
 def test_a_slow_stroke_is_a_load_cycle(kind):
     """Slowly, what is left is the static force and at most the half-width of the friction."""
-    slow = perturbation(wet_muscle(kind), Strokes(0.2, 0.8, (3.0,), 0.3, 0.01), 350e3, 20.0)
-    away = slow["force"] - wet_muscle(kind).muscle.force(350e3, slow["strain"])
-    assert np.abs(away).max() < float(wet_muscle(kind).hysteresis.half_width(350e3)) * 1.1
+    changes = ("moves=[3]", "dwell=0.3", "sample_time=0.01", "rig.load_cell=20")
+    slow = strokes(kind, *(f"experiment.{change}" for change in changes))
+    away = slow["force"] - MUSCLES[kind].force(350e3, slow["strain"])
+    assert np.abs(away).max() < float(spec(f"{kind}/perturbations").hysteresis.half_width(350e3)) * 1.1
     assert away[100:300].mean() > 0 > away[400:600].mean()
 
 
