@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from mapmore_cli.domain.scores import FIGURES
-from mapmore_cli.reporting.figures.drawing import SVG_PROLOGUE, WRITERS, Drawing, Panel, RenderedFigure, Values, alone, drawings, rendered
+from mapmore_cli.reporting.figures.drawing import SVG_PROLOGUE, WRITERS, Drawing, Panel, RenderedFigure, Values, compose, drawings, rendered
 from mapmore_cli.reporting.figures.style import figure_style
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.score_tables import verdict
@@ -105,7 +105,7 @@ def _write_panels(panels: Sequence[tuple[Drawing, Panel]], folder: Path, formats
     for stem, (drawing, panel) in zip(_stems(panels), panels, strict=True):
         _write(folder / f"{stem}.csv", data_csv(panel.data))
         with figure_style(inputs.style):
-            figure = alone(drawing, panel, inputs.style)
+            figure = compose(drawing, inputs.style, panel)
             for suffix, written in WRITERS.items():
                 if suffix in formats:
                     (folder / f"{stem}.{suffix}").write_bytes(written(figure, stem, drawing.alt))

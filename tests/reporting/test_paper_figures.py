@@ -21,7 +21,7 @@ from mapmore_cli.domain.foreign import tex_text
 from mapmore_cli.domain.models import Equation
 from mapmore_cli.domain.scores import FIGURES
 from mapmore_cli.reporting.figures import data
-from mapmore_cli.reporting.figures.drawing import DOTS_PER_INCH, WRITERS, alone, compose, drawings, panel_of
+from mapmore_cli.reporting.figures.drawing import DOTS_PER_INCH, WRITERS, compose, drawings, panel_of
 from mapmore_cli.reporting.figures.style import figure_style, wrong_formula
 from mapmore_cli.reporting.inputs import FigureStyle
 from mapmore_cli.reporting.report import write_report
@@ -67,14 +67,14 @@ import hashlib, sys
 sys.path.insert(0, sys.argv[1])
 from report_builder import build
 from mapmore_cli.reporting.figures.drawing import drawings
-from mapmore_cli.reporting.figures.drawing import alone
+from mapmore_cli.reporting.figures.drawing import compose
 from mapmore_cli.reporting.figures.drawing import WRITERS
 from mapmore_cli.reporting.figures.style import figure_style
 inputs = build()
 (drawing,) = drawings("nrmse", inputs)
 with figure_style():
     for suffix, written in WRITERS.items():
-        print(suffix, hashlib.sha256(written(alone(drawing, drawing.panels[0], inputs.style), "nrmse", drawing.alt)).hexdigest())
+        print(suffix, hashlib.sha256(written(compose(drawing, inputs.style, drawing.panels[0]), "nrmse", drawing.alt)).hexdigest())
 """
 
 
@@ -82,7 +82,7 @@ def test_another_process_on_another_day_writes_the_same_bytes(inputs):
     (drawing,) = drawings("nrmse", build())
     with figure_style():
         here = [
-            f"{suffix} {hashlib.sha256(written(alone(drawing, drawing.panels[0], inputs.style), 'nrmse', drawing.alt)).hexdigest()}"
+            f"{suffix} {hashlib.sha256(written(compose(drawing, inputs.style, drawing.panels[0]), 'nrmse', drawing.alt)).hexdigest()}"
             for suffix, written in WRITERS.items()
         ]
     later = {**os.environ, "PYTHONHASHSEED": "77", "SOURCE_DATE_EPOCH": "1234567890", "TZ": "Asia/Tokyo"}
@@ -104,7 +104,7 @@ def panels_of(figure) -> int:
 def test_every_panel_of_every_figure_can_stand_alone(name, mixed):
     for drawing in drawings(name, mixed):
         with figure_style():
-            stacks = [panels_of(alone(drawing, panel, mixed.style)) for panel in drawing.panels]
+            stacks = [panels_of(compose(drawing, mixed.style, panel)) for panel in drawing.panels]
             assert panels_of(compose(drawing)) == sum(stacks)
         assert set(stacks) == {len(drawing.grid.stack)}
         keys = [panel.key for panel in drawing.panels]
@@ -214,7 +214,7 @@ def test_labels_and_colours_are_the_users(inputs):
     style = FigureStyle(size=9, labels={"force": r"$F_\mathrm{m}$ (N)"}, palette=("#112233", "#445566"))
     drawing = drawings("fit", replace(inputs, style=style))[0]
     with figure_style(style):
-        top = alone(drawing, drawing.panels[0], style).axes[0]
+        top = compose(drawing, style, drawing.panels[0]).axes[0]
         assert top.yaxis.label.get_parse_math()
         assert top.get_ylabel() == r"$F_\mathrm{m}$ (N)"
         assert top.yaxis.label.get_fontsize() == 9
