@@ -18,7 +18,8 @@ from tempfile import TemporaryDirectory
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from test_reporting_page import EVERYTHING, Equation, Page, build, write_report
+from report_builder import Page
+from test_reporting_page import EVERYTHING, Equation, build, write_report
 
 OWNED = "owned"
 

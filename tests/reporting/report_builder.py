@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from html.parser import HTMLParser
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,8 @@ from mapmore_cli.modelling.pieces import build as pieces
 from mapmore_cli.modelling.pieces.recipe import Cuts, Fuse, Recipe
 from mapmore_cli.modelling.validation.metrics import divisor, score_rows
 from mapmore_cli.reporting.inputs import ReportInputs
+from mapmore_cli.reporting.table import Table
+from mapmore_cli.reporting.tables import all_tables
 
 QUANTITIES = {q.name: q for q in (Quantity("time", "s"), Quantity("pressure", "kPa"), Quantity("strain", "1"), Quantity("force", "N"))}
 FUSE = Fuse(transition="quadratic", extrapolation="continue")
@@ -118,3 +121,40 @@ def _scores(dataset: Dataset, predictions: Mapping[str, Sequence[np.ndarray]]) -
 def of_pieces(model: Model, **changes: Any) -> Model:
     """The model with other pieces."""
     return replace(model, body=replace(model.body, **changes))
+
+
+def tables_of(inputs: ReportInputs) -> dict[str, Table]:
+    return {table.name: table for table in all_tables(inputs)}
+
+
+VOID = {"meta", "wbr"}
+
+
+class Page(HTMLParser):
+    """Checks that tags are balanced, and collects what the tests look at."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.text = ""
+        self.feed(html)
+        self.close()
+        assert self.open == []
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.text += data
+
+    def named(self, tag: str) -> list[dict[str, str | None]]:
+        return [attrs for name, attrs in self.tags if name == tag]

@@ -4,13 +4,12 @@ import csv
 import re
 import xml.etree.ElementTree as ET
 from dataclasses import replace
-from html.parser import HTMLParser
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
-from report_builder import build, of_pieces
+from report_builder import Page, build, of_pieces
 
 from mapmore_cli.domain.models import Equation, Formula
 from mapmore_cli.domain.scores import FIGURES
@@ -19,37 +18,6 @@ from mapmore_cli.reporting.report import write_report
 EVERYTHING = {"figures": tuple(FIGURES), "formats": ("html", "csv", "svg")}
 OF_SEGMENTS = ("segments", "terms")
 """Figures that look at the model: the others draw predictions and errors."""
-VOID = {"meta", "wbr"}
-
-
-class Page(HTMLParser):
-    """Checks that tags are balanced, and collects what the tests look at."""
-
-    def __init__(self, html: str) -> None:
-        super().__init__()
-        self.open: list[str] = []
-        self.tags: list[tuple[str, dict[str, str | None]]] = []
-        self.text = ""
-        self.feed(html)
-        self.close()
-        assert self.open == []
-
-    def handle_starttag(self, tag, attrs):
-        self.tags.append((tag, dict(attrs)))
-        if tag not in VOID:
-            self.open.append(tag)
-
-    def handle_startendtag(self, tag, attrs):
-        self.tags.append((tag, dict(attrs)))
-
-    def handle_endtag(self, tag):
-        assert self.open.pop() == tag
-
-    def handle_data(self, data):
-        self.text += data
-
-    def named(self, tag: str) -> list[dict[str, str | None]]:
-        return [attrs for name, attrs in self.tags if name == tag]
 
 
 @pytest.fixture(scope="module")
@@ -190,14 +158,6 @@ def test_says_what_it_should(page, inputs):
         assert words in page.text
     assert inputs.spec_text in page.text
     assert inputs.equations[0].text in page.text
-
-
-def test_scores_in_the_csv_are_those_of_the_validation(folder, inputs):
-    rows = list(csv.DictReader((folder / "tables" / "scores.csv").read_text(encoding="utf-8").splitlines()))
-    pooled = {(s.model, s.split): s for s in inputs.validation.scores if s.curve == "all"}
-    assert len(rows) == len(pooled)
-    for row in rows:
-        assert float(row["RMSE [N]"]) == pytest.approx(pooled[row["model"], row["data"]].rmse, rel=1e-11)
 
 
 HOSTILE = "<script>alert('1')</script>&\"$x_1$ ü 力"
