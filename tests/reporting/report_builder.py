@@ -8,16 +8,19 @@ from html.parser import HTMLParser
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import Equation, Model
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity, Recording
 from mapmore_cli.domain.results import FitResult, Forecast, PiecesFit, Validation
-from mapmore_cli.domain.scores import Published, Score
+from mapmore_cli.domain.scores import FIGURES, Published, Score
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.pieces import build as pieces
 from mapmore_cli.modelling.pieces.recipe import Cuts, Fuse, Recipe
 from mapmore_cli.modelling.validation.metrics import divisor, score_rows
+from mapmore_cli.reporting.figures.drawing import compose, drawings
+from mapmore_cli.reporting.figures.style import figure_style
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.table import Table
 from mapmore_cli.reporting.tables import all_tables
@@ -121,6 +124,16 @@ def _scores(dataset: Dataset, predictions: Mapping[str, Sequence[np.ndarray]]) -
 def of_pieces(model: Model, **changes: Any) -> Model:
     """The model with other pieces."""
     return replace(model, body=replace(model.body, **changes))
+
+
+def drawn(inputs: ReportInputs, *names: str) -> dict[str, Figure]:
+    """The figures of these names, of all where none is given."""
+    with figure_style():
+        return {drawing.name: compose(drawing) for name in names or FIGURES for drawing in drawings(name, inputs)}
+
+
+def legend_of(figure: Figure) -> list[str]:
+    return [label.get_text() for legend in figure.legends for label in legend.get_texts()]
 
 
 def tables_of(inputs: ReportInputs) -> dict[str, Table]:

@@ -9,10 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from matplotlib.figure import Figure
-from report_builder import build, of_pieces
+from report_builder import build, drawn, legend_of, of_pieces
 
 from mapmore_cli.domain.recording import Quantity
-from mapmore_cli.domain.scores import FIGURES
 from mapmore_cli.reporting.figures.data import draw_trace, traces
 from mapmore_cli.reporting.figures.drawing import compose, drawings
 from mapmore_cli.reporting.figures.error import draw_errors, model_errors
@@ -36,7 +35,6 @@ from mapmore_cli.reporting.figures.style import (
     cloud,
     draw_band,
     envelope,
-    figure_style,
     model_styles,
     shortened,
     spread,
@@ -47,18 +45,10 @@ from mapmore_cli.reporting.inputs import FigureStyle
 from mapmore_cli.reporting.table import title_of
 
 
-@pytest.fixture
-def ax():
-    return Figure().subplots()
-
-
-def drawn(inputs, names=tuple(FIGURES)) -> dict[str, Figure]:
-    with figure_style():
-        return {drawing.name: compose(drawing) for name in names for drawing in drawings(name, inputs)}
-
-
-def texts(figure: Figure) -> list[str]:
-    return [label.get_text() for legend in figure.legends for label in legend.get_texts()]
+@pytest.fixture(scope="module")
+def every(inputs):
+    """All figures of a study."""
+    return drawn(inputs)
 
 
 class TestThinning:
@@ -145,20 +135,20 @@ class TestLabels:
         strain = replace(inputs, dataset=replace(inputs.dataset, level="strain"))
         assert strain.curve_label(replace(curve, level=0.0412088)) == "strain 0.04121"
 
-    def test_every_lowest_axis_and_every_first_one_names_its_unit(self, inputs):
-        for name, figure in drawn(inputs).items():
+    def test_every_lowest_axis_and_every_first_one_names_its_unit(self, every):
+        for name, figure in every.items():
             labels = [label for ax in figure.axes for label in (ax.get_xlabel(), ax.get_ylabel()) if label]
             assert labels, name
             assert all(label.endswith(")") and "(" in label for label in labels), (name, labels)
 
-    def test_no_letter_below_seven_points(self, inputs):
-        for name, figure in drawn(inputs).items():
+    def test_no_letter_below_seven_points(self, every):
+        for name, figure in every.items():
             figure.draw_without_rendering()
             sizes = [text.get_fontsize() for text in figure.findobj(mpl.text.Text) if text.get_text()]
             assert min(sizes) >= 7, name
 
-    def test_widths_are_those_of_journal_columns(self, inputs):
-        assert {round(figure.get_figwidth(), 2) for figure in drawn(inputs).values()} <= {3.5, 7.16}
+    def test_widths_are_those_of_journal_columns(self, every):
+        assert {round(figure.get_figwidth(), 2) for figure in every.values()} <= {3.5, 7.16}
 
 
 class TestStyles:
@@ -203,8 +193,8 @@ class TestFit:
         np.testing.assert_array_equal(line.get_ydata(), panel.predictions["sarosi"] - panel.y)
 
     def test_one_pair_of_panels_a_held_out_curve(self, inputs, mixed):
-        assert len(drawn(inputs, ["fit"])["fit"].axes) == 2
-        assert len(drawn(mixed, ["fit"])["fit"].axes) == 8
+        assert len(drawn(inputs, "fit")["fit"].axes) == 2
+        assert len(drawn(mixed, "fit")["fit"].axes) == 8
 
     def test_held_out_regions_are_marked_in_mixed_curves_only(self, ax, inputs, mixed):
         mark_held_out(ax, curve_fit(inputs, 2))
@@ -215,7 +205,7 @@ class TestFit:
         low, high = span.get_x(), span.get_x() + span.get_width()
         inside = (panel.x > low) & (panel.x < high)
         np.testing.assert_array_equal(inside, panel.held_out)
-        assert texts(drawn(mixed, ["fit"])["fit"])[:2] == ["held out", "training"]
+        assert legend_of(drawn(mixed, "fit")["fit"])[:2] == ["held out", "training"]
 
     def test_spans_reach_halfway_to_the_neighbours(self):
         x = np.array([0.0, 1.0, 2.0, 3.0, 4.0])
@@ -236,10 +226,10 @@ class TestFit:
     def test_a_failed_formula_draws_nothing_and_is_called_failed(self, ax, failed):
         draw_fit(ax, curve_fit(failed, 2), model_styles(failed.models))
         assert [line.get_label() for line in ax.lines[1:]] == ["mapmore", "flat"]
-        assert "Sárosi (failed)" in texts(drawn(failed, ["fit"])["fit"])
+        assert "Sárosi (failed)" in legend_of(drawn(failed, "fit")["fit"])
 
     def test_without_held_out_samples_there_are_training_curves_only(self, alone):
-        assert list(drawn(alone, ["fit"])) == ["fit_training"]
+        assert list(drawn(alone, "fit")) == ["fit_training"]
 
 
 class TestTraining:
@@ -307,10 +297,10 @@ class TestNrmse:
         assert ax.texts[0].get_text().endswith("(published 2.2)")
 
     def test_nothing_published_no_marker_no_legend_entry(self, mixed, inputs):
-        figure = drawn(mixed, ["nrmse"])["nrmse"]
+        figure = drawn(mixed, "nrmse")["nrmse"]
         assert len(figure.axes[0].lines) == 0
-        assert texts(figure) == ["held out", "training"]
-        assert texts(drawn(inputs, ["nrmse"])["nrmse"]) == ["held out", "training", "published"]
+        assert legend_of(figure) == ["held out", "training"]
+        assert legend_of(drawn(inputs, "nrmse")["nrmse"]) == ["held out", "training", "published"]
 
     def test_a_failed_model_has_its_row_but_no_bar(self, ax, failed):
         self.bars(ax, failed)
@@ -318,7 +308,7 @@ class TestNrmse:
         assert [text.get_text() for text in ax.texts[2:4]] == ["failed", "failed"]
 
     def test_no_scores_no_figure(self, alone):
-        assert drawn(replace(alone, validation=replace(alone.validation, scores=())), ["nrmse"]) == {}
+        assert drawn(replace(alone, validation=replace(alone.validation, scores=())), "nrmse") == {}
 
 
 class TestSegments:
@@ -350,7 +340,7 @@ class TestSegments:
         assert [line.get_xdata()[0] for line in ax.lines] == [0, 1, 3]
 
     def test_a_formula_alone_has_no_segments_to_draw(self, inputs):
-        assert drawn(replace(inputs, model=of_pieces(inputs.model, curves=())), ["segments"]) == {}
+        assert drawn(replace(inputs, model=of_pieces(inputs.model, curves=())), "segments") == {}
 
 
 class TestTerms:
@@ -368,7 +358,7 @@ class TestTerms:
             assert [fit.cell for fit in chosen if fit.curve == name] == [(1,), (2,), (3,), (4,)]
 
     def test_no_terms_no_figure(self, inputs):
-        assert drawn(replace(inputs, fit=replace(inputs.fit, body=None)), ["terms"]) == {}
+        assert drawn(replace(inputs, fit=replace(inputs.fit, body=None)), "terms") == {}
 
 
 class TestTraces:
@@ -399,9 +389,9 @@ class TestTraces:
         first, *others = inputs.dataset.recordings
         empty = replace(first, columns={name: values[:0] for name, values in first.columns.items()})
         some = replace(inputs, dataset=replace(inputs.dataset, recordings=(empty, *others)))
-        assert [ax.get_title(loc="left") for ax in drawn(some, ["data"])["data"].axes[:3]] == [r.id for r in others]
+        assert [ax.get_title(loc="left") for ax in drawn(some, "data")["data"].axes[:3]] == [r.id for r in others]
         none = replace(inputs, dataset=replace(inputs.dataset, recordings=(empty,)))
-        assert drawn(none, ["data"]) == {}
+        assert drawn(none, "data") == {}
 
 
 class TestResiduals:
