@@ -122,7 +122,6 @@ def collected(part: Slice, run_dir: Path, spec_text: str = "") -> ReportInputs:
     return ReportInputs(
         name=part.name,
         muscle={key: word for key, word in muscle.items() if word is not None},
-        target=dataset.quantities[dataset.target],
         dataset=dataset,
         segmentation=files.segmentation(),
         fit=files.fit(),
@@ -133,13 +132,10 @@ def collected(part: Slice, run_dir: Path, spec_text: str = "") -> ReportInputs:
         published=published.numbers if published else None,
         spec_text=spec_text,
         provenance=tool_versions(),
-        warnings=validation.warnings,
         unconfirmed=part.unconfirmed,
         notes=(
             *([LEFT_OUT.format(part.left_out)] if part.left_out else []),
             *([f"The model predicts {model.output.name}; it is inverted, and scored as {turned}."] if turned is not None else []),
-            *dataset.notes,
-            *model.notes,
         ),
         style=FigureStyle(style.width / METRES_PER_INCH, style.font, style.size, style.labels, tuple(style.palette)),
     )

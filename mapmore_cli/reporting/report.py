@@ -126,19 +126,8 @@ def _stems(panels: Sequence[tuple[Drawing, Panel]]) -> Iterator[str]:
 
 def data_csv(data: Mapping[str, Values]) -> str:
     """Return what a panel was drawn from, a column for each heading; 12 significant digits, an empty field where there is no number."""
-    return csv_text(data, zip(*map(_texts, data.values()), strict=True))
-
-
-def _texts(values: Values) -> list[str]:
-    """Return the cells of a column, as `number_text` writes them: a panel may have a million."""
-    cells = values if isinstance(values, Sequence) else values.tolist()
-    kinds = {type(cell) for cell in cells}
-    if kinds == {float}:
-        return ["" if cell != cell else f"{cell:.12g}" for cell in cells]  # NaN differs from itself
-    if kinds == {str}:
-        known = {word: number_text(word) for word in set(cells)}
-        return [known[word] for word in cells]
-    return [number_text(cell) for cell in cells]
+    columns = (values if isinstance(values, Sequence) else values.tolist() for values in data.values())
+    return csv_text(data, zip(*(map(number_text, cells) for cells in columns), strict=True))
 
 
 def _write(path: Path, text: str) -> None:

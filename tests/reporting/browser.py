@@ -56,7 +56,7 @@ def write_page(folder: Path, name: str) -> Path:
     inputs = build(name=name, rename=lambda text: text + name, competitors={name: lambda p, e: p * (2.5 - 10 * e)})
     equations = (Equation(name, name, name),)
     inputs = replace(inputs, muscle={"name": name}, equations=equations, spec_text=name, provenance={name: name}, notes=(name,))
-    write_report(replace(inputs, warnings=(name,)), folder, **EVERYTHING)
+    write_report(replace(inputs, validation=replace(inputs.validation, warnings=(name,))), folder, **EVERYTHING)
     return folder / "index.html"
 
 

@@ -65,7 +65,9 @@ def build(
     predictions |= {key: tuple(f(c.columns["pressure"], c.columns["strain"]) for c in curves) for key, f in competitors.items()}
     formulas = {key: _formula(key, failed=all(np.isnan(y).all() for y in predictions[key])) for key in competitors}
     scored = [key for key in predictions if key not in formulas or not formulas[key].failed]
-    validation = Validation(predictions, formulas, _scores(dataset, {key: predictions[key] for key in scored}), {"force": "N"})
+    scores = _scores(dataset, {key: predictions[key] for key in scored})
+    warnings = ("Curve pressure=80 has only four segments of 50 samples.",)
+    validation = Validation(predictions, formulas, scores, {"force": "N"}, warnings=warnings)
     equations = tuple(
         Equation(f.id, f"force = 123.4*((strain - 0.01)/0.05)^2 + 12 = {f.terms[0]}", r"F = 123.4 \left(\epsilon\right)^2")
         for f in fit.segments
@@ -73,7 +75,6 @@ def build(
     return ReportInputs(
         name=name,
         muscle={"name": "Festo DMSP-20-88N", "kind": "mckibben", "length": "88 mm"},
-        target=QUANTITIES["force"],
         dataset=dataset,
         segmentation=segmentation,
         fit=fit,
@@ -84,7 +85,6 @@ def build(
         spec_text="schema_version: 1\nname: dmsp-20-88-static\ntarget: static\n",
         provenance={"mapmore": "0.1.0", "numpy": "2.0", "sha256 of load_cycle_80.csv": "ab" * 32},
         notes=("Extrapolation: continue, the default of one-term fits.",),
-        warnings=("Curve pressure=80 has only four segments of 50 samples.",),
     )
 
 

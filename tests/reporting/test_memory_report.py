@@ -57,7 +57,7 @@ def report_of(dictionary, *, ridge=0.0, scale=False, held=0.5, free_run=False):
     predictions = {name: tuple(one.values for one in found) for name, found in forecasts.items()}
     validation = Validation(predictions, {}, tuple(scores), {"motion": "mm"})
     result = FitResult(fit)
-    return ReportInputs("demo", {}, QUANTITIES["motion"], dataset, (), result, model, validation, (), None, "", {})
+    return ReportInputs("demo", {}, dataset, (), result, model, validation, (), None, "", {})
 
 
 @pytest.fixture(scope="module")

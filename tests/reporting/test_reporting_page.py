@@ -152,7 +152,7 @@ def test_says_what_it_should(page, inputs):
         "M2, section 5.1",
         "Festo DMSP-20-88N",
         *inputs.notes,
-        *inputs.warnings,
+        *inputs.validation.warnings,
         *inputs.dataset.notes,
     ):
         assert words in page.text
@@ -172,7 +172,7 @@ def test_names_with_special_characters_are_escaped(tmp_path):
         spec_text=HOSTILE,
         provenance={HOSTILE: HOSTILE},
         notes=(HOSTILE,),
-        warnings=(HOSTILE,),
+        validation=replace(inputs.validation, warnings=(HOSTILE,)),
     )
     write_report(inputs, tmp_path, **EVERYTHING)
     page = Page((tmp_path / "index.html").read_text(encoding="utf-8"))
