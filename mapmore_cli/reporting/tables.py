@@ -7,9 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.special import stdtrit
 
-from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.fits import FormulaFit, SegmentFit
 from mapmore_cli.domain.models import Equation, FoldError
 from mapmore_cli.domain.recording import Dataset
@@ -115,7 +113,6 @@ def _single_valued(dataset: Dataset, along: str | None) -> list[float]:
     return floors(*([curve.columns[name] for curve in dataset.curves] for name in (along, dataset.target)))
 
 
-CONFIDENCE = 0.95
 SAME = 1e-9
 """Relative difference between the sums of squares of two fits that are taken for one model."""
 INDEPENDENCE_CAVEAT = (
@@ -165,12 +162,6 @@ def _term_rows(segment: SegmentFit) -> Iterator[tuple[Cell, ...]]:
         yield segment.id, step + 1, term, *shares, int(chosen.tied[step]) or None, stop
 
 
-def interval_half_width(theta_error: Array, freedom: int) -> Array:
-    """Half width `t(0.975; n-k) s(theta)` of the 95 % confidence intervals `(k,)`; NaN where no degree of freedom is left."""
-    quantile = float(stdtrit(freedom, 0.5 + CONFIDENCE / 2)) if freedom > 0 else math.nan
-    return quantile * np.asarray(theta_error, dtype=float)
-
-
 def coefficients_table(inputs: ReportInputs) -> Table:
     """Coefficients of every segment with 95 % confidence intervals, in scaled coordinates and in the target's unit."""
     unit = inputs.target.unit
@@ -178,8 +169,8 @@ def coefficients_table(inputs: ReportInputs) -> Table:
     rows: list[tuple[Cell, ...]] = []
     for segment in inputs.fit.pieces:
         chosen, slope = segment.selection, segment.scaling.y_slope
-        half = interval_half_width(chosen.theta_error, chosen.samples - len(chosen.theta))
-        for term, theta, width in zip(segment.terms, chosen.theta.tolist(), half.tolist(), strict=True):
+        for term, theta, error in zip(segment.terms, chosen.theta.tolist(), chosen.theta_error.tolist(), strict=True):
+            width = half_width(error, chosen.samples - len(chosen.theta))
             rows.append((segment.id, term, theta, width, theta - width, theta + width, theta * slope, width * abs(slope)))
     return Table.of("coefficients", "Coefficients with 95 % confidence intervals", columns, rows, INDEPENDENCE_CAVEAT)
 
@@ -217,7 +208,7 @@ def _formula_rows(name: str, role: str, formula: FormulaFit) -> Iterator[tuple[C
         return
     units = units_of_parameters(formula)
     for key, value in formula.parameters.items():
-        reach = half_width(formula.errors.get(key, math.nan), formula.samples - formula.rank, CONFIDENCE)
+        reach = half_width(formula.errors.get(key, math.nan), formula.samples - formula.rank)
         number = (key, value, units.get(key), formula.errors.get(key), value - reach, value + reach)
         yield *head, *number, formula.method, formula.rank, formula.condition, formula.samples
 

@@ -14,7 +14,7 @@ from mapmore_cli.domain.results import PiecesFit
 from mapmore_cli.domain.scores import Published, Score
 from mapmore_cli.reporting.score_tables import score_table, verdict
 from mapmore_cli.reporting.table import Table
-from mapmore_cli.reporting.tables import interval_half_width, levels_table, recordings_table, same_models, terms_table
+from mapmore_cli.reporting.tables import levels_table, recordings_table, same_models, terms_table
 
 
 def column(table: Table, heading: str) -> list:
@@ -138,11 +138,6 @@ class TestModel:
         assert [row[4] for row in rows] == pytest.approx([70, 90, 95])
         assert [row[9] for row in rows] == [None, None, "tolerance"]
 
-    def test_intervals_use_students_t(self):
-        assert interval_half_width(np.array([1.0, 2.0]), 10) == pytest.approx([2.228139, 4.456278], rel=1e-6)  # printed tables
-        assert interval_half_width(np.array([1.0]), 1) == pytest.approx([12.706205], rel=1e-6)
-        assert np.isnan(interval_half_width(np.array([1.0]), 0)).all()
-
     def test_coefficients_in_the_targets_unit(self, inputs):
         table = tables_of(inputs)["coefficients"]
         for fit, row in zip(inputs.fit.segments, table.rows, strict=True):
@@ -150,6 +145,7 @@ class TestModel:
             assert (lower, upper) == (pytest.approx(theta - half), pytest.approx(theta + half))
             assert physical == pytest.approx(fit.selection.theta[0] * fit.scaling.y_slope)
             assert physical_half == pytest.approx(half * abs(fit.scaling.y_slope))
+            assert half == pytest.approx(2.010 * fit.selection.theta_error[0], rel=1e-3)  # Student's t for 49 degrees of freedom, printed
             assert physical_half > 0
         assert any("independent" in note for note in table.notes)
 
