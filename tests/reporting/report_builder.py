@@ -88,6 +88,20 @@ def build(
     )
 
 
+def all_named(text: str) -> ReportInputs:
+    """A study in which whatever a user names or writes is this text."""
+    inputs = build(name=text, rename=lambda name: name + text, competitors={text: lambda p, e: p * (2.5 - 10 * e)})
+    return replace(
+        inputs,
+        muscle={"name": text},
+        equations=(Equation(text, text, "x"),),  # whose LaTeX is ours
+        spec_text=text,
+        provenance={text: text},
+        notes=(text,),
+        validation=replace(inputs.validation, warnings=(text,)),
+    )
+
+
 def _curve(level, samples, held_out, random, rename) -> Curve:
     strain = np.linspace(0, free_strain(level), samples)
     pressure = np.full(samples, float(level))

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from report_builder import Page, build, of_pieces
+from report_builder import Page, all_named, build, of_pieces
 
-from mapmore_cli.domain.models import Equation, Formula
+from mapmore_cli.domain.models import Formula
 from mapmore_cli.domain.scores import FIGURES
 from mapmore_cli.reporting.report import write_report
 
@@ -164,17 +164,7 @@ HOSTILE = "<script>alert('1')</script>&\"$x_1$ ü 力"
 
 
 def test_names_with_special_characters_are_escaped(tmp_path):
-    inputs = build(name=HOSTILE, rename=lambda text: text + HOSTILE, competitors={HOSTILE: lambda p, e: p * (2.5 - 10 * e)})
-    inputs = replace(
-        inputs,
-        muscle={"name": HOSTILE},
-        equations=(Equation(HOSTILE, HOSTILE, HOSTILE),),
-        spec_text=HOSTILE,
-        provenance={HOSTILE: HOSTILE},
-        notes=(HOSTILE,),
-        validation=replace(inputs.validation, warnings=(HOSTILE,)),
-    )
-    write_report(inputs, tmp_path, **EVERYTHING)
+    write_report(all_named(HOSTILE), tmp_path, **EVERYTHING)
     page = Page((tmp_path / "index.html").read_text(encoding="utf-8"))
     assert not page.named("script")
     assert page.text.count(HOSTILE) > 12
