@@ -16,17 +16,8 @@ from mapmore_cli.modelling.literature.identifiability import half_width
 from mapmore_cli.modelling.literature.own import units_of_parameters
 from mapmore_cli.modelling.validation.metrics import Band, bands
 from mapmore_cli.modelling.validation.repeatability import floors
+from mapmore_cli.reporting import memory_tables
 from mapmore_cli.reporting.inputs import ReportInputs
-from mapmore_cli.reporting.memory_tables import (
-    error_parts_table,
-    identified_table,
-    sections_table,
-    sizes_table,
-    starts_table,
-    states_table,
-    substitutes_table,
-    waveforms_table,
-)
 from mapmore_cli.reporting.score_tables import curve_scores_table, score_table, search_table
 from mapmore_cli.reporting.table import Cell, Column, Columns, Table
 
@@ -41,8 +32,8 @@ def all_tables(inputs: ReportInputs) -> tuple[Table, ...]:
         recordings_table(inputs.dataset),
         levels_table(inputs.dataset, None if inputs.over_time or inputs.has_memory else inputs.in_curve.name),
         curve_scores_table(scores, units),
-        error_parts_table(inputs),
-        starts_table(inputs),
+        memory_tables.error_parts_table(inputs),
+        memory_tables.starts_table(inputs),
         bands_table(bands(inputs.dataset, inputs.validation.predictions), unit),
         segments_table(inputs),
         terms_table(inputs.fit),
@@ -52,10 +43,15 @@ def all_tables(inputs: ReportInputs) -> tuple[Table, ...]:
     ]
     found += [] if inputs.search is None else [search_table(inputs.search)]
     found.append(folds_table(pieces.cross_validation if pieces else (), unit))
-    found += [sections_table(inputs.motions, unit), waveforms_table(inputs)] if inputs.motions else []
+    found += [memory_tables.sections_table(inputs.motions, unit), memory_tables.waveforms_table(inputs)] if inputs.motions else []
     found += inputs.published_tables
     if memory is not None:
-        found += [states_table(memory.model.states), substitutes_table(memory), sizes_table(memory), identified_table(memory)]
+        found += [
+            memory_tables.states_table(memory.model.states),
+            memory_tables.substitutes_table(memory),
+            memory_tables.sizes_table(memory),
+            memory_tables.identified_table(memory),
+        ]
     return tuple(found)
 
 
