@@ -11,17 +11,7 @@ from collections.abc import Sequence
 
 from mapmore_cli.domain.foreign import docstring, identifiers
 from mapmore_cli.domain.models import Model
-from mapmore_cli.exporting.dialect import (
-    NUMPY,
-    PYTHON,
-    SCALAR,
-    Expressions,
-    Statements,
-    identifier,
-    names_of_inputs,
-    renamed,
-    rendered,
-)
+from mapmore_cli.exporting.dialect import NUMPY, PYTHON, SCALAR, Expressions, Statements, identifier, names_of_inputs, renamed, rendered
 from mapmore_cli.modelling.kinds import OUTSIDE_TOLERANCE
 from mapmore_cli.modelling.program.model import program_of, with_slopes
 from mapmore_cli.modelling.program.statements import Choose, Let, Limit

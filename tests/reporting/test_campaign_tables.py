@@ -11,14 +11,7 @@ from hypothesis import strategies as st
 from report_builder import Page
 
 from mapmore_cli.domain.scores import REPEATABILITY, Published, Score
-from mapmore_cli.reporting.campaign import (
-    CampaignScores,
-    campaign_tables,
-    hindsight_table,
-    nrmse_table,
-    order_table,
-    published_table,
-)
+from mapmore_cli.reporting.campaign import CampaignScores, campaign_tables, hindsight_table, nrmse_table, order_table, published_table
 from mapmore_cli.reporting.figures.commands import campaign_figures
 from mapmore_cli.reporting.figures.drawing import compose
 from mapmore_cli.reporting.report import render_campaign
