@@ -1,6 +1,6 @@
 """A model in C: header, source and a small program; without memory its derivatives too, and the input for a wanted output.
 
-The inverse is that of `modelling.inverse`, in the same steps.
+The inverse is that of `modelling.inverse`, in the same steps. MuJoCo and Simulink call the C by wrappers.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from mapmore_cli.domain.foreign import c_comment
 from mapmore_cli.domain.models import Model
 from mapmore_cli.exporting.dialect import DOUBLE, SINGLE, Dialect, Expressions, Statements, identifier, names_of_inputs, renamed, rendered
 from mapmore_cli.modelling.inverse import BISECTIONS, FLAT, NONE, ONE, REACHED, SAME, SEVERAL, SPLITS, STEEP, knots, parts_between
-from mapmore_cli.modelling.kinds import OUTSIDE_TOLERANCE
+from mapmore_cli.modelling.kinds import OUTSIDE_TOLERANCE, runs_over_time
 from mapmore_cli.modelling.program.model import program_of, with_slopes
 from mapmore_cli.modelling.program.statements import Choose, Function, Limit, Program
 from mapmore_cli.modelling.program.writing import names_in
@@ -33,44 +33,32 @@ COARSER = 1000.0
 """Times wider limits of the inverse in single precision."""
 
 
-@dataclass(frozen=True)
-class CSource:
-    """The files of a model in C, by name, and what its functions begin with."""
-
-    name: str
-    files: dict[str, str]
-
-
 def c_source(model: Model, single: bool = False) -> CSource:
-    """Return header, source and a small program to try the model with; in single precision if so wished.
-
-    For a model without memory a second header and source have its derivatives and its inverse. Raises as `source_of`.
-    """
-    source = source_of(model, single)
-    name = source.name
-    files = {f"{name}.h": source.header(), f"{name}.c": source.source(), f"{name}_main.c": source.program()}
-    return CSource(name, files if source.with_memory else files | source.inverse())
-
-
-def source_of(model: Model, single: bool = False) -> Source:
-    """Return the model as the text of its files, in single precision or not.
+    """Return a model in C, in single precision if so wished.
 
     Raises UsageError where the model's name has nothing that C allows, or it has too many inputs; DataError where a part of it is no
     closed expression.
     """
     if len(model.inputs) > MOST_INPUTS:
         raise UsageError(f"{model.name} has {len(model.inputs)} inputs; one bit each leaves room for {MOST_INPUTS}", "export its parts")
-    return Source(model, program_of(model), identifier(model.name), single)
+    return CSource(model, program_of(model), identifier(model.name), single)
 
 
 @dataclass(frozen=True)
-class Source:
+class CSource:
     """A model as the text of its files; `code` is the model itself, or with its derivatives."""
 
     model: Model
     code: Program
     name: str
     single: bool
+
+    @cached_property
+    def files(self) -> dict[str, str]:
+        """Header, source and a small program to try the model with, by name; without memory also its derivatives and its inverse."""
+        name = self.name
+        files = {f"{name}.h": self.header(), f"{name}.c": self.source(), f"{name}_main.c": self.program()}
+        return files if self.with_memory else files | self.inverse()
 
     @property
     def with_memory(self) -> bool:
@@ -260,3 +248,35 @@ class CStatements(Statements):
 def indented(lines: Sequence[str]) -> list[str]:
     """Lines one step to the right."""
     return [f"    {line}" if line else line for line in lines]
+
+
+# Around the C of a model: an actuator of MuJoCo, and a function for Simulink's C Caller -------------------------------------------------
+
+
+def mujoco_files(model: Model) -> dict[str, str]:
+    """Return the C of a model of pressure and strain, and a callback that MuJoCo asks for the force of an actuator.
+
+    Raises UsageError for a model with other inputs, or with memory.
+    """
+    inputs = {quantity.name: quantity.unit for quantity in model.inputs}
+    if runs_over_time(model) or set(inputs) != {"pressure", "strain"} or model.output.name != "force":
+        raise UsageError("an actuator of MuJoCo is a force by pressure and strain", "export this model as py, and call it in a callback")
+    if (inputs["strain"], model.output.unit) != ("1", "N"):
+        raise UsageError("MuJoCo counts in m and N", "run the study with `units: {strain: 1, force: N}`")
+    source = c_source(model)
+    text = rendered("mujoco.c", name=source.name, prefix=source.name.upper(), pressure=inputs["pressure"])
+    return {**source.files, f"{source.name}_mujoco.c": text}
+
+
+def simulink_files(model: Model) -> dict[str, str]:
+    """Return the C of a model, and a function of single numbers that a C Caller block calls.
+
+    Raises UsageError for a model with memory: a C Caller block keeps no state.
+    """
+    if runs_over_time(model):
+        raise UsageError("a C Caller block keeps no state, and this model has memory", "export it as fmu, which Simulink imports")
+    source = c_source(model)
+    names = names_of_inputs(model.inputs, [source.name])
+    words = {"name": source.name, "prefix": source.name.upper(), "model": model, "output": identifier(model.output.name)}
+    words |= {"parameters": ", ".join(f"double {name}" for name in names.values()), "names": ", ".join(names.values())}
+    return {**source.files, **{f"{source.name}_simulink.{end}": rendered(f"simulink.{end}", **words) for end in "hc"}}

@@ -168,21 +168,18 @@ class Statements(ABC):
         for statement in statements:
             match statement:
                 case Let(name, value):
-                    text = expressions.text(value)
-                    lines.append(self.dialect.constant(name, text))
+                    lines.append(self.dialect.constant(name, expressions.text(value)))
                 case Use(names, function, arguments):
-                    given = [expressions.text(one) for one in arguments]
-                    lines.extend(self._used(names, function, given))
+                    lines.extend(self._used(names, function, [expressions.text(one) for one in arguments]))
                 case Choose():
                     self._chosen(statement, expressions)
                 case Recall(name, queue, steps):
                     lines.append(self.dialect.constant(name, self._recalled(queue, steps)))
                 case Keep(kept, value):
-                    text = expressions.text(value)
-                    lines.append(self._kept(f"{self.state}{kept}", text))
+                    lines.append(self._kept(f"{self.state}{kept}", expressions.text(value)))
                 case Queue(queue, value):
-                    text = expressions.text(value)
-                    lines.extend(self._queued(f"{self.state}{queue}", text, self.program.kept.queues[queue]))
+                    size = self.program.kept.queues[queue]
+                    lines.extend(self._queued(f"{self.state}{queue}", expressions.text(value), size))
 
     @abstractmethod
     def _used(self, names: Sequence[str], function: str, arguments: Sequence[str]) -> list[str]: ...

@@ -10,7 +10,7 @@ from uuid import UUID
 from mapmore_cli.domain.foreign import identifiers
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import BaseUnits, Quantity
-from mapmore_cli.exporting.c_source import Source, source_of
+from mapmore_cli.exporting.c_source import CSource, c_source
 from mapmore_cli.exporting.dialect import rendered, source
 
 WRAPPER = ("co-simulation.h", "co-simulation.c")
@@ -32,9 +32,9 @@ class UnitSources:
 def fmu_sources(model: Model, units: Mapping[str, BaseUnits], tool: str) -> UnitSources:
     """Return the texts of a unit; `units` says what is known of the units of the model, `tool` with which version of what it is made.
 
-    Raises as `c_source.source_of`.
+    Raises as `c_source.c_source`.
     """
-    written = source_of(model)
+    written = c_source(model)
     name, compiled = written.name, (f"{written.name}.c", WRAPPER[1])
     texts = {f"{name}.h": written.header(), f"{name}.c": written.source(), **{one: source(one) for one in WRAPPER}}
     about = repr([model.name, model.inputs, model.output, tool, *texts.values()])
@@ -48,7 +48,7 @@ def fmu_sources(model: Model, units: Mapping[str, BaseUnits], tool: str) -> Unit
     return UnitSources(name, {"modelDescription.xml": description, **sources}, compiled)
 
 
-def _about(written: Source) -> str:
+def _about(written: CSource) -> str:
     step = written.code.step
     if step is None:
         return "The output answers to the present inputs"
@@ -64,7 +64,7 @@ def _powers(base: BaseUnits | None) -> dict[str, float] | None:
     return {**base.powers, **{name: value for name, value, default in scale if value != default}}
 
 
-def _variables(written: Source) -> Iterator[dict[str, object]]:
+def _variables(written: CSource) -> Iterator[dict[str, object]]:
     """Yield inputs, the measured output that the model goes on from, the output, and the bits."""
     model, memory = written.model, written.with_memory
     measured = [Quantity(f"{name}_measured", model.output.unit) for name in written.code.kept.fed_back]
@@ -76,7 +76,8 @@ def _variables(written: Source) -> Iterator[dict[str, object]]:
     summed = f"0, or the sum of {bits} outside of its training range{nothing}"
     told = "Measured output, which the model goes on from; counts as long as there is no value"
     rows: list[tuple[Quantity, str, str, str, float | None]]
-    rows = [(one, "input", changes, told if one in measured else _range(written, one), _start(written, one)) for one in given]
+    described = [(one, *_described(written, one)) for one in given]
+    rows = [(one, "input", changes, told if one in measured else about, start) for one, about, start in described]
     rows += [(model.output, "output", changes, "The model's value", None), (Quantity(BITS, ""), "output", "discrete", summed, None)]
     for name, (quantity, causality, variability, about, start) in zip(names, rows, strict=True):
         text = about if name == quantity.name else f"{quantity.name}. {about}"
@@ -84,16 +85,10 @@ def _variables(written: Source) -> Iterator[dict[str, object]]:
         yield {"name": name, "about": text, "causality": causality, "variability": variability, "unit": unit, "start": start}
 
 
-def _range(written: Source, quantity: Quantity) -> str:
+def _described(written: CSource, quantity: Quantity) -> tuple[str, float]:
+    """Return what is said of an input, and its start: zero, or the end of its training range nearest to it, at the lowest level."""
     for limit in written.code.limits:
         if limit.inputs == {quantity.name}:
-            return f"Trained from {min(limit.low):.6g} to {max(limit.high):.6g} {quantity.unit}"
-    return "An input"
-
-
-def _start(written: Source, quantity: Quantity) -> float:
-    """Zero, or the end of the training range that is nearest to it, at the lowest level."""
-    for limit in written.code.limits:
-        if limit.inputs == {quantity.name}:
-            return float(min(max(0.0, limit.low[0]), limit.high[0]))
-    return 0.0
+            about = f"Trained from {min(limit.low):.6g} to {max(limit.high):.6g} {quantity.unit}"
+            return about, float(min(max(0.0, limit.low[0]), limit.high[0]))
+    return "An input", 0.0

@@ -11,44 +11,23 @@ from collections.abc import Sequence
 
 from mapmore_cli.domain.foreign import docstring, identifiers
 from mapmore_cli.domain.models import Model
-from mapmore_cli.exporting.dialect import (
-    NUMPY,
-    PYTHON,
-    SCALAR,
-    Dialect,
-    Expressions,
-    Statements,
-    identifier,
-    names_of_inputs,
-    renamed,
-    rendered,
-)
+from mapmore_cli.exporting.dialect import NUMPY, PYTHON, SCALAR, Expressions, Statements, identifier, names_of_inputs, renamed, rendered
 from mapmore_cli.modelling.kinds import OUTSIDE_TOLERANCE
 from mapmore_cli.modelling.program.model import program_of, with_slopes
 from mapmore_cli.modelling.program.statements import Choose, Let, Limit
 from mapmore_cli.modelling.program.values import INPUT
 
 
-def numpy_module(model: Model) -> tuple[str, str]:
-    """Return name and text of the module.
+def python_module(model: Model, plain: bool = False) -> tuple[str, str]:
+    """Return name and text of the module, of NumPy or of `plain` Python.
+
+    It has `evaluate` of all inputs, with memory `State` and `step` of a state and the inputs, and `outside_range`. Plain ones have the same
+    by the name of the output as well, without memory `derivatives`, and `reset`, which makes a new state.
 
     Raises UsageError where the model's name has nothing that a module may be called; DataError where a part of the model is no closed
     expression.
     """
-    return _module(model, NUMPY)
-
-
-def plain_module(model: Model) -> tuple[str, str]:
-    """Return name and text of the file.
-
-    It has `evaluate(inputs)` (with memory: `State` and `step(state, inputs)`), the same by the name of the output, `outside_range`, for
-    a model without memory `derivatives`, and `reset`, which makes a new state. Raises as `numpy_module`.
-    """
-    return _module(model, SCALAR)
-
-
-def _module(model: Model, dialect: Dialect) -> tuple[str, str]:
-    name, code, plain = identifier(model.name), program_of(model), dialect is SCALAR
+    name, code, dialect = identifier(model.name), program_of(model), SCALAR if plain else NUMPY
     stem = f"model_{name}" if name in sys.stdlib_module_names else name  # NumPy would import it for Python's own
     functions = [function.name for function in code.functions]
     names = names_of_inputs(model.inputs, functions)

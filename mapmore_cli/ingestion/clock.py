@@ -12,18 +12,7 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.ingestion.files import Log, Meter, Source
 from mapmore_cli.ingestion.samples import Samples, read_tables, without_missing
-from mapmore_cli.modelling.signals.sampling import (
-    align,
-    average_repeated,
-    find_gaps,
-    find_repeats,
-    find_resets,
-    longest_ascent,
-    pieces,
-    resample,
-    spread_repeated,
-    typical_step,
-)
+from mapmore_cli.modelling.signals import sampling
 from mapmore_cli.modelling.signals.shift import find_shift
 from mapmore_cli.spec.sections.data import Data
 from mapmore_cli.spec.sections.logs import Join
@@ -57,16 +46,16 @@ def clocked(samples: Samples, data: Data, units: Mapping[str, str]) -> list[Samp
 def without_glitches(samples: Samples, rule: str) -> Samples:
     """Leave out the fewest samples without which the stamps never decrease, where the spec says `drop`; where many would go, none."""
     time = samples.columns["time"]
-    if rule != "drop" or not len(find_resets(time)):
+    if rule != "drop" or not len(sampling.find_resets(time)):
         return samples
-    kept = longest_ascent(time)
+    kept = sampling.longest_ascent(time)
     return samples.keep(kept, "glitch of the clock") if np.mean(~kept) <= MOST_GLITCHES else samples
 
 
 def in_time_order(samples: Samples, repeated: str) -> Samples:
     """Refuse time that runs backwards, and treat stamps that repeat as the spec says."""
     time = samples.columns["time"]
-    resets = find_resets(time)
+    resets = sampling.find_resets(time)
     if len(resets):
         at = int(resets[0]) + 1
         raise DataError(
@@ -74,7 +63,7 @@ def in_time_order(samples: Samples, repeated: str) -> Samples:
             "Sort the file by time; where single stamps are wrong, `glitches: drop` leaves them out; where the clock was set back, "
             "`gaps: {longer_than: ..., action: split}` splits the recording.",
         )
-    repeats = find_repeats(time)
+    repeats = sampling.find_repeats(time)
     if not len(repeats):
         return samples
     if repeated == "error":
@@ -82,27 +71,27 @@ def in_time_order(samples: Samples, repeated: str) -> Samples:
         what = f"{samples.at(at)}: the time {time[at]:.9g} stands twice ({len(repeats)} stamps repeat)"
         raise DataError(what, "Set `repeated_time: average` or `repeated_time: spread`.")
     if repeated == "spread":
-        return samples.with_columns({"time": spread_repeated(time)})
+        return samples.with_columns({"time": sampling.spread_repeated(time)})
     first = np.concatenate([[True], np.diff(time) > 0])
-    _, averaged = average_repeated(time, samples.columns)
+    _, averaged = sampling.average_repeated(time, samples.columns)
     return samples.keep(first, "repeated time").with_columns({**averaged, "time": time[first]})
 
 
 def _cut_at_resets(samples: Samples, unit: str) -> list[Samples]:
     time = samples.columns["time"]
-    resets = find_resets(time)
+    resets = sampling.find_resets(time)
     if not len(resets):
         return [samples]
     at = int(resets[0]) + 1
     again = f", and {len(resets) - 1} times more" if len(resets) > 1 else ""
     note = f"{samples.at(at)}: the clock was set back, from {time[at - 1]:.9g} to {time[at]:.9g} {unit}{again}: split"
-    return replace(samples, notes=(*samples.notes, note)).cut(pieces(samples.size, resets))
+    return replace(samples, notes=(*samples.notes, note)).cut(sampling.pieces(samples.size, resets))
 
 
 def _at_gaps(samples: Samples, data: Data, unit: str) -> list[Samples]:
     time = samples.columns["time"]
-    limit = CONSPICUOUS * typical_step(time) if data.gaps is None else convert(data.gaps.longer_than, "s", unit)
-    gaps = find_gaps(time, limit)
+    limit = CONSPICUOUS * sampling.typical_step(time) if data.gaps is None else convert(data.gaps.longer_than, "s", unit)
+    gaps = sampling.find_gaps(time, limit)
     if not len(gaps):
         return [samples]
     longest = int(np.argmax(gaps.lengths))
@@ -115,7 +104,7 @@ def _at_gaps(samples: Samples, data: Data, unit: str) -> list[Samples]:
         return [replace(samples, doubts=(*samples.doubts, f"{found}; say in `gaps` what to do about it"))]
     if data.gaps.action == "error":
         raise DataError(found, "Say `gaps: {longer_than: ..., action: split}` to make a recording of each piece, or raise `longer_than`.")
-    return replace(samples, notes=(*samples.notes, f"{found}: split")).cut(pieces(samples.size, gaps.after))
+    return replace(samples, notes=(*samples.notes, f"{found}: split")).cut(sampling.pieces(samples.size, gaps.after))
 
 
 def _resampled(samples: Samples, step: float) -> Samples:
@@ -127,7 +116,7 @@ def _resampled(samples: Samples, step: float) -> Samples:
             f"{samples.label}: `resample` would make {wanted:.3g} samples of {samples.size}",
             f"write a longer time step; {np.ptp(time) / samples.size:.3g} would keep the number of samples",
         )
-    stamps, columns = resample(time, samples.columns, step)
+    stamps, columns = sampling.resample(time, samples.columns, step)
     rows = samples.rows[(np.searchsorted(time, stamps, side="right") - 1).clip(0)]
     if len(stamps):
         return replace(samples, rows=rows, columns={**columns, "time": stamps}, merged=samples.size - len(stamps))
@@ -173,7 +162,7 @@ def _by_time(first: Samples, second: Samples, join: Join, units: Mapping[str, st
     shift, note = (convert(join.shift, "s", units["time"]), "") if join.shift != "auto" else _found_shift(first, second, join, units)
     max_gap = None if join.max_gap is None else convert(join.max_gap, "s", units["time"])
     stamps, time = first.columns["time"], second.columns["time"] + shift
-    columns = {name: align(stamps, time, second.columns[name], max_gap) for name in join.quantities}
+    columns = {name: sampling.align(stamps, time, second.columns[name], max_gap) for name in join.quantities}
     if np.isnan(columns[join.quantities[0]]).all():
         raise DataError(
             f"{second.label}: no sample at the time of {first.label}: with its shift it runs from {time[0]:g} to {time[-1]:g} "

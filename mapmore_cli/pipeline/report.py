@@ -122,7 +122,6 @@ def collected(part: Slice, run_dir: Path, spec_text: str = "") -> ReportInputs:
     return ReportInputs(
         name=part.name,
         muscle={key: word for key, word in muscle.items() if word is not None},
-        target=dataset.quantities[dataset.target],
         dataset=dataset,
         segmentation=files.segmentation(),
         fit=files.fit(),
@@ -133,13 +132,10 @@ def collected(part: Slice, run_dir: Path, spec_text: str = "") -> ReportInputs:
         published=published.numbers if published else None,
         spec_text=spec_text,
         provenance=tool_versions(),
-        warnings=validation.warnings,
         unconfirmed=part.unconfirmed,
         notes=(
             *([LEFT_OUT.format(part.left_out)] if part.left_out else []),
             *([f"The model predicts {model.output.name}; it is inverted, and scored as {turned}."] if turned is not None else []),
-            *dataset.notes,
-            *model.notes,
         ),
         style=FigureStyle(style.width / METRES_PER_INCH, style.font, style.size, style.labels, tuple(style.palette)),
     )
@@ -182,7 +178,7 @@ def drawn_figure(
     Raises DataError where the folder holds no finished run; UsageError where there is no such panel or model (the message names those that
     there are), or `looks` are about anything else.
     """
-    from mapmore_cli.reporting.figures.drawing import WRITERS, alone, compose, drawings, panel_of
+    from mapmore_cli.reporting.figures.drawing import WRITERS, compose, drawings, panel_of
     from mapmore_cli.reporting.figures.style import figure_style
     from mapmore_cli.reporting.report import data_csv
     from mapmore_cli.spec.loader import load
@@ -196,15 +192,11 @@ def drawn_figure(
         warn(warning)
     inputs = inputs.beside(models) if models else inputs
     with figure_style(inputs.style):
-        if key is None:
-            drawing, numbers = next(iter(drawings(name, inputs)), None), None
-            if drawing is None:
-                raise UsageError(f"{run_dir}: has nothing to draw as {name!r}", "choose another figure")
-            figure = compose(drawing, inputs.style)
-        else:
-            drawing, panel = panel_of(name, inputs, key)
-            figure, numbers = alone(drawing, panel, inputs.style), data_csv(panel.data)
-        return WRITERS[suffix](figure, drawing.name, drawing.alt), numbers
+        drawing, panel = (next(iter(drawings(name, inputs)), None), None) if key is None else panel_of(name, inputs, key)
+        if drawing is None:
+            raise UsageError(f"{run_dir}: has nothing to draw as {name!r}", "choose another figure")
+        written = WRITERS[suffix](compose(drawing, inputs.style, panel), drawing.name, drawing.alt)
+        return written, None if panel is None else data_csv(panel.data)
 
 
 def _in_units(model: Model, units: Mapping[str, str]) -> dict[str, tuple[Equation, ...]]:

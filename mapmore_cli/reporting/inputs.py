@@ -68,7 +68,6 @@ class ReportInputs:
     """Everything that the report shows; no number is computed from it that is not a summary of what is here.
 
     - `muscle`: labels of the muscle as the spec gives them (`name`, `kind`, `length`, ...), ready to print.
-    - `target`: what is modelled, with the unit of every prediction and error.
     - `spec_text`: the resolved spec.
     - `provenance`: versions, hashes and the like, in the order in which to print them.
     - `other_equations`: the equations in other units, by the words that name these.
@@ -81,7 +80,6 @@ class ReportInputs:
 
     name: str
     muscle: Mapping[str, str]
-    target: Quantity
     dataset: Dataset
     segmentation: tuple[SegmentedCurve, ...]
     fit: FitResult
@@ -92,13 +90,17 @@ class ReportInputs:
     spec_text: str
     provenance: Mapping[str, str]
     notes: tuple[str, ...] = ()
-    warnings: tuple[str, ...] = ()
     other_equations: Mapping[str, tuple[Equation, ...]] = field(default_factory=dict)
     style: FigureStyle = field(default_factory=FigureStyle)
     published_tables: tuple[Table, ...] = ()
     unconfirmed: tuple[str, ...] = ()
     asked: frozenset[str] = frozenset()
     search: Search | None = None
+
+    @property
+    def target(self) -> Quantity:
+        """What is modelled, with the unit of every prediction and error."""
+        return self.dataset.quantities[self.dataset.target]
 
     def axis_label(self, quantity: Quantity, prefix: str = "") -> str:
         """Return what stands at an axis."""
@@ -230,7 +232,7 @@ class ReportInputs:
     @property
     def all_notes(self) -> tuple[str, ...]:
         """Notes of the run and of every stage, each once."""
-        return tuple(dict.fromkeys((*self.notes, *self.dataset.notes, *self.fit.notes, *self.model.notes)))
+        return tuple(dict.fromkeys((*self.notes, *self.dataset.notes, *self.model.notes, *self.fit.notes)))
 
     def ids_of(self, words: str) -> frozenset[str]:
         """Ids of the curve or the recordings that a user calls so: by id, level (`250`, `250 kPa`), or the log that was cut into pieces."""

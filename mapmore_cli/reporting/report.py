@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from mapmore_cli.domain.scores import FIGURES
-from mapmore_cli.reporting.figures.drawing import SVG_PROLOGUE, WRITERS, Drawing, Panel, RenderedFigure, Values, alone, drawings, rendered
+from mapmore_cli.reporting.figures.drawing import SVG_PROLOGUE, WRITERS, Drawing, Panel, RenderedFigure, Values, compose, drawings, rendered
 from mapmore_cli.reporting.figures.style import figure_style
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.score_tables import verdict
@@ -105,7 +105,7 @@ def _write_panels(panels: Sequence[tuple[Drawing, Panel]], folder: Path, formats
     for stem, (drawing, panel) in zip(_stems(panels), panels, strict=True):
         _write(folder / f"{stem}.csv", data_csv(panel.data))
         with figure_style(inputs.style):
-            figure = alone(drawing, panel, inputs.style)
+            figure = compose(drawing, inputs.style, panel)
             for suffix, written in WRITERS.items():
                 if suffix in formats:
                     (folder / f"{stem}.{suffix}").write_bytes(written(figure, stem, drawing.alt))
@@ -126,19 +126,8 @@ def _stems(panels: Sequence[tuple[Drawing, Panel]]) -> Iterator[str]:
 
 def data_csv(data: Mapping[str, Values]) -> str:
     """Return what a panel was drawn from, a column for each heading; 12 significant digits, an empty field where there is no number."""
-    return csv_text(data, zip(*map(_texts, data.values()), strict=True))
-
-
-def _texts(values: Values) -> list[str]:
-    """Return the cells of a column, as `number_text` writes them: a panel may have a million."""
-    cells = values if isinstance(values, Sequence) else values.tolist()
-    kinds = {type(cell) for cell in cells}
-    if kinds == {float}:
-        return ["" if cell != cell else f"{cell:.12g}" for cell in cells]  # NaN differs from itself
-    if kinds == {str}:
-        known = {word: number_text(word) for word in set(cells)}
-        return [known[word] for word in cells]
-    return [number_text(cell) for cell in cells]
+    columns = (values if isinstance(values, Sequence) else values.tolist() for values in data.values())
+    return csv_text(data, zip(*(map(number_text, cells) for cells in columns), strict=True))
 
 
 def _write(path: Path, text: str) -> None:

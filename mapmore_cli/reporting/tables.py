@@ -7,9 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.special import stdtrit
 
-from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.fits import FormulaFit, SegmentFit
 from mapmore_cli.domain.models import Equation, FoldError
 from mapmore_cli.domain.recording import Dataset
@@ -18,17 +16,8 @@ from mapmore_cli.modelling.literature.identifiability import half_width
 from mapmore_cli.modelling.literature.own import units_of_parameters
 from mapmore_cli.modelling.validation.metrics import Band, bands
 from mapmore_cli.modelling.validation.repeatability import floors
+from mapmore_cli.reporting import memory_tables
 from mapmore_cli.reporting.inputs import ReportInputs
-from mapmore_cli.reporting.memory_tables import (
-    error_parts_table,
-    identified_table,
-    sections_table,
-    sizes_table,
-    starts_table,
-    states_table,
-    substitutes_table,
-    waveforms_table,
-)
 from mapmore_cli.reporting.score_tables import curve_scores_table, score_table, search_table
 from mapmore_cli.reporting.table import Cell, Column, Columns, Table
 
@@ -43,8 +32,8 @@ def all_tables(inputs: ReportInputs) -> tuple[Table, ...]:
         recordings_table(inputs.dataset),
         levels_table(inputs.dataset, None if inputs.over_time or inputs.has_memory else inputs.in_curve.name),
         curve_scores_table(scores, units),
-        error_parts_table(inputs),
-        starts_table(inputs),
+        memory_tables.error_parts_table(inputs),
+        memory_tables.starts_table(inputs),
         bands_table(bands(inputs.dataset, inputs.validation.predictions), unit),
         segments_table(inputs),
         terms_table(inputs.fit),
@@ -54,10 +43,15 @@ def all_tables(inputs: ReportInputs) -> tuple[Table, ...]:
     ]
     found += [] if inputs.search is None else [search_table(inputs.search)]
     found.append(folds_table(pieces.cross_validation if pieces else (), unit))
-    found += [sections_table(inputs.motions, unit), waveforms_table(inputs)] if inputs.motions else []
+    found += [memory_tables.sections_table(inputs.motions, unit), memory_tables.waveforms_table(inputs)] if inputs.motions else []
     found += inputs.published_tables
     if memory is not None:
-        found += [states_table(memory.model.states), substitutes_table(memory), sizes_table(memory), identified_table(memory)]
+        found += [
+            memory_tables.states_table(memory.model.states),
+            memory_tables.substitutes_table(memory),
+            memory_tables.sizes_table(memory),
+            memory_tables.identified_table(memory),
+        ]
     return tuple(found)
 
 
@@ -115,7 +109,6 @@ def _single_valued(dataset: Dataset, along: str | None) -> list[float]:
     return floors(*([curve.columns[name] for curve in dataset.curves] for name in (along, dataset.target)))
 
 
-CONFIDENCE = 0.95
 SAME = 1e-9
 """Relative difference between the sums of squares of two fits that are taken for one model."""
 INDEPENDENCE_CAVEAT = (
@@ -165,12 +158,6 @@ def _term_rows(segment: SegmentFit) -> Iterator[tuple[Cell, ...]]:
         yield segment.id, step + 1, term, *shares, int(chosen.tied[step]) or None, stop
 
 
-def interval_half_width(theta_error: Array, freedom: int) -> Array:
-    """Half width `t(0.975; n-k) s(theta)` of the 95 % confidence intervals `(k,)`; NaN where no degree of freedom is left."""
-    quantile = float(stdtrit(freedom, 0.5 + CONFIDENCE / 2)) if freedom > 0 else math.nan
-    return quantile * np.asarray(theta_error, dtype=float)
-
-
 def coefficients_table(inputs: ReportInputs) -> Table:
     """Coefficients of every segment with 95 % confidence intervals, in scaled coordinates and in the target's unit."""
     unit = inputs.target.unit
@@ -178,8 +165,8 @@ def coefficients_table(inputs: ReportInputs) -> Table:
     rows: list[tuple[Cell, ...]] = []
     for segment in inputs.fit.pieces:
         chosen, slope = segment.selection, segment.scaling.y_slope
-        half = interval_half_width(chosen.theta_error, chosen.samples - len(chosen.theta))
-        for term, theta, width in zip(segment.terms, chosen.theta.tolist(), half.tolist(), strict=True):
+        for term, theta, error in zip(segment.terms, chosen.theta.tolist(), chosen.theta_error.tolist(), strict=True):
+            width = half_width(error, chosen.samples - len(chosen.theta))
             rows.append((segment.id, term, theta, width, theta - width, theta + width, theta * slope, width * abs(slope)))
     return Table.of("coefficients", "Coefficients with 95 % confidence intervals", columns, rows, INDEPENDENCE_CAVEAT)
 
@@ -217,7 +204,7 @@ def _formula_rows(name: str, role: str, formula: FormulaFit) -> Iterator[tuple[C
         return
     units = units_of_parameters(formula)
     for key, value in formula.parameters.items():
-        reach = half_width(formula.errors.get(key, math.nan), formula.samples - formula.rank, CONFIDENCE)
+        reach = half_width(formula.errors.get(key, math.nan), formula.samples - formula.rank)
         number = (key, value, units.get(key), formula.errors.get(key), value - reach, value + reach)
         yield *head, *number, formula.method, formula.rank, formula.condition, formula.samples
 

@@ -9,11 +9,10 @@ from collections.abc import Callable
 from mapmore_cli import __version__
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.models import Model
-from mapmore_cli.exporting.c_source import c_source
+from mapmore_cli.exporting.c_source import c_source, mujoco_files, simulink_files
 from mapmore_cli.exporting.dialect import identifier
 from mapmore_cli.exporting.fmu import fmu_sources
-from mapmore_cli.exporting.python_module import numpy_module, plain_module
-from mapmore_cli.exporting.simulators import mujoco_files, simulink_files
+from mapmore_cli.exporting.python_module import python_module
 from mapmore_cli.exporting.table import table_files, tex_equations
 from mapmore_cli.exporting.verifying import CompilerMissing, library_place, shared_library, verify_c, verify_module, verify_unit
 from mapmore_cli.modelling.kinds import runs_over_time
@@ -54,7 +53,7 @@ def exported(
         case "tex":
             texts = dict([tex_equations(model)])
         case "py" | "numpy":
-            name, text = (plain_module if to == "py" else numpy_module)(model)
+            name, text = python_module(model, plain=to == "py")
             texts = {name: text}
             if verify:
                 verify_module(model, text, each=to == "py")

@@ -18,7 +18,7 @@ from timing import seconds
 
 from mapmore_cli.domain.models import Formula, Model
 from mapmore_cli.exporting.c_source import c_source
-from mapmore_cli.exporting.python_module import numpy_module
+from mapmore_cli.exporting.python_module import python_module
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.kinds import runs_over_time
 from mapmore_cli.storage.artefacts import read_model, read_validation
@@ -122,7 +122,7 @@ def in_c(model, folder):
 
 def in_numpy(model, folder):
     """Nanoseconds a sample of the NumPy module: one at a time, and many at once where it can."""
-    file, text = numpy_module(model)
+    file, text = python_module(model)
     (folder / file).write_text(text, encoding="utf-8")
     spec = importlib.util.spec_from_file_location(f"exported_{folder.name}", folder / file)
     module = importlib.util.module_from_spec(spec)

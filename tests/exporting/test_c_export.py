@@ -121,10 +121,6 @@ def test_the_header_has_names_and_units_in_the_order_of_the_inputs() -> None:
     assert "#define DMSP_20_IN_STRAIN 1 /* strain [1] */" in header
 
 
-def test_text_of_the_user_cannot_end_a_comment(tmp_path: Path) -> None:
-    compare(replace(pieces(), name="a*/b; #error"), tmp_path, 1000)
-
-
 def test_a_formula_that_is_no_expression_is_refused() -> None:
     with pytest.raises(DataError, match="no closed expression"):
         c_source(formula("sarosi_hysteresis_loss"))

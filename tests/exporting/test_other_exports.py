@@ -21,14 +21,14 @@ from scipy.io import loadmat
 import mapmore_cli as mm
 from mapmore_cli.domain.errors import DataError, UsageError
 from mapmore_cli.domain.models import Model
-from mapmore_cli.exporting.python_module import numpy_module
+from mapmore_cli.exporting.python_module import python_module
 from mapmore_cli.modelling.kinds import fed_back, outside_range, predict
 from mapmore_cli.modelling.program.model import slopes
 from mapmore_cli.study.exports import exported
 
 
 def imported(model: Model) -> SimpleNamespace:
-    _, text = numpy_module(model)
+    _, text = python_module(model)
     assert [line for line in text.splitlines() if "import" in line] == ["import numpy as np"]
     module: dict[str, Any] = {}
     exec(text, module)

@@ -187,10 +187,10 @@ def try_text(chance: random.Random, number: int, folder: Path) -> str:
 def _figure(title: str, label: str, entry: str, maths: bool) -> None:
     """Fault where a figure is no XML, or TeX obeys more of it than of one whose texts are plain."""
     from mapmore_cli.reporting.figures.drawing import to_pgf, to_svg
-    from mapmore_cli.reporting.figures.style import fonts_may_lack_glyphs, wrong_formula
+    from mapmore_cli.reporting.figures.style import figure_style, wrong_formula
 
-    ElementTree.fromstring(to_svg(_drawn(title, label, entry, False), "a", title))
-    with fonts_may_lack_glyphs():
+    with figure_style():
+        ElementTree.fromstring(to_svg(_drawn(title, label, entry, False), "a", title))
         source = to_pgf(_drawn(title, label, entry, maths and wrong_formula(label) is None))
     if strange := {*tex_commands(source)} - {*ESCAPED, *tex_of_figures(), *foreign._FORMULA_COMMANDS.split(), *",;: "}:
         raise Fault(f"TeX obeys {strange} in a figure")

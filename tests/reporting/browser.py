@@ -11,14 +11,14 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from test_reporting_page import EVERYTHING, Equation, Page, build, write_report
+from report_builder import Page, all_named
+from test_reporting_page import EVERYTHING, write_report
 
 OWNED = "owned"
 
@@ -52,10 +52,7 @@ def hostile(port: int) -> str:
 
 def write_page(folder: Path, name: str) -> Path:
     """A report in which everything has that name."""
-    inputs = build(name=name, rename=lambda text: text + name, competitors={name: lambda p, e: p * (2.5 - 10 * e)})
-    equations = (Equation(name, name, name),)
-    inputs = replace(inputs, muscle={"name": name}, equations=equations, spec_text=name, provenance={name: name}, notes=(name,))
-    write_report(replace(inputs, warnings=(name,)), folder, **EVERYTHING)
+    write_report(all_named(name), folder, **EVERYTHING)
     return folder / "index.html"
 
 

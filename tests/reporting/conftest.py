@@ -2,6 +2,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from report_builder import build, surface
 
 from mapmore_cli.domain.scores import Published
@@ -31,3 +33,8 @@ def failed() -> ReportInputs:
 def alone() -> ReportInputs:
     """One curve, nothing held out, no competitor."""
     return build(levels=[250], held_out=lambda _level, strain: np.zeros(len(strain), dtype=bool), competitors={})
+
+
+@pytest.fixture
+def ax() -> Axes:
+    return Figure().subplots()

@@ -4,20 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from html.parser import HTMLParser
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import Equation, Model
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity, Recording
 from mapmore_cli.domain.results import FitResult, Forecast, PiecesFit, Validation
-from mapmore_cli.domain.scores import Published, Score
+from mapmore_cli.domain.scores import FIGURES, Published, Score
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.pieces import build as pieces
 from mapmore_cli.modelling.pieces.recipe import Cuts, Fuse, Recipe
 from mapmore_cli.modelling.validation.metrics import divisor, score_rows
+from mapmore_cli.reporting.figures.drawing import compose, drawings
+from mapmore_cli.reporting.figures.style import figure_style
 from mapmore_cli.reporting.inputs import ReportInputs
+from mapmore_cli.reporting.table import Table
+from mapmore_cli.reporting.tables import all_tables
 
 QUANTITIES = {q.name: q for q in (Quantity("time", "s"), Quantity("pressure", "kPa"), Quantity("strain", "1"), Quantity("force", "N"))}
 FUSE = Fuse(transition="quadratic", extrapolation="continue")
@@ -59,7 +65,9 @@ def build(
     predictions |= {key: tuple(f(c.columns["pressure"], c.columns["strain"]) for c in curves) for key, f in competitors.items()}
     formulas = {key: _formula(key, failed=all(np.isnan(y).all() for y in predictions[key])) for key in competitors}
     scored = [key for key in predictions if key not in formulas or not formulas[key].failed]
-    validation = Validation(predictions, formulas, _scores(dataset, {key: predictions[key] for key in scored}), {"force": "N"})
+    scores = _scores(dataset, {key: predictions[key] for key in scored})
+    warnings = ("Curve pressure=80 has only four segments of 50 samples.",)
+    validation = Validation(predictions, formulas, scores, {"force": "N"}, warnings=warnings)
     equations = tuple(
         Equation(f.id, f"force = 123.4*((strain - 0.01)/0.05)^2 + 12 = {f.terms[0]}", r"F = 123.4 \left(\epsilon\right)^2")
         for f in fit.segments
@@ -67,7 +75,6 @@ def build(
     return ReportInputs(
         name=name,
         muscle={"name": "Festo DMSP-20-88N", "kind": "mckibben", "length": "88 mm"},
-        target=QUANTITIES["force"],
         dataset=dataset,
         segmentation=segmentation,
         fit=fit,
@@ -78,7 +85,20 @@ def build(
         spec_text="schema_version: 1\nname: dmsp-20-88-static\ntarget: static\n",
         provenance={"mapmore": "0.1.0", "numpy": "2.0", "sha256 of load_cycle_80.csv": "ab" * 32},
         notes=("Extrapolation: continue, the default of one-term fits.",),
-        warnings=("Curve pressure=80 has only four segments of 50 samples.",),
+    )
+
+
+def all_named(text: str) -> ReportInputs:
+    """A study in which whatever a user names or writes is this text."""
+    inputs = build(name=text, rename=lambda name: name + text, competitors={text: lambda p, e: p * (2.5 - 10 * e)})
+    return replace(
+        inputs,
+        muscle={"name": text},
+        equations=(Equation(text, text, "x"),),  # whose LaTeX is ours
+        spec_text=text,
+        provenance={text: text},
+        notes=(text,),
+        validation=replace(inputs.validation, warnings=(text,)),
     )
 
 
@@ -118,3 +138,50 @@ def _scores(dataset: Dataset, predictions: Mapping[str, Sequence[np.ndarray]]) -
 def of_pieces(model: Model, **changes: Any) -> Model:
     """The model with other pieces."""
     return replace(model, body=replace(model.body, **changes))
+
+
+def drawn(inputs: ReportInputs, *names: str) -> dict[str, Figure]:
+    """The figures of these names, of all where none is given."""
+    with figure_style():
+        return {drawing.name: compose(drawing) for name in names or FIGURES for drawing in drawings(name, inputs)}
+
+
+def legend_of(figure: Figure) -> list[str]:
+    return [label.get_text() for legend in figure.legends for label in legend.get_texts()]
+
+
+def tables_of(inputs: ReportInputs) -> dict[str, Table]:
+    return {table.name: table for table in all_tables(inputs)}
+
+
+VOID = {"meta", "wbr"}
+
+
+class Page(HTMLParser):
+    """Checks that tags are balanced, and collects what the tests look at."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.text = ""
+        self.feed(html)
+        self.close()
+        assert self.open == []
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.text += data
+
+    def named(self, tag: str) -> list[dict[str, str | None]]:
+        return [attrs for name, attrs in self.tags if name == tag]

@@ -8,8 +8,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 from matplotlib.backend_bases import RendererBase
-from matplotlib.figure import Figure
-from report_builder import build, of_pieces, surface
+from report_builder import build, legend_of, of_pieces, surface
 
 from mapmore_cli.domain.scores import FIGURES, REPEATABILITY
 from mapmore_cli.modelling.kinds import predict
@@ -48,8 +47,7 @@ class TestManyModels:
     def test_lines_are_drawn_of_the_best_in_the_order_of_the_table(self, crowd):
         assert crowd.lines == ("mapmore", *(f"near_{shift}" for shift in (6, 5, 4, 3, 2, 1)))
         fit = drawing(crowd, "fit")
-        labels = [label.get_text() for legend in compose(fit).legends for label in legend.get_texts()]
-        assert labels == ["measured", *crowd.lines]
+        assert legend_of(compose(fit)) == ["measured", *crowd.lines]
         assert "Of 10 models" in fit.caption
 
     def test_every_line_has_a_look_of_its_own(self, crowd):
@@ -146,11 +144,6 @@ def test_panels_are_of_one_size_and_their_labels_in_line(inputs):
 
 
 LEVELS = np.array([80.0, 150.0, 350.0])
-
-
-@pytest.fixture
-def ax():
-    return Figure().subplots()
 
 
 @pytest.fixture

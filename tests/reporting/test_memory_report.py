@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from report_builder import tables_of
 
 from mapmore_cli.domain.fits import SegmentedCurve
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity, Recording
@@ -56,7 +57,7 @@ def report_of(dictionary, *, ridge=0.0, scale=False, held=0.5, free_run=False):
     predictions = {name: tuple(one.values for one in found) for name, found in forecasts.items()}
     validation = Validation(predictions, {}, tuple(scores), {"motion": "mm"})
     result = FitResult(fit)
-    return ReportInputs("demo", {}, QUANTITIES["motion"], dataset, (), result, model, validation, (), None, "", {})
+    return ReportInputs("demo", {}, dataset, (), result, model, validation, (), None, "", {})
 
 
 @pytest.fixture(scope="module")
@@ -67,10 +68,6 @@ def fed_back():
 @pytest.fixture(scope="module")
 def driven():
     return report_of(["pressure", "slow(pressure, 0.1)", "play(pressure, 0.2)", "resonance(pressure)"], ridge=1e-3, scale=True)
-
-
-def table(inputs, name):
-    return next(table for table in all_tables(inputs) if table.name == name)
 
 
 def test_loops_are_drawn_in_the_order_of_time_over_what_drives_them(fed_back):
@@ -104,7 +101,7 @@ def test_free_run_stands_beside_one_step_where_they_differ(fed_back, driven):
 
 
 def test_the_states_tell_what_training_found(driven):
-    rows = {(row[0], row[1]): row[2:] for row in table(driven, "states").rows}
+    rows = {(row[0], row[1]): row[2:] for row in tables_of(driven)["states"].rows}
     training = driven.dataset.curves[0].columns["pressure"][driven.dataset.curves[0].training]
     assert rows["pressure", "training range, of which widths are parts"][:2] == (training.min(), training.max())
     frequency, damping = rows["pressure", "oscillator it drives"][2:]
@@ -114,7 +111,7 @@ def test_the_states_tell_what_training_found(driven):
 
 
 def test_every_term_has_its_best_substitute(driven):
-    rows = table(driven, "substitutes").rows
+    rows = tables_of(driven)["substitutes"].rows
     assert [row[0] for row in rows] == list(driven.fit.memory.model.terms)
     assert all(row[1] not in driven.fit.memory.model.terms for row in rows)
     assert all(row[2] >= 0 for row in rows)
@@ -130,8 +127,7 @@ def test_the_page_has_it_all(driven, fed_back):
 def test_the_error_of_every_number_of_terms_is_told():
     inputs = report_of(["motion[k-1]", "pressure[k-1]", "1"], free_run=True)
     fit = inputs.fit.memory
-    table = next(table for table in all_tables(inputs) if table.name == "sizes")
-    assert [row[0] for row in table.rows] == [1, 2]
-    assert [row[1] for row in table.rows] == fit.held_out.tolist()
+    assert tables_of(inputs)["sizes"].rows == tuple(enumerate(fit.held_out.tolist(), 1))
+    assert len(fit.held_out) == 2
     assert len(fit.model.terms) == int(np.argmin(fit.held_out)) + 1
-    assert [table for table in all_tables(report_of(["pressure"])) if table.name == "sizes" and table.rows] == []
+    assert tables_of(report_of(["pressure"]))["sizes"].rows == ()

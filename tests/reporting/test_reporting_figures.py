@@ -9,10 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from matplotlib.figure import Figure
-from report_builder import build, of_pieces
+from report_builder import build, drawn, legend_of, of_pieces
 
 from mapmore_cli.domain.recording import Quantity
-from mapmore_cli.domain.scores import FIGURES
+from mapmore_cli.reporting.figures import style
 from mapmore_cli.reporting.figures.data import draw_trace, traces
 from mapmore_cli.reporting.figures.drawing import compose, drawings
 from mapmore_cli.reporting.figures.error import draw_errors, model_errors
@@ -28,44 +28,22 @@ from mapmore_cli.reporting.figures.fit import (
 )
 from mapmore_cli.reporting.figures.nrmse import draw_nrmse, nrmse_bars
 from mapmore_cli.reporting.figures.segments import draw_segments, draw_weights, draw_zones, segment_curves
-from mapmore_cli.reporting.figures.style import (
-    MOST_ON_A_LINE,
-    OWN_STYLE,
-    STRETCHES,
-    band,
-    cloud,
-    draw_band,
-    envelope,
-    figure_style,
-    model_styles,
-    shortened,
-    spread,
-    two_lines,
-)
 from mapmore_cli.reporting.figures.terms import term_steps, whole_curves
 from mapmore_cli.reporting.inputs import FigureStyle
 from mapmore_cli.reporting.table import title_of
 
 
-@pytest.fixture
-def ax():
-    return Figure().subplots()
-
-
-def drawn(inputs, names=tuple(FIGURES)) -> dict[str, Figure]:
-    with figure_style():
-        return {drawing.name: compose(drawing) for name in names for drawing in drawings(name, inputs)}
-
-
-def texts(figure: Figure) -> list[str]:
-    return [label.get_text() for legend in figure.legends for label in legend.get_texts()]
+@pytest.fixture(scope="module")
+def every(inputs):
+    """All figures of a study."""
+    return drawn(inputs)
 
 
 class TestThinning:
     @settings(deadline=None)
     @given(arrays(float, st.integers(0, 400), elements=st.floats(-1e6, 1e6) | st.just(np.nan)), st.integers(2, 60))
     def test_few_points_no_peak_lost(self, y, limit):
-        rows = envelope(y, limit)
+        rows = style.envelope(y, limit)
         assert len(rows) <= max(limit, 2)
         assert (np.diff(rows) > 0).all()
         assert ((rows >= 0) & (rows < len(y))).all()
@@ -79,7 +57,7 @@ class TestThinning:
         random = np.random.default_rng(seed)
         x, y = random.normal(size=n), random.normal(size=n)
         y[random.random(n) < 0.1] = np.nan
-        rows = cloud(x, y, limit)
+        rows = style.cloud(x, y, limit)
         assert len(rows) <= limit
         assert (np.diff(rows) > 0).all()
         assert np.isfinite(y[rows]).all()
@@ -89,37 +67,37 @@ class TestThinning:
     def test_bands_are_means_and_ranges(self):
         x = np.sort(np.random.default_rng(3).uniform(0, 5, 20_000))
         y = np.tile([1.0, -1.0], 10_000)
-        line = band(x, y)
-        assert len(line.x) == STRETCHES
+        line = style.band(x, y)
+        assert len(line.x) == style.STRETCHES
         assert np.abs(line.mean).max() < 0.5
-        np.testing.assert_array_equal((line.low, line.high), (np.full(STRETCHES, -1), np.full(STRETCHES, 1)))
+        np.testing.assert_array_equal((line.low, line.high), (np.full(style.STRETCHES, -1), np.full(style.STRETCHES, 1)))
         assert not line.drawn_whole
 
     def test_a_band_has_no_points_where_there_are_no_samples(self):
         x = np.concatenate([np.linspace(0, 1, 2000), np.linspace(2, 3, 2000)])
-        line = band(x, np.where(x == x[5], np.nan, x))
+        line = style.band(x, np.where(x == x[5], np.nan, x))
         assert not ((line.x > 1.01) & (line.x < 1.99)).any()
         np.testing.assert_allclose(line.mean, line.x)
         assert (line.low <= line.mean).all()
         assert (line.mean <= line.high).all()
 
     def test_few_samples_are_drawn_as_they_are(self, ax):
-        x = np.linspace(0, 1, MOST_ON_A_LINE)
-        draw_band(ax, x, x**2, "black")
+        x = np.linspace(0, 1, style.MOST_ON_A_LINE)
+        style.draw_band(ax, x, x**2, "black")
         np.testing.assert_array_equal(ax.lines[0].get_ydata(), x**2)
         assert len(ax.collections) == 0
-        draw_band(ax, np.append(x, 1), np.append(x, 1), "black")
+        style.draw_band(ax, np.append(x, 1), np.append(x, 1), "black")
         assert len(ax.collections) == 1
 
     @given(st.integers(1, 500), st.integers(2, 20))
     def test_spread_has_both_ends(self, count, limit):
-        numbers = spread(count, limit)
+        numbers = style.spread(count, limit)
         assert len(numbers) == min(count, limit)
         assert (numbers[0], numbers[-1]) == (0, count - 1)
 
     @given(st.text(max_size=60), st.integers(5, 40))
     def test_shortened_names_keep_both_ends(self, text, length):
-        short = shortened(text, length)
+        short = style.shortened(text, length)
         assert len(short) <= length
         if len(text) > length:
             assert text.startswith(short.split("…")[0])
@@ -127,7 +105,7 @@ class TestThinning:
 
     @given(st.text(st.characters(exclude_characters="\n"), max_size=60), st.integers(4, 40))
     def test_two_lines_at_most_and_none_too_long(self, text, length):
-        lines = two_lines(text, length).split("\n")
+        lines = style.two_lines(text, length).split("\n")
         assert len(lines) <= 2
         assert all(len(line) <= length for line in lines)
 
@@ -145,35 +123,35 @@ class TestLabels:
         strain = replace(inputs, dataset=replace(inputs.dataset, level="strain"))
         assert strain.curve_label(replace(curve, level=0.0412088)) == "strain 0.04121"
 
-    def test_every_lowest_axis_and_every_first_one_names_its_unit(self, inputs):
-        for name, figure in drawn(inputs).items():
+    def test_every_lowest_axis_and_every_first_one_names_its_unit(self, every):
+        for name, figure in every.items():
             labels = [label for ax in figure.axes for label in (ax.get_xlabel(), ax.get_ylabel()) if label]
             assert labels, name
             assert all(label.endswith(")") and "(" in label for label in labels), (name, labels)
 
-    def test_no_letter_below_seven_points(self, inputs):
-        for name, figure in drawn(inputs).items():
+    def test_no_letter_below_seven_points(self, every):
+        for name, figure in every.items():
             figure.draw_without_rendering()
             sizes = [text.get_fontsize() for text in figure.findobj(mpl.text.Text) if text.get_text()]
             assert min(sizes) >= 7, name
 
-    def test_widths_are_those_of_journal_columns(self, inputs):
-        assert {round(figure.get_figwidth(), 2) for figure in drawn(inputs).values()} <= {3.5, 7.16}
+    def test_widths_are_those_of_journal_columns(self, every):
+        assert {round(figure.get_figwidth(), 2) for figure in every.values()} <= {3.5, 7.16}
 
 
 class TestStyles:
     def test_the_own_model_always_looks_the_same_and_no_two_models_do(self):
-        styles = model_styles(["mapmore", *"abcdef"])
-        assert styles["mapmore"] == model_styles(["mapmore"])["mapmore"]
-        assert len({style.colour for style in styles.values()}) == 7
-        assert len({str(style.dashes) for style in styles.values()}) == 7  # told apart without colour too
-        assert len({style.marker for style in styles.values()}) == 7
+        styles = style.model_styles(["mapmore", *"abcdef"])
+        assert styles["mapmore"] == style.model_styles(["mapmore"])["mapmore"]
+        assert len({look.colour for look in styles.values()}) == 7
+        assert len({str(look.dashes) for look in styles.values()}) == 7  # told apart without colour too
+        assert len({look.marker for look in styles.values()}) == 7
 
 
 class TestFit:
     def test_lines_are_the_predictions_in_order_of_strain(self, ax, inputs):
         panel = curve_fit(inputs, 2)
-        draw_fit(ax, panel, model_styles(inputs.models))
+        draw_fit(ax, panel, style.model_styles(inputs.models))
         dots, *lines = ax.lines
         curve = inputs.dataset.curves[2]
         assert [line.get_label() for line in lines] == ["mapmore", "sarosi", "polynomial_2"]
@@ -198,13 +176,13 @@ class TestFit:
 
     def test_error_is_predicted_minus_measured(self, ax, inputs):
         panel = curve_fit(inputs, 2)
-        draw_error(ax, panel, model_styles(inputs.models))
+        draw_error(ax, panel, style.model_styles(inputs.models))
         line = next(line for line in ax.lines if line.get_label() == "sarosi")
         np.testing.assert_array_equal(line.get_ydata(), panel.predictions["sarosi"] - panel.y)
 
     def test_one_pair_of_panels_a_held_out_curve(self, inputs, mixed):
-        assert len(drawn(inputs, ["fit"])["fit"].axes) == 2
-        assert len(drawn(mixed, ["fit"])["fit"].axes) == 8
+        assert len(drawn(inputs, "fit")["fit"].axes) == 2
+        assert len(drawn(mixed, "fit")["fit"].axes) == 8
 
     def test_held_out_regions_are_marked_in_mixed_curves_only(self, ax, inputs, mixed):
         mark_held_out(ax, curve_fit(inputs, 2))
@@ -215,7 +193,7 @@ class TestFit:
         low, high = span.get_x(), span.get_x() + span.get_width()
         inside = (panel.x > low) & (panel.x < high)
         np.testing.assert_array_equal(inside, panel.held_out)
-        assert texts(drawn(mixed, ["fit"])["fit"])[:2] == ["held out", "training"]
+        assert legend_of(drawn(mixed, "fit")["fit"])[:2] == ["held out", "training"]
 
     def test_spans_reach_halfway_to_the_neighbours(self):
         x = np.array([0.0, 1.0, 2.0, 3.0, 4.0])
@@ -227,26 +205,26 @@ class TestFit:
         panel = curve_fit(scattered, 0)
         mark_held_out(ax, panel)
         assert len(ax.patches) == 0
-        draw_fit(ax, panel, model_styles(scattered.models))
+        draw_fit(ax, panel, style.model_styles(scattered.models))
         training, held_out = ax.lines[:2]
         assert training.get_markerfacecolor() == "none"
         assert set(held_out.get_ydata()) <= set(panel.y[panel.held_out])
         assert set(training.get_ydata()) <= set(panel.y[~panel.held_out])
 
     def test_a_failed_formula_draws_nothing_and_is_called_failed(self, ax, failed):
-        draw_fit(ax, curve_fit(failed, 2), model_styles(failed.models))
+        draw_fit(ax, curve_fit(failed, 2), style.model_styles(failed.models))
         assert [line.get_label() for line in ax.lines[1:]] == ["mapmore", "flat"]
-        assert "Sárosi (failed)" in texts(drawn(failed, ["fit"])["fit"])
+        assert "Sárosi (failed)" in legend_of(drawn(failed, "fit")["fit"])
 
     def test_without_held_out_samples_there_are_training_curves_only(self, alone):
-        assert list(drawn(alone, ["fit"])) == ["fit_training"]
+        assert list(drawn(alone, "fit")) == ["fit_training"]
 
 
 class TestTraining:
     def test_held_out_samples_are_left_out(self, ax, mixed):
         bottom = Figure().subplots()
         panels = training_curve_fits(mixed)
-        draw_training_curves(ax, bottom, panels, "mapmore", OWN_STYLE.colour)
+        draw_training_curves(ax, bottom, panels, "mapmore", style.OWN_STYLE.colour)
         assert len(ax.lines) == 8
         for panel, line, error in zip(panels, ax.lines[1::2], bottom.lines[1:], strict=True):
             assert not panel.held_out.any()
@@ -255,7 +233,7 @@ class TestTraining:
 
     def test_curves_are_named_where_they_lie_apart(self, ax, inputs):
         panels = training_curve_fits(inputs)
-        draw_training_curves(ax, Figure().subplots(), panels, "mapmore", OWN_STYLE.colour)
+        draw_training_curves(ax, Figure().subplots(), panels, "mapmore", style.OWN_STYLE.colour)
         label_curves(ax, panels)
         assert [text.get_text() for text in ax.texts] == ["80 kPa", "150 kPa", "350 kPa"]
         assert all(text.xy == (panel.x[0], panel.y[0]) for text, panel in zip(ax.texts, panels, strict=True))
@@ -263,7 +241,7 @@ class TestTraining:
     def test_names_that_would_cover_each_other_are_left_out(self, ax, inputs):
         panels = training_curve_fits(inputs)
         twins = [panels[0], replace(panels[0], title="twin"), panels[2]]
-        draw_training_curves(ax, Figure().subplots(), twins, "mapmore", OWN_STYLE.colour)
+        draw_training_curves(ax, Figure().subplots(), twins, "mapmore", style.OWN_STYLE.colour)
         label_curves(ax, twins)
         assert len(ax.texts) == 2
 
@@ -280,7 +258,7 @@ class TestErrors:
 
     def test_a_failed_model_says_so(self, ax, failed):
         panel = next(panel for panel in model_errors(failed) if panel.model == "sarosi")
-        draw_errors(ax, panel, model_styles(failed.models)["sarosi"])
+        draw_errors(ax, panel, style.model_styles(failed.models)["sarosi"])
         assert [text.get_text() for text in ax.texts] == ["failed"]
         assert len(ax.lines) == 1  # the line at zero
 
@@ -288,7 +266,7 @@ class TestErrors:
 class TestNrmse:
     def bars(self, ax, inputs, published=None):
         bars = nrmse_bars(inputs.models, inputs.validation.scores, published or {})
-        draw_nrmse(ax, bars, model_styles(inputs.models))
+        draw_nrmse(ax, bars, style.model_styles(inputs.models))
         return bars
 
     def test_bars_are_the_pooled_scores_in_per_cent(self, ax, inputs):
@@ -307,10 +285,10 @@ class TestNrmse:
         assert ax.texts[0].get_text().endswith("(published 2.2)")
 
     def test_nothing_published_no_marker_no_legend_entry(self, mixed, inputs):
-        figure = drawn(mixed, ["nrmse"])["nrmse"]
+        figure = drawn(mixed, "nrmse")["nrmse"]
         assert len(figure.axes[0].lines) == 0
-        assert texts(figure) == ["held out", "training"]
-        assert texts(drawn(inputs, ["nrmse"])["nrmse"]) == ["held out", "training", "published"]
+        assert legend_of(figure) == ["held out", "training"]
+        assert legend_of(drawn(inputs, "nrmse")["nrmse"]) == ["held out", "training", "published"]
 
     def test_a_failed_model_has_its_row_but_no_bar(self, ax, failed):
         self.bars(ax, failed)
@@ -318,7 +296,7 @@ class TestNrmse:
         assert [text.get_text() for text in ax.texts[2:4]] == ["failed", "failed"]
 
     def test_no_scores_no_figure(self, alone):
-        assert drawn(replace(alone, validation=replace(alone.validation, scores=())), ["nrmse"]) == {}
+        assert drawn(replace(alone, validation=replace(alone.validation, scores=())), "nrmse") == {}
 
 
 class TestSegments:
@@ -350,7 +328,7 @@ class TestSegments:
         assert [line.get_xdata()[0] for line in ax.lines] == [0, 1, 3]
 
     def test_a_formula_alone_has_no_segments_to_draw(self, inputs):
-        assert drawn(replace(inputs, model=of_pieces(inputs.model, curves=())), ["segments"]) == {}
+        assert drawn(replace(inputs, model=of_pieces(inputs.model, curves=())), "segments") == {}
 
 
 class TestTerms:
@@ -368,7 +346,7 @@ class TestTerms:
             assert [fit.cell for fit in chosen if fit.curve == name] == [(1,), (2,), (3,), (4,)]
 
     def test_no_terms_no_figure(self, inputs):
-        assert drawn(replace(inputs, fit=replace(inputs.fit, body=None)), ["terms"]) == {}
+        assert drawn(replace(inputs, fit=replace(inputs.fit, body=None)), "terms") == {}
 
 
 class TestTraces:
@@ -399,9 +377,9 @@ class TestTraces:
         first, *others = inputs.dataset.recordings
         empty = replace(first, columns={name: values[:0] for name, values in first.columns.items()})
         some = replace(inputs, dataset=replace(inputs.dataset, recordings=(empty, *others)))
-        assert [ax.get_title(loc="left") for ax in drawn(some, ["data"])["data"].axes[:3]] == [r.id for r in others]
+        assert [ax.get_title(loc="left") for ax in drawn(some, "data")["data"].axes[:3]] == [r.id for r in others]
         none = replace(inputs, dataset=replace(inputs.dataset, recordings=(empty,)))
-        assert drawn(none, ["data"]) == {}
+        assert drawn(none, "data") == {}
 
 
 class TestResiduals:

@@ -1,26 +1,20 @@
 from __future__ import annotations
 
-import csv
-import io
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from report_builder import of_pieces
+from report_builder import of_pieces, tables_of
 
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import FoldError
 from mapmore_cli.domain.recording import Dataset, Quantity, Recording
 from mapmore_cli.domain.results import PiecesFit
-from mapmore_cli.domain.scores import Published
-from mapmore_cli.reporting.score_tables import score_table
-from mapmore_cli.reporting.table import Table, to_csv
-from mapmore_cli.reporting.tables import all_tables, interval_half_width, levels_table, recordings_table, same_models, terms_table
-
-
-def tables_of(inputs) -> dict[str, Table]:
-    return {table.name: table for table in all_tables(inputs)}
+from mapmore_cli.domain.scores import Published, Score
+from mapmore_cli.reporting.score_tables import score_table, verdict
+from mapmore_cli.reporting.table import Table
+from mapmore_cli.reporting.tables import levels_table, recordings_table, same_models, terms_table
 
 
 def column(table: Table, heading: str) -> list:
@@ -28,26 +22,15 @@ def column(table: Table, heading: str) -> list:
     return [row[j] for row in table.rows]
 
 
-def test_every_table_parses_back_as_csv(inputs):
-    for table in all_tables(inputs):
-        heading, *rows = csv.reader(io.StringIO(to_csv(table)))
-        assert tuple(heading) == table.headings
-        assert len(rows) == len(table.rows)
-
-
-def test_tables_have_the_promised_names(inputs):
-    assert {"scores", "recordings", "levels", "segments", "terms", "coefficients", "equations", "formulas"} <= set(tables_of(inputs))
-
-
 class TestScores:
     def test_pooled_rows_held_out_first_in_per_cent(self, inputs):
         table = score_table(inputs.validation.scores, {"force": "N"})
         assert column(table, "data") == ["validate"] * 3 + ["train"] * 3
         assert column(table, "model") == ["mapmore", "sarosi", "polynomial_2"] * 2
-        pooled = next(s for s in inputs.validation.scores if (s.model, s.split, s.curve) == ("sarosi", "validate", "all"))
-        assert column(table, "NRMSE [%]")[1] == 100 * pooled.nrmse
-        assert column(table, "RMSE [N]")[1] == pooled.rmse
-        assert column(table, "max error [% FS]")[1] == 100 * pooled.max_abs_error_fs
+        pooled = sorted((s for s in inputs.validation.scores if s.curve == "all"), key=lambda s: s.split, reverse=True)
+        assert column(table, "NRMSE [%]") == [100 * s.nrmse for s in pooled]
+        assert column(table, "RMSE [N]") == [s.rmse for s in pooled]
+        assert column(table, "max error [% FS]") == [100 * s.max_abs_error_fs for s in pooled]
 
     def test_the_normaliser_is_named_with_its_value(self, inputs):
         score = next(s for s in inputs.validation.scores if s.split == "validate" and s.curve == "all")
@@ -155,11 +138,6 @@ class TestModel:
         assert [row[4] for row in rows] == pytest.approx([70, 90, 95])
         assert [row[9] for row in rows] == [None, None, "tolerance"]
 
-    def test_intervals_use_students_t(self):
-        assert interval_half_width(np.array([1.0, 2.0]), 10) == pytest.approx([2.228139, 4.456278], rel=1e-6)  # printed tables
-        assert interval_half_width(np.array([1.0]), 1) == pytest.approx([12.706205], rel=1e-6)
-        assert np.isnan(interval_half_width(np.array([1.0]), 0)).all()
-
     def test_coefficients_in_the_targets_unit(self, inputs):
         table = tables_of(inputs)["coefficients"]
         for fit, row in zip(inputs.fit.segments, table.rows, strict=True):
@@ -167,6 +145,7 @@ class TestModel:
             assert (lower, upper) == (pytest.approx(theta - half), pytest.approx(theta + half))
             assert physical == pytest.approx(fit.selection.theta[0] * fit.scaling.y_slope)
             assert physical_half == pytest.approx(half * abs(fit.scaling.y_slope))
+            assert half == pytest.approx(2.010 * fit.selection.theta_error[0], rel=1e-3)  # Student's t for 49 degrees of freedom, printed
             assert physical_half > 0
         assert any("independent" in note for note in table.notes)
 
@@ -218,3 +197,52 @@ def test_formulas_that_are_one_model_are_named_once_each_pair() -> None:
     assert "tondu_lopez and chou_hannaford are one model here" in same[0]
     assert same_models([("a", fit("a", 2.0)), ("b", fit("b", 2.001))]) == ()
     assert same_models([("a", fit("a", 2.0)), ("a again", fit("a", 2.0))]) == ()  # one formula, fitted in two ways
+
+
+def score(model: str, nrmse: float, split: str = "validate", curve: str = "all") -> Score:
+    return Score(model, "force", split, curve, 10, nrmse * 100, nrmse, 100.0, f"max|force| over {split}", 1.0, 0.01, 0.9)
+
+
+OWN, BETTER, BEST = score("mapmore", 0.02), score("sarosi", 0.01), "the best competitor (Sárosi) reaches"
+HEAD = "mapmore predicts force with an NRMSE of 2 % (RMSE 2 N) on the held-out data"
+VERDICTS = {
+    "better than the best of the others": (
+        [OWN, score("sarosi", 0.025), score("poly", 0.07)],
+        f"{HEAD}; {BEST} 2.5 %: mapmore is better (0.8 times the RMSE).",
+    ),
+    "worse is said to be worse": ([OWN, BETTER], f"{HEAD}; {BEST} 1 %: mapmore is worse (2 times the RMSE)."),
+    "nearly equal is no victory": ([OWN, score("sarosi", 0.0201)], f"{HEAD}; {BEST} 2.01 %: no difference to speak of."),
+    "training errors are called by their name": (
+        [score("mapmore", 0.02, "train"), score("sarosi", 0.04, "train")],
+        "on its own training data (nothing was held out, so this says little about new data); "
+        f"{BEST} 4 %: mapmore is better (0.5 times the RMSE).",
+    ),
+    "a good training error hides no bad validation error": (
+        [score("mapmore", 0.001, "train"), score("sarosi", 0.02, "train"), OWN, BETTER],
+        f"{HEAD}; {BEST} 1 %: mapmore is worse (2 times the RMSE).",
+    ),
+    "a curve by itself does not count": ([OWN, BETTER, score("mapmore", 0.0001, curve="p=1")], "mapmore is worse (2 times the RMSE)."),
+    "no competitor": ([OWN], f"{HEAD}; it was compared with no other model."),
+    "a competitor that diverged": ([OWN, score("sarosi", math.nan)], "no competitor gave a prediction to compare with."),
+    "a perfect competitor": ([OWN, score("exact", 0.0)], "reaches 0 %: mapmore is worse."),
+    "repeatability is told": (
+        [OWN, score("sarosi", 0.04), score("repeatability", 0.01)],
+        f"{BEST} 4 %: mapmore is better (0.5 times the RMSE); repeated measurements differ by 1 %.",
+    ),
+    "repeatability is no competitor": (
+        [OWN, score("repeatability", 0.01)],
+        f"{HEAD}; it was compared with no other model; repeated measurements differ by 1 %.",
+    ),
+    "no score": ([], "mapmore gave no prediction."),
+    "no score that is a number": ([score("mapmore", math.nan)], "mapmore gave no prediction."),
+    "no score of its own": ([BETTER], "mapmore gave no prediction."),
+}
+
+
+@pytest.mark.parametrize(("scores", "said"), VERDICTS.values(), ids=VERDICTS)
+def test_the_verdict(scores, said):
+    assert verdict(scores, "mapmore", Quantity("force", "N")).endswith(said)
+
+
+def test_the_verdict_where_every_competitor_failed():
+    assert verdict([OWN], "mapmore", Quantity("force", "N"), ("sarosi",)).endswith("no competitor gave a prediction to compare with.")

@@ -20,7 +20,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.foreign import tex_label, tex_text, xml_text
-from mapmore_cli.reporting.figures.style import figure_style, fonts_may_lack_glyphs, small
+from mapmore_cli.reporting.figures.style import figure_style, small
 from mapmore_cli.reporting.inputs import SINGLE, FigureStyle, ReportInputs
 from mapmore_cli.reporting.table import title_of
 
@@ -131,17 +131,10 @@ def rendered(drawing: Drawing, style: FigureStyle | None = None) -> RenderedFigu
         return RenderedFigure(drawing.name, drawing.caption, to_svg(figure, drawing.name, drawing.alt), float(figure.get_figwidth()))
 
 
-def compose(drawing: Drawing, style: FigureStyle | None = None) -> Figure:
-    """All panels of a figure, in the grid of a page."""
-    return _composed(drawing, drawing.panels, drawing.grid.columns, drawing.grid.width, style or FigureStyle())
-
-
-def alone(drawing: Drawing, panel: Panel, style: FigureStyle) -> Figure:
-    """One panel with the legend of its figure, as wide as the style says."""
-    return _composed(drawing, (panel,), 1, style.width, style)
-
-
-def _composed(drawing: Drawing, panels: Sequence[Panel], columns: int, width: float, style: FigureStyle) -> Figure:
+def compose(drawing: Drawing, style: FigureStyle | None = None, panel: Panel | None = None) -> Figure:
+    """All panels of a figure in the grid of a page; or one `panel` alone, with the legend of the figure, as wide as the style says."""
+    style = style or FigureStyle()
+    panels, columns, width = (drawing.panels, drawing.grid.columns, drawing.grid.width) if panel is None else ((panel,), 1, style.width)
     grid, stack = drawing.grid, len(drawing.grid.stack)
     rows = math.ceil(len(panels) / columns)
     room = LEGEND_ROOM if drawing.legend else TITLE_ROOM
@@ -160,8 +153,7 @@ def _composed(drawing: Drawing, panels: Sequence[Panel], columns: int, width: fl
         labels = [title_of(str(handle.get_label())) for handle in drawing.legend]
         figure.legend(list(drawing.legend), labels, loc="outside upper left", ncols=_legend_columns(labels, width))
     figure.align_ylabels()
-    with fonts_may_lack_glyphs():
-        ConstrainedLayoutEngine().execute(figure)  # once, so that the places are the same in every format
+    ConstrainedLayoutEngine().execute(figure)  # once, so that the places are the same in every format
     return figure
 
 
@@ -218,39 +210,24 @@ def to_svg(figure: Figure, name: str, alt: str) -> str:
     would repeat between the figures of one page.
     """
     text = io.StringIO()
-    with rc_context({"svg.hashsalt": name}), fonts_may_lack_glyphs():
+    with rc_context({"svg.hashsalt": name}):
         figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
     svg = _GROUP_ID.sub("<g", _PROLOGUE.sub("", xml_text(text.getvalue(), "\n")))
     return svg.replace("<svg ", f'<svg role="img" aria-label="{escape(xml_text(alt))}" ', 1)
 
 
-def _svg_file(figure: Figure, name: str, alt: str) -> bytes:
-    return (SVG_PROLOGUE + to_svg(figure, name, alt)).encode()
-
-
 def _pdf_file(figure: Figure, _name: str, alt: str) -> bytes:
     """Write a PDF: fonts are embedded as outlines that journals take (Type 42); neither a date nor the name of a program is written."""
     found = io.BytesIO()
-    with rc_context({"pdf.fonttype": 42}), fonts_may_lack_glyphs():
+    with rc_context({"pdf.fonttype": 42}):
         figure.savefig(found, format="pdf", metadata={"CreationDate": None, "Creator": None, "Producer": None, "Title": alt})
     return found.getvalue()
 
 
 def _png_file(figure: Figure, _name: str, alt: str) -> bytes:
     found = io.BytesIO()
-    with fonts_may_lack_glyphs():
-        figure.savefig(found, format="png", dpi=DOTS_PER_INCH, metadata={"Software": None, "Description": alt})
+    figure.savefig(found, format="png", dpi=DOTS_PER_INCH, metadata={"Software": None, "Description": alt})
     return found.getvalue()
-
-
-def _pgf_file(figure: Figure, _name: str, _alt: str) -> bytes:
-
-    with fonts_may_lack_glyphs():
-        return to_pgf(figure).encode()
-
-
-WRITERS: Mapping[str, Callable[[Figure, str, str], bytes]] = {"svg": _svg_file, "pdf": _pdf_file, "png": _png_file, "pgf": _pgf_file}
-"""The bytes of a figure with its name and its description, by format."""
 
 
 class _Renderer(RendererPgf):
@@ -275,3 +252,12 @@ def to_pgf(figure: Figure) -> str:
     figure.draw(_Renderer(figure, text))  # type: ignore[no-untyped-call]
     text.write("\\end{pgfpicture}\n\\makeatother\n\\endgroup\n")
     return text.getvalue()
+
+
+WRITERS: Mapping[str, Callable[[Figure, str, str], bytes]] = {
+    "svg": lambda figure, name, alt: (SVG_PROLOGUE + to_svg(figure, name, alt)).encode(),
+    "pdf": _pdf_file,
+    "png": _png_file,
+    "pgf": lambda figure, _name, _alt: to_pgf(figure).encode(),
+}
+"""The bytes of a figure with its name and its description, by format; to be called within `figure_style`."""

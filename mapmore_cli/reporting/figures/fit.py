@@ -50,11 +50,6 @@ class CurveFit:
     own: str
     interval: tuple[Array, Array] | None = None
 
-    @property
-    def scored(self) -> BoolArray:
-        """The held-out samples, or all where there are none, `(n,)`."""
-        return self.held_out if self.held_out.any() else ~self.held_out
-
     def predicted(self, model: str) -> bool:
         """Return False where the model gave no prediction, because its fit failed."""
         return bool(np.isfinite(self.predictions[model]).any())
@@ -176,8 +171,10 @@ def _legend(curves: Sequence[CurveFit], styles: Mapping[str, ModelStyle], mixed:
 
 
 def _worst_errors(curves: Sequence[CurveFit]) -> str:
+    scored = [(curve, curve.held_out if curve.held_out.any() else ~curve.held_out) for curve in curves]
+
     def worst(model: str) -> str:
-        errors = np.concatenate([np.abs(curve.predictions[model] - curve.y)[curve.scored] for curve in curves])
+        errors = np.concatenate([np.abs(curve.predictions[model] - curve.y)[rows] for curve, rows in scored])
         return f"largest error {np.nanmax(errors):.3g}" if np.isfinite(errors).any() else "no prediction"
 
     return ", ".join(f"{title_of(model)}: {worst(model)}" for model in curves[0].predictions)

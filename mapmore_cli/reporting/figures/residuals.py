@@ -59,7 +59,8 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
         return []
     colour = model_styles([inputs.own], inputs.style.palette)[inputs.own].colour
     own = autocorrelation([one.residuals for one in found])
-    panels = [_panel("autocorrelation", own, colour, _lag(inputs), "Autocorrelation (–)", "of the residuals")]
+    lag = "Lag (samples)" if _timed(inputs) else f"Lag along {inputs.in_curve.name} (samples)"
+    panels = [_panel("autocorrelation", own, colour, lag, "Autocorrelation (–)", "of the residuals")]
     told = [_sentence(inputs, own)]
     for quantity, test in _with_inputs(inputs, found):
         if isinstance(test, Correlation):
@@ -109,10 +110,6 @@ def _inputs_sentence(inputs: ReportInputs, told: Sequence[str]) -> str:
         else "In a part outside, the model is too high or too low on the whole."
     )
     return f"Inputs: {', '.join(told)}. {meaning}"
-
-
-def _lag(inputs: ReportInputs) -> str:
-    return "Lag (samples)" if _timed(inputs) else f"Lag along {inputs.in_curve.name} (samples)"
 
 
 def _panel(key: str, test: Correlation | PartMeans, colour: str, x_label: str, y_label: str, title: str) -> Panel:

@@ -59,14 +59,18 @@ BACKEND = ("backend", "backend_fallback")
 
 @contextmanager
 def figure_style(style: FigureStyle | None = None) -> Iterator[None]:
-    """Set the look of all figures over Matplotlib's own defaults: a user's matplotlibrc must not change a report."""
+    """Set the look of all figures over Matplotlib's own defaults: a user's matplotlibrc must not change a report.
+
+    A character that the layout font lacks is no fault: as text in SVG, it is drawn with the reader's fonts.
+    """
     style = style or FigureStyle()
     large, small = ["axes.labelsize", "font.size"], ["axes.titlesize", "legend.fontsize", "xtick.labelsize", "ytick.labelsize"]
     sizes: dict[Any, Any] = {**dict.fromkeys(large, style.size), **dict.fromkeys(small, style.size - SMALLER)}
     fonts: dict[Any, Any] = {"font.family": [*([style.font] if style.font else []), "sans-serif"]}
     # `rcdefaults` sets all, and first reads the style sheets, which takes longer than to draw a figure
     changed = {key: value for key, value in rcParamsDefault.items() if key not in BACKEND and rcParams[key] != value}
-    with _no_word_of_absent_fonts(), rc_context({**changed, **RC, **sizes, **fonts}):
+    with _no_word_of_absent_fonts(), warnings.catch_warnings(), rc_context({**changed, **RC, **sizes, **fonts}):
+        warnings.filterwarnings("ignore", message="Glyph .* missing from")
         yield
 
 
@@ -85,14 +89,6 @@ def _no_word_of_absent_fonts() -> Iterator[None]:
     finally:
         for logger in loggers:
             logger.removeFilter(keep)
-
-
-@contextmanager
-def fonts_may_lack_glyphs() -> Iterator[None]:
-    """Write a character that the layout font lacks as text in SVG, drawn with the reader's fonts."""
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="Glyph .* missing from")
-        yield
 
 
 def has_font(name: str) -> bool:

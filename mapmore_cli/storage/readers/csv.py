@@ -30,15 +30,7 @@ from mapmore_cli.storage.tables import (
     seconds_of_stamp,
     shortened,
 )
-from mapmore_cli.storage.tables.lines import (
-    UNREADABLE,
-    guess_encoding,
-    is_number,
-    is_zipped,
-    open_lines,
-    open_quote,
-    quote_left_open,
-)
+from mapmore_cli.storage.tables.lines import UNREADABLE, guess_encoding, is_number, is_zipped, open_lines, open_quote, quote_left_open
 
 WHITESPACE = "whitespace"
 DELIMITERS = {"tab": "\t"}

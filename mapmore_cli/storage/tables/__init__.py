@@ -122,22 +122,23 @@ def locate_columns(request: TableRequest, names: Sequence[str] | None, width: in
     `names` are those of the header, None where there is none; `hint` replaces the usual remedy where the reader knows better.
     Raises DataError for a column that does not exist, or whose name stands twice in the header.
     """
-    return {column: _locate(column, request.label, names, width, hint) for column in request.columns}
-
-
-def _locate(column: SourceColumn, label: str, names: Sequence[str] | None, width: int, hint: str | None) -> int:
-    if isinstance(column, int):
-        if 0 <= column < width:
-            return column
-        raise DataError(f"{label}: there is no column {column}", hint or f"The file has {width} columns, numbered from 0 to {width - 1}.")
-    if names is None:
-        what = f"{label}: column '{column}' is asked for by name, but the spec says that the file has no header"
-        raise DataError(what, f"Give its index (0 to {width - 1}), or set `header: true`.")
-    if names.count(column) == 1:
-        return names.index(column)
-    if column in names:
-        raise DataError(f"{label}: column '{column}' stands {names.count(column)} times in the header", "Give its 0-based index instead.")
-    raise DataError(f"{label}: there is no column '{column}'", hint or known_names(column, names, "The header has"))
+    label, places = request.label, dict[SourceColumn, int]()
+    for column in request.columns:
+        if isinstance(column, int):
+            if not 0 <= column < width:
+                remedy = hint or f"The file has {width} columns, numbered from 0 to {width - 1}."
+                raise DataError(f"{label}: there is no column {column}", remedy)
+            places[column] = column
+        elif names is None:
+            what = f"{label}: column '{column}' is asked for by name, but the spec says that the file has no header"
+            raise DataError(what, f"Give its index (0 to {width - 1}), or set `header: true`.")
+        elif (count := names.count(column)) > 1:
+            raise DataError(f"{label}: column '{column}' stands {count} times in the header", "Give its 0-based index instead.")
+        elif not count:
+            raise DataError(f"{label}: there is no column '{column}'", hint or known_names(column, names, "The header has"))
+        else:
+            places[column] = names.index(column)
+    return places
 
 
 def known_names(name: str, known: Sequence[str], introduction: str, most: int = 12) -> str:
