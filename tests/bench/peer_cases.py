@@ -10,6 +10,7 @@ import json
 import warnings
 
 import numpy as np
+from peer import PEERS
 
 
 def cases():
@@ -34,38 +35,15 @@ def largest(P, y):
     return 1 - float(np.sum((y - fit @ np.linalg.lstsq(fit, y, rcond=None)[0]) ** 2) / (y @ y))
 
 
-def sysidentpy(P, y, k):
-    from sysidentpy.model_structure_selection import FROLS
-
-    method = FROLS(n_terms=k, order_selection=False, ylag=1, xlag=1)
-    delayed = np.concatenate([np.zeros(method.max_lag), y])[:, None]  # it drops the rows before the longest lag from y, not from P
-    err, chosen, *_ = method.run_mss_algorithm(P, delayed, k)
-    return len(chosen[:k]), np.sum(err[:k])
-
-
-def fastcan(P, y, k):
-    from fastcan.utils import ols
-
-    chosen, err = ols(P, y, k)
-    return len(chosen), np.sum(err)
-
-
-def pysindy(P, y, k):
-    from pysindy.optimizers import FROLS
-
-    coefficients = FROLS(max_iter=k, alpha=0.0).fit(P, y).coef_.ravel()
-    return np.count_nonzero(coefficients), 1 - np.sum((y - P @ coefficients) ** 2) / (y @ y)
-
-
 def main():
     found = {}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         for name, P, y, k in cases():
             found[name] = {}
-            for peer in (sysidentpy, fastcan, pysindy):
-                terms, share = peer(P, y, k)
-                found[name][peer.__name__] = {"terms": int(terms), "share": float(share)}
+            for peer, runner in PEERS.items():
+                chosen, share = runner(P, y, k)()
+                found[name][peer] = {"terms": len(chosen), "share": float(share())}
     print(json.dumps(found))
 
 

@@ -8,8 +8,7 @@ import tracemalloc
 from pathlib import Path
 
 import numpy as np
-from peer import PEERS
-from problems import SHAPES, name_of, problem
+from peer import PEERS, SHAPES, problem
 from scipy.linalg.blas import dsyrk
 from timing import medians_in_turn
 
@@ -25,14 +24,15 @@ def regression(say):
     """Seconds of every contestant by shape, None for one that did not run, with `extra_memory_ratio`; and notes on those that did not."""
     table, notes = {}, {}
     for shape in SHAPES:
-        say(f"regression {name_of(shape)}")
+        name = "x".join(map(str, shape))
+        say(f"regression {name}")
         row, chosen = own(shape)
         for peer in PEERS:
-            say(f"regression {name_of(shape)}: {peer}")
+            say(f"regression {name}: {peer}")
             row[peer], note = timed_peer(peer, shape, chosen)
             if note:
-                notes[f"{peer} {name_of(shape)}"] = note
-        table[name_of(shape)] = row
+                notes[f"{peer} {name}"] = note
+        table[name] = row
     return table, notes
 
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-PEERS = ("sysidentpy", "fastcan", "pysindy")
+from peer import PEERS
+
+from mapmore_cli.modelling.motion.solvers import SOLVERS
+
 CONTESTANTS = ("ours", "dsyrk", "gram", "textbook", *PEERS)
 
 TALL_TARGETS = {"dsyrk": 1 / 1.3, "sysidentpy": 25.0, "fastcan": 5.0}
 WIDE_TARGETS = {"gram": 2.0, "sysidentpy": 10.0}
 """At least this many times our own seconds."""
-SOLVERS = ("swarm", "swarm_projected", "differential_evolution", "least_squares")
 MEMORY_TARGET = 0.10
 SMALL_TABLE_TARGET = 5.0
 """Seconds from a table of 60 points to its page."""

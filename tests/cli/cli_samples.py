@@ -137,8 +137,13 @@ def by_hand(pressure: float, strain: float) -> float:
     return (1 - t) * (100 - 400 * strain) + t * (200 - 500 * strain)
 
 
+def held_out(document: dict[str, Any]) -> dict[str, Any]:
+    """The scores of every model on all held-out data, of a document with `scores`."""
+    return {row["model"]: row for row in document["scores"] if (row["split"], row["curve"]) == ("validate", "all")}
+
+
 def scored_run(mapmore, spec: Path, runs: Path, *arguments: object) -> tuple[dict[str, float], dict[str, str]]:
     """RMSE of every model on the held-out data, and what was done, of one `mapmore run`."""
     result = mapmore("run", spec, "--runs", runs, "--json", "-q", *arguments, code=0)
     document = json.loads(result.stdout)
-    return {r["model"]: r["rmse"] for r in document["scores"] if (r["split"], r["curve"]) == ("validate", "all")}, document["stages"]
+    return {model: row["rmse"] for model, row in held_out(document).items()}, document["stages"]

@@ -1,4 +1,4 @@
-"""The tables of pages, as texts by row and column."""
+"""The tables of pages, as texts by row and column, and their blocks."""
 
 from __future__ import annotations
 
@@ -20,6 +20,13 @@ def page_table(name: str, page: Path = PAGE) -> dict[str, dict[str, str]]:
 def rows_of(name: str, page: Path) -> list[list[str]]:
     """The cells of a table whose first cells repeat, without its headings."""
     return read_rows(page, name)[1:]
+
+
+def block_of(page: Path, language: str = "yaml") -> str:
+    """The first block of a language on a page."""
+    block = re.search(rf"```{language}\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+    assert block
+    return block[1]
 
 
 def numbers(row: dict[str, str]) -> dict[str, float]:

@@ -5,14 +5,11 @@ from __future__ import annotations
 import json
 import shutil
 import stat
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 from cli_samples import change_forces, write_study
-
-Call = Callable[..., Any]
 
 
 def scaled_study(folder: Path, factor: float) -> Path:

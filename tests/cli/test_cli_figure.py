@@ -17,7 +17,7 @@ def test_one_curve_as_pdf_with_its_numbers(finished, tmp_path, mapmore):
     assert len(rows) == 40
     assert {"strain [1]", "force [N]", "data", "mapmore [N]", "polynomial_2 [N]"} <= set(rows[0])
     first = (tmp_path / "fig3.pdf").read_bytes()
-    assert mapmore("figure", "bench", *arguments, "--runs", runs).exit_code == 0
+    mapmore("figure", "bench", *arguments, "--runs", runs, code=0)
     assert (tmp_path / "fig3.pdf").read_bytes() == first
 
 
@@ -34,7 +34,7 @@ def test_the_looks_of_one_figure(finished, tmp_path, mapmore):
 
 def test_the_models_that_are_named_are_drawn_and_no_others(finished, tmp_path, mapmore):
     arguments = ("fit", "--curve", "200", "-o", tmp_path / "a.svg", "--data", tmp_path / "a.csv", "--models", "cubic, plane")
-    assert mapmore("figure", finished[1] / "bench", *arguments).exit_code == 0
+    mapmore("figure", finished[1] / "bench", *arguments, code=0)
     head = (tmp_path / "a.csv").read_text().splitlines()[0]
     assert "mapmore [N]" in head
     assert "polynomial_2" not in head

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import json
 import xml.etree.ElementTree as ET
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -17,8 +15,6 @@ from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.modelling.validation.residuals import alarms
 from mapmore_cli.study.campaigns.batch import Job, run_one
-
-Call = Callable[..., Any]
 
 
 def test_a_missed_limit_stands_in_the_document_of_a_run(tmp_path, mapmore):

@@ -12,10 +12,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import typer
 import yaml
-from test_readme import spec_of_tutorial, write_recordings
+from page_tables import block_of
 
 from mapmore_cli.cli.app import app
 
@@ -88,6 +89,19 @@ def thin_out(folder: Path):
             path.write_text("\n".join([head, *rows[::20]]) + "\n")
 
 
+def spec_of_tutorial() -> str:
+    return block_of(ROOT / "docs" / "tutorial.md")
+
+
+def write_recordings(folder: Path):
+    """Three slow load cycles, the upper branch on the way back."""
+    for pressure in (100, 200, 300):
+        strain = np.concatenate([np.linspace(0, 0.05 + 0.0004 * pressure, 300), np.linspace(0.05 + 0.0004 * pressure, 0, 300)])
+        force = 2 * pressure * (1 - 3 * strain) ** 2 - 40 + 4 * np.repeat([-1, 1], 300)
+        rows = [f"{pressure},{e:.5f},{f:.2f}" for e, f in zip(strain, force, strict=True)]
+        (folder / f"muscle_{pressure}.csv").write_text("\n".join(["P_kPa,strain,force_N", *rows]))
+
+
 @pytest.fixture(scope="module")
 def workshop(tmp_path_factory: pytest.TempPathFactory, mapmore) -> Path:
     """The study of the tutorial, run without figures and frozen, and a `mapmore` on the path of scripts."""
@@ -155,5 +169,8 @@ def test_the_steps_of_the_workflow(workshop, mapmore, monkeypatch):
     assert [words(step)[0] for step in steps] == ["check", "run", "compare"]
     for step in steps:
         mapmore(*words(step), code=0)
+    run_dir = workshop / "runs" / "my-muscle"
+    assert (run_dir / "report" / "index.html").is_file()
+    assert "polynomial_2" in (run_dir / "scores.csv").read_text()
     assert (workshop / "junit.xml").is_file()
     assert "mapmore" in (workshop / "summary.md").read_text()

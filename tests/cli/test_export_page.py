@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -32,10 +31,10 @@ def test_every_shipped_study_agrees_by_the_page() -> None:
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="there is no C compiler here")
 @pytest.mark.parametrize("study", [pytest.param("peano-static", marks=pytest.mark.long), "dmsp-20-400-sections"])
-def test_a_study_made_anew_is_what_the_page_says(mapmore: Callable[..., Any], tmp_path: Path, study: str) -> None:
+def test_a_study_made_anew_is_what_the_page_says(mapmore, tmp_path: Path, study: str) -> None:
     """One without memory and one with; at fewer points, so that the difference is below the page's or as rounding has it."""
     (config,) = (path for path in STUDIES if path.stem == study)
-    assert mapmore("fuse", config, "--runs", tmp_path, "-q").exit_code == 0
+    mapmore("fuse", config, "--runs", tmp_path, "-q", code=0)
     model = read_model(tmp_path / study / "model.h5")
     found = agreement(study, model, 1500)
     assert found.kind in page_table("agreement", PAGE)
@@ -51,12 +50,12 @@ REPLAYED = [SIMULATED[0], *(pytest.param(study, marks=pytest.mark.long) for stud
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="there is no C compiler here")
 @pytest.mark.parametrize("study", REPLAYED)
-def test_held_out_recordings_replayed_by_others(mapmore: Callable[..., Any], tmp_path: Path, study: str, request: Any) -> None:
+def test_held_out_recordings_replayed_by_others(mapmore, tmp_path: Path, study: str, request: Any) -> None:
     """Tables differ by their grid, as the page says; everything else by rounding alone."""
     if study in MEASURED:
         request.getfixturevalue("measured_data")
     name = study.partition("/")[2]
-    assert mapmore("fuse", CONFIGS / f"{study}.yaml", "--runs", tmp_path, "-q").exit_code == 0
+    mapmore("fuse", CONFIGS / f"{study}.yaml", "--runs", tmp_path, "-q", code=0)
     row = numbers(page_table("replays", PAGE)[name])
     samples, found = replayed(tmp_path / name)
     assert samples == row["samples"]

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import io
-import re
 import sys
 from pathlib import Path
 
 import pytest
-from page_tables import DOCS, page_table
+from page_tables import DOCS, block_of, page_table
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "bench"))
 
@@ -24,10 +23,8 @@ CASES = {name: (P, y, k) for name, P, y, k in cases()}
 
 
 def test_the_example_prints_what_the_page_says() -> None:
-    block = re.search(r"```python\n(.*?)```", TEXT, re.DOTALL)
-    assert block
     with contextlib.redirect_stdout(io.StringIO()) as printed:
-        exec(block[1], {})
+        exec(block_of(PAGE, "python"), {})
     assert f"prints `{printed.getvalue().strip()}`" in TEXT
 
 

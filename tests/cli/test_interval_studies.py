@@ -2,14 +2,13 @@
 
 import csv
 import io
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import test_memory_pipeline as memory
-from cli_samples import write_study
+from cli_samples import change_forces, write_study
 
 import mapmore_cli
 from mapmore_cli.domain.errors import SpecError
@@ -22,7 +21,6 @@ from mapmore_cli.spec.loader import load
 from mapmore_cli.storage.artefacts import read_dataset, read_model
 
 HELD = "  split: {validate: {pressure: [200]}}\n"
-Mapmore = Callable[..., Any]
 KINDS = {
     "pieces": "",
     "backbone": "model: {backbone: polynomial_2}\n",
@@ -40,15 +38,14 @@ def asked(spec: Path, *changes: tuple[str, str], more: str = "") -> Path:
     return spec
 
 
-def fused(mapmore: Mapmore, spec: Path, runs: Path) -> Any:
+def fused(mapmore, spec: Path, runs: Path) -> Any:
     """The model of a study."""
-    result = mapmore("fuse", spec, "--runs", runs, "-q")
-    assert result.exit_code == 0, result.stderr
+    mapmore("fuse", spec, "--runs", runs, "-q", code=0)
     return read_model(runs / spec.stem / "model.h5")
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_an_inner_level_is_missed_as_by_a_run_that_holds_it_out(kind: str, tmp_path: Path, mapmore: Mapmore) -> None:
+def test_an_inner_level_is_missed_as_by_a_run_that_holds_it_out(kind: str, tmp_path: Path, mapmore) -> None:
     spec = asked(write_study(tmp_path), more=KINDS[kind])
     held = tmp_path / "held.yaml"
     held.write_text(spec.read_text().replace("name: bench", "name: held").replace("{intervals: true}", "{}"))
@@ -63,18 +60,16 @@ def test_an_inner_level_is_missed_as_by_a_run_that_holds_it_out(kind: str, tmp_p
     assert found == pytest.approx([errors.mean(), errors.std(), *np.quantile(np.abs(errors), [0, 0.5, 1])], rel=1e-9)
 
 
-def test_held_out_data_are_in_nothing_of_it(tmp_path: Path, mapmore: Mapmore) -> None:
+def test_held_out_data_are_in_nothing_of_it(tmp_path: Path, mapmore) -> None:
     spec = asked(write_study(tmp_path))
     before = fused(mapmore, spec, tmp_path / "runs").left_out
     assert (before.kind, before.curves, len(before.parts)) == ("blocks", 5, 3)
-    log = tmp_path / "bench_200.csv"
-    rows = [line.split(",") for line in log.read_text().splitlines()]
-    log.write_text("\n".join([",".join(rows[0]), *(f"{p},{e},{float(f) + 50}" for p, e, f in rows[1:])]) + "\n")
+    change_forces(tmp_path / "bench_200.csv", lambda force: force + 50)
     after = fused(mapmore, spec, tmp_path / "runs").left_out
     assert np.array_equal(before.sizes, after.sizes)
 
 
-def test_recordings_are_left_out_where_there_are_no_levels(tmp_path: Path, mapmore: Mapmore) -> None:
+def test_recordings_are_left_out_where_there_are_no_levels(tmp_path: Path, mapmore) -> None:
     levels = "  levels: {of: pressure, at: [100, 200, 300]}\n"
     polynomial = ("{polynomial: {of: [strain], order: 3}}", "{polynomial: {of: [strain, pressure], order: 2}}")
     spec = asked(write_study(tmp_path), (HELD, ""), (levels, ""), ("target: static", "target: {column: force}"), polynomial)
@@ -83,7 +78,7 @@ def test_recordings_are_left_out_where_there_are_no_levels(tmp_path: Path, mapmo
     assert ["bench_100" in part for part in left_out.parts] == [True, False, False]
 
 
-def test_a_model_with_memory_is_told_by_free_runs_over_blocks(tmp_path: Path, mapmore: Mapmore) -> None:
+def test_a_model_with_memory_is_told_by_free_runs_over_blocks(tmp_path: Path, mapmore) -> None:
     spec = memory.write_study(tmp_path, "narx", memory.NARX, memory.narx)
     spec.write_text(spec.read_text().replace("validate: {normaliser", "validate: {intervals: true, normaliser"))
     model = fused(mapmore, spec, tmp_path / "runs")
@@ -95,7 +90,7 @@ def test_a_model_with_memory_is_told_by_free_runs_over_blocks(tmp_path: Path, ma
     assert np.abs(errors).max() <= many_curves(model.left_out, 0.999)
 
 
-def test_runs_that_are_added_up_are_fitted_anew_without_a_level(tmp_path: Path, mapmore: Mapmore) -> None:
+def test_runs_that_are_added_up_are_fitted_anew_without_a_level(tmp_path: Path, mapmore) -> None:
     """A run added to itself misses the level by what is left of twice the run that holds it out."""
     spec = write_study(tmp_path)
     whole = spec.read_text().replace("figures: [], formats: [html, csv]", "figures: [], formats: [csv]")
@@ -121,7 +116,7 @@ def test_runs_of_one_recording_are_added_up_without_intervals(tmp_path: Path) ->
         residuals(choices, one, {"part.yaml": tmp_path}, lambda _what, _done, _total: None, None)
 
 
-def test_a_part_that_the_fit_cannot_do_without_is_named(tmp_path: Path, mapmore: Mapmore) -> None:
+def test_a_part_that_the_fit_cannot_do_without_is_named(tmp_path: Path, mapmore) -> None:
     levels = "  levels: {of: pressure, at: [100, 200, 300]}\n"
     formula = "model: {type: literature, name: sarosi}\n"
     spec = asked(write_study(tmp_path), (HELD, ""), (levels, ""), ("target: static", "target: {column: force}"), more=formula)
@@ -134,21 +129,19 @@ def test_a_part_that_the_fit_cannot_do_without_is_named(tmp_path: Path, mapmore:
 
 
 @pytest.fixture(scope="module")
-def model_file(tmp_path_factory: pytest.TempPathFactory, mapmore: Mapmore) -> Path:
+def model_file(tmp_path_factory: pytest.TempPathFactory, mapmore) -> Path:
     """A run that holds 200 kPa out, with intervals; its page as well."""
     folder = tmp_path_factory.mktemp("intervals")
     spec = asked(write_study(folder), ("figures: []", "figures: [fit]"), ("formats: [html, csv", "formats: [html, svg"))
-    result = mapmore("run", spec, "--runs", folder / "runs", "-q")
-    assert result.exit_code == 0, result.stderr
+    mapmore("run", spec, "--runs", folder / "runs", "-q", code=0)
     return folder / "runs" / "bench" / "model.h5"
 
 
 TABLE = "pressure,strain\n100,0.01\n150,0.02\n400,0.02\n,0.02\n"
 
 
-def test_a_table_gains_the_ends(model_file: Path, mapmore: Mapmore) -> None:
-    result = mapmore("predict", model_file, "-", "--interval", "0.9", "--derivatives", stdin=TABLE)
-    assert result.exit_code == 0, result.stderr
+def test_a_table_gains_the_ends(model_file: Path, mapmore) -> None:
+    result = mapmore("predict", model_file, "-", "--interval", "0.9", "--derivatives", stdin=TABLE, code=0)
     rows = list(csv.DictReader(io.StringIO(result.stdout)))
     assert list(rows[0])[2:] == ["force_predicted", "outside_range", "force_low", "force_high", "force_by_pressure", "force_by_strain"]
     half = many_curves(read_model(model_file).left_out, 0.9)
@@ -178,7 +171,7 @@ BAD = {"a level of 95": (["95"], TABLE, 2), "a column taken": (["0.95"], TABLE.r
 
 
 @pytest.mark.parametrize("what", [*BAD, "a model without"])
-def test_bad_asks_are_refused(what: str, model_file: Path, mapmore: Mapmore, finished: tuple[Path, Path]) -> None:
+def test_bad_asks_are_refused(what: str, model_file: Path, mapmore, finished: tuple[Path, Path]) -> None:
     model = finished[1] / "bench" / "model.h5" if what == "a model without" else model_file
     arguments, table, code = BAD.get(what, (["0.95"], TABLE, 4))
     result = mapmore("predict", model, "-", "--interval", *arguments, stdin=table)

@@ -1,7 +1,6 @@
 """What left-out levels say: every level is predicted as a run that holds it out predicts it; a backbone is chosen."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +14,8 @@ HELD = "{validate: {pressure: [200]}}"
 AGAINST = "against: [polynomial_2, {set: {fit.max_terms: 2}, as: two_terms}]"
 
 
-def rows(mapmore: Callable[..., Any], spec: Path, runs: Path, command: str = "validate") -> dict[tuple[str, str, str], dict[str, Any]]:
-    result = mapmore(command, spec, "--runs", runs, "--json", "-q")
-    assert result.exit_code == 0, result.stderr
+def rows(mapmore, spec: Path, runs: Path, command: str = "validate") -> dict[tuple[str, str, str], dict[str, Any]]:
+    result = mapmore(command, spec, "--runs", runs, "--json", "-q", code=0)
     return {(row["model"], row["split"], row["curve"]): row for row in json.loads(result.stdout)["scores"]}
 
 
@@ -30,7 +28,7 @@ def rows(mapmore: Callable[..., Any], spec: Path, runs: Path, command: str = "va
     ],
 )
 def test_every_level_is_predicted_as_by_a_run_without_it(
-    model: str, rivals: tuple[str, ...], levels: tuple[int, ...], tmp_path: Path, mapmore: Callable[..., Any]
+    model: str, rivals: tuple[str, ...], levels: tuple[int, ...], tmp_path: Path, mapmore
 ) -> None:
     """All levels once; an inner one and an end of other models."""
     spec = write_study(tmp_path)
@@ -54,7 +52,7 @@ def test_every_level_is_predicted_as_by_a_run_without_it(
             assert left_out["rmse"] == pytest.approx(held["rmse"], rel=1e-9)
 
 
-def test_the_saved_model_and_the_training_rows_are_of_all_data(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+def test_the_saved_model_and_the_training_rows_are_of_all_data(tmp_path: Path, mapmore) -> None:
     spec = write_study(tmp_path)
     plain = spec.read_text()
     spec.write_text(plain.replace(HELD, "{leave_one_level_out: true}"))
@@ -69,20 +67,17 @@ def test_the_saved_model_and_the_training_rows_are_of_all_data(tmp_path: Path, m
     assert "Every level is left out in turn" in page
 
 
-def test_models_over_time_have_no_levels_to_leave_out(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+def test_models_over_time_have_no_levels_to_leave_out(tmp_path: Path, mapmore) -> None:
     spec = write_study(tmp_path)
     text = spec.read_text().replace(HELD, "{leave_one_level_out: true}")
     spec.write_text(text.split("dictionary:")[0] + "dictionary: [{lags: {of: [strain], steps: [1]}}]\n")
-    result = mapmore("run", spec, "--runs", tmp_path / "runs")
-    assert result.exit_code == 3
-    assert "neither a model with memory nor a sum" in result.stderr
+    mapmore("run", spec, "--runs", tmp_path / "runs", code=3, says="neither a model with memory nor a sum")
 
 
-def test_the_run_tells_what_it_chose(tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+def test_the_run_tells_what_it_chose(tmp_path: Path, mapmore) -> None:
     """The study has three training levels: too few for a choice, which is said."""
     spec, runs = write_study(tmp_path), tmp_path / "runs"
-    result = mapmore("validate", spec, "--runs", runs, "--set", "model.backbone=auto", "--set", "fit.max_terms=2")
-    assert result.exit_code == 0, result.stderr
+    mapmore("validate", spec, "--runs", runs, "--set", "model.backbone=auto", "--set", "fit.max_terms=2", code=0)
     shown = json.loads(mapmore("show", runs / "bench" / "model.h5", "--json").stdout)
     assert "too few to choose a backbone by" in " ".join(shown["notes"])
 
@@ -94,9 +89,7 @@ def test_the_run_tells_what_it_chose(tmp_path: Path, mapmore: Callable[..., Any]
         (["dictionary=[{lags: {of: [force], steps: [1], order: 1}}]", "segment={}"], "a model with memory has none"),
     ],
 )
-def test_a_choice_that_cannot_be_made_is_refused(settings: list[str], words: str, tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+def test_a_choice_that_cannot_be_made_is_refused(settings: list[str], words: str, tmp_path: Path, mapmore) -> None:
     spec = write_study(tmp_path)
     given = [part for setting in ["model.backbone=auto", *settings] for part in ("--set", setting)]
-    result = mapmore("fit", spec, "--runs", tmp_path / "runs", *given)
-    assert result.exit_code == 3
-    assert words in result.stderr
+    mapmore("fit", spec, "--runs", tmp_path / "runs", *given, code=3, says=words)

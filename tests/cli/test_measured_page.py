@@ -7,9 +7,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -134,13 +132,13 @@ def test_the_sentences_follow_from_the_tables() -> None:
     assert "the error is {one term} % with one, {two} with two, {three} with three".format(**terms) in text
 
 
-def test_the_piston_of_the_printed_cylinder(tmp_path: Path, mapmore: Callable[..., Any], measured_data: Path) -> None:
+def test_the_piston_of_the_printed_cylinder(tmp_path: Path, mapmore, measured_data: Path) -> None:
     """The sentences follow from the table, and the slope from the model."""
     text, row = PAGE.read_text(encoding="utf-8"), {model: cells["NRMSE"] for model, cells in page_table("cylinder").items()}
     said = "errs by {mapmore} %, by {nominal} with nominal pressures, by {by_level} with a function"
     assert said.format(**row) in text
     assert "displacement has {plane}; a quadratic, {quadratic}, follows".format(**row) in text
-    assert mapmore("fuse", CONFIGS / "cylinder" / "printed_cylinder.yaml", "--runs", tmp_path, "-q").exit_code == 0
+    mapmore("fuse", CONFIGS / "cylinder" / "printed_cylinder.yaml", "--runs", tmp_path, "-q", code=0)
     model = read_model(tmp_path / "printed_cylinder" / "model.h5")
     low, high = predict(model, {"pressure": np.array([200.0, 600.0]), "displacement": np.array([0.01, 0.01])})
     assert f"a constant and {(high - low) / 400:.3f} N/kPa" in text
@@ -173,7 +171,7 @@ def test_the_simulated_studies_are_those_that_run() -> None:
 
 
 @pytest.mark.parametrize("step", [5, pytest.param(1, marks=pytest.mark.long)])
-def test_the_sweep_of_terms_gives_its_table(step: int, tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+def test_the_sweep_of_terms_gives_its_table(step: int, tmp_path: Path, mapmore) -> None:
     """Every fifth entry is one of each study and of each column."""
     _, entries = load_campaign(CONFIGS / "campaigns" / "m1_terms.yaml")
     table = page_table("m1-terms")

@@ -6,9 +6,7 @@ import csv
 import json
 import math
 import re
-from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import h5py
 import numpy as np
@@ -28,8 +26,6 @@ from mapmore_cli.study.predict import predicted_lines
 STEP = 0.01
 GAP = 150
 """The row of every recording before which half a second is missing."""
-
-Call = Callable[..., Any]
 
 SPEC = """\
 schema_version: 1
@@ -99,8 +95,7 @@ def finished(tmp_path_factory, mapmore):
     found = {}
     for name, model, law in (("narx", NARX, narx), ("play", PLAY, hysteresis)):
         spec = write_study(folder, name, model, law)
-        result = mapmore("run", spec, "--runs", folder / "runs", "-q")
-        assert result.exit_code == 0, result.stderr
+        mapmore("run", spec, "--runs", folder / "runs", "-q", code=0)
         found[name] = (spec, folder / "runs" / name)
     return found
 
@@ -132,7 +127,7 @@ def test_the_second_run_does_nothing_and_another_one_gives_the_same_bytes(finish
     spec, run_dir = finished["narx"]
     again = mapmore("run", spec, "--runs", run_dir.parent, "--json", "-q")
     assert set(json.loads(again.stdout)["stages"].values()) == {"up-to-date"}
-    assert mapmore("run", spec, "--runs", tmp_path, "-q").exit_code == 0
+    mapmore("run", spec, "--runs", tmp_path, "-q", code=0)
     for name in ("fit.h5", "model.h5", "validate.h5", "scores.csv", "scores.json"):
         assert (tmp_path / "narx" / name).read_bytes() == (run_dir / name).read_bytes(), name
 
@@ -218,8 +213,7 @@ def test_a_run_that_diverges_leaves_cells_empty_and_says_where(narx_table):
 
 
 def test_a_grid_has_no_time(finished, mapmore):
-    result = mapmore("predict", finished["play"][1] / "model.h5", "--grid", "pressure=0:1:0.5,load=0")
-    assert result.exit_code == 2
+    result = mapmore("predict", finished["play"][1] / "model.h5", "--grid", "pressure=0:1:0.5,load=0", code=2)
     assert "a grid has no time" in result.stderr
     assert "time, load, pressure" in result.stderr
 
@@ -242,8 +236,7 @@ def test_a_diverging_run_has_no_score_and_says_at_which_sample(tmp_path, mapmore
         return 1.3 ** np.arange(len(pressure)) * (1e-15 if load[0] < 2 else 1.0)
 
     spec = write_study(tmp_path, "growth", "dictionary: [{lags: {of: [displacement], steps: [1], constant: false}}]", growing)
-    result = mapmore("run", spec, "--runs", tmp_path / "runs")
-    assert result.exit_code == 0, result.stderr
+    result = mapmore("run", spec, "--runs", tmp_path / "runs", code=0)
     told = [line for line in result.stderr.splitlines() if "diverges" in line]
     assert len(told) == 2
     dataset, validation = read_dataset(tmp_path / "runs/growth/ingest.h5"), read_validation(tmp_path / "runs/growth/validate.h5")
@@ -259,11 +252,10 @@ def test_uneven_recordings_are_refused_with_the_remedy(tmp_path, mapmore):
     spec = write_study(tmp_path, "uneven", PLAY, hysteresis)
     file = tmp_path / "uneven_b.csv"
     file.write_text(file.read_text().replace("\n0.2,", "\n0.195,"))
-    result = mapmore("run", spec, "--runs", tmp_path / "runs", "-q")
-    assert result.exit_code == 4
+    result = mapmore("run", spec, "--runs", tmp_path / "runs", "-q", code=4)
     assert "uneven_b#1: sample 20 (at 0.195 s): only 0.005 s after the one before" in result.stderr
     assert "add `resample: 0.01 s` to `data`" in result.stderr
-    assert mapmore("run", spec, "--runs", tmp_path / "runs", "-q", "--set", "data.resample=0.01 s").exit_code == 0
+    mapmore("run", spec, "--runs", tmp_path / "runs", "-q", "--set", "data.resample=0.01 s", code=0)
 
 
 @pytest.mark.parametrize(
@@ -275,8 +267,7 @@ def test_uneven_recordings_are_refused_with_the_remedy(tmp_path, mapmore):
     ids=["lags", "products"],
 )
 def test_a_dictionary_beyond_memory_is_refused_with_numbers(family, finished, tmp_path, mapmore):
-    result = mapmore("fit", finished["play"][0], "--runs", tmp_path, "-q", "--set", f"dictionary=[{{{family}}}]")
-    assert result.exit_code == 4
+    result = mapmore("fit", finished["play"][0], "--runs", tmp_path, "-q", "--set", f"dictionary=[{{{family}}}]", code=4)
     assert re.search("GB of memory for their products alone; .* may be used", result.stderr)
     assert not (tmp_path / "play" / "fit.h5").exists()
 
@@ -305,7 +296,7 @@ def test_show_tells_terms_coefficients_and_states(finished, mapmore, document):
 def test_show_tells_the_resonance_and_what_else_would_have_served(tmp_path, mapmore, document):
     model = "dictionary: [{terms: [pressure, load]}, {resonance: {of: [pressure]}}]\nfit: {max_terms: 2, ridge: 1e-6, scaling: range}"
     spec = write_study(tmp_path, "ringing", model, hysteresis)
-    assert mapmore("run", spec, "--runs", tmp_path / "runs", "-q").exit_code == 0
+    mapmore("run", spec, "--runs", tmp_path / "runs", "-q", code=0)
     file = tmp_path / "runs/ringing/fit.h5"
     shown = document("show", file)["memory"]
     hertz, damping = shown["states"]["resonances"]["pressure"]

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import csv
-import re
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,7 +14,6 @@ from mapmore_cli.modelling.motion.fitting import fit_motion
 from mapmore_cli.modelling.motion.problem import MotionRecipe
 from mapmore_cli.modelling.motion.simulation import simulate
 from mapmore_cli.spec.campaign import load_campaign
-from mapmore_cli.spec.loader import load
 
 PAGE = DOCS / "motion.md"
 DATASETS = DOCS.parent / "datasets"
@@ -46,13 +43,6 @@ def fitted(references, settings):
 
 def table(name):
     return page_table(name, PAGE)
-
-
-def test_the_worked_spec_is_one(tmp_path: Path) -> None:
-    block = re.search(r"```yaml\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
-    assert block
-    (tmp_path / "spec.yaml").write_text(block[1])
-    assert load(tmp_path / "spec.yaml").spec.model.type == "state_space"
 
 
 def test_poles_and_gains_are_those_of_the_published_rows() -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cli_samples import without_figures
+from cli_samples import held_out, without_figures
 from page_tables import DOCS, page_table
 
 import mapmore_cli
@@ -43,8 +43,7 @@ SHOWN = {
 
 
 def pooled(run_dir):
-    rows = json.loads((run_dir / "scores.json").read_text())["scores"]
-    return {row["model"]: row["nrmse"] for row in rows if (row["split"], row["curve"]) == ("validate", "all")}
+    return {model: row["nrmse"] for model, row in held_out(json.loads((run_dir / "scores.json").read_text())).items()}
 
 
 LOOKED_AT = "dmsp-20-88"
@@ -58,8 +57,7 @@ def muscle(request, tmp_path_factory, mapmore):
     runs = tmp_path_factory.mktemp(request.param)
     figures = ["fit"] if request.param == LOOKED_AT else None
     study = without_figures(CONFIGS / f"{request.param}-dynamic.yaml", runs, but=f"{request.param}-damping", figures=figures)
-    result = mapmore("run", study, "--runs", runs, "-q")
-    assert result.exit_code == 0, result.stderr
+    mapmore("run", study, "--runs", runs, "-q", code=0)
     return request.param, runs
 
 
@@ -76,8 +74,7 @@ def test_the_page_shows_what_the_runs_say(study, muscle):
 @pytest.mark.parametrize(("name", "column"), [("dmsp-20-88", "McKibben"), pytest.param("peano", "Peano", marks=pytest.mark.long)])
 def test_the_page_says_what_the_static_study_from_80_kpa_costs(name, column, tmp_path, mapmore):
     study = f"{name}-damping-from-80"
-    result = mapmore("validate", without_figures(CONFIGS / f"{study}.yaml", tmp_path), "--runs", tmp_path, "-q")
-    assert result.exit_code == 0, result.stderr
+    mapmore("validate", without_figures(CONFIGS / f"{study}.yaml", tmp_path), "--runs", tmp_path, "-q", code=0)
     found, table = pooled(tmp_path / study), page_table("from80", DAMPING)
     told = {model: float(cells[column].strip("*")) for model, cells in table.items()}
     assert told == pytest.approx({model: 100 * found[model] for model in told}, abs=0.051)
@@ -94,8 +91,7 @@ def test_the_page_says_what_a_sensor_in_the_muscle_shows(name, column, tmp_path,
     models = ("mapmore", "none", "reynolds", "peternel")
     settings = ["name=in-muscle", "validate.against=[none, reynolds, peternel]", "report.published=null", "data.columns.pressure.column=Pm"]
     chosen = [word for setting in settings for word in ("--set", setting)]
-    result = mapmore("validate", without_figures(CONFIGS / f"{name}-damping.yaml", tmp_path), "--runs", tmp_path, "-q", *chosen)
-    assert result.exit_code == 0, result.stderr
+    mapmore("validate", without_figures(CONFIGS / f"{name}-damping.yaml", tmp_path), "--runs", tmp_path, "-q", *chosen, code=0)
     found = pooled(tmp_path / "in-muscle")
     cell = page_table("untried", DAMPING)["pressure taken in the muscle"][column]
     told = [float(number) for number in re.sub(r"\([^)]*\)", "", cell).split(",")]
@@ -104,8 +100,7 @@ def test_the_page_says_what_a_sensor_in_the_muscle_shows(name, column, tmp_path,
 
 def test_the_page_says_what_rates_are_worth_on_a_measured_muscle(measured_data, tmp_path, mapmore):
     del measured_data  # absent where the recordings are
-    result = mapmore("validate", CONFIGS.parent / "coiled" / "coiled_steps_rates.yaml", "--runs", tmp_path, "-q")
-    assert result.exit_code == 0, result.stderr
+    mapmore("validate", CONFIGS.parent / "coiled" / "coiled_steps_rates.yaml", "--runs", tmp_path, "-q", code=0)
     scores = json.loads((tmp_path / "coiled_steps_rates" / "scores.json").read_text())["scores"]
     found = {(row["model"], row["split"]): 100 * row["nrmse"] for row in scores if row["curve"] == "all"}
     table = page_table("rates", DAMPING)
@@ -152,8 +147,7 @@ def test_a_table_of_time_pressure_and_strain_predicts_what_was_validated(muscle,
         columns = zip(*(curve.columns[column].tolist() for column in ("time", "pressure", "strain")), strict=True)
         lines += [f"{curve.id},{t!r},{p!r},{e!r}" for t, p, e in columns]
     (tmp_path / "table.csv").write_text("\n".join(lines) + "\n")
-    result = mapmore("predict", run_dir / "model.h5", tmp_path / "table.csv", "-o", tmp_path / "out.csv")
-    assert result.exit_code == 0, result.stderr
+    mapmore("predict", run_dir / "model.h5", tmp_path / "table.csv", "-o", tmp_path / "out.csv", code=0)
     found = [float(row["force_predicted"]) for row in csv.DictReader((tmp_path / "out.csv").read_text().splitlines())]
     wanted = np.concatenate(validation.predictions["mapmore"][:2])
     assert np.allclose(found, wanted, rtol=1e-9, atol=1e-9)
@@ -176,6 +170,4 @@ def test_the_dynamic_model_is_the_sum_of_the_two(muscle):
 
 def test_a_table_without_time_says_what_it_lacks(muscle, mapmore):
     name, runs = muscle
-    result = mapmore("predict", runs / f"{name}-dynamic" / "model.h5", "-", stdin="pressure,strain\n100,0.1\n")
-    assert result.exit_code == 4
-    assert "time" in result.stderr
+    mapmore("predict", runs / f"{name}-dynamic" / "model.h5", "-", stdin="pressure,strain\n100,0.1\n", code=4, says="time")

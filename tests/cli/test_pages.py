@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import re
 
+import pytest
+from page_tables import block_of
 from pages import BLOCK, DOCS, in_full, read_rows
+
+from mapmore_cli.spec.loader import load
 
 WORDS, ROWS = 25_000, 15
 """What the documentation may have at most: in all, and in a table of a page."""
@@ -29,6 +33,14 @@ def test_the_site_shows_every_row() -> None:
     for row in read_rows(page, "families"):
         assert f"| {' | '.join(row)} |" in text
     assert page.read_text(encoding="utf-8").count("<!-- table families") == text.count("<!-- table families") == 1
+
+
+@pytest.mark.parametrize(
+    ("page", "of_kind"), [("memory", lambda spec: spec.has_memory), ("motion", lambda spec: spec.model.type == "state_space")]
+)
+def test_the_worked_spec_is_one(page, of_kind, tmp_path):
+    (tmp_path / "spec.yaml").write_text(block_of(DOCS / f"{page}.md"))
+    assert of_kind(load(tmp_path / "spec.yaml").spec)
 
 
 def test_the_documentation_is_short() -> None:

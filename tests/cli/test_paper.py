@@ -131,7 +131,7 @@ def write_table(paper, rmse: dict[str, float], nrmse: dict[str, float]):
 def test_what_agrees_and_what_differs(paper, tmp_path, mapmore):
     """Our own numbers as the printed ones agree; others differ by kind, each told with its count and distance."""
     runs = tmp_path / "runs"
-    assert mapmore("validate", tmp_path / "bench.yaml", "--runs", runs, "-q").exit_code == 0
+    mapmore("validate", tmp_path / "bench.yaml", "--runs", runs, "-q", code=0)
     scores = json.loads((runs / "bench" / "scores.json").read_text())["scores"]
     held = {row["model"]: row for row in scores if row["split"] == "validate" and row["curve"] == "all"}
     ours = {metric: {model: held[model][metric] for model in ("mapmore", "polynomial_2")} for metric in ("rmse", "nrmse")}

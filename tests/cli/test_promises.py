@@ -30,10 +30,10 @@ def test_permuted_held_out_forces_leave_the_model_unchanged(tmp_path, mapmore):
         folder.mkdir()
         spec = write_study(folder)
         model = folder / "runs" / "bench" / "model.h5"
-        assert mapmore("run", spec, "--runs", folder / "runs", "-q", *settings).exit_code == 0
+        mapmore("run", spec, "--runs", folder / "runs", "-q", *settings, code=0)
         before, scores = arrays(model), (model.parent / "scores.json").read_bytes()
         change_forces(folder / "bench_200.csv", np.random.default_rng(0).permutation)
-        assert mapmore("run", spec, "--runs", folder / "runs", "-q", *settings).exit_code == 0
+        mapmore("run", spec, "--runs", folder / "runs", "-q", *settings, code=0)
         after = arrays(model)
         np.testing.assert_equal(after, before)
         assert (model.parent / "scores.json").read_bytes() != scores
@@ -103,7 +103,7 @@ def test_order_of_rows_names_of_files_threads_and_time_zone_do_not_matter(tmp_pa
                     break
         try:
             with threadpool_limits(2 if place == "other" else 1):
-                assert mapmore("validate", spec, "--runs", folder / "runs", "-q").exit_code == 0
+                mapmore("validate", spec, "--runs", folder / "runs", "-q", code=0)
         finally:
             locale.setlocale(locale.LC_ALL, before)
         shown = json.loads(mapmore("show", folder / "runs" / "bench" / "fit.h5", "--json").stdout)

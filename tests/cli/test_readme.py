@@ -1,4 +1,4 @@
-"""What README shows stands on the pages; the spec that the tutorial writes by hand runs."""
+"""What README shows stands on the pages."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import re
 from pathlib import Path
 from statistics import geometric_mean
 
-import numpy as np
 import pytest
 import yaml
 from page_tables import MEMORY, numbers, page_table
@@ -17,30 +16,6 @@ from mapmore_cli.spec.campaign import load_campaign
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-
-
-def spec_of_tutorial() -> str:
-    (block,) = re.findall(r"```yaml\n(.*?)```", (ROOT / "docs" / "tutorial.md").read_text(encoding="utf-8"), re.DOTALL)
-    return block
-
-
-def write_recordings(folder: Path):
-    """Three slow load cycles, the upper branch on the way back."""
-    for pressure in (100, 200, 300):
-        strain = np.concatenate([np.linspace(0, 0.05 + 0.0004 * pressure, 300), np.linspace(0.05 + 0.0004 * pressure, 0, 300)])
-        force = 2 * pressure * (1 - 3 * strain) ** 2 - 40 + 4 * np.repeat([-1, 1], 300)
-        rows = [f"{pressure},{e:.5f},{f:.2f}" for e, f in zip(strain, force, strict=True)]
-        (folder / f"muscle_{pressure}.csv").write_text("\n".join(["P_kPa,strain,force_N", *rows]))
-
-
-def test_the_spec_for_your_own_recordings_runs(tmp_path, mapmore):
-    write_recordings(tmp_path)
-    spec = tmp_path / "muscle.yaml"
-    spec.write_text(spec_of_tutorial())
-    assert mapmore("check", spec).exit_code == 0
-    result = mapmore("run", spec, "--runs", tmp_path / "runs", code=0)
-    assert "polynomial_2" in result.stdout
-    assert (tmp_path / "runs" / "my-muscle" / "report" / "index.html").is_file()
 
 
 def test_the_table_is_that_of_the_pages():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -42,14 +41,12 @@ def scores(runs: Path, name: str) -> dict[tuple[str, str], dict[str, Any]]:
     return {(row["model"], row["split"]): row for row in rows if row["curve"] == "all"}
 
 
-def test_all_rows_are_of_the_force(study: Path, tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+def test_all_rows_are_of_the_force(study: Path, tmp_path: Path, mapmore) -> None:
     """The inverted model has the error that inverting it by hand, in `predict`, gives; the formulas have that of the direct study."""
     runs = tmp_path / "runs"
     given = options(*TURNED, "validate={as: force, against: [polynomial_2]}", "name=turned")
-    result = mapmore("run", study, "--runs", runs, *given)
-    assert result.exit_code == 0, result.stderr
-    direct = mapmore("validate", study, "--runs", runs, *options("validate={against: [polynomial_2]}"))
-    assert direct.exit_code == 0, direct.stderr
+    mapmore("run", study, "--runs", runs, *given, code=0)
+    mapmore("validate", study, "--runs", runs, *options("validate={against: [polynomial_2]}"), code=0)
     rows, direct_rows = scores(runs, "turned"), scores(runs, "bench")
     assert {row["target"] for row in rows.values()} == {"force"}
     assert json.loads((runs / "turned" / "scores.json").read_text())["units"] == {"force": "N"}
@@ -58,8 +55,7 @@ def test_all_rows_are_of_the_force(study: Path, tmp_path: Path, mapmore: Callabl
     table = tmp_path / "table.csv"
     table.write_text("\n".join(["pressure,strain,force", *measured.read_text().splitlines()[1:]]) + "\n")
     out = tmp_path / "out.csv"
-    said = mapmore("predict", runs / "turned" / "model.h5", table, "-o", out, "--as", "force")
-    assert said.exit_code == 0, said.stderr
+    mapmore("predict", runs / "turned" / "model.h5", table, "-o", out, "--as", "force", code=0)
     found = np.genfromtxt(out, delimiter=",", names=True, dtype=None, encoding="utf-8")
     error = np.sqrt(np.mean((found["force_predicted"] - found["force"]) ** 2))
     assert rows["mapmore", "validate"]["rmse"] == pytest.approx(error, rel=1e-6)
@@ -68,15 +64,14 @@ def test_all_rows_are_of_the_force(study: Path, tmp_path: Path, mapmore: Callabl
     assert "The model predicts strain; it is inverted, and scored as force." in page
 
 
-def test_the_inverted_model_stands_beside_the_direct_one(study: Path, tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+def test_the_inverted_model_stands_beside_the_direct_one(study: Path, tmp_path: Path, mapmore) -> None:
     """As a competitor whose target is another, also where every level is left out in turn."""
     runs = tmp_path / "runs"
     changed = "{target: {column: strain}, segment: {force: {method: even, count: 2}}, " + (
         "dictionary: [{polynomial: {of: [force], order: 2}}], fit: {max_terms: 2}}"
     )
     given = options(f"validate={{against: [{{set: {changed}, as: inverted}}]}}", "data.split={leave_one_level_out: true}")
-    result = mapmore("validate", study, "--runs", runs, *given)
-    assert result.exit_code == 0, result.stderr
+    mapmore("validate", study, "--runs", runs, *given, code=0)
     rows = scores(runs, "bench")
     assert {"mapmore", "inverted"} <= {model for model, _ in rows}
     assert rows["inverted", "validate"]["n"] == 120
@@ -96,25 +91,20 @@ def test_the_inverted_model_stands_beside_the_direct_one(study: Path, tmp_path: 
         ),
     ],
 )
-def test_what_cannot_be_inverted_is_refused(
-    settings: list[str], words: str, study: Path, tmp_path: Path, mapmore: Callable[..., Any]
-) -> None:
-    result = mapmore("validate", study, "--runs", tmp_path / "runs", *options("validate.against=[]", *settings))
-    assert result.exit_code == 3
-    assert words in result.stderr
+def test_what_cannot_be_inverted_is_refused(settings: list[str], words: str, study: Path, tmp_path: Path, mapmore) -> None:
+    mapmore("validate", study, "--runs", tmp_path / "runs", *options("validate.against=[]", *settings), code=3, says=words)
 
 
-def test_a_table_is_turned_with_its_flags(study: Path, tmp_path: Path, mapmore: Callable[..., Any]) -> None:
+def test_a_table_is_turned_with_its_flags(study: Path, tmp_path: Path, mapmore) -> None:
     runs = tmp_path / "runs"
-    assert mapmore("fuse", study, "--runs", runs, *options(*TURNED)).exit_code == 0
+    mapmore("fuse", study, "--runs", runs, *options(*TURNED), code=0)
     model, table = runs / "bench" / "model.h5", tmp_path / "table.csv"
     table.write_text("pressure,strain\n200,0.1\n200,5\n200,\n")
-    shown = mapmore("predict", model, table, "--as", "force")
-    assert shown.exit_code == 0, shown.stderr
+    shown = mapmore("predict", model, table, "--as", "force", code=0)
     header, inside, beyond, empty = shown.stdout.splitlines()
     assert header == "pressure,strain,force_predicted,outside_range"
     assert inside.endswith("false")
     assert beyond.endswith("true")
     assert empty == "200,,,"
-    assert mapmore("predict", model, table, "--as", "load").exit_code == 2
-    assert mapmore("predict", model, table, "--as", "force", "--derivatives").exit_code == 2
+    mapmore("predict", model, table, "--as", "load", code=2)
+    mapmore("predict", model, table, "--as", "force", "--derivatives", code=2)

@@ -13,7 +13,7 @@ from typing import Any
 import jsonschema
 import pytest
 import yaml
-from cli_samples import without_figures
+from cli_samples import held_out, without_figures
 from page_tables import MEMORY, numbers, page_table
 
 from mapmore_cli.spec.loader import load
@@ -123,7 +123,7 @@ def run(mapmore, path: Path, runs: Path, *settings: str, with_report: bool) -> d
     result = mapmore("run" if with_report else "validate", spec, "--runs", runs, "--json", "-q", *settings, code=0)
     document = json.loads(result.stdout)
     assert (runs / path.stem / "report" / "index.html").is_file() == with_report
-    return {row["model"]: row for row in document["scores"] if (row["split"], row["curve"]) == ("validate", "all")}
+    return held_out(document)
 
 
 @pytest.mark.parametrize(

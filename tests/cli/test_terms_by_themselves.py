@@ -3,24 +3,20 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pytest
-from test_cli_tune import tuned, write_bench
+from cli_samples import change_forces
+from test_cli_tune import tuned, write_bench, write_record
 
 from mapmore_cli.storage.artefacts import read_fit, read_model
-
-Call = Callable[..., Any]
 
 
 def run_auto(mapmore, spec, *more):
     """The fit and the model of a run that chooses the number of terms."""
     arguments = ["fuse", spec, "--runs", spec.parent / "runs", "-q", "--set", "fit.max_terms=auto", *more]
-    result = mapmore(*arguments)
-    assert result.exit_code == 0, result.stderr
-    folder = spec.parent / "runs" / "bench"
+    mapmore(*arguments, code=0)
+    folder = spec.parent / "runs" / spec.stem
     return read_fit(folder / "fit.h5"), read_model(folder / "model.h5")
 
 
@@ -43,9 +39,7 @@ def test_held_out_forces_have_no_say(tmp_path, mapmore):
     spec = write_bench(tmp_path)
     backbone = ("--set", "model.backbone=polynomial_2", "--set", "segment.strain.count=1")
     _, before = run_auto(mapmore, spec, *backbone)
-    path = tmp_path / "bench_300.csv"
-    header, *rows = path.read_text().splitlines()
-    path.write_text("\n".join([header, *(",".join([*row.split(",")[:2], str(7.0 * k)]) for k, row in enumerate(rows))]))
+    change_forces(tmp_path / "bench_300.csv", lambda force: 7.0 * np.arange(len(force)))
     _, after = run_auto(mapmore, spec, *backbone)
     assert after.notes == before.notes
     for one, other in zip(before.body.segments, after.body.segments, strict=True):
@@ -78,14 +72,6 @@ def test_with_memory_too(tmp_path, mapmore):
     rng = np.random.default_rng(3)
     p = rng.normal(0, 20, 300)
     force = np.convolve(p, [0.5, 0.3, 0.2, 0.1])[:300] + rng.normal(0, 0.5, 300)
-    lines = [f"{k / 100},{a:.6g},{b:.6g}" for k, (a, b) in enumerate(zip(p, force, strict=True))]
-    (tmp_path / "record.csv").write_text("\n".join(["t,P,F", *lines]))
-    spec = tmp_path / "bench.yaml"
-    spec.write_text(
-        "schema_version: 1\nname: bench\ndata:\n  files: [record.csv]\n  columns: {time: {column: t, unit: s}, "
-        "pressure: {column: P, unit: kPa}, force: {column: F, unit: N}}\ntarget: {column: force}\n"
-        "dictionary: [{lags: {of: [pressure], steps: [0, 1, 2, 3, 4, 5, 6, 7]}}]\n"
-    )
-    fit, _ = run_auto(mapmore, spec)
+    fit, _ = run_auto(mapmore, write_record(tmp_path, p, force, lags=8))
     assert fit.max_terms == 4
     assert set(fit.memory.model.terms) == {"pressure", "pressure[k-1]", "pressure[k-2]", "pressure[k-3]"}

@@ -150,7 +150,7 @@ def test_a_comparison_leaves_the_other_run_as_it_is(pair, tmp_path, mapmore):
     assert "`mapmore run rival_base.yaml`" in result.stderr
     assert (runs / "rival" / "model.h5").read_bytes() == model
     assert scored_run(mapmore, bench, runs)[0] == before
-    assert mapmore("run", rival, "--runs", runs, "-q").exit_code == 0
+    mapmore("run", rival, "--runs", runs, "-q", code=0)
     after, stages = scored_run(mapmore, bench, runs)
     assert [name for name, status in stages.items() if status == "done"] == ["validate", "report"]
     assert after["mapmore"] == before["mapmore"]
@@ -160,9 +160,9 @@ def test_a_comparison_leaves_the_other_run_as_it_is(pair, tmp_path, mapmore):
 def test_show_says_what_is_older_than_its_sources(pair, tmp_path, mapmore):
     bench, _ = pair
     runs = tmp_path / "runs"
-    assert mapmore("run", bench, "--runs", runs, "-q").exit_code == 0
+    mapmore("run", bench, "--runs", runs, "-q", code=0)
     assert "out of date" not in mapmore("show", runs / "bench").stdout
-    assert mapmore("fit", bench, "--runs", runs, "-q", "--set", "fit.max_terms=2").exit_code == 0
+    mapmore("fit", bench, "--runs", runs, "-q", "--set", "fit.max_terms=2", code=0)
     assert "fuse is out of date: fit was done again since" in mapmore("show", runs / "bench").stdout
     assert "fuse is out of date" in mapmore("show", runs / "bench" / "model.h5").stdout
     assert json.loads(mapmore("show", runs / "bench", "--json").stdout)["stale"] == ["fuse", "validate", "report"]
@@ -174,11 +174,11 @@ def test_another_spec_of_the_same_name_is_refused(tmp_path, mapmore):
     for folder in ("spring", "autumn"):
         (tmp_path / folder).mkdir()
         write_study(tmp_path / folder)
-    assert mapmore("ingest", tmp_path / "spring" / "bench.yaml", "--runs", runs, "-q").exit_code == 0
+    mapmore("ingest", tmp_path / "spring" / "bench.yaml", "--runs", runs, "-q", code=0)
     result = mapmore("ingest", tmp_path / "autumn" / "bench.yaml", "--runs", runs, "-q", code=7)
     assert "holds the run 'bench' of ../../spring/bench.yaml; this is a run of ../../autumn/bench.yaml" in result.stderr
     (tmp_path / "spring" / "bench.yaml").unlink()
-    assert mapmore("ingest", tmp_path / "autumn" / "bench.yaml", "--runs", runs, "-q").exit_code == 0
+    mapmore("ingest", tmp_path / "autumn" / "bench.yaml", "--runs", runs, "-q", code=0)
 
 
 @pytest.mark.usefixtures("batch_here")
