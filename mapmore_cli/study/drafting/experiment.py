@@ -18,8 +18,8 @@ from mapmore_cli.modelling.signals.cycles import split_cycles, turning_points
 from mapmore_cli.modelling.signals.plateau import default_within, find_levels, match_levels
 from mapmore_cli.spec.units import default_unit
 from mapmore_cli.study.drafting.draft import Draft
-from mapmore_cli.study.drafting.recordings import cleaned, dataset_of, read_draft
-from mapmore_cli.study.inspection.evidence import Settling, neighbourhood, remembered, set_in_steps, settling, two_digits
+from mapmore_cli.study.drafting.recordings import cleaned, read_draft
+from mapmore_cli.study.inspection.evidence import Settling, force_set, neighbourhood, remembered, settling, two_digits
 from mapmore_cli.study.inspection.rules.curves import BEYOND
 from mapmore_cli.study.inspection.rules.samples import UNSETTLED
 
@@ -140,13 +140,9 @@ def goes_in_cycles(recordings: Sequence[Recording], held: Held, samples: int) ->
     return True
 
 
-def _settling(recordings: Sequence[Recording]) -> Settling | None:
-    return settling([(recording.columns["time"], recording.columns["pressure"]) for recording in recordings])
-
-
 def staircase(recordings: Sequence[Recording]) -> Settling | None:
     """How the pressure settles, where it rests in between: most samples in the middle of its range are slow. None for sweeps."""
-    found = _settling(recordings)
+    found = settling(recordings)
     return found if found is not None and found.share_between > RESTS and found.share < 1 - TRANSITION else None
 
 
@@ -216,7 +212,7 @@ def _moves(recordings: Sequence[Recording], target: str) -> bool:
         return False
     if target != "force" or "pressure" not in recordings[0].columns:
         return True
-    found = _settling(recordings)
+    found = settling(recordings)
     return found is not None and found.share < 1 - UNSETTLED
 
 
@@ -298,14 +294,14 @@ def of_experiment(
     held = find_held(recordings, ("pressure", position), hold) if position is not None else None
     if held is None and _moves(recordings, target):
         return _with_memory(draft, recordings, [one for one in ("pressure", position) if one is not None and one != target], target)
-    step = set_in_steps([one.columns["force"] for one in recordings]) if target == "force" and held is not None else None
-    if step is not None and position is not None and set_in_steps([one.columns[position] for one in recordings]) is None:
+    step = force_set(recordings, position) if target == "force" and held is not None and position is not None else None
+    if step is not None and position is not None:
         draft = _with_experiment(draft, recordings, find_held(recordings, ("pressure", "force")))
         why = f"the force was set in steps of {step:.4g} N, and {position} measured: the noise lies there"
         draft, target = draft.with_section("target", {"column": position}, why), position
     else:
         draft = with_target(_with_experiment(draft, recordings, held), target)
-    return _with_comparison(draft, dataset_of(draft.data, folder, target))
+    return _with_comparison(draft, read_draft(draft, folder, target))
 
 
 def with_target(draft: Draft, target: str) -> Draft:
@@ -337,7 +333,7 @@ def hysteresis_beside(draft: Draft, folder: Path) -> Draft | None:
     """Return the study of the hysteresis that the load cycles of a static one show; None where there are none, or branches are one."""
     if draft.spec["target"] != "static" or "cycles" not in draft.data:
         return None
-    curves = dataset_of(draft.data, folder, "force").curves
+    curves = read_draft(draft, folder, "force").curves
     largest = max(float(np.abs(curve.columns["force"]).max()) for curve in curves)
     halves = np.concatenate([curve.columns["hysteresis"] for curve in curves])
     half = float(np.sqrt(np.mean(halves**2)))

@@ -10,11 +10,12 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.recording import Curve
+from mapmore_cli.domain.recording import Curve, Recording
 from mapmore_cli.modelling.expressions.operator import followed, linear
 from mapmore_cli.modelling.signals.cycles import bin_means
 from mapmore_cli.modelling.signals.rates import rate
 from mapmore_cli.modelling.signals.sampling import correlation
+from mapmore_cli.spec.units import convert
 
 GROUPS = 8  # of strain, where it is not held at fewer values
 BINS = 24  # of pressure
@@ -96,11 +97,12 @@ class Settling:
     window: float
 
 
-def settling(records: Sequence[tuple[Array, Array]]) -> Settling | None:
-    """Find which share of the samples is settled, of records given as time in s and pressure, each `(n,)`.
+def settling(recordings: Sequence[Recording], unit: str = "s") -> Settling | None:
+    """Find which share of the samples is settled, of recordings with a pressure and a time in `unit`.
 
     None where the pressure does not move, or the time stamps do not let a rate be found.
     """
+    records = [(convert(one.columns["time"], unit, "s"), one.columns["pressure"]) for one in recordings if one.rows_kept]
     pressures = np.concatenate([pressure for _, pressure in records])
     steps = np.concatenate([np.diff(time) for time, _ in records])
     if not np.ptp(pressures) or not (steps > 0).any() or (steps < 0).any():
@@ -240,6 +242,12 @@ def leads(first: Array, second: Array) -> bool:
 
 EVEN = 0.8  # of the steps from sample to sample, that are one step up or down where a quantity was set
 ALIKE = 0.02  # of the step, that these may differ
+
+
+def force_set(recordings: Sequence[Recording], position: str) -> float | None:
+    """Return the step by which the force was set while the position was measured; None elsewhere."""
+    step, other = (set_in_steps([one.columns[name] for one in recordings]) for name in ("force", position))
+    return step if other is None else None
 
 
 def set_in_steps(records: Sequence[Array]) -> float | None:

@@ -19,7 +19,7 @@ from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.modelling.validation.repeatability import WORTH, floors
 from mapmore_cli.spec.check_study import formula_called
 from mapmore_cli.spec.sections.dictionary import entries_of, texts_in
-from mapmore_cli.study.inspection.evidence import neighbourhood, set_in_steps
+from mapmore_cli.study.inspection.evidence import force_set, neighbourhood
 from mapmore_cli.study.inspection.names import POSITIONS
 from mapmore_cli.study.inspection.rules import Issue, Subject
 
@@ -156,11 +156,7 @@ def wrong_way_round(subject: Subject) -> Iterator[Issue]:
     if subject.spec.target != "static" or not subject.has("force"):
         return
     position = next((name for name in POSITIONS if subject.has(name)), None)
-    if position is None:
-        return
-    series = {name: [one.columns[name] for one in subject.recordings if one.rows_kept > 1] for name in ("force", position)}
-    step = set_in_steps(series["force"])
-    if step is not None and set_in_steps(series[position]) is None:
+    if position is not None and (step := force_set(subject.recordings, position)) is not None:
         steps = f"force goes in even steps of {step:.4g} {subject.units['force']} and {position} does not"
         message = f"{steps}: the force was set, and {position} measured"
         remedy = (
