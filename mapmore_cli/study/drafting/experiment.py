@@ -19,7 +19,7 @@ from mapmore_cli.modelling.signals.plateau import default_within, find_levels, m
 from mapmore_cli.spec.units import default_unit
 from mapmore_cli.study.drafting.draft import Draft
 from mapmore_cli.study.drafting.recordings import cleaned, read_draft
-from mapmore_cli.study.inspection.evidence import Settling, force_set, neighbourhood, remembered, settling, two_digits
+from mapmore_cli.study.inspection.evidence import Settling, beyond, force_set, neighbourhood, remembered, settling, two_digits
 from mapmore_cli.study.inspection.rules.curves import BEYOND
 from mapmore_cli.study.inspection.rules.samples import UNSETTLED
 
@@ -236,16 +236,16 @@ def _with_part_held_out(draft: Draft, recordings: Sequence[Recording], names: Se
     """Return the draft with a hold-out that lies within what trains: the second half, else a stretch of the time."""
     times = [one.columns["time"] for one in recordings]
     outside = _outside(recordings, names, [np.arange(len(time)) >= LAST * len(time) for time in times])
-    beyond = f"{outside:.0%} of the second half lies beyond the first one" if outside < 1 else "the second half rests, or is all new"
+    new = f"{outside:.0%} of the second half lies beyond the first one" if outside < 1 else "the second half rests, or is all new"
     if outside <= OUTSIDE:
         return draft.with_data("split", {"validate": {"last": LAST}}, "the second half of every recording is held out")
     low, high = (float(edge(np.concatenate(times))) for edge in (np.min, np.max))
     for begin, end in STRETCHES:
         first, last = (float(f"{low + share * (high - low):.10g}") for share in (begin, end))
         if _outside(recordings, names, [(time >= first) & (time <= last) for time in times]) <= OUTSIDE:
-            why = f"s: {beyond}, and this stretch moves within the others"
+            why = f"s: {new}, and this stretch moves within the others"
             return draft.with_data("split", {"validate": {"time": {"between": [[first, last]]}}}, why)
-    why = f"{beyond}, and no stretch moves within the others: its error is that of an extrapolation"
+    why = f"{new}, and no stretch moves within the others: its error is that of an extrapolation"
     return draft.with_data("split", {"validate": {"last": LAST}}, why, False)
 
 
@@ -259,12 +259,8 @@ def _outside(recordings: Sequence[Recording], names: Sequence[str], held: Sequen
     target = pooled[names[-1]]
     if not kept.any() or np.mean(kept) > MOST_HELD or np.ptp(target[kept]) < MOVED * np.ptp(target):
         return 1.0
-    shares = []
-    for name, values in pooled.items():
-        margin = (FURTHER if name == names[-1] else BEYOND) * float(np.ptp(values[~kept]))
-        beyond = (values[kept] < values[~kept].min() - margin) | (values[kept] > values[~kept].max() + margin)
-        shares.append(float(np.mean(beyond)))
-    return max(shares)
+    margins = {**dict.fromkeys(names, BEYOND), names[-1]: FURTHER}
+    return max(float(np.mean(beyond(values[kept], values[~kept], margins[name]))) for name, values in pooled.items())
 
 
 # What to compare with, and the second component -----------------------------------------------------------------------------------

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, IntArray
+from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve, Recording
 from mapmore_cli.modelling.expressions.operator import followed, linear
@@ -261,6 +261,12 @@ def set_in_steps(records: Sequence[Array]) -> float | None:
         return None
     step = float(np.median(steps))
     return step if np.mean(np.abs(steps - step) <= ALIKE * step) >= EVEN else None
+
+
+def beyond(values: Array, training: Array, margin: float) -> BoolArray:
+    """Return which values `(n,)` lie outside of the range of the training ones, by more than this share of it."""
+    off = margin * float(np.ptp(training))
+    return (values < training.min() - off) | (values > training.max() + off)
 
 
 # Levels that tell of each other ----------------------------------------------------------------------------------------------

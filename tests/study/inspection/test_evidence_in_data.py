@@ -59,40 +59,41 @@ T = np.arange(0, 40, 0.02)
 LOOP = 1 - np.abs(T / 20 - 1)
 
 
-def test_what_hardly_moves_was_held() -> None:
-    rng = np.random.default_rng(3)
-    isobaric = [recording(time=T, pressure=level + rng.normal(0, 0.7, T.size), strain=0.2 * LOOP) for level in (80, 150, 250, 350)]
-    held = find_held(isobaric, ("pressure", "strain"))
-    assert (held.of, held.swept, held.at.tolist()) == ("pressure", "strain", [80, 150, 250, 350])
-    assert goes_in_cycles(isobaric, held, 200)
-    there = [recording(**{name: values[: T.size // 2] for name, values in one.columns.items()}) for one in isobaric]
-    held = find_held(there, ("pressure", "strain"))
-    assert not goes_in_cycles(there, held, 200)
+def strokes(pressures, rows: slice = slice(None)) -> list[Recording]:
+    """Strokes there and back, each at a pressure or the course of one."""
+    return [recording(time=T[rows], pressure=(pressure + 0 * T)[rows], strain=0.2 * LOOP[rows]) for pressure in pressures]
+
+
+LEVELS = np.array([[1], [2], [3]])
+BOTH = ("pressure", "strain")
+
+
+@pytest.mark.parametrize(
+    ("pressures", "at", "off"),
+    [
+        (np.random.default_rng(3).normal([[80], [150], [250], [350]], 0.7, (4, T.size)), [80, 150, 250, 350], 0),
+        # a closed or slow supply: the pressure dwells at both ends of every stroke, and each recording has its own
+        (100 * (LEVELS + np.where(T < 20, 0.2, -0.2) + 0.02 * np.sin(7 * T)), [100, 200, 300], 25),
+        # it rests at the end of a stroke, and is far lower on the way back: the median would leave that to the level below
+        (100 * (LEVELS + np.where(T < 30, 0.0, -0.6)), [70, 170, 270], 0),
+    ],
+)
+def test_what_hardly_moves_was_held(pressures, at: list[float], off: float) -> None:
+    recordings = strokes(pressures)
+    held = find_held(recordings, BOTH)
+    assert (held.of, held.swept) == BOTH
+    np.testing.assert_allclose(held.at, at, rtol=0, atol=off)
+    assert goes_in_cycles(recordings, held, 200)
+    there = strokes(pressures, slice(T.size // 2))
+    assert not goes_in_cycles(there, find_held(there, BOTH), 200)
 
 
 def test_holds_within_one_recording_keep_the_ways_between_out() -> None:
     holds = np.concatenate([np.concatenate([np.full(T.size, e), np.linspace(e, e + 0.1, 300)]) for e in (0.0, 0.1, 0.2)])[:-300]
     loops = np.concatenate([np.concatenate([500 * LOOP, np.zeros(300)]) for _ in range(3)])[:-300]
-    held = find_held([recording(pressure=loops, strain=holds)], ("pressure", "strain"))
+    held = find_held([recording(pressure=loops, strain=holds)], BOTH)
     assert (held.of, held.at.tolist()) == ("strain", [0, 0.1, 0.2])
     assert held.within < 0.02
-
-
-def test_a_pressure_that_drifts_within_each_recording_is_one_level_each() -> None:
-    """A closed or slow supply: the pressure dwells at both ends of every stroke, and each recording has its own."""
-    swing = np.where(T < 20, 0.2, -0.2) + 0.02 * np.sin(7 * T)
-    recordings = [recording(time=T, pressure=100 * (level + swing), strain=0.2 * LOOP) for level in (1, 2, 3)]
-    held = find_held(recordings, ("pressure", "strain"))
-    assert (held.of, len(held.at)) == ("pressure", 3)
-    assert np.abs(held.at - [100, 200, 300]).max() < 25
-
-
-def test_a_level_keeps_the_samples_of_its_own_recording() -> None:
-    """A pressure that rests at the end of a stroke, and is far lower on the way back: the median would leave that to the level below."""
-    pressure = np.where(T < 30, 0.0, -0.6)
-    recordings = [recording(time=T, pressure=100 * (level + pressure), strain=0.2 * LOOP) for level in (1, 2, 3)]
-    held = find_held(recordings, ("pressure", "strain"))
-    assert held.at.tolist() == [70, 170, 270]
 
 
 def loops(heights: list[float]) -> list[Curve]:
@@ -119,8 +120,8 @@ def test_levels_in_turns_do_not_tell_of_each_other() -> None:
 
 
 def test_nothing_was_held_where_both_move_or_only_one_level_was() -> None:
-    assert find_held([recording(pressure=500 * LOOP, strain=0.2 * LOOP)], ("pressure", "strain")) is None
-    assert find_held([recording(pressure=np.full(T.size, 100), strain=0.2 * LOOP)], ("pressure", "strain")) is None
+    assert find_held(strokes([500 * LOOP]), BOTH) is None
+    assert find_held(strokes([100]), BOTH) is None
 
 
 def test_steps_are_told_from_sweeps() -> None:

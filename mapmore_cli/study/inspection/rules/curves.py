@@ -19,7 +19,7 @@ from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.modelling.validation.repeatability import WORTH, floors
 from mapmore_cli.spec.check_study import formula_called
 from mapmore_cli.spec.sections.dictionary import entries_of, texts_in
-from mapmore_cli.study.inspection.evidence import force_set, neighbourhood
+from mapmore_cli.study.inspection.evidence import beyond, force_set, neighbourhood
 from mapmore_cli.study.inspection.names import POSITIONS
 from mapmore_cli.study.inspection.rules import Issue, Subject
 
@@ -69,13 +69,12 @@ def beyond_training(subject: Subject) -> Iterator[Issue]:
         training, validation = _values(dataset, name, held_out=False), _values(dataset, name, held_out=True)
         if not training.size:
             continue
-        margin = BEYOND * float(np.ptp(training))
-        outside = validation[(validation < training.min() - margin) | (validation > training.max() + margin)]
+        outside = validation[beyond(validation, training, BEYOND)]
         if outside.size > (0 if name in chosen else SOME * validation.size):
             share = "" if name in chosen else f"{outside.size / validation.size:.0%} of the "
-            beyond = f"{outside.min():.6g}" + (f" to {outside.max():.6g}" if np.ptp(outside) else "")
+            reached = f"{outside.min():.6g}" + (f" to {outside.max():.6g}" if np.ptp(outside) else "")
             within = f"the training range {training.min():.6g} to {training.max():.6g}"
-            message = f"{share}validation samples have {name} {beyond}, outside of {within}"
+            message = f"{share}validation samples have {name} {reached}, outside of {within}"
             place = subject.where("data", "split", "validate", name)
             yield Issue("warning", "validation-outside", place, message, "hold out an inner value, unless extrapolation is what you test")
 
