@@ -14,7 +14,7 @@ from mapmore_cli.spec.units import convert, is_canonical
 from mapmore_cli.study.drafting.answers import Answers
 from mapmore_cli.study.drafting.draft import Column, Guess, Raw, range_of
 from mapmore_cli.study.inspection.evidence import leads, same_signals, untold
-from mapmore_cli.study.inspection.names import POSITIONS, ColumnTitle, read_label, unit_in
+from mapmore_cli.study.inspection.names import POSITIONS, PRESSURES_IN_NAMES, ColumnTitle, read_label, unit_in
 from mapmore_cli.study.inspection.rules.units import LARGEST_PRESSURE, LARGEST_STRAIN, LONGEST_STEP, PRESSURE_IN_BAR, SAMPLES_OF_A_LOGGER
 
 WANTED = ("time", "pressure", "strain", "force", "displacement", "length")
@@ -29,7 +29,6 @@ ALIKE = 1.5  # times the largest value of a command, that what was measured of i
 MOST_UNNAMED = 4  # columns without titles that may be pressure, position and force
 NAMED = 10.0  # evidence that nothing but the names of the files gives
 VOLTS = 10.5  # up to which a converter reads
-UNITS_IN_NAMES = ("bar", "kPa", "psi", "mbar", "MPa", "Pa")
 AIR = {"kPa": 101.325, "mbar": 1013.25, "bar": 1.01325, "Pa": 101325.0}
 NEAR_AIR, LEAST_AIR = 0.015, 0.9
 JUMPS = 0.001  # of the steps of a clock, that may go back
@@ -211,7 +210,7 @@ def pressure_evidence(values: Sequence[Array], told: Sequence[float] = ()) -> tu
     medians = np.array([float(np.median(one)) for one in values])
     if len(medians) == len(told) > 1:
         scale = np.maximum(np.abs(told), NEAR_NAME)
-        offs = {unit: float(np.max(np.abs(convert(medians, unit, "bar") - told) / scale)) for unit in UNITS_IN_NAMES}
+        offs = {unit: float(np.max(np.abs(convert(medians, unit, "bar") - told) / scale)) for unit in PRESSURES_IN_NAMES}
         unit, off = min(offs.items(), key=lambda item: item[1])
         if off <= NEAR_NAME:
             names = f"its medians, {medians.min():.4g} to {medians.max():.4g} {unit}, are the pressures in the names of the files"

@@ -128,13 +128,13 @@ def _within(values: Array, levels: Array) -> float | None:
     return two_digits(tight) if tight < spacing / 2 and np.mean((off > tight) & (off <= spacing / 2)) > TRANSITION else None
 
 
-def goes_in_cycles(recordings: Sequence[Recording], held: Held, samples: int) -> bool:
+def goes_in_cycles(recordings: Sequence[Recording], held: Held) -> bool:
     """Return True where the swept quantity goes there and back at every level of every recording."""
     for recording in recordings:
         place = match_levels(recording.columns[held.of], held.at, held.within or default_within(held.at))
         for level in np.unique(place[place >= 0]):
             try:
-                split_cycles(recording.columns[held.swept][place == level], {}, samples)
+                split_cycles(recording.columns[held.swept][place == level], {}, CYCLE_SAMPLES)
             except DataError:
                 return False
     return True
@@ -170,7 +170,7 @@ def _with_static_samples(draft: Draft, recordings: Sequence[Recording], held: He
         why = f"kPa/s: the pressure rests on steps, {settled.share:.0%} of the samples change less, and only these are static"
         draft = draft.with_data("derive", {"pressure_rate": rule}, f"to find settled samples; a window of {settled.window:g} s")
         return draft.with_data("keep", [{"quantity": "pressure_rate", "abs_below": settled.limit}]).noted(("data", "keep", 0), why)
-    if goes_in_cycles(recordings, held, CYCLE_SAMPLES):
+    if goes_in_cycles(recordings, held):
         why = f"{held.swept} goes there and back at every level: the mean of both branches is static, half their difference is `hysteresis`"
         return draft.with_data("cycles", {"over": held.swept, "samples": CYCLE_SAMPLES}, why)
     return draft

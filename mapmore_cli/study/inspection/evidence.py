@@ -266,7 +266,8 @@ def set_in_steps(records: Sequence[Array]) -> float | None:
 def beyond(values: Array, training: Array, margin: float) -> BoolArray:
     """Return which values `(n,)` lie outside of the range of the training ones, by more than this share of it."""
     off = margin * float(np.ptp(training))
-    return (values < training.min() - off) | (values > training.max() + off)
+    outside: BoolArray = (values < training.min() - off) | (values > training.max() + off)
+    return outside
 
 
 # Levels that tell of each other ----------------------------------------------------------------------------------------------

@@ -83,9 +83,9 @@ def test_what_hardly_moves_was_held(pressures, at: list[float], off: float) -> N
     held = find_held(recordings, BOTH)
     assert (held.of, held.swept) == BOTH
     np.testing.assert_allclose(held.at, at, rtol=0, atol=off)
-    assert goes_in_cycles(recordings, held, 200)
+    assert goes_in_cycles(recordings, held)
     there = strokes(pressures, slice(T.size // 2))
-    assert not goes_in_cycles(there, find_held(there, BOTH), 200)
+    assert not goes_in_cycles(there, find_held(there, BOTH))
 
 
 def test_holds_within_one_recording_keep_the_ways_between_out() -> None:

@@ -20,9 +20,7 @@ from hypothesis import strategies as st
 from recorded import loaded, tree, workbook
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.pipeline.runner import bring_up_to_date
-from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.study.drafting.answers import Answers
 from mapmore_cli.study.drafting.start import start
 from mapmore_cli.study.inspection.lint import inspect
@@ -241,18 +239,8 @@ def hold_true(place: Path, length: float | None) -> None:
         found = inspect(spec)
         assert found.verdict is None, draft.text()
         assert found.dataset is not None
-        for level in held_out_levels(spec.spec):
-            assert has_samples(found.dataset, level), draft.text()
+        held_out, levels = spec.spec.data.split.hold_out, spec.spec.data.levels
+        values = held_out.quantities.get(levels.of) if held_out is not None and levels is not None else None
+        for level in values if isinstance(values, list) else ():
+            assert any(curve.level == pytest.approx(level) and curve.held_out.any() for curve in found.dataset.curves), draft.text()
         bring_up_to_date(spec, place / "runs", until="validate")
-
-
-def held_out_levels(spec: ExperimentSpec) -> list[float]:
-    """The levels that a spec holds out."""
-    held = spec.data.split.hold_out
-    values = held.quantities.get(spec.data.levels.of) if held is not None and spec.data.levels is not None else None
-    return values if isinstance(values, list) else []
-
-
-def has_samples(dataset: Dataset, level: float) -> bool:
-    """True where a curve at the level is held out."""
-    return any(curve.level == pytest.approx(level) and curve.held_out.any() for curve in dataset.curves)
