@@ -19,7 +19,7 @@ from mapmore_cli.modelling.signals.sampling import longest_ascent
 from mapmore_cli.spec.loader import load
 from mapmore_cli.study.drafting import start as drafting
 from mapmore_cli.study.drafting.draft import Draft
-from mapmore_cli.study.drafting.recordings import dataset_of
+from mapmore_cli.study.drafting.recordings import read_draft
 from mapmore_cli.study.inspection.lint import inspect
 
 pytestmark = pytest.mark.usefixtures("quick_families")
@@ -179,9 +179,9 @@ def test_a_joined_log_with_repeated_and_glitched_stamps_is_read(tmp_path: Path) 
         "repeated_time": "average",
     }
     with pytest.raises(DataError, match="runs backwards") as refusal:
-        dataset_of(data, tmp_path, "force")
+        read_draft(Draft({"data": data}), tmp_path, "force")
     assert "glitches: drop" in str(refusal.value.remedy)
-    (recording,) = dataset_of({**data, "glitches": "drop"}, tmp_path, "force").recordings
+    (recording,) = read_draft(Draft({"data": {**data, "glitches": "drop"}}), tmp_path, "force").recordings
     wanted = 100 + (2 * np.arange(300) + 0.5) / 10
     assert recording.rows_kept == 300
     assert np.abs(recording.columns["pressure"] - wanted).max() < 0.2
@@ -191,7 +191,7 @@ def test_a_clock_that_was_set_back_is_no_glitch(tmp_path: Path) -> None:
     time = np.concatenate([np.arange(200), np.arange(200)]) * 0.01
     table(tmp_path / "force.csv", ["t,F", *(f"{t:.2f},{row}" for row, t in enumerate(time))])
     with pytest.raises(DataError, match="runs backwards"):
-        dataset_of({"files": ["force.csv"], "columns": COLUMNS, "glitches": "drop"}, tmp_path, "force")
+        read_draft(Draft({"data": {"files": ["force.csv"], "columns": COLUMNS, "glitches": "drop"}}), tmp_path, "force")
 
 
 def test_a_line_with_a_field_too_many_is_left_out_where_the_spec_says_so(tmp_path: Path) -> None:
@@ -200,9 +200,9 @@ def test_a_line_with_a_field_too_many_is_left_out_where_the_spec_says_so(tmp_pat
     table(tmp_path / "force.csv", rows)
     data = {"files": ["force.csv"], "columns": COLUMNS}
     with pytest.raises(DataError, match="too many fields") as refusal:
-        dataset_of(data, tmp_path, "force")
+        read_draft(Draft({"data": data}), tmp_path, "force")
     assert "missing: drop" in str(refusal.value.remedy)
-    (recording,) = dataset_of({**data, "missing": "drop"}, tmp_path, "force").recordings
+    (recording,) = read_draft(Draft({"data": {**data, "missing": "drop"}}), tmp_path, "force").recordings
     assert recording.rows_kept == 19
 
 

@@ -138,13 +138,13 @@ def asked_columns(draft: Draft, said: Answers, ask: Ask) -> Answers:
     found: dict[str, Guess] = {}
     asked = 0
     for name, entry in draft.data["columns"].items():
-        column = Guess(entry["column"], entry.get("unit", ""), scale=float(entry.get("scale", 1)), offset=float(entry.get("offset", 0)))
+        column = Guess.of_spec(entry)
         note = draft.open.get(("data", "columns", name))
         if note is None or asked == MOST_COLUMNS:
             found[name] = column
             continue
         asked += 1
-        rivals = [(_plain(rival), rival.why) for rival in draft.rivals.get(name, ())]
+        rivals = [(Guess.of_spec(rival.as_spec()), rival.why) for rival in draft.rivals.get(name, ())]
         options = [(column, note.why), *rivals][:MOST_OPTIONS]
         is_target = draft.spec["target"] == {"column": name}
         read = partial(_read, name=name, options=[one for one, _ in options], draft=draft)
@@ -188,11 +188,6 @@ def _is_yes(reply: str) -> bool:
     if reply not in ("", "1", "2", "y", "n", "yes", "no"):
         raise UsageError(f"{reply!r} is neither yes nor no", "say yes or no")
     return reply in ("", "1", "y", "yes")
-
-
-def _plain(guess: Guess) -> Guess:
-    """Return the column as a person would say it."""
-    return Guess(guess.column, "" if guess.unit == "1" else guess.unit, scale=guess.scale, offset=guess.offset)
 
 
 def _shown(name: str, told: Guess) -> str:

@@ -14,22 +14,21 @@ from mapmore_cli.spec.units import convert, is_canonical
 from mapmore_cli.study.drafting.answers import Answers
 from mapmore_cli.study.drafting.draft import Column, Guess, Raw, range_of
 from mapmore_cli.study.inspection.evidence import leads, same_signals, untold
-from mapmore_cli.study.inspection.names import POSITIONS, ColumnTitle, read_label, unit_in
-from mapmore_cli.study.inspection.rules.units import LARGEST_PRESSURE, LARGEST_STRAIN, LONGEST_STEP, SAMPLES_OF_A_LOGGER
+from mapmore_cli.study.inspection.names import POSITIONS, PRESSURES_IN_NAMES, ColumnTitle, read_label, unit_in
+from mapmore_cli.study.inspection.rules.units import LARGEST_PRESSURE, LARGEST_STRAIN, LONGEST_STEP, PRESSURE_IN_BAR, SAMPLES_OF_A_LOGGER
 
 WANTED = ("time", "pressure", "strain", "force", "displacement", "length")
 STATES = 6  # different values, up to which a column is a state and not a measurement
 SINCE_1970 = (3e8, 3e10)  # s, of any date since 1980
 FRACTIONS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # of a second, that clocks count
 LONGEST = 5.0  # s between samples, where a clock counts fractions of a second
-BAR, PSI = 12.0, 150.0  # largest pressures in bar and psi
+PSI = 150.0  # largest pressure in psi
 CLEAN_ZERO = 0.05  # of the largest value, that a pressure may lie below zero
 NEAR_NAME = 0.15  # of the pressure in a name, that the median of a column may be off
 ALIKE = 1.5  # times the largest value of a command, that what was measured of it reaches at most
 MOST_UNNAMED = 4  # columns without titles that may be pressure, position and force
 NAMED = 10.0  # evidence that nothing but the names of the files gives
 VOLTS = 10.5  # up to which a converter reads
-UNITS_IN_NAMES = ("bar", "kPa", "psi", "mbar", "MPa", "Pa")
 AIR = {"kPa": 101.325, "mbar": 1013.25, "bar": 1.01325, "Pa": 101325.0}
 NEAR_AIR, LEAST_AIR = 0.015, 0.9
 JUMPS = 0.001  # of the steps of a clock, that may go back
@@ -194,7 +193,7 @@ def _sized(quantity: str, values: Sequence[Array]) -> tuple[str, str, bool]:
                 return resting, f"it begins at {values[0][0]:.4g}, an atmosphere: absolute; an `offset` makes it gauge", False
             if largest > LARGEST_PRESSURE:
                 return "Pa", f"{largest:.0f} kPa would burst anything", False
-            if largest <= BAR:
+            if largest <= PRESSURE_IN_BAR[1]:
                 return "bar", f"it ends at {largest:.3g}", False
             return "kPa", f"it ends at {largest:.0f}" + ("" if largest > PSI else ", which may be psi"), largest > PSI
         case "strain":
@@ -211,7 +210,7 @@ def pressure_evidence(values: Sequence[Array], told: Sequence[float] = ()) -> tu
     medians = np.array([float(np.median(one)) for one in values])
     if len(medians) == len(told) > 1:
         scale = np.maximum(np.abs(told), NEAR_NAME)
-        offs = {unit: float(np.max(np.abs(convert(medians, unit, "bar") - told) / scale)) for unit in UNITS_IN_NAMES}
+        offs = {unit: float(np.max(np.abs(convert(medians, unit, "bar") - told) / scale)) for unit in PRESSURES_IN_NAMES}
         unit, off = min(offs.items(), key=lambda item: item[1])
         if off <= NEAR_NAME:
             names = f"its medians, {medians.min():.4g} to {medians.max():.4g} {unit}, are the pressures in the names of the files"

@@ -52,6 +52,11 @@ class Guess:
     unwrap: float | None = None
     rivals: tuple[Guess, ...] = field(default=(), compare=False)
 
+    @classmethod
+    def of_spec(cls, entry: Mapping[str, Any]) -> Guess:
+        """Return a column as a person would say it, of its description in a spec."""
+        return cls(entry["column"], entry.get("unit", ""), scale=float(entry.get("scale", 1)), offset=float(entry.get("offset", 0)))
+
     def as_spec(self) -> dict[str, Any]:
         """Return the column as the spec describes it."""
         unit, scale = ("" if self.unit == "1" else self.unit), (0 if self.scale == 1 else self.scale)

@@ -18,8 +18,8 @@ from mapmore_cli.modelling.signals.cycles import split_cycles, turning_points
 from mapmore_cli.modelling.signals.plateau import default_within, find_levels, match_levels
 from mapmore_cli.spec.units import default_unit
 from mapmore_cli.study.drafting.draft import Draft
-from mapmore_cli.study.drafting.recordings import cleaned, dataset_of, read_draft
-from mapmore_cli.study.inspection.evidence import Settling, neighbourhood, remembered, set_in_steps, settling, two_digits
+from mapmore_cli.study.drafting.recordings import cleaned, read_draft
+from mapmore_cli.study.inspection.evidence import Settling, beyond, force_set, neighbourhood, remembered, settling, two_digits
 from mapmore_cli.study.inspection.rules.curves import BEYOND
 from mapmore_cli.study.inspection.rules.samples import UNSETTLED
 
@@ -128,25 +128,21 @@ def _within(values: Array, levels: Array) -> float | None:
     return two_digits(tight) if tight < spacing / 2 and np.mean((off > tight) & (off <= spacing / 2)) > TRANSITION else None
 
 
-def goes_in_cycles(recordings: Sequence[Recording], held: Held, samples: int) -> bool:
+def goes_in_cycles(recordings: Sequence[Recording], held: Held) -> bool:
     """Return True where the swept quantity goes there and back at every level of every recording."""
     for recording in recordings:
         place = match_levels(recording.columns[held.of], held.at, held.within or default_within(held.at))
         for level in np.unique(place[place >= 0]):
             try:
-                split_cycles(recording.columns[held.swept][place == level], {}, samples)
+                split_cycles(recording.columns[held.swept][place == level], {}, CYCLE_SAMPLES)
             except DataError:
                 return False
     return True
 
 
-def _settling(recordings: Sequence[Recording]) -> Settling | None:
-    return settling([(recording.columns["time"], recording.columns["pressure"]) for recording in recordings])
-
-
 def staircase(recordings: Sequence[Recording]) -> Settling | None:
     """How the pressure settles, where it rests in between: most samples in the middle of its range are slow. None for sweeps."""
-    found = _settling(recordings)
+    found = settling(recordings)
     return found if found is not None and found.share_between > RESTS and found.share < 1 - TRANSITION else None
 
 
@@ -174,7 +170,7 @@ def _with_static_samples(draft: Draft, recordings: Sequence[Recording], held: He
         why = f"kPa/s: the pressure rests on steps, {settled.share:.0%} of the samples change less, and only these are static"
         draft = draft.with_data("derive", {"pressure_rate": rule}, f"to find settled samples; a window of {settled.window:g} s")
         return draft.with_data("keep", [{"quantity": "pressure_rate", "abs_below": settled.limit}]).noted(("data", "keep", 0), why)
-    if goes_in_cycles(recordings, held, CYCLE_SAMPLES):
+    if goes_in_cycles(recordings, held):
         why = f"{held.swept} goes there and back at every level: the mean of both branches is static, half their difference is `hysteresis`"
         return draft.with_data("cycles", {"over": held.swept, "samples": CYCLE_SAMPLES}, why)
     return draft
@@ -216,7 +212,7 @@ def _moves(recordings: Sequence[Recording], target: str) -> bool:
         return False
     if target != "force" or "pressure" not in recordings[0].columns:
         return True
-    found = _settling(recordings)
+    found = settling(recordings)
     return found is not None and found.share < 1 - UNSETTLED
 
 
@@ -240,16 +236,16 @@ def _with_part_held_out(draft: Draft, recordings: Sequence[Recording], names: Se
     """Return the draft with a hold-out that lies within what trains: the second half, else a stretch of the time."""
     times = [one.columns["time"] for one in recordings]
     outside = _outside(recordings, names, [np.arange(len(time)) >= LAST * len(time) for time in times])
-    beyond = f"{outside:.0%} of the second half lies beyond the first one" if outside < 1 else "the second half rests, or is all new"
+    new = f"{outside:.0%} of the second half lies beyond the first one" if outside < 1 else "the second half rests, or is all new"
     if outside <= OUTSIDE:
         return draft.with_data("split", {"validate": {"last": LAST}}, "the second half of every recording is held out")
     low, high = (float(edge(np.concatenate(times))) for edge in (np.min, np.max))
     for begin, end in STRETCHES:
         first, last = (float(f"{low + share * (high - low):.10g}") for share in (begin, end))
         if _outside(recordings, names, [(time >= first) & (time <= last) for time in times]) <= OUTSIDE:
-            why = f"s: {beyond}, and this stretch moves within the others"
+            why = f"s: {new}, and this stretch moves within the others"
             return draft.with_data("split", {"validate": {"time": {"between": [[first, last]]}}}, why)
-    why = f"{beyond}, and no stretch moves within the others: its error is that of an extrapolation"
+    why = f"{new}, and no stretch moves within the others: its error is that of an extrapolation"
     return draft.with_data("split", {"validate": {"last": LAST}}, why, False)
 
 
@@ -263,12 +259,8 @@ def _outside(recordings: Sequence[Recording], names: Sequence[str], held: Sequen
     target = pooled[names[-1]]
     if not kept.any() or np.mean(kept) > MOST_HELD or np.ptp(target[kept]) < MOVED * np.ptp(target):
         return 1.0
-    shares = []
-    for name, values in pooled.items():
-        margin = (FURTHER if name == names[-1] else BEYOND) * float(np.ptp(values[~kept]))
-        beyond = (values[kept] < values[~kept].min() - margin) | (values[kept] > values[~kept].max() + margin)
-        shares.append(float(np.mean(beyond)))
-    return max(shares)
+    margins = {**dict.fromkeys(names, BEYOND), names[-1]: FURTHER}
+    return max(float(np.mean(beyond(values[kept], values[~kept], margins[name]))) for name, values in pooled.items())
 
 
 # What to compare with, and the second component -----------------------------------------------------------------------------------
@@ -298,14 +290,14 @@ def of_experiment(
     held = find_held(recordings, ("pressure", position), hold) if position is not None else None
     if held is None and _moves(recordings, target):
         return _with_memory(draft, recordings, [one for one in ("pressure", position) if one is not None and one != target], target)
-    step = set_in_steps([one.columns["force"] for one in recordings]) if target == "force" and held is not None else None
-    if step is not None and position is not None and set_in_steps([one.columns[position] for one in recordings]) is None:
+    step = force_set(recordings, position) if target == "force" and held is not None and position is not None else None
+    if step is not None and position is not None:
         draft = _with_experiment(draft, recordings, find_held(recordings, ("pressure", "force")))
         why = f"the force was set in steps of {step:.4g} N, and {position} measured: the noise lies there"
         draft, target = draft.with_section("target", {"column": position}, why), position
     else:
         draft = with_target(_with_experiment(draft, recordings, held), target)
-    return _with_comparison(draft, dataset_of(draft.data, folder, target))
+    return _with_comparison(draft, read_draft(draft, folder, target))
 
 
 def with_target(draft: Draft, target: str) -> Draft:
@@ -337,7 +329,7 @@ def hysteresis_beside(draft: Draft, folder: Path) -> Draft | None:
     """Return the study of the hysteresis that the load cycles of a static one show; None where there are none, or branches are one."""
     if draft.spec["target"] != "static" or "cycles" not in draft.data:
         return None
-    curves = dataset_of(draft.data, folder, "force").curves
+    curves = read_draft(draft, folder, "force").curves
     largest = max(float(np.abs(curve.columns["force"]).max()) for curve in curves)
     halves = np.concatenate([curve.columns["hysteresis"] for curve in curves])
     half = float(np.sqrt(np.mean(halves**2)))

@@ -40,19 +40,15 @@ _VOLTS = re.compile(r"[\[(]\s*m?V\s*[\])]|(?i:\bvolts?\b)")
 T = TypeVar("T")
 
 
-def dataset_of(data: Mapping[str, Any], folder: Path, measured: str, units: Mapping[str, str] | None = None) -> Dataset:
-    """Return the dataset that a `data` section describes; DataError where it cannot be made."""
-    model = Data.model_validate(data)
-    known = {name: "kPa/s" if name == "pressure_rate" else default_unit(name) for name in model.quantities}
-    try:
-        return build_dataset(IngestSlice(data=model, measured=measured, component="static", units={**known, **(units or {})}), folder)
-    except SpecError as fault:
-        raise DataError(fault.message, fault.remedy) from fault
-
-
 def read_draft(draft: Draft, folder: Path, measured: str) -> Dataset:
     """Return the dataset of a draft, in the units that it says; DataError where it cannot be made."""
-    return dataset_of(draft.data, folder, measured, draft.spec.get("units"))
+    data = Data.model_validate(draft.data)
+    units = {name: "kPa/s" if name == "pressure_rate" else default_unit(name) for name in data.quantities}
+    units |= draft.spec.get("units", {})
+    try:
+        return build_dataset(IngestSlice(data=data, measured=measured, component="static", units=units), folder)
+    except SpecError as fault:
+        raise DataError(fault.message, fault.remedy) from fault
 
 
 def read_tolerantly(draft: Draft, folder: Path, measured: str) -> tuple[Draft, Dataset, tuple[str, ...]]:

@@ -18,7 +18,7 @@ from mapmore_cli.study.drafting.groups import Group, constants_of, find_groups, 
 from mapmore_cli.study.drafting.proof import proven
 from mapmore_cli.study.drafting.recordings import (
     cleaned,
-    dataset_of,
+    read_draft,
     some_of,
     table_of,
     with_column_beside,
@@ -80,7 +80,7 @@ def propose(group: Group, name: str, folder: Path, answers: Answers = NOTHING_SA
         draft = with_strain(draft, dataset, answers.length)
         if "derive" in draft.data:
             target, position = target if target == "force" else "strain", position and "strain"
-        dataset = dataset_of(draft.data, folder, target)
+        dataset = read_draft(draft, folder, target)
     try:
         return of_experiment(draft, dataset.recordings, folder, target, position, answers.hold)
     except DataError as fault:  # too few samples for what the experiment looks like

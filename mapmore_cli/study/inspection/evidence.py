@@ -8,13 +8,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, IntArray
+from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.recording import Curve
+from mapmore_cli.domain.recording import Curve, Recording
 from mapmore_cli.modelling.expressions.operator import followed, linear
 from mapmore_cli.modelling.signals.cycles import bin_means
 from mapmore_cli.modelling.signals.rates import rate
 from mapmore_cli.modelling.signals.sampling import correlation
+from mapmore_cli.spec.units import convert
 
 GROUPS = 8  # of strain, where it is not held at fewer values
 BINS = 24  # of pressure
@@ -96,11 +97,12 @@ class Settling:
     window: float
 
 
-def settling(records: Sequence[tuple[Array, Array]]) -> Settling | None:
-    """Find which share of the samples is settled, of records given as time in s and pressure, each `(n,)`.
+def settling(recordings: Sequence[Recording], unit: str = "s") -> Settling | None:
+    """Find which share of the samples is settled, of recordings with a pressure and a time in `unit`.
 
     None where the pressure does not move, or the time stamps do not let a rate be found.
     """
+    records = [(convert(one.columns["time"], unit, "s"), one.columns["pressure"]) for one in recordings if one.rows_kept]
     pressures = np.concatenate([pressure for _, pressure in records])
     steps = np.concatenate([np.diff(time) for time, _ in records])
     if not np.ptp(pressures) or not (steps > 0).any() or (steps < 0).any():
@@ -242,6 +244,12 @@ EVEN = 0.8  # of the steps from sample to sample, that are one step up or down w
 ALIKE = 0.02  # of the step, that these may differ
 
 
+def force_set(recordings: Sequence[Recording], position: str) -> float | None:
+    """Return the step by which the force was set while the position was measured; None elsewhere."""
+    step, other = (set_in_steps([one.columns[name] for one in recordings]) for name in ("force", position))
+    return step if other is None else None
+
+
 def set_in_steps(records: Sequence[Array]) -> float | None:
     """Return the step by which a quantity was set from sample to sample, given `(n,)` of each recording; None where it was measured.
 
@@ -253,6 +261,13 @@ def set_in_steps(records: Sequence[Array]) -> float | None:
         return None
     step = float(np.median(steps))
     return step if np.mean(np.abs(steps - step) <= ALIKE * step) >= EVEN else None
+
+
+def beyond(values: Array, training: Array, margin: float) -> BoolArray:
+    """Return which values `(n,)` lie outside of the range of the training ones, by more than this share of it."""
+    off = margin * float(np.ptp(training))
+    outside: BoolArray = (values < training.min() - off) | (values > training.max() + off)
+    return outside
 
 
 # Levels that tell of each other ----------------------------------------------------------------------------------------------

@@ -89,13 +89,15 @@ def _words(text: str) -> list[str]:
 
 # Names of files -------------------------------------------------------------------------------------------------------------------
 
-UNIT = r"(kpa|pa|mpa|bar|mbar|psi|pct|percent|%|mm|cm)(?![a-z])"
+PRESSURES_IN_NAMES = ("bar", "kPa", "psi", "mbar", "MPa", "Pa")
+UNIT = rf"({'|'.join(PRESSURES_IN_NAMES)}|pct|percent|%|mm|cm)(?![a-z])"
 """A unit of pressure, strain or length, behind a number in names that tell what was held."""
 
 _REPEAT = re.compile(r"(?:test|run|rep|repeat|trial|take|try|no|nr|cycle)?\d{1,2}", re.IGNORECASE)
 _REPEAT_WORD = re.compile(r"test|run|rep|repeat|trial|take|try|no|nr", re.IGNORECASE)
-_SPECIMEN = r"(?:specimens?|samples?|muscles?|actuators?|prototypes?|devices?|units?|dut|pam|s)[-#.]*"
-_OF_SPECIMEN = r"\d{1,3}|[A-Za-z]"
+_SPECIMEN = re.compile(r"(?:specimens?|samples?|muscles?|actuators?|prototypes?|devices?|units?|dut|pam|s)[-#.]*", re.IGNORECASE)
+_OF_SPECIMEN = re.compile(r"\d{1,3}|[A-Za-z]", re.IGNORECASE)
+_ONE_SPECIMEN = re.compile(f"{_SPECIMEN.pattern}(?:{_OF_SPECIMEN.pattern})", re.IGNORECASE)
 _SIZE = re.compile(r"\d+(?:[.,]\d+)?(?:mm|cm|m|in)", re.IGNORECASE)
 _NUMBER = re.compile(rf"(\d+(?:[.,]\d+)?)\s*(?:{UNIT}|(?![a-z0-9]))", re.IGNORECASE)
 _MASS = re.compile(r"(\d+(?:[.,]\d+)?)[\s_-]*(kg|g|grams?|kilograms?)(?![a-z])", re.IGNORECASE)
@@ -147,19 +149,17 @@ def read_names(names: Sequence[str]) -> list[NameParts]:
 def _kind(column: Sequence[str], before: Sequence[str]) -> str:
     """Return what words at one place of all names are, given the words before it in the first one."""
 
-    def all_match(pattern: str | re.Pattern[str]) -> bool:
-        return all(re.fullmatch(pattern, word, re.IGNORECASE if isinstance(pattern, str) else 0) for word in column)
+    def all_match(*patterns: re.Pattern[str]) -> bool:
+        return all(any(pattern.fullmatch(word) for pattern in patterns) for word in column)
 
     last = before[-1] if before else ""
     if len(set(column)) == 1:
         return "constant"
-    if all(_TRAINS.fullmatch(word) or _TESTS.fullmatch(word) for word in column):
+    if all_match(_TRAINS, _TESTS):
         return "repeat"
     if all_match(_REPEAT) and (_REPEAT_WORD.fullmatch(last) or not any(word.isdigit() for word in column)):
         return "repeat"
-    if all_match(_SIZE) or all_match(f"{_SPECIMEN}(?:{_OF_SPECIMEN})"):
-        return "group"
-    if re.fullmatch(_SPECIMEN, last, re.IGNORECASE) and all_match(_OF_SPECIMEN):
+    if all_match(_SIZE) or all_match(_ONE_SPECIMEN) or (_SPECIMEN.fullmatch(last) and all_match(_OF_SPECIMEN)):
         return "group"
     return "condition" if any(map(number_in, column)) else "group"
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 from mapmore_cli.spec.loader import LoadedSpec, load
 from mapmore_cli.study.drafting.draft import Draft
@@ -37,6 +38,26 @@ def workbook(path: Path, sheets: Mapping[str, Sequence[Sequence[Any]]]) -> None:
     book.save(path)
 
 
+def tree(path: Path, runs: Mapping[str, Columns]) -> None:
+    """Write runs at 50 Hz as groups of an HDF5 or TDMS file, or structs of a MAT file, with something of another kind beside them."""
+    if path.suffix == ".h5":
+        with pytest.importorskip("h5py").File(path, "w") as file:
+            for run, columns in runs.items():
+                for name, values in columns.items():
+                    file[f"{run}/{name}"] = values[:, None] if len(name) % 2 else values
+                file[f"{run}/fs"] = 50.0
+            file["comment"] = "made by hand"
+    elif path.suffix == ".mat":
+        structs = {run: {**columns, "fs": 50.0} for run, columns in runs.items()}
+        savemat(path, {**(structs if len(structs) > 1 else next(iter(structs.values()))), "comment": "made by hand"})
+    else:
+        nptdms = pytest.importorskip("nptdms")
+        with nptdms.TdmsWriter(path) as file:
+            for run, columns in runs.items():
+                file.write_segment([nptdms.ChannelObject(run, name, values, {"wf_increment": 0.02}) for name, values in columns.items()])
+            file.write_segment([nptdms.ChannelObject("Notes", "who", ["me", "you"])])
+
+
 def drafts(folder: Path, **settings: Any) -> list[Draft]:
     """All drafts of a folder."""
     return [*start(folder, folder, search=lambda draft, _: draft, **settings).drafts]
@@ -49,10 +70,15 @@ def drafted(folder: Path, **settings: Any) -> Draft:
     return draft
 
 
-def checked(draft: Draft, folder: Path) -> LoadedSpec:
-    """The spec of a draft, of which `check` has hints at most."""
+def loaded(draft: Draft, folder: Path) -> LoadedSpec:
+    """The spec of a draft, read from a file."""
     path = folder / f"{draft.name}.yaml"
     path.write_text(draft.text(), encoding="utf-8")
-    loaded = load(path)
-    assert [issue for issue in inspect(loaded).issues if issue.severity != "hint"] == []
-    return loaded
+    return load(path)
+
+
+def checked(draft: Draft, folder: Path) -> LoadedSpec:
+    """The spec of a draft, of which `check` has hints at most."""
+    spec = loaded(draft, folder)
+    assert [issue for issue in inspect(spec).issues if issue.severity != "hint"] == []
+    return spec

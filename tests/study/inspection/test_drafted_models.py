@@ -15,14 +15,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pages import read_rows
-from recorded import checked, drafts, write
+from recorded import checked, drafts, loaded, write
 from recorded import drafted as untried
 
 from mapmore_cli.fitting import searching
 from mapmore_cli.ingestion.files import expand
 from mapmore_cli.modelling.search.families import FAMILIES
 from mapmore_cli.pipeline.search import reads
-from mapmore_cli.spec.loader import load
 from mapmore_cli.storage.readers import reader_of
 from mapmore_cli.study.drafting import proof
 from mapmore_cli.study.drafting.answers import Answers
@@ -80,8 +79,8 @@ def test_the_groups_are_no_input_of_a_search(tmp_path: Path) -> None:
     for number in (1, 2):
         for bar in (1, 2, 3):
             pull(tmp_path / f"{10 * number}cm_pull_{bar}bar.csv", bar, 2 + number / 10)
-    loaded = checked(untried(tmp_path, answers=Answers(group="specimen")), tmp_path)
-    assert reads(loaded.spec).ignored == ("force", "specimen")
+    spec = checked(untried(tmp_path, answers=Answers(group="specimen")), tmp_path).spec
+    assert reads(spec).ignored == ("force", "specimen")
 
 
 # Models ----------------------------------------------------------------------------------------------------------------------------
@@ -102,7 +101,6 @@ def drafted(folder: Path) -> Draft:
 def test_a_plane_is_found_where_it_is_all_that_there_is(tmp_path: Path) -> None:
     table(tmp_path, 6, 40, lambda p, e: 20 + 0.3 * p - 200 * e)
     draft = drafted(tmp_path)
-    assert draft.found is not None
     assert draft.spec["dictionary"] == [{"polynomial": {"of": ["strain", "pressure"], "order": 1}}]
     assert "found by search: surface of order 1" in draft.text()
     assert "# tried: NRMSE" in draft.text()
@@ -129,9 +127,7 @@ def test_held_out_levels_do_not_move_the_structure(tmp_path: Path) -> None:
         found.append(drafted(folder))
     first, second = found
     assert first.data["split"] == second.data["split"] == {"validate": {"pressure": [400]}}
-    assert [first.spec.get(key) for key in ("dictionary", "model", "segment")] == [
-        second.spec.get(key) for key in ("dictionary", "model", "segment")
-    ]
+    assert all(first.spec.get(key) == second.spec.get(key) for key in ("dictionary", "model", "segment"))
     assert first.notes[("target",)].why != second.notes[("target",)].why
 
 
@@ -140,7 +136,6 @@ def test_with_few_levels_nothing_bends_between_them(tmp_path: Path) -> None:
     """Two training levels cannot tell of a curve across them: levels, a formula, or what is straight across them."""
     table(tmp_path, 3, 60, lambda p, e: p * (2 - 9 * e) + 30 * np.sin(40 * e))
     found = drafted(tmp_path).found
-    assert found is not None
     assert {one.family for one in found.tried} <= {"levels", "formula", "surface", "splines"}
     assert [one.words for one in found.tried if one.family == "surface"] == ["surface of order 1, 4 terms"]
 
@@ -155,8 +150,7 @@ def test_a_position_that_follows_slowly_gets_a_memory(tmp_path: Path) -> None:
     position += rng.normal(0, 0.01, 700)
     write(tmp_path / "log.csv", {"t [s]": 0.1 * np.arange(700), "P [kPa]": pressure, "x [mm]": position})
     draft = drafted(tmp_path)
-    (tmp_path / "log.yaml").write_text(draft.text())
-    assert load(tmp_path / "log.yaml").spec.has_memory
+    assert loaded(draft, tmp_path).spec.has_memory
     assert draft.notes[("target",)].sure, draft.notes[("target",)].why
 
 

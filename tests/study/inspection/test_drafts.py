@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from recorded import checked, drafted, drafts, workbook, write
+from recorded import checked, drafted, drafts, loaded, workbook, write
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.spec.experiment import TargetColumn
-from mapmore_cli.spec.loader import load
 from mapmore_cli.study.drafting.answers import Answers
 from mapmore_cli.study.drafting.draft import Draft, Note
 from mapmore_cli.study.drafting.groups import patterns
@@ -81,7 +80,6 @@ def test_local_dates_and_times_of_day_are_the_time(tmp_path: Path, stamp: str, d
     draft = drafted(tmp_path)
     assert draft.data["columns"]["time"] == {"column": "Time", "unit": "s"}
     dataset = inspect(checked(draft, tmp_path)).dataset
-    assert dataset is not None
     np.testing.assert_allclose(np.diff(dataset.recordings[0].columns["time"]), 0.1, atol=1e-6)
 
 
@@ -110,12 +108,9 @@ def test_an_isobaric_campaign(tmp_path: Path) -> None:
     isobaric(tmp_path)
     (draft,) = start(tmp_path, tmp_path).drafts
     data = checked(draft, tmp_path).spec.data
-    assert data.levels is not None
     assert (data.levels.of, data.levels.at) == ("pressure", [100, 200, 300, 400])
     assert data.files == ["pull_*.csv"]
-    assert data.cycles is not None
     assert data.cycles.over == "strain"
-    assert data.split.hold_out is not None
     assert data.split.hold_out.quantities == {"pressure": [300]}
     assert "found by search: " in draft.text()
     assert "# 4 files, pressure held at 100 200 300 400 kPa" in draft.text()
@@ -134,7 +129,6 @@ def test_the_held_strain_in_the_names_of_files(tmp_path: Path) -> None:
             write(tmp_path / f"m_{word}_run{repeat}.csv", {"F": force, "P": steps, "t": T})
     draft = drafted(tmp_path)
     data = checked(draft, tmp_path).spec.data
-    assert data.levels is not None
     assert (data.levels.of, data.levels.at) == ("strain", [0, 0.05, 0.1, 0.15])
     assert [keep.quantity for keep in data.keep] == ["pressure_rate"]
     assert "# CHECK: 'slack' has no number: taken as strain 0" in draft.text()
@@ -198,7 +192,6 @@ def test_a_position_under_pressure_is_a_model_with_memory(tmp_path: Path) -> Non
     spec = checked(drafted(tmp_path), tmp_path).spec
     assert spec.target == TargetColumn(column="displacement")
     assert spec.data.resample is not None  # even steps: a search tries models with memory
-    assert spec.data.split.hold_out is not None
     assert spec.data.split.hold_out.last == 0.5
     (strained,) = start(tmp_path, tmp_path, answers=Answers(length=0.08)).drafts
     assert "-displacement/0.08" in strained.text()
@@ -222,7 +215,6 @@ def test_pressures_in_the_names_of_files_without_a_header(tmp_path: Path) -> Non
         write(tmp_path / f"K_{bar}bar.csv", columns)
     data = checked(drafted(tmp_path), tmp_path).spec.data
     assert (data.columns["pressure"].column, data.columns["pressure"].unit) == (2, "bar")
-    assert data.levels is not None
     assert data.levels.of == "pressure"
 
 
@@ -234,7 +226,6 @@ def test_a_line_of_units_and_every_sheet(tmp_path: Path) -> None:
     data = checked(drafted(tmp_path), tmp_path).spec.data
     assert (data.sheet, data.header) == ("*", 2)
     assert [data.columns[name].unit for name in ("pressure", "strain", "force")] == ["bar", "%", "kN"]
-    assert data.levels is not None
     assert data.levels.at == [100, 200, 300, 400]
 
 
@@ -254,9 +245,7 @@ def test_what_fails_its_own_run_is_made_simpler(tmp_path: Path) -> None:
     (draft,) = start(tmp_path, tmp_path).drafts
     simpler = proven(draft.with_section("segment", {"strain": {"method": "even", "count": 2}}), tmp_path)
     assert "made simpler" in simpler.text()
-    path = tmp_path / "simple.yaml"
-    path.write_text(simpler.text())
-    bring_up_to_date(load(path), tmp_path / "runs", until="validate")
+    bring_up_to_date(loaded(simpler, tmp_path), tmp_path / "runs", until="validate")
 
 
 # Names and text -----------------------------------------------------------------------------------------------------------------------
@@ -299,5 +288,4 @@ def test_titles_with_commands_to_a_terminal_are_told_as_text(tmp_path: Path) -> 
     (tmp_path / "a.csv").write_text('t,P [kPa],eps,F [N],"\x1b[2J\nb"\n' + rows)
     draft = drafted(tmp_path)
     assert "\\x1b[2J" in draft.text()
-    (tmp_path / "a.yaml").write_text(draft.text())
-    load(tmp_path / "a.yaml")
+    loaded(draft, tmp_path)

@@ -27,7 +27,6 @@ def samples(force, seed: int = 1):
 @given(start=st.floats(100, 150), slope=st.floats(1000, 2500))
 def test_the_threshold_of_a_slack_muscle_is_found(start: float, slope: float) -> None:
     foot = slack_foot(*samples(lambda p, e: 0.8 * np.maximum(p - start - slope * e, 0)))
-    assert foot is not None
     bins = 590 / 24 + 0.05 * 480 / 0.8  # the width of a bin, and the pressure that makes the force leave the band
     np.testing.assert_allclose(foot.threshold, start + slope * foot.strain, atol=1.5 * bins)
 
@@ -60,46 +59,41 @@ T = np.arange(0, 40, 0.02)
 LOOP = 1 - np.abs(T / 20 - 1)
 
 
-def test_what_hardly_moves_was_held() -> None:
-    rng = np.random.default_rng(3)
-    isobaric = [recording(time=T, pressure=level + rng.normal(0, 0.7, T.size), strain=0.2 * LOOP) for level in (80, 150, 250, 350)]
-    held = find_held(isobaric, ("pressure", "strain"))
-    assert held is not None
-    assert (held.of, held.swept, held.at.tolist()) == ("pressure", "strain", [80, 150, 250, 350])
-    assert goes_in_cycles(isobaric, held, 200)
-    there = [recording(**{name: values[: T.size // 2] for name, values in one.columns.items()}) for one in isobaric]
-    held = find_held(there, ("pressure", "strain"))
-    assert held is not None
-    assert not goes_in_cycles(there, held, 200)
+def strokes(pressures, rows: slice = slice(None)) -> list[Recording]:
+    """Strokes there and back, each at a pressure or the course of one."""
+    return [recording(time=T[rows], pressure=(pressure + 0 * T)[rows], strain=0.2 * LOOP[rows]) for pressure in pressures]
+
+
+LEVELS = np.array([[1], [2], [3]])
+BOTH = ("pressure", "strain")
+
+
+@pytest.mark.parametrize(
+    ("pressures", "at", "off"),
+    [
+        (np.random.default_rng(3).normal([[80], [150], [250], [350]], 0.7, (4, T.size)), [80, 150, 250, 350], 0),
+        # a closed or slow supply: the pressure dwells at both ends of every stroke, and each recording has its own
+        (100 * (LEVELS + np.where(T < 20, 0.2, -0.2) + 0.02 * np.sin(7 * T)), [100, 200, 300], 25),
+        # it rests at the end of a stroke, and is far lower on the way back: the median would leave that to the level below
+        (100 * (LEVELS + np.where(T < 30, 0.0, -0.6)), [70, 170, 270], 0),
+    ],
+)
+def test_what_hardly_moves_was_held(pressures, at: list[float], off: float) -> None:
+    recordings = strokes(pressures)
+    held = find_held(recordings, BOTH)
+    assert (held.of, held.swept) == BOTH
+    np.testing.assert_allclose(held.at, at, rtol=0, atol=off)
+    assert goes_in_cycles(recordings, held)
+    there = strokes(pressures, slice(T.size // 2))
+    assert not goes_in_cycles(there, find_held(there, BOTH))
 
 
 def test_holds_within_one_recording_keep_the_ways_between_out() -> None:
     holds = np.concatenate([np.concatenate([np.full(T.size, e), np.linspace(e, e + 0.1, 300)]) for e in (0.0, 0.1, 0.2)])[:-300]
     loops = np.concatenate([np.concatenate([500 * LOOP, np.zeros(300)]) for _ in range(3)])[:-300]
-    held = find_held([recording(pressure=loops, strain=holds)], ("pressure", "strain"))
-    assert held is not None
+    held = find_held([recording(pressure=loops, strain=holds)], BOTH)
     assert (held.of, held.at.tolist()) == ("strain", [0, 0.1, 0.2])
-    assert held.within is not None
     assert held.within < 0.02
-
-
-def test_a_pressure_that_drifts_within_each_recording_is_one_level_each() -> None:
-    """A closed or slow supply: the pressure dwells at both ends of every stroke, and each recording has its own."""
-    swing = np.where(T < 20, 0.2, -0.2) + 0.02 * np.sin(7 * T)
-    recordings = [recording(time=T, pressure=100 * (level + swing), strain=0.2 * LOOP) for level in (1, 2, 3)]
-    held = find_held(recordings, ("pressure", "strain"))
-    assert held is not None
-    assert (held.of, len(held.at)) == ("pressure", 3)
-    assert np.abs(held.at - [100, 200, 300]).max() < 25
-
-
-def test_a_level_keeps_the_samples_of_its_own_recording() -> None:
-    """A pressure that rests at the end of a stroke, and is far lower on the way back: the median would leave that to the level below."""
-    pressure = np.where(T < 30, 0.0, -0.6)
-    recordings = [recording(time=T, pressure=100 * (level + pressure), strain=0.2 * LOOP) for level in (1, 2, 3)]
-    held = find_held(recordings, ("pressure", "strain"))
-    assert held is not None
-    assert held.at.tolist() == [70, 170, 270]
 
 
 def loops(heights: list[float]) -> list[Curve]:
@@ -112,14 +106,12 @@ def loops(heights: list[float]) -> list[Curve]:
 @given(st.floats(-5, 5), st.floats(0.1, 5), st.integers(4, 9))
 def test_levels_on_a_line_tell_of_each_other(first: float, step: float, count: int) -> None:
     found = neighbourhood(loops([first + step * level for level in range(count)]), "strain", "hysteresis")
-    assert found is not None
     assert found.neighbours == pytest.approx(0, abs=1e-9)
     assert found.tells
 
 
 def test_levels_in_turns_do_not_tell_of_each_other() -> None:
     found = neighbourhood(loops([1.0, 4.0, 1.0, 4.0, 1.0, 4.0]), "strain", "hysteresis")
-    assert found is not None
     assert found.neighbours == pytest.approx(3 / 4 / np.sqrt(2), rel=0.02)  # always 3 of 4 off
     assert found.others == pytest.approx((3 * 3 / 5) / 4 / np.sqrt(2), rel=0.02)
     assert not found.tells
@@ -128,8 +120,8 @@ def test_levels_in_turns_do_not_tell_of_each_other() -> None:
 
 
 def test_nothing_was_held_where_both_move_or_only_one_level_was() -> None:
-    assert find_held([recording(pressure=500 * LOOP, strain=0.2 * LOOP)], ("pressure", "strain")) is None
-    assert find_held([recording(pressure=np.full(T.size, 100), strain=0.2 * LOOP)], ("pressure", "strain")) is None
+    assert find_held(strokes([500 * LOOP]), BOTH) is None
+    assert find_held(strokes([100]), BOTH) is None
 
 
 def test_steps_are_told_from_sweeps() -> None:
@@ -177,16 +169,6 @@ def test_units_by_size() -> None:
     assert {name: guess.unit for name, guess in guesses.items()} == {"time": "ms", "pressure": "Pa", "strain": "%", "force": "N"}
     assert not guesses["time"].sure
     assert not guesses["pressure"].sure
-
-
-def test_columns_without_names_are_told_by_their_values() -> None:
-    rng = np.random.default_rng(0)
-    t = np.arange(3000) * 0.01
-    pressure = 300 * (1 - np.cos(t))
-    raw = {0: [0.7 * pressure - 9 + rng.normal(0, 6, t.size)], 1: [pressure], 2: [t], 3: [np.where(t < 15, 1.0, 2.0)], 4: [1.7e9 + t]}
-    guesses = guess_columns(Table({}, raw))
-    assert {name: guess.column for name, guess in guesses.items()} == {"force": 0, "pressure": 1, "time": 2}
-    assert not any(guess.sure for guess in guesses.values())
 
 
 def test_names_of_files_tell_groups_conditions_and_repeats() -> None:

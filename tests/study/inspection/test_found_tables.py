@@ -8,12 +8,13 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
-from recorded import drafted, workbook
+from recorded import drafted, tree, workbook
 from scipy.io import savemat
 
 from mapmore_cli.domain.errors import DataError
+from mapmore_cli.study.drafting.draft import Draft
 from mapmore_cli.study.drafting.preview import preview
-from mapmore_cli.study.drafting.recordings import dataset_of
+from mapmore_cli.study.drafting.recordings import read_draft
 
 N = 60
 T = 0.05 * np.arange(N)
@@ -27,6 +28,12 @@ def table(**columns: np.ndarray) -> list[list[Any]]:
 RUN = table(time_s=T, P_kPa=np.repeat([100.0, 200.0, 300.0], N // 3), eps=0.2 * SWING, F_N=200 - 100 * SWING)
 
 
+def read(folder: Path, rows: list[list[Any]], title: str = "P_kPa") -> Draft:
+    """The draft of rows as text, in which the pressure has this title."""
+    (folder / "a.csv").write_text(as_text(rows).replace("P_kPa", title))
+    return drafted(folder)
+
+
 def as_text(rows: list[list[Any]], delimiter: str = ",") -> str:
     return "".join(delimiter.join(map(str, row)) + "\n" for row in rows)
 
@@ -36,9 +43,9 @@ def as_text(rows: list[list[Any]], delimiter: str = ",") -> str:
 
 def test_a_column_of_words_is_left_out(tmp_path: Path) -> None:
     rows = [[*row[:2], "note" if not k else "up" if k < 30 else "down", *row[2:]] for k, row in enumerate(RUN)]
-    (tmp_path / "a.csv").write_text(as_text(rows))
-    assert set(drafted(tmp_path).data["columns"]) == {"time", "pressure", "strain", "force"}
-    assert "left out: note" in drafted(tmp_path).text()
+    draft = read(tmp_path, rows)
+    assert set(draft.data["columns"]) == {"time", "pressure", "strain", "force"}
+    assert "left out: note" in draft.text()
 
 
 @pytest.mark.parametrize("place", [7, 40])
@@ -46,11 +53,10 @@ def test_a_word_for_a_missing_number_is_told_to_the_reader(tmp_path: Path, place
     """Also beyond the lines that are looked at first."""
     rows = [list(row) for row in RUN]
     rows[place][3] = rows[place + 3][3] = "OVLD"
-    (tmp_path / "a.csv").write_text(as_text(rows))
-    draft = drafted(tmp_path)
+    draft = read(tmp_path, rows)
     assert draft.data["missing"] == {"tokens": ["OVLD"]}
     assert "CHECK: 2 samples have a cell that is empty or holds 'OVLD': taken as no value" in draft.text()
-    assert dataset_of(draft.data, tmp_path, "force").recordings[0].dropped == {"missing value": 2}
+    assert read_draft(draft, tmp_path, "force").recordings[0].dropped == {"missing value": 2}
 
 
 def test_a_column_that_is_hardly_filled_hides_no_other(tmp_path: Path) -> None:
@@ -58,23 +64,20 @@ def test_a_column_that_is_hardly_filled_hides_no_other(tmp_path: Path) -> None:
     rows = [[*row, "remark" if not k else 1.0 if k in (1, 2) else ""] for k, row in enumerate(RUN)]
     for k in (1, 2):
         rows[k][1] = 4.0 + k
-    (tmp_path / "a.csv").write_text(as_text(rows))
-    assert drafted(tmp_path).data["columns"]["pressure"] == {"column": "P_kPa", "unit": "kPa"}
-    (tmp_path / "a.csv").write_text(as_text(rows).replace("P_kPa", "P"))
-    assert drafted(tmp_path).data["columns"]["pressure"] == {"column": "P", "unit": "kPa"}
+    for title in ("P_kPa", "P"):
+        assert read(tmp_path, rows, title).data["columns"]["pressure"] == {"column": title, "unit": "kPa"}
 
 
-@pytest.mark.parametrize(("title", "unit"), [("P [bar]", "kPa"), ("P_MPa", "kPa")])
-def test_a_title_that_cannot_be_true_is_marked(tmp_path: Path, title: str, unit: str) -> None:
-    (tmp_path / "a.csv").write_text(as_text(RUN).replace("P_kPa", title))
-    assert drafted(tmp_path).data["columns"]["pressure"] == {"column": title, "unit": unit}
-    assert "which no muscle reaches" in drafted(tmp_path).text()
+@pytest.mark.parametrize("title", ["P [bar]", "P_MPa"])
+def test_a_title_that_cannot_be_true_is_marked(tmp_path: Path, title: str) -> None:
+    draft = read(tmp_path, RUN, title)
+    assert draft.data["columns"]["pressure"] == {"column": title, "unit": "kPa"}
+    assert "which no muscle reaches" in draft.text()
 
 
 def test_what_cannot_be_a_strain_is_none(tmp_path: Path) -> None:
-    rows = [RUN[0], *([*row[:2], 9000 * row[2], row[3]] for row in RUN[1:])]
-    (tmp_path / "a.csv").write_text(as_text(rows).replace("eps", "e"))
-    assert "strain" not in drafted(tmp_path).data["columns"]
+    rows = [["time_s", "P_kPa", "e", "F_N"], *([*row[:2], 9000 * row[2], row[3]] for row in RUN[1:])]
+    assert "strain" not in read(tmp_path, rows).data["columns"]
 
 
 def test_a_line_of_units_that_has_a_one_and_words_beside_numbers(tmp_path: Path) -> None:
@@ -112,7 +115,7 @@ def test_every_sheet_that_is_alike_is_read(tmp_path: Path, titles: tuple[str, ..
     assert draft.data.get("sheet") == sheet
     files: list[Any] = ["a.xlsx"] if sheet else [{"path": "a.xlsx", "sheet": title} for title in titles]
     assert draft.data["files"] == files
-    assert len(dataset_of(draft.data, tmp_path, "force").recordings) == len(titles)
+    assert len(read_draft(draft, tmp_path, "force").recordings) == len(titles)
     assert "CHECK: the sheet" in draft.text()
     assert "laid out in another way, and left out: 'notes', 'summary'" in draft.text()
 
@@ -121,11 +124,6 @@ def test_every_sheet_that_is_alike_is_read(tmp_path: Path, titles: tuple[str, ..
 
 
 COLUMNS = dict(zip(RUN[0], np.array(RUN[1:]).T, strict=True))
-
-
-def held(level: float) -> dict[str, np.ndarray]:
-    """A run at one pressure."""
-    return {**COLUMNS, "P_kPa": np.full(N, level)}
 
 
 def hdf5(path: Path, **arrays: Any) -> None:
@@ -187,37 +185,22 @@ def test_columns_of_a_tdms_file(tmp_path: Path) -> None:
     assert (found.columns, found.titles, found.settings) == (("Rig/P", "Rig/F"), ("P", "F"), {"sample_time": 0.05})
 
 
-def test_groups_of_a_tdms_file_are_recordings(tmp_path: Path) -> None:
-    """Also where a group of another kind lies beside them; the first of all is shown."""
-    nptdms = pytest.importorskip("nptdms")
-    with nptdms.TdmsWriter(tmp_path / "a.tdms") as file:
-        for name, level in (("Run.1", 100.0), ("Run.2", 200.0), ("Run.3", 300.0)):
-            columns = {title: values for title, values in held(level).items() if title != "time_s"}
-            file.write_segment([nptdms.ChannelObject(name, title, values, {"wf_increment": 0.05}) for title, values in columns.items()])
-        file.write_segment([nptdms.ChannelObject("Notes", "who", ["me", "you"])])
-    data = drafted(tmp_path).data
-    assert (data["root"], data["sample_time"]) == ("[*]", 0.05)
-    assert data["columns"]["force"] == {"column": "F_N", "unit": "N"}
-    assert data["levels"] == {"of": "pressure", "at": [100, 200, 300]}
-    recordings = dataset_of(data, tmp_path, "force").recordings
-    assert [(one.id, one.rows_kept) for one in recordings] == [(f"a[{number}]", N) for number in range(3)]
-
-
-def test_runs_of_an_hdf5_file_beside_something_else(tmp_path: Path) -> None:
-    runs = {f"run_{level}/{title}": values for level in (100, 200, 300) for title, values in held(level).items()}
-    hdf5(tmp_path / "a.h5", **runs, **{"about/rig": 4.0, "fs": 20.0})
-    data = drafted(tmp_path).data
-    assert data["root"] == "[*]"
-    assert data["levels"] == {"of": "pressure", "at": [100, 200, 300]}
-    assert len(dataset_of(data, tmp_path, "force").recordings) == 3
-
-
-def test_structs_of_a_mat_file_are_recordings(tmp_path: Path) -> None:
-    savemat(tmp_path / "a.mat", {**{f"run_{k}": held(100.0 * k) for k in (1, 2, 10)}, "rig": "four", "about": {"who": "me"}})
-    data = drafted(tmp_path).data
-    assert data["root"] == "[*]"
-    recordings = dataset_of(data, tmp_path, "force").recordings
-    assert [float(one.columns["pressure"][0]) for one in recordings] == [100, 200, 1000]
+@pytest.mark.parametrize("suffix", ["h5", "mat", "tdms"])
+@pytest.mark.parametrize("word", ["run_{}", "Run.{}"])
+def test_groups_of_a_tree_are_recordings_in_the_order_of_their_numbers(tmp_path: Path, suffix: str, word: str) -> None:
+    """Also where something of another kind lies beside them; the sample time stands for a clock."""
+    if (suffix, word) == ("mat", "Run.{}"):
+        pytest.skip("no name of a struct")
+    levels = [100, 200, 1000]
+    runs = {word.format(level // 100): COLUMNS | {"P_kPa": np.full(N, float(level))} for level in levels}
+    tree(tmp_path / f"a.{suffix}", {name: {title: run[title] for title in ("P_kPa", "eps", "F_N")} for name, run in runs.items()})
+    draft = drafted(tmp_path)
+    assert (draft.data["root"], draft.data["sample_time"]) == ("[*]", 0.02)
+    assert draft.data["columns"]["force"] == {"column": "F_N", "unit": "N"}
+    assert draft.data["levels"] == {"of": "pressure", "at": levels}
+    recordings = read_draft(draft, tmp_path, "force").recordings
+    assert len({one.id for one in recordings if one.rows_kept == N}) == 3
+    assert [one.columns["pressure"][0] for one in recordings] == levels
 
 
 @pytest.mark.parametrize("other", ["P_kPa", "F_N"])
@@ -231,10 +214,10 @@ def test_a_run_that_lacks_columns_is_no_recording_among_others(tmp_path: Path, o
 def test_a_tree_is_drafted_by_the_titles_of_its_arrays(tmp_path: Path) -> None:
     """The name of the group is no title; a clock among the columns takes the place of the sample time."""
     hdf5(tmp_path / "a.h5", **{f"pressure test/{title}": values for title, values in COLUMNS.items()}, dt=1.0)
-    data = drafted(tmp_path).data
-    assert data["columns"]["force"] == {"column": "pressure test/F_N", "unit": "N"}
-    assert "sample_time" not in data
-    assert dataset_of(data, tmp_path, "force").recordings[0].rows_kept == N
+    draft = drafted(tmp_path)
+    assert draft.data["columns"]["force"] == {"column": "pressure test/F_N", "unit": "N"}
+    assert "sample_time" not in draft.data
+    assert read_draft(draft, tmp_path, "force").recordings[0].rows_kept == N
 
 
 @pytest.mark.parametrize("content", [{"x": 1.0}, {"who": "me"}, {"only": T}])

@@ -17,13 +17,10 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
-from recorded import workbook
+from recorded import loaded, tree, workbook
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.pipeline.runner import bring_up_to_date
-from mapmore_cli.spec.experiment import ExperimentSpec
-from mapmore_cli.spec.loader import load
 from mapmore_cli.study.drafting.answers import Answers
 from mapmore_cli.study.drafting.start import start
 from mapmore_cli.study.inspection.lint import inspect
@@ -73,8 +70,10 @@ class Folder:
             path.parent.mkdir(parents=True, exist_ok=True)
             if isinstance(content, bytes):
                 path.write_bytes(gzip.compress(content, mtime=0) if name.endswith(".gz") else content)
+            elif path.suffix == ".xlsx":
+                workbook(path, dict(content))
             else:
-                _save_tables(path, content)
+                tree(path, {name: _arrays(table) for name, table in content})
 
 
 def measured(experiment: str, level: float, rows: int, seed: int) -> Columns:
@@ -194,33 +193,6 @@ def _as_text(draw: st.DrawFn, named: Mapping[str, list[list[Any]]]) -> dict[str,
     return found
 
 
-def _save_tables(path: Path, tables: Sequence[tuple[str, list[list[Any]]]]) -> None:
-    if path.suffix == ".xlsx":
-        workbook(path, dict(tables))
-        return
-    groups = {name: _arrays(table) for name, table in tables}
-    if path.suffix == ".h5":
-        import h5py
-
-        with h5py.File(path, "w") as file:
-            for group, columns in groups.items():
-                for name, values in columns.items():
-                    file[f"{group}/{name}"] = values[:, None] if len(name) % 2 else values
-                file[f"{group}/fs"] = 50.0
-            file["comment"] = "made by hand"
-    elif path.suffix == ".mat":
-        from scipy.io import savemat
-
-        runs = {name: {**columns, "fs": 50.0} for name, columns in groups.items()}
-        savemat(path, {**(runs if len(runs) > 1 else next(iter(runs.values()))), "comment": "made by hand"})
-    else:
-        from nptdms import ChannelObject, TdmsWriter
-
-        with TdmsWriter(path) as file:
-            for group, columns in groups.items():
-                file.write_segment([ChannelObject(group, name, values) for name, values in columns.items()])
-
-
 def _arrays(table: list[list[Any]]) -> Columns:
     """The columns of a table as arrays with names that MATLAB takes; what is missing is not a number."""
     top = next(place for place, row in enumerate(table) if len(row) > 1 and any(isinstance(cell, float) for cell in row))
@@ -263,24 +235,12 @@ def hold_true(place: Path, length: float | None) -> None:
         assert any(words in str(refusal) for words in UNUSABLE), refusal  # noqa: PT017 - a word on every file
         return
     for draft in drafts:
-        path = place / f"{draft.name}.yaml"
-        path.write_text(draft.text(), encoding="utf-8")
-        loaded = load(path)
-        found = inspect(loaded)
+        spec = loaded(draft, place)
+        found = inspect(spec)
         assert found.verdict is None, draft.text()
         assert found.dataset is not None
-        for level in held_out_levels(loaded.spec):
-            assert has_samples(found.dataset, level), draft.text()
-        bring_up_to_date(loaded, place / "runs", until="validate")
-
-
-def held_out_levels(spec: ExperimentSpec) -> list[float]:
-    """The levels that a spec holds out."""
-    held = spec.data.split.hold_out
-    values = held.quantities.get(spec.data.levels.of) if held is not None and spec.data.levels is not None else None
-    return values if isinstance(values, list) else []
-
-
-def has_samples(dataset: Dataset, level: float) -> bool:
-    """True where a curve at the level is held out."""
-    return any(curve.level == pytest.approx(level) and curve.held_out.any() for curve in dataset.curves)
+        held_out, levels = spec.spec.data.split.hold_out, spec.spec.data.levels
+        values = held_out.quantities.get(levels.of) if held_out is not None and levels is not None else None
+        for level in values if isinstance(values, list) else ():
+            assert any(curve.level == pytest.approx(level) and curve.held_out.any() for curve in found.dataset.curves), draft.text()
+        bring_up_to_date(spec, place / "runs", until="validate")

@@ -16,10 +16,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from recorded import drafts, write
+from recorded import drafts, loaded, write
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.spec.loader import load
 from mapmore_cli.spec.units import convert
 from mapmore_cli.study.drafting.draft import Draft
 from mapmore_cli.study.inspection.lint import inspect
@@ -116,11 +115,9 @@ def holds_true(draft: Draft, rig: Rig, folder: Path) -> None:
     assert wrong <= {loc[-1] for loc in draft.open}, draft.text()
     signals = [SENSORS.get(of, of) for of, _ in taken.values()]
     assert len(set(signals)) == len(signals), draft.text()
-    path = folder / f"{draft.name}.yaml"
-    path.write_text(draft.text())
-    loaded = load(path)
-    assert len(loaded.spec.unconfirmed) == draft.text().count("# CHECK: ")
-    found = inspect(loaded)
+    spec = loaded(draft, folder)
+    assert len(spec.spec.unconfirmed) == draft.text().count("# CHECK: ")
+    found = inspect(spec)
     assert "same-signal" not in [issue.id for issue in found.issues]
     assert found.dataset is not None
     if rig.words in MUSCLES:

@@ -77,6 +77,10 @@ class Subject:
         values = self._pooled[name]
         return values if unit is None else convert(values, self.units[name], unit)
 
+    def largest(self, name: str, unit: str | None = None) -> float:
+        """Return the largest absolute value of a quantity; 0 where a recording lacks it."""
+        return float(np.abs(self.pooled(name, unit)).max()) if self.has(name) else 0.0
+
     def source(self, name: str) -> str:
         """Where the spec says what a quantity is: its column, its expression, or the files that it is set for."""
         for section in ("columns", "derive"):

@@ -19,7 +19,7 @@ from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.modelling.validation.repeatability import WORTH, floors
 from mapmore_cli.spec.check_study import formula_called
 from mapmore_cli.spec.sections.dictionary import entries_of, texts_in
-from mapmore_cli.study.inspection.evidence import neighbourhood, set_in_steps
+from mapmore_cli.study.inspection.evidence import beyond, force_set, neighbourhood
 from mapmore_cli.study.inspection.names import POSITIONS
 from mapmore_cli.study.inspection.rules import Issue, Subject
 
@@ -69,13 +69,12 @@ def beyond_training(subject: Subject) -> Iterator[Issue]:
         training, validation = _values(dataset, name, held_out=False), _values(dataset, name, held_out=True)
         if not training.size:
             continue
-        margin = BEYOND * float(np.ptp(training))
-        outside = validation[(validation < training.min() - margin) | (validation > training.max() + margin)]
+        outside = validation[beyond(validation, training, BEYOND)]
         if outside.size > (0 if name in chosen else SOME * validation.size):
             share = "" if name in chosen else f"{outside.size / validation.size:.0%} of the "
-            beyond = f"{outside.min():.6g}" + (f" to {outside.max():.6g}" if np.ptp(outside) else "")
+            reached = f"{outside.min():.6g}" + (f" to {outside.max():.6g}" if np.ptp(outside) else "")
             within = f"the training range {training.min():.6g} to {training.max():.6g}"
-            message = f"{share}validation samples have {name} {beyond}, outside of {within}"
+            message = f"{share}validation samples have {name} {reached}, outside of {within}"
             place = subject.where("data", "split", "validate", name)
             yield Issue("warning", "validation-outside", place, message, "hold out an inner value, unless extrapolation is what you test")
 
@@ -156,11 +155,7 @@ def wrong_way_round(subject: Subject) -> Iterator[Issue]:
     if subject.spec.target != "static" or not subject.has("force"):
         return
     position = next((name for name in POSITIONS if subject.has(name)), None)
-    if position is None:
-        return
-    series = {name: [one.columns[name] for one in subject.recordings if one.rows_kept > 1] for name in ("force", position)}
-    step = set_in_steps(series["force"])
-    if step is not None and set_in_steps(series[position]) is None:
+    if position is not None and (step := force_set(subject.recordings, position)) is not None:
         steps = f"force goes in even steps of {step:.4g} {subject.units['force']} and {position} does not"
         message = f"{steps}: the force was set, and {position} measured"
         remedy = (

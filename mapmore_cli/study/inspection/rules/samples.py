@@ -8,7 +8,6 @@ from collections.abc import Iterator
 import numpy as np
 
 from mapmore_cli.domain.recording import Recording
-from mapmore_cli.spec.units import convert
 from mapmore_cli.study.inspection import evidence
 from mapmore_cli.study.inspection.names import POSITIONS
 from mapmore_cli.study.inspection.rules import Issue, Subject
@@ -53,7 +52,7 @@ def clipped(subject: Subject) -> Iterator[Issue]:
             numbers, counts = np.unique(values, return_counts=True)
             for end, side in ((0, "above"), (-1, "below")):
                 usual = int(np.delete(counts, end).max(initial=0))
-                at_rest = abs(numbers[end]) < AT_REST * np.abs(subject.pooled(name)).max()  # a slack muscle pulls with nothing for long
+                at_rest = abs(numbers[end]) < AT_REST * subject.largest(name)  # a slack muscle pulls with nothing for long
                 if not usual or at_rest or counts[end] <= max(LONGEST, FAR_MORE * usual, CLIPPED * len(values)):
                     continue
                 at = f"{numbers[end]:.6g} {subject.units[name]}"
@@ -81,9 +80,8 @@ def cycles_of_noise(subject: Subject) -> Iterator[Issue]:
 
 def _movement(subject: Subject, name: str) -> float:
     """How far a quantity moves within the recordings, in the middle, relative to the largest value; the ends may be glitches."""
-    largest = float(np.abs(subject.pooled(name)).max()) or 1.0
     spans = [np.ptp(np.quantile(one.columns[name], (0.05, 0.95))) for one in subject.recordings if one.rows_kept]
-    return float(np.median(spans)) / largest
+    return float(np.median(spans)) / (subject.largest(name) or 1.0)
 
 
 def force_never_pulls(subject: Subject) -> Iterator[Issue]:
@@ -134,8 +132,7 @@ def unsettled(subject: Subject) -> Iterator[Issue]:
     asked = any(keep.quantity.endswith("_rate") for keep in data.keep) or data.cycles is not None
     if subject.spec.target != "static" or asked or subject.dataset.level == "pressure" or not subject.has("time", "pressure"):
         return
-    records = [(convert(r.columns["time"], subject.units["time"], "s"), r.columns["pressure"]) for r in subject.recordings if r.rows_kept]
-    found = evidence.settling(records)
+    found = evidence.settling(subject.recordings, subject.units["time"])
     if found is not None and found.share < 1 - UNSETTLED:
         unit = f"{subject.units['pressure']}/s"
         message = f"the pressure changes by more than {found.limit:g} {unit} in {1 - found.share:.0%} of the samples: hardly static"

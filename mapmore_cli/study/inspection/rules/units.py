@@ -23,29 +23,26 @@ LONGEST_RECORD = 12 * 3600.0  # s
 
 def strain_in_per_cent(subject: Subject) -> Iterator[Issue]:
     """Find strains above 1.5, which were meant in per cent."""
-    if subject.has("strain"):
-        largest = float(np.abs(subject.pooled("strain", "1")).max())
-        if largest > LARGEST_STRAIN:
-            message = f"strain reaches {largest:.3g}, which is {100 * largest:.4g} %: it looks like per cent read as a fraction"
-            yield Issue("error", "strain-in-per-cent", subject.source("strain"), message, 'say `unit: "%"`')
+    largest = subject.largest("strain", "1")
+    if largest > LARGEST_STRAIN:
+        message = f"strain reaches {largest:.3g}, which is {100 * largest:.4g} %: it looks like per cent read as a fraction"
+        yield Issue("error", "strain-in-per-cent", subject.source("strain"), message, 'say `unit: "%"`')
 
 
 def pressure_in_pascals(subject: Subject) -> Iterator[Issue]:
     """Find pressures above 5 MPa, which were meant in Pa."""
-    if subject.has("pressure"):
-        largest = float(np.abs(subject.pooled("pressure", "kPa")).max())
-        if largest > LARGEST_PRESSURE:
-            message = f"pressure reaches {largest:.6g} kPa: it looks like Pa read as {_declared(subject, 'pressure')}"
-            yield Issue("error", "pressure-in-pascals", subject.source("pressure"), message, "say `unit: Pa`")
+    largest = subject.largest("pressure", "kPa")
+    if largest > LARGEST_PRESSURE:
+        message = f"pressure reaches {largest:.6g} kPa: it looks like Pa read as {_declared(subject, 'pressure')}"
+        yield Issue("error", "pressure-in-pascals", subject.source("pressure"), message, "say `unit: Pa`")
 
 
 def pressure_in_bar(subject: Subject) -> Iterator[Issue]:
     """Find pressures that never exceed a few kPa, which may have been meant in bar."""
-    if subject.has("pressure") and _declared(subject, "pressure") == "kPa":
-        largest = float(np.abs(subject.pooled("pressure", "kPa")).max())
-        if PRESSURE_IN_BAR[0] <= largest <= PRESSURE_IN_BAR[1]:
-            message = f"pressure reaches no more than {largest:.3g} kPa: it may be bar"
-            yield Issue("warning", "pressure-in-bar", subject.source("pressure"), message, "say `unit: bar` if it is")
+    largest = subject.largest("pressure", "kPa")
+    if PRESSURE_IN_BAR[0] <= largest <= PRESSURE_IN_BAR[1] and _declared(subject, "pressure") == "kPa":
+        message = f"pressure reaches no more than {largest:.3g} kPa: it may be bar"
+        yield Issue("warning", "pressure-in-bar", subject.source("pressure"), message, "say `unit: bar` if it is")
 
 
 def pull_of_the_bore(subject: Subject) -> Iterator[Issue]:
@@ -53,7 +50,7 @@ def pull_of_the_bore(subject: Subject) -> Iterator[Issue]:
     diameter = subject.spec.muscle.diameter
     if diameter is None or not subject.has("pressure", "force"):
         return
-    bore = float(np.abs(subject.pooled("pressure", "Pa")).max()) * math.pi * diameter**2 / 4
+    bore = subject.largest("pressure", "Pa") * math.pi * diameter**2 / 4
     pull = float(subject.pooled("force", "N").max())
     if bore > 0 and pull > STRONGEST_PULL * bore:
         message = (
