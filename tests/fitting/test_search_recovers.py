@@ -8,9 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from tables import dataset_of
 
-from mapmore_cli.domain.recording import Curve, Dataset, Quantity
-from mapmore_cli.domain.results import Search
 from mapmore_cli.fitting import searching
 from mapmore_cli.fitting.search_bench import Slice
 from mapmore_cli.fitting.searching import search
@@ -19,6 +18,7 @@ from mapmore_cli.spec.sections.model import ModelChoice
 
 Columns = dict[str, np.ndarray]
 STEP = 0.02
+WHOLE = Slice(None, ModelChoice(type="auto"), Fuse(), {}, None, (), False)
 
 
 def surface(rng: np.random.Generator) -> Columns:
@@ -56,12 +56,6 @@ def slow_and_play(rng: np.random.Generator) -> Columns:
     return {"time": STEP * np.arange(len(u)), "u": u, "y": a[0] * u + a[1] * slow + a[2] * play}
 
 
-def found(columns: Columns) -> Search:
-    curve = Curve("a", None, columns, np.zeros(len(columns["y"]), dtype=bool), ("a",))
-    dataset = Dataset("y", None, {name: Quantity(name, "1") for name in columns}, (), (curve,))
-    return search(dataset, Slice(None, ModelChoice(type="auto"), Fuse(), {}, None, (), False))
-
-
 class Case(NamedTuple):
     """What makes a record, the families that are searched, and the structure that is to be found, with its parameters at most."""
 
@@ -83,7 +77,7 @@ def explained(case: Case, seed: int, monkeypatch: pytest.MonkeyPatch) -> bool:
     """Whether a noise-free record is explained by a structure of its kind, in no more parameters than it takes."""
     monkeypatch.setattr(searching, "FAMILIES", {name: searching.FAMILIES[name] for name in case.families})
     monkeypatch.setattr(searching, "black_boxes", lambda *_: {})
-    taken = found(case.make(np.random.default_rng(seed))).found
+    taken = search(dataset_of(case.make(np.random.default_rng(seed))), WHOLE).found
     exact = np.median(taken.errors) < 1e-9  # a fold that takes an end of the range away cannot say how it goes on there
     return taken.words.startswith(case.words) and taken.parameters <= case.parameters and bool(exact)
 
@@ -105,8 +99,7 @@ def test_recordings_that_no_memory_fits_are_searched_without_one(monkeypatch: py
     columns = slow_and_play(np.random.default_rng(3))
     columns["time"][-20:] -= 0.3 * STEP
     held_out = np.arange(len(columns["y"])) >= 600
-    dataset = Dataset("y", None, {name: Quantity(name, "1") for name in columns}, (), (Curve("a", None, columns, held_out, ("a",)),))
-    result = search(dataset, Slice(None, ModelChoice(type="auto"), Fuse(), {}, None, (), False), beside=False)
+    result = search(dataset_of(columns, held_out=held_out), WHOLE, beside=False)
     assert {tried.family for tried in result.tried} == {"surface"}
     assert "models with a past were not tried" in result.notes[0]
     assert "resample: 0.02 s" in result.notes[0]
@@ -117,9 +110,7 @@ def test_a_model_that_goes_on_by_itself_is_refused(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(searching, "FAMILIES", {name: searching.FAMILIES[name] for name in ("surface", "autoregression")})
     time = STEP * np.arange(800)
     columns = {"time": time, "u": np.random.default_rng(5).uniform(0, 1, 800), "y": np.sin(3 * time)}
-    curve = Curve("a", None, columns, np.zeros(800, dtype=bool), ("a",))
-    dataset = Dataset("y", None, {name: Quantity(name, "1") for name in columns}, (), (curve,))
-    result = search(dataset, Slice(None, ModelChoice(type="auto"), Fuse(), {}, None, (), False), beside=False)
+    result = search(dataset_of(columns), WHOLE, beside=False)
     refused = {tried.words for tried in result.tried if "goes on by itself" in tried.failure}
     assert "linear, 2 delays of the output" in refused
     assert result.found.family == "surface"
