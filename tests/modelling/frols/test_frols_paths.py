@@ -176,10 +176,7 @@ def test_memory_order_changes_nothing_and_nothing_is_written_to(layout):
     np.testing.assert_allclose(ours.theta, reference.theta, rtol=1e-12)
 
 
-@pytest.mark.parametrize(
-    "kind",
-    ["ordinary", "dependent", "nothing left to explain", "overflow"],
-)
+@pytest.mark.parametrize("kind", ["ordinary", "dependent", "nothing left to explain", "overflow"])
 @pytest.mark.parametrize("order", ["C", "F"])
 def test_a_tall_dictionary_is_never_copied(kind, order):
     rng = np.random.default_rng(1)

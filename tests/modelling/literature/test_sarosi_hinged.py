@@ -125,17 +125,8 @@ def test_the_fit_minimises_the_penalised_squares_as_specified(strains: Array) ->
     fit = HINGED.fit(columns, y)
     largest, widest, highest = columns["pressure"].max(), columns["strain"].max(), np.abs(y).max()
     p, x, f = columns["pressure"] / largest, columns["strain"] / widest, y / highest
-    per = {
-        "a1": largest,
-        "a2": 1,
-        "a3": widest * highest,
-        "a4": largest * widest,
-        "a5": largest,
-        "a6": 1,
-        "b0": 1,
-        "b1": largest,
-        "b2": widest,
-    }
+    per = {"a1": largest, "a2": 1, "a3": widest * highest, "a4": largest * widest, "a5": largest, "a6": 1}
+    per |= {"b0": 1, "b1": largest, "b2": widest}
     q = np.array([*(fit.parameters[name] * unit / highest for name, unit in per.items()), np.log(fit.parameters["w"] / highest)])
 
     def objective(q: Array) -> float:

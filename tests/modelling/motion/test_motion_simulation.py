@@ -77,17 +77,12 @@ def test_as_printed_in_continuous_time_every_row_is_unstable():
         assert poles.real.max() > 0
 
 
-def test_hard_switching_takes_the_active_one_of_parallel_sections():
-    motion, u = published("piecewise_inflate_deflate"), sine(480)
-    parallel = np.array([looped(u, (s.p1, s.p2, s.p3)) for s in motion.sections])
-    numbers, _ = switched(motion, u, REST)
+@pytest.mark.parametrize("start", [REST, ZERO])
+def test_hard_switching_takes_the_active_one_of_parallel_sections(start):
+    motion, u = replace(published("piecewise_inflate_deflate"), start=start), sine(480, 0.5, 5.0)
+    parallel = np.array([looped(u, (s.p1, s.p2, s.p3), start) for s in motion.sections])
+    numbers, _ = switched(motion, u, start)
     np.testing.assert_allclose(run(motion, u), parallel[numbers, np.arange(480)], atol=1e-12)
-
-
-def test_a_section_may_start_from_zero():
-    motion, u = replace(published("linear"), start=ZERO), sine(240, 1.0, 4.0)
-    (section,) = motion.sections
-    np.testing.assert_allclose(run(motion, u), looped(u, (section.p1, section.p2, section.p3), ZERO), atol=1e-12)
 
 
 @pytest.mark.parametrize("start", [REST, ZERO])
