@@ -5,13 +5,13 @@ from functools import cache
 
 import numpy as np
 import pytest
+from dense_model import segment_at
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from surfaces import at, built, changed, curves, force
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve
-from mapmore_cli.modelling.expressions import dictionary_matrix, parse
 from mapmore_cli.modelling.kinds import outside_range, predict
 from mapmore_cli.modelling.literature.backbone import fit_formula
 from mapmore_cli.modelling.pieces.build import threshold
@@ -138,13 +138,6 @@ def test_limits_of_the_domain_are_those_of_the_longest_curve():
     assert predict(own, at(80, strain))[1] == pytest.approx(predict(own, at(80, 0.09))[0])
 
 
-def function(segment, x):
-    """A segment function from its numbers (M2 eq 8)."""
-    z = segment.scaling.slope[0] * x + segment.scaling.intercept[0]
-    terms = dictionary_matrix([parse(term) for term in segment.terms], {"strain": z}, len(x))
-    return segment.scaling.y_slope * (terms @ segment.theta) + segment.scaling.y_intercept
-
-
 @pytest.mark.parametrize("extrapolation", ["continue", "zero", "saturate"])
 def test_weights_make_the_model(extrapolation):
     """The weights times the segment functions are what is added to the backbone."""
@@ -152,9 +145,12 @@ def test_weights_make_the_model(extrapolation):
     ways = {"shrink": 0.3, "hold": "none", "max_terms": 1, "extrapolation": {"pressure": (extrapolation, extrapolation)}}
     model = built(samples, fit_formula("polynomial_2", samples, "force"), **ways)
     rng = np.random.default_rng(0)
-    columns = at(rng.uniform(60, 380, 200), rng.uniform(0.0, 0.085, 200))
-    segments = model.body.segments
-    pieces = sum(weight_of(model.body, {segment.id}, columns) * function(segment, columns["strain"]) for segment in segments)
+    columns = at(rng.uniform(60, 380, 50), rng.uniform(0.0, 0.085, 50))
+    segments, pieces = model.body.segments, np.zeros(50)
+    for curve in model.body.curves:
+        for segment in curve.segments:
+            values = [segment_at(model, curve, segment, {"strain": x}, {}) for x in columns["strain"]]
+            pieces += weight_of(model.body, {segment.id}, columns) * values
     np.testing.assert_allclose(pieces, predict(replace(model, body=replace(model.body, backbone=None)), columns), atol=1e-6)
     middle = at(200, 0.03)
     assert weight_of(model.body, {segment.id for segment in segments}, middle) == pytest.approx([0.3])
