@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from common import curve_of, dataset_of
 from surfaces import QUANTITIES
-from tables import curve_of, dataset_of
 
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.models import Memory, Model

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tables import dataset_of
+from common import dataset_of
 
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.fitting.search_bench import Bench, Slice, holds_ends_out, searchable

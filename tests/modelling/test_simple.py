@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from common import dataset_of
 from hypothesis import given
 from hypothesis import strategies as st
-from tables import dataset_of
 
 from mapmore_cli.modelling import simple
 

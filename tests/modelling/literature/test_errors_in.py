@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from common import curve_of
 from literature_cases import wrist_points
 from scipy.optimize import least_squares
-from tables import curve_of
 
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.modelling.literature import get

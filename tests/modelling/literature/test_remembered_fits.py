@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from common import curve_of
 from literature_cases import uniform
-from tables import curve_of
 
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.literature import backbone

@@ -5,9 +5,9 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from common import dataset_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tables import dataset_of
 
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.domain.results import Forecast

@@ -1,6 +1,9 @@
-"""Recordings made of columns, for tests of several packages."""
+"""What tests of several packages build and measure."""
 
 from __future__ import annotations
+
+import tracemalloc
+from collections.abc import Callable
 
 import numpy as np
 
@@ -18,3 +21,13 @@ def dataset_of(*recordings: Columns, held_out: Array | None = None, output: str 
     """Recordings without levels, in quantities without units."""
     curves = [curve_of(columns, held_out, chr(ord("a") + number)) for number, columns in enumerate(recordings)]
     return Dataset(output, None, {name: Quantity(name, "1") for name in recordings[0]}, (), tuple(curves))
+
+
+def peak_memory(work: Callable[[], object]) -> int:
+    """The most bytes that Python has asked for at once while it works."""
+    tracemalloc.start()
+    try:
+        work()
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
