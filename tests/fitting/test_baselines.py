@@ -51,7 +51,6 @@ def plain_kind(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("name", BASELINES)
 def test_a_smooth_surface_is_learnt_from_training_samples_alone(name: str) -> None:
-    pytest.importorskip("sklearn")
     (curve,) = dataset().curves
     (first,) = baselines.predictions(name, dataset(), model())
     (again,) = baselines.predictions(name, dataset(held_out_scale=-5.0), model())
@@ -75,7 +74,6 @@ def test_beside_a_model_with_a_past_inputs_come_with_theirs() -> None:
 
 
 def test_missing_inputs_give_no_prediction() -> None:
-    pytest.importorskip("sklearn")
     data = dataset()
     data.curves[0].columns["strain"][5] = np.nan
     (found,) = baselines.predictions("gradient_boosting", data, model())
@@ -114,7 +112,6 @@ def test_scikit_learn_is_imported_only_to_fit_one(tmp_path: Path) -> None:
 
 
 def test_a_run_scores_them_beside_its_model(tmp_path: Path) -> None:
-    pytest.importorskip("sklearn")
     from mapmore_cli.pipeline.runner import bring_up_to_date
     from mapmore_cli.storage.run_folder import RunFiles
 
@@ -142,7 +139,6 @@ def test_noise_depends_on_nothing() -> None:
 
 
 def test_a_black_box_that_errs_clearly_less_is_told_and_no_other() -> None:
-    pytest.importorskip("sklearn")
     x = np.linspace(0, 1, 120)
     data = dataset_of({"x": x, "y": np.sin(9 * x)})
     masks = [((np.arange(120) % 5 == fold),) for fold in range(5)]

@@ -13,6 +13,8 @@ from common import dataset_of
 from mapmore_cli.fitting import searching
 from mapmore_cli.fitting.search_bench import Slice
 from mapmore_cli.fitting.searching import search
+from mapmore_cli.modelling.expressions.operator import Setting, along
+from mapmore_cli.modelling.expressions.operators import OPERATORS
 from mapmore_cli.modelling.pieces.recipe import Fuse
 from mapmore_cli.spec.sections.model import ModelChoice
 
@@ -47,11 +49,7 @@ def hinge(rng: np.random.Generator) -> Columns:
 def slow_and_play(rng: np.random.Generator) -> Columns:
     """What follows an input slowly, and what follows it with play."""
     u = np.concatenate([np.linspace(a, b, 40) for a, b in itertools.pairwise([0.0, 1.0, *rng.uniform(0, 1, 18)])])
-    slow, play, width = np.zeros(len(u)), np.zeros(len(u)), 0.25
-    decay = np.exp(-STEP / 0.4)
-    for k in range(1, len(u)):
-        slow[k] = decay * slow[k - 1] + (1 - decay) * u[k]
-        play[k] = min(max(play[k - 1], u[k] - width), u[k] + width)
+    slow, play = (along(OPERATORS[name], u, Setting((number,), STEP, (0.0, 1.0))) for name, number in (("slow", 0.4), ("play", 0.25)))
     a = rng.uniform(0.5, 2, 3)
     return {"time": STEP * np.arange(len(u)), "u": u, "y": a[0] * u + a[1] * slow + a[2] * play}
 
