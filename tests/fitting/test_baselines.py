@@ -8,15 +8,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from common import curve_of, dataset_of
+from surfaces import QUANTITIES
 
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.models import Memory, Model
-from mapmore_cli.domain.recording import Curve, Dataset, Quantity
+from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.domain.scores import BASELINES
 from mapmore_cli.fitting import baselines
 from mapmore_cli.spec.loader import load
 
-QUANTITIES = {"pressure": Quantity("pressure", "kPa"), "strain": Quantity("strain", "1"), "force": Quantity("force", "N")}
 SPEC = """\
 schema_version: 1
 name: bench
@@ -36,7 +37,7 @@ def dataset(held_out_scale: float = 1.0) -> Dataset:
     force = pressure * (2 - 8 * strain) + 30 * np.sin(20 * strain) + random.normal(0, 2, 160)
     held_out = np.arange(160) % 4 == 0
     columns = {"pressure": pressure, "strain": strain, "force": np.where(held_out, held_out_scale * force, force)}
-    return Dataset("force", None, QUANTITIES, (), (Curve("all", None, columns, held_out, ("all",)),))
+    return Dataset("force", None, QUANTITIES, (), (curve_of(columns, held_out),))
 
 
 def model(body: object = None) -> Model:
@@ -50,7 +51,6 @@ def plain_kind(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("name", BASELINES)
 def test_a_smooth_surface_is_learnt_from_training_samples_alone(name: str) -> None:
-    pytest.importorskip("sklearn")
     (curve,) = dataset().curves
     (first,) = baselines.predictions(name, dataset(), model())
     (again,) = baselines.predictions(name, dataset(held_out_scale=-5.0), model())
@@ -74,7 +74,6 @@ def test_beside_a_model_with_a_past_inputs_come_with_theirs() -> None:
 
 
 def test_missing_inputs_give_no_prediction() -> None:
-    pytest.importorskip("sklearn")
     data = dataset()
     data.curves[0].columns["strain"][5] = np.nan
     (found,) = baselines.predictions("gradient_boosting", data, model())
@@ -113,7 +112,6 @@ def test_scikit_learn_is_imported_only_to_fit_one(tmp_path: Path) -> None:
 
 
 def test_a_run_scores_them_beside_its_model(tmp_path: Path) -> None:
-    pytest.importorskip("sklearn")
     from mapmore_cli.pipeline.runner import bring_up_to_date
     from mapmore_cli.storage.run_folder import RunFiles
 
@@ -126,30 +124,23 @@ def test_a_run_scores_them_beside_its_model(tmp_path: Path) -> None:
     assert {row.model for row in RunFiles(outcome.run_dir).validation().scores} == {"mapmore", "trees", "plane", "quadratic", "cubic"}
 
 
-def record(y: np.ndarray, **inputs: np.ndarray) -> Dataset:
-    columns = {**inputs, "y": y}
-    curve = Curve("a", None, columns, np.zeros(len(y), dtype=bool), ("a",))
-    return Dataset("y", None, {name: Quantity(name, "1") for name in columns}, (), (curve,))
-
-
 def test_the_lag_on_which_a_residual_depends_is_named() -> None:
     u = np.random.default_rng(1).normal(size=2000)
     e = np.r_[np.zeros(4), u[:-4] ** 2] + np.random.default_rng(2).normal(size=2000)
-    data = record(e, u=u)
+    data = dataset_of({"u": u, "y": e})
     assert baselines.strongest(data.curves, [e], ["u"], past=True).startswith("u 4 samples before")
     assert baselines.strongest(data.curves, [e], ["u"], past=False) == ""
 
 
 def test_noise_depends_on_nothing() -> None:
     rng = np.random.default_rng(4)
-    data = record(rng.normal(size=300), u=rng.normal(size=300), v=rng.normal(size=300))
+    data = dataset_of({name: rng.normal(size=300) for name in "yuv"})
     assert baselines.strongest(data.curves, [data.curves[0].columns["y"]], ["u", "v"], past=True) == ""
 
 
 def test_a_black_box_that_errs_clearly_less_is_told_and_no_other() -> None:
-    pytest.importorskip("sklearn")
     x = np.linspace(0, 1, 120)
-    data = record(np.sin(9 * x), x=x)
+    data = dataset_of({"x": x, "y": np.sin(9 * x)})
     masks = [((np.arange(120) % 5 == fold),) for fold in range(5)]
     errors = baselines.black_boxes(data, ["x"], masks, past=False)
     assert errors["gaussian_process"] < 0.01

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from surfaces import QUANTITIES
 
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.models import CurveRange, Formula, Model
@@ -18,8 +19,6 @@ from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.literature.backbone import fit_formula
 from mapmore_cli.spec.experiment import Competitor
 from mapmore_cli.storage.artefacts import write_fit, write_model
-
-QUANTITIES = {name: Quantity(name, unit) for name, unit in {"pressure": "kPa", "strain": "1", "force": "N"}.items()}
 
 
 def curve(level: float, *, held: bool) -> Curve:

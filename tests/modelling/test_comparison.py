@@ -9,25 +9,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy import stats
+from surfaces import QUANTITIES, recipe
 
 from mapmore_cli.domain.models import LeftOut, Model
 from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.pieces.build import build
-from mapmore_cli.modelling.pieces.recipe import Cuts, Recipe
-from mapmore_cli.modelling.selection import Fit
+from mapmore_cli.modelling.pieces.recipe import Cuts
 from mapmore_cli.modelling.validation.comparison import common_curves, compare, grid, reference_points, term_changes
 from mapmore_cli.modelling.validation.intervals import SHARES
 from mapmore_cli.modelling.validation.significance import sign_permutation, simplest_of, weighted_mean
 
-QUANTITIES = {q.name: q for q in (Quantity("pressure", "kPa"), Quantity("strain", "1"), Quantity("force", "N"))}
-RECIPE = Recipe(
-    target="force",
-    dictionary=("1", "strain", "strain^2"),
-    cuts={"strain": Cuts("even", 2)},
-    level="pressure",
-    fit=Fit(max_terms=2),
-)
+RECIPE = recipe(dictionary=("1", "strain", "strain^2"), cuts={"strain": Cuts("even", 2)}, max_terms=2)
 LEVELS = (100.0, 200.0, 300.0, 400.0)
 
 

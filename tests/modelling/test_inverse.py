@@ -76,6 +76,8 @@ def test_what_cannot_be_inverted() -> None:
         invert(STATIC["steps"], np.ones(1), {"strain": np.ones(1)}, "pressure", "highest")
     with pytest.raises(DataError, match="memory"):
         invert(WITH_MEMORY["lags"], np.ones(1), {"strain": np.ones(1)}, "pressure")
+    with pytest.raises(UsageError, match="no input 'load'"):
+        solve_for_input(MODEL, {"pressure": np.ones(1), "strain": np.ones(1)}, "load")
 
 
 @pytest.mark.parametrize("name", [*STATIC, "sarosi_hinged", "kerscher", "polynomial_5", "tondu_lopez_corrected", "peternel"])
@@ -160,8 +162,3 @@ def test_a_strain_that_no_force_makes_has_the_force_at_the_end_of_the_range():
     for wanted, force in zip((0.9, -0.9), found.values[:2], strict=True):
         missed = abs(float(predict(MODEL, {"pressure": np.array([150.0]), "force": np.array([force])})[0]) - wanted)
         assert missed <= np.abs(fine - wanted).min() + 1e-9
-
-
-def test_what_is_no_input_cannot_be_asked_for():
-    with pytest.raises(UsageError, match="no input 'load'"):
-        solve_for_input(MODEL, {"pressure": np.ones(1), "strain": np.ones(1)}, "load")

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from sklearn.gaussian_process import GaussianProcessRegressor, kernels
 
 from mapmore_cli.domain.models import LeftOut
 from mapmore_cli.modelling.planning import levels, points
@@ -79,9 +80,6 @@ def test_a_process_of_two_points_by_hand() -> None:
 
 
 def test_a_fitted_process_agrees_with_scikit_learn() -> None:
-    kernels = pytest.importorskip("sklearn.gaussian_process.kernels")
-    from sklearn.gaussian_process import GaussianProcessRegressor
-
     rng = np.random.default_rng(4)
     x, at = rng.random((25, 2)), rng.random((9, 2))
     own = fitted(x, np.sin(3 * x[:, 0]) + x[:, 1] ** 2)

@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from common import dataset_of
 
-from mapmore_cli.domain.recording import Curve, Dataset, Quantity
+from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.fitting.search_bench import Bench, Slice, holds_ends_out, searchable
 from mapmore_cli.fitting.searching import choices_of
 from mapmore_cli.modelling.pieces.recipe import Fuse
@@ -17,6 +18,7 @@ from mapmore_cli.modelling.search.situation import Situation, situation_of
 from mapmore_cli.spec.sections.data import Holdout
 from mapmore_cli.spec.sections.model import ModelChoice
 
+WHOLE = Slice(None, ModelChoice(type="auto"), Fuse(), {}, None, (), False)
 SITUATIONS = {
     "map": Situation("force", ("strain", "pressure"), "pressure", frozenset({"strain", "pressure", "force"}), 60, 5),
     "record": Situation("y", ("u",), None, frozenset({"u", "y", "time"}), 800, 1, 0.01, 8.0, {"u": 1.0}, {("u", 1): 0.1}),
@@ -30,11 +32,10 @@ SITUATIONS = {
 @pytest.mark.parametrize("name", SITUATIONS)
 def test_every_candidate_is_a_valid_structure_of_the_inputs(name: str) -> None:
     of = SITUATIONS[name]
-    part = Slice(None, ModelChoice(type="auto"), Fuse(), {}, None, (), False)
     words = []
     for family in FAMILIES.values():
         for candidate in family.candidates(of) if family.applies(of) else ():
-            choices_of(candidate.sections, part)  # validates, or raises
+            choices_of(candidate.sections, WHOLE)  # validates, or raises
             words.append(candidate.words)
     assert len(words) == len(set(words)) > 2
 
@@ -49,52 +50,43 @@ def test_nothing_along_the_level_is_steeper_than_levels_are_apart() -> None:
     assert "abs(pressure-0.25)" not in texts
 
 
-def dataset(columns: dict[str, np.ndarray], held_out: np.ndarray | None = None) -> Dataset:
-    n = len(next(iter(columns.values())))
-    curve = Curve("a", None, columns, np.zeros(n, dtype=bool) if held_out is None else held_out, ("a",))
-    return Dataset("y", None, {name: Quantity(name, "1") for name in columns}, (), (curve,))
-
-
 def test_constants_copies_and_the_clock_are_no_inputs() -> None:
     time = np.arange(100) * 0.01
     u, y = np.sin(time), np.cos(time)
-    found = situation_of(dataset({"time": time, "u": u, "twice": 2 * u + 1, "still": np.ones(100), "y": y}))
+    found = situation_of(dataset_of({"time": time, "u": u, "twice": 2 * u + 1, "still": np.ones(100), "y": y}))
     assert found.inputs == ("twice",)
     assert found.step == pytest.approx(0.01)
-    assert situation_of(dataset({"time": time**2, "u": u, "y": y})).step is None
+    assert situation_of(dataset_of({"time": time**2, "u": u, "y": y})).step is None
 
 
 def test_what_is_held_out_is_not_looked_at() -> None:
     time, u = np.arange(100) * 0.01, np.r_[np.linspace(0, 1, 80), np.full(20, 9.0)]
     held_out = np.arange(100) >= 80
     other = np.where(held_out, -50.0, u)
-    assert situation_of(dataset({"time": time, "u": u, "y": u}, held_out)) == situation_of(
-        dataset({"time": time, "u": other, "y": u}, held_out)
-    )
+    one, two = (dataset_of({"time": time, "u": of, "y": u}, held_out=held_out) for of in (u, other))
+    assert situation_of(one) == situation_of(two)
 
 
-def test_the_simplest_within_one_standard_error_is_taken() -> None:
-    blocks = np.array([[1.0, 1.2, 1.1], [1.0, 1.1, 1.15], [3.0, 3.1, 2.9]])
-    ranked = chosen_of([4, 9, 1], blocks, np.zeros((3, 0)))
-    assert (ranked.best, ranked.chosen) == (1, 0)
+FIRST = {  # errors of the first structure on every fold, and of the others
+    "within one standard error": [[1.0, 1.2, 1.1], [1.0, 1.1, 1.15], [3.0, 3.1, 2.9]],
+    "11 % worse, within one standard error": [[1.0, 1.6, 1.1], [1.0, 1.1, 1.15], [3.0, 3.1, 2.9]],
+    "2 % worse": [[1.0, 1.2, 1.1], [1.0, 1.1, 1.14]],
+    "1.5 % worse on every fold": [[1.015] * 3, [1.0] * 3, [1.06] * 3],
+}
+CHOICES = [
+    ("within one standard error", (4, 9, 1), False, 0),
+    ("11 % worse, within one standard error", (4, 9, 1), False, 1),
+    ("11 % worse, within one standard error", (4, 9, 1), True, 0),  # in tables more counts as good
+    ("2 % worse", (6, 7), False, 1),  # simplicity has a price: half of the parameters, and not one of seven
+    ("2 % worse", (3, 7), False, 0),
+    ("1.5 % worse on every fold", (4, 9, 1), False, 0),
+]
 
 
-def test_in_tables_more_counts_as_good() -> None:
-    blocks = np.array([[1.0, 1.6, 1.1], [1.0, 1.1, 1.15], [3.0, 3.1, 2.9]])  # the first 11 % worse, within one standard error
-    assert chosen_of([4, 9, 1], blocks, np.zeros((3, 0))).chosen == 1
-    assert chosen_of([4, 9, 1], blocks, np.zeros((3, 0)), tables=True).chosen == 0
-
-
-def test_simplicity_has_a_price() -> None:
-    """2 % more error is worth half of the parameters, and not one of seven."""
-    blocks = np.array([[1.0, 1.2, 1.1], [1.0, 1.1, 1.14]])
-    assert chosen_of([6, 7], blocks, np.zeros((2, 0))).chosen == 1
-    assert chosen_of([3, 7], blocks, np.zeros((2, 0))).chosen == 0
-
-
-def test_two_per_cent_on_which_all_folds_agree_are_no_difference() -> None:
-    blocks = np.array([[1.015, 1.015, 1.015], [1.0, 1.0, 1.0], [1.06, 1.06, 1.06]])
-    assert chosen_of([4, 9, 1], blocks, np.zeros((3, 0))).chosen == 0
+@pytest.mark.parametrize(("first", "parameters", "tables", "chosen"), CHOICES)
+def test_the_simplest_that_is_as_good_is_taken(first: str, parameters: tuple[int, ...], tables: bool, chosen: int) -> None:
+    ranked = chosen_of(parameters, np.array(FIRST[first]), np.zeros((len(parameters), 0)), tables=tables)
+    assert (ranked.best, ranked.chosen) == (1, chosen)
 
 
 def test_where_a_study_holds_levels_out_they_decide() -> None:
@@ -108,8 +100,8 @@ def test_bands_of_an_input_are_left_out_where_the_study_holds_some_out() -> None
     time = np.arange(600) * 0.01
     u = 100 * np.abs((time % 2) - 1)
     held_out = (u >= 40) & (u <= 60)
-    whole = dataset({"time": time**2, "u": u, "y": u}, held_out)
-    part = Slice(None, ModelChoice(type="auto"), Fuse(), {}, Holdout.model_validate({"u": {"between": [[40, 60]]}}), (), False)
+    whole = dataset_of({"time": time**2, "u": u, "y": u}, held_out=held_out)
+    part = replace(WHOLE, held_out=Holdout.model_validate({"u": {"between": [[40, 60]]}}))
     found = searchable(whole)
     folds = Bench.of(found, situation_of(found), part).blocks
     values = found.curves[0].columns["u"]
@@ -127,13 +119,10 @@ def test_splines_go_straight_between_levels() -> None:
 
 def test_recordings_too_short_to_say_or_too_long_to_miss_are_not_left_out() -> None:
     def recorded(*sizes: int) -> Dataset:
-        time = [np.arange(size) * 0.01 for size in sizes]
-        curves = [Curve(f"{n}", None, {"time": t, "u": t, "y": t}, np.zeros(len(t), dtype=bool), (f"{n}",)) for n, t in enumerate(time)]
-        return Dataset("y", None, {name: Quantity(name, "1") for name in ("time", "u", "y")}, (), tuple(curves))
+        return dataset_of(*(dict.fromkeys(("time", "u", "y"), np.arange(size) * 0.01) for size in sizes))
 
     def left_out(dataset: Dataset) -> list[list[int]]:
-        part = Slice(None, ModelChoice(type="auto"), Fuse(), {}, None, (), False)
-        return [[int(mask.sum()) for mask in fold] for fold in Bench.of(dataset, situation_of(dataset), part).parts]
+        return [[int(mask.sum()) for mask in fold] for fold in Bench.of(dataset, situation_of(dataset), WHOLE).parts]
 
     assert left_out(recorded(100, 100, 100)) == [[100, 0, 0], [0, 100, 0], [0, 0, 100]]
     assert left_out(recorded(10, 3000)) == []
@@ -141,12 +130,12 @@ def test_recordings_too_short_to_say_or_too_long_to_miss_are_not_left_out() -> N
 
 
 def test_folds_resemble_what_the_study_holds_out() -> None:
-    time, part = np.arange(1000) * 0.01, Slice(None, ModelChoice(type="auto"), Fuse(), {}, None, (), False)
+    time = np.arange(1000) * 0.01
 
     def folds(held_out: np.ndarray) -> tuple[Bench, bool]:
-        whole = dataset({"time": time, "u": np.sin(time), "y": np.where(held_out, 1e9, np.cos(time))}, held_out)
+        whole = dataset_of({"time": time, "u": np.sin(time), "y": np.where(held_out, 1e9, np.cos(time))}, held_out=held_out)
         found, behind = searchable(whole), holds_ends_out(whole)
-        return Bench.of(found, situation_of(found), part, behind), behind
+        return Bench.of(found, situation_of(found), WHOLE, behind), behind
 
     def runs(mask: np.ndarray) -> int:
         return int((np.diff(np.concatenate([[0], mask.astype(int)])) == 1).sum())

@@ -3,6 +3,7 @@
 `x^0..x^9` has the condition number 6e8 on [0.5, 1.5], 4e12 on [2, 4] and 2e23 on [10, 11]. On the first two, double precision can do it
 all (the last ERR, of a column of which one part in 3e8 is left, to 1e-5). On [10, 11] it can give the order of eight terms, and six of
 them with an ERR to 1e-6; of the last two columns less than 1e-12 is left, which is rounding error: they must be called dependent.
+From 0 on, the first sample of every chosen column but one is zero, where one package reports a total ERR of 1.77.
 """
 
 import mpmath
@@ -65,17 +66,20 @@ def fit(request, monkeypatch):
     return in_memory if request.param == "in memory" else streamed
 
 
-@pytest.mark.parametrize("target", TARGETS)
-@pytest.mark.parametrize(("low", "high"), [(0, 1), (0.5, 1.5), (2, 4)])
-def test_powers_keep_their_digits(low, high, target, fit):
-    x, P = powers(low, high)
-    y = TARGETS[target](x)
+def keeps_digits(P, y, fit):
     chosen, err = exact_frols(P, y, 10)
     ours = fit(P, y)
     assert ours.chosen.tolist() == chosen
     np.testing.assert_allclose(ours.err[:9], err[:9], rtol=1e-6, atol=1e-24)
     np.testing.assert_allclose(ours.err[9], err[9], rtol=1e-4)
     assert ours.err.sum() <= 1 + 1e-12
+
+
+@pytest.mark.parametrize("target", TARGETS)
+@pytest.mark.parametrize(("low", "high"), [(0, 1), (0.5, 1.5), (2, 4)])
+def test_powers_keep_their_digits(low, high, target, fit):
+    x, P = powers(low, high)
+    keeps_digits(P, TARGETS[target](x), fit)
 
 
 @pytest.mark.parametrize("target", TARGETS)
@@ -95,13 +99,8 @@ def test_powers_far_from_zero_keep_what_digits_there_are(target, fit):
 def test_long_records_of_powers_keep_their_digits(low, high):
     """So long that the normal equations are formed first, and given up for the triangular factor."""
     x, P = powers(low, high, n=7_000)
-    y = TARGETS["noisy"](x)
     assert reads_once(*P.shape, 10)
-    chosen, err = exact_frols(P, y, 10)
-    ours = frols(P, y, 10)
-    assert ours.chosen.tolist() == chosen
-    np.testing.assert_allclose(ours.err[:9], err[:9], rtol=1e-6)
-    np.testing.assert_allclose(ours.err[9], err[9], rtol=1e-4)
+    keeps_digits(P, TARGETS["noisy"](x), in_memory)
 
 
 @pytest.mark.parametrize("n", [60, 20_000])

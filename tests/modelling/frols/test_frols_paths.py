@@ -1,9 +1,8 @@
 """Whichever form of the method reads the dictionary, in memory or block by block, the selection is the same."""
 
-import tracemalloc
-
 import numpy as np
 import pytest
+from common import peak_memory
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
@@ -176,10 +175,7 @@ def test_memory_order_changes_nothing_and_nothing_is_written_to(layout):
     np.testing.assert_allclose(ours.theta, reference.theta, rtol=1e-12)
 
 
-@pytest.mark.parametrize(
-    "kind",
-    ["ordinary", "dependent", "nothing left to explain", "overflow"],
-)
+@pytest.mark.parametrize("kind", ["ordinary", "dependent", "nothing left to explain", "overflow"])
 @pytest.mark.parametrize("order", ["C", "F"])
 def test_a_tall_dictionary_is_never_copied(kind, order):
     rng = np.random.default_rng(1)
@@ -191,11 +187,7 @@ def test_a_tall_dictionary_is_never_copied(kind, order):
         y[:] = P[:, 0]
     elif kind == "overflow":
         P *= 1e200
-    tracemalloc.start()
-    frols(P, y, 5)
-    extra = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    assert extra < 0.1 * P.nbytes
+    assert peak_memory(lambda: frols(P, y, 5)) < 0.1 * P.nbytes
 
 
 def powers(n):
@@ -238,13 +230,9 @@ def test_memory_does_not_grow_with_the_record():
 
         return start
 
-    peaks = []
-    for count in (4, 40):
-        tracemalloc.start()
-        assert frols_streamed(blocks(count), 3).samples == 5_000 * count
-        peaks.append(tracemalloc.get_traced_memory()[1])
-        tracemalloc.stop()
-    assert peaks[1] < 1.2 * peaks[0]
+    few, many = (peak_memory(lambda count=count: frols_streamed(blocks(count), 3)) for count in (4, 40))
+    assert many < 1.2 * few
+    assert frols_streamed(blocks(40), 3).samples == 200_000
 
 
 def test_other_number_types_are_taken_as_doubles():

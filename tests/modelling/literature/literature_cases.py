@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 from scipy.optimize import brentq
 
@@ -32,8 +34,22 @@ PLANTED: dict[str, dict[str, float]] = {
 }
 """Parameters that a muscle may have; pressures in kPa."""
 
+MUSCLE_LIKE = ("F", "a0", "a1", "a2", "b0", "c0", "c1")
+TABLE_I = {
+    "22 cm": (0.3235, 16.99, -298.0, 3600.0, -0.16, -592.32, 6430.0),
+    "16 cm": (0.2849, 25.22, -267.0, 7600.0, -0.22, -499.54, 7488.0),
+    "12 cm": (0.1562, 104.93, -2064.0, 80500.0, -0.36, -482.38, 6338.0),
+}
+"""H table I."""
+
 WRIST = {"a1": -5.699, "a2": 158.773, "a3": -42.647, "a4": -299.482, "a5": 86.216, "a6": -196.865}
 """W's published coefficients a..f: pressure in bar, strain as a fraction, force in N."""
+
+
+def uniform(seed: int, rows: int, **ranges: tuple[float, float]) -> dict[str, Array]:
+    """Scattered samples of quantities between their ends."""
+    rng = np.random.default_rng(seed)
+    return {name: rng.uniform(low, high, rows) for name, (low, high) in ranges.items()}
 
 
 def grid(pressures: Array, strains: Array) -> dict[str, Array]:
@@ -42,11 +58,20 @@ def grid(pressures: Array, strains: Array) -> dict[str, Array]:
     return {"pressure": pressure.ravel(), "strain": strain.ravel()}
 
 
+def sarosi(values: Iterable[float], p: Array, x: Array) -> Array:
+    """M2 eq 14 and W eq 12, written out."""
+    a1, a2, a3, a4, a5, a6 = values
+    return (a1 * p + a2) * np.exp(a3 * x) + a4 * x * p + a5 * p + a6
+
+
+def muscle_like(values: Iterable[float], p: Array, x: Array, v: Array) -> Array:
+    """H eq 4-5, written out."""
+    f, a0, a1, a2, b0, c0, c1 = values
+    return p * f * (1 + a0 * x + a1 * x**2 + a2 * x**3) * (1 + b0 * v) + f * (c0 + c1 * x)
+
+
 def wrist_force(columns: Columns) -> Array:
-    """W eq 12, written out."""
-    a, b, c, d, e, f = WRIST.values()
-    p, x = columns["pressure"], columns["strain"]
-    return (a * p + b) * np.exp(c * x) + d * p * x + e * p + f
+    return sarosi(WRIST.values(), columns["pressure"], columns["strain"])
 
 
 def wrist_points() -> tuple[dict[str, Array], Array]:
@@ -90,8 +115,7 @@ def motion(seed: int, rows: int = 400) -> dict[str, Array]:
 
 def scattered(seed: int, rows: int) -> dict[str, Array]:
     """Pressures in kPa and strains."""
-    rng = np.random.default_rng(seed)
-    return {"pressure": rng.uniform(50, 600, rows), "strain": rng.uniform(-0.01, 0.25, rows)}
+    return uniform(seed, rows, pressure=(50, 600), strain=(-0.01, 0.25))
 
 
 def noisy(name: str, seed: int, rows: int = 400, noise: float = 3.0) -> tuple[dict[str, Array], Array]:

@@ -14,11 +14,8 @@ from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.modelling.literature import Formula, solvers
 
 STARTS = (None, 1, 2)
-PROMISED = (
-    5,
-    5,
-    9,
-)  # digits of parameters, standard errors, sum of squares; those beyond depend on the last step of a search, and so on the machine
+# Digits of parameters, standard errors, sum of squares; those beyond depend on the last step of a search, and so on the machine
+PROMISED = (5, 5, 9)
 OF_ROUNDING = (5, 1, 1)
 ROUNDING = "Lanczos1"  # its residuals are the rounding of its data: their sum, and the standard errors, have few digits in any program
 SHORT_OF_STEPS = ("MGH17", "MGH09", "Bennett5")  # from their first start

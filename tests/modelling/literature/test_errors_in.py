@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from common import curve_of
 from literature_cases import wrist_points
 from scipy.optimize import least_squares
 
 from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.literature import get
 from mapmore_cli.modelling.literature.backbone import fit_formula
 from mapmore_cli.modelling.literature.errors_in import Along
@@ -89,6 +89,6 @@ def test_what_cannot_be_solved_is_refused() -> None:
     columns, force = noisy(0.0)
     with pytest.raises(SpecError, match="no input `length`"):
         formula("sarosi").fit_along(columns, force, "length")
-    curve = Curve("a", None, {**columns, "force": force}, np.zeros(len(force), dtype=bool), ("a",))
+    curve = curve_of({**columns, "force": force})
     with pytest.raises(SpecError, match="a way of its own"):
         fit_formula("sarosi_hinged", [curve], "force", errors_in="strain")

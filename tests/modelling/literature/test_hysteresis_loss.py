@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from literature_cases import grid, motion
+from literature_cases import grid, motion, sarosi
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.modelling.expressions import evaluate, to_text
 from mapmore_cli.modelling.literature import get
 from mapmore_cli.modelling.literature.formulas.sarosi_hysteresis_loss import ForceCurve, zeta
@@ -32,25 +31,16 @@ PLANTED = {
 
 
 def force(branch: dict[str, float], pressure: float, strain: float) -> float:
-    """M2 eq 14, written out."""
-    a1, a2, a3, a4, a5, a6 = branch.values()
-    return (a1 * pressure + a2) * np.exp(a3 * strain) + a4 * strain * pressure + a5 * pressure + a6
+    return sarosi(branch.values(), pressure, strain)
 
 
-def cycles() -> dict[str, Array]:
-    """Load cycles without noise at three pressures."""
-    columns = grid(np.array([80.0, 150.0, 350.0]), np.linspace(STRAIN_MIN, 0.2, 60))
-    upper, lower = (force(branch, columns["pressure"], columns["strain"]) for branch in (UPPER, LOWER))
-    return {**columns, "force": (upper + lower) / 2, "hysteresis": (upper - lower) / 2}
-
-
-def fitted(**changed: float) -> FormulaFit:
-    """The fit that these parameters belong to, by planting them in load cycles."""
+def cycles(**changed: float) -> dict[str, Array]:
+    """Load cycles without noise at three pressures, of parameters that are planted."""
     planted = PLANTED | changed
-    columns = grid(np.array([80.0, 150.0, 350.0]), np.linspace(planted["strain_min"], 0.2, 60))
+    columns = grid(np.array([80.0, 150.0, 350.0]), np.linspace(STRAIN_MIN, 0.2, 60))
     branches = [{name: planted[name.replace("a", f"a{branch}")] for name in UPPER} for branch in "ul"]
     upper, lower = (force(branch, columns["pressure"], columns["strain"]) for branch in branches)
-    return LOSS.fit_cycles({**columns, "force": (upper + lower) / 2, "hysteresis": (upper - lower) / 2}, planted["length"])
+    return {**columns, "force": (upper + lower) / 2, "hysteresis": (upper - lower) / 2}
 
 
 def noted_pressures(notes: tuple[str, ...], what: str) -> tuple[float, float]:
@@ -125,7 +115,7 @@ def test_where_the_muscle_is_slack_zeta_is_one_as_just_above() -> None:
 
 def test_a_curve_that_never_falls_to_zero_is_told() -> None:
     """Force is least where the upper curve turns up again, or at a strain of one, and there the stroke is taken to end."""
-    fit = fitted(au6=-100.0, al6=-99.0, au4=0.5, al4=0.5)
+    fit = LOSS.fit_cycles(cycles(au6=-100.0, al6=-99.0, au4=0.5, al4=0.5), LENGTH)
     pressure = 300.0
     own = {**UPPER, "a4": 0.5, "a6": -100.0}, {**LOWER, "a4": 0.5, "a6": -99.0}
     strains = np.linspace(STRAIN_MIN, 1.0, 100_001)

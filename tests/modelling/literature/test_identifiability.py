@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from literature_cases import grid
+from literature_cases import MUSCLE_LIKE, TABLE_I, grid
 from scipy.stats import t as student
 
 from mapmore_cli.domain.arrays import Array
@@ -53,7 +53,7 @@ def test_a_well_measured_formula_has_no_such_note() -> None:
 def test_damping_is_not_seen_in_a_record_at_rest_and_motion_shows_it() -> None:
     rng = np.random.default_rng(1)
     columns = {"pressure": rng.uniform(200, 600, 400), "length": rng.uniform(0, 0.03, 400), "velocity": rng.uniform(-1e-4, 1e-4, 400)}
-    truth = {"F": 0.2849, "a0": 25.22, "a1": -267.0, "a2": 7600.0, "b0": -0.22, "c0": -499.54, "c1": 7488.0}
+    truth = dict(zip(MUSCLE_LIKE, TABLE_I["16 cm"], strict=True))
     fit = get("muscle_like").fit(columns, get("muscle_like").predict(truth, columns) + rng.standard_normal(400))
     assert named(fit.notes)["b0"].startswith("at velocity ")
     moving = {**columns, "velocity": rng.uniform(-0.5, 0.5, 400)}

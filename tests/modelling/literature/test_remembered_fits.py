@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from common import curve_of
+from literature_cases import uniform
 
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.literature import backbone
@@ -14,11 +16,8 @@ from mapmore_cli.modelling.literature.formula import Formula
 
 
 def curve() -> Curve:
-    rng = np.random.default_rng(3)
-    columns = {"pressure": rng.uniform(0, 300, 60), "strain": rng.uniform(0, 0.2, 60)}
-    return Curve(
-        "a", None, {**columns, "force": 2 * columns["pressure"] * (1 - 4 * columns["strain"])}, np.zeros(60, dtype=np.bool_), ("a",)
-    )
+    columns = uniform(3, 60, pressure=(0, 300), strain=(0, 0.2))
+    return curve_of({**columns, "force": 2 * columns["pressure"] * (1 - 4 * columns["strain"])})
 
 
 def test_the_same_data_are_fitted_once(monkeypatch: pytest.MonkeyPatch) -> None:

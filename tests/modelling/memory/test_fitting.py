@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import tracemalloc
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from common import peak_memory
 from memory_samples import STEP, narx_truth, nrmse_by_range, recipe_of, record, slow, texts, wandering
 
 from mapmore_cli.domain.errors import DataError
@@ -130,10 +130,7 @@ def test_a_regularised_fit_never_holds_its_dictionary():
     n, dictionary = 80_000, texts(lags(["x"], range(12)), 2)
     x = np.random.default_rng(0).normal(size=n)
     given = [record(x=x, y=np.roll(x, 1) ** 2)]
-    tracemalloc.start()
-    fit_with_memory(given, recipe_of("y", dictionary, STEP, ridge=1e-3, max_terms=3))
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
+    peak = peak_memory(lambda: fit_with_memory(given, recipe_of("y", dictionary, STEP, ridge=1e-3, max_terms=3)))
     assert len(dictionary) == 91
     assert peak < 0.8 * 8 * n * len(dictionary)
 

@@ -104,14 +104,6 @@ def test_every_piece_diverges_by_itself():
     assert free_run(explosive, {"y": np.ones(300), "time": time}).diverged == (5, 125)
 
 
-def test_scaled_states_keep_a_run_within_bounds():
-    states = state_set("y[k-1]", "x", low=[0, 0], high=[1, 1], margin=0.15)
-    model = memory_model(["y[k-1]", "x"], [2.0, 0.0], states, limits=(0.0, 1.0))
-    run = free_run(model, {"x": np.zeros(30), "y": np.full(30, 1.0)})
-    assert run.diverged == ()
-    assert run.values[-1] == pytest.approx(2.3)
-
-
 def test_a_piece_shorter_than_its_history_has_no_prediction():
     for n in (0, 1, 2):
         run = free_run(TRUTH, {"x": np.zeros(n), "y": np.zeros(n)})

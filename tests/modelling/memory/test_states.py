@@ -75,21 +75,18 @@ def test_the_resonance_of_a_recording_is_found(frequency, damping):
     np.testing.assert_array_equal(evaluate_states(states, {"x": x})["resonance(x)"], resonance(x, *found, STEP))
 
 
-def test_a_resonance_that_cannot_be_seen_is_refused():
-    slowly = [record(x=wandering(50), y=wandering(50, 1))]
-    with pytest.raises(DataError, match="no resonance can be seen with 1 s between samples"):
-        resolve(["resonance(x)"], slowly, replace(RECIPE, step=1.0))
+REFUSED = [
+    ("resonance(x)", {"step": 1.0}, "no resonance can be seen with 1 s between samples"),
+    ("x[k-99]", {"scaling": "range"}, r"`x\[k-99\]` has no value on any training sample"),
+    *((name, {}, "no column `z`") for name in ("z", "slow(z, 1)", "play(z, 0.1)")),
+]
 
 
-@pytest.mark.parametrize("names", [["z"], ["slow(z, 1)"], ["play(z, 0.1)"]])
-def test_a_missing_quantity_is_named(names):
-    with pytest.raises(DataError, match="no column `z`"):
-        evaluate_states(resolve(names, [record(x=np.zeros(3), y=np.zeros(3))], RECIPE), {"x": np.zeros(3)})
-
-
-def test_delays_beyond_the_record_are_refused():
-    with pytest.raises(DataError, match=r"`x\[k-9\]` has no value on any training sample"):
-        resolve(["x[k-9]"], [record(x=np.arange(5.0), y=np.zeros(5))], replace(RECIPE, scaling="range"))
+@pytest.mark.parametrize(("name", "changed", "told"), REFUSED)
+def test_a_state_without_values_is_refused(name, changed, told):
+    columns = {"x": wandering(50), "y": wandering(50, 1)}
+    with pytest.raises(DataError, match=told):
+        evaluate_states(resolve([name], [record(**columns)], replace(RECIPE, **changed)), columns)
 
 
 def test_only_what_looks_back_can_be_fed_back():

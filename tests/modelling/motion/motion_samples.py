@@ -39,14 +39,19 @@ def published(model):
     return Motion("input", "displacement", STEP, "hard", boundaries, directed, 0.0, ("input",), tuple(sections), (0.0, 5.0))
 
 
-def looped(u, section, start="rest"):
-    """The section, sample by sample."""
-    x1 = x2 = float(section[2] * u[0] / (1 - section[0] - section[1])) if start == "rest" else 0.0
+def stepped(pairs, drive, at=None):
+    """Sample by sample, with a pair p1, p2 for each, from a state or from rest."""
+    x1 = x2 = drive[0] / (1 - sum(pairs[0])) if at is None else at
     values = []
-    for now in u:
+    for (p1, p2), now in zip(pairs, drive, strict=True):
         values.append(x1)
-        x1, x2 = x2, section[0] * x1 + section[1] * x2 + section[2] * now
+        x1, x2 = x2, p1 * x1 + p2 * x2 + now
     return np.array(values)
+
+
+def looped(u, section, at=None):
+    """The section, sample by sample."""
+    return stepped([section[:2]] * len(u), section[2] * u, at)
 
 
 def sine(samples=240, low=0.0, high=5.0, frequency=0.25):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from motion_samples import BOUNDARIES, ROWS, STEP, coefficients, looped, published, sine
+from motion_samples import BOUNDARIES, ROWS, STEP, coefficients, looped, published, sine, stepped
 
 from mapmore_cli.domain.errors import FitError
 from mapmore_cli.domain.models import BUMPLESS, CARRIED, REST, ZERO
@@ -33,6 +33,7 @@ from mapmore_cli.modelling.motion.simulation import (
 )
 
 MODELS = ("linear", "inflate_deflate", "piecewise", "piecewise_inflate_deflate")
+STARTS = {REST: None, ZERO: 0.0}
 reflected = st.floats(-EDGE, EDGE)
 
 
@@ -45,14 +46,9 @@ def switched(motion, u, start):
     numbers = [
         2 * sum(now >= boundary for boundary in BOUNDARIES) + (not now > before) for now, before in zip(u, [u[0], *u[:-1]], strict=True)
     ]
-    first = motion.sections[numbers[0]]
-    x1 = x2 = first.gain * u[0] if start == REST else 0.0
-    values = []
-    for now, number in zip(u, numbers, strict=True):
-        section = motion.sections[number]
-        values.append(x1)
-        x1, x2 = x2, section.p1 * x1 + section.p2 * x2 + section.p3 * now
-    return numbers, np.array(values)
+    active = [motion.sections[number] for number in numbers]
+    drive = [section.p3 * now for section, now in zip(active, u, strict=True)]
+    return numbers, stepped([(section.p1, section.p2) for section in active], drive, STARTS[start])
 
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: f"{row['model']}-{row['printed_section']}")
@@ -77,17 +73,12 @@ def test_as_printed_in_continuous_time_every_row_is_unstable():
         assert poles.real.max() > 0
 
 
-def test_hard_switching_takes_the_active_one_of_parallel_sections():
-    motion, u = published("piecewise_inflate_deflate"), sine(480)
-    parallel = np.array([looped(u, (s.p1, s.p2, s.p3)) for s in motion.sections])
-    numbers, _ = switched(motion, u, REST)
+@pytest.mark.parametrize("start", [REST, ZERO])
+def test_hard_switching_takes_the_active_one_of_parallel_sections(start):
+    motion, u = replace(published("piecewise_inflate_deflate"), start=start), sine(480, 0.5, 5.0)
+    parallel = np.array([looped(u, (s.p1, s.p2, s.p3), STARTS[start]) for s in motion.sections])
+    numbers, _ = switched(motion, u, start)
     np.testing.assert_allclose(run(motion, u), parallel[numbers, np.arange(480)], atol=1e-12)
-
-
-def test_a_section_may_start_from_zero():
-    motion, u = replace(published("linear"), start=ZERO), sine(240, 1.0, 4.0)
-    (section,) = motion.sections
-    np.testing.assert_allclose(run(motion, u), looped(u, (section.p1, section.p2, section.p3), ZERO), atol=1e-12)
 
 
 @pytest.mark.parametrize("start", [REST, ZERO])
@@ -120,13 +111,7 @@ def test_a_shared_state_is_handed_on(poles, seed):
     rng = np.random.default_rng(seed)
     pairs = np.array([of_reflections(k1, k2, 0.98) for k1, k2 in poles])
     drive, holds = rng.standard_normal(60), np.repeat(rng.integers(0, len(poles), 12), 5)
-    p1, p2 = pairs[holds[0]]
-    x1 = x2 = drive[0] / (1 - p1 - p2)
-    expected = []
-    for d, number in zip(drive, holds, strict=True):
-        expected.append(x1)
-        p1, p2 = pairs[number]
-        x1, x2 = x2, p1 * x1 + p2 * x2 + d
+    expected = stepped(pairs[holds], drive)
     scale = max(1.0, np.abs(expected).max())
     np.testing.assert_allclose(shared(pairs, drive, holds), expected, atol=1e-9 * scale)
     columns = shared(pairs, np.column_stack([drive, 2 * drive]), holds)

@@ -1,9 +1,8 @@
 """Scaling and fit of one segment: the unit square, its anchors, and segments so long that their dictionary is made block by block."""
 
-import tracemalloc
-
 import numpy as np
 import pytest
+from common import peak_memory
 from hypothesis import given
 from hypothesis import strategies as st
 from surfaces import built, recipe
@@ -93,10 +92,7 @@ def test_blocks_of_the_dictionary_give_what_the_whole_gives(stop):
 def test_the_dictionary_is_never_there_as_a_whole():
     n = 200_000
     segment, samples, made = long_segment(n)
-    tracemalloc.start()
-    fit_segment(segment, samples, TERMS, made)
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
+    peak = peak_memory(lambda: fit_segment(segment, samples, TERMS, made))
     assert peak < 0.6 * n * len(TERMS) * 8  # its columns sorted, and scaled: twelve of the dictionary's 21
 
 

@@ -5,10 +5,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from common import dataset_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mapmore_cli.domain.recording import Curve, Dataset, Quantity
+from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.domain.results import Forecast
 from mapmore_cli.modelling.validation import metrics
 from mapmore_cli.modelling.validation.metrics import EDGES, bands, normaliser, uncentred
@@ -122,21 +123,20 @@ def test_without_two_training_cycles_one_tells_nothing():
     assert of(np.where(CYCLE > 1, np.nan, 1.0), held=CYCLE > 0) == ()
 
 
-def dataset(measured: np.ndarray, held_out: np.ndarray) -> Dataset:
-    curve = Curve("a", None, {"force": measured}, held_out, ("a",))
-    return Dataset("force", None, {"force": Quantity("force", "N")}, (), (curve,))
+def forces(measured: np.ndarray, held_out: np.ndarray | None = None) -> Dataset:
+    return dataset_of({"force": measured}, held_out=held_out, output="force")
 
 
 def test_each_sample_is_in_the_band_of_its_size() -> None:
     measured = np.array([0.0, -5.0, 10.0, -24.0, 30.0, 60.0, -100.0])
-    found = bands(dataset(measured, np.zeros(7, dtype=bool)), {"off": (measured + np.arange(7.0),)})
+    found = bands(forces(measured), {"off": (measured + np.arange(7.0),)})
     assert [(band.low, band.high, band.samples) for band in found] == [(0, 10, 3), (10, 25, 1), (25, 50, 1), (50, 100, 2)]
     assert [found[0].rmse["off"], found[1].rmse["off"]] == pytest.approx([np.sqrt((0 + 1 + 4) / 3), 3.0])
 
 
 def test_held_out_samples_decide_where_there_are_any_and_empty_bands_are_left_out() -> None:
     measured = np.array([1.0, 100.0, 2.0, 90.0])
-    found = bands(dataset(measured, np.array([False, False, True, True])), {"off": (measured + 2.0,)})
+    found = bands(forces(measured, np.array([False, False, True, True])), {"off": (measured + 2.0,)})
     assert [(band.samples, band.high) for band in found] == [(1, pytest.approx(9.0)), (1, pytest.approx(90.0))]
 
 
@@ -144,7 +144,7 @@ def test_held_out_samples_decide_where_there_are_any_and_empty_bands_are_left_ou
 def test_the_bands_share_out_the_squared_errors(values: list[float], seed: int) -> None:
     measured = np.array(values)
     predicted = measured + np.random.default_rng(seed).standard_normal(len(measured))
-    found = bands(dataset(measured, np.zeros(len(values), dtype=bool)), {"noisy": (predicted,)})
+    found = bands(forces(measured), {"noisy": (predicted,)})
     assert sum(band.samples for band in found) == len(values)
     assert sum(band.samples * band.rmse["noisy"] ** 2 for band in found) == pytest.approx(np.sum((predicted - measured) ** 2))
     assert len(found) < len(EDGES)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from literature_cases import MUSCLE_LIKE, TABLE_I, muscle_like, uniform
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import SpecError
@@ -16,9 +17,6 @@ from mapmore_cli.modelling.sums import joint
 from mapmore_cli.modelling.sums.joint import Summand, fit_jointly, joint_formula, refuse_shared_names, split, sum_of
 
 FORCE = Quantity("force", "N")
-NAMES = ("F", "a0", "a1", "a2", "b0", "c0", "c1")
-FLEXOR = (0.2849, 25.22, -267.0, 7600.0, -0.22, -499.54, 7488.0)
-EXTENSOR = (0.3235, 16.99, -298.0, 3600.0, -0.16, -592.32, 6430.0)
 PAIR = (
     Summand("muscle_like", 1.0, {"pressure": "p1", "length": "0.02 - x", "velocity": "v"}),
     Summand("muscle_like", -1.0, {"pressure": "p2", "length": "0.02 + x", "velocity": "-v"}),
@@ -26,20 +24,13 @@ PAIR = (
 
 
 def motion(seed: int, rows: int = 800) -> dict[str, Array]:
-    rng = np.random.default_rng(seed)
-    ranges = {"p1": (200, 600), "p2": (200, 600), "x": (-0.015, 0.015), "v": (-0.3, 0.3)}
-    return {name: rng.uniform(low, high, rows) for name, (low, high) in ranges.items()}
+    return uniform(seed, rows, p1=(200, 600), p2=(200, 600), x=(-0.015, 0.015), v=(-0.3, 0.3))
 
 
 def pair_force(columns: dict[str, Array]) -> Array:
-    """H eq 4-5 for both muscles, written out."""
-
-    def one(values: tuple[float, ...], p: Array, x: Array, v: Array) -> Array:
-        f, a0, a1, a2, b0, c0, c1 = values
-        return p * f * (1 + a0 * x + a1 * x**2 + a2 * x**3) * (1 + b0 * v) + f * (c0 + c1 * x)
-
+    """H eq 4-5 for both muscles."""
     p1, p2, x, v = (columns[name] for name in ("p1", "p2", "x", "v"))
-    return one(FLEXOR, p1, 0.02 - x, v) - one(EXTENSOR, p2, 0.02 + x, -v)
+    return muscle_like(TABLE_I["16 cm"], p1, 0.02 - x, v) - muscle_like(TABLE_I["22 cm"], p2, 0.02 + x, -v)
 
 
 def test_both_muscles_are_recovered_but_for_what_their_difference_does_not_show() -> None:
@@ -49,8 +40,8 @@ def test_both_muscles_are_recovered_but_for_what_their_difference_does_not_show(
     assert fit.name == "muscle_like - muscle_like"
     assert (fit.rank, fit.status) == (12, "rank_deficient")
     assert fit.sse < 1e-12 * np.sum(pair_force(columns) ** 2)
-    for part, truth in zip(split(fit, PAIR), (FLEXOR, EXTENSOR), strict=True):
-        assert [part.parameters[name] for name in NAMES[:5]] == pytest.approx(truth[:5], rel=1e-4)
+    for part, truth in zip(split(fit, PAIR), (TABLE_I["16 cm"], TABLE_I["22 cm"]), strict=True):
+        assert [part.parameters[name] for name in MUSCLE_LIKE[:5]] == pytest.approx(truth[:5], rel=1e-4)
     told = " ".join(note for note in fit.notes if "not identified" in note)
     assert all(name in told for name in ("c0_1", "c1_1", "c0_2", "c1_2"))
     assert "b0_1" not in told

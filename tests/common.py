@@ -1,0 +1,33 @@
+"""What tests of several packages build and measure."""
+
+from __future__ import annotations
+
+import tracemalloc
+from collections.abc import Callable
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns
+from mapmore_cli.domain.recording import Curve, Dataset, Quantity
+
+
+def curve_of(columns: Columns, held_out: BoolArray | None = None, name: str = "a") -> Curve:
+    """One recording, all of which trains if nothing is said."""
+    n = len(next(iter(columns.values())))
+    return Curve(name, None, dict(columns), np.zeros(n, dtype=bool) if held_out is None else held_out, (name,))
+
+
+def dataset_of(*recordings: Columns, held_out: Array | None = None, output: str = "y") -> Dataset:
+    """Recordings without levels, in quantities without units."""
+    curves = [curve_of(columns, held_out, chr(ord("a") + number)) for number, columns in enumerate(recordings)]
+    return Dataset(output, None, {name: Quantity(name, "1") for name in recordings[0]}, (), tuple(curves))
+
+
+def peak_memory(work: Callable[[], object]) -> int:
+    """The most bytes that Python has asked for at once while it works."""
+    tracemalloc.start()
+    try:
+        work()
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
