@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -212,23 +212,47 @@ def _factor(steps: Sequence[Step], width: int) -> tuple[IntArray, Array, Array]:
 def _selection(steps: Sequence[Step], stop: str, yy: float, scale: Array, samples: int) -> Selection:
     k, M = len(steps), len(scale) - 1
     chosen, R, projections = _factor(steps, len(scale))
-    column_scale, y_scale = scale[chosen], float(scale[-1])
     lengths, sse = np.diag(R), steps[-1].sse if k else yy
     variance = sse / (samples - k) if samples > k else np.nan
-    return Selection(
+    found = Selection(
         chosen=chosen,
-        g=projections / lengths * y_scale / column_scale,
+        g=projections / lengths,
         err=projections**2 / yy,
-        theta=np.linalg.solve(R, projections) * y_scale / column_scale,
-        theta_error=np.sqrt(variance) * np.linalg.norm(np.linalg.inv(R), axis=1) * y_scale / column_scale,
-        a=R / lengths[:, None] * column_scale / column_scale[:, None],
-        g_all=np.array([step.g for step in steps]).reshape(k, M) * y_scale / scale[:-1],
+        theta=np.asarray(np.linalg.solve(R, projections), dtype=np.float64),
+        theta_error=np.sqrt(variance) * np.linalg.norm(np.linalg.inv(R), axis=1),
+        a=R / lengths[:, None],
+        g_all=np.array([step.g for step in steps]).reshape(k, M),
         err_all=np.array([step.err for step in steps]).reshape(k, M),
         runner_up=np.array([step.runner_up for step in steps], dtype=np.int64),
         tied=np.array([step.tied for step in steps], dtype=np.int64),
-        condition=float(np.linalg.cond(R * column_scale)) if k else 1.0,
-        sse=sse * y_scale**2,
-        yy=yy * y_scale**2,
+        condition=float(np.linalg.cond(R * scale[chosen])) if k else 1.0,
+        sse=sse,
+        yy=yy,
         samples=samples,
         stop=stop,
     )
+    return in_units(found, scale)
+
+
+def in_units(found: Selection, scale: Array) -> Selection:
+    """Return a selection of columns of `Z = [P y]` divided by `scale`, (M+1,), as one of the columns themselves."""
+    y, columns = float(scale[-1]), scale[:-1]
+    chosen = columns[found.chosen]
+    return replace(
+        found,
+        g=found.g * y / chosen,
+        theta=found.theta * y / chosen,
+        theta_error=found.theta_error * y / chosen,
+        a=found.a * chosen / chosen[:, None],
+        g_all=found.g_all * y / columns,
+        sse=found.sse * y**2,
+        yy=found.yy * y**2,
+    )
+
+
+def widened(found: Selection, among: IntArray, M: int) -> Selection:
+    """Return a selection of the candidates `among`, (m,), as one of all M; the tables are NaN for the others."""
+    tables = np.full((2, len(found.chosen), M), np.nan)
+    tables[:, :, among] = found.g_all, found.err_all
+    runner_up = np.where(found.runner_up >= 0, among[found.runner_up], -1)
+    return replace(found, chosen=among[found.chosen], g_all=tables[0], err_all=tables[1], runner_up=runner_up)

@@ -15,12 +15,12 @@ from mapmore_cli.domain.fits import Selection, StateSet
 from mapmore_cli.modelling.expressions import Expression, dictionary_blocks, dictionary_matrix
 from mapmore_cli.modelling.expressions.families import fits_whole, refuse_beyond_memory
 from mapmore_cli.modelling.frols import frols, frols_streamed
-from mapmore_cli.modelling.frols.moments import Standard, moments, standard, standardised, uncentred
-from mapmore_cli.modelling.frols.ridge import LEAST_RIDGE, Regularised, choose_ridge, prune, ridge_press, select, substitutes
-from mapmore_cli.modelling.frols.select import fewest, information_criterion
+from mapmore_cli.modelling.frols.moments import moments, standard, standardised, uncentred
+from mapmore_cli.modelling.frols.ridge import Regularised, choose_ridge, prune, ridge_press, select, substitutes
+from mapmore_cli.modelling.frols.select import fewest, in_units, information_criterion, widened
 from mapmore_cli.modelling.memory.records import Record, complete
 from mapmore_cli.modelling.memory.states import evaluate_states
-from mapmore_cli.modelling.selection import MemoryRecipe, Stop
+from mapmore_cli.modelling.selection import LEAST_RIDGE, MemoryRecipe, Stop
 
 
 @dataclass(frozen=True)
@@ -127,11 +127,8 @@ class _Plain:
             found = frols_streamed(lambda: ((P[:, among], y) for P, y in self.data.blocks()), terms, tolerance, stop=stop)
         else:
             found = frols(self._whole[:, among], self.data.y, terms, tolerance, stop=stop)
-        if len(among) < len(self.all):  # the tables are empty (NaN) for all others
-            tables = np.full((2, len(found.chosen), len(self.all)), np.nan)
-            tables[:, :, among] = found.g_all, found.err_all
-            runner_up = np.where(found.runner_up >= 0, among[found.runner_up], -1)
-            found = replace(found, chosen=among[found.chosen], g_all=tables[0], err_all=tables[1], runner_up=runner_up)
+        if len(among) < len(self.all):
+            found = widened(found, among, len(self.all))
         return Choice(found, 0.0, 0.0, found.chosen, np.empty(0, dtype=np.int64), np.empty(0))
 
 
@@ -179,7 +176,7 @@ class _Ridged:
     def among(self, chosen: IntArray, stop: str = "pruned") -> Choice:
         found = replace(select(self.ranking, len(chosen), chosen), stop=stop)
         best, shares = substitutes(self.ranking, found.chosen)
-        selection = _in_units(found, self.standard)
+        selection = in_units(found, self.standard.spread)
         constant = float(self.standard.centre[-1] - selection.theta @ self.standard.centre[selection.chosen])
         return Choice(selection, constant, self.ranking.ridge, self.forward, best, shares)
 
@@ -190,19 +187,3 @@ class _Ridged:
 def selector(data: Regressors, recipe: MemoryRecipe) -> _Plain | _Ridged:
     """Return what gives a model of any number of terms: plain FROLS where the recipe has no ridge, else regularised FROLS."""
     return _Plain(data, recipe) if recipe.ridge == 0.0 else _Ridged(data, recipe)
-
-
-def _in_units(found: Selection, by: Standard) -> Selection:
-    """Return a selection of standardised candidates as one of centred candidates."""
-    y, columns = float(by.spread[-1]), by.spread[:-1]
-    chosen = columns[found.chosen]
-    return replace(
-        found,
-        g=found.g * y / chosen,
-        theta=found.theta * y / chosen,
-        theta_error=found.theta_error * y / chosen,
-        a=found.a * chosen / chosen[:, None],
-        g_all=found.g_all * y / columns,
-        sse=found.sse * y**2,
-        yy=found.yy * y**2,
-    )
