@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Annotated, Any
 
 import numpy as np
@@ -68,27 +68,6 @@ class Selection:
         """Return a row for each term, in the order of selection: `{"term", "coefficient", "standard_error", "err"}`."""
         columns = (self.names, self.theta.tolist(), self.theta_error.tolist(), self.err.tolist())
         return [dict(zip(("term", "coefficient", "standard_error", "err"), row, strict=True)) for row in zip(*columns, strict=True)]
-
-    def in_units(self, columns: Array, y: float) -> Selection:
-        """Return the selection of candidates and a dependent variable that were divided by `columns`, (M,), and `y`, in their units."""
-        chosen = columns[self.chosen]
-        return replace(
-            self,
-            g=self.g * y / chosen,
-            theta=self.theta * y / chosen,
-            theta_error=self.theta_error * y / chosen,
-            a=self.a * chosen / chosen[:, None],
-            g_all=self.g_all * y / columns,
-            sse=self.sse * y**2,
-            yy=self.yy * y**2,
-        )
-
-    def among(self, columns: IntArray, count: int) -> Selection:
-        """Return the selection of some `columns`, (M,), as one of all `count` candidates; the tables are NaN for the others."""
-        tables = np.full((2, len(self.chosen), count), np.nan)
-        tables[:, :, columns] = self.g_all, self.err_all
-        runner_up = np.where(self.runner_up >= 0, columns[self.runner_up], -1)
-        return replace(self, chosen=columns[self.chosen], g_all=tables[0], err_all=tables[1], runner_up=runner_up)
 
     def __repr__(self) -> str:
         """Return the model as one reads it, with the share of `y'y` that each term explains."""

@@ -11,7 +11,7 @@ from mapmore_cli.domain.declared import Contradiction, Either, InUnit, OfHeld, S
 
 AUTO = "auto"  # what left-out training data choose: a backbone, or a number of terms
 USUAL_TERMS = 3  # terms at most where their number is not chosen yet: cuts that fits decide, and a backbone, are chosen with so many
-LEAST_RIDGE = 1e-9  # below which rounding decides
+LEAST_RIDGE = 1e-9  # a smaller ridge, but for zero, would drown in the rounding of the Gram matrix
 FORWARD = 3  # terms chosen forward for each that is kept, where pruning follows and nothing else is said
 
 Start = Literal["measured", "steady", "identified"]

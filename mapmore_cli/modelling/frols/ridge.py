@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
@@ -17,9 +18,8 @@ from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.fits import Selection
 from mapmore_cli.modelling.frols.engine import frols
 from mapmore_cli.modelling.frols.moments import Blocks, Moments
-from mapmore_cli.modelling.frols.select import FULL_LEVERAGE
-
-LEAST_RIDGE = 1e-9  # a smaller ridge, but for zero, would drown in the rounding of G
+from mapmore_cli.modelling.frols.select import FULL_LEVERAGE, widened
+from mapmore_cli.modelling.selection import LEAST_RIDGE
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Regularised:
         if not (self.ridge >= LEAST_RIDGE and np.isfinite(self.ridge)):
             raise ValueError(f"the ridge is {self.ridge}; it must be at least {LEAST_RIDGE}")
 
-    @property
+    @cached_property
     def gram(self) -> Array:
         """`G = Z'Z/n + ridge I`, (M, M)."""
         return self.covariance[:-1, :-1] + self.ridge * np.eye(len(self.covariance) - 1)
@@ -47,6 +47,13 @@ class Regularised:
     def coefficients(self, chosen: IntArray) -> Array:
         """`theta = G^-1 h` of some of the candidates, (k,)."""
         return np.asarray(cho_solve(cho_factor(self.gram[np.ix_(chosen, chosen)]), self.products[chosen]))
+
+    def reductions(self, chosen: IntArray) -> Array:
+        """(M,) by how much each candidate reduces the regularised error beside the `chosen` ones."""
+        rows = self.gram[chosen]
+        solved = cho_solve(cho_factor(rows[:, chosen]), rows) if len(chosen) else rows
+        squares = np.diag(self.gram) - np.einsum("ij,ij->j", rows, solved)
+        return np.asarray((self.products - self.products[chosen] @ solved) ** 2 / np.maximum(squares, self.ridge))
 
     def unexplained(self, chosen: IntArray, theta: Array) -> float:
         """`SSE / y'y` of the chosen terms on the samples, without the ridge's penalty."""
@@ -67,13 +74,14 @@ def select(data: Regularised, max_terms: int, among: IntArray | None = None) -> 
     y = np.append(solve_triangular(P[:-1], data.products[columns], trans="T"), 0.0)
     y[-1] = np.sqrt(max(0.0, float(data.covariance[-1, -1] - y @ y)))
     found = frols(P, y, max_terms)
-    if not len(found.chosen):
+    k = len(found.chosen)
+    if not k:
         return found
-    chosen, freedom, total = columns[found.chosen], data.samples - len(found.chosen), data.samples * float(data.covariance[-1, -1])
+    freedom, total = data.samples - k, data.samples * float(data.covariance[-1, -1])
     return replace(
-        found.among(columns, M),
-        theta_error=found.theta_error * np.sqrt((len(y) - len(chosen)) / freedom if freedom > 0 else np.nan),
-        sse=total * data.unexplained(chosen, found.theta),
+        widened(found, columns, M),
+        theta_error=found.theta_error * np.sqrt((len(y) - k) / freedom if freedom > 0 else np.nan),
+        sse=total * data.unexplained(columns[found.chosen], found.theta),
         yy=total,
         samples=data.samples,
     )
@@ -100,15 +108,11 @@ def substitutes(data: Regularised, chosen: IntArray) -> tuple[IntArray, Array]:
     where there is no other candidate.
     """
     best, share = np.full(len(chosen), -1), np.full(len(chosen), np.nan)
-    gram, products = data.gram, data.products
     for place, term in enumerate(chosen):
-        others = np.delete(chosen, place)
-        solved = cho_solve(cho_factor(gram[np.ix_(others, others)]), gram[others]) if len(others) else np.empty((0, len(gram)))
-        squares = np.diag(gram) - np.einsum("ij,ij->j", gram[others], solved)
-        reductions = (products - products[others] @ solved) ** 2 / np.maximum(squares, data.ridge)
+        reductions = data.reductions(np.delete(chosen, place))
         own = reductions[term]
         reductions[chosen] = -1.0
-        if len(chosen) < len(gram):
+        if len(chosen) < len(reductions):
             best[place] = int(np.argmax(reductions))
             share[place] = reductions[best[place]] / own if own > 0 else np.nan
     return best, share

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -231,4 +231,28 @@ def _selection(steps: Sequence[Step], stop: str, yy: float, scale: Array, sample
         samples=samples,
         stop=stop,
     )
-    return found.in_units(scale[:-1], float(scale[-1]))
+    return in_units(found, scale)
+
+
+def in_units(found: Selection, scale: Array) -> Selection:
+    """Return a selection of columns of `Z = [P y]` divided by `scale`, (M+1,), as one of the columns themselves."""
+    y, columns = float(scale[-1]), scale[:-1]
+    chosen = columns[found.chosen]
+    return replace(
+        found,
+        g=found.g * y / chosen,
+        theta=found.theta * y / chosen,
+        theta_error=found.theta_error * y / chosen,
+        a=found.a * chosen / chosen[:, None],
+        g_all=found.g_all * y / columns,
+        sse=found.sse * y**2,
+        yy=found.yy * y**2,
+    )
+
+
+def widened(found: Selection, among: IntArray, M: int) -> Selection:
+    """Return a selection of the candidates `among`, (m,), as one of all M; the tables are NaN for the others."""
+    tables = np.full((2, len(found.chosen), M), np.nan)
+    tables[:, :, among] = found.g_all, found.err_all
+    runner_up = np.where(found.runner_up >= 0, among[found.runner_up], -1)
+    return replace(found, chosen=among[found.chosen], g_all=tables[0], err_all=tables[1], runner_up=runner_up)

@@ -46,6 +46,11 @@ class End:
     cost: float
     converged: bool
 
+    @property
+    def status(self) -> str:
+        """That of a fit which ends here."""
+        return "converged" if self.converged else "stopped_by_limit"
+
 
 @dataclass
 class _Descents:

@@ -113,7 +113,7 @@ def refined(problem: Problem, solution: Solution, name: str) -> tuple[Solution, 
 
     found = descend(system, [start], bounds, TOLERANCE)[0]
     place, touched = onto_bounds(found.x, bounds)
-    status = "stopped_by_limit" if not found.converged else "at_bound" if touched else "converged"
+    status = "at_bound" if touched and found.converged else found.status
     beta, c = told.split(place)
     moved = Solution(beta, c / rescaled, status, f"{solution.method}, then the error of {name}")
     x = along.roots(place)

@@ -136,7 +136,7 @@ def _project_several(problem: Problem) -> Solution:
     end = finished[0]
     c, touched = onto_bounds(end.x, problem.bounds)
     limits = [at_limit(problem.nonlinear[i], c[i]) for i in touched]
-    status = "at_bound" if limits else "converged" if end.converged else "stopped_by_limit"
+    status = "at_bound" if limits else end.status
     others = [other.x for other in rivals(ends, best)]
     places = np.array([c, *others])
     betas = _projected(problem, places).beta
@@ -179,9 +179,8 @@ def levenberg_marquardt(problem: Problem) -> Solution:
     if not ends:
         return failure(problem, LEVENBERG_MARQUARDT)
     best, agreement = lowest(ends, len(starts))
-    status = "converged" if best.converged else "stopped_by_limit"
     others = tuple(problem.split(end.x) for end in rivals(ends, best))
-    return Solution(*problem.split(best.x), status, LEVENBERG_MARQUARDT, (agreement,) if len(starts) > 1 else (), others)
+    return Solution(*problem.split(best.x), best.status, LEVENBERG_MARQUARDT, (agreement,) if len(starts) > 1 else (), others)
 
 
 def _starts(problem: Problem) -> Iterator[Array]:
@@ -251,7 +250,7 @@ def simplex(problem: Problem) -> Solution:
     if not ends:
         return failure(problem, SIMPLEX)
     best, agreement = lowest(ends, STARTS)
-    return Solution(*problem.split(best.x), "converged" if best.converged else "stopped_by_limit", SIMPLEX, (agreement,))
+    return Solution(*problem.split(best.x), best.status, SIMPLEX, (agreement,))
 
 
 METHODS: Mapping[str, Callable[[Problem], Solution]] = {one.__name__: one for one in (variable_projection, levenberg_marquardt, simplex)}

@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 
 from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.errors import DataError
@@ -179,10 +178,7 @@ def beam(training: Training, tick: Tick) -> list[Member]:
 
 def _shortlist(data: Regularised, chosen: IntArray) -> list[int]:
     """Return the candidates that reduce the regularised error one step ahead most beside the chosen ones, the best first."""
-    gram, products = data.gram, data.products
-    solved = cho_solve(cho_factor(gram[np.ix_(chosen, chosen)]), gram[chosen]) if len(chosen) else gram[chosen]
-    squares = np.diag(gram) - np.einsum("ij,ij->j", gram[chosen], solved)
-    gains = (products - products[chosen] @ solved) ** 2 / np.maximum(squares, data.ridge)
+    gains = data.reductions(chosen)
     gains[chosen] = 0.0
     return [int(place) for place in np.argsort(-gains, kind="stable")[:SHORTLIST] if gains[place] > 0]
 

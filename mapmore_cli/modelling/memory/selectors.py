@@ -16,11 +16,11 @@ from mapmore_cli.modelling.expressions import Expression, dictionary_blocks, dic
 from mapmore_cli.modelling.expressions.families import fits_whole, refuse_beyond_memory
 from mapmore_cli.modelling.frols import frols, frols_streamed
 from mapmore_cli.modelling.frols.moments import moments, standard, standardised, uncentred
-from mapmore_cli.modelling.frols.ridge import LEAST_RIDGE, Regularised, choose_ridge, prune, ridge_press, select, substitutes
-from mapmore_cli.modelling.frols.select import fewest, information_criterion
+from mapmore_cli.modelling.frols.ridge import Regularised, choose_ridge, prune, ridge_press, select, substitutes
+from mapmore_cli.modelling.frols.select import fewest, in_units, information_criterion, widened
 from mapmore_cli.modelling.memory.records import Record, complete
 from mapmore_cli.modelling.memory.states import evaluate_states
-from mapmore_cli.modelling.selection import MemoryRecipe, Stop
+from mapmore_cli.modelling.selection import LEAST_RIDGE, MemoryRecipe, Stop
 
 
 @dataclass(frozen=True)
@@ -128,7 +128,7 @@ class _Plain:
         else:
             found = frols(self._whole[:, among], self.data.y, terms, tolerance, stop=stop)
         if len(among) < len(self.all):
-            found = found.among(among, len(self.all))
+            found = widened(found, among, len(self.all))
         return Choice(found, 0.0, 0.0, found.chosen, np.empty(0, dtype=np.int64), np.empty(0))
 
 
@@ -176,7 +176,7 @@ class _Ridged:
     def among(self, chosen: IntArray, stop: str = "pruned") -> Choice:
         found = replace(select(self.ranking, len(chosen), chosen), stop=stop)
         best, shares = substitutes(self.ranking, found.chosen)
-        selection = found.in_units(self.standard.spread[:-1], float(self.standard.spread[-1]))
+        selection = in_units(found, self.standard.spread)
         constant = float(self.standard.centre[-1] - selection.theta @ self.standard.centre[selection.chosen])
         return Choice(selection, constant, self.ranking.ridge, self.forward, best, shares)
 
