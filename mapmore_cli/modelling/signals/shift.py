@@ -2,7 +2,8 @@
 
 Both records are put on one even grid and turned into changes, `u[i] = mean(y[i..i+w]) - mean(y[i-w..i])`: what drifts slowly has no say,
 and noise is averaged over w samples. The correlation r(lag) is that of the samples in which the records overlap. Of several widths w the
-one with the clearest peak is taken. A peak is sure where noise would not make it, and no other peak comes near it.
+one whose peak stands out of noise most is taken: of all widths, some one may make a rival look small. A peak is sure where noise would not
+make it, and no other peak comes near it.
 """
 
 from __future__ import annotations
@@ -78,7 +79,7 @@ def find_shift(
     found = [peak for width in WIDTHS if (peak := _peak(one, other, width, offset, step, within, same_sign)) is not None]
     if not found:
         return None
-    best = max(found, key=lambda peak: (not (peak.ambiguous or peak.lost_in_noise), peak.sigmas))
+    best = max(found, key=lambda peak: peak.sigmas)
     half_width = max(best.half_width, 0.5 * sum(steps))  # a jump may lie anywhere between two samples
     return replace(best, half_width=half_width, step=max(steps))
 

@@ -79,6 +79,7 @@ def test_noise_is_refused(kind):
 
 @settings(max_examples=15)
 @given(st.floats(-5, 5), st.floats(2, 8), st.sampled_from(["sine", "square", "staircase"]))
+@example(1.5, 7.75, "staircase")  # changes over one of the widths make the true peak and its neighbours look unlike
 def test_several_equal_peaks_are_refused(shift, period, kind):
     waves = {
         "sine": lambda t: np.sin(2 * np.pi * t / period),
