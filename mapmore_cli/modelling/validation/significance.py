@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from scipy.special import stdtr, stdtrit
 
 from mapmore_cli.domain.arrays import Array
 
@@ -33,6 +32,8 @@ def weighted_mean(x: Array, weights: Array, confidence: float) -> Mean:
     With equal weights this is Student's interval. The scatter is taken from number to number, whatever it comes from. Where one of them has
     nearly all the weight, it is a statement about that one. Infinitely wide for a single number.
     """
+    from scipy.special import stdtr, stdtrit  # loading it takes a third of an up-to-date run
+
     n, share = len(x), weights / weights.sum()
     mean = float(share @ x)
     if n < 2:
