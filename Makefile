@@ -28,7 +28,7 @@ lint: .venv/development
 	$(BIN)/lint-imports --no-cache
 
 schema: .venv/program
-	$(BIN)/mapmore schema > configs/experiment.schema.json
+	$(BIN)/mapmore schema > configs/experiment.schema.new && mv configs/experiment.schema.new configs/experiment.schema.json
 
 datasets: .venv/program
 	for spec in datasets/*/*.yaml; do $(BIN)/mapmore simulate $$spec --force || exit; done

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 from scipy.io import savemat
@@ -41,7 +42,7 @@ def workbook(path: Path, sheets: Mapping[str, Sequence[Sequence[Any]]]) -> None:
 def tree(path: Path, runs: Mapping[str, Columns]) -> None:
     """Write runs at 50 Hz as groups of an HDF5 or TDMS file, or structs of a MAT file, with something of another kind beside them."""
     if path.suffix == ".h5":
-        with pytest.importorskip("h5py").File(path, "w") as file:
+        with h5py.File(path, "w") as file:
             for run, columns in runs.items():
                 for name, values in columns.items():
                     file[f"{run}/{name}"] = values[:, None] if len(name) % 2 else values
