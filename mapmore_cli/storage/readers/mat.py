@@ -29,11 +29,11 @@ from mapmore_cli.storage.tables.members import Member, group_of, tree_reader
 
 KIND = "MAT file"
 MATRIX, COMPRESSED, BYTES, LOGICAL, COMPLEX = 14, 15, 2, 0x200, 0x800
-NUMBERS = "- i1 u1 i2 u2 i4 u4 f4 - f8 - - i8 u8 - - u1 u2 u4".split()
-"""How elements of version 5 hold numbers, and letters, by their type."""
+NUMBERS = "-bBhHiIf-d--qQ--BHI"
+"""How elements of version 5 hold numbers, and letters, by their type; codes of NumPy."""
 
 CELL, STRUCT, OBJECT, TEXT, SPARSE, FUNCTION, OPAQUE = 1, 2, 3, 4, 5, 16, 17
-NUMBERS_4 = "f8 f4 i4 i2 u2 u1".split()
+NUMBERS_4 = "dfihHB"
 TEXT_4, SPARSE_4 = 1, 2
 
 HEAD = 1 << 16  # bytes of a packed variable in which its name lies

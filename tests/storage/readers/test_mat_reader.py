@@ -232,6 +232,7 @@ def variable_5(of_class: int, shape: tuple[int, ...], *parts: bytes) -> bytes:
 
 
 FEW = (element_5(5, np.array([1], "<i4").tobytes()), element_5(5, np.array([0, 1], "<i4").tobytes()), element_5(9, T[1:2].tobytes()))
+ZEROS = zlib.compress(variable_5(6, (1, 15 * 10**6), element_5(9, bytes(12 * 10**7))), 1)
 FAR_TOO_MUCH: dict[str, tuple[bytes, str]] = {
     "sparse": (variable_5(5, (10**9, 10**9), *FEW), "a sparse matrix of 1000000000 x 1000000000 unpacks"),
     "sparse, of one column": (variable_5(5, (10**9, 1), *FEW), "a sparse matrix of 1000000000 x 1 unpacks"),
@@ -240,7 +241,7 @@ FAR_TOO_MUCH: dict[str, tuple[bytes, str]] = {
     "cells that are not there": (variable_5(1, (10**9, 1)), "0 elements of 1000000000"),
     "fields": (variable_5(2, (10**9, 1), element_5(5, np.array([2], "<i4").tobytes()), element_5(1, b"P\0")), "0 elements of 1000000000"),
     "numbers that are not there": (variable_5(6, (10**9, 10**9), FEW[2]), "cannot reshape"),
-    "packed": (element_5(15, zlib.compress(variable_5(6, (1, 15 * 10**6), element_5(9, bytes(12 * 10**7))))), "the file unpacks from"),
+    "packed": (b"\x0f\0\0\0" + np.array([len(ZEROS)], "<u4").tobytes() + ZEROS, "the file unpacks from"),
     "a size below zero": (variable_5(6, (-1, 1), FEW[2]), "cannot reshape"),
     "an end beyond the file": (variable_5(6, (1, 1), FEW[2])[:-8], "an array is cut off"),
 }
