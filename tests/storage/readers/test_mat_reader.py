@@ -152,7 +152,7 @@ WRONG: list[tuple[tuple[SourceColumn, ...], dict[str, Any], list[str]]] = [
     (("",), {}, ["empty address"]),
     (("z",), {}, ["'z'", "complex"]),
     (("run.note",), {}, ["'run.note' holds text, not real numbers"]),
-    (("nothing",), {}, ["'nothing' holds no samples"]),
+    (("nothing",), {}, ["'nothing' is empty"]),
     (("run.P", "y[3,:]"), {}, ["different length: 'y[3,:]' has 3 samples, 'run.P' has 5", "join"]),
     (("y[:,0]", "t"), {"root": "train[*]"}, ["a.mat:train[1]: columns of different length: 't' has 4 samples, 'y[:,0]' has 5"]),
     (("P",), {"root": "y[*]"}, ["`root: y[*]` asks for every element of an array of 5 x 3", "`root: y`"]),
