@@ -15,7 +15,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import scipy.io
-from driver import Fault, Target, changed_bytes, changed_text, refused
+from driver import Fault, Target, Try, changed_bytes, changed_text, refused
 from nptdms import ChannelObject, TdmsWriter
 from openpyxl import Workbook
 from scipy import sparse
@@ -67,7 +67,10 @@ def binary(kind: str) -> bytes:
             *([float(t), float(p), "1,5" if i == 9 else i] for i, (t, p) in enumerate(zip(time, pressure, strict=True))),
         ]:
             book.active.append(row)
+        book.active["D3"], book.active["D4"] = "=A3", "#REF!"
+        book.active.merge_cells("D5:D9")
         book.create_sheet("second").append(["t", "P"])
+        book.create_sheet("third").sheet_state = "hidden"
         book.save(stream)
     elif kind == "4.mat":
         content = {"P": pressure, "t": time, "note": "text", "few": sparse.csc_array(np.diag(time)), "z": time + 1j}
@@ -86,9 +89,14 @@ def binary(kind: str) -> bytes:
         with h5py.File(stream, "w") as file:
             file["run/t"], file["run/P"] = time, pressure
             file.create_dataset("run/F", data=pressure, chunks=(8,), compression="gzip", shuffle=True)
+            file["run/packed"], file["run/text"] = time.astype(np.int16), ["a", "b"]
+            said = {"units": "kPa", "scale_factor": 0.1, "_FillValue": np.int16(-1), "valid_range": [0.0, 9.0]}
+            file["run/packed"].attrs.update(said)
+            file["run/none"] = h5py.Empty("f8")
     else:
         with TdmsWriter(stream) as writer:
-            writer.write_segment([ChannelObject("run", "t", time), ChannelObject("run", "P", pressure)])
+            said = {"wf_increment": 0.1, "wf_start_time": np.datetime64("2026-03-01"), "unit_string": "kPa"}
+            writer.write_segment([ChannelObject("run", "t", time, said), ChannelObject("run", "P", pressure, said)])
     return stream.getvalue()
 
 
@@ -148,14 +156,14 @@ def changed_members(whole: bytes, chance: random.Random) -> bytes:
 
 FORMATS = {
     "csv": (("t", "P"), (0, 1), ("F",), ("zz",), (9,)),
-    "xlsx": (("t", "P"), (0, 1), ("F",), ("zz",)),
+    "xlsx": (("t", "P"), (0, 1), ("F",), ("zz",), (0, 3)),
     "mat": (
         *(("P",), ("run.P", "run.t"), ("all[1].P",), ("run",), ("run.P[3:4]",), ("few[:,1]",), ("runs[1].inner.eps",), ("runs[0].P",)),
         *(("z",), ("flags",), ("cube[:,1,1]",), ("run.note",), ("log",)),
     ),
     "4.mat": (("P", "t"), ("few[:,1]",), ("note",), ("z",)),
     "packed.mat": (("P",), ("run.P", "run.t"), ("few[:,1]",), ("runs[1].inner.eps",), ("all[1].P",), ("cube[:,1,1]",)),
-    "hdf5": (("run/P", "run/t"), ("run/F",), ("run",), ("no",)),
+    "hdf5": (("run/P", "run/t"), ("run/F",), ("run",), ("no",), ("run/packed",), ("run/text",), ("run/none",)),
     "tdms": (("run/P", "run/t"), ("no/P",)),
 }
 
@@ -165,9 +173,9 @@ def attempt(chance: random.Random, number: int, folder: Path) -> str:
     return attempt_of(chance.choice(["csv", "csv", "csv", "xlsx", "mat", "packed.mat", "hdf5", "tdms"]), chance, number, folder)
 
 
-def matlab(chance: random.Random, number: int, folder: Path) -> str:
-    """Try a file of MATLAB that no other library reads: not one of these may end the process."""
-    return attempt_of(chance.choice(["mat", "packed.mat", "4.mat"]), chance, number, folder)
+def only(*kinds: str) -> Try:
+    """Return what tries files of some formats."""
+    return lambda chance, number, folder: attempt_of(chance.choice(kinds), chance, number, folder)
 
 
 def attempt_of(kind: str, chance: random.Random, number: int, folder: Path) -> str:
@@ -216,4 +224,13 @@ def warm(_folder: Path) -> None:
 
 
 TARGET = Target("recordings", attempt, ("storage/readers", "storage/tables"), past=("read",), library="libhdf5", warm=warm)
-MATLAB = Target("MATLAB files", matlab, ("storage/readers/mat.py",), past=("read",), warm=warm)
+BINARY = tuple(
+    Target(name, only(*kinds), (f"storage/readers/{kinds[0]}.py",), past=("read",), library=library, warm=warm)
+    for name, library, *kinds in (
+        ("MATLAB files", None, "mat", "packed.mat", "4.mat"),
+        ("workbooks", None, "xlsx"),
+        ("TDMS files", None, "tdms"),
+        ("HDF5 files", "libhdf5", "hdf5"),
+    )
+)
+"""Formats one by one; but for HDF5 files, no input may end the process."""

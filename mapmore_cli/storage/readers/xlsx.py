@@ -123,7 +123,6 @@ def _refuse_what_only_seems_empty(sheet: Any, table: RawTable, places: Mapping[S
     from openpyxl.utils.cell import range_boundaries
     from openpyxl.xml.functions import iterparse
 
-    columns = {place + 1: column for column, place in places.items()}
     with sheet._get_source() as source:
         for _, part in iterparse(source):
             tag = part.tag.rpartition("}")[2]
@@ -132,12 +131,13 @@ def _refuse_what_only_seems_empty(sheet: Any, table: RawTable, places: Mapping[S
             if tag not in ("c", "mergeCell"):
                 continue
             inner = {one.tag.rpartition("}")[2]: one.text for one in part}
-            if tag == "c" and ("f" not in inner or inner.get("v") or part.get("t") == "str"):
+            reference = part.get("ref", part.get("r"))
+            computed = "f" not in inner or inner.get("v") or part.get("t") == "str"
+            if not reference or (tag == "c" and computed):
                 continue
-            reference = part.get("ref", part.get("r", ""))
             left, top, right, bottom = range_boundaries(reference)
             inside = slice(*np.searchsorted(table.rows, (top, bottom + 1)))
-            for column in (columns[place] for place in range(left, right + 1) if place in columns):
+            for column in (name for name, place in places.items() if left <= place + 1 <= right):
                 for row in table.rows[inside][np.isnan(table.columns[column][inside])]:
                     where = f"{table.label}:row {row}, column {column}"
                     if tag == "c":
