@@ -115,8 +115,9 @@ def _reader(dataset: Any, field: str | None) -> Callable[[Selection], Any]:
 
     def read(selection: Selection) -> Any:
         _check_fit(selection, dataset.shape)
-        if (dataset.dtype if field is None else dataset.dtype[field]).kind in "OSU":  # texts may be of any length
-            return np.zeros(1, dtype="S1" if h5py.check_string_dtype(dataset.dtype) else object)
+        kind = dataset.dtype if field is None else dataset.dtype[field]
+        if kind.kind in "OS":  # texts may be of any length: none is read
+            return np.zeros(1, dtype="S1" if h5py.check_string_dtype(kind) else object)
         values = _own_values(dataset, selection)
         return values[selection] if field is None else values.fields(field)[selection]
 
