@@ -84,7 +84,7 @@ def _attribute(found: Any, name: str) -> Any:
     if stored.get_storage_size() > (REFERENCE if stored.dtype.kind == "O" else LONGEST):
         return None
     values = np.asarray(found.attrs[name]).reshape(-1)
-    if values.dtype.kind in "iuf":
+    if values.dtype.kind in "iuf" and values.size:
         return values
     text = values.tolist()[0] if values.size else ""
     return text.decode(errors="replace") if isinstance(text, bytes) else str(text)
@@ -137,7 +137,7 @@ def _matlab_struct(group: Any, kind: str = "a struct") -> Member:
 
 
 def _matlab_member(found: Any) -> Member:
-    if _attribute(found, "MATLAB_object_decode") is not None:
+    if np.any(_attribute(found, "MATLAB_object_decode")):
         raise object_of_matlab(found.name.lstrip("/"), _class_of(found))
     if not hasattr(found, "keys"):
         return _cell_array(found) if _class_of(found) == "cell" and _holds_references(found) else _array(found)

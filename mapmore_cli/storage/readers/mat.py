@@ -1,9 +1,9 @@
-"""MATLAB files: versions 4 to 7 from their bytes, version 7.3 through HDF5; the content decides, not the name.
+"""MATLAB files: versions 5 to 7 from their bytes, 4 through SciPy, 7.3 through HDF5; the content decides, not the name.
 
 Arrays are addressed as `run.P`, `train[3].y[:,0]`; `root: "train[*]"` takes every element of a cell or struct array. Indices count from 0;
 cell and struct arrays have one index, in MATLAB's order. Only the variables that are named are unpacked.
 
-SciPy reads these files as well, but damaged ones crash its machine code.
+SciPy reads all of them, but damaged ones from version 5 on crash its machine code.
 """
 
 from __future__ import annotations
@@ -11,13 +11,13 @@ from __future__ import annotations
 import math
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -33,8 +33,6 @@ NUMBERS = "-bBhHiIf-d--qQ--BHI"
 """How elements of version 5 hold numbers, and letters, by their type; codes of NumPy."""
 
 CELL, STRUCT, OBJECT, TEXT, SPARSE, FUNCTION, OPAQUE = 1, 2, 3, 4, 5, 16, 17
-NUMBERS_4 = "dfihHB"
-TEXT_4, SPARSE_4 = 1, 2
 
 HEAD = 1 << 16  # bytes of a packed variable in which its name lies
 MOST_ELEMENTS = 100_000  # of a cell or struct array, which are looked at one by one
@@ -54,8 +52,10 @@ def opened_mat(path: Path, label: str, request: TableRequest | None) -> Iterator
         return
     with reading(label, KIND), path.open("rb") as stream:
         whole = memoryview(stream.read())
-        order = {b"IM": "<", b"MI": ">"}.get(bytes(whole[126:128]))
-        known = dict(_Version5(order, len(whole)).variables(whole[128:]) if order else _version_4(whole))
+        if 0 in whole[:4]:  # as in version 4 alone
+            known = dict(_version_4(stream, len(whole)))
+        else:
+            known = dict(_Version5({b"IM": "<", b"MI": ">"}[bytes(whole[126:128])], len(whole)).variables(whole[128:]))
         yield group_of("the file", sorted(known), lambda name: known[name](name))
 
 
@@ -122,14 +122,15 @@ class _Version5:
         next(parts)  # the name
         if of_class in (CELL, STRUCT):
             return self.collection(parts, of_class, shape, name)
+        stored = np.complex128 if flags & COMPLEX else np.float64  # complex numbers are refused, whatever they are
         if of_class == SPARSE:
             rows, ends, values = (next(parts) for _ in range(3))
             last = self.numbers(ends).clip(0, len(rows[1]))  # of each column, among the rows
             columns = np.repeat(np.arange(len(last) - 1), np.diff(last))
-            numbers = self.numbers((BYTES, values[1]) if flags & LOGICAL else values)  # whatever type it says
-            return _sparse(self.numbers(rows), columns, numbers, shape, self.file_size, flags & COMPLEX)
+            numbers = self.numbers((BYTES, values[1]) if flags & LOGICAL else values)[: len(columns)]  # whatever type it says
+            return _sparse((self.numbers(rows)[: len(columns)], columns), numbers.astype(stored), shape, self.file_size)
         array = self.numbers(next(parts)).reshape(shape, order="F")
-        return _text(array) if of_class == TEXT else _array_of(array, flags & COMPLEX)
+        return _text(array) if of_class == TEXT else _array_of(array.astype(stored))
 
     def collection(self, parts: Iterator[Element], of_class: int, shape: tuple[int, ...], name: str) -> Member:
         names = []
@@ -158,9 +159,8 @@ def _letters(element: Element) -> str:
     return bytes(element[1]).rstrip(b"\0").decode(errors="replace")
 
 
-def _array_of(array: Array, is_complex: int = 0) -> Member:
-    numbers = array.astype(np.complex128) if is_complex else array
-    return Member(f"an array of {_size(array.shape)}", values=lambda selection: numbers[selection], shape=array.shape)
+def _array_of(array: Array) -> Member:
+    return Member(f"an array of {_size(array.shape)}", values=lambda selection: array[selection], shape=array.shape)
 
 
 def _text(codes: Array) -> Member:
@@ -168,40 +168,28 @@ def _text(codes: Array) -> Member:
     return Member("text", values=lambda _: np.array([letters]))
 
 
-def _sparse(rows: Array, columns: Array, values: Array, shape: tuple[int, ...], file_size: int, is_complex: int) -> Member:
+def _sparse(places: Sequence[Array], values: Array, shape: Sequence[int], file_size: int) -> Member:
     """Return a sparse matrix with its zeros, of which there may be far too many."""
     refuse_bombs(f"a sparse matrix of {_size(shape)}", 8 * math.prod(shape), file_size)
-    dense = np.zeros(shape)
-    dense[rows[: len(columns)].astype(np.uint32), columns.astype(np.uint32)] = values[: len(columns)]
-    return _array_of(dense, is_complex)
+    dense = np.zeros(shape, dtype=values.dtype)
+    dense[*(axis.astype(np.uint32) for axis in places)] = values
+    return _array_of(dense)
 
 
-def _size(shape: tuple[int, ...]) -> str:
+def _version_4(stream: BinaryIO, file_size: int) -> Iterator[tuple[str, Any]]:
+    """Yield the name of each variable, and what makes a member of it; SciPy reads this version by NumPy alone."""
+    from scipy.io import loadmat
+
+    def member(value: Any, _name: str) -> Member:
+        return _sparse((value.row, value.col), value.data, value.shape, file_size) if hasattr(value, "row") else _array_of(value)
+
+    for name, value in loadmat(stream).items():
+        if not name.startswith("__"):
+            yield name, partial(member, value)
+
+
+def _size(shape: Sequence[int]) -> str:
     return " x ".join(map(str, shape))
-
-
-def _version_4(content: memoryview) -> Iterator[tuple[str, Any]]:
-    """Yield the name of each variable, and what reads it."""
-
-    def variable(array: Array, of_class: int, is_complex: int, _name: str) -> Member:
-        if of_class != SPARSE_4:
-            return _text(array) if of_class == TEXT_4 else _array_of(array, is_complex)
-        rows, columns, values = array[:-1].T[:3]  # the places count from 1, and the size stands in the last row
-        shape = tuple(array[-1, :2].astype(int).tolist())
-        return _sparse(rows - 1, columns - 1, values, shape, len(content), array.shape[1] > 3)
-
-    place = 0
-    while place < len(content):
-        order = "<" if 0 <= struct.unpack_from("<i", content, place)[0] < 5000 else ">"
-        kind, rows, columns, is_complex, length = struct.unpack_from(f"{order}5i", content, place)
-        stored = np.dtype(order + NUMBERS_4[kind // 10 % 10])
-        start = place + 20 + length
-        place = start + rows * columns * stored.itemsize * (2 if is_complex else 1)
-        if min(rows, columns, length) < 0 or place > len(content) or kind // 100 not in (0, 10):
-            raise ValueError("it begins as neither version 4 nor 5, or breaks off")
-        name = _letters((BYTES, content[start - length : start]))
-        array = np.frombuffer(content, stored, rows * columns, start).reshape(rows, columns, order="F")
-        yield name, partial(variable, array, kind % 10, is_complex)
 
 
 READER = tree_reader("mat", opened_mat, (".mat",), "run.P", ".")
