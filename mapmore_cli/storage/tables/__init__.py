@@ -31,7 +31,7 @@ class TableRequest:
     - `delimiter`: one character, `tab`, or `whitespace`: any run of blanks and tabs (text).
     - `decimal`: the decimal point of the numbers (text).
     - `encoding`: of the characters (text); a byte order mark of UTF-8 is swallowed.
-    - `sheet`: title of the sheet, or a glob of which every match is a recording; the first sheet where None (workbooks).
+    - `sheet`: title of the sheet, or a glob of which every match is a recording; the first that is not hidden where None (workbooks).
     - `root`: where the columns start; `train[*]` makes every element a recording (MAT, HDF5).
     - `missing`: texts, besides the usual ones, that stand where there is no value (text, sheets).
     - `incomplete`: true where records that break off are missing values, False where they are errors.
