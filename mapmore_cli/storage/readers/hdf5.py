@@ -18,7 +18,7 @@ import numpy as np
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.tables import Noted, TableRequest, reading, refuse_bombs
-from mapmore_cli.storage.tables.members import Member, Selection, group_of, tree_reader
+from mapmore_cli.storage.tables.members import Member, Selection, array_of, group_of, size_of, tree_reader
 
 
 @contextmanager
@@ -46,10 +46,13 @@ def _member(found: Any) -> Member:
     if getattr(found, "shape", None) is None:
         return EMPTY
     fields = found.dtype.names
-    size = " x ".join(map(str, found.shape)) or "a single value"
     if fields:
-        read = {name: _reader(found, name) for name in fields}
-        return Member(f"a table of {size}", fields, member=lambda name: Member(f"a field of {size}", values=read[name], shape=found.shape))
+        size = size_of(found.shape)
+
+        def field(name: str) -> Member:
+            return Member(f"a field of {size}", values=_reader(found, name), shape=found.shape)
+
+        return Member(f"a table of {size}", fields, member=field)
     said = {name: value for name in PACKING if (value := _attribute(found, name)) is not None}
     if wrong := [name for name, value in said.items() if isinstance(value, str) and name != UNSIGNED]:
         raise DataError(f"{found.name}: its attribute {wrong[0]} is no number", "write it as one")
@@ -57,7 +60,7 @@ def _member(found: Any) -> Member:
     unit = next(filter(None, (_attribute(found, name) for name in UNIT)), "")
     noted = Noted(str(unit), is_scaled="scale_factor" in said or "add_offset" in said)
     values = (lambda selection: _meant(read(selection), said)) if said else read
-    return Member(f"an array of {size}", values=values, shape=found.shape, noted=noted)
+    return array_of(values, found.shape, noted)
 
 
 def _there(group: Any, name: str) -> Any:
@@ -75,7 +78,7 @@ PACKING = ("scale_factor", "add_offset", "valid_range", "valid_min", "valid_max"
 
 
 def _attribute(found: Any, name: str) -> Any:
-    """Return the numbers of an attribute, or its text; None where there is none, or one that is too long."""
+    """Return the numbers of an attribute, or its one text; None where there is none, or one that is too long."""
     from h5py import h5a
 
     if name not in found.attrs:
@@ -86,7 +89,7 @@ def _attribute(found: Any, name: str) -> Any:
     values = np.asarray(found.attrs[name]).reshape(-1)
     if values.dtype.kind in "iuf" and values.size:
         return values
-    text = values.tolist()[0] if values.size else ""
+    text = values.item() if values.size == 1 else ""
     return text.decode(errors="replace") if isinstance(text, bytes) else str(text)
 
 
@@ -155,8 +158,9 @@ def _matlab_member(found: Any) -> Member:
 def _cell_array(dataset: Any) -> Member:
     if _is_empty(dataset):
         return Member("an empty cell array", count=0)
-    size = " x ".join(map(str, reversed(dataset.shape)))
-    return Member(f"a cell array of {size}", count=int(dataset.size), element=lambda index: _referred(dataset, index))
+    return Member(
+        f"a cell array of {size_of(reversed(dataset.shape))}", count=int(dataset.size), element=lambda index: _referred(dataset, index)
+    )
 
 
 def _array(dataset: Any) -> Member:
@@ -173,7 +177,7 @@ def _array(dataset: Any) -> Member:
         whole = (*selection, *(slice(None),) * (len(shape) - len(selection)))
         return np.transpose(_own_values(dataset, whole[::-1])[whole[::-1]])
 
-    return Member(f"an array of {' x '.join(map(str, shape))}", values=read, shape=shape)
+    return array_of(read, shape)
 
 
 def _class_of(found: Any) -> str:

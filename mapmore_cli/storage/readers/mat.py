@@ -11,21 +11,21 @@ from __future__ import annotations
 import math
 import struct
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from itertools import islice
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.readers.hdf5 import object_of_matlab, opened_hdf5
+from mapmore_cli.storage.readers.hdf5 import EMPTY, object_of_matlab, opened_hdf5
 from mapmore_cli.storage.tables import BOMB_RATIO, BOMB_SIZE, TableRequest, reading, refuse_bombs
-from mapmore_cli.storage.tables.members import Member, group_of, tree_reader
+from mapmore_cli.storage.tables.members import Member, array_of, group_of, size_of, tree_reader
 
 KIND = "MAT file"
 MATRIX, COMPRESSED, BYTES, LOGICAL, COMPLEX = 14, 15, 2, 0x200, 0x800
@@ -53,7 +53,7 @@ def opened_mat(path: Path, label: str, request: TableRequest | None) -> Iterator
     with reading(label, KIND), path.open("rb") as stream:
         whole = memoryview(stream.read())
         if 0 in whole[:4]:  # as in version 4 alone
-            known = dict(_version_4(stream, len(whole)))
+            known = dict(_version_4(path, len(whole)))
         else:
             known = dict(_Version5({b"IM": "<", b"MI": ">"}[bytes(whole[126:128])], len(whole)).variables(whole[128:]))
         yield group_of("the file", sorted(known), lambda name: known[name](name))
@@ -112,7 +112,7 @@ class _Version5:
     def member(self, content: memoryview, name: str) -> Member:
         """Return an array, a struct, or a cell array, from the elements that it is made of."""
         if not content:
-            return _array_of(np.zeros((0, 0)))
+            return EMPTY
         parts = self.elements(content)
         flags = int(self.numbers(next(parts))[0])
         of_class = flags & 0xFF
@@ -129,8 +129,13 @@ class _Version5:
             columns = np.repeat(np.arange(len(last) - 1), np.diff(last))
             numbers = self.numbers((BYTES, values[1]) if flags & LOGICAL else values)[: len(columns)]  # whatever type it says
             return _sparse((self.numbers(rows)[: len(columns)], columns), numbers.astype(stored), shape, self.file_size)
-        array = self.numbers(next(parts)).reshape(shape, order="F")
-        return _text(array) if of_class == TEXT else _array_of(array.astype(stored))
+        if of_class == TEXT:
+            width, letters = self.numbers(part := next(parts)).itemsize, bytes(part[1])
+            end = "le" if self.order == "<" else "be"
+            text = letters.decode({1: "utf-8", 2: f"utf-16-{end}"}.get(width, f"utf-32-{end}"), "replace")
+            return Member("text", values=lambda _: np.array([text]))
+        array = self.numbers(next(parts)).reshape(shape, order="F").astype(stored)
+        return array_of(array.__getitem__, shape)
 
     def collection(self, parts: Iterator[Element], of_class: int, shape: tuple[int, ...], name: str) -> Member:
         names = []
@@ -144,10 +149,10 @@ class _Version5:
         if len(inner) != count * (len(names) or of_class == CELL):
             raise ValueError(f"{len(inner)} elements of {count}")
         if of_class == CELL:
-            return Member(f"a cell array of {_size(shape)}", count=count, element=lambda i: self.member(inner[i], f"{name}[{i}]"))
+            return Member(f"a cell array of {size_of(shape)}", count=count, element=lambda i: self.member(inner[i], f"{name}[{i}]"))
 
         def element(number: int, kind: str = "a struct") -> Member:
-            own = dict(zip(names, inner[number * len(names) :], strict=False))
+            own = dict(zip(names, inner[number * len(names) : (number + 1) * len(names)], strict=True))
             return Member(kind, names, member=lambda field: self.member(own[field], f"{name}.{field}"))
 
         if count == 1 and names:
@@ -159,37 +164,26 @@ def _letters(element: Element) -> str:
     return bytes(element[1]).rstrip(b"\0").decode(errors="replace")
 
 
-def _array_of(array: Array) -> Member:
-    return Member(f"an array of {_size(array.shape)}", values=lambda selection: array[selection], shape=array.shape)
-
-
-def _text(codes: Array) -> Member:
-    letters = "".join(map(chr, codes.astype(int).reshape(-1, order="F")))
-    return Member("text", values=lambda _: np.array([letters]))
-
-
-def _sparse(places: Sequence[Array], values: Array, shape: Sequence[int], file_size: int) -> Member:
+def _sparse(places: tuple[Any, Any], values: Array, shape: tuple[int, ...], file_size: int) -> Member:
     """Return a sparse matrix with its zeros, of which there may be far too many."""
-    refuse_bombs(f"a sparse matrix of {_size(shape)}", 8 * math.prod(shape), file_size)
+    refuse_bombs(f"a sparse matrix of {size_of(shape)}", 8 * math.prod(shape), file_size)
     dense = np.zeros(shape, dtype=values.dtype)
     dense[*(axis.astype(np.uint32) for axis in places)] = values
-    return _array_of(dense)
+    return array_of(dense.__getitem__, dense.shape)
 
 
-def _version_4(stream: BinaryIO, file_size: int) -> Iterator[tuple[str, Any]]:
+def _version_4(path: Path, file_size: int) -> Iterator[tuple[str, Any]]:
     """Yield the name of each variable, and what makes a member of it; SciPy reads this version by NumPy alone."""
     from scipy.io import loadmat
 
     def member(value: Any, _name: str) -> Member:
-        return _sparse((value.row, value.col), value.data, value.shape, file_size) if hasattr(value, "row") else _array_of(value)
+        if hasattr(value, "row"):
+            return _sparse((value.row, value.col), value.data, value.shape, file_size)
+        return array_of(value.__getitem__, value.shape)
 
-    for name, value in loadmat(stream).items():
+    for name, value in loadmat(str(path), appendmat=False).items():
         if not name.startswith("__"):
             yield name, partial(member, value)
-
-
-def _size(shape: Sequence[int]) -> str:
-    return " x ".join(map(str, shape))
 
 
 READER = tree_reader("mat", opened_mat, (".mat",), "run.P", ".")

@@ -107,7 +107,7 @@ def _sheets(book: Any, request: TableRequest) -> tuple[list[tuple[str | None, An
         raise DataError(f"{request.label}: has no sheet with cells", "save the table into a sheet")
     if request.sheet is None:
         others = [sheet.title for sheet in visible[1:] if next(_filled(_rows(sheet, request)), None) is not None]
-        told = f"{request.label}: read is the sheet '{visible[0].title}', not {', '.join(others[:4])}; say which as `sheet`"
+        told = f"{request.label}: the sheet '{visible[0].title}' is read, and not {', '.join(others[:4])}; say which by `sheet`"
         return [(None, visible[0])], (told,) if others else ()
     if request.sheet in sheets:
         return [(None, sheets[request.sheet])], ()
@@ -118,32 +118,32 @@ def _sheets(book: Any, request: TableRequest) -> tuple[list[tuple[str | None, An
     return [one for one in found if next(_filled(_rows(one[1], request)), None) is not None] or found, ()
 
 
-def _refuse_what_only_seems_empty(sheet: Any, table: RawTable, places: Mapping[SourceColumn, int]) -> None:
-    """Raise DataError where a value is missing since it stands in a merged cell above, or was never computed."""
-    from openpyxl.utils.cell import range_boundaries
-    from openpyxl.xml.functions import iterparse
+def _refuse_what_only_seems_empty(sheet: Any, table: RawTable, places: Mapping[SourceColumn, int], above: int) -> None:
+    """Raise DataError where a value is missing since it was never computed, or stands in the first of merged cells.
 
+    `above` is the last row of the header.
+    """
+    parsing, cells = (optional_library(f"openpyxl.{part}", "openpyxl", table.label) for part in ("xml.functions", "utils.cell"))
     with sheet._get_source() as source:
-        for _, part in iterparse(source):
+        for _, part in parsing.iterparse(source):
             tag = part.tag.rpartition("}")[2]
+            inner = {one.tag.rpartition("}")[2]: one.text for one in part}
             if tag == "row":
                 part.clear()
-            if tag not in ("c", "mergeCell"):
+            has_value = inner.get("v") or ("v" in inner and part.get("t") == "str")  # a text may be empty
+            is_formula = tag == "c" and "f" in inner and not has_value
+            reference = part.get("ref" if tag == "mergeCell" else "r")
+            if reference is None or not (is_formula or tag == "mergeCell"):
                 continue
-            inner = {one.tag.rpartition("}")[2]: one.text for one in part}
-            reference = part.get("ref", part.get("r"))
-            computed = "f" not in inner or inner.get("v") or part.get("t") == "str"
-            if not reference or (tag == "c" and computed):
-                continue
-            left, top, right, bottom = range_boundaries(reference)
-            inside = slice(*np.searchsorted(table.rows, (top, bottom + 1)))
+            left, top, right, bottom = cells.range_boundaries(reference)
             for column in (name for name, place in places.items() if left <= place + 1 <= right):
+                if is_formula and top > above:
+                    what = f"{table.label}:row {top}, column {column}: is a formula that was never computed"
+                    raise DataError(what, "open the workbook in Excel or LibreOffice and save it")
+                inside = slice(*np.searchsorted(table.rows, (top, bottom + 1)))
                 for row in table.rows[inside][np.isnan(table.columns[column][inside])]:
-                    where = f"{table.label}:row {row}, column {column}"
-                    if tag == "c":
-                        what = f"{where}: holds a formula, as others may, that was never computed"
-                        raise DataError(what, "open the workbook in Excel or LibreOffice and save it")
-                    raise DataError(f"{where}: is one of the merged cells {reference}", "unmerge them, and write the value into each row")
+                    what = f"{table.label}:row {row}, column {column}: is one of the merged cells {reference}"
+                    raise DataError(what, "unmerge them, and write the value into each row")
 
 
 def _rows(sheet: Any, request: TableRequest) -> Iterator[Row]:
@@ -175,12 +175,12 @@ def _parse(sheet: Any, request: TableRequest, title: str | None) -> RawTable:
                 remedy = "a formula failed there: mend it, or list it in `missing: {tokens: [...]}`" if cell in ERRORS else None
                 where = f"{label}:row {number}, column {column if names is None else names[place]}"
                 raise NotANumber(str(cell), where, remedy) from None
-    if not numbers:
-        raise DataError(f"{label}: the sheet has a header but no data")
     columns = np.ascontiguousarray(np.array(values).reshape(len(numbers), len(places)).T)
     table = RawTable(dict(zip(places, columns, strict=True)), np.array(numbers, dtype=np.int64), label, element=title)
-    if np.isnan(columns).any():
-        _refuse_what_only_seems_empty(sheet, table, places)
+    if not numbers or np.isnan(columns).any():
+        _refuse_what_only_seems_empty(sheet, table, places, first[0] if request.header else first[0] - 1)
+    if not numbers:
+        raise DataError(f"{label}: the sheet has a header but no data")
     return table
 
 

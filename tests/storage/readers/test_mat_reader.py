@@ -18,6 +18,7 @@ from reading import opaque_mat, refusal, tables_of
 from scipy import sparse
 
 from mapmore_cli.domain.errors import DataError
+from mapmore_cli.storage.readers import READERS
 from mapmore_cli.storage.tables import SourceColumn
 
 BY_MATLAB = Path(scipy.io.__file__).parent / "matlab" / "tests" / "data"
@@ -220,6 +221,15 @@ def test_variables_of_all_files_have_the_numbers_that_scipy_reads(name: str) -> 
         array = array.toarray() if sparse.issparse(array) else array
         if not variable.startswith("__") and array.dtype.kind in "iufb" and array.ndim == 2 and array.size:
             np.testing.assert_array_equal(values(BY_MATLAB / name, f"{variable}[:,0]"), array[:, 0])
+
+
+def test_texts_of_any_encoding_do_not_hide_the_numbers_beside_them(tmp_path: Path) -> None:
+    scipy.io.savemat(tmp_path / "a.mat", {"P": T, "label": "20 °C 🙂", "other": T})
+    for path in (tmp_path / "a.mat", BY_MATLAB / "testunicode_7.4_GLNX86.mat"):
+        assert READERS["mat"].peek is not None
+        assert not path.exists() or list(READERS["mat"].peek(path, 3))
+    assert values(tmp_path / "a.mat", "P") == list(T)
+    refusal(["'label' holds text"], "mat", tmp_path / "a.mat", "label")
 
 
 def element_5(kind: int, content: bytes) -> bytes:

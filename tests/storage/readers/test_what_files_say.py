@@ -59,6 +59,7 @@ def test_a_factor_that_is_a_text_is_refused(tmp_path: Path) -> None:
         ({"units": "x" * 5000}, "x" * 5000),  # one text that lies elsewhere in the file, of its size at most
         ({"units": np.bytes_(b"x" * 5000)}, ""),
         ({"units": np.array(["mm"] * 5, dtype=h5py.string_dtype())}, ""),
+        ({"units": np.array([b"mm", b"N"])}, ""),  # of the columns of a matrix, perhaps
     ],
 )
 def test_units_of_datasets(tmp_path: Path, said: dict[str, Any], unit: str) -> None:
@@ -194,16 +195,18 @@ def test_hidden_sheets_are_passed_over_but_where_they_are_named(tmp_path: Path) 
 
 def test_which_of_several_sheets_was_read_is_told(tmp_path: Path) -> None:
     path = hidden(tmp_path / "a.xlsx", "old", old=OLD, now=NOW, next=NEXT, empty=[])
-    assert table_of("xlsx", path, "F").doubts == ("a.xlsx: read is the sheet 'now', not next; say which as `sheet`",)
+    assert table_of("xlsx", path, "F").doubts == ("a.xlsx: the sheet 'now' is read, and not next; say which by `sheet`",)
     assert table_of("xlsx", path, "F", sheet="now").doubts == ()
 
 
 def test_formulas_that_were_never_computed(tmp_path: Path) -> None:
     book(tmp_path / "a.xlsx", a=[["t", "F", "G"], [0, 1.0, "=A2"], [1, "=A3*2", 2]])
     for request in ({}, {"incomplete": True}):
-        told = "a.xlsx:a:row 3, column F: holds a formula, as others may, that was never computed"
+        told = "a.xlsx:a:row 3, column F: is a formula that was never computed"
         refusal([told, "open the workbook in Excel or LibreOffice and save it"], "xlsx", tmp_path / "a.xlsx", "t", "F", **request)
     assert list(table_of("xlsx", tmp_path / "a.xlsx", "t").columns["t"]) == [0, 1]
+    book(tmp_path / "all.xlsx", a=[["t", "F"], ["=ROW()", "=1+1"]])
+    refusal(["a.xlsx:a:row 2, column t: is a formula that was never computed"], "xlsx", tmp_path / "all.xlsx", "t", "F")
 
 
 def test_merged_cells(tmp_path: Path) -> None:
