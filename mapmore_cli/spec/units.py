@@ -170,7 +170,8 @@ def unit_of_file(text: str, like: str) -> str | None:
     Of several spellings, the one that can be converted to the unit `like` counts.
     """
     word = text.split(" since ")[0].strip(" []()")
-    spellings = [word, *(known for known in _COMMON if known.casefold() == word.casefold()), word.lower()]
+    spellings = [word, *(known for known in _COMMON if known.casefold() == word.casefold())]
+    spellings += [word.lower()] if len(word) > len("torr") else []  # `Newton`, but not `Nm`
     spellings.append(re.sub(r"[\s(_]*(g|a|gauge|abs|absolute)$", "", word))
     for unit in spellings:
         with suppress(SpecError):

@@ -8,6 +8,8 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from ingest_samples import Ingest
 
 from mapmore_cli.domain.errors import DataError
@@ -99,6 +101,14 @@ def test_units_by_meaning() -> None:
     assert [is_same(*pair) for pair in (("degC", "K"), ("N", "kPa"), ("kPa", "kilopascal"), ("%", "1"))] == [False, False, True, False]
     words = {"M": "m", "S": "s", "mmhg": "mmHg", "KPA": "kPa", "Newton": "newton", "kPa(g)": "kPa", "bara": "bar"}
     assert {word: unit_of_file(word, unit) for word, unit in words.items()} == words
+
+
+@given(
+    st.one_of(st.text(max_size=12), st.text("kMmPaNbarsig/*^ 0123456789%()·°CdBV-", max_size=8)), st.sampled_from(["kPa", "1", "s", "K"])
+)
+def test_any_word_is_a_unit_or_not(word: str, unit: str) -> None:
+    found = unit_of_file(word, unit)
+    assert found is None or is_same(found, unit) in (True, False)
 
 
 # LabVIEW ------------------------------------------------------------------------------------------------------------------------
