@@ -128,10 +128,6 @@ def _in_model_units(raw: RawTable, table: Logs, missing: Sequence[float], units:
     return Samples(columns, raw.rows[taken], raw.label, raw.place, raw.element, tuple(doubts))
 
 
-LABVIEW_STEP = 1.0
-"""Seconds that LabVIEW notes between samples where nobody set them."""
-
-
 def _against_the_file(raw: RawTable, table: Logs, units: Mapping[str, str]) -> Iterator[str]:
     """Yield doubts about what the spec says of columns that the file says something of; DataError where both cannot be true.
 
@@ -145,7 +141,8 @@ def _against_the_file(raw: RawTable, table: Logs, units: Mapping[str, str]) -> I
         if scales and told.is_scaled and column.scale != 1.0:
             yield f"{what} is scaled as the file says, and `scale: {column.scale:g}` scales it again"
         declared = column.unit or units[name]
-        if not told.unit.strip() or scales or (column.unit is None and units[name] == "1" and not is_canonical(name)):
+        free = column.unit is None and (name == "input" or (units[name] == "1" and not is_canonical(name)))
+        if not told.unit.strip() or scales or free:  # nobody says what a command, or a quantity of one's own, is in
             continue
         unit = unit_of_file(told.unit, declared)
         if unit is None:
@@ -156,7 +153,7 @@ def _against_the_file(raw: RawTable, table: Logs, units: Mapping[str, str]) -> I
     step = next((told.step for told in raw.noted.values() if told.step), None)
     if step and table.sample_time is not None and not isclose(step, table.sample_time, rel_tol=1e-3):
         what = f"{raw.label}: the file says one sample every {step:.9g} s, and the spec every {table.sample_time:.9g} s"
-        if step != LABVIEW_STEP:
+        if step != 1.0:
             raise DataError(what, f"say `sample_time: {step:.9g} s`")
         yield f"{what}, which is believed: LabVIEW notes 1 s where nobody says"
 

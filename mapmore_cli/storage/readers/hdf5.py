@@ -18,7 +18,7 @@ import numpy as np
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.tables import Noted, TableRequest, reading, refuse_bombs
-from mapmore_cli.storage.tables.members import Member, Selection, array_of, group_of, size_of, tree_reader
+from mapmore_cli.storage.tables.members import Member, Selection, array_of, group_of, size_in_words, tree_reader
 
 
 @contextmanager
@@ -47,7 +47,7 @@ def _member(found: Any) -> Member:
         return EMPTY
     fields = found.dtype.names
     if fields:
-        size = size_of(found.shape)
+        size = size_in_words(found.shape)
 
         def field(name: str) -> Member:
             return Member(f"a field of {size}", values=_reader(found, name), shape=found.shape)
@@ -159,7 +159,9 @@ def _cell_array(dataset: Any) -> Member:
     if _is_empty(dataset):
         return Member("an empty cell array", count=0)
     return Member(
-        f"a cell array of {size_of(reversed(dataset.shape))}", count=int(dataset.size), element=lambda index: _referred(dataset, index)
+        f"a cell array of {size_in_words(reversed(dataset.shape))}",
+        count=int(dataset.size),
+        element=lambda index: _referred(dataset, index),
     )
 
 

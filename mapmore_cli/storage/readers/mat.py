@@ -25,7 +25,7 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.readers.hdf5 import EMPTY, object_of_matlab, opened_hdf5
 from mapmore_cli.storage.tables import BOMB_RATIO, BOMB_SIZE, TableRequest, reading, refuse_bombs
-from mapmore_cli.storage.tables.members import Member, array_of, group_of, size_of, tree_reader
+from mapmore_cli.storage.tables.members import Member, array_of, group_of, size_in_words, tree_reader
 
 KIND = "MAT file"
 MATRIX, COMPRESSED, BYTES, LOGICAL, COMPLEX = 14, 15, 2, 0x200, 0x800
@@ -149,7 +149,7 @@ class _Version5:
         if len(inner) != count * (len(names) or of_class == CELL):
             raise ValueError(f"{len(inner)} elements of {count}")
         if of_class == CELL:
-            return Member(f"a cell array of {size_of(shape)}", count=count, element=lambda i: self.member(inner[i], f"{name}[{i}]"))
+            return Member(f"a cell array of {size_in_words(shape)}", count=count, element=lambda i: self.member(inner[i], f"{name}[{i}]"))
 
         def element(number: int, kind: str = "a struct") -> Member:
             own = dict(zip(names, inner[number * len(names) : (number + 1) * len(names)], strict=True))
@@ -166,7 +166,7 @@ def _letters(element: Element) -> str:
 
 def _sparse(places: tuple[Any, Any], values: Array, shape: tuple[int, ...], file_size: int) -> Member:
     """Return a sparse matrix with its zeros, of which there may be far too many."""
-    refuse_bombs(f"a sparse matrix of {size_of(shape)}", 8 * math.prod(shape), file_size)
+    refuse_bombs(f"a sparse matrix of {size_in_words(shape)}", 8 * math.prod(shape), file_size)
     dense = np.zeros(shape, dtype=values.dtype)
     dense[*(axis.astype(np.uint32) for axis in places)] = values
     return array_of(dense.__getitem__, dense.shape)

@@ -43,7 +43,7 @@ def read_tdms(path: Path, request: TableRequest) -> list[RawTable]:
                 remedy = known_names(str(column), list(channels), "The file has")
                 raise DataError(f"{request.label}: there is no channel '{column}'", remedy)
             columns[column] = as_numbers(channels[str(column)][:], f"{request.label}: channel '{column}'")
-            noted[column] = _noted(channels[str(column)].properties)
+            noted[column] = _waveform(channels[str(column)].properties)
     return [table_of(columns, request, request.label, None, noted)]
 
 
@@ -83,13 +83,13 @@ def _groups(file: Any) -> Member:
 def _group(channels: Mapping[str, Any]) -> Member:
     def member(name: str) -> Member:
         channel = channels[name]
-        noted = _noted(channel.properties)
+        noted = _waveform(channel.properties)
         return Member("a channel", values=lambda s: channel[s[0]] if s else channel[:], shape=(len(channel),), noted=noted)
 
     return Member("a group", list(channels), member)
 
 
-def _noted(properties: Mapping[str, Any]) -> Noted:
+def _waveform(properties: Mapping[str, Any]) -> Noted:
     """Return what LabVIEW notes of a waveform."""
     start = as_numbers(properties.get("wf_start_time", np.datetime64(0, "s")), "wf_start_time")
     later = float(properties.get("wf_start_offset", 0.0))

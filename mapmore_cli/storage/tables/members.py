@@ -63,10 +63,10 @@ class Member:
 
 def array_of(values: Callable[[Selection], Any], shape: tuple[int, ...], noted: Noted | None = None) -> Member:
     """Return an array of that size."""
-    return Member(f"an array of {size_of(shape)}", values=values, shape=shape, noted=noted or Noted())
+    return Member(f"an array of {size_in_words(shape)}", values=values, shape=shape, noted=noted or Noted())
 
 
-def size_of(shape: Iterable[int]) -> str:
+def size_in_words(shape: Iterable[int]) -> str:
     """Return a size in words, as `5 x 3`."""
     return " x ".join(map(str, shape)) or "a single value"
 
@@ -219,7 +219,7 @@ def _column(base: Member, address: str, label: str) -> tuple[Array, Noted]:
         raise DataError(f"{label}: '{address}' reaches beyond {member.kind}", "Indices count from 0.") from None
     if sum(length > 1 for length in values.shape) > 1:
         name = address[: address.rindex("[")] if selection else address
-        raise DataError(f"{label}: '{address}' is an array of {size_of(values.shape)}", f"Say which column, as `{name}[:,0]`.")
+        raise DataError(f"{label}: '{address}' is an array of {size_in_words(values.shape)}", f"Say which column, as `{name}[:,0]`.")
     return as_numbers(values.reshape(-1), f"{label}: '{address}'"), member.noted
 
 
