@@ -73,7 +73,8 @@ def _there(group: Any, name: str) -> Any:
 LONGEST, REFERENCE = 4096, 16  # bytes of an attribute that is read, and of what leads to a text of any length
 UNIT = ("units", "unit", "Units", "Unit")
 UNSIGNED, MISSING = "_Unsigned", ("_FillValue", "missing_value")
-PACKING = ("scale_factor", "add_offset", "valid_range", "valid_min", "valid_max", UNSIGNED, *MISSING)
+LIMITS = ("valid_range", "valid_min", "valid_max")
+PACKING = ("scale_factor", "add_offset", *LIMITS, UNSIGNED, *MISSING)
 """Attributes by which netCDF says what the stored numbers mean."""
 
 
@@ -104,10 +105,10 @@ def _meant(stored: Any, said: Mapping[str, Any]) -> Any:
     with np.errstate(over="ignore"):
         missing = np.isin(stored, marks.astype(stored.dtype) if kind == "f" else marks)
     least, most = said.get("valid_range", [-np.inf, np.inf])
-    for limit, below in ((said.get("valid_min", [least])[0], True), (said.get("valid_max", [most])[0], False)):
-        limited = numbers if kind != "f" and np.asarray(limit).dtype.kind == "f" else stored  # limits of the type that is stored
-        missing |= limited < limit if below else limited > limit
-    return np.where(missing, np.nan, numbers)
+    least, most = said.get("valid_min", [least])[0], said.get("valid_max", [most])[0]
+    meant = any(said[key].dtype.kind == "f" for key in LIMITS if key in said)  # rather than of the type that is stored
+    limited = numbers if meant and kind != "f" else stored
+    return np.where(missing | (limited < least) | (limited > most), np.nan, numbers)
 
 
 EMPTY = Member("an empty array", values=lambda _: np.zeros(0))

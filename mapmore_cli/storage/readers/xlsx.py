@@ -136,14 +136,15 @@ def _refuse_what_only_seems_empty(sheet: Any, table: RawTable, places: Mapping[S
             if reference is None or not (is_formula or tag == "mergeCell"):
                 continue
             left, top, right, bottom = cells.range_boundaries(reference)
+            inside = slice(*np.searchsorted(table.rows, (top, bottom + 1)))
             for column in (name for name, place in places.items() if left <= place + 1 <= right):
-                if is_formula and top > above:
-                    what = f"{table.label}:row {top}, column {column}: is a formula that was never computed"
-                    raise DataError(what, "open the workbook in Excel or LibreOffice and save it")
-                inside = slice(*np.searchsorted(table.rows, (top, bottom + 1)))
-                for row in table.rows[inside][np.isnan(table.columns[column][inside])]:
-                    what = f"{table.label}:row {row}, column {column}: is one of the merged cells {reference}"
-                    raise DataError(what, "unmerge them, and write the value into each row")
+                rows = table.rows[inside][np.isnan(table.columns[column][inside])].tolist()
+                what = f"is one of the merged cells {reference}", "unmerge them, and write the value into each row"
+                if is_formula:
+                    rows = [top] if top > above else []
+                    what = "is a formula that was never computed", "open the workbook in Excel or LibreOffice and save it"
+                for row in rows:
+                    raise DataError(f"{table.label}:row {row}, column {column}: {what[0]}", what[1])
 
 
 def _rows(sheet: Any, request: TableRequest) -> Iterator[Row]:

@@ -22,6 +22,7 @@ STORED: dict[str, tuple[Any, dict[str, Any], list[float]]] = {
     "fill value is NaN": (np.array([NAN, 1, 2]), {"_FillValue": NAN}, [NAN, 1, 2]),
     "valid range as stored": (np.array([0, 50, 200], "i2"), {"valid_range": np.array([1, 100], "i2"), "scale_factor": 0.1}, [NAN, 5, NAN]),
     "valid range as meant": (np.array([0, 50, 200], "i2"), {"valid_range": [1.0, 10.0], "scale_factor": 0.1}, [NAN, 5, NAN]),
+    "valid_min as stored": (np.array([0, 50, 200], "i2"), {"valid_min": np.int16(40), "scale_factor": 0.1}, [NAN, 5, 20]),
     "valid_min": (np.array([-5.0, 0, 5]), {"valid_min": 0.0}, [NAN, 0, 5]),
     "valid_max": (np.array([-5.0, 0, 5]), {"valid_max": 0.0}, [-5, 0, NAN]),
     "unsigned": (np.array([-1, 1, -2], "i1"), {"_Unsigned": "true", "_FillValue": np.int8(-1)}, [NAN, 1, 254]),
