@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Annotated
@@ -51,6 +52,12 @@ class Recording:
     rows_read: Annotated[int, "samples in the source file"]
     dropped: Annotated[Mapping[str, int], "samples left out, by reason", "1"]
     log: Annotated[str, "identifier of the log that this is a piece of; empty where it is the whole log"] = ""
+
+    @property
+    def name(self) -> str:
+        """How messages call it: the file, and the id where that says more, as of a sheet."""
+        by_file = re.fullmatch(rf"(.*-)?{re.escape(self.id)}(\.\w+)*", self.source.replace("/", "-"))
+        return self.source if by_file else f"{self.source} ({self.id})"
 
     @property
     def rows_kept(self) -> int:

@@ -43,7 +43,7 @@ def with_plateau(recording: Recording, plateau: Plateau, units: Mapping[str, str
     seconds = convert(columns["time"], units["time"], "s")
     if plateau == "auto":
         others = {name: columns[name] for name in ("strain", "displacement") if name in columns}
-        with located(recording.source):
+        with located(recording.name):
             start, end = find_plateau(seconds, columns[STEP_OF], others)
     else:
         start, end = plateau
@@ -51,7 +51,7 @@ def with_plateau(recording: Recording, plateau: Plateau, units: Mapping[str, str
     if not on.any():
         what = f"no sample from {start:g} s to {end:g} s, where the spec puts the plateau; the recording runs from"
         place = f"{seconds[0]:g} s to {seconds[-1]:g} s"
-        raise DataError(f"{recording.source}: {what} {place}", "give another `plateau`, or write `plateau: auto`")
+        raise DataError(f"{recording.name}: {what} {place}", "give another `plateau`, or write `plateau: auto`")
     step = np.full(len(on), columns[STEP_OF][on].mean())
     return replace(recording, columns={**columns, PLATEAU: on.astype(float), STEP_PRESSURE: step})
 
@@ -82,7 +82,7 @@ def with_damping(recording: Recording, force: str, static: Model, warn: Callable
     beyond = outside_range(static, columns)
     on = columns[PLATEAU] == 1.0
     if beyond[on].mean() > MOSTLY:
-        warn(f"{recording.source}: the plateau is outside the range that the static model {static.name} was trained on")
+        warn(f"{recording.name}: the plateau is outside the range that the static model {static.name} was trained on")
     damping = without_steady_state(columns[force] - static_force, on)
     return replace(recording, columns={**columns, STATIC_FORCE: static_force, DAMPING: damping})
 
@@ -227,7 +227,7 @@ def join_branches(part: Part, cycles: Cycles, target: str) -> Part:
     Every quantity becomes the mean of its branches; `hysteresis` is added for the target. Time has no meaning afterwards.
     """
     over = cycles.over
-    where = part.recording.source if part.level is None else f"{part.recording.source}, level {part.level:g}"
+    where = part.recording.name if part.level is None else f"{part.recording.name}, level {part.level:g}"
     others = {name: values for name, values in part.columns.items() if name not in (over, "time")}
     with located(f"{where} ({part.size} samples)"):
         branches = split_cycles(part.columns[over], others, cycles.samples)

@@ -155,11 +155,11 @@ def _mended(
 def _losses(recording: Recording) -> Iterator[str]:
     kept, lost = recording.rows_kept, sum(recording.dropped.values())
     reasons = "; ".join(f"{count}: {reason}" for reason, count in recording.dropped.items())
-    name = f"{recording.source} ({recording.id})" if recording.log else recording.source
     if kept < FEW:
-        yield f"{name}: only {kept} of {kept + lost} samples are left ({reasons})" if lost else f"{name}: holds only {kept} samples"
+        left = f"only {kept} of {kept + lost} samples are left ({reasons})"
+        yield f"{recording.name}: {left if lost else f'holds only {kept} samples'}"
     elif kept < (1 - MUCH) * (kept + lost):
-        yield f"{name}: {lost / (kept + lost):.0%} of {kept + lost} samples left out ({reasons})"
+        yield f"{recording.name}: {lost / (kept + lost):.0%} of {kept + lost} samples left out ({reasons})"
 
 
 # Which samples validate -----------------------------------------------------------------------------------------------------------------
@@ -241,7 +241,7 @@ def _within(parts: Sequence[Part], name: str, choice: Sequence[float] | Between)
 
 def _last_cycles(parts: Sequence[Part], of: str, share: float) -> BoolArray:
     """Hold out the last cycles of each log, whose pieces and levels are taken together in the order of time."""
-    sources = {part.log: part.recording.source for part in reversed(parts)}
+    sources = {part.log: part.recording.name for part in reversed(parts)}
     log = np.repeat([part.log for part in parts], [part.size for part in parts])
     position, values = (np.concatenate(columns) for columns in zip(*((part.position, part.columns[of]) for part in parts), strict=True))
     held = np.zeros(len(log), dtype=np.bool_)

@@ -101,7 +101,8 @@ def _found(entries: Entries, folder: Path) -> list[tuple[Log, FileEntry]]:
             name = relative_name(path, folder)
             if (name, entry.sheet) in found:
                 before = found[name, entry.sheet][1].path
-                raise DataError(f"{name}: named twice, by '{before}' and '{entry.path}'", "make the patterns of `files` disjoint")
+                which = f"{name}:{entry.sheet}" if entry.sheet else name
+                raise DataError(f"{which}: named twice, by '{before}' and '{entry.path}'", "make the patterns of `files` disjoint")
             found[name, entry.sheet] = (Log(path, name, entry.sheet), entry)
     return list(found.values())
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
+from math import isclose
 
 import numpy as np
 
@@ -18,10 +19,10 @@ from mapmore_cli.modelling import expressions as terms
 from mapmore_cli.modelling.signals.rates import signal_values
 from mapmore_cli.spec.sections.data import Direction, MissingRule, Rate
 from mapmore_cli.spec.sections.logs import Keep, Logs, SourceColumn
-from mapmore_cli.spec.units import convert
+from mapmore_cli.spec.units import convert, is_canonical, is_same, unit_of_file
 from mapmore_cli.storage.readers import READERS
 from mapmore_cli.storage.spool import by_blocks, chosen, counted, joined
-from mapmore_cli.storage.tables import RawTable, TableRequest, read_with
+from mapmore_cli.storage.tables import RawTable, TableRequest, read_with, shortened
 
 
 @dataclass(frozen=True)
@@ -105,6 +106,7 @@ def read_tables(log: Log, table: Logs, missing: MissingRule, units: Mapping[str,
 
 def _in_model_units(raw: RawTable, table: Logs, missing: Sequence[float], units: Mapping[str, str]) -> Samples:
     """Return `value * scale + offset` in the model's unit, less its mean at rest; NaN for the numbers that stand for `missing` values."""
+    doubts = [*raw.doubts, *_against_the_file(raw, table, units)]
     taken = slice(None, None, table.every)
     columns: dict[str, Array] = {}
     for name, column in table.columns.items():
@@ -123,7 +125,37 @@ def _in_model_units(raw: RawTable, table: Logs, missing: Sequence[float], units:
             if not resting.any():
                 raise DataError(f"{raw.label}: {name} has no value in the first {column.rest:g} s", "Lengthen `rest`, or mend the file.")
             columns[name] = by_blocks(partial(np.add, -float(values[resting].mean())), values)
-    return Samples(columns, raw.rows[taken], raw.label, raw.place, raw.element, raw.doubts)
+    return Samples(columns, raw.rows[taken], raw.label, raw.place, raw.element, tuple(doubts))
+
+
+def _against_the_file(raw: RawTable, table: Logs, units: Mapping[str, str]) -> Iterator[str]:
+    """Yield doubts about what the spec says of columns that the file says something of; DataError where both cannot be true.
+
+    A `scale` in the spec is believed, but for a sign.
+    """
+    for name, column in table.columns.items():
+        told, what = raw.noted.get(column.column), f"{raw.label}: '{column.column}'"
+        if told is None:
+            continue
+        scales = "scale" in column.model_fields_set and column.scale != -1.0
+        if scales and told.is_scaled and column.scale != 1.0:
+            yield f"{what} is scaled as the file says, and `scale: {column.scale:g}` scales it again"
+        declared = column.unit or units[name]
+        free = column.unit is None and (name == "input" or (units[name] == "1" and not is_canonical(name)))
+        if not told.unit.strip() or scales or free:  # nobody says what a command, or a quantity of one's own, is in
+            continue
+        unit = unit_of_file(told.unit, declared)
+        if unit is None:
+            yield f"{what} is in '{shortened(told.unit)}', says the file, and is read in {declared}"
+        elif not is_same(unit, declared):
+            remedy = f"say `unit: {unit}`, or by `scale` how the numbers become {declared}; `scale: 1` where the file is wrong"
+            raise DataError(f"{what} is in {unit}, says the file, but is read as {name} in {declared}", remedy)
+    step = next((told.step for told in raw.noted.values() if told.step), None)
+    if step and table.sample_time is not None and not isclose(step, table.sample_time, rel_tol=1e-3):
+        what = f"{raw.label}: the file says one sample every {step:.9g} s, and the spec every {table.sample_time:.9g} s"
+        if step != 1.0:
+            raise DataError(what, f"say `sample_time: {step:.9g} s`")
+        yield f"{what}, which is believed: LabVIEW notes 1 s where nobody says"
 
 
 def _converted(values: Array, column: SourceColumn, missing: Sequence[float], unit: str) -> Array:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import functools
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from difflib import get_close_matches
 from fractions import Fraction
 from types import MappingProxyType
@@ -159,6 +160,30 @@ def has_dimension(unit: str) -> bool:
         return everyday[0] != ("number",)
     try:
         return not _parsed(unit).dimensionless
+    except SpecError:
+        return False
+
+
+def unit_of_file(text: str, like: str) -> str | None:
+    """Return a unit as a file spells it (`BAR`, `psig`, `seconds since 2020-01-01`) as we do; None for what nobody knows.
+
+    Of several spellings, the one that can be converted to the unit `like` counts.
+    """
+    word = text.split(" since ")[0].strip(" []()")
+    spellings = [word, *(known for known in _COMMON if known.casefold() == word.casefold())]
+    spellings += [word.lower()] if len(word) > len("torr") else []  # `Newton`, but not `Nm`
+    spellings.append(re.sub(r"[\s(_]*(g|a|gauge|abs|absolute)$", "", word))
+    for unit in spellings:
+        with suppress(SpecError):
+            convert(1.0, unit, like)
+            return unit
+    return word if word in _COMMON and has_dimension(word) else None
+
+
+def is_same(unit: str, other: str) -> bool:
+    """Return True for two units in which every quantity has the same number."""
+    try:
+        return np.allclose(convert(np.array([0.0, 1.0]), unit, other), [0.0, 1.0], rtol=1e-9)
     except SpecError:
         return False
 

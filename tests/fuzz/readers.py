@@ -5,7 +5,9 @@ from __future__ import annotations
 import gzip
 import io
 import random
+import struct
 import zipfile
+import zlib
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -13,9 +15,10 @@ from pathlib import Path
 import h5py
 import numpy as np
 import scipy.io
-from driver import Fault, Target, changed_bytes, changed_text, refused
+from driver import Fault, Target, Try, changed_bytes, changed_text, refused
 from nptdms import ChannelObject, TdmsWriter
 from openpyxl import Workbook
+from scipy import sparse
 
 from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.storage.readers import READERS, TableRequest
@@ -64,20 +67,71 @@ def binary(kind: str) -> bytes:
             *([float(t), float(p), "1,5" if i == 9 else i] for i, (t, p) in enumerate(zip(time, pressure, strict=True))),
         ]:
             book.active.append(row)
+        book.active["D3"], book.active["D4"] = "=A3", "#REF!"
+        book.active.merge_cells("D5:D9")
         book.create_sheet("second").append(["t", "P"])
+        book.create_sheet("third").sheet_state = "hidden"
         book.save(stream)
+    elif kind == "4.mat":
+        content = {"P": pressure, "t": time, "note": "text", "few": sparse.csc_array(np.diag(time)), "z": time + 1j}
+        scipy.io.savemat(stream, content, format="4")
     elif kind in ("mat", "packed.mat"):
-        cells = np.empty(2, dtype=object)
+        cells, runs = np.empty(2, dtype=object), np.zeros(2, dtype=[("P", object), ("inner", object)])
         cells[:] = [{"P": pressure}, {"P": -pressure}]
-        scipy.io.savemat(stream, {"run": {"t": time, "P": pressure}, "all": cells, "P": pressure}, do_compression=kind != "mat")
+        for i in range(2):
+            runs[i] = (pressure + i, {"eps": time.astype(np.float32), "note": ["a", "bc"]})
+        content = {"run": {"t": time, "P": pressure, "note": "hello"}, "all": cells, "P": pressure, "runs": runs, "z": time + 1j}
+        content |= {"few": sparse.csc_array(np.diag(time)), "flags": time > 2, "cube": np.ones((2, 3, 4), np.int16)}
+        scipy.io.savemat(stream, content, do_compression=kind != "mat")
+        if kind == "mat":
+            stream.write(opaque())
     elif kind == "hdf5":
         with h5py.File(stream, "w") as file:
             file["run/t"], file["run/P"] = time, pressure
             file.create_dataset("run/F", data=pressure, chunks=(8,), compression="gzip", shuffle=True)
+            file["run/packed"], file["run/text"] = time.astype(np.int16), ["a", "b"]
+            said = {"units": "kPa", "scale_factor": 0.1, "_FillValue": np.int16(-1), "valid_range": [0.0, 9.0]}
+            file["run/packed"].attrs.update(said)
+            file["run/none"] = h5py.Empty("f8")
     else:
         with TdmsWriter(stream) as writer:
-            writer.write_segment([ChannelObject("run", "t", time), ChannelObject("run", "P", pressure)])
+            said = {"wf_increment": 0.1, "wf_start_time": np.datetime64("2026-03-01"), "unit_string": "kPa"}
+            writer.write_segment([ChannelObject("run", "t", time, said), ChannelObject("run", "P", pressure, said)])
     return stream.getvalue()
+
+
+def opaque() -> bytes:
+    """An object as MATLAB lays it out: what a reader sees before the contents."""
+
+    def element(kind: int, content: bytes) -> bytes:
+        return struct.pack("<II", kind, len(content)) + content + b"\0" * (-len(content) % 8)
+
+    words = b"".join(element(1, word) for word in (b"log", b"MCOS", b"timetable"))
+    return element(14, element(6, struct.pack("<II", 17, 0)) + words + element(14, b""))
+
+
+def changed_matlab(whole: bytes, chance: random.Random, kind: str) -> bytes:
+    """A MATLAB file with wrong types, sizes and parts of others in place of some; what is packed is changed before it is packed anew."""
+    if kind == "packed.mat" and chance.random() < 0.7:
+        parts, place = [], 128
+        while place < len(whole):
+            size = struct.unpack_from("<I", whole, place + 4)[0]
+            parts.append(zlib.decompress(whole[place + 8 : place + 8 + size]))
+            place += 8 + size
+        victim = chance.randrange(len(parts))
+        parts[victim] = changed_matlab(parts[victim], chance, "mat")
+        packed = [zlib.compress(part, 1) for part in parts]
+        return whole[:128] + b"".join(struct.pack("<II", 15, len(part)) + part for part in packed)
+    changed = bytearray(whole)
+    for _ in range(chance.choice([1, 1, 2, 4])):
+        place = 4 * chance.randrange(len(changed) // 4)
+        number = chance.choice([*range(20), 0xFFFFFFFF, 0x7FFFFFFF, 0x80000000, 1 << 20, 1 << 16 | 6, 4 << 16 | 5, 1000, 10**9])
+        if chance.random() < 0.6:
+            changed[place : place + 4] = struct.pack("<I", number)
+        else:
+            other, size = 8 * chance.randrange(len(changed) // 8), 8 * chance.randrange(1, 20)
+            changed[place : place + chance.choice([0, size])] = changed[other : other + size]
+    return changed_bytes(bytes(changed), chance) if chance.random() < 0.2 else bytes(changed)
 
 
 def changed_members(whole: bytes, chance: random.Random) -> bytes:
@@ -102,21 +156,36 @@ def changed_members(whole: bytes, chance: random.Random) -> bytes:
 
 FORMATS = {
     "csv": (("t", "P"), (0, 1), ("F",), ("zz",), (9,)),
-    "xlsx": (("t", "P"), (0, 1), ("F",), ("zz",)),
-    "mat": (("P",), ("run.P", "run.t"), ("all[1].P",), ("run",), ("run.P[3:4]",)),
-    "packed.mat": (("P",), ("run.P", "run.t")),
-    "hdf5": (("run/P", "run/t"), ("run/F",), ("run",), ("no",)),
+    "xlsx": (("t", "P"), (0, 1), ("F",), ("zz",), (0, 3)),
+    "mat": (
+        *(("P",), ("run.P", "run.t"), ("all[1].P",), ("run",), ("run.P[3:4]",), ("few[:,1]",), ("runs[1].inner.eps",), ("runs[0].P",)),
+        *(("z",), ("flags",), ("cube[:,1,1]",), ("run.note",), ("log",)),
+    ),
+    "4.mat": (("P", "t"), ("few[:,1]",), ("note",), ("z",)),
+    "packed.mat": (("P",), ("run.P", "run.t"), ("few[:,1]",), ("runs[1].inner.eps",), ("all[1].P",), ("cube[:,1,1]",)),
+    "hdf5": (("run/P", "run/t"), ("run/F",), ("run",), ("no",), ("run/packed",), ("run/text",), ("run/none",)),
     "tdms": (("run/P", "run/t"), ("no/P",)),
 }
 
 
 def attempt(chance: random.Random, number: int, folder: Path) -> str:
+    """Try a file of any format."""
+    return attempt_of(chance.choice(["csv", "csv", "csv", "xlsx", "mat", "packed.mat", "hdf5", "tdms"]), chance, number, folder)
+
+
+def only(*kinds: str) -> Try:
+    """Return what tries files of some formats."""
+    return lambda chance, number, folder: attempt_of(chance.choice(kinds), chance, number, folder)
+
+
+def attempt_of(kind: str, chance: random.Random, number: int, folder: Path) -> str:
     """Write a file and read it; a table has finite rows, as many as its columns, or is refused."""
-    kind = chance.choice(["csv", "csv", "csv", "xlsx", "mat", "packed.mat", "hdf5", "tdms"])
     reader = READERS[kind.rsplit(".", 1)[-1]]
     whole = text(chance) if kind == "csv" else binary(kind)
     if kind == "xlsx" and chance.random() < 0.7:
         whole = changed_members(whole, chance)
+    elif "mat" in kind and chance.random() < 0.7:
+        whole = changed_matlab(whole, chance, kind)
     elif kind != "csv" and chance.random() < 0.95:
         whole = changed_bytes(whole, chance)
     path = folder / f"log.{kind}"
@@ -148,10 +217,20 @@ def attempt(chance: random.Random, number: int, folder: Path) -> str:
 
 
 def warm(_folder: Path) -> None:
-    for kind in ("xlsx", "mat", "packed.mat", "hdf5", "tdms"):
+    for kind in ("xlsx", "mat", "packed.mat", "4.mat", "hdf5", "tdms"):
         binary(kind)
         with suppress(MapmoreError):
             READERS[kind.rsplit(".", 1)[-1]].read(Path("none"), TableRequest("log", (0,)))
 
 
 TARGET = Target("recordings", attempt, ("storage/readers", "storage/tables"), past=("read",), library="libhdf5", warm=warm)
+BINARY = tuple(
+    Target(name, only(*kinds), (f"storage/readers/{kinds[0]}.py",), past=("read",), library=library, warm=warm)
+    for name, library, *kinds in (
+        ("MATLAB files", None, "mat", "packed.mat", "4.mat"),
+        ("workbooks", None, "xlsx"),
+        ("TDMS files", None, "tdms"),
+        ("HDF5 files", "libhdf5", "hdf5"),
+    )
+)
+"""Formats one by one; but for HDF5 files, no input may end the process."""

@@ -28,6 +28,7 @@ from driver import Findings, Target, explore
 TARGETS = (
     (expressions.TARGET, 1),
     (readers.TARGET, 10),
+    *((target, 20) for target in readers.BINARY),
     (documents.TARGET, 10),
     (specs.TARGET, 20),
     (structures.TARGET, 20),

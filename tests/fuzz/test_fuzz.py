@@ -32,6 +32,7 @@ pytestmark = pytest.mark.filterwarnings("ignore")
         (expressions.TARGET, 400),
         (specs.TARGET, 60),
         (readers.TARGET, 60),
+        *((target, 60) for target in readers.BINARY),
         (drafts.TARGET, 6),
         (exports.FREE_TEXTS, 25),
         (exports.EXPORTS, 8),

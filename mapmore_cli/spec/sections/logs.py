@@ -89,8 +89,9 @@ class Logs(Section):
     """Files of one kind and the columns in them.
 
     `files` are globs that start at the folder of the spec. `header` is the number of header lines (`true` is one), the first with the
-    names, after `skip_rows` lines. `delimiter` is a character, `tab` or `whitespace`. `sheet` names the sheet of a workbook;
-    with `*` or another glob, every sheet that matches is a recording of its own. `root` is the place in a MAT or HDF5 file from which
+    names, after `skip_rows` lines. `delimiter` is a character, `tab` or `whitespace`. `sheet` names the sheet of a workbook,
+    of which the first that is not hidden is read without it; with `*` or another glob, every one that matches is a recording of its own.
+    `root` is the place in a MAT or HDF5 file from which
     columns are addressed: with `[*]` at its end every element is a recording of its own, except members that have none of the columns. In a
     TDMS file it is a group, or `[*]` for all. `sample_time` makes the time where no column
     holds it. `every: N` reads one sample in N.

@@ -1,4 +1,4 @@
-"""HDF5 files: groups, datasets, and the fields of compound datasets, addressed as `group/dataset[:,0]`; and those that MATLAB wrote.
+"""HDF5 and netCDF-4 files, and those that MATLAB wrote: groups, datasets, and fields of compound datasets, as `group/dataset[:,0]`.
 
 `root: "group[*]"` takes the members of a group in natural order (run_2 before run_10). Only the wanted columns are read.
 """
@@ -6,9 +6,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from contextvars import ContextVar
+from importlib import import_module
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any
@@ -16,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.tables import TableRequest, reading, refuse_bombs
-from mapmore_cli.storage.tables.members import Member, Selection, group_of, tree_reader
+from mapmore_cli.storage.tables import Noted, TableRequest, reading, refuse_bombs
+from mapmore_cli.storage.tables.members import Member, Selection, array_of, group_of, size_in_words, tree_reader
 
 
 @contextmanager
@@ -28,6 +29,10 @@ def opened_hdf5(path: Path, label: str, _request: TableRequest | None = None, ki
     """
     import h5py
 
+    with reading(label, kind), path.open("rb") as stream:
+        if stream.read(3) == b"CDF":
+            what = f"{label}: is a netCDF file of the classic format, and netCDF-4 is read"
+            raise DataError(what, "convert it, as by `nccopy -k nc4 old.nc new.nc`")
     with reading(label, kind), path.open("rb") as stream, h5py.File(stream, "r") as file:
         _refuse_other_files(file, label)
         members = (file.get(name) for name in file)  # None for a link that leads nowhere
@@ -37,18 +42,86 @@ def opened_hdf5(path: Path, label: str, _request: TableRequest | None = None, ki
 
 def _member(found: Any) -> Member:
     if hasattr(found, "keys"):
-        return group_of(f"a group of {len(found)}", list(found), lambda name: _member(found[name]))
+        return group_of(f"a group of {len(found)}", list(found), lambda name: _member(_there(found, name)))
+    if getattr(found, "shape", None) is None:
+        return EMPTY
     fields = found.dtype.names
-    size = " x ".join(map(str, found.shape)) or "a single value"
     if fields:
-        read = {name: _reader(found, name) for name in fields}
-        return Member(f"a table of {size}", fields, member=lambda name: Member(f"a field of {size}", values=read[name], shape=found.shape))
-    return Member(f"an array of {size}", values=_reader(found, None), shape=found.shape)
+        size = size_in_words(found.shape)
+
+        def field(name: str) -> Member:
+            return Member(f"a field of {size}", values=_reader(found, name), shape=found.shape)
+
+        return Member(f"a table of {size}", fields, member=field)
+    said = {name: value for name in PACKING if (value := _attribute(found, name)) is not None}
+    if wrong := [name for name, value in said.items() if isinstance(value, str) and name != UNSIGNED]:
+        raise DataError(f"{found.name}: its attribute {wrong[0]} is no number", "write it as one")
+    read = _reader(found, None)
+    unit = next(filter(None, (_attribute(found, name) for name in UNIT)), "")
+    noted = Noted(str(unit), is_scaled="scale_factor" in said or "add_offset" in said)
+    values = (lambda selection: _meant(read(selection), said)) if said else read
+    return array_of(values, found.shape, noted)
+
+
+def _there(group: Any, name: str) -> Any:
+    found = group.get(name)
+    if found is None:
+        raise DataError(f"'{name}' is a link that leads nowhere", "get the whole file again, or name another array")
+    return found
+
+
+LONGEST, REFERENCE = 4096, 16  # bytes of an attribute that is read, and of what leads to a text of any length
+UNIT = ("units", "unit", "Units", "Unit")
+UNSIGNED, MISSING = "_Unsigned", ("_FillValue", "missing_value")
+LIMITS = ("valid_range", "valid_min", "valid_max")
+PACKING = ("scale_factor", "add_offset", *LIMITS, UNSIGNED, *MISSING)
+"""Attributes by which netCDF says what the stored numbers mean."""
+
+
+def _attribute(found: Any, name: str) -> Any:
+    """Return the numbers of an attribute, or its one text; None where there is none, or one that is too long."""
+    from h5py import h5a
+
+    if name not in found.attrs:
+        return None
+    stored = h5a.open(found.id, name.encode())
+    if stored.get_storage_size() > (REFERENCE if stored.dtype.kind == "O" else LONGEST):
+        return None
+    values = np.asarray(found.attrs[name]).reshape(-1)
+    if values.dtype.kind in "iuf" and values.size:
+        return values
+    text = values.item() if values.size == 1 else ""
+    return text.decode(errors="replace") if isinstance(text, bytes) else str(text)
+
+
+def _meant(stored: Any, said: Mapping[str, Any]) -> Any:
+    """Return what stored numbers mean: NaN where they stand for missing values or are not valid, the others scaled."""
+    kind = stored.dtype.kind
+    if str(said.get(UNSIGNED)).casefold() == "true" and kind == "i":
+        stored = stored.astype(f"u{stored.dtype.itemsize}")
+        said = {key: value.astype(stored.dtype) if np.asarray(value).dtype.kind == "i" else value for key, value in said.items()}
+    numbers = stored.astype(np.float64) * said.get("scale_factor", [1.0])[0] + said.get("add_offset", [0.0])[0]
+    marks = np.concatenate([np.zeros(0), *(said[key] for key in MISSING if key in said)])
+    with np.errstate(over="ignore"):
+        missing = np.isin(stored, marks.astype(stored.dtype) if kind == "f" else marks)
+    least, most = said.get("valid_range", [-np.inf, np.inf])
+    least, most = said.get("valid_min", [least])[0], said.get("valid_max", [most])[0]
+    meant = any(said[key].dtype.kind == "f" for key in LIMITS if key in said)  # rather than of the type that is stored
+    limited = numbers if meant and kind != "f" else stored
+    return np.where(missing | (limited < least) | (limited > most), np.nan, numbers)
+
+
+EMPTY = Member("an empty array", values=lambda _: np.zeros(0))
 
 
 def _reader(dataset: Any, field: str | None) -> Callable[[Selection], Any]:
+    import h5py
+
     def read(selection: Selection) -> Any:
         _check_fit(selection, dataset.shape)
+        kind = dataset.dtype if field is None else dataset.dtype[field]
+        if kind.kind in "OS":  # texts may be of any length: none is read
+            return np.zeros(1, dtype="S1" if h5py.check_string_dtype(kind) else object)
         values = _own_values(dataset, selection)
         return values[selection] if field is None else values.fields(field)[selection]
 
@@ -68,7 +141,7 @@ def _matlab_struct(group: Any, kind: str = "a struct") -> Member:
 
 
 def _matlab_member(found: Any) -> Member:
-    if found.attrs.get("MATLAB_object_decode"):
+    if np.any(_attribute(found, "MATLAB_object_decode")):
         raise object_of_matlab(found.name.lstrip("/"), _class_of(found))
     if not hasattr(found, "keys"):
         return _cell_array(found) if _class_of(found) == "cell" and _holds_references(found) else _array(found)
@@ -84,15 +157,18 @@ def _matlab_member(found: Any) -> Member:
 
 
 def _cell_array(dataset: Any) -> Member:
-    if dataset.attrs.get("MATLAB_empty"):
+    if _is_empty(dataset):
         return Member("an empty cell array", count=0)
-    size = " x ".join(map(str, reversed(dataset.shape)))
-    return Member(f"a cell array of {size}", count=int(dataset.size), element=lambda index: _referred(dataset, index))
+    return Member(
+        f"a cell array of {size_in_words(reversed(dataset.shape))}",
+        count=int(dataset.size),
+        element=lambda index: _referred(dataset, index),
+    )
 
 
 def _array(dataset: Any) -> Member:
-    if dataset.attrs.get("MATLAB_empty"):  # what is stored then is the size
-        return Member("an empty array", values=lambda _: np.zeros(0))
+    if _is_empty(dataset):
+        return EMPTY
     if _class_of(dataset) == "char":  # stored as numbers: UTF-16
         return Member("text", values=lambda _: np.zeros(1, dtype=np.str_))
     if dataset.dtype.names:  # real and imag
@@ -104,12 +180,16 @@ def _array(dataset: Any) -> Member:
         whole = (*selection, *(slice(None),) * (len(shape) - len(selection)))
         return np.transpose(_own_values(dataset, whole[::-1])[whole[::-1]])
 
-    return Member(f"an array of {' x '.join(map(str, shape))}", values=read, shape=shape)
+    return array_of(read, shape)
 
 
 def _class_of(found: Any) -> str:
-    name = found.attrs.get("MATLAB_class", b"")
-    return name.decode() if isinstance(name, bytes) else str(name)
+    return str(_attribute(found, "MATLAB_class") or "")
+
+
+def _is_empty(dataset: Any) -> bool:
+    """Return True for an array without elements: what is stored then is its size."""
+    return bool(np.any(_attribute(dataset, "MATLAB_empty")))
 
 
 def _holds_references(found: Any) -> bool:
@@ -155,11 +235,28 @@ def _own_values(dataset: Any, selection: Selection = ()) -> Any:
     """
     if dataset.external or dataset.is_virtual:
         raise DataError(f"{dataset.name} takes its values from other files", "write the values into the file itself")
+    _refuse_other_filters(dataset)
     read = _read.get({})
     lengths = [1 if isinstance(one, int) else length for one, length in zip_longest(selection, dataset.shape)]
     read[f"{dataset.name}{selection}"] = math.prod(lengths) * dataset.dtype.itemsize
     refuse_bombs(dataset.name, sum(read.values()), dataset.file.id.get_filesize())
     return dataset
+
+
+def _refuse_other_filters(dataset: Any) -> None:
+    """Raise DataError for values that are packed by a filter which is not installed."""
+    from h5py import h5z
+
+    packing = dataset.id.get_create_plist()
+    for number in range(packing.get_nfilters()):
+        code, _, _, name = packing.get_filter(number)
+        if not h5z.filter_avail(code):
+            with suppress(ImportError):
+                import_module("hdf5plugin")  # which registers its filters
+        if not h5z.filter_avail(code):
+            called = f"{code} ({name.decode(errors='replace')})" if name else str(code)
+            what = f"{dataset.name} is packed by the filter {called}, which is not installed"
+            raise DataError(what, "install it with: pip install hdf5plugin; or write the file without it, by `h5repack -f NONE`")
 
 
 def _check_fit(selection: Selection, shape: Sequence[int]) -> None:
@@ -168,4 +265,4 @@ def _check_fit(selection: Selection, shape: Sequence[int]) -> None:
         raise IndexError(selection)
 
 
-READER = tree_reader("hdf5", opened_hdf5, (".h5", ".hdf5"), "group/dataset")
+READER = tree_reader("hdf5", opened_hdf5, (".h5", ".hdf5", ".nc"), "group/dataset")

@@ -1,123 +1,189 @@
-"""MATLAB files: versions 4 to 7 through SciPy, version 7.3 through HDF5; the content decides, not the name.
+"""MATLAB files: versions 5 to 7 from their bytes, 4 through SciPy, 7.3 through HDF5; the content decides, not the name.
 
 Arrays are addressed as `run.P`, `train[3].y[:,0]`; `root: "train[*]"` takes every element of a cell or struct array. Indices count from 0;
-cell and struct arrays have one index, in MATLAB's order. Only the variables that are named are read.
+cell and struct arrays have one index, in MATLAB's order. Only the variables that are named are unpacked.
+
+SciPy reads all of them, but damaged ones from version 5 on crash its machine code.
 """
 
 from __future__ import annotations
 
-import os
+import math
 import struct
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from mapmore_cli.storage.readers.hdf5 import object_of_matlab, opened_hdf5
-from mapmore_cli.storage.tables import TableRequest, reading, refuse_bombs
-from mapmore_cli.storage.tables.members import EVERY, Member, group_of, parse_address, tree_reader
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.storage.readers.hdf5 import EMPTY, object_of_matlab, opened_hdf5
+from mapmore_cli.storage.tables import BOMB_RATIO, BOMB_SIZE, TableRequest, reading, refuse_bombs
+from mapmore_cli.storage.tables.members import Member, array_of, group_of, size_in_words, tree_reader
 
 KIND = "MAT file"
-COMPRESSED = 15
-"""The type of a packed element in a file of version 5."""
+MATRIX, COMPRESSED, BYTES, LOGICAL, COMPLEX = 14, 15, 2, 0x200, 0x800
+NUMBERS = "-bBhHiIf-d--qQ--BHI"
+"""How elements of version 5 hold numbers, and letters, by their type; codes of NumPy."""
 
-OBJECT = "None"
-"""What SciPy calls every object of MATLAB; of several it keeps the last."""
+CELL, STRUCT, OBJECT, TEXT, SPARSE, FUNCTION, OPAQUE = 1, 2, 3, 4, 5, 16, 17
+
+HEAD = 1 << 16  # bytes of a packed variable in which its name lies
+MOST_ELEMENTS = 100_000  # of a cell or struct array, which are looked at one by one
 
 
 @contextmanager
 def opened_mat(path: Path, label: str, request: TableRequest | None) -> Iterator[Member]:
     """Open a file of any version.
 
-    Raises DataError for no MAT file, or a damaged one; and for a MATLAB object (a table, datetime, ...) where a request names it.
+    Raises DataError for no MAT file, or a damaged one; and for a MATLAB object (a table, datetime, ...) that is asked for.
     """
     import h5py
 
+    if h5py.is_hdf5(path):
+        with opened_hdf5(path, label, request, KIND) as top:
+            yield top
+        return
     with reading(label, KIND), path.open("rb") as stream:
-        if h5py.is_hdf5(path):
-            with opened_hdf5(path, label, request, KIND) as top:
-                yield top
+        whole = memoryview(stream.read())
+        if 0 in whole[:4]:  # as in version 4 alone
+            known = dict(_version_4(path, len(whole)))
         else:
-            yield _variables(stream, request, label)
+            known = dict(_Version5({b"IM": "<", b"MI": ">"}[bytes(whole[126:128])], len(whole)).variables(whole[128:]))
+        yield group_of("the file", sorted(known), lambda name: known[name](name))
 
 
-def _variables(stream: Any, request: TableRequest | None, label: str) -> Member:
-    """Return the variables of a file, of which those that the request names are loaded; all without one."""
-    from scipy.io import loadmat, whosmat
-
-    _refuse_packed(stream, label)
-    if request is None:
-        loaded = _by_own_name(loadmat(stream))
-        return group_of("the file", list(loaded), lambda name: _member(loaded[name], name))
-    addresses = [request.root] if request.root else [column for column in request.columns if isinstance(column, str)]
-    firsts = [step for address in addresses for step in parse_address(address.removesuffix(EVERY))[:1]]
-    wanted = {step for step in firsts if isinstance(step, str)}
-    try:
-        known = {name for name, _, _ in whosmat(stream)}
-    except TypeError:  # SciPy cannot list what holds objects of MATLAB, whose names are hidden in them
-        known = wanted
-    wanted = known if request.root == EVERY else wanted
-    stream.seek(0)
-    loaded = _by_own_name(loadmat(stream, variable_names=[*sorted(wanted & known), OBJECT]))
-    for name in sorted(wanted & known - {*loaded}):
-        raise object_of_matlab(name, "")
-    return group_of("the file", sorted(known), lambda name: _member(loaded[name], name))
+Element = tuple[int, memoryview]
+"""Type and bytes."""
 
 
-def _refuse_packed(stream: Any, label: str) -> None:
-    """Unpack each element of a file of version 5 without keeping it, and refuse one that is far larger than the file."""
-    size = os.fstat(stream.fileno()).st_size
-    head, unpacked = stream.read(128), 0
-    order = {b"IM": "<", b"MI": ">"}.get(head[126:128])
-    while order and len(tag := stream.read(8)) == 8:
-        kind, length = struct.unpack(f"{order}II", tag)
-        if kind != COMPRESSED:
-            stream.seek(length, os.SEEK_CUR)
-            continue
-        unpacker, rest = zlib.decompressobj(), stream.read(length)
-        while rest and not unpacker.eof:
-            unpacked += len(unpacker.decompress(rest, 1 << 20))
-            rest = unpacker.unconsumed_tail
-            refuse_bombs(f"{label}: the file", unpacked, size)
-    stream.seek(0)
+@dataclass(frozen=True)
+class _Version5:
+    """What reads elements in an `order` of bytes, from a file of so many."""
+
+    order: str
+    file_size: int
+
+    def variables(self, content: memoryview) -> Iterator[tuple[str, Any]]:
+        """Yield the name of each variable, and what reads it under the name that messages have for it."""
+        for kind, part in self.elements(content):
+            if kind in (MATRIX, COMPRESSED) and part:
+                inside = self.elements(self.unpacked(part, HEAD)[8:] if kind == COMPRESSED else part)
+                if self.numbers(next(inside))[0] & 0xFF != OPAQUE:
+                    next(inside)  # the size
+                if name := _letters(next(inside)):  # MATLAB's own have none
+                    yield name, partial(self.variable, kind, part)
+
+    def variable(self, kind: int, part: memoryview, name: str) -> Member:
+        if kind == COMPRESSED:
+            ((_, part),) = self.elements(self.unpacked(part, max(BOMB_SIZE, BOMB_RATIO * self.file_size) + 1))
+        return self.member(part, name)
+
+    def unpacked(self, part: memoryview, most: int) -> memoryview:
+        unpacker = zlib.decompressobj()
+        found = unpacker.decompress(part, most)
+        refuse_bombs("the file", len(found), self.file_size)
+        if len(found) < most and not unpacker.eof:
+            raise ValueError("a variable is cut off")
+        return memoryview(found)
+
+    def elements(self, content: memoryview) -> Iterator[Element]:
+        """Yield what stands one behind another; ValueError for an element that goes on beyond the end of what was written."""
+        place = 0
+        while place < len(content):
+            kind, size = struct.unpack_from(f"{self.order}II", content, place)
+            small = kind >> 16  # bytes that stand in the tag itself
+            start, size = (place + 4, small) if small else (place + 8, size)
+            if start + size > len(content):
+                raise ValueError("an array is cut off")
+            yield kind & 0xFFFF, content[start : start + size]
+            place = place + 8 if small else start + size + (0 if kind == COMPRESSED else -size % 8)
+
+    def numbers(self, element: Element) -> Array:
+        kind, content = element
+        return np.frombuffer(content, self.order + NUMBERS[kind])
+
+    def member(self, content: memoryview, name: str) -> Member:
+        """Return an array, a struct, or a cell array, from the elements that it is made of."""
+        if not content:
+            return EMPTY
+        parts = self.elements(content)
+        flags = int(self.numbers(next(parts))[0])
+        of_class = flags & 0xFF
+        if of_class in (OBJECT, FUNCTION, OPAQUE):  # an object's class stands behind its size and its name
+            raise object_of_matlab(name, "a function" if of_class == FUNCTION else [_letters(part) for part in islice(parts, 3)][2])
+        shape = tuple(self.numbers(next(parts)).astype(np.uint32).tolist())
+        next(parts)  # the name
+        if of_class in (CELL, STRUCT):
+            return self.collection(parts, of_class, shape, name)
+        stored = np.complex128 if flags & COMPLEX else np.float64  # complex numbers are refused, whatever they are
+        if of_class == SPARSE:
+            rows, ends, values = (next(parts) for _ in range(3))
+            last = self.numbers(ends).clip(0, len(rows[1]))  # of each column, among the rows
+            columns = np.repeat(np.arange(len(last) - 1), np.diff(last))
+            numbers = self.numbers((BYTES, values[1]) if flags & LOGICAL else values)[: len(columns)]  # whatever type it says
+            return _sparse((self.numbers(rows)[: len(columns)], columns), numbers.astype(stored), shape, self.file_size)
+        if of_class == TEXT:
+            width, letters = self.numbers(part := next(parts)).itemsize, bytes(part[1])
+            end = "le" if self.order == "<" else "be"
+            text = letters.decode({1: "utf-8", 2: f"utf-16-{end}"}.get(width, f"utf-32-{end}"), "replace")
+            return Member("text", values=lambda _: np.array([text]))
+        array = self.numbers(next(parts)).reshape(shape, order="F").astype(stored)
+        return array_of(array.__getitem__, shape)
+
+    def collection(self, parts: Iterator[Element], of_class: int, shape: tuple[int, ...], name: str) -> Member:
+        names = []
+        if of_class == STRUCT:
+            width, letters = int(self.numbers(next(parts))[0]), next(parts)[1]
+            names = [_letters((BYTES, letters[i : i + width])) for i in range(0, len(letters), width)]
+        inner = [part for _, part in islice(parts, MOST_ELEMENTS + 1)]
+        if len(inner) > MOST_ELEMENTS:
+            raise DataError(f"'{name}' has more than {MOST_ELEMENTS} elements", "save the measurements as arrays of numbers")
+        count = math.prod(shape)
+        if len(inner) != count * (len(names) or of_class == CELL):
+            raise ValueError(f"{len(inner)} elements of {count}")
+        if of_class == CELL:
+            return Member(f"a cell array of {size_in_words(shape)}", count=count, element=lambda i: self.member(inner[i], f"{name}[{i}]"))
+
+        def element(number: int, kind: str = "a struct") -> Member:
+            own = dict(zip(names, inner[number * len(names) : (number + 1) * len(names)], strict=True))
+            return Member(kind, names, member=lambda field: self.member(own[field], f"{name}.{field}"))
+
+        if count == 1 and names:
+            return element(0)
+        return Member(f"a struct array of {count}", count=count if names else 0, element=element)
 
 
-def _by_own_name(loaded: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the variables, an object under the name that its file has for it."""
-    from scipy.io.matlab import MatlabOpaque
-
-    named = {name: value for name, value in loaded.items() if not name.startswith("__")}
-    if isinstance(named.get(OBJECT), MatlabOpaque):
-        hidden = named.pop(OBJECT)
-        named[hidden["s0"].item().decode(errors="replace")] = hidden
-    return named
+def _letters(element: Element) -> str:
+    return bytes(element[1]).rstrip(b"\0").decode(errors="replace")
 
 
-def _member(value: Any, name: str) -> Member:
-    """Return a value as SciPy gives it: structs are arrays with fields, cells are arrays of objects."""
-    from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque
+def _sparse(places: tuple[Any, Any], values: Array, shape: tuple[int, ...], file_size: int) -> Member:
+    """Return a sparse matrix with its zeros, of which there may be far too many."""
+    refuse_bombs(f"a sparse matrix of {size_in_words(shape)}", 8 * math.prod(shape), file_size)
+    dense = np.zeros(shape, dtype=values.dtype)
+    dense[*(axis.astype(np.uint32) for axis in places)] = values
+    return array_of(dense.__getitem__, dense.shape)
 
-    if isinstance(value, MatlabFunction):
-        raise object_of_matlab(name, "a function")
-    if isinstance(value, MatlabOpaque):
-        raise object_of_matlab(name, str(value["s2"].item().decode(errors="replace")))
-    if isinstance(value, MatlabObject):
-        raise object_of_matlab(name, str(getattr(value, "classname", "") or ""))
-    if hasattr(value, "toarray"):  # sparse
-        value = value.toarray()
-    flat = value.reshape(-1, order="F")
-    size = " x ".join(map(str, value.shape))
-    fields = value.dtype.names
-    if fields and value.size == 1:
-        return Member("a struct", fields, member=lambda field: _member(flat[0][field], f"{name}.{field}"))
-    if fields:
-        return Member(f"a struct array of {value.size}", count=value.size, element=lambda i: _member(flat[i : i + 1], f"{name}[{i}]"))
-    if value.dtype == np.dtype("O"):
-        return Member(f"a cell array of {size}", count=value.size, element=lambda index: _member(flat[index], f"{name}[{index}]"))
-    return Member(f"an array of {size}", values=lambda selection: value[selection], shape=value.shape)
+
+def _version_4(path: Path, file_size: int) -> Iterator[tuple[str, Any]]:
+    """Yield the name of each variable, and what makes a member of it; SciPy reads this version by NumPy alone."""
+    from scipy.io import loadmat
+
+    def member(value: Any, _name: str) -> Member:
+        if hasattr(value, "row"):
+            return _sparse((value.row, value.col), value.data, value.shape, file_size)
+        return array_of(value.__getitem__, value.shape)
+
+    for name, value in loadmat(str(path), appendmat=False).items():
+        if not name.startswith("__"):
+            yield name, partial(member, value)
 
 
 READER = tree_reader("mat", opened_mat, (".mat",), "run.P", ".")

@@ -9,9 +9,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, BinaryIO, Literal
 
+import numpy as np
+
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.tables import RawTable, Reader, SourceColumn, TableRequest, Top, known_names, optional_library, reading
+from mapmore_cli.storage.tables import Noted, RawTable, Reader, SourceColumn, TableRequest, Top, known_names, optional_library, reading
 from mapmore_cli.storage.tables.members import Member, as_numbers, table_of, tables, top_of
 
 TAG = b"TDSm"
@@ -35,12 +37,14 @@ def read_tdms(path: Path, request: TableRequest) -> list[RawTable]:
             return tables(_groups(file), request)
         channels = {f"{group.name}/{channel.name}": channel for group in file.groups() for channel in group.channels()}
         columns: dict[SourceColumn, Array] = {}
+        noted: dict[SourceColumn, Noted] = {}
         for column in request.columns:
             if column not in channels:
                 remedy = known_names(str(column), list(channels), "The file has")
                 raise DataError(f"{request.label}: there is no channel '{column}'", remedy)
             columns[column] = as_numbers(channels[str(column)][:], f"{request.label}: channel '{column}'")
-    return [table_of(columns, request, request.label)]
+            noted[column] = _waveform(channels[str(column)].properties)
+    return [table_of(columns, request, request.label, None, noted)]
 
 
 def peek_tdms(path: Path, most: int) -> Iterable[Top]:
@@ -79,9 +83,17 @@ def _groups(file: Any) -> Member:
 def _group(channels: Mapping[str, Any]) -> Member:
     def member(name: str) -> Member:
         channel = channels[name]
-        return Member("a channel", values=lambda selection: channel[selection[0]] if selection else channel[:], shape=(len(channel),))
+        noted = _waveform(channel.properties)
+        return Member("a channel", values=lambda s: channel[s[0]] if s else channel[:], shape=(len(channel),), noted=noted)
 
     return Member("a group", list(channels), member)
+
+
+def _waveform(properties: Mapping[str, Any]) -> Noted:
+    """Return what LabVIEW notes of a waveform."""
+    start = as_numbers(properties.get("wf_start_time", np.datetime64(0, "s")), "wf_start_time")
+    later = float(properties.get("wf_start_offset", 0.0))
+    return Noted(str(properties.get("unit_string", "")), float(properties.get("wf_increment", 0.0)), float(start) + later)
 
 
 def _breaks_off(stream: BinaryIO) -> bool:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import zipfile
-from collections.abc import Iterable, Iterator, Set
+from collections.abc import Iterable, Iterator, Mapping, Set
 from contextlib import contextmanager
+from dataclasses import replace
 from datetime import UTC, datetime, time, timedelta
 from fnmatch import fnmatchcase
 from itertools import chain, islice
@@ -19,6 +20,7 @@ from mapmore_cli.storage.tables import (
     NotANumber,
     RawTable,
     Reader,
+    SourceColumn,
     TableRequest,
     Top,
     known_names,
@@ -31,6 +33,7 @@ from mapmore_cli.storage.tables import (
 
 MOST_ROWS = 1_048_576  # of a sheet, as Excel has it
 MOST_SHEETS = 1000
+ERRORS = ("#DIV/0!", "#NAME?", "#NULL!", "#NUM!", "#REF!", "#VALUE!")
 
 Row = tuple[int, tuple[Any, ...]]
 """Number in the sheet, from 1, and the cells."""
@@ -47,14 +50,16 @@ def read_xlsx(path: Path, request: TableRequest) -> list[RawTable]:
         No workbook, or a damaged one; a missing sheet or column; a cell that is not a number; openpyxl not installed.
     """
     with _opened(path, request.label) as book:
-        return [_parse(_rows(sheet, request), request, f"{request.label}:{sheet.title}", name) for name, sheet in _sheets(book, request)]
+        sheets, doubts = _sheets(book, request)
+        found = [_parse(sheet, request, name) for name, sheet in sheets]
+        return [replace(found[0], doubts=doubts), *found[1:]]
 
 
 def peek_xlsx(path: Path, most: int) -> Iterable[Top]:
     """Return the first rows of every sheet that has some, the first one's first; a later sheet has to be named."""
     tops = []
     with _opened(path, path.name) as book:
-        for number, sheet in enumerate(book.worksheets):
+        for number, sheet in enumerate(_visible(book)):
             sheet.reset_dimensions()
             rows = _even([list(row) for row in islice(sheet.iter_rows(values_only=True), most)])
             if rows or not number:
@@ -87,18 +92,59 @@ def _refuse_bombs(path: Path, label: str) -> None:
             refuse_bombs(f"{label}: {member.filename}", member.file_size, member.compress_size)
 
 
-def _sheets(book: Any, request: TableRequest) -> list[tuple[str | None, Any]]:
-    """Return the sheets to read, with their titles where a glob chose them; of several, those that are empty are left out."""
-    sheets = {sheet.title: sheet for sheet in book.worksheets}
+def _visible(book: Any) -> list[Any]:
+    """Return the sheets that are not hidden; all where every one is."""
+    return [sheet for sheet in book.worksheets if sheet.sheet_state == "visible"] or book.worksheets
+
+
+def _sheets(book: Any, request: TableRequest) -> tuple[list[tuple[str | None, Any]], tuple[str, ...]]:
+    """Return the sheets to read, with their titles where a glob chose them, and doubts about the choice.
+
+    Hidden sheets are read where they are named. Of several, those that are empty are left out.
+    """
+    sheets, visible = {sheet.title: sheet for sheet in book.worksheets}, _visible(book)
+    if not visible:
+        raise DataError(f"{request.label}: has no sheet with cells", "save the table into a sheet")
     if request.sheet is None:
-        return [(None, book.worksheets[0])]
+        others = [sheet.title for sheet in visible[1:] if next(_filled(_rows(sheet, request)), None) is not None]
+        told = f"{request.label}: the sheet '{visible[0].title}' is read, and not {', '.join(others[:4])}; say which by `sheet`"
+        return [(None, visible[0])], (told,) if others else ()
     if request.sheet in sheets:
-        return [(None, sheets[request.sheet])]
-    found = [(title, sheet) for title, sheet in sheets.items() if fnmatchcase(title, request.sheet)]
+        return [(None, sheets[request.sheet])], ()
+    found = [(sheet.title, sheet) for sheet in visible if fnmatchcase(sheet.title, request.sheet)]
     if not found:
         remedy = known_names(request.sheet, list(sheets), "The workbook has")
         raise DataError(f"{request.label}: there is no sheet '{request.sheet}'", remedy)
-    return [(title, sheet) for title, sheet in found if next(_filled(_rows(sheet, request)), None) is not None] or found
+    return [one for one in found if next(_filled(_rows(one[1], request)), None) is not None] or found, ()
+
+
+def _refuse_what_only_seems_empty(sheet: Any, table: RawTable, places: Mapping[SourceColumn, int], above: int) -> None:
+    """Raise DataError where a value is missing since it was never computed, or stands in the first of merged cells.
+
+    `above` is the last row of the header.
+    """
+    parsing, cells = (optional_library(f"openpyxl.{part}", "openpyxl", table.label) for part in ("xml.functions", "utils.cell"))
+    with sheet._get_source() as source:
+        for _, part in parsing.iterparse(source):
+            tag = part.tag.rpartition("}")[2]
+            inner = {one.tag.rpartition("}")[2]: one.text for one in part}
+            if tag == "row":
+                part.clear()
+            has_value = inner.get("v") or ("v" in inner and part.get("t") == "str")  # a text may be empty
+            is_formula = tag == "c" and "f" in inner and not has_value
+            reference = part.get("ref" if tag == "mergeCell" else "r")
+            if reference is None or not (is_formula or tag == "mergeCell"):
+                continue
+            left, top, right, bottom = cells.range_boundaries(reference)
+            inside = slice(*np.searchsorted(table.rows, (top, bottom + 1)))
+            for column in (name for name, place in places.items() if left <= place + 1 <= right):
+                rows = table.rows[inside][np.isnan(table.columns[column][inside])].tolist()
+                what = f"is one of the merged cells {reference}", "unmerge them, and write the value into each row"
+                if is_formula:
+                    rows = [top] if top > above else []
+                    what = "is a formula that was never computed", "open the workbook in Excel or LibreOffice and save it"
+                for row in rows:
+                    raise DataError(f"{table.label}:row {row}, column {column}: {what[0]}", what[1])
 
 
 def _rows(sheet: Any, request: TableRequest) -> Iterator[Row]:
@@ -111,7 +157,8 @@ def _rows(sheet: Any, request: TableRequest) -> Iterator[Row]:
         yield number, row
 
 
-def _parse(rows: Iterator[Row], request: TableRequest, label: str, title: str | None) -> RawTable:
+def _parse(sheet: Any, request: TableRequest, title: str | None) -> RawTable:
+    rows, label = _rows(sheet, request), f"{request.label}:{sheet.title}"
     first = next(_filled(rows), None)
     if first is None:
         raise DataError(f"{label}: the sheet is empty")
@@ -126,11 +173,16 @@ def _parse(rows: Iterator[Row], request: TableRequest, label: str, title: str | 
             try:
                 values.append(_number(cell, request.missing))
             except ValueError:
-                raise NotANumber(str(cell), f"{label}:row {number}, column {column if names is None else names[place]}") from None
+                remedy = "a formula failed there: mend it, or list it in `missing: {tokens: [...]}`" if cell in ERRORS else None
+                where = f"{label}:row {number}, column {column if names is None else names[place]}"
+                raise NotANumber(str(cell), where, remedy) from None
+    columns = np.ascontiguousarray(np.array(values).reshape(len(numbers), len(places)).T)
+    table = RawTable(dict(zip(places, columns, strict=True)), np.array(numbers, dtype=np.int64), label, element=title)
+    if not numbers or np.isnan(columns).any():
+        _refuse_what_only_seems_empty(sheet, table, places, first[0] if request.header else first[0] - 1)
     if not numbers:
         raise DataError(f"{label}: the sheet has a header but no data")
-    columns = np.ascontiguousarray(np.array(values).reshape(len(numbers), len(places)).T)
-    return RawTable(dict(zip(places, columns, strict=True)), np.array(numbers, dtype=np.int64), label, element=title)
+    return table
 
 
 def _filled(rows: Iterator[Row]) -> Iterator[Row]:

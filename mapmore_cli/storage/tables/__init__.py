@@ -31,7 +31,7 @@ class TableRequest:
     - `delimiter`: one character, `tab`, or `whitespace`: any run of blanks and tabs (text).
     - `decimal`: the decimal point of the numbers (text).
     - `encoding`: of the characters (text); a byte order mark of UTF-8 is swallowed.
-    - `sheet`: title of the sheet, or a glob of which every match is a recording; the first sheet where None (workbooks).
+    - `sheet`: title of the sheet, or a glob of which every match is a recording; the first that is not hidden where None (workbooks).
     - `root`: where the columns start; `train[*]` makes every element a recording (MAT, HDF5).
     - `missing`: texts, besides the usual ones, that stand where there is no value (text, sheets).
     - `incomplete`: true where records that break off are missing values, False where they are errors.
@@ -53,13 +53,28 @@ class TableRequest:
 
 
 @dataclass(frozen=True)
+class Noted:
+    """What a file says of a column itself.
+
+    - `unit`: as the file spells it, empty where it says nothing.
+    - `step`, `start`: seconds between samples, 0 where it says nothing, and when the first one was taken.
+    - `is_scaled`: True where the numbers were multiplied as the file says.
+    """
+
+    unit: str = ""
+    step: float = 0.0
+    start: float = 0.0
+    is_scaled: bool = False
+
+
+@dataclass(frozen=True)
 class RawTable:
     """Columns as the file holds them, before scaling and units.
 
     `columns` has one `(n,)` array for each column of the request, NaN where a cell is empty. `label` names the table in messages (the
     file, and the part of it), and `doubts` are warnings of its reader. `rows` is `(n,)`, where each sample stands: its `place` is a `row`
     (line of a text file, row of a sheet, both from 1) or an `index` (of an array, from 0). `element` tells the recordings of one file
-    apart, by number or by the title of their sheet; None where it holds a single one.
+    apart, by number or by the title of their sheet; None where it holds a single one. `noted` is what the file says of its columns.
     """
 
     columns: Mapping[Any, Array]
@@ -68,6 +83,7 @@ class RawTable:
     place: str = "row"
     element: int | str | None = None
     doubts: tuple[str, ...] = ()
+    noted: Mapping[Any, Noted] = field(default_factory=dict)
 
     @property
     def size(self) -> int:

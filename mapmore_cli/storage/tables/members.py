@@ -5,11 +5,12 @@ A format gives its top as a `Member`; the rest is the same for all.
 
 from __future__ import annotations
 
+import math
 import re
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -18,10 +19,13 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.tables import RawTable, Reader, SourceColumn, TableRequest, Top, known_names
+from mapmore_cli.storage.tables import Noted, RawTable, Reader, SourceColumn, TableRequest, Top, known_names
 
 Selection = tuple[int | slice, ...]
 """An index in brackets, `:` being a whole axis."""
+
+SAME_TIME = 0.01
+"""Of a step between samples: by so much may columns begin apart that belong together row by row."""
 
 EVERY = "[*]"
 _STEP = re.compile(r"(?P<separator>[./]?)(?:(?P<name>[^./\[\]]+)|\[(?P<index>[^\[\]]*)\])")
@@ -39,6 +43,7 @@ class Member:
     - `names`, `member`: the names of its members, empty where it has none, and how to get one.
     - `count`, `element`: the number of its elements, None where it is no collection, and how to get one, from 0.
     - `values`, `shape`: for an array: reads a selection of it, `()` being all; raises IndexError. And its size along each axis.
+    - `noted`: what the file says of an array.
     """
 
     kind: str
@@ -48,11 +53,22 @@ class Member:
     element: Callable[[int], Member] = _impossible
     values: Callable[[Selection], Any] = _impossible
     shape: tuple[int, ...] = ()
+    noted: Noted = field(default_factory=Noted)
 
     @property
     def is_array(self) -> bool:
         """True for what holds values rather than members."""
         return not self.names and self.count is None
+
+
+def array_of(values: Callable[[Selection], Any], shape: tuple[int, ...], noted: Noted | None = None) -> Member:
+    """Return an array of that size."""
+    return Member(f"an array of {size_in_words(shape)}", values=values, shape=shape, noted=noted or Noted())
+
+
+def size_in_words(shape: Iterable[int]) -> str:
+    """Return a size in words, as `5 x 3`."""
+    return " x ".join(map(str, shape)) or "a single value"
 
 
 def group_of(kind: str, names: Sequence[str], member: Callable[[str], Member]) -> Member:
@@ -137,27 +153,57 @@ def _has_some(element: Member, request: TableRequest) -> bool:
 
 
 def _table(base: Member, request: TableRequest, label: str, element: int | None = None) -> RawTable:
-    columns = {column: _column(base, f"[:,{column}]" if isinstance(column, int) else column, label) for column in request.columns}
-    return table_of(columns, request, label, element)
+    noted: dict[SourceColumn, Noted] = {}
+    columns = {}
+    for column in request.columns:
+        address = f"[:,{column}]" if isinstance(column, int) else column
+        columns[column], noted[column] = _column(base, address, label)
+    return table_of(columns, request, label, element, noted)
 
 
-def table_of(columns: Mapping[SourceColumn, Array], request: TableRequest, label: str, element: int | None = None) -> RawTable:
+def table_of(
+    columns: Mapping[SourceColumn, Array],
+    request: TableRequest,
+    label: str,
+    element: int | None,
+    noted: Mapping[SourceColumn, Noted],
+) -> RawTable:
     """Return the columns as a table; where records may be incomplete the shortest column ends it. Raises DataError."""
+    _refuse_other_clocks(noted, label)
     lengths = {column: len(values) for column, values in columns.items()}
     shortest, longest = min(lengths, key=lengths.__getitem__), max(lengths, key=lengths.__getitem__)
     n = lengths[shortest]
+    if n == 0:
+        raise DataError(f"{label}: '{shortest}' is empty")
     if lengths[longest] > n and not request.incomplete:
         raise DataError(
             f"{label}: columns of different length: '{shortest}' has {n} samples, '{longest}' has {lengths[longest]}",
             "They do not belong to one log; bring them together with `join`. `missing: drop` ends all with the shortest.",
         )
-    if n == 0:
-        raise DataError(f"{label}: '{shortest}' holds no samples")
-    return RawTable({column: values[:n] for column, values in columns.items()}, np.arange(n, dtype=np.int64), label, "index", element)
+    cut = {column: values[:n] for column, values in columns.items()}
+    return RawTable(cut, np.arange(n, dtype=np.int64), label, "index", element, noted=noted)
 
 
-def _column(base: Member, address: str, label: str) -> Array:
-    """Return the `(n,)` array at an address."""
+def _refuse_other_clocks(noted: Mapping[SourceColumn, Noted], label: str) -> None:
+    """Raise DataError for columns that were not sampled together, as the file itself says."""
+    timed = [(column, one) for column, one in noted.items() if one.step]
+    for (first, one), (second, other) in zip(timed[:1] * len(timed), timed, strict=True):
+        later = round(other.start - one.start, 6)  # as exact as seconds since 1970 are
+        if not math.isclose(one.step, other.step, rel_tol=1e-6):
+            what = f"'{first}' was sampled every {one.step:.6g} s, '{second}' every {other.step:.6g} s"
+        elif abs(later) > SAME_TIME * abs(one.step):
+            what = f"'{second}' begins {later:.6g} s after '{first}'"
+        else:
+            continue
+        join = f"`sample_time: {other.step:.9g} s` and `shift: {later:.9g} s`"
+        raise DataError(
+            f"{label}: {what}",
+            f"read '{second}' of the same file by `join`, with {join}; with `on: row` where row belongs to row",
+        )
+
+
+def _column(base: Member, address: str, label: str) -> tuple[Array, Noted]:
+    """Return the `(n,)` array at an address, and what the file says of it."""
     steps = parse_address(address)
     if not steps:
         raise DataError(f"{label}: a column has an empty address", "Name an array, as `run.P`.")
@@ -173,8 +219,8 @@ def _column(base: Member, address: str, label: str) -> Array:
         raise DataError(f"{label}: '{address}' reaches beyond {member.kind}", "Indices count from 0.") from None
     if sum(length > 1 for length in values.shape) > 1:
         name = address[: address.rindex("[")] if selection else address
-        raise DataError(f"{label}: '{address}' is an array of {' x '.join(map(str, values.shape))}", f"Say which column, as `{name}[:,0]`.")
-    return as_numbers(values.reshape(-1), f"{label}: '{address}'")
+        raise DataError(f"{label}: '{address}' is an array of {size_in_words(values.shape)}", f"Say which column, as `{name}[:,0]`.")
+    return as_numbers(values.reshape(-1), f"{label}: '{address}'"), member.noted
 
 
 def as_numbers(values: Any, what: str) -> Array:
@@ -183,7 +229,9 @@ def as_numbers(values: Any, what: str) -> Array:
     if array.dtype.kind == "M":
         return np.asarray((array - np.datetime64(0, "s")) / np.timedelta64(1, "s"), dtype=np.float64)
     if array.dtype.kind not in "biuf":
-        words = {"c": "complex numbers", "U": "text", "S": "text"}.get(array.dtype.kind, f"values of type {array.dtype}")
+        words = {"c": "complex numbers", "U": "text", "S": "text", "O": "texts, references or lists"}.get(
+            array.dtype.kind, f"values of type {array.dtype}"
+        )
         raise DataError(f"{what} holds {words}, not real numbers")
     return np.asarray(array, dtype=np.float64)
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import tracemalloc
+import zlib
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -16,6 +18,7 @@ from reading import opaque_mat, refusal, tables_of
 from scipy import sparse
 
 from mapmore_cli.domain.errors import DataError
+from mapmore_cli.storage.readers import READERS
 from mapmore_cli.storage.tables import SourceColumn
 
 BY_MATLAB = Path(scipy.io.__file__).parent / "matlab" / "tests" / "data"
@@ -150,7 +153,7 @@ WRONG: list[tuple[tuple[SourceColumn, ...], dict[str, Any], list[str]]] = [
     (("",), {}, ["empty address"]),
     (("z",), {}, ["'z'", "complex"]),
     (("run.note",), {}, ["'run.note' holds text, not real numbers"]),
-    (("nothing",), {}, ["'nothing' holds no samples"]),
+    (("nothing",), {}, ["'nothing' is empty"]),
     (("run.P", "y[3,:]"), {}, ["different length: 'y[3,:]' has 3 samples, 'run.P' has 5", "join"]),
     (("y[:,0]", "t"), {"root": "train[*]"}, ["a.mat:train[1]: columns of different length: 't' has 4 samples, 'y[:,0]' has 5"]),
     (("P",), {"root": "y[*]"}, ["`root: y[*]` asks for every element of an array of 5 x 3", "`root: y`"]),
@@ -197,6 +200,73 @@ def test_files_that_matlab_wrote(name: str, column: str, expected: Any) -> None:
     if name.startswith("testhdf5"):  # the other reader takes it as well, with the axes as MATLAB shows them
         (table,) = tables_of("hdf5", BY_MATLAB / name, "testdouble[0,:]")
         np.testing.assert_allclose(table.columns["testdouble[0,:]"], expected)
+
+
+@pytest.mark.parametrize("format_", ["4", "5"])
+@pytest.mark.parametrize("packed", [False, True])
+def test_arrays_of_every_type_equal_those_of_scipy(tmp_path: Path, format_: str, packed: bool) -> None:
+    kinds = ("f8", "f4", "i4", "i2", "u2", "u1") if format_ == "4" else ("f8", "f4", "i8", "u8", "i4", "u4", "i2", "u2", "i1", "u1", "?")
+    arrays = {f"v{kind[0].replace('?', 'b')}{kind[1:]}": np.arange(12).reshape(4, 3).astype(kind) for kind in kinds}
+    scipy.io.savemat(tmp_path / "a.mat", {**arrays, "few": sparse.csc_array(Y > 2)}, format=format_, do_compression=packed)
+    known = scipy.io.loadmat(tmp_path / "a.mat")
+    for name in arrays:
+        np.testing.assert_array_equal(values(tmp_path / "a.mat", f"{name}[:,2]"), known[name][:, 2])
+    np.testing.assert_array_equal(values(tmp_path / "a.mat", "few[:,1]"), known["few"].toarray()[:, 1])
+
+
+@pytest.mark.parametrize("name", sorted(path.name for path in BY_MATLAB.glob("*.mat")))
+def test_variables_of_all_files_have_the_numbers_that_scipy_reads(name: str) -> None:
+    known = scipy.io.loadmat(BY_MATLAB / name) if name.startswith(("test", "big", "little")) and "hdf5" not in name else {}
+    for variable, array in known.items():
+        array = array.toarray() if sparse.issparse(array) else array
+        if not variable.startswith("__") and array.dtype.kind in "iufb" and array.ndim == 2 and array.size:
+            np.testing.assert_array_equal(values(BY_MATLAB / name, f"{variable}[:,0]"), array[:, 0])
+
+
+def test_texts_of_any_encoding_do_not_hide_the_numbers_beside_them(tmp_path: Path) -> None:
+    scipy.io.savemat(tmp_path / "a.mat", {"P": T, "label": "20 °C 🙂", "other": T})
+    for path in (tmp_path / "a.mat", BY_MATLAB / "testunicode_7.4_GLNX86.mat"):
+        assert READERS["mat"].peek is not None
+        assert not path.exists() or list(READERS["mat"].peek(path, 3))
+    assert values(tmp_path / "a.mat", "P") == list(T)
+    refusal(["'label' holds text"], "mat", tmp_path / "a.mat", "label")
+
+
+def element_5(kind: int, content: bytes) -> bytes:
+    return np.array([kind, len(content)], "<u4").tobytes() + content + b"\0" * (-len(content) % 8)
+
+
+def variable_5(of_class: int, shape: tuple[int, ...], *parts: bytes) -> bytes:
+    flags, size = np.array([of_class, 0], "<u4").tobytes(), np.array(shape, "<i4").tobytes()
+    return element_5(14, element_5(6, flags) + element_5(5, size) + element_5(1, b"x") + b"".join(parts))
+
+
+FEW = (element_5(5, np.array([1], "<i4").tobytes()), element_5(5, np.array([0, 1], "<i4").tobytes()), element_5(9, T[1:2].tobytes()))
+ZEROS = zlib.compress(variable_5(6, (1, 15 * 10**6), element_5(9, bytes(12 * 10**7))), 1)
+FAR_TOO_MUCH: dict[str, tuple[bytes, str]] = {
+    "sparse": (variable_5(5, (10**9, 10**9), *FEW), "a sparse matrix of 1000000000 x 1000000000 unpacks"),
+    "sparse, of one column": (variable_5(5, (10**9, 1), *FEW), "a sparse matrix of 1000000000 x 1 unpacks"),
+    "sparse, with more ends": (variable_5(5, (5, 10**9), FEW[0], element_5(5, b"\xff\xff\xff\x7f" * 2), FEW[2]), "a sparse matrix"),
+    "cells": (variable_5(1, (1, 200_000), element_5(14, b"") * 200_000), "'x' has more than 100000 elements"),
+    "cells that are not there": (variable_5(1, (10**9, 1)), "0 elements of 1000000000"),
+    "fields": (variable_5(2, (10**9, 1), element_5(5, np.array([2], "<i4").tobytes()), element_5(1, b"P\0")), "0 elements of 1000000000"),
+    "numbers that are not there": (variable_5(6, (10**9, 10**9), FEW[2]), "cannot reshape"),
+    "packed": (b"\x0f\0\0\0" + np.array([len(ZEROS)], "<u4").tobytes() + ZEROS, "the file unpacks from"),
+    "a size below zero": (variable_5(6, (-1, 1), FEW[2]), "cannot reshape"),
+    "an end beyond the file": (variable_5(6, (1, 1), FEW[2])[:-8], "an array is cut off"),
+}
+
+
+@pytest.mark.parametrize(("variable", "told"), FAR_TOO_MUCH.values(), ids=FAR_TOO_MUCH)
+def test_files_that_declare_far_too_much_are_refused_at_once(tmp_path: Path, variable: bytes, told: str) -> None:
+    path = tmp_path / "a.mat"
+    path.write_bytes(b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM" + variable)
+    tracemalloc.start()
+    try:
+        assert told in refusal(["a.mat: "], "mat", path, "x", root=None)
+        assert tracemalloc.get_traced_memory()[1] < 400e6
+    finally:
+        tracemalloc.stop()
 
 
 def test_sparse_columns(tmp_path: Path) -> None:

@@ -354,6 +354,35 @@ def test_a_run_that_is_compared_with_is_checked(tmp_path: Path) -> None:
     assert inspection.verdict is not None
 
 
+@pytest.mark.parametrize(
+    ("files", "names"),
+    [
+        (["rig.xlsx"], ["rig.xlsx (rig[run A])", "rig.xlsx (rig[run B])"]),
+        (
+            [{"path": "rig.xlsx", "sheet": "run A", "id": "a"}, {"path": "rig.xlsx", "sheet": "run B", "id": "b"}],
+            ["rig.xlsx (a)", "rig.xlsx (b)"],
+        ),
+        (
+            [{"path": "rig.xlsx", "sheet": "run A"}, {"path": "rig.xlsx", "sheet": "run B"}],
+            ["rig.xlsx (rig[run A])", "rig.xlsx (rig[run B])"],
+        ),
+    ],
+)
+def test_copied_sheets_are_named(tmp_path: Path, files: list[Any], names: list[str]) -> None:
+    book = pytest.importorskip("openpyxl").Workbook()
+    book.remove(book.active)
+    for title in ("run A", "run B"):
+        sheet = book.create_sheet(title)
+        sheet.append(["t", "P", "eps", "F"])
+        for row in zip(*table(100.0).values(), strict=True):
+            sheet.append([float(cell) for cell in row])
+    book.save(tmp_path / "rig.xlsx")
+    data = {"files": files, "reader": "xlsx", "sheet": "run*" if len(files) == 1 else None, "levels": None, "split": {}}
+    (tmp_path / "rig.yaml").write_text(dump(merged(SPEC, {"data": data})))
+    issue = only(inspect(load(tmp_path / "rig.yaml")), "recorded-twice")
+    assert [issue.place, issue.message] == [names[1], f"it has the same samples as {names[0]}"]
+
+
 @given(st.lists(st.tuples(st.integers(0, 9), st.floats(-1, 1)), min_size=2, max_size=40))
 def test_the_floor_is_below_every_monotone_curve(samples: list[tuple[int, float]]) -> None:
     """Any line is such a curve, and a monotone one through all points has none."""

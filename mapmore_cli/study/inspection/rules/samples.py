@@ -57,7 +57,7 @@ def clipped(subject: Subject) -> Iterator[Issue]:
                     continue
                 at = f"{numbers[end]:.6g} {subject.units[name]}"
                 count = f"{counts[end]} of {len(values)} samples have {name} at exactly {at}"
-                message = f"{recording.source}: {count}: clipped, or a limit that it has"
+                message = f"{recording.name}: {count}: clipped, or a limit that it has"
                 leave_out = f"leave them out, as `keep: [{{quantity: {name}, {side}: {numbers[end]:.6g}}}]`"
                 remedy = f"where the sensor is at its end, {leave_out}; where {name} itself stops there (a stop, a full tank), keep them"
                 known = name in FROM_SENSORS
@@ -105,8 +105,8 @@ def recorded_twice(subject: Subject) -> Iterator[Issue]:
         if twin is recording:
             continue
         leak = (twin.id in held_out) != (recording.id in held_out)
-        message = f"{recording.source} has the same samples as {twin.source}" + (", and one of them validates the other" if leak else "")
-        yield Issue("error" if leak else "warning", "recorded-twice", recording.source, message, "leave one of them out", "data")
+        message = f"it has the same samples as {twin.name}" + (", and one of them validates the other" if leak else "")
+        yield Issue("error" if leak else "warning", "recorded-twice", recording.name, message, "leave one of them out", "data")
 
 
 def many_dropped(subject: Subject) -> Iterator[Issue]:
@@ -123,7 +123,7 @@ def many_dropped(subject: Subject) -> Iterator[Issue]:
         if recording.rows_kept < (1 - MOST) * (recording.rows_kept + lost):  # resampling loses nothing
             why = "; ".join(f"{count}: {reason}" for reason, count in recording.dropped.items())
             message = f"{recording.rows_kept} of {recording.rows_read} samples are kept ({why})"
-            yield Issue("hint", "few-kept", recording.source, message, "see whether `data.keep` and `data.levels` mean this", "data")
+            yield Issue("hint", "few-kept", recording.name, message, "see whether `data.keep` and `data.levels` mean this", "data")
 
 
 def unsettled(subject: Subject) -> Iterator[Issue]:

@@ -72,7 +72,7 @@ def time_in_milliseconds(subject: Subject) -> Iterator[Issue]:
             continue
         step, length = float(np.median(np.diff(time))), float(time[-1] - time[0])
         if step > LONGEST_STEP or length > LONGEST_RECORD:
-            message = f"{recording.source}: one sample every {step:.3g} s, {length / 3600:.3g} hours in all, which is slow for a muscle"
+            message = f"{recording.name}: one sample every {step:.3g} s, {length / 3600:.3g} hours in all, which is slow for a muscle"
             yield Issue("hint", "time-in-milliseconds", subject.source("time"), message, "say `unit: ms` if the stamps are in ms")
             return  # the others are of the same logger
 

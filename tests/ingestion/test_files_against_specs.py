@@ -1,0 +1,155 @@
+"""Where a file says something else of its columns than the spec: an error with the remedy, or a warning."""
+
+from __future__ import annotations
+
+import io
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from ingest_samples import Ingest
+
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.spec.units import is_same, unit_of_file
+
+N = 40
+
+
+def hdf5(**units: str) -> bytes:
+    stream = io.BytesIO()
+    with h5py.File(stream, "w") as file:
+        for name, scale in (("t", 0.1), ("P", 1.0), ("eps", 0.001), ("F", 2.0)):
+            file[name] = scale * np.arange(float(N))
+            if name in units:
+                file[name].attrs["units"] = units[name]
+    return stream.getvalue()
+
+
+def columns(**changes: Any) -> dict[str, Any]:
+    own = {"time": "t", "pressure": "P", "strain": "eps", "force": "F"}
+    return {name: {"column": column, **changes.get(name, {})} for name, column in own.items()}
+
+
+def read(ingest: Ingest, content: bytes, **data: Any) -> tuple[dict[str, Any], list[str]]:
+    warnings: list[str] = []
+    made = ingest({"a.h5": content}, files=["a.h5"], reader="hdf5", warnings=warnings, **data)
+    return dict(made.recordings[0].columns), warnings
+
+
+@pytest.mark.parametrize(
+    ("units", "spec"),
+    [
+        ({"P": "kilopascal", "F": "newton", "t": "seconds"}, {}),
+        ({"P": "kPa", "t": "seconds since 2020-01-01 00:00:00"}, {}),
+        ({"P": "bar"}, {"pressure": {"unit": "bar"}}),
+        ({"P": "BAR"}, {"pressure": {"unit": "bar"}}),
+        ({"P": "psig"}, {"pressure": {"unit": "psi"}}),
+        ({"P": "[kPa]", "eps": "mm/mm", "F": ""}, {}),
+        ({"t": "days since 2020-01-01"}, {"time": {"unit": "days"}}),
+        ({"P": "V"}, {"pressure": {"scale": 25.0, "unit": "kPa"}}),
+        ({"P": "bar"}, {"pressure": {"scale": 1, "unit": "kPa"}}),
+    ],
+    ids=str,
+)
+def test_units_that_mean_the_same_or_that_a_scale_explains(ingest: Ingest, units: dict[str, str], spec: dict[str, Any]) -> None:
+    assert read(ingest, hdf5(**units), columns=columns(**spec))[1] == []
+
+
+@pytest.mark.parametrize(
+    ("units", "spec", "told"),
+    [
+        (
+            {"P": "bar"},
+            {"pressure": {"unit": "kPa"}},
+            "a.h5: 'P' is in bar, says the file, but is read as pressure in kPa\n  say `unit: bar`",
+        ),
+        ({"P": "bar"}, {}, "'P' is in bar"),
+        ({"P": "Bar"}, {"pressure": {"scale": -1}}, "say `unit: bar`"),
+        ({"P": "psi (gauge)"}, {}, "say `unit: psi`"),
+        ({"P": "V"}, {}, "by `scale` how the numbers become kPa"),
+        ({"F": "kg"}, {}, "'F' is in kg"),
+        ({"F": "kN"}, {"force": {"offset": 3.0}}, "say `unit: kN`"),
+        ({"eps": "%"}, {}, "'eps' is in %"),
+        ({"t": "ms"}, {}, "'t' is in ms"),
+        ({"t": "days since 2020-01-01"}, {}, "say `unit: days`"),
+    ],
+    ids=str,
+)
+def test_units_that_the_file_contradicts(ingest: Ingest, units: dict[str, str], spec: dict[str, Any], told: str) -> None:
+    with pytest.raises(DataError) as caught:
+        read(ingest, hdf5(**units), columns=columns(**spec))
+    assert told in str(caught.value)
+
+
+@pytest.mark.parametrize("word", ["counts", "a.u.", "Messwert", "m**9**9**9"])
+def test_words_that_nobody_knows_are_told(ingest: Ingest, word: str) -> None:
+    assert read(ingest, hdf5(F=word), columns=columns())[1] == [f"a.h5: 'F' is in '{word}', says the file, and is read in N"]
+
+
+def test_a_factor_of_the_file_and_one_of_the_spec(ingest: Ingest) -> None:
+    stream = io.BytesIO(hdf5())
+    with h5py.File(stream, "a") as file:
+        file["F"].attrs["scale_factor"] = 0.1
+    _, warnings = read(ingest, stream.getvalue(), columns=columns(force={"scale": 0.1}))
+    assert warnings == ["a.h5: 'F' is scaled as the file says, and `scale: 0.1` scales it again"]
+
+
+def test_units_by_meaning() -> None:
+    assert [is_same(*pair) for pair in (("degC", "K"), ("N", "kPa"), ("kPa", "kilopascal"), ("%", "1"))] == [False, False, True, False]
+    words = {"M": "m", "S": "s", "mmhg": "mmHg", "KPA": "kPa", "Newton": "newton", "kPa(g)": "kPa", "bara": "bar"}
+    assert {word: unit_of_file(word, unit) for word, unit in words.items()} == words
+
+
+@given(
+    st.one_of(st.text(max_size=12), st.text("kMmPaNbarsig/*^ 0123456789%()·°CdBV-", max_size=8)), st.sampled_from(["kPa", "1", "s", "K"])
+)
+def test_any_word_is_a_unit_or_not(word: str, unit: str) -> None:
+    found = unit_of_file(word, unit)
+    assert found is None or is_same(found, unit) in (True, False)
+
+
+# LabVIEW ------------------------------------------------------------------------------------------------------------------------
+
+
+def tdms(step_of_force: float = 0.01, start: int = 0, step: float = 0.01) -> bytes:
+    nptdms = pytest.importorskip("nptdms")
+    stream = io.BytesIO()
+    with nptdms.TdmsWriter(stream) as writer:
+        for name, dt, late, unit in (("P", step, 0, "kPa"), ("eps", step, 0, ""), ("F", step_of_force, start, "N")):
+            said = {"wf_increment": dt, "wf_start_time": np.datetime64("2026-03-01", "ms") + late, "unit_string": unit}
+            values = (0.01 if name == "eps" else 1.0) * (np.arange(N) * dt + late / 1000)
+            writer.write_segment([nptdms.ChannelObject("G", name, values, said)])
+    return stream.getvalue()
+
+
+LABVIEW = {name: {"column": f"G/{column}"} for name, column in (("pressure", "P"), ("strain", "eps"), ("force", "F"))}
+TDMS: dict[str, Any] = {"files": ["a.tdms"], "reader": "tdms"}
+
+
+def test_the_remedy_brings_channels_of_two_rates_together(ingest: Ingest) -> None:
+    content = {"a.tdms": tdms(0.009, 100)}
+    with pytest.raises(DataError, match=r"every 0\.01 s, 'G/F' every 0\.009 s\n.*`sample_time: 0\.009 s` and `shift: 0\.1 s`"):
+        ingest(content, **TDMS, columns=LABVIEW, sample_time=0.01)
+    join = {**TDMS, "columns": {"force": LABVIEW["force"]}, "sample_time": 0.009, "shift": 0.1}
+    own = {name: LABVIEW[name] for name in ("pressure", "strain")}
+    made = ingest(content, **TDMS, columns=own, sample_time=0.01, join=[join], missing="drop").recordings[0].columns
+    np.testing.assert_allclose(made["force"], made["pressure"], atol=1e-9)
+    by_row = {**TDMS, "columns": {"force": LABVIEW["force"]}, "on": "row"}
+    assert ingest(content, **TDMS, columns=own, sample_time=0.01, join=[by_row]).recordings[0].rows_kept == N
+
+
+def test_a_sample_time_that_the_file_contradicts(ingest: Ingest) -> None:
+    with pytest.raises(DataError, match=r"one sample every 0\.01 s, and the spec every 0\.001 s\n  say `sample_time: 0\.01 s`"):
+        ingest({"a.tdms": tdms()}, **TDMS, columns=LABVIEW, sample_time=0.001)
+    assert ingest({"a.tdms": tdms()}, **TDMS, columns=LABVIEW, sample_time=0.01).recordings[0].rows_kept == N
+
+
+def test_a_second_is_what_labview_notes_where_nobody_says(ingest: Ingest) -> None:
+    warnings: list[str] = []
+    ingest({"a.tdms": tdms(1.0, step=1.0)}, **TDMS, columns=LABVIEW, sample_time=0.001, warnings=warnings)
+    assert warnings == [
+        "a.tdms: the file says one sample every 1 s, and the spec every 0.001 s, which is believed: LabVIEW notes 1 s where nobody says"
+    ]
