@@ -23,6 +23,12 @@ from mapmore_cli.storage.readers import READERS
 from mapmore_cli.storage.spool import by_blocks, chosen, counted, joined
 from mapmore_cli.storage.tables import RawTable, TableRequest, read_with
 
+TURNS = (3600.0, 86400.0)
+"""Where clocks begin anew, in s: those that show minutes after an hour, those that tell the time of day at midnight."""
+
+NEAR_TURN = 0.9
+"""Of a turn, that such a clock goes back at least: it may have rested there."""
+
 
 @dataclass(frozen=True)
 class Samples(RawTable):
@@ -93,12 +99,15 @@ def read_tables(log: Log, table: Logs, missing: MissingRule, units: Mapping[str,
         skip_rows=table.skip_rows,
         delimiter=table.delimiter,
         decimal=table.decimal,
+        thousands=table.thousands,
         encoding=table.encoding,
         sheet=log.sheet or table.sheet,
         root=table.root,
         missing=missing.texts,
         incomplete=missing.action == "drop",
         progress=meter.within(log),
+        clocks=table.clocks(units),
+        format=table.columns["time"].format if "time" in table.columns else None,
     )
     return [_in_model_units(raw, table, missing.numbers, units) for raw in read_with(READERS[table.reader], log.path, request)]
 
@@ -110,7 +119,11 @@ def _in_model_units(raw: RawTable, table: Logs, missing: Sequence[float], units:
     for name, column in table.columns.items():
         as_is = not missing and (column.scale, column.offset) == (1.0, 0.0) and column.unit in (None, units[name])
         values = raw.columns[column.column]
-        values = (values if column.unwrap is None else unwrapped(values, column.unwrap))[taken]
+        if column.unwrap is True:
+            values = going_on(values, (*(convert(turn, "s", column.unit or units[name]) for turn in TURNS), 2.0**32))
+        elif column.unwrap is not None:
+            values = unwrapped(values, column.unwrap)
+        values = values[taken]
         columns[name] = values if as_is else by_blocks(partial(_converted, column=column, missing=missing, unit=units[name]), values)
     if table.sample_time is not None:
         step = convert(table.sample_time, "s", units["time"])
@@ -139,6 +152,22 @@ def unwrapped(values: Array, period: float) -> Array:
     found, known = values.copy(), np.isfinite(values)
     found[known] = np.unwrap(values[known], period=period)
     return found
+
+
+def going_on(values: Array, turns: Sequence[float]) -> Array:
+    """Return the stamps of a clock that begins anew at one of some `turns` as if it went on."""
+    found, known = values.copy(), np.isfinite(values)
+    before, after = values[known][:-1], values[known][1:]
+    back = np.flatnonzero(after < before)
+    added = np.zeros(known.sum())
+    added[1 + back] = [begins_anew(before[at], after[at], turns) for at in back]
+    found[known] += np.cumsum(added)
+    return found
+
+
+def begins_anew(before: float, after: float, turns: Sequence[float]) -> float:
+    """Return the turn at which a clock begins anew between two stamps; 0 where it is none."""
+    return next((turn for turn in turns if 0 <= after <= before - NEAR_TURN * turn <= (1 - NEAR_TURN) * turn), 0.0)
 
 
 def without_missing(samples: Samples, table: Logs, missing: str) -> Samples:

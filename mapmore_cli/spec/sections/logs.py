@@ -5,14 +5,18 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Annotated, Literal
+from collections.abc import Iterable, Iterator, Mapping
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Annotated, Literal, Self
+from warnings import catch_warnings
 
-from pydantic import Field
+from pydantic import AfterValidator, Field, PrivateAttr
 
 from mapmore_cli.domain.declared import Contradiction, Either, OfKey, Seconds, of_sibling
 from mapmore_cli.spec.fields import InColumnUnit, Quantity, Section, SignedSeconds, SpecPath
+from mapmore_cli.spec.units import convert
 from mapmore_cli.storage.readers import READERS
+from mapmore_cli.storage.tables.cells import FORMAT, THOUSANDS, has_date
 
 OfQuantity = Annotated[float, of_sibling("quantity")]
 Interval = Annotated[tuple[OfQuantity, OfQuantity], Field(strict=False)]
@@ -49,9 +53,14 @@ if TYPE_CHECKING:
 else:
     ReaderName = Literal[tuple(READERS)]
 
+if TYPE_CHECKING:
+    Thousands = str
+else:
+    Thousands = Literal[THOUSANDS]
+
 READERS_OF: Mapping[str, tuple[str, ...]] = {
     key: tuple(name for name, reader in READERS.items() if key in reader.keys)
-    for key in ("header", "skip_rows", "delimiter", "decimal", "encoding", "sheet", "root")
+    for key in ("header", "skip_rows", "delimiter", "decimal", "thousands", "encoding", "sheet", "root")
 }
 """The readers that have a use for a key."""
 
@@ -69,12 +78,35 @@ class FileEntry(Section):
     keep: list[Keep] = []
 
 
+_MOMENT = datetime(2026, 3, 1, 23, 4, 5, 678901, tzinfo=UTC)
+
+
+def possible_format(text: str) -> str:
+    """Return a format of stamps; raises Contradiction for one that `strptime` cannot read, or that leaves doubts."""
+    try:
+        with catch_warnings(action="ignore"):  # of days without a year, which are refused below
+            datetime.strptime(_MOMENT.strftime(text), text)
+    except (ValueError, re.error) as fault:
+        raise Contradiction(f"{text!r} is no format of stamps: {fault}", f"write it as {FORMAT}") from None
+    codes = set(re.findall("%(.)", text))
+    if not codes - {"%"}:
+        raise Contradiction(f"{text!r} has no code in it", f"write it as {FORMAT}")
+    if ("I" in codes) != ("p" in codes):
+        raise Contradiction("`%I` and `%p` go together", "write `%H` for hours from 0 to 23")
+    if codes & set("dmbBj") and not has_date(text):
+        raise Contradiction("the format has a day without a year", "write the whole date, or the time alone")
+    return text
+
+
 class SourceColumn(Section):
     """Where a quantity comes from: a `column` by name, 0-based index or address, as `value * scale + offset` in `unit`.
 
     An address leads into MAT and HDF5 files, as `run.P` or `y[:,0]`; a TDMS channel is `Group/Channel`. Where every recording has a zero of
     its own, `rest` is how long it rests at its beginning: the mean over that time is taken off. `unwrap` is the number at which an encoder
     begins anew, as 360 or 4096 in the numbers of the file: jumps by more than half of it are such a turn.
+
+    Of `time` alone: `format` says how its stamps are written, in the codes of Python's `strptime`, as `"%m/%d/%Y %I:%M:%S.%f %p"`; and
+    `unwrap: true` goes on where the clock begins anew, at midnight, after an hour, or at 2^32 of its unit.
     """
 
     column: Annotated[str | int, Either()]
@@ -82,14 +114,16 @@ class SourceColumn(Section):
     scale: float = 1.0
     offset: InColumnUnit = 0.0
     rest: Seconds | None = None
-    unwrap: Annotated[float, Field(gt=0)] | None = None
+    unwrap: Annotated[Annotated[float, Field(gt=0)] | Literal[True], Either()] | None = None
+    format: Annotated[str, AfterValidator(possible_format)] | None = None
 
 
 class Logs(Section):
     """Files of one kind and the columns in them.
 
     `files` are globs that start at the folder of the spec. `header` is the number of header lines (`true` is one), the first with the
-    names, after `skip_rows` lines. `delimiter` is a character, `tab` or `whitespace`. `sheet` names the sheet of a workbook;
+    names, after `skip_rows` lines. `delimiter` is a character, `tab` or `whitespace`. `thousands` is what stands between the thousands of
+    its numbers, as `","` in 1,234.5. `sheet` names the sheet of a workbook;
     with `*` or another glob, every sheet that matches is a recording of its own. `root` is the place in a MAT or HDF5 file from which
     columns are addressed: with `[*]` at its end every element is a recording of its own, except members that have none of the columns. In a
     TDMS file it is a group, or `[*]` for all. `sample_time` makes the time where no column
@@ -102,12 +136,28 @@ class Logs(Section):
     skip_rows: Annotated[int, Field(ge=0, le=1_000_000)] = 0
     delimiter: str = ","
     decimal: Literal[".", ","] = "."
+    thousands: Thousands | None = None
     encoding: str = "utf-8"
     sheet: str | None = None
     root: str | None = None
     columns: Annotated[dict[Quantity, SourceColumn], Field(min_length=1)]
     sample_time: Seconds | None = None
     every: Annotated[int, Field(ge=1, le=1_000_000_000)] = 1
+    _stamped: frozenset[str | int] = PrivateAttr(frozenset())
+
+    def stamping(self, columns: Iterable[str | int]) -> Self:
+        """Return these logs with columns whose cells may be stamps, before anything is known of them."""
+        found = self.model_copy()
+        found._stamped = frozenset(columns)
+        return found
+
+    def clocks(self, units: Mapping[str, str]) -> frozenset[str | int]:
+        """Return the columns whose cells may be stamps, in seconds: that of `time`, if no other quantity has it."""
+        time = self.columns.get("time")
+        others = {column.column for name, column in self.columns.items() if name != "time"}
+        if time is None or time.column in others or convert(1.0, time.unit or units["time"], "s") != 1.0:
+            return self._stamped
+        return frozenset({time.column})
 
     def _contradictions(self) -> Iterator[ValueError]:
         reader = READERS[self.reader]
@@ -129,6 +179,15 @@ class Logs(Section):
         if self.delimiter == self.decimal:
             remedy = 'say what separates the fields, as `delimiter: ";"`'
             yield Contradiction("the decimal point also separates the fields", remedy, "decimal")
+        for one, column in self.columns.items():
+            if one != "time" and (column.format is not None or column.unwrap is True):
+                key = "unwrap: true" if column.format is None else "format"
+                yield Contradiction(f"`{key}` belongs to `time`, and stands at `{one}`", "remove it", "columns")
+        blank = self.delimiter == "whitespace" and (self.thousands or "0").isspace()
+        if self.thousands in (self.decimal, self.delimiter) or blank:
+            what = "the decimal point" if self.thousands == self.decimal else "the delimiter"
+            remedy = 'say what each is, as `decimal: "."`, `thousands: ","` and `delimiter: ";"`'
+            yield Contradiction(f"{what} also stands between thousands", remedy, "thousands")
         try:
             "a".encode(self.encoding)
         except (LookupError, ValueError):  # ValueError: a zero byte in the name

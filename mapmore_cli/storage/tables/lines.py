@@ -7,9 +7,10 @@ import csv
 import gzip
 import io
 import os
+import re
 import zlib
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, BinaryIO, TextIO, cast
@@ -17,6 +18,7 @@ from typing import IO, BinaryIO, TextIO, cast
 from mapmore_cli.domain.errors import DataError, WriteError
 from mapmore_cli.storage.atomic import written
 from mapmore_cli.storage.tables import reading, refuse_bombs
+from mapmore_cli.storage.tables.cells import number_of
 
 HEAD = 65536  # bytes by which the encoding is guessed
 MOSTLY = 0.7  # of every second byte, that is zero where plain letters are written in UTF-16
@@ -140,12 +142,47 @@ def _holds_record(line: str, delimiter: str) -> bool:
 
 
 def is_number(cell: str) -> bool:
-    """Whether a cell holds what Python reads as a number."""
+    """Whether a cell of text holds a number, or a word for none that is read as one."""
+    return bool(cell.strip()) and number_of(cell) is not None
+
+
+def records_of(lines: Iterable[str], delimiter: str, label: str, row: int = 0) -> Iterator[tuple[str, list[str], int]]:
+    """Yield the text of each record, its fields, and the number of its last line; `row` come before.
+
+    A quoted field may go on over several lines. One whose quotation marks are damaged, as in `"20"1.2`,
+    is the text as it stands, which is no number. No line is taken before its time.
+    """
+    taken: list[str] = []
+
+    def remembered() -> Iterator[str]:
+        for line in lines:
+            taken.append(line)
+            yield line
+
+    field = re.compile(rf'("(?:[^"]|"")*"|[^"{re.escape(delimiter)}]*)([^{re.escape(delimiter)}]*)')
     try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
+        for cells in csv.reader(remembered(), delimiter=delimiter):
+            if quote_left_open(taken, cells, delimiter):
+                raise open_quote(label, row + 1)
+            text, row = "".join(taken), row + len(taken)
+            taken.clear()
+            if '"' in text:
+                cells = _as_they_stand(text.rstrip("\r\n"), cells, field)
+            yield text, cells, row
+    except csv.Error as error:  # a field that is longer than any number
+        raise open_quote(label, row + 1) from error
+
+
+def _as_they_stand(text: str, cells: list[str], field: re.Pattern[str]) -> list[str]:
+    """Return the fields of a record, those with damaged quotation marks with all their marks."""
+    place, found = 0, list[str]()
+    for cell in cells:
+        whole = field.match(text, place)
+        if whole is None:
+            return cells
+        found.append(whole[0] if whole[2].strip() else cell)
+        place = whole.end() + 1
+    return found
 
 
 def open_quote(label: str, row: int) -> DataError:

@@ -19,6 +19,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.tables import RawTable, Reader, SourceColumn, TableRequest, Top, known_names
+from mapmore_cli.storage.tables.cells import DATES, CellReader, NotANumber, OddCell
 
 Selection = tuple[int | slice, ...]
 """An index in brackets, `:` being a whole axis."""
@@ -137,7 +138,10 @@ def _has_some(element: Member, request: TableRequest) -> bool:
 
 
 def _table(base: Member, request: TableRequest, label: str, element: int | None = None) -> RawTable:
-    columns = {column: _column(base, f"[:,{column}]" if isinstance(column, int) else column, label) for column in request.columns}
+    columns = {
+        column: _column(base, f"[:,{column}]" if isinstance(column, int) else column, label, request.cells(column))
+        for column in request.columns
+    }
     return table_of(columns, request, label, element)
 
 
@@ -156,7 +160,7 @@ def table_of(columns: Mapping[SourceColumn, Array], request: TableRequest, label
     return RawTable({column: values[:n] for column, values in columns.items()}, np.arange(n, dtype=np.int64), label, "index", element)
 
 
-def _column(base: Member, address: str, label: str) -> Array:
+def _column(base: Member, address: str, label: str, read: CellReader) -> Array:
     """Return the `(n,)` array at an address."""
     steps = parse_address(address)
     if not steps:
@@ -174,17 +178,37 @@ def _column(base: Member, address: str, label: str) -> Array:
     if sum(length > 1 for length in values.shape) > 1:
         name = address[: address.rindex("[")] if selection else address
         raise DataError(f"{label}: '{address}' is an array of {' x '.join(map(str, values.shape))}", f"Say which column, as `{name}[:,0]`.")
-    return as_numbers(values.reshape(-1), f"{label}: '{address}'")
+    return as_numbers(values.reshape(-1), f"{label}: '{address}'", read)
 
 
-def as_numbers(values: Any, what: str) -> Array:
-    """Return an array as numbers, time stamps in seconds since 1970; DataError, which begins with `what`, for text and the like."""
+def as_numbers(values: Any, what: str, read: CellReader | None = None) -> Array:
+    """Return an array as numbers of the same shape; `read` is what reads the cells of its column.
+
+    Text is read cell by cell. Time stamps are seconds since 1970, where the column may have them.
+    Raises DataError, which begins with `what`, for anything else.
+    """
+    read = CellReader() if read is None else read
     array = np.asarray(values)
+    if array.dtype.kind in "USO":
+        found = np.empty(array.shape)
+        for place, cell in np.ndenumerate(array):
+            try:
+                found[place] = read(cell)
+            except OddCell as odd:
+                at = f": index {', '.join(map(str, place))}" if place else ""
+                raise NotANumber(odd, f"{what} holds text, not real numbers{at}", read.column) from None
+        return found
+    if array.dtype.kind == "M" and not read.clock:
+        first = array.reshape(-1)[0] if array.size else "NaT"
+        odd = OddCell(first, "is not a number: a date stands here", DATES, is_stamp=True)
+        raise NotANumber(odd, what, read.column)
     if array.dtype.kind == "M":
         return np.asarray((array - np.datetime64(0, "s")) / np.timedelta64(1, "s"), dtype=np.float64)
-    if array.dtype.kind not in "biuf":
-        words = {"c": "complex numbers", "U": "text", "S": "text"}.get(array.dtype.kind, f"values of type {array.dtype}")
-        raise DataError(f"{what} holds {words}, not real numbers")
+    if array.dtype.kind not in "iuf":
+        words = {"c": "complex numbers", "b": "TRUE and FALSE"}.get(array.dtype.kind, f"values of type {array.dtype}")
+        raise DataError(f"{what} holds {words}, not real numbers", "make numbers of them where they count as such")
+    if read.format is not None:
+        raise DataError(f"{what} holds numbers", "remove `format`, which is for text")
     return np.asarray(array, dtype=np.float64)
 
 
@@ -366,7 +390,8 @@ def _of_array(member: Member, name: str, address: str, group: str, most: int) ->
     length, first = max(long, default=1), slice(0, most)
     axis = 1 if across else member.shape.index(length) if long and not matrix else 0
     try:
-        values = as_numbers(member.values((*(slice(None),) * axis, first) if member.shape else ()), address)
+        read = CellReader(clock=True)
+        values = as_numbers(member.values((*(slice(None),) * axis, first) if member.shape else ()), address, read)
     except DataError:
         return
     if not matrix:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from itertools import zip_longest
@@ -20,7 +20,7 @@ from mapmore_cli.ingestion.files import IngestSlice, relative_name
 from mapmore_cli.ingestion.samples import unwrapped
 from mapmore_cli.spec.sections.data import Data
 from mapmore_cli.spec.units import convert, default_unit, is_canonical
-from mapmore_cli.storage.tables import NotANumber
+from mapmore_cli.storage.tables.cells import NotANumber
 from mapmore_cli.study.drafting.answers import Answers
 from mapmore_cli.study.drafting.columns import Table, guess_columns, names_of, span, told_guesses, turn_of
 from mapmore_cli.study.drafting.draft import Column, Draft, Guess, range_of
@@ -40,9 +40,12 @@ _VOLTS = re.compile(r"[\[(]\s*m?V\s*[\])]|(?i:\bvolts?\b)")
 T = TypeVar("T")
 
 
-def read_draft(draft: Draft, folder: Path, measured: str) -> Dataset:
-    """Return the dataset of a draft, in the units that it says; DataError where it cannot be made."""
-    data = Data.model_validate(draft.data)
+def read_draft(draft: Draft, folder: Path, measured: str, stamped: Collection[Column] = ()) -> Dataset:
+    """Return the dataset of a draft, in the units that it says; DataError where it cannot be made.
+
+    Cells of `stamped` columns may be time stamps, besides those of the time.
+    """
+    data = Data.model_validate(draft.data).stamping(stamped)
     units = {name: "kPa/s" if name == "pressure_rate" else default_unit(name) for name in data.quantities}
     units |= draft.spec.get("units", {})
     try:
@@ -51,20 +54,20 @@ def read_draft(draft: Draft, folder: Path, measured: str) -> Dataset:
         raise DataError(fault.message, fault.remedy) from fault
 
 
-def read_tolerantly(draft: Draft, folder: Path, measured: str) -> tuple[Draft, Dataset, tuple[str, ...]]:
+def read_tolerantly(draft: Draft, folder: Path, measured: str, stamped: Collection[Column] = ()) -> tuple[Draft, Dataset, tuple[str, ...]]:
     """Return a draft that leaves samples without a number out, with its dataset, and the few words that stand for such numbers, as `---`.
 
-    Raises DataError where its cells hold more words, or hardly a number.
+    Raises DataError where its cells hold more words, or hardly a number; and for a cell that is no such word, as a date.
     """
     words: tuple[str, ...] = ()
     while True:
         draft = draft.with_data("missing", {"tokens": list(words)} if words else "drop")
         try:
-            dataset = read_draft(draft, folder, measured)
+            dataset = read_draft(draft, folder, measured, stamped)
         except NotANumber as fault:
-            if len(words) == MOST_WORDS:
+            if len(words) == MOST_WORDS or fault.odd.known:
                 raise
-            words = (*words, fault.cell)
+            words = (*words, fault.odd.cell)
             continue
         if words and sum(one.rows_kept for one in dataset.recordings) < WHOLE * sum(one.rows_read for one in dataset.recordings):
             raise DataError(f"hardly a number among {', '.join(map(repr, words))}")
@@ -79,26 +82,29 @@ def table_of(group: Group, folder: Path) -> Table:
     """
     layout = group.layout
     raw: dict[Column, list[Array]] = {}
-    lost = 1
+    lost, stamped = 1, set[Column]()
+    numeric = {layout.columns[place] for place in layout.numeric if place < len(layout.columns)}
     with suppress(DataError):
-        raw, lost = _read(group, folder, layout.columns)
+        raw, lost = _read(group, folder, layout.columns, stamped)
     if lost:
         raw = {}
         for column in layout.columns:
             try:
-                raw |= _read(group, folder, (column,))[0]
+                raw |= _read(group, folder, (column,), stamped)[0]
             except DataError as fault:
+                if isinstance(fault, NotANumber) and fault.odd.known and column in numeric:
+                    raise
                 last = fault
     if not raw:
         raise last
     turns = {column: turn for column, values in raw.items() if (turn := turn_of(values)) is not None}
     raw |= {column: [unwrapped(one, turn) for one in raw[column]] for column, turn in turns.items()}
     titles, below = (dict(zip(layout.columns, texts, strict=False)) for texts in (layout.titles or (), layout.below))
-    return Table(titles, raw, below, turns)
+    return Table(titles, raw, below, turns, frozenset(stamped))
 
 
-def _read(group: Group, folder: Path, columns: Sequence[Column]) -> tuple[dict[Column, list[Array]], int]:
-    """Return the columns, and how many samples are lost because one of them has none."""
+def _read(group: Group, folder: Path, columns: Sequence[Column], stamped: set[Column]) -> tuple[dict[Column, list[Array]], int]:
+    """Return the columns, and how many samples are lost because one of them has none; those of time stamps are added to `stamped`."""
     names = {f"column_{place}": column for place, column in enumerate(columns)}
     data = {
         "files": [{"path": relative_name(file, folder), "id": str(place)} for place, file in enumerate(some_of(group.files))],
@@ -106,7 +112,15 @@ def _read(group: Group, folder: Path, columns: Sequence[Column]) -> tuple[dict[C
         **group.layout.settings,
         "columns": {name: {"column": column} for name, column in names.items()},
     }
-    _, dataset, _ = read_tolerantly(Draft({"data": data, "units": dict.fromkeys(names, "1")}), folder, next(iter(names)))
+    draft = Draft({"data": data, "units": dict.fromkeys(names, "1")})
+    while True:
+        try:
+            _, dataset, _ = read_tolerantly(draft, folder, next(iter(names)), stamped)
+            break
+        except NotANumber as fault:
+            if not fault.odd.is_stamp or fault.column in stamped or fault.column is None:
+                raise
+            stamped.add(fault.column)
     lost = sum(one.dropped.get("missing value", 0) for one in dataset.recordings)
     return {column: [np.asarray(one.columns[name]) for one in dataset.recordings] for name, column in names.items()}, lost
 
