@@ -11,7 +11,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.ingestion.files import Log, Meter, Source
-from mapmore_cli.ingestion.samples import TURNS, Samples, begins_anew, read_tables, without_missing
+from mapmore_cli.ingestion.samples import TURNS, Samples, going_on, read_tables, without_missing
 from mapmore_cli.modelling.signals import sampling
 from mapmore_cli.modelling.signals.shift import find_shift
 from mapmore_cli.spec.sections.data import Data
@@ -59,7 +59,7 @@ def in_time_order(samples: Samples, repeated: str, unit: str) -> Samples:
     if len(resets):
         at = int(resets[0]) + 1
         turns = [convert(turn, "s", unit) for turn in (*TURNS, 2.0**32 * 1e-6, 2.0**32 * 1e-3)]
-        turned = begins_anew(time[at - 1], time[at], turns)
+        turned = going_on(time[at - 1 : at + 1], turns)[1]
         anew = f"The clock begins anew at {turned:.9g} {unit}: `unwrap: true` at `time` makes it go on. " if turned else ""
         raise DataError(
             f"{samples.at(at)}: time runs backwards, from {time[at - 1]:.9g} to {time[at]:.9g}",

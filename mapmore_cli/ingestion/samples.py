@@ -106,21 +106,28 @@ def read_tables(log: Log, table: Logs, missing: MissingRule, units: Mapping[str,
         missing=missing.texts,
         incomplete=missing.action == "drop",
         progress=meter.within(log),
-        clocks=table.clocks(units),
+        clocks=table.clocks(),
         format=table.columns["time"].format if "time" in table.columns else None,
+        second=_second(table, units),
     )
     return [_in_model_units(raw, table, missing.numbers, units) for raw in read_with(READERS[table.reader], log.path, request)]
 
 
+def _second(table: Logs, units: Mapping[str, str]) -> float:
+    """Return what a second is in the unit of the column of the time; 1 without one."""
+    return convert(1.0, "s", table.columns["time"].unit or units["time"]) if "time" in table.columns else 1.0
+
+
 def _in_model_units(raw: RawTable, table: Logs, missing: Sequence[float], units: Mapping[str, str]) -> Samples:
     """Return `value * scale + offset` in the model's unit, less its mean at rest; NaN for the numbers that stand for `missing` values."""
-    taken = slice(None, None, table.every)
+    taken, second = slice(None, None, table.every), _second(table, units)
     columns: dict[str, Array] = {}
     for name, column in table.columns.items():
         as_is = not missing and (column.scale, column.offset) == (1.0, 0.0) and column.unit in (None, units[name])
         values = raw.columns[column.column]
         if column.unwrap is True:
-            values = going_on(values, (*(convert(turn, "s", column.unit or units[name]) for turn in TURNS), 2.0**32))
+            values, known = values.copy(), np.isfinite(values)
+            values[known] += going_on(values[known], (*(second * turn for turn in TURNS), 2.0**32))
         elif column.unwrap is not None:
             values = unwrapped(values, column.unwrap)
         values = values[taken]
@@ -154,20 +161,11 @@ def unwrapped(values: Array, period: float) -> Array:
     return found
 
 
-def going_on(values: Array, turns: Sequence[float]) -> Array:
-    """Return the stamps of a clock that begins anew at one of some `turns` as if it went on."""
-    found, known = values.copy(), np.isfinite(values)
-    before, after = values[known][:-1], values[known][1:]
-    back = np.flatnonzero(after < before)
-    added = np.zeros(known.sum())
-    added[1 + back] = [begins_anew(before[at], after[at], turns) for at in back]
-    found[known] += np.cumsum(added)
-    return found
-
-
-def begins_anew(before: float, after: float, turns: Sequence[float]) -> float:
-    """Return the turn at which a clock begins anew between two stamps; 0 where it is none."""
-    return next((turn for turn in turns if 0 <= after <= before - NEAR_TURN * turn <= (1 - NEAR_TURN) * turn), 0.0)
+def going_on(time: Array, turns: Sequence[float]) -> Array:
+    """Return what has to be added to the stamps of a clock, (n,), where it begins anew at one of some `turns`."""
+    before, steps = time[:-1], np.diff(time)
+    added = np.sum([turn * ((steps <= -NEAR_TURN * turn) & (before <= turn)) for turn in turns], axis=0)
+    return np.concatenate([[0.0], np.cumsum(added)])[: len(time)]
 
 
 def without_missing(samples: Samples, table: Logs, missing: str) -> Samples:

@@ -181,8 +181,8 @@ def canonical_columns(frame: Any) -> dict[str, dict[str, str]]:
     return found
 
 
-def column_of(frame: Any, column: Column, label: str, clock: bool = False, layout: str | None = None) -> Array:
-    """One column as numbers, (n,); time stamps are seconds, in a `clock`. Raises `DataError`."""
+def column_of(frame: Any, column: Column, label: str, read: CellReader | None = None) -> Array:
+    """One column as numbers, (n,), whose cells are read by `read`. Raises `DataError`."""
     names = names_of(frame)
     if isinstance(column, int) and not isinstance(column, bool):
         if not 0 <= column < len(names):
@@ -193,7 +193,7 @@ def column_of(frame: Any, column: Column, label: str, clock: bool = False, layou
     values = np.asarray(frame[column])
     if values.ndim != 1:
         raise DataError(f"{label}: column '{column}' has the shape {values.shape}", "give one-dimensional arrays of one length")
-    return as_numbers(values, f"{label}: column '{column}'", CellReader(clock=clock, format=layout))
+    return as_numbers(values, f"{label}: column '{column}'", read)
 
 
 def write_frames(frames: Sequence[Any], columns: Mapping[str, Any], folder: Path) -> dict[str, Any]:
@@ -214,17 +214,16 @@ def write_frames(frames: Sequence[Any], columns: Mapping[str, Any], folder: Path
         with h5py.File(paths[-1], "w") as file:
             for name, values in arrays.items():
                 file.create_dataset(name, data=values, track_times=False)
-    told = {name: dict(entry) if isinstance(entry, Mapping) else {} for name, entry in columns.items()}
-    read = {name: {**entry, "column": name} for name, entry in told.items()}
-    read.get("time", {}).pop("format", None)
+    read = {name: {**(entry if isinstance(entry, Mapping) else {}), "column": name} for name, entry in columns.items()}
+    read.get("time", {}).pop("format", None)  # what is written are numbers
     return {"files": [str(path) for path in paths], "reader": "hdf5", "columns": read}
 
 
 def quantity_of(frame: Any, name: str, entry: Any, label: str) -> Array:
     """Return the column that an entry of `columns` names, (n,), as numbers of the quantity."""
-    told = entry if isinstance(entry, Mapping) else {}
-    clock = name == "time" and told.get("unit") in (None, "s")
-    return column_of(frame, source_of(entry), label, clock, told.get("format") if clock else None)
+    told = entry if name == "time" and isinstance(entry, Mapping) else {}
+    second = convert(1.0, "s", told.get("unit") or "s")
+    return column_of(frame, source_of(entry), label, CellReader(clock=name == "time", format=told.get("format"), second=second))
 
 
 def source_of(entry: Any) -> Column:
@@ -249,5 +248,5 @@ def quantities_of(frame: Any, wanted: Sequence[str], columns: Mapping[str, Sourc
             unit = units.get(name) or default_unit(name)
             found[name] = convert(values, column.unit, unit) if column.unit is not None else values
         else:
-            found[name] = column_of(frame, name, "the frame", name == "time")
+            found[name] = column_of(frame, name, "the frame", CellReader(clock=name == "time"))
     return found

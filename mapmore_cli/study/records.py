@@ -18,7 +18,7 @@ from mapmore_cli.domain.recording import Signal
 from mapmore_cli.modelling.kinds import fed_back, runs_over_time
 from mapmore_cli.modelling.signals.sampling import find_gaps, pieces, typical_step
 from mapmore_cli.storage.tables import TableRequest, locate_columns
-from mapmore_cli.storage.tables.cells import CellReader, NotANumber, OddCell, number_of
+from mapmore_cli.storage.tables.cells import CellReader, NotANumber, number_of
 from mapmore_cli.storage.tables.lines import records_of
 
 RECORDING = "recording"
@@ -50,7 +50,7 @@ def _time(cell: str) -> float:
     """Return the time in a field; NaN for what the later, strict reading will report."""
     try:
         return CellReader(clock=True)(cell)
-    except OddCell:
+    except NotANumber:
         return np.nan
 
 
@@ -161,8 +161,8 @@ class Sheet:
             for name, place, values, read in columns:
                 try:
                     values[i] = read(cells[place])
-                except OddCell as odd:
-                    raise NotANumber(odd, f"{self.label}:row {row.line}, column {name}") from None
+                except NotANumber as odd:
+                    raise odd.at(f"{self.label}:row {row.line}, column {name}") from None
         return {name: values for name, _, values, _ in columns}
 
     def _reader(self, name: str) -> CellReader:

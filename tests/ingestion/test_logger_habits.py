@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from ingest_samples import COLUMNS, Ingest, csv_text, steps
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.tables.cells import CellReader, OddCell, stamp_of
+from mapmore_cli.storage.tables.cells import CellReader, NotANumber, stamp_of
 from mapmore_cli.storage.tables.lines import encoding_of, guess_encoding
 
 openpyxl = pytest.importorskip("openpyxl")
@@ -38,13 +38,13 @@ NOON = datetime(2026, 3, 1, 12, 0, 1, 500000, tzinfo=UTC).timestamp()
 )
 def test_stamps_are_seconds(text: str, seconds: float) -> None:
     assert CellReader(clock=True)(f" {text} ") == seconds
-    with pytest.raises(OddCell):
+    with pytest.raises(NotANumber):
         CellReader()(text)
 
 
 @pytest.mark.parametrize("text", ["3/1/2026 12:00:00", "noon", "12:61:00", "2026-13-01 12:00:00", "2026-03-01", "1:2", "9" * 5000 + ":"])
 def test_what_is_no_stamp_is_refused(text: str) -> None:
-    with pytest.raises(OddCell):
+    with pytest.raises(NotANumber):
         CellReader(clock=True)(text)
 
 

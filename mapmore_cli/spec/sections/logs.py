@@ -5,18 +5,17 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
-from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Annotated, Literal, Self
+from collections.abc import Iterator, Mapping
+from datetime import datetime
+from typing import TYPE_CHECKING, Annotated, Literal
 from warnings import catch_warnings
 
-from pydantic import AfterValidator, Field, PrivateAttr
+from pydantic import AfterValidator, Field
 
 from mapmore_cli.domain.declared import Contradiction, Either, OfKey, Seconds, of_sibling
 from mapmore_cli.spec.fields import InColumnUnit, Quantity, Section, SignedSeconds, SpecPath
-from mapmore_cli.spec.units import convert
 from mapmore_cli.storage.readers import READERS
-from mapmore_cli.storage.tables.cells import FORMAT, THOUSANDS, has_date
+from mapmore_cli.storage.tables.cells import FORMAT, THOUSANDS
 
 OfQuantity = Annotated[float, of_sibling("quantity")]
 Interval = Annotated[tuple[OfQuantity, OfQuantity], Field(strict=False)]
@@ -53,11 +52,6 @@ if TYPE_CHECKING:
 else:
     ReaderName = Literal[tuple(READERS)]
 
-if TYPE_CHECKING:
-    Thousands = str
-else:
-    Thousands = Literal[THOUSANDS]
-
 READERS_OF: Mapping[str, tuple[str, ...]] = {
     key: tuple(name for name, reader in READERS.items() if key in reader.keys)
     for key in ("header", "skip_rows", "delimiter", "decimal", "thousands", "encoding", "sheet", "root")
@@ -78,23 +72,15 @@ class FileEntry(Section):
     keep: list[Keep] = []
 
 
-_MOMENT = datetime(2026, 3, 1, 23, 4, 5, 678901, tzinfo=UTC)
-
-
 def possible_format(text: str) -> str:
     """Return a format of stamps; raises Contradiction for one that `strptime` cannot read, or that leaves doubts."""
     try:
-        with catch_warnings(action="ignore"):  # of days without a year, which are refused below
-            datetime.strptime(_MOMENT.strftime(text), text)
+        with catch_warnings(action="ignore"):  # of days without a year
+            datetime.strptime(datetime(2026, 3, 1).strftime(text), text)
     except (ValueError, re.error) as fault:
         raise Contradiction(f"{text!r} is no format of stamps: {fault}", f"write it as {FORMAT}") from None
-    codes = set(re.findall("%(.)", text))
-    if not codes - {"%"}:
-        raise Contradiction(f"{text!r} has no code in it", f"write it as {FORMAT}")
-    if ("I" in codes) != ("p" in codes):
-        raise Contradiction("`%I` and `%p` go together", "write `%H` for hours from 0 to 23")
-    if codes & set("dmbBj") and not has_date(text):
-        raise Contradiction("the format has a day without a year", "write the whole date, or the time alone")
+    if ("%I" in text) != ("%p" in text) or ("%d" in text and "%y" not in text.lower()):
+        raise Contradiction("hours to 12 need AM or PM, and a day its year", f"write it as {FORMAT}")
     return text
 
 
@@ -136,28 +122,18 @@ class Logs(Section):
     skip_rows: Annotated[int, Field(ge=0, le=1_000_000)] = 0
     delimiter: str = ","
     decimal: Literal[".", ","] = "."
-    thousands: Thousands | None = None
+    thousands: Annotated[str, Field(pattern=f"^[{THOUSANDS}]$")] | None = None
     encoding: str = "utf-8"
     sheet: str | None = None
     root: str | None = None
     columns: Annotated[dict[Quantity, SourceColumn], Field(min_length=1)]
     sample_time: Seconds | None = None
     every: Annotated[int, Field(ge=1, le=1_000_000_000)] = 1
-    _stamped: frozenset[str | int] = PrivateAttr(frozenset())
 
-    def stamping(self, columns: Iterable[str | int]) -> Self:
-        """Return these logs with columns whose cells may be stamps, before anything is known of them."""
-        found = self.model_copy()
-        found._stamped = frozenset(columns)
-        return found
-
-    def clocks(self, units: Mapping[str, str]) -> frozenset[str | int]:
-        """Return the columns whose cells may be stamps, in seconds: that of `time`, if no other quantity has it."""
-        time = self.columns.get("time")
+    def clocks(self) -> frozenset[str | int]:
+        """Return the columns whose cells may be stamps: that of `time`, if no other quantity has it."""
         others = {column.column for name, column in self.columns.items() if name != "time"}
-        if time is None or time.column in others or convert(1.0, time.unit or units["time"], "s") != 1.0:
-            return self._stamped
-        return frozenset({time.column})
+        return frozenset({column.column for column in self.columns.values()} - others)
 
     def _contradictions(self) -> Iterator[ValueError]:
         reader = READERS[self.reader]
@@ -179,15 +155,12 @@ class Logs(Section):
         if self.delimiter == self.decimal:
             remedy = 'say what separates the fields, as `delimiter: ";"`'
             yield Contradiction("the decimal point also separates the fields", remedy, "decimal")
-        for one, column in self.columns.items():
-            if one != "time" and (column.format is not None or column.unwrap is True):
-                key = "unwrap: true" if column.format is None else "format"
-                yield Contradiction(f"`{key}` belongs to `time`, and stands at `{one}`", "remove it", "columns")
-        blank = self.delimiter == "whitespace" and (self.thousands or "0").isspace()
-        if self.thousands in (self.decimal, self.delimiter) or blank:
-            what = "the decimal point" if self.thousands == self.decimal else "the delimiter"
+        others = [column for name, column in self.columns.items() if name != "time"]
+        if any(column.format is not None or column.unwrap is True for column in others):
+            yield Contradiction("`format` and `unwrap: true` belong to `time`", "remove them elsewhere", "columns")
+        if self.thousands is not None and self.thousands in (self.decimal, self.delimiter.replace("whitespace", self.thousands)):
             remedy = 'say what each is, as `decimal: "."`, `thousands: ","` and `delimiter: ";"`'
-            yield Contradiction(f"{what} also stands between thousands", remedy, "thousands")
+            yield Contradiction("what stands between thousands means something else as well", remedy, "thousands")
         try:
             "a".encode(self.encoding)
         except (LookupError, ValueError):  # ValueError: a zero byte in the name

@@ -20,7 +20,7 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.spool import by_blocks, in_a_row
 from mapmore_cli.storage.tables import RawTable, Reader, SourceColumn, TableRequest, Top, locate_columns, reading
-from mapmore_cli.storage.tables.cells import NUMBER, THOUSANDS, CellReader, NotANumber, OddCell, holds_number, shortened
+from mapmore_cli.storage.tables.cells import NUMBER, CellReader, NotANumber, holds_number, shortened
 from mapmore_cli.storage.tables.lines import UNREADABLE, guess_encoding, is_number, is_zipped, open_lines, records_of
 
 WHITESPACE = "whitespace"
@@ -135,10 +135,7 @@ def _layout(first: Sequence[str], request: TableRequest) -> Layout:
         hint = "The first line holds numbers: give 0-based indices and say `header: false`."
     places = locate_columns(request, names, len(first), hint)
     titles = tuple(column if names is None else names[at] for column, at in places.items())
-    marks = "".join(THOUSANDS).replace(DELIMITERS.get(request.delimiter, request.delimiter), "")
-    text = {"decimal": request.decimal, "thousands": request.thousands, "marks": marks}
-    readers = tuple(request.cells(column, **text) for column in places)
-    return Layout(len(first), tuple(places.values()), titles, readers)
+    return Layout(len(first), tuple(places.values()), titles, tuple(map(request.cells, places)))
 
 
 def values_of_lines(lines: Sequence[str], layout: Layout, request: TableRequest) -> Array | None:
@@ -147,9 +144,9 @@ def values_of_lines(lines: Sequence[str], layout: Layout, request: TableRequest)
     NumPy's parser takes a twentieth of the time of `values_of_records`, and every number that it accepts is the same number there.
     """
     delimiter = DELIMITERS.get(request.delimiter, request.delimiter)
-    if any(read.form not in ("", NUMBER) or read.format for read in layout.readers):
+    if any(read.clock and (read.format or read.form not in ("", NUMBER)) for read in layout.readers):
         return None
-    if request.thousands is not None and any(request.thousands in line for line in lines):
+    if request.thousands is not None and request.thousands in "".join(lines):
         return None
     if request.decimal != ".":
         if any("." in line for line in lines):
@@ -184,17 +181,16 @@ def values_of_records(records: Sequence[Numbered], layout: Layout, request: Tabl
 
     Raises DataError for a record with too few or too many fields; a field that is not a number; with row and column.
     """
-    wanted = list(zip(layout.places, layout.titles, request.columns, layout.readers, strict=True))
+    wanted = list(zip(layout.places, layout.titles, layout.readers, strict=True))
     values: list[float] = []
     for row, record in records:
         cells = _of_width(row, record, layout.width, request)
         values.append(row)
-        for place, title, column, read in wanted:
+        for place, title, read in wanted:
             try:
                 values.append(read(cells[place]))
-            except OddCell as odd:
-                hint = separator_hint(cells) if request.thousands is None else None
-                raise NotANumber(odd, f"{request.label}:row {row}, column {title}", column, hint) from None
+            except NotANumber as odd:
+                raise odd.at(f"{request.label}:row {row}, column {title}", separator_hint(cells)) from None
     return np.array(values, dtype=float).reshape(len(records), 1 + len(wanted))
 
 

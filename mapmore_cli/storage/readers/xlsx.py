@@ -24,7 +24,7 @@ from mapmore_cli.storage.tables import (
     reading,
     refuse_bombs,
 )
-from mapmore_cli.storage.tables.cells import NotANumber, OddCell, holds_number
+from mapmore_cli.storage.tables.cells import NotANumber, holds_number
 
 MOST_ROWS = 1_048_576  # of a sheet, as Excel has it
 MOST_SHEETS = 1000
@@ -55,7 +55,8 @@ def peek_xlsx(path: Path, most: int) -> Iterable[Top]:
             sheet.reset_dimensions()
             rows = _even([list(row) for row in islice(sheet.iter_rows(values_only=True), most)])
             if rows or not number:
-                tops.append(Top(rows, _counts, {"sheet": sheet.title} if number else {}, sheet=sheet.title))
+                settings = {"sheet": sheet.title} if number else {}
+                tops.append(Top(rows, lambda cell: not isinstance(cell, str) and holds_number(cell), settings, sheet=sheet.title))
     return tops
 
 
@@ -123,18 +124,12 @@ def _parse(rows: Iterator[Row], request: TableRequest, label: str, title: str | 
             cell = row[place] if place < len(row) else None
             try:
                 values.append(readers[column](cell))
-            except OddCell as odd:
-                where = f"{label}:row {number}, column {column if names is None else names[place]}"
-                raise NotANumber(odd, where, column) from None
+            except NotANumber as odd:
+                raise odd.at(f"{label}:row {number}, column {column if names is None else names[place]}") from None
     if not numbers:
         raise DataError(f"{label}: the sheet has a header but no data")
     columns = np.ascontiguousarray(np.array(values).reshape(len(numbers), len(places)).T)
     return RawTable(dict(zip(places, columns, strict=True)), np.array(numbers, dtype=np.int64), label, element=title)
-
-
-def _counts(cell: Any) -> bool:
-    """Whether a cell is a number or a stamp, for `init`: text is taken for a title."""
-    return not isinstance(cell, str) and holds_number(cell)
 
 
 def _filled(rows: Iterator[Row]) -> Iterator[Row]:

@@ -33,7 +33,7 @@ class TableRequest:
     - `sheet`: title of the sheet, or a glob of which every match is a recording; the first sheet where None (workbooks).
     - `root`: where the columns start; `train[*]` makes every element a recording (MAT, HDF5).
     - `missing`: texts, besides the usual ones, that stand where there is no value (text, sheets).
-    - `clocks`: the columns whose cells may be time stamps, in seconds; `format`: how `strptime` reads these.
+    - `clocks`: the columns whose cells may be time stamps; `format`: how `strptime` reads these; `second`: in their unit.
     - `incomplete`: true where records that break off are missing values, False where they are errors.
     - `progress`: told now and then how many bytes of the file have been read (text, the only format of which a long file takes long).
     """
@@ -53,11 +53,11 @@ class TableRequest:
     thousands: str | None = None
     clocks: frozenset[SourceColumn] = field(default=frozenset(), compare=False)
     format: str | None = None
+    second: float = 1.0
 
-    def cells(self, column: SourceColumn, **text: Any) -> CellReader:
-        """Return what reads the cells of a column; the keys of `text` are of text files alone."""
-        clock = column in self.clocks
-        return CellReader(self.missing, clock=clock, format=self.format if clock else None, column=column, **text)
+    def cells(self, column: SourceColumn) -> CellReader:
+        """Return what reads the cells of a column."""
+        return CellReader(self.missing, self.decimal, self.thousands, column in self.clocks, self.format, self.second)
 
 
 @dataclass(frozen=True)

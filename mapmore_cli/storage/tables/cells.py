@@ -10,53 +10,69 @@ import math
 import re
 from collections.abc import Set
 from dataclasses import dataclass
-from datetime import UTC, date, datetime, time, timedelta
+from datetime import UTC, datetime
 from decimal import Decimal
 from numbers import Real
-from typing import Any
+from typing import Any, Self
 
 from mapmore_cli.domain.errors import DataError
 
 MISSING = frozenset({"na", "n/a", "#n/a", "null", "none"})
 """What programs write, besides an empty cell and `nan`, where there is no value; lower case."""
 
-THOUSANDS = (",", ".", "'", "\u2019", " ", "\u00a0", "\u202f")
-"""What stands between thousands."""
+THOUSANDS = ",.'\u2019 \u00a0\u202f"
+"""What may stand between thousands."""
 
 LONGEST_STAMP = 40
 NUMBER, MINUTES, CLOCK = "a number", "a time as `mm:ss.s`", "a time as `hh:mm:ss`"
 FORMAT = '`time: {column: t, format: "%m/%d/%Y %I:%M:%S.%f %p"}`'
-AS_NUMBERS = "format the cells as numbers in the program that wrote them"
-DATES = f"stamps count in the column `time` alone, whose unit is s; {AS_NUMBERS}, or mend the cell"
-_NUMBERS = (float, int, Real, Decimal)
-_CLOCK = re.compile(
-    r"(?:(\d+) days?,? +)?(\d+(?::\d{1,2}){1,2})(?:[.,](\d+)|:(\d{3}))?(?: *([AP])\.?M\.?)?",
-    re.ASCII | re.IGNORECASE,
+DATES = "stamps count in the column `time` alone; format the cells as numbers in the program that wrote them, or mend the cell"
+
+_TIME = (
+    r"(?!(?!0?[1-9]:|1[0-2]:).*m)(?P<h>\d+):(?P<m>[0-5]?\d)"  # of AM and PM no hour beyond 12
+    r"(?::(?P<s>[0-5]?\d)(?:(?:[.,]|:(?=\d{3}\b))(?P<f>\d+))?)?(?: *(?P<half>[ap])\.?m\.?)?"
 )
-_DATED = re.compile(
-    r"(?:(\d{4})([-/])(\d{1,2})\2(\d{1,2})|(\d{1,2})\.(\d{1,2})\.(\d{4}))[T ] *"
-    r"(\d[\d:.,]*(?: *[AP]\.?M\.?)?)(?: ?(?:(Z)|([+-]\d\d):?(\d\d)?))?",
-    re.ASCII | re.IGNORECASE,
+_DATED = rf"(?P<date>[\d./-]+)[T ] *(?=(?:[01]?\d|2[0-3]):){_TIME} *(?:Z|(?P<zone>[+-]\d\d:?(?:\d\d)?))?"
+_FORMS = {
+    MINUTES: (r"(?P<m>\d+):(?P<s>[0-5]?\d)[.,](?P<f>\d+)", ""),
+    CLOCK: (rf"(?:(?P<d>\d+) days?,? +)?(?=.*:.*:){_TIME}", ""),
+    "a date as `2026-03-01`": (_DATED, "%Y-%m-%d%z"),
+    "a date as `2026/03/01`": (_DATED, "%Y/%m/%d%z"),
+    "a date as `01.03.2026`": (_DATED, "%d.%m.%Y%z"),
+}
+_SECONDS = {"d": 86400, "h": 3600, "m": 60, "s": 1}
+
+_KINDS = (
+    (r"true|false", "TRUE or FALSE stands here", "write 1 and 0 where it counts as a number"),
+    (r'.*".*', "a quotation mark stands within it", "quote the whole field, or mend or remove the mark"),
+    (r".*(?![0-9])\d.*", "it has digits of another script", "write it in the digits 0 to 9"),
+    (r"\d{1,4}([-/.])\d{1,2}\1\d{1,4}\b.*", "a date stands here", ""),
+    (r".*\d:\d.*|\d+ *[ap]\.?m\.?", "a time stands here", ""),
+    (
+        rf"[+-]?\d*(?:[{THOUSANDS}]\d+)+(?:e[+-]?\d+)?",
+        "it has another decimal point than the spec says, or separators of thousands",
+        'say which, as `decimal: ","`, `decimal: "."` or `thousands: ","`; or format the cells as numbers in the program that wrote them',
+    ),
+    (
+        r"[+-]?(?!0x)\d[\d.,]*(?:e[+-]?\d+)? *(?:[^\W\d_]+|[^\w\s.,+-][^\W\d_]*)",
+        "a unit stands behind it",
+        "take the unit off, and name it in `columns`, as `unit: kPa`",
+    ),
 )
-_LIKE_A_DATE = re.compile(r"\d{1,4}([-/.])\d{1,2}\1\d{1,4}\b.*|.*\d:\d.*|.*\d *[ap]\.?m\.?", re.I)
-_WITH_UNIT = re.compile(r"[+-]?(?!0x)\d[\d.,]*(?:e[+-]?\d+)? *[^\W\d_%]*[^\w\s.,+-]?[^\W\d_]*", re.I)
-_EPOCH, _FIRST = datetime(1970, 1, 1, tzinfo=UTC), datetime(1900, 1, 1, tzinfo=UTC)
-
-
-class OddCell(ValueError):
-    """What is wrong with a cell, and the remedy; `known` where it is no word for a missing value, as a stamp is none."""
-
-    def __init__(self, cell: Any, said: str, remedy: str, known: bool = True, is_stamp: bool = False) -> None:
-        self.cell, self.remedy, self.known, self.is_stamp = str(cell).strip(), remedy, known, is_stamp
-        super().__init__(f"'{shortened(self.cell)}' {said}")
+"""Cells that are no words for missing values: what stands there, and the remedy where it is no stamp."""
 
 
 class NotANumber(DataError):
-    """An odd cell at its place; `column` is that of the request."""
+    """A cell that holds neither a number nor what stands for a missing one; `known` where it is no word."""
 
-    def __init__(self, odd: OddCell, where: str, column: Any = None, hint: str | None = None) -> None:
-        super().__init__(f"{where}: {odd}", hint or odd.remedy)
-        self.odd, self.column = odd, column
+    def __init__(self, cell: str, said: str, remedy: str, known: bool = True) -> None:
+        super().__init__(f"'{shortened(cell)}' {said}", remedy)
+        self.cell, self.known = cell, known
+
+    def at(self, where: str, remedy: str | None = None) -> Self:
+        """Return the error with its place, and a remedy where a better one is known."""
+        self.message, self.remedy = f"{where}: {self.message}", remedy or self.remedy
+        return self
 
 
 def number_of(cell: Any, decimal: str = ".", thousands: str | None = None) -> float | None:
@@ -65,30 +81,22 @@ def number_of(cell: Any, decimal: str = ".", thousands: str | None = None) -> fl
     Infinity is read, as `nan` is: the spec says what becomes of values that are none.
     """
     if isinstance(cell, str):
-        text = cell.strip()
-        if thousands is not None and thousands in text:
-            whole, group, point = r"[+-]?\d{1,3}", re.escape(thousands), re.escape(decimal)
-            if not re.fullmatch(rf"{whole}(?:{group}\d{{3}})+(?:{point}\d*)?(?:[eE][+-]?\d+)?", text):
-                return None
-            text = text.replace(thousands, "")
+        cell = cell.strip()
+        groups = rf"[+-]?\d{{1,3}}(?:{re.escape(thousands or '')}\d{{3}})+(?:{re.escape(decimal)}\d*)?"
+        if thousands is not None and re.fullmatch(groups, cell):
+            cell = cell.replace(thousands, "")
         if decimal != ".":
-            if "." in text:
-                return None
-            text = text.replace(decimal, ".")
-        if "_" in text or not text.isascii():  # Python reads 1_5 as 15, and the digits of every script
+            cell = cell.replace(".", "x").replace(decimal, ".")
+        if not cell:
+            return math.nan
+        if "_" in cell or not cell.isascii():  # Python reads 1_5 as 15, and the digits of every script
             return None
-        try:
-            return float(text) if text else math.nan
-        except ValueError:
-            return None
-    if cell is None:
-        return math.nan
-    if isinstance(cell, _NUMBERS) and not isinstance(cell, bool):
-        try:
-            return float(cell)
-        except (OverflowError, ValueError):
-            return None
-    return math.nan if isinstance(cell, datetime) and cell != cell else None  # pandas' NaT
+    elif isinstance(cell, bool) or not isinstance(cell, Real | Decimal):
+        return math.nan if cell is None or cell != cell else None
+    try:
+        return float(cell)
+    except (ValueError, OverflowError):
+        return None
 
 
 @dataclass
@@ -98,9 +106,8 @@ class CellReader:
     - `missing`: texts that stand where there is no value.
     - `decimal`, `thousands`: what stands between the digits of a number.
     - `clock`: whether the column is that of the time; `format`: how `strptime` reads its stamps.
-    - `marks`: what the spec can name as `decimal` and `thousands` of this file; else nothing.
+    - `second`: what a second is in the unit of the column.
     - `usual`: the remedy where nothing better is known.
-    - `column`: what the request calls the column.
     - `form`: of the stamps that were read so far; all have one.
     """
 
@@ -109,159 +116,78 @@ class CellReader:
     thousands: str | None = None
     clock: bool = False
     format: str | None = None
-    marks: str = ""
+    second: float = 1.0
     usual: str = "mend the cell, or list it in `missing: {tokens: [...]}`; column names belong in the header"
-    column: str | int | None = None
     form: str = ""
 
     def __call__(self, cell: Any) -> float:
-        """Return the number, or the seconds of the stamp; NaN where there is none. Raises OddCell."""
-        if isinstance(cell, bytes):
-            cell = cell.decode("utf-8", "replace")
+        """Return the number, or that of the stamp; NaN where there is none. Raises NotANumber."""
+        cell = cell.decode("utf-8", "replace") if isinstance(cell, bytes) else cell
         value = number_of(cell, self.decimal, self.thousands)
-        if value is not None and (not self.clock or not math.isfinite(value)):
+        if value is not None and not (self.clock and math.isfinite(value)):
             return value
-        if value is None and isinstance(cell, str) and ((word := cell.strip()).lower() in MISSING or word in self.missing):
+        text = str(cell).strip()
+        if value is None and (text.lower() in MISSING or text in self.missing):
             return math.nan
-        if not self.clock:
-            raise self._odd(cell)
-        stamp = (NUMBER, value) if value is not None and self.format is None else stamp_of(cell, self.format)
+        stamp = self._stamp(cell, text, value) if self.clock else None
         if stamp is None:
-            raise self._odd(cell)
-        form, value = stamp
+            known = (one[1:] for one in _KINDS if re.fullmatch(one[0], text[: LONGEST_STAMP + 1], re.I | re.S))
+            kind, remedy = next(known, ("", self.usual))
+            stamps = f"say how the stamps are written, as {FORMAT}" if self.clock else DATES
+            raise NotANumber(text, f"is not a number{kind and f': {kind}'}", remedy or stamps, bool(kind))
+        form, seconds = stamp
         if not self.form or (self.form, form) == (MINUTES, CLOCK):  # an hour of minutes has passed
             self.form = form
         if form != self.form:
-            remedy = "write all stamps of a column in one form, or leave the others empty"
-            raise OddCell(cell, f"is {form}, where {self.form} stands above", remedy)
-        return value
+            remedy = "a column holds numbers alone, or stamps of one form alone: mend the cell"
+            raise NotANumber(text, f"is {form}, where {self.form} stands above", remedy)
+        return seconds
 
-    def _odd(self, cell: Any) -> OddCell:
-        text = cell.strip() if isinstance(cell, str) else str(cell)
-        kind, remedy = self._kind(cell, text)
-        said = f"is not a number{kind and f': {kind}'}"
-        return OddCell(text, said, remedy or self.usual, bool(kind), stamp_of(cell) is not None)
-
-    def _kind(self, cell: Any, text: str) -> tuple[str, str]:
-        """Return what an odd cell holds, and its remedy; nothing where it may be any word."""
-        short = len(text) <= LONGEST_STAMP
-        if isinstance(cell, bool) or text.lower() in ("true", "false"):
-            return "TRUE or FALSE stands here", "write 1 and 0 where it counts as a number"
-        if '"' in text:
-            return "a quotation mark stands within it", "quote the whole field, or mend or remove the mark"
-        if isinstance(cell, date | time | timedelta) or (short and _LIKE_A_DATE.fullmatch(text)):
-            dated = isinstance(cell, date) or re.match(r"\d+[-/.]\d+[-/.]", text)
-            kind = f"a {'date' if dated else 'time'} stands here"
-            if not self.clock:
-                return kind, DATES
-            return kind, f"say how the stamps are written, as {FORMAT}"
-        if not text.isascii() and any(mark.isdigit() and not mark.isascii() for mark in text):
-            return "it has digits of another script", "write it in the digits 0 to 9"
-        if ways := self._other_marks(text):
-            named = [way for way in ways if way]
-            return "other marks stand between its digits", f"say {' or '.join(named)}" if named else AS_NUMBERS
-        if short and _WITH_UNIT.fullmatch(text) and not text[-1].isdigit():
-            return "a unit stands behind it", "take the unit off, and name it in `columns`, as `unit: kPa`"
-        return "", ""
-
-    def _other_marks(self, text: str) -> list[str]:
-        """Return what the spec can say so that it is a number; an empty text where the spec cannot."""
-        ways = []
-        for decimal in ".,":
-            for thousands in (None, *THOUSANDS):
-                if decimal == thousands or number_of(text, decimal, thousands) is None:
-                    continue
-                if thousands is not None and thousands not in text:
-                    continue
-                keys = {"decimal": decimal, "thousands": thousands or ""}
-                known = all(mark in f".{self.marks}" for mark in keys.values()) and bool(self.marks)
-                own = {"decimal": self.decimal, "thousands": self.thousands or ""}
-                changed = [f'`{key}: "{mark}"`' for key, mark in keys.items() if mark != own[key] and mark]
-                ways.append(" and ".join(changed) if known else "")
-        return ways
+    def _stamp(self, cell: Any, text: str, value: float | None) -> tuple[str, float] | None:
+        """Return form and number of a cell of the time."""
+        if self.format is None and value is not None:
+            return NUMBER, value
+        if self.format is None or not isinstance(cell, str):
+            found = stamp_of(text)
+            return found and (found[0], found[1] * self.second)
+        try:
+            stamp = datetime.strptime(text, self.format) if not re.search(r"(?![0-9])\d", text) else None
+        except ValueError:
+            stamp = None
+        first = datetime(1970 if stamp and stamp.year > 1900 else 1900, 1, 1, tzinfo=UTC)
+        return stamp and ("a stamp", (stamp.replace(tzinfo=stamp.tzinfo or UTC) - first).total_seconds() * self.second)
 
 
-def holds_number(cell: Any, decimal: str = ".") -> bool:
-    """Whether a cell holds a number or a stamp, rather than a word for a missing one."""
-    value = number_of(cell, decimal)
-    return str(cell).strip() != "" if value is not None else stamp_of(cell) is not None
-
-
-def stamp_of(cell: Any, layout: str | None = None) -> tuple[str, float] | None:
+def stamp_of(text: str) -> tuple[str, float] | None:
     """Return form and seconds of a stamp: since 1970 of a date, else since midnight or the start.
 
     Dates are as in ISO 8601, `2026/03/01` or `01.03.2026`, with a time behind them. Without a zone
     they count as UTC, since only differences matter. What reads one way here and another way there,
-    as `3/1/2026` or `12:30`, is None without the `layout`, as `strptime` takes it.
+    as `3/1/2026` or `12:30`, is None.
     """
-    match cell:
-        case datetime():
-            return "a date", (cell if cell.tzinfo is not None else cell.replace(tzinfo=UTC)).timestamp()
-        case date():
-            return stamp_of(datetime(cell.year, cell.month, cell.day))
-        case time():
-            since = timedelta(hours=cell.hour, minutes=cell.minute, seconds=cell.second)
-            return CLOCK, (since + timedelta(microseconds=cell.microsecond)).total_seconds()
-        case timedelta():
-            return CLOCK, cell.total_seconds()
-        case str() if len(cell) <= LONGEST_STAMP:
-            text = cell.strip()
-            return _dated(text) or _clock(text) if layout is None else _as_told(text, layout)
+    for form, (pattern, layout) in _FORMS.items() if len(text) <= LONGEST_STAMP else ():
+        found = re.fullmatch(pattern, text, re.A | re.I)
+        if found is None:
+            continue
+        part = dict.fromkeys((*_SECONDS, "f", "half", "zone")) | found.groupdict()
+        whole = sum(int(part[name] or 0) * size for name, size in _SECONDS.items())
+        try:
+            if layout:
+                date = datetime.strptime(f"{part['date']}{(part['zone'] or '+').ljust(5, '0')}", layout)
+                whole += int(date.timestamp())
+        except ValueError:
+            continue
+        if part["half"]:
+            whole += 43200 * ((part["half"] in "pP") - (int(part["h"] or 0) == 12))
+        marks = f"{' with AM and PM' if part['half'] else ''}{' with a zone' if part['zone'] else ''}"
+        return f"{form}{marks}", float(whole + Decimal(f"0.{part['f'] or 0}"))
     return None
 
 
-def has_date(layout: str) -> bool:
-    """Whether stamps that are written so have a year."""
-    return re.search("%[YyGcx]", layout.replace("%%", "")) is not None
-
-
-def _as_told(text: str, layout: str) -> tuple[str, float] | None:
-    if any(mark.isdigit() and not mark.isascii() for mark in text):  # which strptime takes
-        return None
-    try:
-        stamp = datetime.strptime(text, layout)
-    except ValueError:
-        return None
-    aware = stamp if stamp.tzinfo is not None else stamp.replace(tzinfo=UTC)
-    return "a stamp", (aware - (_EPOCH if has_date(layout) else _FIRST)) / timedelta(seconds=1)
-
-
-def _dated(text: str) -> tuple[str, float] | None:
-    found = _DATED.fullmatch(text)
-    try:
-        if found is None:
-            stamp = datetime.fromisoformat(text) if ":" in text else None
-            return stamp and stamp_of(stamp)
-        year, mark, month, day, *dotted, clock, utc, hours, minutes = found.groups()
-        first = datetime(*map(int, (year, month, day) if year else dotted[::-1]), tzinfo=UTC)
-    except ValueError:
-        return None
-    clock = f"{clock}:00" if re.fullmatch(r"\d\d:\d\d", clock) else clock
-    ahead = 3600 * int(hours or 0) + int(f"{(hours or '+')[0]}{60 * int(minutes or 0)}")
-    seconds = _clock(clock, int(first.timestamp()) - ahead, 24)
-    form = f"a date with `{mark or '.'}` in it{' and a zone' if utc or hours else ''}"
-    return seconds and (form, seconds[1])
-
-
-def _clock(text: str, since: int = 0, most: float = math.inf) -> tuple[str, float] | None:
-    """Return a time of day or an elapsed one, of less than `most` hours, in seconds."""
-    found = _CLOCK.fullmatch(text)
-    if found is None:
-        return None
-    days, clock, fraction, thousandths, half = found.groups()
-    *hours, minute, second = map(int, clock.split(":"))
-    form = CLOCK if hours else MINUTES
-    if not hours and (fraction is None or thousandths or days or half or most < math.inf):
-        return None
-    hour = hours[0] if hours else 0
-    if half:
-        if not 1 <= hour <= 12:
-            return None
-        hour, form = hour % 12 + 12 * (half.lower() == "p"), f"{form} with AM and PM"
-    if second > 59 or (hours and minute > 59) or hour >= most:
-        return None
-    whole, digits = since + 86400 * int(days or 0) + 3600 * hour + 60 * minute + second, fraction or thousandths or "0"
-    return form, float(f"{whole}.{digits}") if whole >= 0 else whole + float(f"0.{digits}")
+def holds_number(cell: Any, decimal: str = ".") -> bool:
+    """Whether a cell holds a number or a stamp, rather than a word for a missing one."""
+    text = str(cell).strip()
+    return bool(text) if number_of(cell, decimal) is not None else stamp_of(text) is not None
 
 
 def shortened(cell: str, limit: int = 40) -> str:

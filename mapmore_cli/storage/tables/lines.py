@@ -159,7 +159,8 @@ def records_of(lines: Iterable[str], delimiter: str, label: str, row: int = 0) -
             taken.append(line)
             yield line
 
-    field = re.compile(rf'("(?:[^"]|"")*"|[^"{re.escape(delimiter)}]*)([^{re.escape(delimiter)}]*)')
+    mark = re.escape(delimiter)
+    fields = re.compile(rf'("(?:[^"]|"")*"|[^"{mark}]*)([^{mark}]*)(?:{mark}|\Z)')
     try:
         for cells in csv.reader(remembered(), delimiter=delimiter):
             if quote_left_open(taken, cells, delimiter):
@@ -167,22 +168,11 @@ def records_of(lines: Iterable[str], delimiter: str, label: str, row: int = 0) -
             text, row = "".join(taken), row + len(taken)
             taken.clear()
             if '"' in text:
-                cells = _as_they_stand(text.rstrip("\r\n"), cells, field)
+                whole = zip(cells, fields.findall(text.rstrip("\r\n")), strict=False)
+                cells = [quoted + rest if rest.strip() else cell for cell, (quoted, rest) in whole]
             yield text, cells, row
     except csv.Error as error:  # a field that is longer than any number
         raise open_quote(label, row + 1) from error
-
-
-def _as_they_stand(text: str, cells: list[str], field: re.Pattern[str]) -> list[str]:
-    """Return the fields of a record, those with damaged quotation marks with all their marks."""
-    place, found = 0, list[str]()
-    for cell in cells:
-        whole = field.match(text, place)
-        if whole is None:
-            return cells
-        found.append(whole[0] if whole[2].strip() else cell)
-        place = whole.end() + 1
-    return found
 
 
 def open_quote(label: str, row: int) -> DataError:

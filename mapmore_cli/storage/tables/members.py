@@ -19,7 +19,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.tables import RawTable, Reader, SourceColumn, TableRequest, Top, known_names
-from mapmore_cli.storage.tables.cells import DATES, CellReader, NotANumber, OddCell
+from mapmore_cli.storage.tables.cells import DATES, CellReader, NotANumber
 
 Selection = tuple[int | slice, ...]
 """An index in brackets, `:` being a whole axis."""
@@ -189,26 +189,22 @@ def as_numbers(values: Any, what: str, read: CellReader | None = None) -> Array:
     """
     read = CellReader() if read is None else read
     array = np.asarray(values)
-    if array.dtype.kind in "USO":
+    kind = array.dtype.kind
+    if kind in "USO":
         found = np.empty(array.shape)
         for place, cell in np.ndenumerate(array):
             try:
                 found[place] = read(cell)
-            except OddCell as odd:
-                at = f": index {', '.join(map(str, place))}" if place else ""
-                raise NotANumber(odd, f"{what} holds text, not real numbers{at}", read.column) from None
+            except NotANumber as odd:
+                raise odd.at(f"{what} holds text, not real numbers: index {place[0] if place else 0}") from None
         return found
-    if array.dtype.kind == "M" and not read.clock:
-        first = array.reshape(-1)[0] if array.size else "NaT"
-        odd = OddCell(first, "is not a number: a date stands here", DATES, is_stamp=True)
-        raise NotANumber(odd, what, read.column)
-    if array.dtype.kind == "M":
-        return np.asarray((array - np.datetime64(0, "s")) / np.timedelta64(1, "s"), dtype=np.float64)
-    if array.dtype.kind not in "iuf":
-        words = {"c": "complex numbers", "b": "TRUE and FALSE"}.get(array.dtype.kind, f"values of type {array.dtype}")
-        raise DataError(f"{what} holds {words}, not real numbers", "make numbers of them where they count as such")
-    if read.format is not None:
-        raise DataError(f"{what} holds numbers", "remove `format`, which is for text")
+    if kind == "M" and read.clock:
+        return np.asarray((array - np.datetime64(0, "s")) / np.timedelta64(1, "s") * read.second, dtype=np.float64)
+    if kind == "M":
+        raise DataError(f"{what}: a date stands here, not a number", DATES)
+    if kind not in "iuf" or (read.clock and read.format):
+        words = {"c": "complex numbers", "b": "TRUE and FALSE"}.get(kind, f"values of type {array.dtype}")
+        raise DataError(f"{what} holds {words}, not real numbers", "make numbers of them; `format` is for text")
     return np.asarray(array, dtype=np.float64)
 
 

@@ -43,16 +43,12 @@ _IN_BRACKETS = re.compile(r"[\[(]\s*([^\W\d_][^\])]*|%)\s*[\])]")  # what a titl
 
 @dataclass(frozen=True)
 class Table:
-    """The columns of numbers of some files, the titles of those that have one, the texts below these, and where encoders begin anew.
-
-    `stamped` are the columns whose cells are time stamps, in s.
-    """
+    """The columns of numbers of some files, the titles of those that have one, the texts below these, and where encoders begin anew."""
 
     titles: Mapping[Column, str]
     raw: Raw
     below: Mapping[Column, str] = field(default_factory=dict)
     turns: Mapping[Column, float] = field(default_factory=dict)
-    stamped: frozenset[Column] = frozenset()
 
 
 def guess_columns(table: Table, told: Sequence[float] = (), loaded: bool = False) -> dict[str, Guess]:
@@ -62,14 +58,8 @@ def guess_columns(table: Table, told: Sequence[float] = (), loaded: bool = False
     never decreases; strain what stays below 1.5; and of the rest the pressure is what is never negative, or what goes with the pressures in
     bar that the names of the files have `told`. What is left is a force, or a position where the muscle is `loaded` by a weight.
     """
-    guesses = _by_titles(table) if table.titles else _by_values(table.raw, told, loaded)
-    time = guesses.get("time")
-    if time is not None and time.column in table.stamped:
-        guesses["time"] = replace(time, unit="s", why=f"its cells are stamps; {range_of(table.raw[time.column], 's')}")
-    return guesses
-
-
-def _by_titles(table: Table) -> dict[str, Guess]:
+    if not table.titles:
+        return _by_values(table.raw, told, loaded)
     labels: dict[Column, ColumnTitle] = {}
     for column in (one for one in table.titles if one in table.raw):
         label = read_label(table.titles[column])

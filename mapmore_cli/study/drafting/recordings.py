@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from itertools import zip_longest
@@ -40,12 +40,16 @@ _VOLTS = re.compile(r"[\[(]\s*m?V\s*[\])]|(?i:\bvolts?\b)")
 T = TypeVar("T")
 
 
-def read_draft(draft: Draft, folder: Path, measured: str, stamped: Collection[Column] = ()) -> Dataset:
-    """Return the dataset of a draft, in the units that it says; DataError where it cannot be made.
+class _Columns(Data):
+    """The columns of a file before anything is known of them: any may hold time stamps."""
 
-    Cells of `stamped` columns may be time stamps, besides those of the time.
-    """
-    data = Data.model_validate(draft.data).stamping(stamped)
+    def clocks(self) -> frozenset[Column]:
+        return frozenset(column.column for column in self.columns.values())
+
+
+def read_draft(draft: Draft, folder: Path, measured: str, form: type[Data] = Data) -> Dataset:
+    """Return the dataset of a draft, in the units that it says; DataError where it cannot be made."""
+    data = form.model_validate(draft.data)
     units = {name: "kPa/s" if name == "pressure_rate" else default_unit(name) for name in data.quantities}
     units |= draft.spec.get("units", {})
     try:
@@ -54,7 +58,7 @@ def read_draft(draft: Draft, folder: Path, measured: str, stamped: Collection[Co
         raise DataError(fault.message, fault.remedy) from fault
 
 
-def read_tolerantly(draft: Draft, folder: Path, measured: str, stamped: Collection[Column] = ()) -> tuple[Draft, Dataset, tuple[str, ...]]:
+def read_tolerantly(draft: Draft, folder: Path, measured: str, form: type[Data] = Data) -> tuple[Draft, Dataset, tuple[str, ...]]:
     """Return a draft that leaves samples without a number out, with its dataset, and the few words that stand for such numbers, as `---`.
 
     Raises DataError where its cells hold more words, or hardly a number; and for a cell that is no such word, as a date.
@@ -63,11 +67,11 @@ def read_tolerantly(draft: Draft, folder: Path, measured: str, stamped: Collecti
     while True:
         draft = draft.with_data("missing", {"tokens": list(words)} if words else "drop")
         try:
-            dataset = read_draft(draft, folder, measured, stamped)
+            dataset = read_draft(draft, folder, measured, form)
         except NotANumber as fault:
-            if len(words) == MOST_WORDS or fault.odd.known:
+            if len(words) == MOST_WORDS or fault.known:
                 raise
-            words = (*words, fault.odd.cell)
+            words = (*words, fault.cell)
             continue
         if words and sum(one.rows_kept for one in dataset.recordings) < WHOLE * sum(one.rows_read for one in dataset.recordings):
             raise DataError(f"hardly a number among {', '.join(map(repr, words))}")
@@ -82,17 +86,16 @@ def table_of(group: Group, folder: Path) -> Table:
     """
     layout = group.layout
     raw: dict[Column, list[Array]] = {}
-    lost, stamped = 1, set[Column]()
-    numeric = {layout.columns[place] for place in layout.numeric if place < len(layout.columns)}
+    lost = 1
     with suppress(DataError):
-        raw, lost = _read(group, folder, layout.columns, stamped)
+        raw, lost = _read(group, folder, layout.columns)
     if lost:
         raw = {}
         for column in layout.columns:
             try:
-                raw |= _read(group, folder, (column,), stamped)[0]
+                raw |= _read(group, folder, (column,))[0]
             except DataError as fault:
-                if isinstance(fault, NotANumber) and fault.odd.known and column in numeric:
+                if isinstance(fault, NotANumber) and fault.known and layout.columns.index(column) in layout.numeric:
                     raise
                 last = fault
     if not raw:
@@ -100,11 +103,11 @@ def table_of(group: Group, folder: Path) -> Table:
     turns = {column: turn for column, values in raw.items() if (turn := turn_of(values)) is not None}
     raw |= {column: [unwrapped(one, turn) for one in raw[column]] for column, turn in turns.items()}
     titles, below = (dict(zip(layout.columns, texts, strict=False)) for texts in (layout.titles or (), layout.below))
-    return Table(titles, raw, below, turns, frozenset(stamped))
+    return Table(titles, raw, below, turns)
 
 
-def _read(group: Group, folder: Path, columns: Sequence[Column], stamped: set[Column]) -> tuple[dict[Column, list[Array]], int]:
-    """Return the columns, and how many samples are lost because one of them has none; those of time stamps are added to `stamped`."""
+def _read(group: Group, folder: Path, columns: Sequence[Column]) -> tuple[dict[Column, list[Array]], int]:
+    """Return the columns, and how many samples are lost because one of them has none."""
     names = {f"column_{place}": column for place, column in enumerate(columns)}
     data = {
         "files": [{"path": relative_name(file, folder), "id": str(place)} for place, file in enumerate(some_of(group.files))],
@@ -112,15 +115,7 @@ def _read(group: Group, folder: Path, columns: Sequence[Column], stamped: set[Co
         **group.layout.settings,
         "columns": {name: {"column": column} for name, column in names.items()},
     }
-    draft = Draft({"data": data, "units": dict.fromkeys(names, "1")})
-    while True:
-        try:
-            _, dataset, _ = read_tolerantly(draft, folder, next(iter(names)), stamped)
-            break
-        except NotANumber as fault:
-            if not fault.odd.is_stamp or fault.column in stamped or fault.column is None:
-                raise
-            stamped.add(fault.column)
+    _, dataset, _ = read_tolerantly(Draft({"data": data, "units": dict.fromkeys(names, "1")}), folder, next(iter(names)), _Columns)
     lost = sum(one.dropped.get("missing value", 0) for one in dataset.recordings)
     return {column: [np.asarray(one.columns[name]) for one in dataset.recordings] for name, column in names.items()}, lost
 
