@@ -17,6 +17,7 @@ from typing import Any
 
 from driver import Fault, Target, changed_text, refused
 from openpyxl import Workbook
+from openpyxl.utils.exceptions import IllegalCharacterError
 
 from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.storage.readers import READERS, TableRequest
@@ -159,7 +160,7 @@ def of_book(chance: random.Random, folder: Path) -> str:
         cells: list[Any] = [float(cell) if chance.random() < 0.7 and re.fullmatch(r"-?[0-9]+\.[0-9]+", cell) else cell for cell in row]
         if chance.random() < 0.1:
             cells[chance.choice([1, 2])] = chance.choice(TYPED)
-        with suppress(ValueError):  # characters that a workbook has not
+        with suppress(IllegalCharacterError):  # characters that a workbook has not
             book.active.append(cells)
             texts = [repr(float(one)) if isinstance(one, int | float) and not isinstance(one, bool) else one for one in cells]
             expected.append(["" if one is None else one if isinstance(one, str) else None for one in texts])

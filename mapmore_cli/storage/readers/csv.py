@@ -20,8 +20,8 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.spool import by_blocks, in_a_row
 from mapmore_cli.storage.tables import RawTable, Reader, SourceColumn, TableRequest, Top, locate_columns, reading
-from mapmore_cli.storage.tables.cells import NUMBER, CellReader, NotANumber, holds_number, shortened
-from mapmore_cli.storage.tables.lines import UNREADABLE, guess_encoding, is_number, is_zipped, open_lines, records_of
+from mapmore_cli.storage.tables.cells import NUMBER, CellReader, NotANumber, holds_number, number_of, shortened
+from mapmore_cli.storage.tables.lines import UNREADABLE, guess_encoding, is_zipped, open_lines, records_of
 
 WHITESPACE = "whitespace"
 DELIMITERS = {"tab": "\t"}
@@ -131,7 +131,7 @@ def _records(lines: Iterator[str], request: TableRequest, row: int) -> Iterator[
 def _layout(first: Sequence[str], request: TableRequest) -> Layout:
     names = [name.strip() for name in first] if request.header else None
     hint = separator_hint(first)
-    if hint is None and names is not None and all(is_number(name) and math.isfinite(float(name)) for name in names):
+    if hint is None and names is not None and all(map(holds_number, names)):
         hint = "The first line holds numbers: give 0-based indices and say `header: false`."
     places = locate_columns(request, names, len(first), hint)
     titles = tuple(column if names is None else names[at] for column, at in places.items())
@@ -244,7 +244,8 @@ def _is_cut_short(last: str, before: Sequence[str], decimal: str) -> bool:
     """
 
     def size(cell: str) -> float:
-        return abs(float(cell.replace(decimal, "."))) if is_number(cell.replace(decimal, ".")) else math.nan
+        value = number_of(cell, decimal)
+        return math.nan if value is None else abs(value)
 
     values = {cell: size(cell) for cell in before if math.isfinite(size(cell))}
     if sum(cell in values for cell in before) < FEWEST_BEFORE:

