@@ -162,7 +162,7 @@ def of_book(chance: random.Random, folder: Path) -> str:
             cells[chance.choice([1, 2])] = chance.choice(TYPED)
         with suppress(IllegalCharacterError):  # characters that a workbook has not
             book.active.append(cells)
-            texts = [repr(float(one)) if isinstance(one, int | float) and not isinstance(one, bool) else one for one in cells]
+            texts = [f"{float(one):.16g}" if isinstance(one, int | float) and not isinstance(one, bool) else one for one in cells]
             expected.append(["" if one is None else one if isinstance(one, str) else None for one in texts])
     path = folder / "log.xlsx"
     book.save(path)
