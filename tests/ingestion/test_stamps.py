@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -105,7 +104,7 @@ def test_a_force_that_is_no_number_ends_the_study(ingest: Ingest, cell: str) -> 
 
 def test_a_column_that_two_quantities_have_holds_no_stamps(ingest: Ingest) -> None:
     both = {**COLUMNS, "time": {"column": "t"}, "voltage": {"column": "t"}}
-    with pytest.raises(DataError, match="row 2, column t.*a time stands here"):
+    with pytest.raises(DataError, match=r"row 2, column t.*a time stands here"):
         ingest({"a.csv": log("0:00:01", "0:00:02")}, columns=both)
 
 
