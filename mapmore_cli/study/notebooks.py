@@ -26,6 +26,7 @@ from mapmore_cli.modelling.validation.intervals import interval
 from mapmore_cli.spec.sections.logs import SourceColumn
 from mapmore_cli.spec.units import convert, default_unit, is_canonical
 from mapmore_cli.storage.tables import known_names
+from mapmore_cli.storage.tables.cells import CellReader
 from mapmore_cli.storage.tables.members import as_numbers
 from mapmore_cli.study.records import reading_of
 
@@ -135,7 +136,8 @@ class LoadedModel:
             if self.output.name not in given:
                 raise TypeError(f"no wanted output: give `{self.output.name}`")
             wanted = given.pop(self.output.name)
-        target, *others = (np.asarray(x, dtype=np.float64).ravel() for x in np.broadcast_arrays(wanted, *given.values()))
+        numbers = [as_numbers(x, of) for of, x in ((self.output.name, wanted), *given.items())]
+        target, *others = (x.ravel() for x in np.broadcast_arrays(*numbers))
         return invert(self.model, target, dict(zip(given, others, strict=True)), name, rule)
 
     def _flattened(self, columns: dict[str, ArrayLike]) -> tuple[dict[str, Array], tuple[int, ...]]:
@@ -146,7 +148,7 @@ class LoadedModel:
         spare = {"time", *(signal.of for signal in signals)} if signals else set[str]()  # what given rates and directions follow from
         if not set(needed) <= set(columns) <= {*needed, *spare}:
             raise TypeError(f"this model is a function of {', '.join(needed)}; got {', '.join(columns) or 'nothing'}")
-        arrays = np.broadcast_arrays(*(np.asarray(columns[name], dtype=np.float64) for name in needed))
+        arrays = np.broadcast_arrays(*(as_numbers(columns[name], name, CellReader(clock=name == "time")) for name in needed))
         flat = {name: array.ravel() for name, array in zip(needed, arrays, strict=True)}
         return with_signals(reading.signals, flat), arrays[0].shape
 
@@ -179,8 +181,8 @@ def canonical_columns(frame: Any) -> dict[str, dict[str, str]]:
     return found
 
 
-def column_of(frame: Any, column: Column, label: str) -> Array:
-    """One column as numbers, (n,); time stamps are seconds since 1970. Raises `DataError`."""
+def column_of(frame: Any, column: Column, label: str, read: CellReader | None = None) -> Array:
+    """One column as numbers, (n,), whose cells are read by `read`. Raises `DataError`."""
     names = names_of(frame)
     if isinstance(column, int) and not isinstance(column, bool):
         if not 0 <= column < len(names):
@@ -189,14 +191,9 @@ def column_of(frame: Any, column: Column, label: str) -> Array:
     if column not in names:
         raise DataError(f"{label}: there is no column '{column}'", known_names(str(column), names, "The frame has"))
     values = np.asarray(frame[column])
-    if values.dtype == object:  # missing values in a column of numbers
-        try:
-            values = np.array([np.nan if value is None else float(value) for value in values])
-        except (TypeError, ValueError) as error:
-            raise DataError(f"{label}: column '{column}' holds values that are no numbers: {error}") from error
     if values.ndim != 1:
         raise DataError(f"{label}: column '{column}' has the shape {values.shape}", "give one-dimensional arrays of one length")
-    return as_numbers(values, f"{label}: column '{column}'")
+    return as_numbers(values, f"{label}: column '{column}'", read)
 
 
 def write_frames(frames: Sequence[Any], columns: Mapping[str, Any], folder: Path) -> dict[str, Any]:
@@ -208,7 +205,7 @@ def write_frames(frames: Sequence[Any], columns: Mapping[str, Any], folder: Path
     paths = []
     for number, frame in enumerate(frames, start=1):
         label = f"frame {number}" if len(frames) > 1 else "the frame"
-        arrays = {name: column_of(frame, source_of(entry), label) for name, entry in columns.items()}
+        arrays = {name: quantity_of(frame, name, entry, label) for name, entry in columns.items()}
         lengths = {name: len(values) for name, values in arrays.items()}
         if len(set(lengths.values())) > 1:
             raise DataError(f"{label}: columns of different length: {lengths}", "they do not belong to one recording")
@@ -218,7 +215,15 @@ def write_frames(frames: Sequence[Any], columns: Mapping[str, Any], folder: Path
             for name, values in arrays.items():
                 file.create_dataset(name, data=values, track_times=False)
     read = {name: {**(entry if isinstance(entry, Mapping) else {}), "column": name} for name, entry in columns.items()}
+    read.get("time", {}).pop("format", None)  # what is written are numbers
     return {"files": [str(path) for path in paths], "reader": "hdf5", "columns": read}
+
+
+def quantity_of(frame: Any, name: str, entry: Any, label: str) -> Array:
+    """Return the column that an entry of `columns` names, (n,), as numbers of the quantity."""
+    told = entry if name == "time" and isinstance(entry, Mapping) else {}
+    second = convert(1.0, "s", told.get("unit") or "s")
+    return column_of(frame, source_of(entry), label, CellReader(clock=name == "time", format=told.get("format"), second=second))
 
 
 def source_of(entry: Any) -> Column:
@@ -239,9 +244,9 @@ def quantities_of(frame: Any, wanted: Sequence[str], columns: Mapping[str, Sourc
     for name in wanted:
         column = columns.get(name)
         if column is not None and (column.column in names or (isinstance(column.column, int) and name not in names)):
-            values = column_of(frame, column.column, "the frame") * column.scale + column.offset
+            values = quantity_of(frame, name, column.model_dump(), "the frame") * column.scale + column.offset
             unit = units.get(name) or default_unit(name)
             found[name] = convert(values, column.unit, unit) if column.unit is not None else values
         else:
-            found[name] = column_of(frame, name, "the frame")
+            found[name] = column_of(frame, name, "the frame", CellReader(clock=name == "time"))
     return found

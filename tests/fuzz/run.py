@@ -23,12 +23,14 @@ import expressions
 import readers
 import specs
 import structures
+import tables
 from driver import Findings, Target, explore
 
 TARGETS = (
     (expressions.TARGET, 1),
     (readers.TARGET, 10),
     *((target, 20) for target in readers.BINARY),
+    (tables.TARGET, 2),
     (documents.TARGET, 10),
     (specs.TARGET, 20),
     (structures.TARGET, 20),

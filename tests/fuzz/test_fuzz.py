@@ -18,6 +18,7 @@ import pytest
 import readers
 import specs
 import structures
+import tables
 from driver import LONGEST, Fault, Target, explore
 from pages import DOCS, read_rows
 
@@ -33,6 +34,7 @@ pytestmark = pytest.mark.filterwarnings("ignore")
         (specs.TARGET, 60),
         (readers.TARGET, 60),
         *((target, 60) for target in readers.BINARY),
+        (tables.TARGET, 300),
         (drafts.TARGET, 6),
         (exports.FREE_TEXTS, 25),
         (exports.EXPORTS, 8),

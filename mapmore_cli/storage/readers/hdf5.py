@@ -170,7 +170,7 @@ def _array(dataset: Any) -> Member:
     if _is_empty(dataset):
         return EMPTY
     if _class_of(dataset) == "char":  # stored as numbers: UTF-16
-        return Member("text", values=lambda _: np.zeros(1, dtype=np.str_))
+        return Member("text", values=lambda _: np.array([b"text"]))
     if dataset.dtype.names:  # real and imag
         return Member("an array of complex numbers", values=lambda _: np.zeros(1, dtype=np.complex128))
     shape = dataset.shape[::-1]
