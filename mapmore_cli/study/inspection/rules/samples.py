@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from mapmore_cli.domain.recording import Recording
+from mapmore_cli.domain.scores import FAR
 from mapmore_cli.study.inspection import evidence
 from mapmore_cli.study.inspection.names import POSITIONS
 from mapmore_cli.study.inspection.rules import Issue, Subject
@@ -31,6 +32,17 @@ def constant(subject: Subject) -> Iterator[Issue]:
             message = f"{name} is {values[0]:g} in every sample"
             remedy = "name another column" if target else "name another column, or leave it out"
             yield Issue("error" if target else "warning", "constant", subject.source(name), message, remedy, "data")
+
+
+def offset(subject: Subject) -> Iterator[Issue]:
+    """Find a target that lies far from zero: any model errs by little of its largest value."""
+    name = subject.spec.target_quantity
+    values = subject.pooled(name) if subject.has(name) else np.zeros(1)
+    if abs(values.mean()) > FAR * np.ptp(values) > 0 and subject.spec.validation.normaliser != "range":
+        ends = f"{values.min():.6g} to {values.max():.6g} {subject.units[name]}"
+        message = f"{name} runs from {ends}, far from zero: its NRMSE is small, whatever the model"
+        remedy = "take what it starts from off by `offset`, or say `validate: {normaliser: range}`"
+        yield Issue("hint", "offset", subject.source(name), message, remedy)
 
 
 def same_signal(subject: Subject) -> Iterator[Issue]:
