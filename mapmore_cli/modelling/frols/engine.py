@@ -203,7 +203,7 @@ def frols_streamed(blocks: Blocks, max_terms: int | None = None, tolerance: floa
 
     Each call of `blocks` yields `P (b, M)` and `y (b,)` of one block after the other, best of a few thousand rows. Most records need one
     pass. There is another where the normal equations lose digits (an ill-conditioned or dependent dictionary, a residual sum of squares
-    below 1e-9 of `y'y`), two where squares of the values overflow or vanish, one for `press`, and one where a tolerance ends the choice.
+    below 1e-9 of `y'y`), two where squares of the values overflow or vanish, one for `press`, and one where a tolerance may end the choice.
 
     Raises DataError where a value is not finite, with its column and its row counted over all blocks; ValueError where the shapes do not
     fit, there is no row, or `max_terms` is below one.

@@ -211,7 +211,7 @@ def selected(remainders: Remainders, stopping: Stopping, limit: int, scale: Arra
     """Return the greedy choice, at the number of terms that the stop rule prefers. Raises DigitsLost as `greedy`.
 
     The remainders are of columns of `Z = [P y]` divided by `scale`, (M+1,); `blocks` are the rows of `Z`, read
-    for `press`, and where the tolerance would end the choice.
+    for `press`, and where the tolerance may end the choice.
     """
     whole = cache(lambda: to_explain(scaled(blocks, scale), samples, remainders.yy))
     steps, stop = greedy(remainders, stopping, limit, whole)
