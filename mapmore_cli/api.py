@@ -202,7 +202,8 @@ def fit(frame: Any, **sections: Any) -> Fitted:
     Parameters
     ----------
     frame
-        A mapping of arrays, a data frame (pandas, polars, ...), the path of a file, or a list of these, each one recording.
+        A mapping of arrays, a data frame (pandas, polars, pyarrow, ...), the path of a file, or a list of these, each one recording.
+        What is masked or None is missing; arrays with units are converted; an index is not looked at.
     sections
         The keys of a spec (`target`, `segment`, `dictionary`, ...; docs/spec.md), and those of its section `data` (`columns`, `levels`,
         `split`, ...). Without `columns`, the columns of a frame have canonical names. `target` is `static` where nothing is said.

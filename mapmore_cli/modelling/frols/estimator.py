@@ -139,10 +139,7 @@ class FROLS:
 
 def _column_names(X: Any) -> list[str] | None:
     """Return the names of a frame's columns; None where there are none, or they are not all text."""
-    try:
-        labels = labels_of(X) or ()
-    except DataError as fault:
-        raise NotNumbers(str(fault)) from fault
+    labels = labels_of(X) or ()
     names = [label for label in labels if isinstance(label, str)]
     if len(set(names)) < len(names):
         raise ValueError(f"X has columns of one name: {', '.join(names)}")
