@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Hashable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from math import prod
 from numbers import Integral
@@ -206,10 +207,10 @@ def given_numbers(values: Any, what: str, name: str, unit: str) -> Array:
 
 
 def _cell(text: str) -> float:
-    try:
-        return number_of(text)
-    except ValueError:
-        raise ValueError(f"'{shortened(text)}' is not a number") from None
+    with suppress(ValueError):
+        if (value := number_of(text)) is not None:
+            return value
+    raise ValueError(f"'{shortened(text)}' is not a number")
 
 
 def write_frames(frames: Sequence[Any], columns: Mapping[str, Any], units: Mapping[str, str], folder: Path) -> dict[str, Any]:
