@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass
-from datetime import UTC, datetime, timedelta
+from datetime import date, time, timedelta
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,6 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError, MapmoreError
 
-EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 ABSENT = ("NoneType", "NAType", "NaTType", "MaskedConstant")
 """Types of what stands for a missing value, by their names: None, `pd.NA`, `pd.NaT`, `np.ma.masked`."""
 
@@ -25,12 +24,12 @@ class Door:
     """How numbers are read of what users give.
 
     - `convert`: brings numbers in a unit, which is given as text, to the wanted unit.
-    - `text`: reads the number in a text, as of a cell; raises ValueError. Without it text is refused.
+    - `cell`: reads the number in a text, a date or a duration, as in a cell of a file. Without it they are refused.
     - `clock`: whether dates and durations are wanted. They are seconds (since 1970), as `convert` gets them.
     """
 
     convert: Callable[[Array, str], Array]
-    text: Callable[[str], float] | None = None
+    cell: Callable[[Any], float] | None = None
     clock: bool = False
 
     def numbers(self, values: Any, what: str, axis: str = "row") -> Array:
@@ -52,12 +51,8 @@ class Door:
             plain = (int, float)  # at once: they are many
             numbered = enumerate(values)
             return [one if type(one) in plain else self.numbers(one, f"{what}, {axis} {i}", "column") for i, one in numbered]
-        if isinstance(values, datetime):
-            values = (values if values.tzinfo else values.replace(tzinfo=UTC)) - EPOCH
-        if isinstance(values, timedelta):
-            return self._seconds(values.total_seconds())
-        if isinstance(values, str) and self.text is not None:
-            return self.text(values)
+        if isinstance(values, str | date | time | timedelta) and self.cell is not None:
+            return self.cell(values)
         return self._array(values, what, axis)
 
     def _array(self, values: Any, what: str, axis: str) -> Any:

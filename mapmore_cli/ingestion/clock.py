@@ -11,7 +11,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.ingestion.files import Log, Meter, Source
-from mapmore_cli.ingestion.samples import Samples, read_tables, without_missing
+from mapmore_cli.ingestion.samples import TURNS, Samples, going_on, read_tables, without_missing
 from mapmore_cli.modelling.signals import sampling
 from mapmore_cli.modelling.signals.shift import find_shift
 from mapmore_cli.spec.sections.data import Data
@@ -35,7 +35,7 @@ def clocked(samples: Samples, data: Data, units: Mapping[str, str]) -> list[Samp
     unit = units["time"]
     samples = without_glitches(samples, data.glitches)
     split = data.gaps is not None and data.gaps.action == "split"
-    ordered = [in_time_order(run, data.repeated_time) for run in (_cut_at_resets(samples, unit) if split else [samples])]
+    ordered = [in_time_order(run, data.repeated_time, unit) for run in (_cut_at_resets(samples, unit) if split else [samples])]
     found = [piece for run in ordered for piece in _at_gaps(run, data, unit)]
     if data.resample is not None:
         step = convert(data.resample, "s", unit)
@@ -52,15 +52,18 @@ def without_glitches(samples: Samples, rule: str) -> Samples:
     return samples.keep(kept, "glitch of the clock") if np.mean(~kept) <= MOST_GLITCHES else samples
 
 
-def in_time_order(samples: Samples, repeated: str) -> Samples:
+def in_time_order(samples: Samples, repeated: str, unit: str) -> Samples:
     """Refuse time that runs backwards, and treat stamps that repeat as the spec says."""
     time = samples.columns["time"]
     resets = sampling.find_resets(time)
     if len(resets):
         at = int(resets[0]) + 1
+        turns = [convert(turn, "s", unit) for turn in (*TURNS, 2.0**32 * 1e-6, 2.0**32 * 1e-3)]
+        turned = going_on(time[at - 1 : at + 1], turns)[1]
+        anew = f"The clock begins anew at {turned:.9g} {unit}: `unwrap: true` at `time` makes it go on. " if turned else ""
         raise DataError(
             f"{samples.at(at)}: time runs backwards, from {time[at - 1]:.9g} to {time[at]:.9g}",
-            "Sort the file by time; where single stamps are wrong, `glitches: drop` leaves them out; where the clock was set back, "
+            f"{anew}Sort the file by time; where single stamps are wrong, `glitches: drop` leaves them out; where the clock was set back, "
             "`gaps: {longer_than: ..., action: split}` splits the recording.",
         )
     repeats = sampling.find_repeats(time)
@@ -148,7 +151,7 @@ def _read(log: Log, join: Join, data: Data, units: Mapping[str, str], meter: Met
     if join.on == "row":
         return tables
     whole = [without_glitches(without_missing(samples, join, data.missing_rule.action), data.glitches) for samples in tables]
-    return [in_time_order(samples, data.repeated_time) for samples in whole]
+    return [in_time_order(samples, data.repeated_time, units["time"]) for samples in whole]
 
 
 def _by_row(first: Samples, second: Samples, join: Join, _units: Mapping[str, str]) -> Samples:

@@ -23,6 +23,12 @@ from mapmore_cli.storage.readers import READERS
 from mapmore_cli.storage.spool import by_blocks, chosen, counted, joined
 from mapmore_cli.storage.tables import RawTable, TableRequest, read_with
 
+TURNS = (3600.0, 86400.0)
+"""Where clocks begin anew, in s: those that show minutes after an hour, those that tell the time of day at midnight."""
+
+NEAR_TURN = 0.9
+"""Of a turn, that such a clock goes back at least: it may have rested there."""
+
 
 @dataclass(frozen=True)
 class Samples(RawTable):
@@ -93,24 +99,38 @@ def read_tables(log: Log, table: Logs, missing: MissingRule, units: Mapping[str,
         skip_rows=table.skip_rows,
         delimiter=table.delimiter,
         decimal=table.decimal,
+        thousands=table.thousands,
         encoding=table.encoding,
         sheet=log.sheet or table.sheet,
         root=table.root,
         missing=missing.texts,
         incomplete=missing.action == "drop",
         progress=meter.within(log),
+        clocks=table.clocks(),
+        format=table.columns["time"].format if "time" in table.columns else None,
+        second=_second(table, units),
     )
     return [_in_model_units(raw, table, missing.numbers, units) for raw in read_with(READERS[table.reader], log.path, request)]
 
 
+def _second(table: Logs, units: Mapping[str, str]) -> float:
+    """Return what a second is in the unit of the column of the time; 1 without one."""
+    return convert(1.0, "s", table.columns["time"].unit or units["time"]) if "time" in table.columns else 1.0
+
+
 def _in_model_units(raw: RawTable, table: Logs, missing: Sequence[float], units: Mapping[str, str]) -> Samples:
     """Return `value * scale + offset` in the model's unit, less its mean at rest; NaN for the numbers that stand for `missing` values."""
-    taken = slice(None, None, table.every)
+    taken, second = slice(None, None, table.every), _second(table, units)
     columns: dict[str, Array] = {}
     for name, column in table.columns.items():
         as_is = not missing and (column.scale, column.offset) == (1.0, 0.0) and column.unit in (None, units[name])
         values = raw.columns[column.column]
-        values = (values if column.unwrap is None else unwrapped(values, column.unwrap))[taken]
+        if column.unwrap is True:
+            values, known = values.copy(), np.isfinite(values)
+            values[known] += going_on(values[known], (*(second * turn for turn in TURNS), 2.0**32))
+        elif column.unwrap is not None:
+            values = unwrapped(values, column.unwrap)
+        values = values[taken]
         columns[name] = values if as_is else by_blocks(partial(_converted, column=column, missing=missing, unit=units[name]), values)
     if table.sample_time is not None:
         step = convert(table.sample_time, "s", units["time"])
@@ -139,6 +159,13 @@ def unwrapped(values: Array, period: float) -> Array:
     found, known = values.copy(), np.isfinite(values)
     found[known] = np.unwrap(values[known], period=period)
     return found
+
+
+def going_on(time: Array, turns: Sequence[float]) -> Array:
+    """Return what has to be added to the stamps of a clock, (n,), where it begins anew at one of some `turns`."""
+    before, steps = time[:-1], np.diff(time)
+    added = np.sum([turn * ((steps <= -NEAR_TURN * turn) & (before <= turn)) for turn in turns], axis=0)
+    return np.concatenate([[0.0], np.cumsum(added)])[: len(time)]
 
 
 def without_missing(samples: Samples, table: Logs, missing: str) -> Samples:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Hashable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from math import prod
 from numbers import Integral
@@ -28,7 +27,8 @@ from mapmore_cli.modelling.signals.rates import with_signals
 from mapmore_cli.modelling.validation.intervals import interval
 from mapmore_cli.spec.sections.logs import SourceColumn
 from mapmore_cli.spec.units import convert, default_unit, is_canonical
-from mapmore_cli.storage.tables import known_names, number_of, shortened
+from mapmore_cli.storage.tables import known_names
+from mapmore_cli.storage.tables.cells import CellReader
 from mapmore_cli.study.records import reading_of
 
 if TYPE_CHECKING:
@@ -187,7 +187,7 @@ def canonical_columns(frame: Any) -> dict[str, dict[str, str]]:
     return found
 
 
-def column_of(frame: Any, column: Column, label: str, name: str, unit: str) -> Array:
+def column_of(frame: Any, column: Column, label: str, name: str, unit: str, layout: str | None = None) -> Array:
     """One column as numbers of the quantity `name` in a `unit`, (n,). Raises `DataError`."""
     labels, found, what = labels_of(frame) or (), columns_in(frame, column), f"{label}: column '{column}'"
     if not found:
@@ -195,22 +195,20 @@ def column_of(frame: Any, column: Column, label: str, name: str, unit: str) -> A
         raise DataError(f"{label}: there is no column '{column}'", known)
     if len(found) > 1 or labels.count(found[0]) > 1:
         raise DataError(f"{what} is there more than once", "give every column a name of its own")
-    values = given_numbers(frame[found[0]], what, name, unit)
+    values = given_numbers(frame[found[0]], what, name, unit, layout)
     if values.ndim != 1:
         raise DataError(f"{what} has the shape {values.shape}", "give one-dimensional arrays of one length")
     return values
 
 
-def given_numbers(values: Any, what: str, name: str, unit: str) -> Array:
-    """Return what a user gave for the quantity `name`, as numbers in a `unit`. Raises `DataError`, which begins with `what`."""
-    return Door(lambda numbers, own: convert(numbers, own, unit), _cell, name == "time").numbers(values, what)
+def given_numbers(values: Any, what: str, name: str, unit: str, layout: str | None = None) -> Array:
+    """Return what a user gave for the quantity `name`, as numbers in a `unit`; `layout` is the format of stamps.
 
-
-def _cell(text: str) -> float:
-    with suppress(ValueError):
-        if (value := number_of(text)) is not None:
-            return value
-    raise ValueError(f"'{shortened(text)}' is not a number")
+    Raises `DataError`, which begins with `what`.
+    """
+    clock = name == "time"
+    read = CellReader(clock=clock, format=layout, second=convert(1.0, "s", unit) if clock else 1.0)
+    return Door(lambda numbers, own: convert(numbers, own, unit), read, clock).numbers(values, what)
 
 
 def write_frames(frames: Sequence[Any], columns: Mapping[str, Any], units: Mapping[str, str], folder: Path) -> dict[str, Any]:
@@ -224,8 +222,9 @@ def write_frames(frames: Sequence[Any], columns: Mapping[str, Any], units: Mappi
         label = f"frame {number}" if len(frames) > 1 else "the frame"
         arrays = {}
         for name, entry in columns.items():
-            own = entry.get("unit") if isinstance(entry, Mapping) else None
-            arrays[name] = column_of(frame, source_of(entry), label, name, str(own or default_unit(name, units)))
+            told = entry if isinstance(entry, Mapping) else {}
+            unit = str(told.get("unit") or default_unit(name, units))
+            arrays[name] = column_of(frame, source_of(entry), label, name, unit, told.get("format"))
         lengths = {name: len(values) for name, values in arrays.items()}
         if len(set(lengths.values())) > 1:
             raise DataError(f"{label}: columns of different length: {lengths}", "they do not belong to one recording")
@@ -235,6 +234,7 @@ def write_frames(frames: Sequence[Any], columns: Mapping[str, Any], units: Mappi
             for name, values in arrays.items():
                 file.create_dataset(name, data=values, track_times=False)
     read = {name: {**(entry if isinstance(entry, Mapping) else {}), "column": name} for name, entry in columns.items()}
+    read.get("time", {}).pop("format", None)  # what is written are numbers
     return {"files": [str(path) for path in paths], "reader": "hdf5", "columns": read}
 
 
@@ -258,7 +258,8 @@ def quantities_of(frame: Any, wanted: Sequence[str], columns: Mapping[str, Sourc
         numbered = column is not None and isinstance(column.column, int) and not columns_in(frame, name)
         if column is not None and (numbered or columns_in(frame, str(column.column))):
             own = column.unit or unit
-            values = column_of(frame, column.column, "the frame", name, own) * column.scale + column.offset
+            values = column_of(frame, column.column, "the frame", name, own, column.format)
+            values = values * column.scale + column.offset
             found[name] = convert(values, own, unit)
         else:
             found[name] = column_of(frame, name, "the frame", name, unit)

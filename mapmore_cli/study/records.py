@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import difflib
 import math
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
@@ -19,7 +18,8 @@ from mapmore_cli.domain.recording import Signal
 from mapmore_cli.modelling.kinds import fed_back, runs_over_time
 from mapmore_cli.modelling.signals.sampling import find_gaps, pieces, typical_step
 from mapmore_cli.storage.tables import TableRequest, locate_columns
-from mapmore_cli.storage.tables.lines import open_quote, quote_left_open
+from mapmore_cli.storage.tables.cells import CellReader, NotANumber, number_of
+from mapmore_cli.storage.tables.lines import records_of
 
 RECORDING = "recording"
 """The column that tells recordings apart, where a table has it."""
@@ -49,8 +49,8 @@ def recordings(rows: Iterator[Row], names: Sequence[str]) -> Iterator[list[Row]]
 def _time(cell: str) -> float:
     """Return the time in a field; NaN for what the later, strict reading will report."""
     try:
-        return float(cell)
-    except ValueError:
+        return CellReader(clock=True)(cell)
+    except NotANumber:
         return np.nan
 
 
@@ -106,24 +106,9 @@ class Row(NamedTuple):
 
 def records(lines: Iterable[str], label: str) -> Iterator[Row]:
     """Yield records with their text: a quoted field may go on over several lines."""
-    consumed: list[str] = []
-
-    def remembered() -> Iterator[str]:
-        for line in lines:
-            consumed.append(line)
-            yield line
-
-    reader = csv.reader(remembered())
-    try:
-        for cells in reader:
-            if quote_left_open(consumed, cells, ","):
-                raise open_quote(label, reader.line_num - len(consumed) + 1)
-            text = "".join(consumed)
-            consumed.clear()
-            bare = text.rstrip("\r\n")
-            yield Row(bare, text[len(bare) :], cells, reader.line_num)
-    except csv.Error as fault:  # a field that is longer than any number
-        raise open_quote(label, reader.line_num - len(consumed) + 1) from fault
+    for text, cells, line in records_of(lines, ",", label):
+        bare = text.rstrip("\r\n")
+        yield Row(bare, text[len(bare) :], cells, line)
 
 
 class Sheet:
@@ -136,6 +121,7 @@ class Sheet:
 
     def __init__(self, lines: Iterable[str], label: str, expected: str, constants: Mapping[str, float] | None = None) -> None:
         self.label, self.expected = label, expected
+        self._readers: dict[str, CellReader] = {}
         rows = records(lines, label)
         header = next(rows, None)
         if header is None:
@@ -164,7 +150,7 @@ class Sheet:
 
     def values(self, block: Sequence[Row], places: Mapping[str, int]) -> dict[str, Array]:
         """Return the columns of some rows, (n,) each, NaN where a field is empty; raises DataError for a field that is not a number."""
-        columns = [(name, place, np.full(len(block), np.nan)) for name, place in places.items()]
+        columns = [(name, place, np.full(len(block), np.nan), self._reader(name)) for name, place in places.items()]
         for i, row in enumerate(block):
             if self.is_blank(row):
                 continue
@@ -172,24 +158,22 @@ class Sheet:
             if len(cells) != len(self.names):
                 what = f"{self.label}:row {row.line}: has {len(cells)} fields, the header has {len(self.names)}"
                 raise DataError(what, "mend or remove the line")
-            for name, place, values in columns:
+            for name, place, values, read in columns:
                 try:
-                    values[i] = _number(cells[place].strip())
-                except ValueError:
-                    what = f"{self.label}:row {row.line}, column {name}: {cells[place][:40]!r} is not a number"
-                    raise DataError(what, "mend the cell, or leave it empty") from None
-        return {name: values for name, _, values in columns}
+                    values[i] = read(cells[place])
+                except NotANumber as odd:
+                    raise odd.at(f"{self.label}:row {row.line}, column {name}") from None
+        return {name: values for name, _, values, _ in columns}
+
+    def _reader(self, name: str) -> CellReader:
+        """Return what reads the cells of a column, the same one for all blocks."""
+        usual = "mend the cell, or leave it empty"
+        return self._readers.setdefault(name, CellReader(clock=name == "time", usual=usual))
 
     def extended(self, block: Sequence[Row], added: Sequence[str]) -> Iterator[str]:
         """Yield the lines of some rows with the text that is `added` to each; blank ones stay as they are."""
         for row, more in zip(block, added, strict=True):
             yield row.text + row.end if self.is_blank(row) else f"{row.text},{more}{row.end}"
-
-
-def _number(cell: str) -> float:
-    if "_" in cell:  # Python reads 1_5 as 15
-        raise ValueError
-    return float(cell) if cell else math.nan
 
 
 EXAMPLE = "write it as pressure=0:600:25,strain=0:0.25:0.01 (first:last:step, or one value)"
@@ -234,11 +218,8 @@ def _axes(text: str, inputs: Sequence[str]) -> dict[str, list[str]]:
 
 
 def _values(part: str, text: str) -> list[float]:
-    try:
-        numbers = [float(number) for number in text.split(":")]
-    except ValueError:
-        numbers = []
-    if len(numbers) not in (1, 3) or not all(map(math.isfinite, numbers)):
+    numbers = [number for piece in text.split(":") if (number := number_of(piece)) is not None]
+    if len(numbers) not in (1, 3) or len(numbers) != text.count(":") + 1 or not all(map(math.isfinite, numbers)):
         raise UsageError(f"--grid: cannot read '{part}'", EXAMPLE)
     if len(numbers) == 1:
         return numbers

@@ -23,11 +23,13 @@ import expressions
 import readers
 import specs
 import structures
+import tables
 from driver import Findings, Target, explore
 
 TARGETS = (
     (expressions.TARGET, 1),
     (readers.TARGET, 10),
+    (tables.TARGET, 2),
     (documents.TARGET, 10),
     (specs.TARGET, 20),
     (structures.TARGET, 20),

@@ -18,6 +18,7 @@ import pytest
 import readers
 import specs
 import structures
+import tables
 from driver import LONGEST, Fault, Target, explore
 from pages import DOCS, read_rows
 
@@ -32,6 +33,7 @@ pytestmark = pytest.mark.filterwarnings("ignore")
         (expressions.TARGET, 400),
         (specs.TARGET, 60),
         (readers.TARGET, 60),
+        (tables.TARGET, 300),
         (drafts.TARGET, 6),
         (exports.FREE_TEXTS, 25),
         (exports.EXPORTS, 8),

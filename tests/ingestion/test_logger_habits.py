@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from ingest_samples import COLUMNS, Ingest, csv_text, steps
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.tables import number_of, seconds_of_stamp
+from mapmore_cli.storage.tables.cells import CellReader, NotANumber, stamp_of
 from mapmore_cli.storage.tables.lines import encoding_of, guess_encoding
 
 openpyxl = pytest.importorskip("openpyxl")
@@ -37,21 +37,25 @@ NOON = datetime(2026, 3, 1, 12, 0, 1, 500000, tzinfo=UTC).timestamp()
     ],
 )
 def test_stamps_are_seconds(text: str, seconds: float) -> None:
-    assert seconds_of_stamp(text) == seconds
-    assert number_of(f" {text} ") == seconds
+    assert CellReader(clock=True)(f" {text} ") == seconds
+    with pytest.raises(NotANumber):
+        CellReader()(text)
 
 
 @pytest.mark.parametrize("text", ["3/1/2026 12:00:00", "noon", "12:61:00", "2026-13-01 12:00:00", "2026-03-01", "1:2", "9" * 5000 + ":"])
 def test_what_is_no_stamp_is_refused(text: str) -> None:
-    with pytest.raises(ValueError):  # noqa: PT011 - the reader makes a message of it
-        number_of(text)
+    with pytest.raises(NotANumber):
+        CellReader(clock=True)(text)
 
 
 @given(st.datetimes(min_value=datetime(1971, 1, 1), max_value=datetime(2100, 1, 1)))
 def test_stamps_keep_their_distance(stamp: datetime) -> None:
     """Whatever the zone is taken to be, a second later is a second later."""
     later = stamp.replace(microsecond=0)
-    assert seconds_of_stamp(str(stamp)) - seconds_of_stamp(str(later)) == pytest.approx(stamp.microsecond / 1e6, abs=1e-6)
+    first, second = (stamp_of(str(one)) for one in (later, stamp))
+    assert first is not None
+    assert second is not None
+    assert second[1] - first[1] == pytest.approx(stamp.microsecond / 1e6, abs=1e-6)
 
 
 def test_time_of_a_log_with_local_stamps(ingest: Ingest) -> None:

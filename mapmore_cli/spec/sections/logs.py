@@ -6,13 +6,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
+from datetime import datetime
 from typing import TYPE_CHECKING, Annotated, Literal
+from warnings import catch_warnings
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from mapmore_cli.domain.declared import Contradiction, Either, OfKey, Seconds, of_sibling
 from mapmore_cli.spec.fields import InColumnUnit, Quantity, Section, SignedSeconds, SpecPath
 from mapmore_cli.storage.readers import READERS
+from mapmore_cli.storage.tables.cells import FORMAT, THOUSANDS
 
 OfQuantity = Annotated[float, of_sibling("quantity")]
 Interval = Annotated[tuple[OfQuantity, OfQuantity], Field(strict=False)]
@@ -51,7 +54,7 @@ else:
 
 READERS_OF: Mapping[str, tuple[str, ...]] = {
     key: tuple(name for name, reader in READERS.items() if key in reader.keys)
-    for key in ("header", "skip_rows", "delimiter", "decimal", "encoding", "sheet", "root")
+    for key in ("header", "skip_rows", "delimiter", "decimal", "thousands", "encoding", "sheet", "root")
 }
 """The readers that have a use for a key."""
 
@@ -69,12 +72,27 @@ class FileEntry(Section):
     keep: list[Keep] = []
 
 
+def possible_format(text: str) -> str:
+    """Return a format of stamps; raises Contradiction for one that `strptime` cannot read, or that leaves doubts."""
+    try:
+        with catch_warnings(action="ignore"):  # of days without a year
+            datetime.strptime(datetime(2026, 3, 1).strftime(text), text)
+    except (ValueError, re.error) as fault:
+        raise Contradiction(f"{text!r} is no format of stamps: {fault}", f"write it as {FORMAT}") from None
+    if ("%I" in text) != ("%p" in text) or ("%d" in text and "%y" not in text.lower()):
+        raise Contradiction("hours to 12 need AM or PM, and a day its year", f"write it as {FORMAT}")
+    return text
+
+
 class SourceColumn(Section):
     """Where a quantity comes from: a `column` by name, 0-based index or address, as `value * scale + offset` in `unit`.
 
     An address leads into MAT and HDF5 files, as `run.P` or `y[:,0]`; a TDMS channel is `Group/Channel`. Where every recording has a zero of
     its own, `rest` is how long it rests at its beginning: the mean over that time is taken off. `unwrap` is the number at which an encoder
     begins anew, as 360 or 4096 in the numbers of the file: jumps by more than half of it are such a turn.
+
+    Of `time` alone: `format` says how its stamps are written, in the codes of Python's `strptime`, as `"%m/%d/%Y %I:%M:%S.%f %p"`; and
+    `unwrap: true` goes on where the clock begins anew, at midnight, after an hour, or at 2^32 of its unit.
     """
 
     column: Annotated[str | int, Either()]
@@ -82,14 +100,16 @@ class SourceColumn(Section):
     scale: float = 1.0
     offset: InColumnUnit = 0.0
     rest: Seconds | None = None
-    unwrap: Annotated[float, Field(gt=0)] | None = None
+    unwrap: Annotated[Annotated[float, Field(gt=0)] | Literal[True], Either()] | None = None
+    format: Annotated[str, AfterValidator(possible_format)] | None = None
 
 
 class Logs(Section):
     """Files of one kind and the columns in them.
 
     `files` are globs that start at the folder of the spec. `header` is the number of header lines (`true` is one), the first with the
-    names, after `skip_rows` lines. `delimiter` is a character, `tab` or `whitespace`. `sheet` names the sheet of a workbook;
+    names, after `skip_rows` lines. `delimiter` is a character, `tab` or `whitespace`. `thousands` is what stands between the thousands of
+    its numbers, as `","` in 1,234.5. `sheet` names the sheet of a workbook;
     with `*` or another glob, every sheet that matches is a recording of its own. `root` is the place in a MAT or HDF5 file from which
     columns are addressed: with `[*]` at its end every element is a recording of its own, except members that have none of the columns. In a
     TDMS file it is a group, or `[*]` for all. `sample_time` makes the time where no column
@@ -102,12 +122,18 @@ class Logs(Section):
     skip_rows: Annotated[int, Field(ge=0, le=1_000_000)] = 0
     delimiter: str = ","
     decimal: Literal[".", ","] = "."
+    thousands: Annotated[str, Field(pattern=f"^[{THOUSANDS}]$")] | None = None
     encoding: str = "utf-8"
     sheet: str | None = None
     root: str | None = None
     columns: Annotated[dict[Quantity, SourceColumn], Field(min_length=1)]
     sample_time: Seconds | None = None
     every: Annotated[int, Field(ge=1, le=1_000_000_000)] = 1
+
+    def clocks(self) -> frozenset[str | int]:
+        """Return the columns whose cells may be stamps: that of `time`, if no other quantity has it."""
+        others = {column.column for name, column in self.columns.items() if name != "time"}
+        return frozenset({column.column for column in self.columns.values()} - others)
 
     def _contradictions(self) -> Iterator[ValueError]:
         reader = READERS[self.reader]
@@ -129,6 +155,12 @@ class Logs(Section):
         if self.delimiter == self.decimal:
             remedy = 'say what separates the fields, as `delimiter: ";"`'
             yield Contradiction("the decimal point also separates the fields", remedy, "decimal")
+        others = [column for name, column in self.columns.items() if name != "time"]
+        if any(column.format is not None or column.unwrap is True for column in others):
+            yield Contradiction("`format` and `unwrap: true` belong to `time`", "remove them elsewhere", "columns")
+        if self.thousands is not None and self.thousands in (self.decimal, self.delimiter.replace("whitespace", self.thousands)):
+            remedy = 'say what each is, as `decimal: "."`, `thousands: ","` and `delimiter: ";"`'
+            yield Contradiction("what stands between thousands means something else as well", remedy, "thousands")
         try:
             "a".encode(self.encoding)
         except (LookupError, ValueError):  # ValueError: a zero byte in the name

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import csv
 import math
+import re
 import warnings
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence, Set
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import chain, islice, product, repeat
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -17,20 +19,9 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.spool import by_blocks, in_a_row
-from mapmore_cli.storage.tables import (
-    NotANumber,
-    RawTable,
-    Reader,
-    SourceColumn,
-    TableRequest,
-    Top,
-    locate_columns,
-    number_of,
-    reading,
-    seconds_of_stamp,
-    shortened,
-)
-from mapmore_cli.storage.tables.lines import UNREADABLE, guess_encoding, is_number, is_zipped, open_lines, open_quote, quote_left_open
+from mapmore_cli.storage.tables import RawTable, Reader, SourceColumn, TableRequest, Top, locate_columns, reading
+from mapmore_cli.storage.tables.cells import NUMBER, CellReader, NotANumber, holds_number, number_of, shortened
+from mapmore_cli.storage.tables.lines import UNREADABLE, guess_encoding, is_zipped, open_lines, records_of
 
 WHITESPACE = "whitespace"
 DELIMITERS = {"tab": "\t"}
@@ -48,11 +39,15 @@ Numbered = tuple[int, list[str]]
 
 @dataclass(frozen=True)
 class Layout:
-    """What is known after the header: the number of fields in a record, and of the wanted columns their places and titles."""
+    """What is known after the header: the number of fields in a record, and of the wanted columns their places and titles.
+
+    `readers` read their cells; what they know of the stamps of a column goes from block to block.
+    """
 
     width: int
     places: tuple[int, ...]
     titles: tuple[SourceColumn, ...]
+    readers: tuple[CellReader, ...] = ()
 
 
 def read_csv(path: Path, request: TableRequest) -> list[RawTable]:
@@ -107,6 +102,9 @@ def _blocks(
         last.extend(block)
         end, values = row + len(block), values_of_lines(block, layout, request)
         if values is not None:
+            for read, column in zip(layout.readers, values.T, strict=True):
+                if read.clock and np.isfinite(column).any():
+                    read.form = NUMBER
             yield np.column_stack([np.arange(row + 1, end + 1), values])
             row = end
         else:
@@ -126,31 +124,18 @@ def _records(lines: Iterator[str], request: TableRequest, row: int) -> Iterator[
     if delimiter == WHITESPACE:
         yield from ((number, line.split()) for number, line in enumerate(lines, start=row + 1))
         return
-    taken: list[str] = []
-
-    def remembered() -> Iterator[str]:
-        for line in lines:
-            taken.append(line)
-            yield line
-
-    try:
-        for record in csv.reader(remembered(), delimiter=delimiter):
-            if quote_left_open(taken, record, delimiter):
-                raise open_quote(request.label, row + 1)
-            row += len(taken)
-            taken.clear()
-            yield row, record if len(record) > 1 or (record and record[0].strip()) else []
-    except csv.Error as error:  # a field that is longer than any number
-        raise open_quote(request.label, row + 1) from error
+    for _, record, number in records_of(lines, delimiter, request.label, row):
+        yield number, record if len(record) > 1 or (record and record[0].strip()) else []
 
 
 def _layout(first: Sequence[str], request: TableRequest) -> Layout:
     names = [name.strip() for name in first] if request.header else None
     hint = separator_hint(first)
-    if hint is None and names is not None and all(is_number(name) and math.isfinite(float(name)) for name in names):
+    if hint is None and names is not None and all(map(holds_number, names)):
         hint = "The first line holds numbers: give 0-based indices and say `header: false`."
     places = locate_columns(request, names, len(first), hint)
-    return Layout(len(first), tuple(places.values()), tuple(column if names is None else names[at] for column, at in places.items()))
+    titles = tuple(column if names is None else names[at] for column, at in places.items())
+    return Layout(len(first), tuple(places.values()), titles, tuple(map(request.cells, places)))
 
 
 def values_of_lines(lines: Sequence[str], layout: Layout, request: TableRequest) -> Array | None:
@@ -159,6 +144,10 @@ def values_of_lines(lines: Sequence[str], layout: Layout, request: TableRequest)
     NumPy's parser takes a twentieth of the time of `values_of_records`, and every number that it accepts is the same number there.
     """
     delimiter = DELIMITERS.get(request.delimiter, request.delimiter)
+    if any(read.clock and (read.format or read.form not in ("", NUMBER)) for read in layout.readers):
+        return None
+    if request.thousands is not None and request.thousands in "".join(lines):
+        return None
     if request.decimal != ".":
         if any("." in line for line in lines):
             return None
@@ -168,9 +157,13 @@ def values_of_lines(lines: Sequence[str], layout: Layout, request: TableRequest)
         return values[:, layout.places] if values is not None and values.shape[1] == layout.width else None
     if set(map(str.count, lines, repeat(delimiter))) != {layout.width - 1}:
         return None
-    after = delimiter.join("0" * layout.width)  # a record of its own, unless a quotation mark is left open before it
-    values = _loaded([*lines, after], delimiter=delimiter, usecols=layout.places, quotechar='"')
-    return None if values is None else values[:-1]
+    if '"' in "".join(lines):
+        mark = re.escape(delimiter)
+        whole = re.compile(rf'(?<![^{mark}])"([^"{mark}\r\n]*)"(?=[{mark}\r\n]|$)')
+        lines = [whole.sub(r"\1", line) for line in lines]
+        if '"' in "".join(lines):
+            return None
+    return _loaded(lines, delimiter=delimiter, usecols=layout.places)
 
 
 def _loaded(lines: Sequence[str], **dialect: Any) -> Array | None:
@@ -188,18 +181,16 @@ def values_of_records(records: Sequence[Numbered], layout: Layout, request: Tabl
 
     Raises DataError for a record with too few or too many fields; a field that is not a number; with row and column.
     """
-    parse: Callable[[str, Set[str]], float] = number_of if request.decimal == "." else _with_decimal_comma
-    wanted = list(zip(layout.places, layout.titles, strict=True))
+    wanted = list(zip(layout.places, layout.titles, layout.readers, strict=True))
     values: list[float] = []
     for row, record in records:
         cells = _of_width(row, record, layout.width, request)
         values.append(row)
-        for place, title in wanted:
+        for place, title, read in wanted:
             try:
-                values.append(parse(cells[place], request.missing))
-            except ValueError:
-                hint = separator_hint(cells) or _decimal_hint(cells[place])
-                raise NotANumber(cells[place].strip(), f"{request.label}:row {row}, column {title}", hint) from None
+                values.append(read(cells[place]))
+            except NotANumber as odd:
+                raise odd.at(f"{request.label}:row {row}, column {title}", separator_hint(cells)) from None
     return np.array(values, dtype=float).reshape(len(records), 1 + len(wanted))
 
 
@@ -217,16 +208,6 @@ def _of_width(row: int, record: list[str], width: int, request: TableRequest) ->
     raise DataError(what, separator_hint(record) or remedy)
 
 
-def _with_decimal_comma(cell: str, missing: Set[str]) -> float:
-    """Read `1,5`; a point is refused, as nobody can tell the thousands of 1.500 from a decimal point, but in the date of a stamp."""
-    word = cell.strip()
-    if not word or word in missing:
-        return math.nan
-    if "." in word:
-        return seconds_of_stamp(word.replace(",", "."))
-    return number_of(word.replace(",", "."))
-
-
 def separator_hint(record: Sequence[str]) -> str | None:
     """Return a remedy where the fields look as if something else separated them."""
     for mark, name in MARKS:
@@ -234,12 +215,6 @@ def separator_hint(record: Sequence[str]) -> str | None:
             word = "tab" if mark == "\t" else f'"{mark}"'
             return f'The delimiter looks like {name}: say `delimiter: {word}`, and `decimal: ","` where the numbers have commas.'
     return None
-
-
-def _decimal_hint(cell: str) -> str | None:
-    if not is_number(cell.replace(",", ".")):
-        return None
-    return 'Say `decimal: ","`.' if "," in cell else 'Say `decimal: "."`.' if "." in cell else None
 
 
 def _whole(table: RawTable, lines: Sequence[str], request: TableRequest) -> RawTable:
@@ -269,7 +244,8 @@ def _is_cut_short(last: str, before: Sequence[str], decimal: str) -> bool:
     """
 
     def size(cell: str) -> float:
-        return abs(float(cell.replace(decimal, "."))) if is_number(cell.replace(decimal, ".")) else math.nan
+        value = number_of(cell, decimal)
+        return math.nan if value is None else abs(value)
 
     values = {cell: size(cell) for cell in before if math.isfinite(size(cell))}
     if sum(cell in values for cell in before) < FEWEST_BEFORE:
@@ -304,18 +280,6 @@ def _cut(lines: Sequence[str], delimiter: str | None) -> list[list[str]]:
         return []
 
 
-def _holds_number(parse: Callable[[str, Set[str]], float]) -> Callable[[Any], bool]:
-    """Return whether a cell holds a number or a time stamp as `parse` reads it, rather than a word for a missing one."""
-
-    def holds(cell: str) -> bool:
-        try:
-            return not math.isnan(parse(cell, frozenset())) or is_number(cell)
-        except ValueError:
-            return False
-
-    return holds
-
-
 _DIALECTS: tuple[tuple[str | None, dict[str, Any]], ...] = (
     (",", {}),
     (";", {"delimiter": ";"}),
@@ -324,8 +288,8 @@ _DIALECTS: tuple[tuple[str | None, dict[str, Any]], ...] = (
     (None, {"delimiter": "whitespace"}),
 )
 _NUMBERS: tuple[tuple[Callable[[Any], bool], dict[str, Any]], ...] = (
-    (_holds_number(number_of), {}),
-    (_holds_number(_with_decimal_comma), {"decimal": ","}),
+    (partial(holds_number, decimal="."), {}),
+    (partial(holds_number, decimal=","), {"decimal": ","}),
 )
 """Dialects in the order of preference where several fit."""
 
@@ -333,6 +297,6 @@ READER = Reader(
     "csv",
     read_csv,
     suffixes=(".csv", ".txt", ".tsv", ".dat"),
-    keys=("header", "skip_rows", "delimiter", "decimal", "encoding"),
+    keys=("header", "skip_rows", "delimiter", "decimal", "thousands", "encoding"),
     peek=peek_csv,
 )

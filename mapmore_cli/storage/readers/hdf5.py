@@ -94,7 +94,7 @@ def _array(dataset: Any) -> Member:
     if dataset.attrs.get("MATLAB_empty"):  # what is stored then is the size
         return Member("an empty array", values=lambda _: np.zeros(0))
     if _class_of(dataset) == "char":  # stored as numbers: UTF-16
-        return Member("text", values=lambda _: np.zeros(1, dtype=np.str_))
+        return Member("text", values=lambda _: np.array([b"text"]))
     if dataset.dtype.names:  # real and imag
         return Member("an array of complex numbers", values=lambda _: np.zeros(1, dtype=np.complex128))
     shape = dataset.shape[::-1]

@@ -20,7 +20,7 @@ BIG_ENDIAN = 1 << 6
 
 
 def read_tdms(path: Path, request: TableRequest) -> list[RawTable]:
-    """Read the wanted channels, scaled as LabVIEW shows them; time stamps count as seconds since 1970.
+    """Read the wanted channels, scaled as LabVIEW shows them; time stamps count as seconds since 1970, in the column of the time.
 
     With `root: "[*]"` every group is a recording, and columns are channels; with `root: Group` it is that one.
 
@@ -39,7 +39,7 @@ def read_tdms(path: Path, request: TableRequest) -> list[RawTable]:
             if column not in channels:
                 remedy = known_names(str(column), list(channels), "The file has")
                 raise DataError(f"{request.label}: there is no channel '{column}'", remedy)
-            columns[column] = as_numbers(channels[str(column)][:], f"{request.label}: channel '{column}'")
+            columns[column] = as_numbers(channels[str(column)][:], f"{request.label}: channel '{column}'", request.cells(column))
     return [table_of(columns, request, request.label)]
 
 

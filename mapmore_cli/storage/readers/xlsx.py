@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import math
 import zipfile
-from collections.abc import Iterable, Iterator, Set
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from datetime import UTC, datetime, time, timedelta
 from fnmatch import fnmatchcase
 from itertools import chain, islice
 from pathlib import Path
@@ -16,18 +14,17 @@ import numpy as np
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.tables import (
-    NotANumber,
     RawTable,
     Reader,
     TableRequest,
     Top,
     known_names,
     locate_columns,
-    number_of,
     optional_library,
     reading,
     refuse_bombs,
 )
+from mapmore_cli.storage.tables.cells import NotANumber, holds_number
 
 MOST_ROWS = 1_048_576  # of a sheet, as Excel has it
 MOST_SHEETS = 1000
@@ -39,7 +36,7 @@ Row = tuple[int, tuple[Any, ...]]
 def read_xlsx(path: Path, request: TableRequest) -> list[RawTable]:
     """Read the wanted columns of one sheet of a workbook, or of every sheet that the request's glob names.
 
-    Empty rows are skipped (they count as header lines and as skipped rows); an empty cell is NaN. Dates count as seconds since 1970.
+    Empty rows are skipped (they count as header lines and as skipped rows); an empty cell is NaN.
 
     Raises
     ------
@@ -58,7 +55,8 @@ def peek_xlsx(path: Path, most: int) -> Iterable[Top]:
             sheet.reset_dimensions()
             rows = _even([list(row) for row in islice(sheet.iter_rows(values_only=True), most)])
             if rows or not number:
-                tops.append(Top(rows, lambda cell: not isinstance(cell, str), {"sheet": sheet.title} if number else {}, sheet=sheet.title))
+                settings = {"sheet": sheet.title} if number else {}
+                tops.append(Top(rows, lambda cell: not isinstance(cell, str) and holds_number(cell), settings, sheet=sheet.title))
     return tops
 
 
@@ -117,6 +115,7 @@ def _parse(rows: Iterator[Row], request: TableRequest, label: str, title: str | 
         raise DataError(f"{label}: the sheet is empty")
     names = ["" if cell is None else str(cell).strip() for cell in first[1]] if request.header else None
     places = locate_columns(request, names, len(first[1]))
+    readers = {column: request.cells(column) for column in places}
     numbers: list[int] = []
     values: list[float] = []
     for number, row in _filled(islice(rows, request.header - 1, None) if request.header else chain([first], rows)):
@@ -124,9 +123,9 @@ def _parse(rows: Iterator[Row], request: TableRequest, label: str, title: str | 
         for column, place in places.items():
             cell = row[place] if place < len(row) else None
             try:
-                values.append(_number(cell, request.missing))
-            except ValueError:
-                raise NotANumber(str(cell), f"{label}:row {number}, column {column if names is None else names[place]}") from None
+                values.append(readers[column](cell))
+            except NotANumber as odd:
+                raise odd.at(f"{label}:row {number}, column {column if names is None else names[place]}") from None
     if not numbers:
         raise DataError(f"{label}: the sheet has a header but no data")
     columns = np.ascontiguousarray(np.array(values).reshape(len(numbers), len(places)).T)
@@ -135,22 +134,6 @@ def _parse(rows: Iterator[Row], request: TableRequest, label: str, title: str | 
 
 def _filled(rows: Iterator[Row]) -> Iterator[Row]:
     return ((number, row) for number, row in rows if any(cell.strip() if isinstance(cell, str) else cell is not None for cell in row))
-
-
-def _number(cell: Any, missing: Set[str]) -> float:
-    match cell:
-        case None:
-            return math.nan
-        case str():
-            return number_of(cell, missing)
-        case datetime():
-            return cell.replace(tzinfo=UTC).timestamp()
-        case time():
-            return timedelta(hours=cell.hour, minutes=cell.minute, seconds=cell.second, microseconds=cell.microsecond).total_seconds()
-        case timedelta():
-            return cell.total_seconds()
-        case _:
-            return float(cell)
 
 
 READER = Reader("xlsx", read_xlsx, suffixes=(".xlsx",), keys=("header", "skip_rows", "sheet"), peek=peek_xlsx)

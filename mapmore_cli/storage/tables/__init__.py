@@ -1,21 +1,20 @@
-"""What every reader is asked for and what it returns; numbers and time stamps in cells; and tables that were read before."""
+"""What every reader is asked for and what it returns; and tables that were read before."""
 
 from __future__ import annotations
 
 import difflib
 import importlib
-import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
-from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.errors import DataError, MapmoreError
+from mapmore_cli.storage.tables.cells import CellReader
 
 SourceColumn = str | int
 """A column of a file: the name in its header, its 0-based index, or an address as `run.P`."""
@@ -29,11 +28,12 @@ class TableRequest:
     - `header`: number of header lines, the first of which holds the names (text, sheets).
     - `skip_rows`: lines before the header (text, sheets).
     - `delimiter`: one character, `tab`, or `whitespace`: any run of blanks and tabs (text).
-    - `decimal`: the decimal point of the numbers (text).
+    - `decimal`, `thousands`: what stands between the digits of the numbers (text).
     - `encoding`: of the characters (text); a byte order mark of UTF-8 is swallowed.
     - `sheet`: title of the sheet, or a glob of which every match is a recording; the first sheet where None (workbooks).
     - `root`: where the columns start; `train[*]` makes every element a recording (MAT, HDF5).
     - `missing`: texts, besides the usual ones, that stand where there is no value (text, sheets).
+    - `clocks`: the columns whose cells may be time stamps; `format`: how `strptime` reads these; `second`: in their unit.
     - `incomplete`: true where records that break off are missing values, False where they are errors.
     - `progress`: told now and then how many bytes of the file have been read (text, the only format of which a long file takes long).
     """
@@ -50,6 +50,14 @@ class TableRequest:
     missing: frozenset[str] = frozenset()
     incomplete: bool = False
     progress: Callable[[int], None] = field(default=lambda _bytes: None, compare=False)
+    thousands: str | None = None
+    clocks: frozenset[SourceColumn] = field(default=frozenset(), compare=False)
+    format: str | None = None
+    second: float = 1.0
+
+    def cells(self, column: SourceColumn) -> CellReader:
+        """Return what reads the cells of a column."""
+        return CellReader(self.missing, self.decimal, self.thousands, column in self.clocks, self.format, self.second)
 
 
 @dataclass(frozen=True)
@@ -197,75 +205,6 @@ def optional_library(module: str, package: str, label: str) -> ModuleType:
         raise DataError(what, "install it with: pip install 'mapmore[formats]'") from error
 
 
-# Numbers and time stamps as people and programs write them into cells -----------------------------------------------------------------
-
-MISSING = frozenset({"na", "n/a", "#n/a", "null", "none"})
-"""What programs write, besides an empty cell and `nan`, where there is no value; lower case."""
-
-LONGEST_STAMP = 40
-_STAMPS = ("%d.%m.%Y %H:%M:%S", "%d.%m.%Y %H:%M:%S.%f", "%Y/%m/%d %H:%M:%S", "%Y/%m/%d %H:%M:%S.%f")
-_CLOCKS = ("%H:%M:%S", "%H:%M:%S.%f")
-
-
-class NotANumber(DataError):
-    """A cell that holds neither a number nor what stands for a missing one; `cell` is its text."""
-
-    def __init__(self, cell: str, where: str, remedy: str | None = None) -> None:
-        usual = "mend the cell, or list it in `missing: {tokens: [...]}`; column names belong in the header"
-        super().__init__(f"{where}: '{shortened(cell)}' is not a number", remedy or usual)
-        self.cell = cell
-
-
-def number_of(cell: str, missing: Set[str] = frozenset()) -> float:
-    """Return the number in a cell, or the seconds of its time stamp; NaN where the value is missing, as `missing` texts say.
-
-    Raises ValueError for anything else.
-    """
-    if "_" in cell and cell.strip() not in missing:  # Python reads 1_5 as 15
-        raise ValueError(cell)
-    try:
-        return float(cell)
-    except ValueError:
-        word = cell.strip()
-        if not word or word.lower() in MISSING or word in missing:
-            return math.nan
-        return seconds_of_stamp(word)
-
-
-def seconds_of_stamp(text: str) -> float:
-    """Return a date with time in seconds since 1970, and a time of day in seconds since midnight.
-
-    Dates are as in ISO 8601, `2026/03/01 12:00:00` or `01.03.2026 12:00:00`. A stamp without a time zone counts as if it were UTC, since
-    only differences matter. Months and days between slashes (`3/1/2026`) are refused: they read one way here and another way there.
-
-    Raises ValueError for text that is no such stamp.
-    """
-    if len(text) > LONGEST_STAMP or ":" not in text:
-        raise ValueError(text)
-    if clock := _parsed(text, _CLOCKS):
-        return (clock - datetime.strptime("0", "%H")) / timedelta(seconds=1)
-    try:
-        stamp = datetime.fromisoformat(text)
-    except ValueError:
-        if (dated := _parsed(text, _STAMPS)) is None:
-            raise
-        stamp = dated
-    return (stamp if stamp.tzinfo is not None else stamp.replace(tzinfo=UTC)).timestamp()
-
-
-def _parsed(text: str, forms: Sequence[str]) -> datetime | None:
-    for form in forms:
-        with suppress(ValueError):
-            return datetime.strptime(text, form)
-    return None
-
-
-def shortened(cell: str, limit: int = 40) -> str:
-    """Return a cell's text as a message may show it."""
-    shown = cell.encode("unicode_escape").decode("ascii") if not cell.isprintable() else cell
-    return shown if len(shown) <= limit else shown[: limit - 3] + "..."
-
-
 # Tables that were read before ---------------------------------------------------------------------------------------------------------
 
 MOST_NUMBERS = 20_000_000
@@ -295,6 +234,7 @@ def read_with(reader: Reader, path: Path, request: TableRequest) -> list[RawTabl
     path = path.resolve()
     for place, before, tables in kept:
         enough = before.columns == request.columns or ("header" in reader.keys and {*request.columns} <= {*before.columns})
+        enough = enough and before.clocks & {*request.columns} <= request.clocks
         if place == path and enough and before == request:
             request.progress(path.stat().st_size)
             labels = (request.label + table.label[len(before.label) :] for table in tables)

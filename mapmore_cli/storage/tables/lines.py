@@ -7,9 +7,10 @@ import csv
 import gzip
 import io
 import os
+import re
 import zlib
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, BinaryIO, TextIO, cast
@@ -17,6 +18,7 @@ from typing import IO, BinaryIO, TextIO, cast
 from mapmore_cli.domain.errors import DataError, WriteError
 from mapmore_cli.storage.atomic import written
 from mapmore_cli.storage.tables import reading, refuse_bombs
+from mapmore_cli.storage.tables.cells import holds_number
 
 HEAD = 65536  # bytes by which the encoding is guessed
 MOSTLY = 0.7  # of every second byte, that is zero where plain letters are written in UTF-16
@@ -136,16 +138,36 @@ def quote_left_open(lines: Sequence[str], cells: Sequence[str], delimiter: str) 
 
 def _holds_record(line: str, delimiter: str) -> bool:
     """Whether a line inside of a cell looks like one of the table: delimited, with a number in it."""
-    return delimiter in line and any(is_number(cell.strip(' "')) for cell in line.split(delimiter))
+    return delimiter in line and any(holds_number(cell.strip(' "')) for cell in line.split(delimiter))
 
 
-def is_number(cell: str) -> bool:
-    """Whether a cell holds what Python reads as a number."""
+def records_of(lines: Iterable[str], delimiter: str, label: str, row: int = 0) -> Iterator[tuple[str, list[str], int]]:
+    """Yield the text of each record, its fields, and the number of its last line; `row` come before.
+
+    A quoted field may go on over several lines. One whose quotation marks are damaged, as in `"20"1.2`,
+    is the text as it stands, which is no number. No line is taken before its time.
+    """
+    taken: list[str] = []
+
+    def remembered() -> Iterator[str]:
+        for line in lines:
+            taken.append(line)
+            yield line
+
+    mark = re.escape(delimiter)
+    fields = re.compile(rf'("(?:[^"]|"")*"|[^"{mark}]*)([^{mark}]*)(?:{mark}|\Z)')
     try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
+        for cells in csv.reader(remembered(), delimiter=delimiter):
+            if quote_left_open(taken, cells, delimiter):
+                raise open_quote(label, row + 1)
+            text, row = "".join(taken), row + len(taken)
+            taken.clear()
+            if '"' in text:
+                whole = zip(cells, fields.findall(text.rstrip("\r\n")), strict=False)
+                cells = [quoted + rest if rest.strip() else cell for cell, (quoted, rest) in whole]
+            yield text, cells, row
+    except csv.Error as error:  # a field that is longer than any number
+        raise open_quote(label, row + 1) from error
 
 
 def open_quote(label: str, row: int) -> DataError:

@@ -19,6 +19,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.tables import RawTable, Reader, SourceColumn, TableRequest, Top, known_names
+from mapmore_cli.storage.tables.cells import DATES, CellReader, NotANumber
 
 Selection = tuple[int | slice, ...]
 """An index in brackets, `:` being a whole axis."""
@@ -137,7 +138,10 @@ def _has_some(element: Member, request: TableRequest) -> bool:
 
 
 def _table(base: Member, request: TableRequest, label: str, element: int | None = None) -> RawTable:
-    columns = {column: _column(base, f"[:,{column}]" if isinstance(column, int) else column, label) for column in request.columns}
+    columns = {
+        column: _column(base, f"[:,{column}]" if isinstance(column, int) else column, label, request.cells(column))
+        for column in request.columns
+    }
     return table_of(columns, request, label, element)
 
 
@@ -156,7 +160,7 @@ def table_of(columns: Mapping[SourceColumn, Array], request: TableRequest, label
     return RawTable({column: values[:n] for column, values in columns.items()}, np.arange(n, dtype=np.int64), label, "index", element)
 
 
-def _column(base: Member, address: str, label: str) -> Array:
+def _column(base: Member, address: str, label: str, read: CellReader) -> Array:
     """Return the `(n,)` array at an address."""
     steps = parse_address(address)
     if not steps:
@@ -174,17 +178,33 @@ def _column(base: Member, address: str, label: str) -> Array:
     if sum(length > 1 for length in values.shape) > 1:
         name = address[: address.rindex("[")] if selection else address
         raise DataError(f"{label}: '{address}' is an array of {' x '.join(map(str, values.shape))}", f"Say which column, as `{name}[:,0]`.")
-    return as_numbers(values.reshape(-1), f"{label}: '{address}'")
+    return as_numbers(values.reshape(-1), f"{label}: '{address}'", read)
 
 
-def as_numbers(values: Any, what: str) -> Array:
-    """Return an array as numbers, time stamps in seconds since 1970; DataError, which begins with `what`, for text and the like."""
+def as_numbers(values: Any, what: str, read: CellReader | None = None) -> Array:
+    """Return an array as numbers of the same shape; `read` is what reads the cells of its column.
+
+    Text is read cell by cell. Time stamps are seconds since 1970, where the column may have them.
+    Raises DataError, which begins with `what`, for anything else.
+    """
+    read = CellReader() if read is None else read
     array = np.asarray(values)
-    if array.dtype.kind == "M":
-        return np.asarray((array - np.datetime64(0, "s")) / np.timedelta64(1, "s"), dtype=np.float64)
-    if array.dtype.kind not in "biuf":
-        words = {"c": "complex numbers", "U": "text", "S": "text"}.get(array.dtype.kind, f"values of type {array.dtype}")
-        raise DataError(f"{what} holds {words}, not real numbers")
+    kind = array.dtype.kind
+    if kind in "USO":
+        found = np.empty(array.shape)
+        for place, cell in np.ndenumerate(array):
+            try:
+                found[place] = read(cell)
+            except NotANumber as odd:
+                raise odd.at(f"{what} holds text, not real numbers: index {place[0] if place else 0}") from None
+        return found
+    if kind == "M" and read.clock:
+        return np.asarray((array - np.datetime64(0, "s")) / np.timedelta64(1, "s") * read.second, dtype=np.float64)
+    if kind == "M":
+        raise DataError(f"{what}: a date stands here, not a number", DATES)
+    if kind not in "iuf" or (read.clock and read.format):
+        words = {"c": "complex numbers", "b": "TRUE and FALSE"}.get(kind, f"values of type {array.dtype}")
+        raise DataError(f"{what} holds {words}, not real numbers", "make numbers of them; `format` is for text")
     return np.asarray(array, dtype=np.float64)
 
 
@@ -366,7 +386,8 @@ def _of_array(member: Member, name: str, address: str, group: str, most: int) ->
     length, first = max(long, default=1), slice(0, most)
     axis = 1 if across else member.shape.index(length) if long and not matrix else 0
     try:
-        values = as_numbers(member.values((*(slice(None),) * axis, first) if member.shape else ()), address)
+        read = CellReader(clock=True)
+        values = as_numbers(member.values((*(slice(None),) * axis, first) if member.shape else ()), address, read)
     except DataError:
         return
     if not matrix:

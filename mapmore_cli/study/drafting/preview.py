@@ -33,7 +33,7 @@ class Preview:
     `below` are the texts under the titles, as units, where the header has more lines. `sheets` are those of a workbook that are laid
     out alike, where there is more than one and no glob names them; `left` are the others. `addresses` lead to the columns of a file
     that is a tree. `remark` says that the titles stand in a remark before the numbers, which is no header to read;
-    `told` are the sheets that are read, where each tells what was held, as `2 bar`.
+    `told` are the sheets that are read, where each tells what was held, as `2 bar`; `numeric` are the places of columns of numbers.
     """
 
     reader: str
@@ -46,6 +46,7 @@ class Preview:
     addresses: tuple[str, ...] = ()
     remark: bool = False
     told: tuple[str, ...] = ()
+    numeric: tuple[int, ...] = field(default=(), compare=False)
 
     @property
     def columns(self) -> tuple[str | int, ...]:
@@ -140,7 +141,7 @@ def _table(first_rows: Top, reader: str, least: int) -> _Table | None:
     titles = tuple("" if cell is None else str(cell).strip().strip('"') for cell in above[0]) if header else None
     below = tuple(" ".join(str(row[place]) for row in above[1:] if row[place] is not None) for place in range(width))
     shape = {**({} if header == 1 else {"header": header or False}), **({"skip_rows": top} if top else {})}
-    layout = Preview(reader, width, titles, {**first_rows.settings, **shape}, below if header > 1 else ())
+    layout = Preview(reader, width, titles, {**first_rows.settings, **shape}, below if header > 1 else (), numeric=tuple(numeric))
     if not header and first and len(whole[first - 1]) == width + 1 and whole[first - 1][0] in REMARKS:
         layout = replace(layout, titles=tuple(map(str, whole[first - 1][1:])), remark=True)
     if first_rows.addresses:

@@ -20,7 +20,7 @@ from mapmore_cli.ingestion.files import IngestSlice, relative_name
 from mapmore_cli.ingestion.samples import unwrapped
 from mapmore_cli.spec.sections.data import Data
 from mapmore_cli.spec.units import convert, default_unit, is_canonical
-from mapmore_cli.storage.tables import NotANumber
+from mapmore_cli.storage.tables.cells import NotANumber
 from mapmore_cli.study.drafting.answers import Answers
 from mapmore_cli.study.drafting.columns import Table, guess_columns, names_of, span, told_guesses, turn_of
 from mapmore_cli.study.drafting.draft import Column, Draft, Guess, range_of
@@ -40,9 +40,16 @@ _VOLTS = re.compile(r"[\[(]\s*m?V\s*[\])]|(?i:\bvolts?\b)")
 T = TypeVar("T")
 
 
-def read_draft(draft: Draft, folder: Path, measured: str) -> Dataset:
+class _Columns(Data):
+    """The columns of a file before anything is known of them: any may hold time stamps."""
+
+    def clocks(self) -> frozenset[Column]:
+        return frozenset(column.column for column in self.columns.values())
+
+
+def read_draft(draft: Draft, folder: Path, measured: str, form: type[Data] = Data) -> Dataset:
     """Return the dataset of a draft, in the units that it says; DataError where it cannot be made."""
-    data = Data.model_validate(draft.data)
+    data = form.model_validate(draft.data)
     units = {name: "kPa/s" if name == "pressure_rate" else default_unit(name) for name in data.quantities}
     units |= draft.spec.get("units", {})
     try:
@@ -51,18 +58,18 @@ def read_draft(draft: Draft, folder: Path, measured: str) -> Dataset:
         raise DataError(fault.message, fault.remedy) from fault
 
 
-def read_tolerantly(draft: Draft, folder: Path, measured: str) -> tuple[Draft, Dataset, tuple[str, ...]]:
+def read_tolerantly(draft: Draft, folder: Path, measured: str, form: type[Data] = Data) -> tuple[Draft, Dataset, tuple[str, ...]]:
     """Return a draft that leaves samples without a number out, with its dataset, and the few words that stand for such numbers, as `---`.
 
-    Raises DataError where its cells hold more words, or hardly a number.
+    Raises DataError where its cells hold more words, or hardly a number; and for a cell that is no such word, as a date.
     """
     words: tuple[str, ...] = ()
     while True:
         draft = draft.with_data("missing", {"tokens": list(words)} if words else "drop")
         try:
-            dataset = read_draft(draft, folder, measured)
+            dataset = read_draft(draft, folder, measured, form)
         except NotANumber as fault:
-            if len(words) == MOST_WORDS:
+            if len(words) == MOST_WORDS or fault.known:
                 raise
             words = (*words, fault.cell)
             continue
@@ -88,6 +95,8 @@ def table_of(group: Group, folder: Path) -> Table:
             try:
                 raw |= _read(group, folder, (column,))[0]
             except DataError as fault:
+                if isinstance(fault, NotANumber) and fault.known and layout.columns.index(column) in layout.numeric:
+                    raise
                 last = fault
     if not raw:
         raise last
@@ -106,7 +115,7 @@ def _read(group: Group, folder: Path, columns: Sequence[Column]) -> tuple[dict[C
         **group.layout.settings,
         "columns": {name: {"column": column} for name, column in names.items()},
     }
-    _, dataset, _ = read_tolerantly(Draft({"data": data, "units": dict.fromkeys(names, "1")}), folder, next(iter(names)))
+    _, dataset, _ = read_tolerantly(Draft({"data": data, "units": dict.fromkeys(names, "1")}), folder, next(iter(names)), _Columns)
     lost = sum(one.dropped.get("missing value", 0) for one in dataset.recordings)
     return {column: [np.asarray(one.columns[name]) for one in dataset.recordings] for name, column in names.items()}, lost
 

@@ -57,10 +57,19 @@ def test_without_header_after_skipped_rows(book: Path) -> None:
     np.testing.assert_array_equal(read(units, "F", skip_rows=1, header=2).columns["F"], [2])
 
 
-def test_dates_count_as_seconds(tmp_path: Path) -> None:
-    path = of_rows(tmp_path / "a.xlsx", [datetime(1970, 1, 2, 0, 0, 1), time(0, 1, 0, 500_000), timedelta(hours=1), True, " 2.5 ", "#N/A"])
-    table = read(path, *range(6), header=0)
-    np.testing.assert_allclose([table.columns[i][0] for i in range(6)], [86_401, 60.5, 3600, 1, 2.5, np.nan], atol=1e-3)
+def test_dates_count_as_seconds_in_the_column_of_the_time(tmp_path: Path) -> None:
+    path = of_rows(tmp_path / "a.xlsx", [datetime(1970, 1, 2, 0, 0, 1), time(0, 1, 0, 500_000), timedelta(hours=1), " 2.5 ", "#N/A"])
+    table = read(path, *range(5), header=0, clocks=frozenset(range(5)))
+    np.testing.assert_allclose([table.columns[i][0] for i in range(5)], [86_401, 60.5, 3600, 2.5, np.nan], atol=1e-3)
+    told = [["row 1, column 0", "a date stands here", "format the cells as numbers"], ["a time stands here"], ["a time stands here"]]
+    for column, parts in enumerate(told):
+        refusal(parts, "xlsx", path, column, header=0)
+
+
+def test_a_boolean_is_no_number_not_even_of_time(tmp_path: Path) -> None:
+    path = of_rows(tmp_path / "a.xlsx", ["F"], [True])
+    for clocks in (frozenset[str](), frozenset({"F"})):
+        refusal(["row 2, column F: 'True' is not a number", "TRUE or FALSE stands here"], "xlsx", path, "F", clocks=clocks)
 
 
 def test_wrong_dimensions_of_other_software_do_not_cut_the_sheet(book: Path, tmp_path: Path) -> None:

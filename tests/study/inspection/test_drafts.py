@@ -289,3 +289,29 @@ def test_titles_with_commands_to_a_terminal_are_told_as_text(tmp_path: Path) -> 
     draft = drafted(tmp_path)
     assert "\\x1b[2J" in draft.text()
     loaded(draft, tmp_path)
+
+
+def stamped(path: Path, stamp: str, *, odd: str = "") -> None:
+    """Ten contractions with a stamp every half a second, as `stamp` writes minutes and seconds; one cell of the force may be `odd`."""
+    rows = []
+    for level in range(1, 6):
+        for place in range(40):
+            k = 40 * level + place
+            force = f"{100 * level * (1 - 3 * place / 200):.3f}"
+            rows.append(f"{stamp.format(k // 120, k / 2 % 60)},{100 * level},{place / 200:.4f},{odd if odd and k == 95 else force}")
+    path.write_text("\n".join(["time [s],pressure [kPa],strain,force [N]", *rows, ""]))
+
+
+@pytest.mark.parametrize("stamp", ["12:{:02}:{:04.1f}", "2026-03-01 12:{:02}:{:04.1f}", "11:{:02}:{:04.1f} PM", "{:02}:{:04.1f}"])
+def test_time_stamps_are_read_in_seconds(tmp_path: Path, stamp: str) -> None:
+    stamped(tmp_path / "a.csv", stamp)
+    spec = yaml.safe_load(drafted(tmp_path).text())
+    assert spec["data"]["columns"]["time"]["column"] == "time [s]"
+    assert "missing" not in spec["data"]
+
+
+@pytest.mark.parametrize("odd", ["0:03:20", "01.05.2026 12:00:00", "TRUE", '"20"1.2', "1'234.5"])
+def test_a_cell_that_is_no_number_is_told_rather_than_left_out(tmp_path: Path, odd: str) -> None:
+    stamped(tmp_path / "a.csv", "12:{:02}:{:04.1f}", odd=odd)
+    with pytest.raises(DataError, match=r"a\.csv:row 57, column force"):
+        drafted(tmp_path)

@@ -1,0 +1,196 @@
+"""The one rule of what a cell says, whatever file it comes from.
+
+It is a number in ASCII digits, or there is no value, or, in the column of the time, it is a stamp.
+Anything else is refused, with what stands there and what to do about it.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Set
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from decimal import Decimal
+from numbers import Real
+from typing import Any, Self
+
+from mapmore_cli.domain.errors import DataError
+
+MISSING = frozenset({"na", "n/a", "#n/a", "null", "none"})
+"""What programs write, besides an empty cell and `nan`, where there is no value; lower case."""
+
+THOUSANDS = ",.'\u2019 \u00a0\u202f"
+"""What may stand between thousands."""
+
+LONGEST_STAMP = 40
+NUMBER, MINUTES, CLOCK = "a number", "a time as `mm:ss.s`", "a time as `hh:mm:ss`"
+FORMAT = '`time: {column: t, format: "%m/%d/%Y %I:%M:%S.%f %p"}`'
+DATES = "stamps count in the column `time` alone; format the cells as numbers in the program that wrote them, or mend the cell"
+
+_TIME = (
+    r"(?!(?!0?[1-9]:|1[0-2]:).*m)(?P<h>\d+):(?P<m>[0-5]?\d)"  # of AM and PM no hour beyond 12
+    r"(?::(?P<s>[0-5]?\d)(?:(?:[.,]|:(?=\d{3}\b))(?P<f>\d+))?)?(?: *(?P<half>[ap])\.?m\.?)?"
+)
+_DATED = rf"(?P<date>[\d./-]+)[T ] *(?=(?:[01]?\d|2[0-3]):){_TIME} *(?:Z|(?P<zone>[+-]\d\d:?(?:\d\d)?))?"
+_FORMS = {
+    MINUTES: (r"(?P<m>\d+):(?P<s>[0-5]?\d)[.,](?P<f>\d+)", ""),
+    CLOCK: (rf"(?:(?P<d>\d+) days?,? +)?(?=.*:.*:){_TIME}", ""),
+    "a date as `2026-03-01`": (_DATED, "%Y-%m-%d%z"),
+    "a date as `2026/03/01`": (_DATED, "%Y/%m/%d%z"),
+    "a date as `01.03.2026`": (_DATED, "%d.%m.%Y%z"),
+}
+_SECONDS = {"d": 86400, "h": 3600, "m": 60, "s": 1}
+
+_KINDS = (
+    (r"true|false", "TRUE or FALSE stands here", "write 1 and 0 where it counts as a number"),
+    (r'.*".*', "a quotation mark stands within it", "quote the whole field, or mend or remove the mark"),
+    (r".*(?![0-9])\d.*", "it has digits of another script", "write it in the digits 0 to 9"),
+    (r"\d{1,4}([-/.])\d{1,2}\1\d{1,4}\b.*", "a date stands here", ""),
+    (r".*\d:\d.*|\d+ *[ap]\.?m\.?", "a time stands here", ""),
+    (
+        rf"[+-]?\d*(?:[{THOUSANDS}]\d+)+(?:e[+-]?\d+)?",
+        "it has another decimal point than the spec says, or separators of thousands",
+        'say which, as `decimal: ","`, `decimal: "."` or `thousands: ","`; or format the cells as numbers in the program that wrote them',
+    ),
+    (
+        r"[+-]?(?!0x)\d[\d.,]*(?:e[+-]?\d+)? *(?:[^\W\d_]+|[^\w\s.,+-][^\W\d_]*)",
+        "a unit stands behind it",
+        "take the unit off, and name it in `columns`, as `unit: kPa`",
+    ),
+)
+"""Cells that are no words for missing values: what stands there, and the remedy where it is no stamp."""
+
+
+class NotANumber(DataError):
+    """A cell that holds neither a number nor what stands for a missing one; `known` where it is no word."""
+
+    def __init__(self, cell: str, said: str, remedy: str, known: bool = True) -> None:
+        super().__init__(f"'{shortened(cell)}' {said}", remedy)
+        self.cell, self.known = cell, known
+
+    def at(self, where: str, remedy: str | None = None) -> Self:
+        """Return the error with its place, and a remedy where a better one is known."""
+        self.message, self.remedy = f"{where}: {self.message}", remedy or self.remedy
+        return self
+
+
+def number_of(cell: Any, decimal: str = ".", thousands: str | None = None) -> float | None:
+    """Return the number in a cell, NaN where it is empty; None for anything else.
+
+    Infinity is read, as `nan` is: the spec says what becomes of values that are none.
+    """
+    if isinstance(cell, str):
+        cell = cell.strip()
+        groups = rf"[+-]?\d{{1,3}}(?:{re.escape(thousands or '')}\d{{3}})+(?:{re.escape(decimal)}\d*)?"
+        if thousands is not None and re.fullmatch(groups, cell):
+            cell = cell.replace(thousands, "")
+        if decimal != ".":
+            cell = cell.replace(".", "x").replace(decimal, ".")
+        if not cell:
+            return math.nan
+        if "_" in cell or not cell.isascii():  # Python reads 1_5 as 15, and the digits of every script
+            return None
+    elif isinstance(cell, bool) or not isinstance(cell, Real | Decimal):
+        return math.nan if cell is None or cell != cell else None
+    try:
+        return float(cell)
+    except (ValueError, OverflowError):
+        return None
+
+
+@dataclass
+class CellReader:
+    """Reads the cells of one column, one by one.
+
+    - `missing`: texts that stand where there is no value.
+    - `decimal`, `thousands`: what stands between the digits of a number.
+    - `clock`: whether the column is that of the time; `format`: how `strptime` reads its stamps.
+    - `second`: what a second is in the unit of the column.
+    - `usual`: the remedy where nothing better is known.
+    - `form`: of the stamps that were read so far; all have one.
+    """
+
+    missing: Set[str] = frozenset()
+    decimal: str = "."
+    thousands: str | None = None
+    clock: bool = False
+    format: str | None = None
+    second: float = 1.0
+    usual: str = "mend the cell, or list it in `missing: {tokens: [...]}`; column names belong in the header"
+    form: str = ""
+
+    def __call__(self, cell: Any) -> float:
+        """Return the number, or that of the stamp; NaN where there is none. Raises NotANumber."""
+        cell = cell.decode("utf-8", "replace") if isinstance(cell, bytes) else cell
+        value = number_of(cell, self.decimal, self.thousands)
+        if value is not None and not (self.clock and math.isfinite(value)):
+            return value
+        text = str(cell).strip()
+        if value is None and (text.lower() in MISSING or text in self.missing):
+            return math.nan
+        stamp = self._stamp(cell, text, value) if self.clock else None
+        if stamp is None:
+            known = (one[1:] for one in _KINDS if re.fullmatch(one[0], text[: LONGEST_STAMP + 1], re.I | re.S))
+            kind, remedy = next(known, ("", self.usual))
+            stamps = f"say how the stamps are written, as {FORMAT}" if self.clock else DATES
+            raise NotANumber(text, f"is not a number{kind and f': {kind}'}", remedy or stamps, bool(kind))
+        form, seconds = stamp
+        if not self.form or (self.form, form) == (MINUTES, CLOCK):  # an hour of minutes has passed
+            self.form = form
+        if form != self.form:
+            remedy = "a column holds numbers alone, or stamps of one form alone: mend the cell"
+            raise NotANumber(text, f"is {form}, where {self.form} stands above", remedy)
+        return seconds
+
+    def _stamp(self, cell: Any, text: str, value: float | None) -> tuple[str, float] | None:
+        """Return form and number of a cell of the time."""
+        if self.format is None and value is not None:
+            return NUMBER, value
+        if self.format is None or not isinstance(cell, str):
+            found = stamp_of(text)
+            return found and (found[0], found[1] * self.second)
+        try:
+            stamp = datetime.strptime(text, self.format) if not re.search(r"(?![0-9])\d", text) else None
+        except (ValueError, re.error):
+            stamp = None
+        first = datetime(1970 if stamp and stamp.year > 1900 else 1900, 1, 1, tzinfo=UTC)
+        return stamp and ("a stamp", (stamp.replace(tzinfo=stamp.tzinfo or UTC) - first).total_seconds() * self.second)
+
+
+def stamp_of(text: str) -> tuple[str, float] | None:
+    """Return form and seconds of a stamp: since 1970 of a date, else since midnight or the start.
+
+    Dates are as in ISO 8601, `2026/03/01` or `01.03.2026`, with a time behind them. Without a zone
+    they count as UTC, since only differences matter. What reads one way here and another way there,
+    as `3/1/2026` or `12:30`, is None.
+    """
+    for form, (pattern, layout) in _FORMS.items() if len(text) <= LONGEST_STAMP else ():
+        found = re.fullmatch(pattern, text, re.A | re.I)
+        if found is None:
+            continue
+        part = dict.fromkeys((*_SECONDS, "f", "half", "zone")) | found.groupdict()
+        whole = sum(int(part[name] or 0) * size for name, size in _SECONDS.items())
+        try:
+            if layout:
+                date = datetime.strptime(f"{part['date']}{(part['zone'] or '+').ljust(5, '0')}", layout)
+                whole += int(date.timestamp())
+        except ValueError:
+            continue
+        if part["half"]:
+            whole += 43200 * ((part["half"] in "pP") - (int(part["h"] or 0) == 12))
+        marks = f"{' with AM and PM' if part['half'] else ''}{' with a zone' if part['zone'] else ''}"
+        return f"{form}{marks}", float(whole + Decimal(f"0.{part['f'] or 0}"))
+    return None
+
+
+def holds_number(cell: Any, decimal: str = ".") -> bool:
+    """Whether a cell holds a number or a stamp, rather than a word for a missing one."""
+    text = str(cell).strip()
+    return bool(text) if number_of(cell, decimal) is not None else stamp_of(text) is not None
+
+
+def shortened(cell: str, limit: int = 40) -> str:
+    """Return a cell's text as a message may show it."""
+    shown = cell.encode("unicode_escape").decode("ascii") if not cell.isprintable() else cell
+    return shown if len(shown) <= limit else shown[: limit - 3] + "..."
