@@ -203,7 +203,9 @@ def fit(frame: Any, **sections: Any) -> Fitted:
     ----------
     frame
         A mapping of arrays, a data frame (pandas, polars, pyarrow, ...), the path of a file, or a list of these, each one recording.
-        What is masked or None is missing; arrays with units are converted; an index is not looked at.
+        Labels are taken as they are: `column: 2` is the column labelled 2; where no label is a number, the third. No index is
+        looked at. Masked values, None and `pd.NA` are missing. Arrays with units (pint, astropy, xarray) are converted. `time` may
+        be dates or durations. Text, true and false, and complex numbers are refused. So does a model read what it is called with.
     sections
         The keys of a spec (`target`, `segment`, `dictionary`, ...; docs/spec.md), and those of its section `data` (`columns`, `levels`,
         `split`, ...). Without `columns`, the columns of a frame have canonical names. `target` is `static` where nothing is said.

@@ -64,7 +64,7 @@ class Door:
         array, masked = np.asarray(values), np.ma.isMA(values) and np.ma.getmaskarray(values)
         kind = array.dtype.kind
         if kind in "OUT" and array.ndim:
-            return self._read(np.where(masked, None, array.astype(object)).tolist(), what, axis)
+            return self._read(np.where(masked, np.array(None), array.astype(object)).tolist(), what, axis)
         if kind == "O":
             return float(values)
         if kind in "mM":

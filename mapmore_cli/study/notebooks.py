@@ -168,7 +168,7 @@ def columns_in(frame: Any, column: Column) -> list[Hashable]:
     The label itself comes first. Text means the label that is written so, too. A number is a place, from 0, where no label is a number.
     """
     labels = labels_of(frame) or ()
-    found = [label for label in labels if type(label) is not bool and label == column]
+    found: list[Hashable] = [label for label in labels if type(label) is not bool and label == column]
     if isinstance(column, str):
         return found or [label for label in labels if str(label) == column]
     numbered = any(isinstance(label, Integral) for label in labels)

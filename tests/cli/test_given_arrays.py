@@ -170,7 +170,7 @@ BERLIN = timezone(timedelta(hours=1))
 def test_clocks_are_seconds_and_nothing_else(values, seconds):
     np.testing.assert_array_equal(read(values, "time", "s"), seconds)
     np.testing.assert_allclose(read(values, "time", "ms"), 1000 * np.array(seconds))
-    with pytest.raises(DataError, match=r"only `time` may have|cannot be converted"):
+    with pytest.raises(DataError, match=r"`time` may have|column `time` alone|cannot be converted"):
         read(values)
 
 

@@ -32,6 +32,8 @@ class FROLS:
     - `order`: total degree of the candidate monomials; `constant`: whether the constant is one.
     - `max_terms`, `tolerance`, `stop`: as in `frols`.
 
+    `X` and `y` may be arrays and frames of any kind. Units, and values that are missing or masked, are refused.
+
     After `fit`, `terms_`, `coef_` and `err_` are the terms, their coefficients and error reduction ratios, (k,).
 
     >>> x = np.linspace(0, 1, 50)
