@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -74,6 +73,7 @@ def test_a_clock_that_was_set_back_is_none_that_begins_anew(ingest: Ingest, cell
         ({"columns": {**COLUMNS, "time": {"column": "t", "format": "%I:%M:%S"}}}, "AM or PM"),
         ({"columns": {**COLUMNS, "time": {"column": "t", "format": "%H:%M:%S %p"}}}, "AM or PM"),
         ({"columns": {**COLUMNS, "time": {"column": "t", "format": "%d.%m. %H:%M:%S"}}}, "a day its year"),
+        ({"columns": {**COLUMNS, "time": {"column": "t", "format": ""}}}, "has codes"),
         ({"thousands": ","}, "between thousands"),
         ({"thousands": ".", "delimiter": ";"}, "between thousands"),
         ({"thousands": " ", "delimiter": "whitespace"}, "between thousands"),
@@ -88,9 +88,10 @@ def test_keys_that_cannot_be_meant(changes: dict[str, Any], part: str) -> None:
         Data.model_validate({"files": ["a.csv"], "columns": COLUMNS, **changes})
 
 
-def test_thousands_of_a_whole_file(ingest: Ingest) -> None:
-    content = log("0", "1", mark=";").replace(";80;", ";1,080.5;")
-    dataset = ingest({"a.csv": content}, columns=COLUMNS, thousands=",", delimiter=";")
+@pytest.mark.parametrize(("mark", "delimiter"), [(";", ";"), ("  ", "whitespace"), ("\t", "tab")])
+def test_thousands_of_a_whole_file(ingest: Ingest, mark: str, delimiter: str) -> None:
+    content = log("0", "1", mark=mark).replace(f"{mark}80{mark}", f"{mark}1,080.5{mark}")
+    dataset = ingest({"a.csv": content}, columns=COLUMNS, thousands=",", delimiter=delimiter)
     assert dataset.recordings[0].columns["pressure"].tolist() == [1080.5, 1080.5]
 
 
@@ -105,7 +106,7 @@ def test_a_force_that_is_no_number_ends_the_study(ingest: Ingest, cell: str) -> 
 
 def test_a_column_that_two_quantities_have_holds_no_stamps(ingest: Ingest) -> None:
     both = {**COLUMNS, "time": {"column": "t"}, "voltage": {"column": "t"}}
-    with pytest.raises(DataError, match="row 2, column t.*a time stands here"):
+    with pytest.raises(DataError, match=r"row 2, column t.*a time stands here"):
         ingest({"a.csv": log("0:00:01", "0:00:02")}, columns=both)
 
 

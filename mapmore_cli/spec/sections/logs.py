@@ -79,8 +79,8 @@ def possible_format(text: str) -> str:
             datetime.strptime(datetime(2026, 3, 1).strftime(text), text)
     except (ValueError, re.error) as fault:
         raise Contradiction(f"{text!r} is no format of stamps: {fault}", f"write it as {FORMAT}") from None
-    if ("%I" in text) != ("%p" in text) or ("%d" in text and "%y" not in text.lower()):
-        raise Contradiction("hours to 12 need AM or PM, and a day its year", f"write it as {FORMAT}")
+    if "%" not in text or ("%I" in text) != ("%p" in text) or ("%d" in text and "%y" not in text.lower()):
+        raise Contradiction("a format has codes; hours to 12 need AM or PM, and a day its year", f"write it as {FORMAT}")
     return text
 
 
@@ -158,7 +158,8 @@ class Logs(Section):
         others = [column for name, column in self.columns.items() if name != "time"]
         if any(column.format is not None or column.unwrap is True for column in others):
             yield Contradiction("`format` and `unwrap: true` belong to `time`", "remove them elsewhere", "columns")
-        if self.thousands is not None and self.thousands in (self.decimal, self.delimiter.replace("whitespace", self.thousands)):
+        blank = self.delimiter == "whitespace" and (self.thousands or "0").isspace()
+        if blank or self.thousands in (self.decimal, self.delimiter):
             remedy = 'say what each is, as `decimal: "."`, `thousands: ","` and `delimiter: ";"`'
             yield Contradiction("what stands between thousands means something else as well", remedy, "thousands")
         try:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Set
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from decimal import Decimal
@@ -24,7 +25,7 @@ THOUSANDS = ",.'\u2019 \u00a0\u202f"
 """What may stand between thousands."""
 
 LONGEST_STAMP = 40
-NUMBER, MINUTES, CLOCK = "a number", "a time as `mm:ss.s`", "a time as `hh:mm:ss`"
+NUMBER, MINUTES, CLOCK, ISO = "a number", "a time as `mm:ss.s`", "a time as `hh:mm:ss`", "a date as `2026-03-01`"
 FORMAT = '`time: {column: t, format: "%m/%d/%Y %I:%M:%S.%f %p"}`'
 DATES = "stamps count in the column `time` alone; format the cells as numbers in the program that wrote them, or mend the cell"
 
@@ -36,16 +37,17 @@ _DATED = rf"(?P<date>[\d./-]+)[T ] *(?=(?:[01]?\d|2[0-3]):){_TIME} *(?:Z|(?P<zon
 _FORMS = {
     MINUTES: (r"(?P<m>\d+):(?P<s>[0-5]?\d)[.,](?P<f>\d+)", ""),
     CLOCK: (rf"(?:(?P<d>\d+) days?,? +)?(?=.*:.*:){_TIME}", ""),
-    "a date as `2026-03-01`": (_DATED, "%Y-%m-%d%z"),
+    ISO: (_DATED, "%Y-%m-%d%z"),
     "a date as `2026/03/01`": (_DATED, "%Y/%m/%d%z"),
     "a date as `01.03.2026`": (_DATED, "%d.%m.%Y%z"),
 }
+FOREIGN = r"(?![0-9])\d"
 _SECONDS = {"d": 86400, "h": 3600, "m": 60, "s": 1}
 
 _KINDS = (
     (r"true|false", "TRUE or FALSE stands here", "write 1 and 0 where it counts as a number"),
     (r'.*".*', "a quotation mark stands within it", "quote the whole field, or mend or remove the mark"),
-    (r".*(?![0-9])\d.*", "it has digits of another script", "write it in the digits 0 to 9"),
+    (rf".*{FOREIGN}.*", "it has digits of another script", "write it in the digits 0 to 9"),
     (r"\d{1,4}([-/.])\d{1,2}\1\d{1,4}\b.*", "a date stands here", ""),
     (r".*\d:\d.*|\d+ *[ap]\.?m\.?", "a time stands here", ""),
     (
@@ -151,11 +153,11 @@ class CellReader:
             found = stamp_of(text)
             return found and (found[0], found[1] * self.second)
         try:
-            stamp = datetime.strptime(text, self.format) if not re.search(r"(?![0-9])\d", text) else None
+            stamp = datetime.strptime("" if re.search(FOREIGN, text) else text, self.format)
         except (ValueError, re.error):
-            stamp = None
-        first = datetime(1970 if stamp and stamp.year > 1900 else 1900, 1, 1, tzinfo=UTC)
-        return stamp and ("a stamp", (stamp.replace(tzinfo=stamp.tzinfo or UTC) - first).total_seconds() * self.second)
+            return None
+        first = datetime(1970 if stamp.year > 1900 else 1900, 1, 1, tzinfo=UTC)
+        return "a stamp", (stamp.replace(tzinfo=stamp.tzinfo or UTC) - first).total_seconds() * self.second
 
 
 def stamp_of(text: str) -> tuple[str, float] | None:
@@ -165,6 +167,11 @@ def stamp_of(text: str) -> tuple[str, float] | None:
     they count as UTC, since only differences matter. What reads one way here and another way there,
     as `3/1/2026` or `12:30`, is None.
     """
+    with suppress(ValueError):
+        if text[4:5] == "-" and ":" in text:  # ISO 8601, by the faster way
+            stamp = datetime.fromisoformat(text)
+            zone = " with a zone" if stamp.utcoffset() else ""
+            return f"{ISO}{zone}", stamp.replace(tzinfo=stamp.tzinfo or UTC).timestamp()
     for form, (pattern, layout) in _FORMS.items() if len(text) <= LONGEST_STAMP else ():
         found = re.fullmatch(pattern, text, re.A | re.I)
         if found is None:
