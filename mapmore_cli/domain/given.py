@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass
-from datetime import date, time, timedelta
+from datetime import UTC, date, datetime, time, timedelta
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError, MapmoreError
 
+EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 ABSENT = ("NoneType", "NAType", "NaTType", "MaskedConstant")
 """Types of what stands for a missing value, by their names: None, `pd.NA`, `pd.NaT`, `np.ma.masked`."""
 
@@ -51,6 +52,10 @@ class Door:
             plain = (int, float)  # at once: they are many
             numbered = enumerate(values)
             return [one if type(one) in plain else self.numbers(one, f"{what}, {axis} {i}", "column") for i, one in numbered]
+        if self.clock and isinstance(values, datetime):
+            values = (values if values.tzinfo else values.replace(tzinfo=UTC)) - EPOCH
+        if self.clock and isinstance(values, timedelta):
+            return self._seconds(values.total_seconds())
         if isinstance(values, str | date | time | timedelta) and self.cell is not None:
             return self.cell(values)
         return self._array(values, what, axis)
