@@ -203,10 +203,10 @@ def column_of(frame: Any, column: Column, label: str, name: str, unit: str) -> A
 
 def given_numbers(values: Any, what: str, name: str, unit: str) -> Array:
     """Return what a user gave for the quantity `name`, as numbers in a `unit`. Raises `DataError`, which begins with `what`."""
-    return Door(lambda numbers, own: convert(numbers, own, unit), _cell, name == "time").numbers(values, what)
+    return Door(lambda numbers, own: convert(numbers, own, unit), _number_in, name == "time").numbers(values, what)
 
 
-def _cell(text: str) -> float:
+def _number_in(text: str) -> float:
     with suppress(ValueError):
         if (value := number_of(text)) is not None:
             return value
