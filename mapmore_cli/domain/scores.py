@@ -60,10 +60,10 @@ class Score:
     @property
     def far(self) -> bool:
         """Whether the full scale is mostly how far the target lies from zero."""
-        return self.nrmse_range > FAR * self.nrmse
+        return self.nrmse_range > FAR_FROM_ZERO * self.nrmse
 
 
-FAR = 3.0
+FAR_FROM_ZERO = 3.0
 """A target lies far from zero where its mean is more than so many times its range."""
 
 

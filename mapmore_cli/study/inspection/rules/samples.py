@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from mapmore_cli.domain.recording import Recording
-from mapmore_cli.domain.scores import FAR
+from mapmore_cli.domain.scores import FAR_FROM_ZERO
 from mapmore_cli.study.inspection import evidence
 from mapmore_cli.study.inspection.names import POSITIONS
 from mapmore_cli.study.inspection.rules import Issue, Subject
@@ -42,7 +42,7 @@ def offset(subject: Subject) -> Iterator[Issue]:
     if spec.target in PARTS_OF_FORCE or spec.validation.normaliser == "range" or not subject.has(name):
         return
     values = subject.pooled(name)
-    if abs(values.mean()) > FAR * np.ptp(values) > 0:
+    if abs(values.mean()) > FAR_FROM_ZERO * np.ptp(values) > 0:
         ends = f"{values.min():.6g} to {values.max():.6g} {subject.units[name]}"
         message = f"{name} runs from {ends}, far from zero: its NRMSE is small, whatever the model"
         remedy = "take what it starts from off by `offset`, or say `validate: {normaliser: range}`"
