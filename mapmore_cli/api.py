@@ -22,6 +22,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.domain.given import labels_of
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.scores import RUN_PAGE, ScoreTable
 from mapmore_cli.modelling.frols.estimator import FROLS
@@ -40,7 +41,7 @@ from mapmore_cli.storage.readers import READERS, suffix_of
 from mapmore_cli.storage.run_folder import MODEL, RunFiles
 from mapmore_cli.storage.run_record import score_row, scores_beside
 from mapmore_cli.study.campaigns.batch import Job, run_one
-from mapmore_cli.study.notebooks import LoadedModel, canonical_columns, is_frame, names_of, quantities_of, source_of, write_frames
+from mapmore_cli.study.notebooks import LoadedModel, canonical_columns, columns_in, quantities_of, source_of, write_frames
 from mapmore_cli.study.records import reading_of
 
 __all__ = ["FROLS", "Fitted", "Run", "Scores", "fit", "load_model", "run"]
@@ -102,7 +103,7 @@ class Study:
         """Return the spec written to the file `place`, so that it runs there; frames are written to a folder beside it."""
         document = {"schema_version": 1, **self.document}
         if self.frames:
-            written = write_frames(self.frames, self.columns, place.parent / f"{place.stem}_data")
+            written = write_frames(self.frames, self.columns, self.document.get("units", {}), place.parent / f"{place.stem}_data")
             files = [os.path.relpath(path, self.folder) for path in written["files"]]
             document["data"] = {**document["data"], **written, "files": files}
         load_text(dump(escaped(document)), _HERE, self.folder)  # mistakes are told without naming a file that nobody wrote
@@ -164,9 +165,9 @@ class Fitted(LoadedModel):
         DataError
             Where an input has no column.
         """
-        names = {*names_of(frame)}
         source = {name: source_of(entry) for name, entry in self.study.columns.items()}
-        known = {name for name in {*source, *names} if name in names or source[name] in names or isinstance(source[name], int)}
+        names = {*source, *map(str, labels_of(frame) or ())}
+        known = {name for name in names if columns_in(frame, name) or columns_in(frame, source.get(name, name))}
         given = known if "time" in known else {*known, *(signal.name for signal in self.model.signals)}
         reading = reading_of(self.model, given)
         wanted = tuple(dict.fromkeys((*reading.columns, *reading.outputs)))
@@ -201,7 +202,10 @@ def fit(frame: Any, **sections: Any) -> Fitted:
     Parameters
     ----------
     frame
-        A mapping of arrays, a data frame (pandas, polars, ...), the path of a file, or a list of these, each one recording.
+        A mapping of arrays, a data frame (pandas, polars, pyarrow, ...), the path of a file, or a list of these, each one recording.
+        Labels are taken as they are: `column: 2` is the column labelled 2; where no label is a number, the third. No index is
+        looked at. Masked values, None and `pd.NA` are missing. Arrays with units (pint, astropy, xarray) are converted. `time` may
+        be dates or durations. Text, true and false, and complex numbers are refused. So does a model read what it is called with.
     sections
         The keys of a spec (`target`, `segment`, `dictionary`, ...; docs/spec.md), and those of its section `data` (`columns`, `levels`,
         `split`, ...). Without `columns`, the columns of a frame have canonical names. `target` is `static` where nothing is said.
@@ -239,7 +243,7 @@ def fit(frame: Any, **sections: Any) -> Fitted:
     target = sections.pop("target", "static")
     data = {**sections.pop("data", {}), **{key: sections.pop(key) for key in list(sections) if key in _OF_DATA}}
     given = list(frame) if isinstance(frame, list | tuple) else [frame]
-    frames = tuple(one for one in given if is_frame(one))
+    frames = tuple(one for one in given if labels_of(one) is not None)
     if not given or 0 < len(frames) < len(given):
         raise SpecError("fit: frames and files are mixed" if given else "fit: there are no frames", "give frames alone, or paths alone")
     if frames and "columns" not in data:

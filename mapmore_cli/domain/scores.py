@@ -34,7 +34,8 @@ class Score:
     `max|force| over validate`. `rmse`, `normaliser` and `max_abs_error` carry the target's unit. `rrse` is the root relative squared
     error, of a free run where the model has memory; `rrse_one_step` then that of predictions from the measured past, else NaN.
     `r_uncentred` is the correlation about zero, `sum y yhat / sqrt(sum y^2 sum yhat^2)`, which W prints. `interval_coverage` and
-    `interval_half_width` are of the run's own model on held-out rows, where the spec asks for intervals.
+    `interval_half_width` are of the run's own model on held-out rows, where the spec asks for intervals. `nrmse_range` divides by the
+    range of the samples that the normaliser is of: it tells more of a target that lies far from zero.
     """
 
     model: Annotated[str, "`mapmore`, or the name of a literature model"]
@@ -54,6 +55,16 @@ class Score:
     r_uncentred: Annotated[float, "correlation of measured and predicted about zero, W's index"] = math.nan
     interval_coverage: Annotated[float, "share of the samples within their 95 % interval; NaN without intervals"] = math.nan
     interval_half_width: Annotated[float, "half of the width of that interval, the median over the samples", "[target]"] = math.nan
+    nrmse_range: Annotated[float, "rmse / range of the measured target, a fraction"] = math.nan
+
+    @property
+    def far(self) -> bool:
+        """Whether the full scale is mostly how far the target lies from zero."""
+        return self.nrmse_range > FAR_FROM_ZERO * self.nrmse
+
+
+FAR_FROM_ZERO = 3.0
+"""A target lies far from zero where its mean is more than so many times its range."""
 
 
 NUMBERS = {name: hint for name, hint in get_type_hints(Score, include_extras=True).items() if hint.__origin__ in (int, float)}

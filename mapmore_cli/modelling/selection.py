@@ -28,6 +28,8 @@ class Fit(Settings):
     - `scaling` is `none` with memory, `max_abs` for damping, else `unit_square`. `range` brings states to [0, 1] and clips them `margin`
       beyond.
     - `train_level` restricts the pieces to one training level, as M2 does (`highest`).
+    - `tolerance` ends the choice where no larger fraction of the squares of the target is left; of those about its mean where the
+      dictionary has a constant. It ends no other `stop` rule.
     - `max_terms: auto` takes the least number of terms within one standard error of the best on left-out training data.
     - A `ridge`, a fraction of a candidate's variance or `auto`, selects `forward` terms (three times `max_terms`) and prunes them.
     - With delays of the output: `criterion: free_run` refines the coefficients on the simulation error. `stop: free_run` chooses the
@@ -73,7 +75,7 @@ class MemoryRecipe(Fit):
     """The choices of a model with memory: those of `Fit`, and what they act on.
 
     With a ridge candidates are centred and divided by their standard deviations, and the model has a constant of its own; without, a
-    constant is a candidate like any other. `tolerance` is a fraction of the output's square (of its variance with a ridge).
+    constant is a candidate like any other. `tolerance` is as in `Fit`; with a ridge it is a fraction of the variance.
 
     - `target`: the output.
     - `dictionary`: candidate terms as text, products of names of states.

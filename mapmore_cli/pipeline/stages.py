@@ -107,7 +107,7 @@ def segment(part: Slice, workspace: Workspace) -> None:
     write_segmentation(workspace.out / SEGMENTATION, segmentation, units_of(dataset))
 
 
-SEGMENT = Stage(name="segment", revision=5, outputs=(SEGMENTATION,), reads=segment_slice, run=segment)
+SEGMENT = Stage(name="segment", revision=6, outputs=(SEGMENTATION,), reads=segment_slice, run=segment)
 
 
 # Fit: `fit.h5` ------------------------------------------------------------------------------------------------------------------------
@@ -128,14 +128,17 @@ def fit(part: FitChoices, workspace: Workspace) -> None:
     dataset = workspace.files.dataset()
     size = size_of(part, dataset, lambda done, total: workspace.progress("numbers of terms", done, total))
     result = kinds.fit(with_terms(part, size.terms), Given(dataset, workspace.files.segmentation(), progress=workspace.progress))
-    result = replace(result, notes=(*size.notes, *result.notes), max_terms=size.terms)
+    alone = result.constant_alone
+    for note in alone:
+        workspace.warn(note)
+    result = replace(result, notes=(*size.notes, *alone, *result.notes), max_terms=size.terms)
     for piece in result.pieces:
         if piece.selection.tied.any():
             workspace.warn(f"segment {piece.id}: candidates tie within 1e-9; the first of the dictionary was taken")
     write_fit(workspace.out / FIT, result, units_of(dataset))
 
 
-FITTING = Stage(name="fit", revision=9, outputs=(FIT,), reads=fit_choices, run=fit)
+FITTING = Stage(name="fit", revision=10, outputs=(FIT,), reads=fit_choices, run=fit)
 
 
 # Fuse: `model.h5` ---------------------------------------------------------------------------------------------------------------------

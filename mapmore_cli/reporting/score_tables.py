@@ -16,6 +16,10 @@ FLOOR_NOTE = (
     "where there are others; where cycles are held out, from the last training cycle: at the same moment where the input repeats "
     "itself in time, else at the same place of the same stroke. It is about the least that can be asked for."
 )
+FAR_NOTE = (
+    "The target lies far from zero, so that every model has a small NRMSE. By range: RMSE over the range of the measured values, "
+    "which `validate: {normaliser: range}` makes the full scale."
+)
 FREE_RUN_NOTE = (
     "All figures are of the free run, in which a model with delayed outputs is given its own. RRSE: root relative squared error, the RMSE "
     "over the standard deviation of the measured values; one step: with the measured past instead, which says little about a simulation."
@@ -30,10 +34,12 @@ def score_table(scores: Sequence[Score], units: Mapping[str, str], published: Pu
     """
     pooled = sorted((s for s in scores if s.curve == "all"), key=lambda s: s.split != "validate")
     unit = units.get(pooled[0].target, "") if pooled else ""
-    free_running = _run_free(pooled)
-    columns: list[Column | str] = [MODEL, "data", *_metric_columns(unit, free_running)]
-    rows = [_score_cells(s, free_running) for s in pooled] + [(name, "failed", *[None] * (len(columns) - 2)) for name in failed]
+    free_running, far = _run_free(pooled), any(s.far for s in pooled)
+    columns: list[Column | str] = [MODEL, "data", *_metric_columns(unit, free_running, far)]
+    rows = [_score_cells(s, free_running, far) for s in pooled] + [(name, "failed", *[None] * (len(columns) - 2)) for name in failed]
     notes = [full_scale(pooled, unit)] if pooled else []
+    if far:
+        notes.append(FAR_NOTE)
     if any(s.model == REPEATABILITY for s in pooled):
         notes.append(FLOOR_NOTE)
     if free_running:
@@ -71,9 +77,9 @@ def curve_scores_table(scores: Sequence[Score], units: Mapping[str, str]) -> Tab
     order = {curve: place for place, curve in enumerate(dict.fromkeys(s.curve for s in scores))}
     single = sorted((s for s in scores if s.curve != "all"), key=lambda s: (s.split != "validate", order[s.curve]))
     unit = units.get(single[0].target, "") if single else ""
-    free_running = _run_free(single)
-    columns: Columns = ("curve", MODEL, "data", *_metric_columns(unit, free_running))
-    return Table.of("curve_scores", "Scores by curve", columns, ((s.curve, *_score_cells(s, free_running)) for s in single))
+    shown = _run_free(single), any(s.far for s in single)
+    columns: Columns = ("curve", MODEL, "data", *_metric_columns(unit, *shown))
+    return Table.of("curve_scores", "Scores by curve", columns, ((s.curve, *_score_cells(s, *shown)) for s in single))
 
 
 def _run_free(scores: Sequence[Score]) -> bool:
@@ -81,13 +87,15 @@ def _run_free(scores: Sequence[Score]) -> bool:
     return any(math.isfinite(s.rrse_one_step) and s.rrse_one_step != s.rrse for s in scores)
 
 
-def _metric_columns(unit: str, free_running: bool) -> tuple[str, ...]:
+def _metric_columns(unit: str, free_running: bool, far: bool) -> tuple[str, ...]:
+    errors = (f"RMSE [{unit}]", "NRMSE [%] .2f", *(["by range [%] .2f"] if far else []), f"max error [{unit}]")
     one_step = ("RRSE, free run .5f", "RRSE, one step .5f") if free_running else ()
-    return ("samples", f"RMSE [{unit}]", "NRMSE [%] .2f", f"max error [{unit}]", "max error [% FS] .2f", "R² .4f", *one_step)
+    return ("samples", *errors, "max error [% FS] .2f", "R² .4f", *one_step)
 
 
-def _score_cells(score: Score, free_running: bool) -> tuple[Cell, ...]:
-    errors = (score.rmse, 100 * score.nrmse, score.max_abs_error, 100 * score.max_abs_error_fs)
+def _score_cells(score: Score, free_running: bool, far: bool) -> tuple[Cell, ...]:
+    by_range = [100 * score.nrmse_range] if far else []
+    errors = (score.rmse, 100 * score.nrmse, *by_range, score.max_abs_error, 100 * score.max_abs_error_fs)
     one_step = (score.rrse, score.rrse_one_step) if free_running else ()
     return (score.model, score.split, score.n, *errors, score.r2, *one_step)
 
@@ -110,7 +118,9 @@ def verdict(scores: Sequence[Score], own: str, target: Quantity, failed: Sequenc
         "train": "on its own training data (nothing was held out, so this says little about new data)",
     }[ours.split]
     unit = "" if target.unit in ("", "1") else f" {target.unit}"
-    first = f"{own} predicts {target.name} with an NRMSE of {_percent(ours.nrmse)} (RMSE {ours.rmse:.3g}{unit}) {where}"
+    by_range = f", {_percent(ours.nrmse_range)} of the range: the target lies far from zero" if ours.far else ""
+    errors = f"an NRMSE of {_percent(ours.nrmse)} (RMSE {ours.rmse:.3g}{unit}{by_range})"
+    first = f"{own} predicts {target.name} with {errors} {where}"
     return f"{first}; {_comparison(ours, [s for s in compared if s.model not in (own, REPEATABILITY)], failed)}{_floor(compared)}."
 
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from math import prod
+from numbers import Integral
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.errors import DataError, SpecError
+from mapmore_cli.domain.given import Door, labels_of
 from mapmore_cli.domain.models import Equation, Model
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.modelling.inverse import LOWEST, Inverse, invert
@@ -27,7 +29,6 @@ from mapmore_cli.spec.sections.logs import SourceColumn
 from mapmore_cli.spec.units import convert, default_unit, is_canonical
 from mapmore_cli.storage.tables import known_names
 from mapmore_cli.storage.tables.cells import CellReader
-from mapmore_cli.storage.tables.members import as_numbers
 from mapmore_cli.study.records import reading_of
 
 if TYPE_CHECKING:
@@ -136,9 +137,12 @@ class LoadedModel:
             if self.output.name not in given:
                 raise TypeError(f"no wanted output: give `{self.output.name}`")
             wanted = given.pop(self.output.name)
-        numbers = [as_numbers(x, of) for of, x in ((self.output.name, wanted), *given.items())]
-        target, *others = (x.ravel() for x in np.broadcast_arrays(*numbers))
+        arrays = [self._given(self.output.name, wanted), *(self._given(key, values) for key, values in given.items())]
+        target, *others = (array.ravel() for array in np.broadcast_arrays(*arrays))
         return invert(self.model, target, dict(zip(given, others, strict=True)), name, rule)
+
+    def _given(self, name: str, values: Any) -> Array:
+        return given_numbers(values, f"`{name}`", name, self.units.get(name) or default_unit(name))
 
     def _flattened(self, columns: dict[str, ArrayLike]) -> tuple[dict[str, Array], tuple[int, ...]]:
         given = columns if "time" in columns else [*columns, *(signal.name for signal in self.model.signals)]
@@ -148,7 +152,7 @@ class LoadedModel:
         spare = {"time", *(signal.of for signal in signals)} if signals else set[str]()  # what given rates and directions follow from
         if not set(needed) <= set(columns) <= {*needed, *spare}:
             raise TypeError(f"this model is a function of {', '.join(needed)}; got {', '.join(columns) or 'nothing'}")
-        arrays = np.broadcast_arrays(*(as_numbers(columns[name], name, CellReader(clock=name == "time")) for name in needed))
+        arrays = np.broadcast_arrays(*(self._given(name, columns[name]) for name in needed))
         flat = {name: array.ravel() for name, array in zip(needed, arrays, strict=True)}
         return with_signals(reading.signals, flat), arrays[0].shape
 
@@ -158,54 +162,69 @@ class LoadedModel:
 Column = str | int
 
 
-def is_frame(table: Any) -> bool:
-    """Return True for a mapping of arrays, a structured array, and anything with `columns` that is indexed by them, as data frames are."""
-    return isinstance(table, Mapping) or hasattr(table, "columns") or getattr(getattr(table, "dtype", None), "names", None) is not None
+def columns_in(frame: Any, column: Column) -> list[Hashable]:
+    """Return the labels that a column of the spec means; none where there is no such column, several where it is not clear.
 
-
-def names_of(frame: Any) -> tuple[str, ...]:
-    """Return the names of a frame's columns."""
-    if isinstance(frame, Mapping):
-        return tuple(map(str, frame))
-    return tuple(map(str, frame.columns if hasattr(frame, "columns") else frame.dtype.names))
+    The label itself comes first. Text means the label that is written so, too. A number is a place, from 0, where no label is a number.
+    """
+    labels = labels_of(frame) or ()
+    found: list[Hashable] = [label for label in labels if type(label) is not bool and label == column]
+    if isinstance(column, str):
+        return found or [label for label in labels if str(label) == column]
+    numbered = any(isinstance(label, Integral) for label in labels)
+    return found if numbered or not 0 <= column < len(labels) else [labels[column]]
 
 
 def canonical_columns(frame: Any) -> dict[str, dict[str, str]]:
     """Return the section `columns` of a frame whose columns have canonical names; raises `SpecError` where none has."""
-    found = {name: {"column": name} for name in names_of(frame) if is_canonical(name)}
+    names = tuple(map(str, labels_of(frame) or ()))
+    found = {name: {"column": name} for name in names if is_canonical(name)}
     if not found:
-        known = known_names("", names_of(frame), "The frame has")
+        known = known_names("", names, "The frame has")
         raise SpecError(
             "columns: no column of the frame has a canonical name", f'say which is which: columns={{"force": {{"column": "F"}}}}. {known}'
         )
     return found
 
 
-def column_of(frame: Any, column: Column, label: str, read: CellReader | None = None) -> Array:
-    """One column as numbers, (n,), whose cells are read by `read`. Raises `DataError`."""
-    names = names_of(frame)
-    if isinstance(column, int) and not isinstance(column, bool):
-        if not 0 <= column < len(names):
-            raise DataError(f"{label}: there is no column {column}", f"it has {len(names)} columns, numbered from 0")
-        column = names[column]
-    if column not in names:
-        raise DataError(f"{label}: there is no column '{column}'", known_names(str(column), names, "The frame has"))
-    values = np.asarray(frame[column])
+def column_of(frame: Any, column: Column, label: str, name: str, unit: str, layout: str | None = None) -> Array:
+    """One column as numbers of the quantity `name` in a `unit`, (n,). Raises `DataError`."""
+    labels, found, what = labels_of(frame) or (), columns_in(frame, column), f"{label}: column '{column}'"
+    if not found:
+        known = known_names(str(column), tuple(map(str, labels)), "The frame has")
+        raise DataError(f"{label}: there is no column '{column}'", known)
+    if len(found) > 1 or labels.count(found[0]) > 1:
+        raise DataError(f"{what} is there more than once", "give every column a name of its own")
+    values = given_numbers(frame[found[0]], what, name, unit, layout)
     if values.ndim != 1:
-        raise DataError(f"{label}: column '{column}' has the shape {values.shape}", "give one-dimensional arrays of one length")
-    return as_numbers(values, f"{label}: column '{column}'", read)
+        raise DataError(f"{what} has the shape {values.shape}", "give one-dimensional arrays of one length")
+    return values
 
 
-def write_frames(frames: Sequence[Any], columns: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+def given_numbers(values: Any, what: str, name: str, unit: str, layout: str | None = None) -> Array:
+    """Return what a user gave for the quantity `name`, as numbers in a `unit`; `layout` is the format of stamps.
+
+    Raises `DataError`, which begins with `what`.
+    """
+    clock = name == "time"
+    read = CellReader(clock=clock, format=layout, second=convert(1.0, "s", unit) if clock else 1.0)
+    return Door(lambda numbers, own: convert(numbers, own, unit), read, clock).numbers(values, what)
+
+
+def write_frames(frames: Sequence[Any], columns: Mapping[str, Any], units: Mapping[str, str], folder: Path) -> dict[str, Any]:
     """Write the wanted columns of every frame to an HDF5 file of its own in `folder`; the keys of `data` that read them.
 
-    A file has one array for each quantity of `columns` (the section of the spec), unscaled. Raises `DataError` for columns that do not
-    exist, are no numbers, or differ in length.
+    A file has one array for each quantity of `columns` (the section of the spec), unscaled; `units` is that section of the spec.
+    Raises `DataError` for columns that do not exist, are no numbers, or differ in length.
     """
     paths = []
     for number, frame in enumerate(frames, start=1):
         label = f"frame {number}" if len(frames) > 1 else "the frame"
-        arrays = {name: quantity_of(frame, name, entry, label) for name, entry in columns.items()}
+        arrays = {}
+        for name, entry in columns.items():
+            told = entry if isinstance(entry, Mapping) else {}
+            unit = str(told.get("unit") or default_unit(name, units))
+            arrays[name] = column_of(frame, source_of(entry), label, name, unit, told.get("format"))
         lengths = {name: len(values) for name, values in arrays.items()}
         if len(set(lengths.values())) > 1:
             raise DataError(f"{label}: columns of different length: {lengths}", "they do not belong to one recording")
@@ -217,13 +236,6 @@ def write_frames(frames: Sequence[Any], columns: Mapping[str, Any], folder: Path
     read = {name: {**(entry if isinstance(entry, Mapping) else {}), "column": name} for name, entry in columns.items()}
     read.get("time", {}).pop("format", None)  # what is written are numbers
     return {"files": [str(path) for path in paths], "reader": "hdf5", "columns": read}
-
-
-def quantity_of(frame: Any, name: str, entry: Any, label: str) -> Array:
-    """Return the column that an entry of `columns` names, (n,), as numbers of the quantity."""
-    told = entry if name == "time" and isinstance(entry, Mapping) else {}
-    second = convert(1.0, "s", told.get("unit") or "s")
-    return column_of(frame, source_of(entry), label, CellReader(clock=name == "time", format=told.get("format"), second=second))
 
 
 def source_of(entry: Any) -> Column:
@@ -240,13 +252,15 @@ def quantities_of(frame: Any, wanted: Sequence[str], columns: Mapping[str, Sourc
     A column is found by its name in `columns`, with unit, scale and offset; else by the canonical name, already in the model's unit; else
     by its number in `columns`.
     """
-    names, found = names_of(frame), {}
+    found = {}
     for name in wanted:
-        column = columns.get(name)
-        if column is not None and (column.column in names or (isinstance(column.column, int) and name not in names)):
-            values = quantity_of(frame, name, column.model_dump(), "the frame") * column.scale + column.offset
-            unit = units.get(name) or default_unit(name)
-            found[name] = convert(values, column.unit, unit) if column.unit is not None else values
+        column, unit = columns.get(name), units.get(name) or default_unit(name)
+        numbered = column is not None and isinstance(column.column, int) and not columns_in(frame, name)
+        if column is not None and (numbered or columns_in(frame, str(column.column))):
+            own = column.unit or unit
+            values = column_of(frame, column.column, "the frame", name, own, column.format)
+            values = values * column.scale + column.offset
+            found[name] = convert(values, own, unit)
         else:
-            found[name] = column_of(frame, name, "the frame", CellReader(clock=name == "time"))
+            found[name] = column_of(frame, name, "the frame", name, unit)
     return found

@@ -140,5 +140,5 @@ def test_a_frame_with_stamps_in_a_format() -> None:
     asked = {**STUDY, "columns": {**COLUMNS, "time": time}}
     found = fit({**FRAME, "t": stamps}, **asked)
     assert found.spec.data.columns["time"].format is None
-    with pytest.raises(DataError, match=r"index 0: .* a date stands here"):
+    with pytest.raises(DataError, match=r"row 0: .* a date stands here"):
         fit({**FRAME, "t": stamps}, **{**asked, "columns": {**COLUMNS, "time": {**time, "format": "%I:%M"}}})

@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.given import Door, labels_of
 from mapmore_cli.modelling.expressions.evaluation import dictionary_matrix
 from mapmore_cli.modelling.expressions.families import products, refuse_beyond_memory
 from mapmore_cli.modelling.expressions.printing import to_text
@@ -29,6 +31,8 @@ class FROLS:
 
     - `order`: total degree of the candidate monomials; `constant`: whether the constant is one.
     - `max_terms`, `tolerance`, `stop`: as in `frols`.
+
+    `X` and `y` may be arrays and frames of any kind. Units, and values that are missing or masked, are refused.
 
     After `fit`, `terms_`, `coef_` and `err_` are the terms, their coefficients and error reduction ratios, (k,).
 
@@ -137,15 +141,18 @@ class FROLS:
 
 def _column_names(X: Any) -> list[str] | None:
     """Return the names of a frame's columns; None where there are none, or they are not all text."""
-    names = list(X.columns) if hasattr(X, "columns") else []
-    return names if names and all(isinstance(name, str) for name in names) else None
+    labels = labels_of(X) or ()
+    names = [label for label in labels if isinstance(label, str)]
+    if len(set(names)) < len(names):
+        raise ValueError(f"X has columns of one name: {', '.join(names)}")
+    return names if names and len(names) == len(labels) else None
 
 
 def _table(X: Any) -> Array:
     """Return a table of numbers, (n, m); raises `ValueError` or `TypeError` for anything else."""
     if hasattr(X, "toarray"):
         raise TypeError("Sparse data was passed for X, but dense data is required. Use '.toarray()' to convert to a dense numpy array.")
-    values = _numbers(X)
+    values = _numbers(X, "X")
     if values.ndim != 2:
         hint = "Reshape your data: X.reshape(-1, 1) for one feature, X.reshape(1, -1) for one sample"
         raise ValueError(f"Expected 2D array, got {values.ndim}D array instead. {hint}")
@@ -158,7 +165,7 @@ def _table(X: Any) -> Array:
 def _target(y: Any, rows: int) -> Array:
     if y is None:
         raise ValueError("requires y to be passed, but the target y is None")
-    values = _numbers(y)
+    values = _numbers(y, "y")
     if values.ndim == 2 and values.shape[1] == 1:
         kind = _of_sklearn("DataConversionWarning", UserWarning)
         warnings.warn("A column-vector y was passed when a 1d array was expected.", kind, stacklevel=3)
@@ -175,14 +182,24 @@ def _of_sklearn(name: str, otherwise: type) -> Any:
     return getattr(sys.modules.get("sklearn.exceptions"), name, otherwise)
 
 
-def _numbers(values: Any) -> Array:
+class NotNumbers(ValueError, TypeError):
+    """What is no table of numbers; scikit-learn asks for one of the two, depending on why."""
+
+
+def _no_unit(numbers: Array, unit: str) -> Array:
+    if unit == "dimensionless":
+        return numbers
+    raise ValueError(f"it has the unit {unit}, and no unit is known here: give plain numbers")
+
+
+def _numbers(values: Any, name: str) -> Array:
     """Finite real numbers; raises `ValueError` for others."""
-    array = np.asarray(values)
-    if array.dtype.kind == "c":
-        raise ValueError("Complex data not supported")
-    found = np.asarray(array, dtype=np.float64)
+    try:
+        found = Door(_no_unit).numbers(values, name)
+    except DataError as fault:
+        raise NotNumbers(fault.message) from fault
     if not np.isfinite(found).all():
-        raise ValueError("Input contains NaN or infinity")
+        raise ValueError("Input contains NaN or infinity: missing and masked values are such. Leave their rows out.")
     return found
 
 

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.fits import Selection
-from mapmore_cli.modelling.frols.moments import Blocks, scaled
+from mapmore_cli.modelling.frols.moments import Blocks, scaled, standard
 
 TIE_TOLERANCE = 1e-9  # candidates whose ERR lies within this fraction of the best are tied; the lower dictionary index wins
 NO_GAIN = 1e-28  # the square of rounding error: a smaller ERR explains nothing, and a smaller residual leaves nothing to explain
@@ -18,7 +19,7 @@ RANK_TOLERANCE = 1e-24  # a regressor counts as dependent when `q'q <= RANK_TOLE
 CRITERIA = ("tolerance", "bic", "aicc", "press")  # rules for the number of terms
 
 
-def textbook(P: Array, y: Array, max_terms: int, tolerance: float = 0.0) -> tuple[list[int], Array, Array, Array, Array]:
+def textbook(P: Array, y: Array, max_terms: int) -> tuple[list[int], Array, Array, Array, Array]:
     """Select terms as on paper, candidate by candidate (Billings 2013, section 3.2; the equations stand in `frols`).
 
     Returns the k chosen columns, their g and ERR, (k,), the coefficients of the original columns, (k,), and the ERR of every candidate in
@@ -42,7 +43,7 @@ def textbook(P: Array, y: Array, max_terms: int, tolerance: float = 0.0) -> tupl
         basis.append(left[best])
         g.append((y @ left[best]) / (left[best] @ left[best]))
         table.append(err)
-        if 1 - sum(row[m] for row, m in zip(table, chosen, strict=True)) <= tolerance:
+        if 1 - sum(row[m] for row, m in zip(table, chosen, strict=True)) <= 0:
             break
     W, k = np.column_stack(basis), len(chosen)
     A = np.triu((W.T @ P[:, chosen]) / np.sum(W**2, axis=0)[:, None])  # P_chosen = W A
@@ -52,9 +53,10 @@ def textbook(P: Array, y: Array, max_terms: int, tolerance: float = 0.0) -> tupl
 
 @dataclass(frozen=True)
 class Stopping:
-    """When enough terms are chosen: `max_terms` (None: no limit), or all but the fraction `tolerance` of `y'y` is explained.
+    """When enough terms are chosen: `max_terms` (None: no limit), or all but the fraction `tolerance` is explained.
 
-    By the criteria `bic`, `aicc` and `press` the number of terms is chosen afterwards.
+    The fraction is one of `y'y`, or of the squares about the mean: see `to_explain`. The criteria `bic`, `aicc` and `press` choose
+    the number of terms afterwards, among all that can be had: no tolerance ends them.
     """
 
     max_terms: int | None
@@ -118,13 +120,16 @@ class Step(NamedTuple):
     sse: float
 
 
-def greedy(remainders: Remainders, stopping: Stopping, limit: int) -> tuple[list[Step], str]:
+def greedy(remainders: Remainders, stopping: Stopping, limit: int, whole: Callable[[], float]) -> tuple[list[Step], str]:
     """Choose the candidate of the highest ERR (M2 eq 5) until the error is within the tolerance (eq 6) or `limit` terms are chosen (eq 7).
 
+    `whole()` is the sum of squares that the tolerance is a fraction of, at most `y'y`; it is asked for only where it can matter.
     Returns the steps and why they end: `tolerance`; `max_terms`; `no_gain` where no candidate explains anything; `rank` where none is
-    independent of the chosen ones. Raises DigitsLost as the remainders do.
+    independent of the chosen ones. A residual of rounding error ends them by any rule. Raises DigitsLost as the remainders do.
     """
     steps: list[Step] = []
+    by_tolerance = stopping.criterion == "tolerance"
+    yy, tolerance = remainders.yy, stopping.tolerance * by_tolerance
     while len(steps) < limit:
         g, err = remainders.reductions()
         if np.isnan(err).all():
@@ -135,14 +140,28 @@ def greedy(remainders: Remainders, stopping: Stopping, limit: int) -> tuple[list
         others = _best(np.where(np.arange(len(err)) == pick, np.nan, err)).tolist()
         row = remainders.choose(pick)
         steps.append(Step(pick, g, err, others[0] if others else -1, len(tied), row, remainders.sse))
-        if remainders.sse <= max(stopping.tolerance, NO_GAIN) * remainders.yy:
-            return steps, "tolerance"
+        left = remainders.sse
+        if left <= NO_GAIN * yy or (left <= tolerance * yy and left <= tolerance * whole()):
+            return steps, "tolerance" if by_tolerance else "no_gain"
     return steps, "max_terms" if limit == stopping.max_terms else "rank"
 
 
 def _best(err: Array) -> IntArray:
     """Return the candidates of the highest ERR that tie; none where every ERR is NaN."""
     return np.flatnonzero(err >= np.max(err, initial=-np.inf, where=~np.isnan(err)) * (1 - TIE_TOLERANCE))
+
+
+def to_explain(blocks: Blocks, samples: int, yy: float) -> float:
+    """Sum of squares that a tolerance is a fraction of: `y'y`; less what the constant explains where a candidate is constant.
+
+    A constant explains nearly all of a target that stands far from zero, as a length does, and nothing of what it does. A target
+    that is constant itself is explained by one. Reads the blocks once.
+    """
+    known = standard(blocks)
+    constant = np.isinf(known.spread) & (known.centre != 0)
+    if constant[-1] or not constant.any():
+        return yy
+    return samples * float(known.spread[-1]) ** 2
 
 
 ROUNDING = 1e-30  # floor of the unexplained fraction: below it the residual is rounding error, and more terms explain nothing
@@ -191,9 +210,11 @@ def press(blocks: Blocks, chosen: IntArray, factor: Array, projections: Array) -
 def selected(remainders: Remainders, stopping: Stopping, limit: int, scale: Array, samples: int, blocks: Blocks) -> Selection:
     """Return the greedy choice, at the number of terms that the stop rule prefers. Raises DigitsLost as `greedy`.
 
-    The remainders are of columns of `Z = [P y]` divided by `scale`, (M+1,); `blocks` are the rows of `Z`, read for `press` only.
+    The remainders are of columns of `Z = [P y]` divided by `scale`, (M+1,); `blocks` are the rows of `Z`, read
+    for `press`, and where the tolerance may end the choice.
     """
-    steps, stop = greedy(remainders, stopping, limit)
+    whole = cache(lambda: to_explain(scaled(blocks, scale), samples, remainders.yy))
+    steps, stop = greedy(remainders, stopping, limit, whole)
     best = k = len(steps)
     if k and stopping.criterion == "press":
         best = fewest(press(scaled(blocks, scale), *_factor(steps, len(scale))))

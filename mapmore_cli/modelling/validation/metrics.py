@@ -23,6 +23,7 @@ class Normaliser:
 
     name: str
     value: float
+    extent: float = math.nan  # range of the same samples
 
     def fraction(self, error: float) -> float:
         """Return the error as a fraction; NaN where there is nothing to divide by."""
@@ -39,7 +40,7 @@ NORMALISERS: Mapping[str, tuple[str, Callable[[Array], Any]]] = {
 def normaliser(kind: str, y: Array, quantity: str, split: str) -> Normaliser:
     """Return one of `NORMALISERS` over the samples of a split."""
     name, size = NORMALISERS[kind]
-    return Normaliser(name.format(quantity, split), float(size(y)))
+    return Normaliser(name.format(quantity, split), float(size(y)), float(np.ptp(y)))
 
 
 def score(model: str, target: str, split: str, curve: str, measured: Array, found: Forecast, scale: Normaliser) -> Score:
@@ -77,6 +78,7 @@ def score(model: str, target: str, split: str, curve: str, measured: Array, foun
         r_uncentred=uncentred(y, predicted[known]),
         interval_coverage=float(np.mean(np.abs(error[given]) <= width[given])) if given.any() else math.nan,
         interval_half_width=float(np.median(width[given])) if given.any() else math.nan,
+        nrmse_range=rmse / scale.extent if scale.extent > 0 else math.nan,
     )
 
 

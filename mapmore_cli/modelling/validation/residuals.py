@@ -131,9 +131,10 @@ def _of_scores(row: Score) -> Iterator[str]:
     if not np.isfinite(row.rmse):
         yield f"the model has no finite error on the {where}: it is of no use"
         return
-    if row.r2 <= 0:
-        what = "no better than" if row.r2 == 0 else "worse than"
-        yield f"R² on the {where} is {row.r2:.3g}: the model is {what} the mean of what was measured"
+    r2 = round(row.r2, 9) + 0.0  # of a constant it is rounding error
+    if r2 <= 0:
+        what = "no better than" if r2 == 0 else "worse than"
+        yield f"R² on the {where} is {r2:.3g}: the model is {what} the mean of what was measured"
     if row.max_abs_error_fs > 1:
         yield f"the largest error on the {where} is {row.max_abs_error_fs:.3g} times the full scale ({row.normaliser_name})"
 

@@ -24,7 +24,7 @@ from mapmore_cli.study.inspection.rules import ORDER, Cause, Issue, Rule, Subjec
 OF_RECORDINGS: tuple[Rule, ...] = (
     *(units.strain_in_per_cent, units.pressure_in_pascals, units.pressure_in_bar, units.pull_of_the_bore, units.time_in_milliseconds),
     *(units.unit_in_the_name, units.unit_line, samples.constant, samples.same_signal, samples.clipped, samples.cycles_of_noise),
-    *(samples.force_never_pulls, curves.wrong_way_round, samples.recorded_twice),
+    *(samples.force_never_pulls, samples.offset, curves.wrong_way_round, samples.recorded_twice),
 )
 """Rules that need the recordings alone, so that they can say why no curves could be made of them."""
 

@@ -83,11 +83,11 @@ def of_predict(_path: Path, cell: str, clocks: frozenset[str] = frozenset()) -> 
 
 
 def of_frame(_path: Path, cell: Any, clocks: frozenset[str] = frozenset()) -> float:
-    return float(column_of({"x": np.array([cell], dtype=object)}, "x", "the frame", CellReader(clock=bool(clocks)))[0])
+    return float(column_of({"x": np.array([cell], dtype=object)}, "x", "the frame", *(("time", "s") if clocks else ("force", "N")))[0])
 
 
 def of_texts(_path: Path, cell: str, clocks: frozenset[str] = frozenset()) -> float:
-    return float(column_of({"x": np.array([cell])}, "x", "the frame", CellReader(clock=bool(clocks)))[0])
+    return float(column_of({"x": np.array([cell])}, "x", "the frame", *(("time", "s") if clocks else ("force", "N")))[0])
 
 
 EVERY = (of_csv, of_xlsx, of_mat, of_hdf5, of_tdms, of_predict, of_frame, of_texts)

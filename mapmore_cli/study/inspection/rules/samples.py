@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from mapmore_cli.domain.recording import Recording
+from mapmore_cli.domain.scores import FAR_FROM_ZERO
 from mapmore_cli.study.inspection import evidence
 from mapmore_cli.study.inspection.names import POSITIONS
 from mapmore_cli.study.inspection.rules import Issue, Subject
@@ -18,6 +19,7 @@ UNSETTLED = 0.2  # of the samples
 AT_REST = 0.5  # of the largest value: nearer to zero nothing is clipped
 CLIPPED, LONGEST, FAR_MORE = 0.01, 20, 10  # share, number, and times any other number, of samples at one end
 FROM_SENSORS = ("force", "pressure", "load")  # what hardly stops by itself at one number: its sensor does
+PARTS_OF_FORCE = ("hysteresis", "damping")  # targets that lie around zero, wherever the force does
 HINGED = "sarosi_hinged"  # the formula that is made for a slack foot
 HELD, MOVED = 0.05, 0.2  # movement within a recording, relative to the largest value: at most of what is held, at least of what is not
 
@@ -31,6 +33,20 @@ def constant(subject: Subject) -> Iterator[Issue]:
             message = f"{name} is {values[0]:g} in every sample"
             remedy = "name another column" if target else "name another column, or leave it out"
             yield Issue("error" if target else "warning", "constant", subject.source(name), message, remedy, "data")
+
+
+def offset(subject: Subject) -> Iterator[Issue]:
+    """Find a target that lies far from zero: any model errs by little of its largest value."""
+    spec = subject.spec
+    name = spec.validation.as_ or spec.target_quantity
+    if spec.target in PARTS_OF_FORCE or spec.validation.normaliser == "range" or not subject.has(name):
+        return
+    values = subject.pooled(name)
+    if abs(values.mean()) > FAR_FROM_ZERO * np.ptp(values) > 0:
+        ends = f"{values.min():.6g} to {values.max():.6g} {subject.units[name]}"
+        message = f"{name} runs from {ends}, far from zero: its NRMSE is small, whatever the model"
+        remedy = "take what it starts from off by `offset`, or say `validate: {normaliser: range}`"
+        yield Issue("hint", "offset", subject.source(name), message, remedy)
 
 
 def same_signal(subject: Subject) -> Iterator[Issue]:

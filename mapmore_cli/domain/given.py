@@ -1,0 +1,113 @@
+"""The one door for arrays and tables that others made: NumPy, pandas, polars, pyarrow, xarray, pint, lists and numbers.
+
+No library of them is imported: what they have in common is asked for by its name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Mapping
+from dataclasses import dataclass
+from datetime import UTC, date, datetime, time, timedelta
+from typing import Any
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.errors import DataError, MapmoreError
+
+EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+ABSENT = ("NoneType", "NAType", "NaTType", "MaskedConstant")
+"""Types of what stands for a missing value, by their names: None, `pd.NA`, `pd.NaT`, `np.ma.masked`."""
+
+
+@dataclass(frozen=True)
+class Door:
+    """How numbers are read of what users give.
+
+    - `convert`: brings numbers in a unit, which is given as text, to the wanted unit.
+    - `cell`: reads the number in a text, a date or a duration, as in a cell of a file. Without it they are refused.
+    - `clock`: whether dates and durations are wanted. They are seconds (since 1970), as `convert` gets them.
+    """
+
+    convert: Callable[[Array, str], Array]
+    cell: Callable[[Any], float] | None = None
+    clock: bool = False
+
+    def numbers(self, values: Any, what: str, axis: str = "row") -> Array:
+        """Return values that messages call `what` as numbers, in their shape. Missing ones (masked, None, NA, NaT) are NaN.
+
+        Raises DataError for anything else: text, true and false, complex numbers, dates that are no clock, units that do not fit.
+        """
+        try:
+            return np.asarray(self._read(values, what, axis), dtype=np.float64)
+        except (MapmoreError, TypeError, ValueError) as fault:
+            told = str(getattr(fault, "message", fault))
+            said = told if told.startswith(what) else f"{what}: {told}"
+            raise DataError(said, getattr(fault, "remedy", "give numbers; None where one is missing")) from fault
+
+    def _read(self, values: Any, what: str, axis: str) -> Any:
+        if type(values).__name__ in ABSENT:
+            return np.nan
+        if isinstance(values, list | tuple):
+            plain = (int, float)  # at once: they are many
+            numbered = enumerate(values)
+            return [one if type(one) in plain else self.numbers(one, f"{what}, {axis} {i}", "column") for i, one in numbered]
+        if self.clock and isinstance(values, datetime):
+            values = (values if values.tzinfo else values.replace(tzinfo=UTC)) - EPOCH
+        if self.clock and isinstance(values, timedelta):
+            return self._seconds(values.total_seconds())
+        if isinstance(values, str | date | time | timedelta) and self.cell is not None:
+            return self.cell(values)
+        return self._array(values, what, axis)
+
+    def _array(self, values: Any, what: str, axis: str) -> Any:
+        if hasattr(values, "dims") and "units" not in values.attrs:
+            values = values.data  # xarray around an array of NumPy or pint
+        unit, bare = in_unit(values)
+        if unit is not None:
+            return self.convert(self.numbers(bare, what, axis), unit)
+        array, masked = np.asarray(values), np.ma.isMA(values) and np.ma.getmaskarray(values)
+        kind = array.dtype.kind
+        if kind in "OUT" and array.ndim:
+            return self._read(np.where(masked, np.array(None), array.astype(object)).tolist(), what, axis)
+        if kind == "O":
+            return float(values)
+        if kind in "mM":
+            array = self._seconds((array - np.datetime64(0, "s") if kind == "M" else array) / np.timedelta64(1, "s"))
+        elif kind not in "iuf":
+            words = {"b": "true and false are not numbers", "c": "Complex data not supported"}
+            raise ValueError(words.get(kind, f"'{values!s:.40}' is not a number"))
+        return np.where(masked, np.nan, array) if np.any(masked) else array
+
+    def _seconds(self, seconds: Any) -> Array:
+        if not self.clock:
+            raise ValueError("dates and times stand here, which only `time` may have")
+        return self.convert(np.asarray(seconds, dtype=np.float64), "s")
+
+
+def in_unit(values: Any) -> tuple[str | None, Any]:
+    """Return the unit that an array carries, None for a plain one, and its numbers: of pint, astropy, unyt; of `attrs` in xarray."""
+    for unit, bare in (("units", "magnitude"), ("unit", "value"), ("units", "value")):
+        if hasattr(type(values), unit) and hasattr(type(values), bare):
+            return str(getattr(values, unit)).replace(" ** ", "**"), getattr(values, bare)
+    told = getattr(values, "attrs", {}).get("units")
+    return (None, values) if told is None else (str(told), np.asarray(values))
+
+
+def labels_of(table: Any) -> tuple[Hashable, ...] | None:
+    """Return the labels of a table's columns, as they are; None for what is no table of columns.
+
+    Tables are mappings of arrays, structured arrays, data frames with `columns`, pyarrow's with `column_names`, and datasets of
+    xarray. Raises DataError for a table that is not computed yet, and for labels of several levels.
+    """
+    if hasattr(type(table), "collect"):
+        raise DataError("the frame is lazy: it holds no values yet", "call .collect(), and give what that returns")
+    names: Any = getattr(getattr(table, "dtype", None), "names", None)
+    if isinstance(table, Mapping):
+        names = getattr(table, "variables", table)
+    else:
+        names = getattr(table, "column_names" if hasattr(type(table), "column_names") else "columns", names)
+    if getattr(names, "nlevels", 1) > 1:
+        remedy = 'join the levels: `df.columns = ["_".join(map(str, one)) for one in df.columns]`'
+        raise DataError("the columns of the frame have labels of several levels (a MultiIndex)", remedy)
+    return None if names is None else tuple(names)

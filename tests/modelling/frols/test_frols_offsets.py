@@ -1,0 +1,94 @@
+"""A target that stands far from zero, as a length does: the constant explains nearly all of `y'y`, and ends nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import mapmore_cli as mm
+from mapmore_cli.modelling.frols import frols, frols_streamed
+from mapmore_cli.modelling.frols.moments import row_blocks
+
+X = np.linspace(0, 1, 4000)
+P = np.column_stack([X**0, X, X**2, np.cos(9 * X)])
+FORMS = {"whole": frols, "streamed": lambda P, y, *rest, **named: frols_streamed(row_blocks(P, y), *rest, **named)}
+
+
+def spread(y):
+    return float(np.sum((y - y.mean()) ** 2))
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("offset", [0.0, 1.0, -500.0, 1e5, 1e8])
+def test_an_offset_changes_nothing_but_the_constant(form, offset):
+    y = 2 * X - 3 * np.cos(9 * X) + offset
+    found = FORMS[form](P, y, 4, 1e-4)
+    assert {1, 3} <= set(found.chosen.tolist())
+    assert found.sse <= 1e-4 * spread(y)
+    assert found.err.sum() == pytest.approx(1)  # of the squares about zero, as ever
+
+
+@pytest.mark.parametrize("value", [1.0, -3.0, 1e-200, 1e200, 0.1 * 3])
+@pytest.mark.parametrize("form", FORMS)
+def test_the_constant_is_told_by_its_values(form, value):
+    wide = P.copy()
+    wide[:, 0] = value
+    found = FORMS[form](wide, 273.15 + X, 4, 1e-4)  # a temperature in kelvin
+    assert found.chosen.tolist()[-1] == 1
+    assert found.stop == "tolerance"
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_without_a_constant_the_squares_about_zero_count(form):
+    near = np.column_stack([1 + 1e-3 * X, X, np.zeros(len(X))])  # a column that hardly varies, and one of zeros, are no constant
+    found = FORMS[form](near, 500 + 2 * X, 3, 1e-4)
+    assert (found.chosen.tolist(), found.stop) == ([0], "tolerance")
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("target", [np.full(4000, 500.0), 500 * (1 + 1e-14 * np.sin(X))])
+def test_a_target_that_is_constant_is_explained_by_one(form, target):
+    assert FORMS[form](P, target, 4, 1e-4).chosen.tolist() == [0]
+
+
+@pytest.mark.parametrize("stop", ["bic", "aicc", "press"])
+@pytest.mark.parametrize("form", FORMS)
+def test_no_tolerance_ends_a_criterion(form, stop):
+    y = 500 + 2 * X - 3 * np.cos(9 * X) + 0.1 * np.random.default_rng(0).normal(size=len(X))
+    found = FORMS[form](P, y, 4, 0.5, stop=stop)
+    assert {0, 1, 3} <= set(found.chosen.tolist())
+    exact = FORMS[form](P, 500 + 2 * X - 3 * np.cos(9 * X), 4, 0.5, stop=stop)
+    assert (sorted(exact.chosen.tolist()), exact.stop) == ([0, 1, 3], "no_gain")
+
+
+@given(seed=st.integers(0, 2**32 - 1), power=st.floats(-3, 7), tolerance=st.floats(1e-8, 0.3))
+def test_what_the_tolerance_leaves_is_a_part_of_what_changes(seed, power, tolerance):
+    rng = np.random.default_rng(seed)
+    n, M = int(rng.integers(12, 80)), int(rng.integers(2, 7))
+    wide = np.column_stack([rng.normal(size=(n, M)), np.full(n, rng.normal())])
+    y = wide @ rng.normal(size=M + 1) + 10.0**power
+    found = frols(wide, y, M + 1, tolerance)
+    if found.stop == "tolerance":
+        assert found.sse <= max(tolerance * spread(y), 1e-28 * found.yy) * (1 + 1e-9)
+
+
+@pytest.mark.parametrize(("ripple", "once"), [(1.0, True), (1e-3, False)])
+def test_the_record_is_read_again_only_where_the_tolerance_may_end_the_choice(ripple, once):
+    read = []
+
+    def blocks():
+        read.append(1)
+        return row_blocks(P, 2 + X + ripple * np.cos(50 * X))()
+
+    frols_streamed(blocks, 2, 1e-4)
+    assert (len(read) == 1) == once
+
+
+@pytest.mark.parametrize("offset", [1.0, 100.0, 1e6])
+def test_the_estimator_finds_the_line(offset):
+    x = X[:200, None]
+    model = mm.FROLS().fit(x, offset + x[:, 0])
+    assert set(model.terms_) == {"1", "x0"}
+    assert model.score(x, offset + x[:, 0]) == pytest.approx(1)
