@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.tables import Noted, TableRequest, reading, refuse_bombs
+from mapmore_cli.storage.tables import BOMB_RATIO, BOMB_SIZE, Noted, TableRequest, reading, refuse_bombs
 from mapmore_cli.storage.tables.members import Member, Selection, array_of, group_of, size_in_words, tree_reader
 
 
@@ -120,12 +120,24 @@ def _reader(dataset: Any, field: str | None) -> Callable[[Selection], Any]:
     def read(selection: Selection) -> Any:
         _check_fit(selection, dataset.shape)
         kind = dataset.dtype if field is None else dataset.dtype[field]
-        if kind.kind in "OS":  # texts may be of any length: none is read
-            return np.zeros(1, dtype="S1" if h5py.check_string_dtype(kind) else object)
-        values = _own_values(dataset, selection)
-        return values[selection] if field is None else values.fields(field)[selection]
+        own = _own_values(dataset, selection)
+        values = own if field is None else own.fields(field)
+        if kind.kind != "O" or not dataset.shape:
+            return values[selection]
+        return _texts(dataset, values)[selection] if h5py.check_string_dtype(kind) else np.zeros(1, dtype="V1")
 
     return read
+
+
+def _texts(dataset: Any, values: Any) -> Any:
+    """Return texts of any length. They are read in parts that cannot fill the memory, up to the limit of what a file may unpack to."""
+    size, parts, total = dataset.file.id.get_filesize(), [np.zeros((0, *dataset.shape[1:]), dtype=object)], 0
+    step = max(1, BOMB_SIZE // max(size * math.prod(dataset.shape[1:]), 1))
+    for begin in range(0, len(dataset), step):
+        parts.append(values[begin : begin + step])
+        total += sum(map(len, parts[-1].flat))
+        refuse_bombs(dataset.name, total, size // BOMB_RATIO)  # texts are not packed
+    return np.concatenate(parts)
 
 
 # As MATLAB 7.3 writes them: the axes lie in the opposite order, and cells and elements of struct arrays are references ------------------

@@ -14,6 +14,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.tables import Noted, RawTable, Reader, SourceColumn, TableRequest, Top, known_names, optional_library, reading
+from mapmore_cli.storage.tables.cells import CellReader
 from mapmore_cli.storage.tables.members import Member, as_numbers, table_of, tables, top_of
 
 TAG = b"TDSm"
@@ -91,7 +92,7 @@ def _group(channels: Mapping[str, Any]) -> Member:
 
 def _waveform(properties: Mapping[str, Any]) -> Noted:
     """Return what LabVIEW notes of a waveform."""
-    start = as_numbers(properties.get("wf_start_time", np.datetime64(0, "s")), "wf_start_time")
+    start = as_numbers(properties.get("wf_start_time", np.datetime64(0, "s")), "wf_start_time", CellReader(clock=True))
     later = float(properties.get("wf_start_offset", 0.0))
     return Noted(str(properties.get("unit_string", "")), float(properties.get("wf_increment", 0.0)), float(start) + later)
 

@@ -246,7 +246,7 @@ def as_numbers(values: Any, what: str, read: CellReader | None = None) -> Array:
     if kind == "M":
         raise DataError(f"{what}: a date stands here, not a number", DATES)
     if kind not in "iuf" or (read.clock and read.format):
-        words = {"c": "complex numbers", "b": "TRUE and FALSE"}.get(kind, f"values of type {array.dtype}")
+        words = {"c": "complex numbers", "b": "TRUE and FALSE", "V": "references or lists"}.get(kind, f"values of type {array.dtype}")
         raise DataError(f"{what} holds {words}, not real numbers", "make numbers of them; `format` is for text")
     return np.asarray(array, dtype=np.float64)
 
