@@ -37,9 +37,10 @@ def same_signal(subject: Subject) -> Iterator[Issue]:
     names = [name for name in subject.spec.data.measured if name != "time" and subject.has(name)]
     for family in evidence.same_signals([subject.pooled(name) for name in names]):
         told = " and ".join(names[place] for place in family)
+        target = subject.spec.target_quantity in (names[place] for place in family)  # two inputs may be so, as the muscles of one joint
         remedy = "keep the one of them that was measured; another sensor has to tell the other quantity"
         message = f"{told} are one signal: each is the other times a constant, plus one (correlation {evidence.SAME} or more)"
-        yield Issue("error", "same-signal", subject.source(names[family[-1]]), message, remedy)
+        yield Issue("error" if target else "hint", "same-signal", subject.source(names[family[-1]]), message, remedy)
 
 
 def clipped(subject: Subject) -> Iterator[Issue]:
