@@ -26,7 +26,7 @@ from mapmore_cli.storage.run_folder import RunFiles
 from mapmore_cli.study.drafting.answers import Answers, read_columns
 from mapmore_cli.study.drafting.draft import Draft
 from mapmore_cli.study.drafting.start import start
-from mapmore_cli.study.inspection.lint import inspect
+from mapmore_cli.study.inspection import inspect
 
 PAGE = DOCS / "init-and-check.md"
 PLAINER = ("plane", "cubic", "sarosi", "arx")

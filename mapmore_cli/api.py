@@ -9,6 +9,7 @@ estimator. Nothing is written but by `Fitted.save`, `Fitted.to_yaml` and `run`.
 from __future__ import annotations
 
 import os
+import re
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -20,8 +21,9 @@ from typing import Any
 
 import numpy as np
 
+from mapmore_cli.checking.findings import sentences
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.domain.errors import MapmoreError, SpecError
 from mapmore_cli.domain.given import labels_of
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.scores import RUN_PAGE, ScoreTable
@@ -87,11 +89,15 @@ class Scores(tuple[Mapping[str, Any], ...]):
 
 @dataclass(frozen=True)
 class Study:
-    """What `fit` was given: the spec as a `document`, the `frames` in memory, none where files are read, and where paths start."""
+    """What `fit` was given: the spec as a `document`, the `frames` in memory, none where files are read, and where paths start.
+
+    `check` is whether what is an error for `mapmore check` ends the fit.
+    """
 
     document: Mapping[str, Any]
     frames: tuple[Any, ...]
     folder: Path
+    check: bool = True
 
     @property
     def columns(self) -> Mapping[str, Any]:
@@ -115,11 +121,17 @@ class Study:
         told: list[str] = []
         with TemporaryDirectory(prefix="mapmore-") as place:
             loaded = self.loaded(Path(place) / "spec.yaml", changes)
-            outcome = bring_up_to_date(loaded, Path(place) / "runs", "validate", warn=told.append)
+            try:
+                outcome = bring_up_to_date(loaded, Path(place) / "runs", "validate", warn=told.append, check=self.check)
+            except MapmoreError as error:
+                error.message = re.sub(rf"{re.escape(str(loaded.path))}(:\d+)*", _HERE, error.message)
+                raise
             run = RunFiles(outcome.run_dir)
             table = run.scores()
-            file = (outcome.run_dir / MODEL).read_bytes()
-            return Fitted(run.model(), Scores.of(table), study=self, spec=loaded.spec, file=file, warnings=(*table.warnings, *told))
+            file, doubts = (outcome.run_dir / MODEL).read_bytes(), sentences(outcome.run_dir)
+            return Fitted(
+                run.model(), Scores.of(table), study=self, spec=loaded.spec, file=file, warnings=(*table.warnings, *told), doubts=doubts
+            )
 
 
 @dataclass(frozen=True, repr=False)
@@ -136,6 +148,8 @@ class Fitted(LoadedModel):
         The experiment as it was validated.
     warnings
         What the command says on stderr; what makes a model useless is a Python warning too.
+    doubts
+        Those of them that `mapmore check` says of the data, which are Python warnings too.
     """
 
     scores: Scores
@@ -143,6 +157,7 @@ class Fitted(LoadedModel):
     spec: ExperimentSpec = field(kw_only=True)
     file: bytes = field(kw_only=True)
     warnings: tuple[str, ...] = field(default=(), kw_only=True)
+    doubts: tuple[str, ...] = field(default=(), kw_only=True)
 
     def __repr__(self) -> str:
         return "\n".join([super().__repr__(), repr(self.scores), *(f"warning: {warning}" for warning in self.warnings)])
@@ -209,6 +224,7 @@ def fit(frame: Any, **sections: Any) -> Fitted:
     sections
         The keys of a spec (`target`, `segment`, `dictionary`, ...; docs/spec.md), and those of its section `data` (`columns`, `levels`,
         `split`, ...). Without `columns`, the columns of a frame have canonical names. `target` is `static` where nothing is said.
+        With `check=False`, what `mapmore check` calls an error is a warning, and does not end the fit.
 
     Raises
     ------
@@ -240,7 +256,7 @@ def fit(frame: Any, **sections: Any) -> Fitted:
     >>> float(m(pressure=pressure[0], strain=0.1).round(6))
     100.0
     """
-    target = sections.pop("target", "static")
+    target, check = sections.pop("target", "static"), bool(sections.pop("check", True))
     data = {**sections.pop("data", {}), **{key: sections.pop(key) for key in list(sections) if key in _OF_DATA}}
     given = list(frame) if isinstance(frame, list | tuple) else [frame]
     frames = tuple(one for one in given if labels_of(one) is not None)
@@ -252,8 +268,8 @@ def fit(frame: Any, **sections: Any) -> Fitted:
         data["files"] = [str(path) for path in given]
         data.setdefault("reader", _reader_of(given[0]))
     document = {"name": "model", **sections, "data": data, "target": target}
-    found = Study(plain_values(document), frames, Path.cwd()).fitted()
-    for warning in found.scores.table.warnings:
+    found = Study(plain_values(document), frames, Path.cwd(), check).fitted()
+    for warning in (*found.scores.table.warnings, *found.doubts):
         warnings.warn(warning, stacklevel=2)
     return found
 
@@ -299,8 +315,17 @@ class Run:
         return f'<p>{escape(self.name)}: <a href="{page}">{page}</a></p>{self.scores._repr_html_()}{missed}'
 
 
-def run(config: str | Path, runs: str | Path = "runs", *, force: bool = False, settings: Mapping[str, Any] | None = None) -> Run:
+def run(
+    config: str | Path,
+    runs: str | Path = "runs",
+    *,
+    force: bool = False,
+    check: bool = True,
+    settings: Mapping[str, Any] | None = None,
+) -> Run:
     """Do what `mapmore run` does with a spec, in the folder `runs`; `settings` are those of `--set`, as `{"fit.max_terms": 2}`.
+
+    Without `check`, it goes on where `mapmore check` finds errors.
 
     Raises
     ------
@@ -308,8 +333,8 @@ def run(config: str | Path, runs: str | Path = "runs", *, force: bool = False, s
         As the command says it; but limits that are missed are in `Run.missed`.
     """
     overrides = tuple(as_overrides(plain_values(dict(settings or {}))))
-    found = run_one(Job(Path(config), Path(runs), overrides, force))
-    for warning in found.table.warnings:
+    found = run_one(Job(Path(config), Path(runs), overrides, force, check=check))
+    for warning in (*found.table.warnings, *sentences(found.run_dir)):
         warnings.warn(warning, stacklevel=2)
     scores = Scores.of(found.table)
     model = LoadedModel(RunFiles(found.run_dir).model(), scores)

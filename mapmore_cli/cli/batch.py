@@ -6,6 +6,7 @@ import os
 from collections.abc import Mapping
 from contextlib import closing
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -36,6 +37,7 @@ def batch(
     overrides: console.Overrides = console.NONE,
     force: console.Force = False,
     rehash: console.Rehash = False,
+    no_check: console.NoCheck = False,
     junit: console.Junit = None,
     summary: console.Summary = None,
     as_json: console.AsJson = False,
@@ -57,7 +59,9 @@ def batch(
     specs = specs_of(entries)
     names = run_names(entries, campaigns, specs)
     refuse_foreign_folders(campaigns, runs)
-    todo = planned([Job(entry.config, runs, entry.overrides, force, rehash, entry.campaign) for entry in entries], specs)
+    jobs_of = partial(Job, runs=runs, force=force, rehash=rehash, check=not no_check)
+    wanted = [jobs_of(entry.config, overrides=entry.overrides, campaign=entry.campaign) for entry in entries]
+    todo = planned(wanted, specs)
     results: dict[int, Result] = {}
     with Reporter(quiet) as reporter:
 

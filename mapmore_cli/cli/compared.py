@@ -17,9 +17,9 @@ from mapmore_cli.reporting.table import Cell, Column, Table
 from mapmore_cli.spec.yaml_loader import as_overrides
 
 if TYPE_CHECKING:
+    from mapmore_cli.checking.findings import Issue
     from mapmore_cli.modelling.validation.comparison import Comparison
-    from mapmore_cli.study.inspection.lint import Inspection
-    from mapmore_cli.study.inspection.rules import Issue
+    from mapmore_cli.study.inspection import Inspection
 
 
 ONE_CURVE = 2 / 3

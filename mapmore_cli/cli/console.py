@@ -38,6 +38,7 @@ Overrides = Annotated[
 ]
 Force = Annotated[bool, typer.Option("--force", help="Redo the stages even if they are up to date.")]
 Rehash = Annotated[bool, typer.Option("--rehash", help="Read every recording again to see whether it changed.")]
+NoCheck = Annotated[bool, typer.Option("--no-check", help="Go on where `mapmore check` finds errors.")]
 Explain = Annotated[bool, typer.Option("--explain", help="Say which stages would run, and why; do nothing.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document instead of tables.")]
 Unverified = Annotated[bool, typer.Option("--unverified", help="Read a file although its values are not those that were written.")]

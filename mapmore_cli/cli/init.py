@@ -17,7 +17,7 @@ from mapmore_cli.storage.atomic import write_text
 
 if TYPE_CHECKING:
     from mapmore_cli.study.drafting.answers import Question
-    from mapmore_cli.study.inspection.lint import Inspection
+    from mapmore_cli.study.inspection import Inspection
 
 
 def init(
@@ -148,15 +148,15 @@ def check(
     from mapmore_cli.cli.compared import of_campaign, of_inspection
     from mapmore_cli.spec.loader import LoadedSpec, confirmed, load
     from mapmore_cli.study.campaigns.page import expanded
-    from mapmore_cli.study.inspection.lint import inspect
+    from mapmore_cli.study.inspection import inspect
 
     if confirm and load(config).spec.unconfirmed:
         write_text(config, confirmed(config.read_text(encoding="utf-8")))
     campaigns, entries = expanded([config], overrides)
     with Reporter(quiet) as reporter:
 
-        def inspected(loaded: LoadedSpec) -> Inspection:
-            return inspect(loaded, runs / loaded.spec.name, progress=reporter.progress, warn=reporter.warn)
+        def inspected(loaded: LoadedSpec, before: Inspection | None = None) -> Inspection:
+            return inspect(loaded, runs / loaded.spec.name, reporter.progress, reporter.warn, before)
 
         if not campaigns:
             loaded = load(entries[0].config, entries[0].overrides)
@@ -167,10 +167,11 @@ def check(
                 raise typer.Exit(console.exit_code(inspection.verdict))
             return
         results: dict[str, Inspection | MapmoreError] = {}
+        before: Inspection | None = None
         for number, (run, entry) in enumerate(zip(campaigns[0].names, entries, strict=True)):
             reporter.progress("runs", number, len(entries))
             try:
-                results[run] = inspected(load(entry.config, entry.overrides))
+                results[run] = before = inspected(load(entry.config, entry.overrides), before)
             except MapmoreError as fault:
                 results[run] = fault
     console.print_view(of_campaign(results).under({"campaign": campaigns[0].campaign.campaign}), as_json)

@@ -26,6 +26,7 @@ def _stage_command(stage: str, summary: str) -> Callable[..., None]:
         overrides: console.Overrides = console.NONE,
         force: console.Force = False,
         rehash: console.Rehash = False,
+        no_check: console.NoCheck = False,
         explain: console.Explain = False,
         as_json: console.AsJson = False,
         quiet: console.Quiet = False,
@@ -34,7 +35,10 @@ def _stage_command(stage: str, summary: str) -> Callable[..., None]:
         from mapmore_cli.spec.loader import load
 
         loaded, reporter = load(config, overrides), Reporter(quiet, verbose)
-        (_explain if explain else _bring_up_to_date)(loaded, runs, stage, reporter, as_json, force, rehash)
+        if explain:
+            _explain(loaded, runs, stage, reporter, as_json, force, rehash)
+        else:
+            _bring_up_to_date(loaded, runs, stage, reporter, as_json, force, rehash, not no_check)
 
     command.__doc__ = f"{summary} Brings the stages before it up to date first."
     return command
@@ -54,6 +58,7 @@ def run(
     overrides: console.Overrides = console.NONE,
     force: console.Force = False,
     rehash: console.Rehash = False,
+    no_check: console.NoCheck = False,
     explain: console.Explain = False,
     print_spec: Annotated[bool, typer.Option("--print-spec", help="Print the spec with its defaults filled in; do nothing.")] = False,
     junit: console.Junit = None,
@@ -72,7 +77,7 @@ def run(
         _explain(loaded, runs, "report", reporter, as_json, force, rehash)
     else:
         try:
-            _bring_up_to_date(loaded, runs, "run", reporter, as_json, force, rehash, junit, summary)
+            _bring_up_to_date(loaded, runs, "run", reporter, as_json, force, rehash, not no_check, junit, summary)
         except LimitMissed:  # which the files tell already
             raise
         except Exception as error:
@@ -100,6 +105,7 @@ def _bring_up_to_date(
     as_json: bool,
     force: bool,
     rehash: bool,
+    check: bool,
     junit: Path | None = None,
     summary: Path | None = None,
 ) -> None:
@@ -122,7 +128,7 @@ def _bring_up_to_date(
 
         listeners = reporter.listeners
         listeners["warn"] = warn
-        outcome = bring_up_to_date(loaded, runs, until, force=force, rehash=rehash, **listeners)
+        outcome = bring_up_to_date(loaded, runs, until, force=force, rehash=rehash, check=check, **listeners)
         if questions:
             guesses = "1 guess of the spec is" if len(questions) == 1 else f"{len(questions)} guesses of the spec are"
             warn(f"{guesses} not confirmed: see `mapmore check {loaded.path}`, and `--confirm` there where all are right")

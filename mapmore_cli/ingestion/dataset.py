@@ -133,6 +133,8 @@ def _mended(
     left = [piece for piece in finished if piece.size]
     if not left:
         (finished or whole)[0].some()
+    for piece in left:
+        _check_sizes(piece, units)
     id_ = source.id if samples.element is None else f"{source.id}[{samples.element}]"
     names = [id_] if len(whole) == 1 else [f"{id_}#{number}" for number in range(1, len(left) + 1)]
     notes += [note for piece in whole for note in piece.notes]
@@ -160,6 +162,19 @@ def _losses(recording: Recording) -> Iterator[str]:
         yield f"{recording.name}: {left if lost else f'holds only {kept} samples'}"
     elif kept < (1 - MUCH) * (kept + lost):
         yield f"{recording.name}: {lost / (kept + lost):.0%} of {kept + lost} samples left out ({reasons})"
+
+
+LEAST, MOST = 1e-30, 1e30  # largest value of a quantity: powers and squares of others leave the range of numbers
+
+
+def _check_sizes(samples: Samples, units: Mapping[str, str]) -> None:
+    """Refuse quantities of a size that cannot be computed with."""
+    for name, column in samples.columns.items():
+        largest = max(float(np.max(column)), -float(np.min(column)))
+        if largest > MOST or 0 < largest < LEAST:
+            size = f"the largest {name} is {largest:.3g} {units.get(name, '')}".rstrip()
+            remedy = "mend its `unit`, `scale` or expression, or say what stands for a missing value (`missing`)"
+            raise DataError(f"{samples.label}: {size}, and only {LEAST:g} to {MOST:g} can be computed with", remedy)
 
 
 # Which samples validate -----------------------------------------------------------------------------------------------------------------

@@ -108,6 +108,7 @@ def published_table(path: Path) -> Table:
 
 def collected(part: Slice, run_dir: Path, spec_text: str = "") -> ReportInputs:
     """Return the results of the stages before, with what the spec says of the report."""
+    from mapmore_cli.checking.findings import sentences
     from mapmore_cli.modelling.kinds import equations as model_equations
     from mapmore_cli.reporting.inputs import FigureStyle, ReportInputs
     from mapmore_cli.storage.run_record import tool_versions
@@ -133,6 +134,7 @@ def collected(part: Slice, run_dir: Path, spec_text: str = "") -> ReportInputs:
         spec_text=spec_text,
         provenance=tool_versions(),
         unconfirmed=part.unconfirmed,
+        doubts=sentences(run_dir),
         notes=(
             *([LEFT_OUT.format(part.left_out)] if part.left_out else []),
             *([f"The model predicts {model.output.name}; it is inverted, and scored as {turned}."] if turned is not None else []),
@@ -215,4 +217,4 @@ def _in_units(model: Model, units: Mapping[str, str]) -> dict[str, tuple[Equatio
     return {words: model_equations(model, changed)} if changed else {}
 
 
-STAGE = Stage(name="report", revision=5, outputs=("report",), reads=reads, run=run, sources=sources)
+STAGE = Stage(name="report", revision=6, outputs=("report",), reads=reads, run=run, sources=sources)

@@ -7,20 +7,21 @@ in `run.json`, written last, commits them. Whatever is not committed runs again.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mapmore_cli.domain.errors import MapmoreError, RunWarning, WriteError
+from mapmore_cli.checking import findings
+from mapmore_cli.domain.errors import DataError, MapmoreError, RunWarning, SpecError, WriteError
 from mapmore_cli.fitting.stage import Progress, Stage, Warn
 from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.pipeline.stage_maker import StageMaker
 from mapmore_cli.pipeline.staleness import MODEL_STAGE, Needed, Plan, as_found, needed_runs, plan_stages, runs_built_on
 from mapmore_cli.storage.atomic import write_text
-from mapmore_cli.storage.run_folder import is_tidy, open_run_folder, recover, run_lock
+from mapmore_cli.storage.run_folder import RunFiles, is_tidy, open_run_folder, recover, run_lock
 from mapmore_cli.storage.run_record import Origin, StageRecord, load_origin, load_records, save_records
 
 if TYPE_CHECKING:
@@ -108,6 +109,7 @@ def bring_up_to_date(
     campaign: Path | None = None,
     patient: bool = False,
     like: Path | None = None,
+    check: bool = True,
 ) -> RunOutcome:
     """Run the stages up to `until` that are not up to date (all of them with `force`), in the folder `runs/NAME`.
 
@@ -115,6 +117,9 @@ def bring_up_to_date(
     Runs whose models a stage needs come first, in the same folder of runs; `heirs` are the specs that need this one. `campaign` is the file
     that the run belongs to. A `patient` one waits for another process that is writing the run. Results of the run in the folder `like`
     that have the fingerprints of this one's are taken over, unless by `force` all are made anew.
+
+    After ingest, the rules of `checking` are applied, unless they were to the same: `warn` is told what they find, and what is an error
+    for them ends the run, but not without `check`.
 
     Raises WriteError where the folder cannot be written or holds the run of another spec, the disk is full, or another process is writing
     the run; MapmoreError for whatever a stage found wrong; its outputs, and those of the stages after it, are then as they were.
@@ -124,7 +129,8 @@ def bring_up_to_date(
 
     def run_of(spec: LoadedSpec, every: Sequence[Stage], tell: OnStage, **searched: bool) -> _Run:
         origin = _origin(spec, run_dir, campaign)
-        return _Run(spec, run_dir, origin, progress, warn, None if force else like, every=every, on_stage=tell, **searched)
+        kept_from = None if force else like
+        return _Run(spec, run_dir, origin, progress, warn, kept_from, every=every, on_stage=tell, check=check, **searched)
 
     def settled(run: _Run, last: str) -> list[Plan]:
         others = runs_built_on(run.loaded, heirs) if last == run.every[-1].name else ()
@@ -179,7 +185,7 @@ def _from(run_dir: Path, path: Path) -> str:
     return Path(os.path.relpath(path, run_dir)).as_posix()
 
 
-def prepare(loaded: LoadedSpec, runs: Path) -> None:
+def prepare(loaded: LoadedSpec, runs: Path, check: bool = True) -> None:
     """Bring the runs of other specs up to date that a whole run needs, so that runs which share one can go on side by side.
 
     What goes wrong is told by the run that needs it.
@@ -187,7 +193,7 @@ def prepare(loaded: LoadedSpec, runs: Path) -> None:
     every = pipeline()
     run_dir = runs / loaded.spec.name
     quiet = (lambda *_: None, lambda _: None)
-    run = _Run(loaded, run_dir, _origin(loaded, run_dir, None), *quiet, every=every, on_stage=lambda *_: None)
+    run = _Run(loaded, run_dir, _origin(loaded, run_dir, None), *quiet, every=every, on_stage=lambda *_: None, check=check)
     for other in [*runs_built_on(loaded, ()), *(other for stage in every for other in needed_runs(stage, loaded, ()))]:
         if other.role != "variation":  # which no other run shares
             with suppress(Exception):
@@ -200,6 +206,7 @@ class _Run(StageMaker):
 
     every: Sequence[Stage]
     on_stage: OnStage
+    check: bool
     renewed: bool = False
 
     def settled(self, until: str, rehash: bool, heirs: tuple[Path, ...], others: Sequence[Needed]) -> list[Plan] | None:
@@ -212,6 +219,7 @@ class _Run(StageMaker):
         whole = (
             all(plan.reason is None for plan in plans)
             and _refreshed(records, plans) == records
+            and all(self.found(plan) is not None for plan in self.to_check(plans))
             and load_origin(self.run_dir) == self.origin
             and self._has_spec()
             and is_tidy(self.run_dir)
@@ -222,6 +230,8 @@ class _Run(StageMaker):
         self.tell_outdated(plans)
         for plan in plans:
             self.on_stage(plan.stage.name, None)
+        for plan in self.to_check(plans):
+            self.tell(self.found(plan) or ())
         return plans
 
     def settle(self, until: str, force: bool, rehash: bool, heirs: tuple[Path, ...], others: Sequence[Needed]) -> list[Plan]:
@@ -238,9 +248,55 @@ class _Run(StageMaker):
         for plan in plans:
             self.on_stage(plan.stage.name, plan.reason)
             if plan.reason is not None:
-                kept = self.make(plan, plan.reason, {other.key: self.bring(other) for other in plan.needed}, kept)
+                with self.faults_explained(plan):
+                    kept = self.make(plan, plan.reason, {other.key: self.bring(other) for other in plan.needed}, kept)
+            if plan in self.to_check(plans):
+                self.apply_rules(plan)
         self.write_spec()
         return plans
+
+    def to_check(self, plans: Sequence[Plan]) -> list[Plan]:
+        """Return the stage after which the rules are applied: ingest, but not where it is the last, or its data were searched already."""
+        return [] if self.searched else [plan for plan in plans[:-1] if plan.stage is pipeline()[0]]
+
+    def found(self, ingest: Plan) -> tuple[findings.Issue, ...] | None:
+        """Return what the rules found in these data; None where that is not known, or ends the run: places in the spec may have moved."""
+        issues = findings.kept(self.run_dir, findings.mark_of(self.loaded, ingest.fingerprint))
+        return None if issues is None or (self.check and findings.refusal(issues)) else issues
+
+    def apply_rules(self, ingest: Plan) -> None:
+        """Apply the rules to the ingested data, unless they were, and tell what they find; raises what is an error for them."""
+        issues = self.found(ingest)
+        if issues is None:
+            from mapmore_cli.checking.applied import issues_of
+
+            issues = tuple(issues_of(self.loaded, RunFiles(self.run_dir).dataset()))
+            self.tell(issues)
+            findings.keep(self.run_dir, findings.mark_of(self.loaded, ingest.fingerprint), issues)
+        else:
+            self.tell(issues)
+
+    def tell(self, issues: Sequence[findings.Issue]) -> None:
+        """Warn of the findings; raise those that are errors, unless they do not count."""
+        error = findings.refusal(issues) if self.check else None
+        for issue in issues:
+            if issue.severity != "error" or error is None:
+                self.warn(issue.sentence)
+        if error is not None:
+            raise error
+
+    @contextmanager
+    def faults_explained(self, plan: Plan) -> Iterator[None]:
+        """Say of data that cannot be sorted into curves what the rules find in the recordings: it may be why."""
+        try:
+            yield
+        except (SpecError, DataError) as fault:
+            if self.check and plan.stage is pipeline()[0]:
+                from mapmore_cli.checking.applied import issues_without_curves
+
+                why = [f"{issue.place}: {issue.sentence}" for issue in issues_without_curves(self.loaded)]
+                fault.message = "\n".join([fault.message, *why])
+            raise
 
     def planned(self, until: str, records: Mapping[str, StageRecord], rehash: bool, force: bool, heirs: tuple[Path, ...]) -> list[Plan]:
         """Return the plans; the page shows what was tried, so that it is made anew where that was."""
@@ -261,17 +317,19 @@ class _Run(StageMaker):
         if self._is_current(other, until) or self._kept(other):
             self._mend(other, runs / name)
             return runs / name
+        known = findings.sentences(self.run_dir)  # a variation has most of them as well
         try:
             return bring_up_to_date(
                 other.loaded,
                 runs,
                 until,
                 progress=self.progress,
-                warn=lambda message: self.warn(RunWarning.of(name, message)),
+                warn=lambda message: None if message in known else self.warn(RunWarning.of(name, message)),
                 on_stage=lambda stage, reason: self.on_stage(f"{name}: {stage}", reason),
                 stages=self.every,
                 heirs=other.heirs,
                 like=self.run_dir if other.role == "variation" else None,
+                check=self.check,
             ).run_dir
         except MapmoreError as error:
             error.message = f"{name}: {error.message}"

@@ -74,6 +74,7 @@ class ReportInputs:
     - `style`: how its figures look.
     - `published_tables`: tables of a publication, as they were transcribed.
     - `unconfirmed`: guesses of the spec that nobody has confirmed.
+    - `doubts`: what the rules of `check` say of the data.
     - `asked`: ids of the curves and recordings that alone are to be drawn; empty for some that stand for all.
     - `search`: the structures that were tried, where the spec left the structure to a search.
     """
@@ -94,6 +95,7 @@ class ReportInputs:
     style: FigureStyle = field(default_factory=FigureStyle)
     published_tables: tuple[Table, ...] = ()
     unconfirmed: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
     asked: frozenset[str] = frozenset()
     search: Search | None = None
 
@@ -213,10 +215,18 @@ class ReportInputs:
 
     @property
     def in_curve(self) -> Quantity:
-        """The quantity that varies within a curve: the first segmented one, else the input of which a curve covers most."""
-        if self.turned:
-            return self.model.output
-        free = [q.name for q in self.model.inputs if q.name != self.model.level] or [q.name for q in self.model.inputs]
+        """The quantity that the target is drawn over: what the model goes along, but its output where it is inverted."""
+        return self.model.output if self.turned else self.along
+
+    @property
+    def along(self) -> Quantity:
+        """The quantity of the model that varies within a curve: the first segmented one, else the input of which a curve covers most.
+
+        Of a model without inputs, any measured quantity.
+        """
+        inputs = [quantity.name for quantity in self.model.inputs]
+        measured = [name for name in self.dataset.quantities if name not in ("time", self.dataset.target)]
+        free = [name for name in inputs if name != self.model.level] or inputs or measured or [self.dataset.target]
         pieces = self.model.pieces
         name = pieces.variables[0] if pieces is not None and pieces.variables else max(free, key=self._covered)
         return self.dataset.quantities[name]

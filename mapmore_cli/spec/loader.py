@@ -155,7 +155,7 @@ _KEY = re.compile(r"^[ \t]*(?:- )?\{?([A-Za-z_]\w*):", re.MULTILINE)
 def questions_in(text: str) -> tuple[str, ...]:
     """Return the open questions of a spec: its comments that begin with `CHECK`, each after the key that it is about."""
     found = []
-    for match in _QUESTION.finditer(text):
+    for match in _QUESTION.finditer(text) if "CHECK" in text else ():  # which is looked for much faster
         words = [match["text"]]
         start = text.rfind("\n", 0, match.start()) + 1
         key = _KEY.search(text, start)  # of its line, or of the one that the comment stands above

@@ -18,7 +18,7 @@ Loc = Sequence[str | int]
 """The way from the root to a value: keys and list indices."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class SourceText:
     """A text that values are read from: a file, or one `--set` of the command line (which has no lines to number)."""
 

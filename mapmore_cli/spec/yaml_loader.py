@@ -5,11 +5,13 @@ Plain PyYAML follows YAML 1.1, in which `1e-3` is text, `no` is false, `010` is 
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import re
 import sys
 from collections.abc import Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -154,8 +156,9 @@ def _value(reference: re.Match[str]) -> str:
 
 # Reading -----------------------------------------------------------------------------------------------------------------------------
 
-LARGEST = 1_000_000  # bytes of a file
-_MOST_VALUES = 50_000  # after aliases are followed: nine levels of nine aliases would be 4e8
+LARGEST = 5_000_000  # bytes of a file: a campaign of a hundred thousand runs
+KEPT = 100_000  # characters of a text that is remembered
+_MOST_VALUES = 50_000  # that aliases repeat: nine levels of nine aliases would be 4e8
 
 _PLAINER = (  # what PyYAML says, what is meant, what to do
     ("cannot start any token", "a character that cannot stand here", "quote the text, and indent with spaces instead of tabs"),
@@ -196,32 +199,56 @@ def parse(source: SourceText, problems: list[Mistake]) -> Node:
 
     Raises SpecError for text that is no YAML, or nests or multiplies without end.
     """
+    root, found = (_remembered if len(source.text) < KEPT else _parsed)(source)
+    problems += found
+    return root
+
+
+def _parsed(source: SourceText) -> tuple[Node, tuple[Mistake, ...]]:
     try:
-        root = CoreLoader(source.text).get_single_node()
+        root = _composed(source.text)
     except (yaml.YAMLError, TooDeep) as error:
         _refuse(error, source)
     except (ValueError, OverflowError):  # of PyYAML's `chr`: an escape of a number beyond those that Unicode has
         found = next((match for match in re.finditer(r"\\U([0-9A-Fa-f]{8})", source.text) if int(match[1], 16) > sys.maxunicode), None)
         at = _at(source, found.start() if found else 0)
         fail(at, f"{found[0] if found else 'an escape'} is no character", "write the character itself")
-    if root is None:
-        return Node(None, Position(source, 1, 1))
-    return _Builder(source, problems).node(root, depth=0)
+    problems: list[Mistake] = []
+    tree = Node(None, Position(source, 1, 1)) if root is None else _Builder(source, problems).node(root, depth=0)
+    return tree, tuple(problems)
+
+
+_remembered = lru_cache(maxsize=16)(_parsed)
+"""The same for a spec that many runs of a campaign, or many variations, begin with."""
+
+
+def _composed(text: str) -> yaml.Node | None:
+    """Return the nodes of a text. Garbage is not looked for: the many objects of a long text are none, and looking takes minutes."""
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        node: yaml.Node | None = CoreLoader(text).get_single_node()
+        return node
+    finally:
+        if enabled:
+            gc.enable()
 
 
 class _Builder:
     def __init__(self, source: SourceText, problems: list[Mistake]) -> None:
         self.source = source
         self.problems = problems
-        self.count = 0
+        self.seen: set[int] = set()
+        self.repeated = 0
 
     def node(self, node: yaml.Node, depth: int, key_at: Position | None = None) -> Node:
         """Return the tree under one node."""
         at = self._position(node)
-        self.count += 1
+        self.repeated += id(node) in self.seen
+        self.seen.add(id(node))
         if depth > DEEPEST:
             fail(at, "aliases nest too deeply, or an anchor contains itself", "write the values out")
-        if self.count > _MOST_VALUES:
+        if self.repeated > _MOST_VALUES:
             fail(at, f"aliases multiply to more than {_MOST_VALUES} values", "write the values out")
         if isinstance(node, yaml.MappingNode):
             return Node(self._mapping(node, depth), at, key_at)

@@ -20,7 +20,7 @@ from mapmore_cli.spec.loader import load
 from mapmore_cli.study.drafting import start as drafting
 from mapmore_cli.study.drafting.draft import Draft
 from mapmore_cli.study.drafting.recordings import read_draft
-from mapmore_cli.study.inspection.lint import inspect
+from mapmore_cli.study.inspection import inspect
 
 pytestmark = pytest.mark.usefixtures("quick_families")
 

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
+from mapmore_cli.domain.errors import FitError
 from mapmore_cli.modelling.literature.problem import Nonlinear
 
 EVALUATIONS = 200
@@ -198,7 +199,12 @@ def draw(nonlinear: tuple[Nonlinear, ...]) -> Iterator[Array]:
 
 
 def lowest(ends: Sequence[End], starts: int) -> tuple[End, str]:
-    """Return the end with the lowest cost of those that the `starts` have reached, and a note on how many came to it."""
+    """Return the end with the lowest cost of those that the `starts` have reached, and a note on how many came to it.
+
+    Raises FitError where there is none.
+    """
+    if not ends:
+        raise FitError("the formula has no finite value at any start of its fit", "look at the units of its quantities")
     best = min(ends, key=lambda end: end.cost)
     agreeing = sum(end.cost <= (1 + AGREEMENT) * best.cost + 1e-20 for end in ends)
     return best, f"{agreeing} of {starts} starts agree on the sum of squares"

@@ -14,7 +14,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.modelling.expressions import Expression, derivative, evaluate
-from mapmore_cli.modelling.literature.descent import descend, onto_bounds
+from mapmore_cli.modelling.literature.descent import descend, lowest, onto_bounds
 from mapmore_cli.modelling.literature.problem import Problem, Solution
 
 REACH = 1.0
@@ -111,7 +111,7 @@ def refined(problem: Problem, solution: Solution, name: str) -> tuple[Solution, 
         missed = [(along.roots(place) - along.measured) / unit for place in places]
         return np.stack(missed), np.stack([along.jacobian(place) / unit for place in places])
 
-    found = descend(system, [start], bounds, TOLERANCE)[0]
+    found, _ = lowest(descend(system, [start], bounds, TOLERANCE), 1)
     place, touched = onto_bounds(found.x, bounds)
     status = "at_bound" if touched and found.converged else found.status
     beta, c = told.split(place)

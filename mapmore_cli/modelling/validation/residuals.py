@@ -123,7 +123,7 @@ def alarms(model: Model, dataset: Dataset, predictions: Sequence[Array], scores:
     `predictions` are the model's, for every curve of the dataset.
     """
     found = [told for row in scores if row.model == OWN and row.curve == "all" for told in _of_scores(row)]
-    return (*found, *_bare(model, dataset.curves, predictions), *_beyond(model, dataset.curves))
+    return (*found, *_without_inputs(model, dataset), *_bare(model, dataset.curves, predictions), *_beyond(model, dataset.curves))
 
 
 def _of_scores(row: Score) -> Iterator[str]:
@@ -137,6 +137,13 @@ def _of_scores(row: Score) -> Iterator[str]:
         yield f"R² on the {where} is {r2:.3g}: the model is {what} the mean of what was measured"
     if row.max_abs_error_fs > 1:
         yield f"the largest error on the {where} is {row.max_abs_error_fs:.3g} times the full scale ({row.normaliser_name})"
+
+
+def _without_inputs(model: Model, dataset: Dataset) -> Iterator[str]:
+    """Tell of a model that nothing drives, although there was something to drive it."""
+    others = {model.output.name, dataset.target, "time"}
+    if {*dataset.quantities} - others and not {quantity.name for quantity in model.inputs} - others:
+        yield "no input was selected: the model only goes on from its own past, or is one number"
 
 
 def _bare(model: Model, curves: Sequence[Curve], predictions: Sequence[Array]) -> Iterator[str]:

@@ -154,16 +154,16 @@ def _weights(pieces: Pieces, inputs: ReportInputs, level: Quantity, levels: Arra
 
 
 def _courses(inputs: ReportInputs, level: Quantity, levels: Array) -> Drawing:
-    along = inputs.in_curve
+    along, output = inputs.along, inputs.model.output
     courses = level_courses(inputs.model, along.name, levels)
     at = f"{along.name} {', '.join(f'{course.place:.3g}' for course in courses)} {along.unit if along.unit != '1' else ''}".rstrip()
     caption = (
-        f"{inputs.own} over {level.name} at {at}; dots mark the training levels. Between them the values of the curves are interpolated so "
-        "that they keep their shape: the weights depend on these values, and there is no single weight to draw."
+        f"{output.name} of {inputs.own} over {level.name} at {at}; dots mark the training levels. Between them the values of the "
+        "curves are interpolated so that they keep their shape: the weights depend on these values, and there is no single weight to draw."
     )
     data: dict[str, Values] = {style.heading(level): courses[0].x}
-    data |= {f"{inputs.own} at {along.name} {course.place:.6g} [{inputs.target.unit}]": course.y for course in courses}
-    labels = (inputs.axis_label(inputs.target),)
+    data |= {f"{inputs.own} at {along.name} {course.place:.6g} [{output.unit}]": course.y for course in courses}
+    labels = (inputs.axis_label(output),)
     panel = Panel("", lambda axes: draw_courses(axes[0], courses, levels), inputs.axis_label(level), labels, data)
     return Drawing("segments_levels", caption, f"{inputs.own} over {level.name} at {at}.", (panel,), Grid(height=2.0))
 

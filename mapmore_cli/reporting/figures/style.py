@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from itertools import accumulate
 from logging import LogRecord, getLogger
 from typing import Any
 
@@ -97,12 +99,22 @@ def has_font(name: str) -> bool:
 
 
 def wrong_formula(label: str) -> str | None:
-    """Return what is wrong with the formula in a label; None where nothing is."""
+    """Return what is wrong with the formula in a label; None where nothing is.
+
+    How deep it may be nested before Matplotlib's recursion ends depends on who draws, so that less is allowed here.
+    """
+    steps = [_BRACES.get(token, 0) for token in re.findall(r"\\left|\\right|\\.|[{}]", label)]
+    if (depth := max(accumulate(steps), default=0)) > DEEPEST_FORMULA:
+        return f"nested {depth} levels deep, and {DEEPEST_FORMULA} can be drawn"
     try:
         MathTextParser("path").parse(label)
-    except ValueError as fault:
-        return str(fault).strip().splitlines()[-1]
+    except Exception as fault:
+        return (str(fault).strip().splitlines() or [type(fault).__name__])[-1]
     return None
+
+
+DEEPEST_FORMULA = 10
+_BRACES = {"{": 1, "\\left": 1, "}": -1, "\\right": -1}
 
 
 def small() -> float:

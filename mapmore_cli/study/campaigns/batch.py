@@ -34,6 +34,7 @@ class Job:
     - `leader`: the name of the first of the runs that read the same recordings in the same way; empty where it is the only one.
     - `leads`: whether it is that run itself.
     - `needs_others`: whether it needs runs of other specs.
+    - `check`: whether it ends where `check` finds errors.
     - `seconds`: how long it took when it was done last; infinite where that is not known.
     """
 
@@ -47,6 +48,7 @@ class Job:
     leader: str = ""
     leads: bool = False
     needs_others: bool = False
+    check: bool = True
     seconds: float = math.inf
 
     def elsewhere(self) -> Job:
@@ -144,7 +146,7 @@ def prepare_all(jobs: Sequence[Job]) -> None:
     """Bring the runs up to date that the jobs need. What goes wrong is told by the job that needs it."""
     for job in jobs:
         with suppress(MapmoreError):  # a spec that is wrong
-            prepare(load(job.config, job.overrides), job.runs)
+            prepare(load(job.config, job.overrides), job.runs, job.check)
 
 
 def read_first(job: Job) -> Reading:
@@ -173,4 +175,5 @@ def _brought(loaded: LoadedSpec, job: Job, until: str, warnings: list[str], like
         campaign=job.campaign,
         patient=job.patient,
         like=like,
+        check=job.check,
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -47,7 +48,8 @@ def expanded(configs: Sequence[Path], overrides: Sequence[str]) -> tuple[list[Ex
         campaign, runs = load_campaign(config)
         bases = [str(run.base or campaign.base) for run in campaign.runs]
         short = [run.name or PurePosixPath(base).stem for run, base in zip(campaign.runs, bases, strict=True)]
-        names = tuple(name if short.count(name) == 1 else base for name, base in zip(short, bases, strict=True))
+        uses = Counter(short)
+        names = tuple(name if uses[name] == 1 else base for name, base in zip(short, bases, strict=True))
         campaigns.append(Expanded(campaign, tuple(range(len(entries), len(entries) + len(runs))), names))
         entries += [Entry(entry.config, (*entry.overrides, *overrides), config) for entry in runs]
     return campaigns, entries

@@ -8,14 +8,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from mapmore_cli.checking.evidence import leads, same_signals, untold
+from mapmore_cli.checking.names import POSITIONS, PRESSURES_IN_NAMES, ColumnTitle, read_label, unit_in
+from mapmore_cli.checking.rules.units import LARGEST_PRESSURE, LARGEST_STRAIN, LONGEST_STEP, PRESSURE_IN_BAR, SAMPLES_OF_A_LOGGER
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.spec.units import convert, is_canonical
 from mapmore_cli.study.drafting.answers import Answers
 from mapmore_cli.study.drafting.draft import Column, Guess, Raw, range_of
-from mapmore_cli.study.inspection.evidence import leads, same_signals, untold
-from mapmore_cli.study.inspection.names import POSITIONS, PRESSURES_IN_NAMES, ColumnTitle, read_label, unit_in
-from mapmore_cli.study.inspection.rules.units import LARGEST_PRESSURE, LARGEST_STRAIN, LONGEST_STEP, PRESSURE_IN_BAR, SAMPLES_OF_A_LOGGER
 
 WANTED = ("time", "pressure", "strain", "force", "displacement", "length")
 STATES = 6  # different values, up to which a column is a state and not a measurement

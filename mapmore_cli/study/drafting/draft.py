@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mapmore_cli.checking.evidence import scaled
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.foreign import printable
 from mapmore_cli.spec.yaml_loader import escaped, tag_of
-from mapmore_cli.study.inspection.evidence import scaled
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.results import Search

@@ -10,6 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from mapmore_cli.checking.evidence import Settling, beyond, force_set, neighbourhood, remembered, settling, two_digits
+from mapmore_cli.checking.rules.curves import BEYOND
+from mapmore_cli.checking.rules.samples import UNSETTLED
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve, Dataset, Recording
@@ -19,9 +22,6 @@ from mapmore_cli.modelling.signals.plateau import default_within, find_levels, m
 from mapmore_cli.spec.units import default_unit
 from mapmore_cli.study.drafting.draft import Draft
 from mapmore_cli.study.drafting.recordings import cleaned, read_draft
-from mapmore_cli.study.inspection.evidence import Settling, beyond, force_set, neighbourhood, remembered, settling, two_digits
-from mapmore_cli.study.inspection.rules.curves import BEYOND
-from mapmore_cli.study.inspection.rules.samples import UNSETTLED
 
 SWING = 0.1  # of the pooled range: smaller reversals are noise
 LESS = 0.5  # of the other's travel, that the held quantity makes at most

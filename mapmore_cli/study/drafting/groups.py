@@ -11,6 +11,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from mapmore_cli.checking.names import POSITIONS, NameParts, mass_in, number_in, read_label, read_names, words_of
+from mapmore_cli.checking.rules.units import LARGEST_STRAIN
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.ingestion.files import expand, relative_name
 from mapmore_cli.spec.units import convert, default_unit
@@ -18,8 +20,6 @@ from mapmore_cli.storage.readers import READERS, reader_of
 from mapmore_cli.storage.tables.lines import lines_of
 from mapmore_cli.study.drafting.draft import Draft
 from mapmore_cli.study.drafting.preview import Preview, preview, shared_start
-from mapmore_cli.study.inspection.names import POSITIONS, NameParts, mass_in, number_in, read_label, read_names, words_of
-from mapmore_cli.study.inspection.rules.units import LARGEST_STRAIN
 
 UNREAD = (".npz", ".npy", ".json", ".parquet", ".feather", ".pkl", ".pickle", ".xls", ".ods", ".bag", ".db3", ".mcap", ".sqlite")
 """Suffixes of files that may hold data, which no reader takes."""

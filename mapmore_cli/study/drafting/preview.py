@@ -12,10 +12,10 @@ from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
+from mapmore_cli.checking.names import UNIT
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.readers import reader_of, suffix_of
 from mapmore_cli.storage.tables import Top
-from mapmore_cli.study.inspection.names import UNIT
 
 WIDEST, LINES = 2000, 200  # columns, and lines of a table, that `init` looks at
 MOST_HEADER_LINES, MOST_UNIT_LINES = 9, 2

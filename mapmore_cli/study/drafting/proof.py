@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mapmore_cli.checking.evidence import two_digits
 from mapmore_cli.domain.errors import DataError, MapmoreError
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import Search
@@ -25,8 +26,7 @@ from mapmore_cli.pipeline.validate import scored_as
 from mapmore_cli.spec.loader import load_text
 from mapmore_cli.spec.yaml_loader import dump
 from mapmore_cli.study.drafting.draft import Draft, Note
-from mapmore_cli.study.inspection.evidence import two_digits
-from mapmore_cli.study.inspection.lint import inspect
+from mapmore_cli.study.inspection import inspect
 
 if TYPE_CHECKING:
     from mapmore_cli.fitting.stage import Progress

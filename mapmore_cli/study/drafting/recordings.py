@@ -12,6 +12,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from mapmore_cli.checking.evidence import two_digits
+from mapmore_cli.checking.names import words_of
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.recording import Dataset
@@ -26,8 +28,6 @@ from mapmore_cli.study.drafting.columns import Table, guess_columns, names_of, s
 from mapmore_cli.study.drafting.draft import Column, Draft, Guess, range_of
 from mapmore_cli.study.drafting.groups import Group, patterns
 from mapmore_cli.study.drafting.preview import Preview
-from mapmore_cli.study.inspection.evidence import two_digits
-from mapmore_cli.study.inspection.names import words_of
 
 MOST_FILES = 5
 MOST_WORDS = 3  # that stand for missing numbers in one column; more are a column of words

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from mapmore_cli.checking.names import POSITIONS, number_in, tests_of
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.spec.units import convert, parse_quantity
 from mapmore_cli.storage.tables import remembered
@@ -27,7 +28,6 @@ from mapmore_cli.study.drafting.recordings import (
     with_strain,
     with_volts,
 )
-from mapmore_cli.study.inspection.names import POSITIONS, number_in, tests_of
 
 Search = Callable[[Draft, Path], Draft]
 """Returns a draft with the model that was found for it, given the folder that its paths start at."""

@@ -14,7 +14,7 @@ from scipy.io import savemat
 from mapmore_cli.spec.loader import LoadedSpec, load
 from mapmore_cli.study.drafting.draft import Draft
 from mapmore_cli.study.drafting.start import start
-from mapmore_cli.study.inspection.lint import inspect
+from mapmore_cli.study.inspection import inspect
 
 Columns = Mapping[str, Any]
 

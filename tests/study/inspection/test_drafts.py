@@ -20,7 +20,7 @@ from mapmore_cli.study.drafting.groups import patterns
 from mapmore_cli.study.drafting.preview import preview
 from mapmore_cli.study.drafting.proof import proven
 from mapmore_cli.study.drafting.start import start
-from mapmore_cli.study.inspection.lint import inspect
+from mapmore_cli.study.inspection import inspect
 
 PLAIN = "1,10\n2,20\n3,30\n4,40\n"
 

@@ -7,11 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mapmore_cli.checking.evidence import neighbourhood, set_in_steps, slack_foot, spikes
+from mapmore_cli.checking.names import number_in, read_label, read_names
+from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.recording import Curve, Recording
+from mapmore_cli.modelling.expressions.operator import followed, linear
 from mapmore_cli.study.drafting.columns import Table, guess_columns
 from mapmore_cli.study.drafting.experiment import find_held, goes_in_cycles, inner_levels, staircase
-from mapmore_cli.study.inspection.evidence import neighbourhood, set_in_steps, slack_foot
-from mapmore_cli.study.inspection.names import number_in, read_label, read_names
 
 STRAINS = np.array([0.0, 0.05, 0.1, 0.15])
 
@@ -193,3 +195,42 @@ def test_nothing_was_set_where_nothing_was_recorded() -> None:
     """Found by fuzzing `init`: recordings without a finite row were an internal fault."""
     assert set_in_steps([]) is None
     assert set_in_steps([np.zeros(0), np.ones(1)]) is None
+
+
+@st.composite
+def smooth_signals(draw: st.DrawFn) -> Array:
+    """Sums of slow waves with normal noise of any size, as records of a sensor are."""
+    n, seed = draw(st.integers(30, 3000)), draw(st.integers(0, 2**32 - 1))
+    rng, time = np.random.default_rng(seed), np.arange(n)
+    waves = [rng.normal() * np.sin(2 * np.pi * time * rng.uniform(0, 1 / 12) + rng.uniform(0, 7)) for _ in range(draw(st.integers(1, 5)))]
+    noisy = sum(waves) + 10 ** draw(st.floats(-6, 1)) * rng.normal(size=n)
+    resolution = draw(st.sampled_from([0.0, 1e-3, 0.05, 0.5]))  # of the converter
+    return np.round(noisy / resolution) * resolution if resolution else np.asarray(noisy)
+
+
+@settings(max_examples=300, deadline=None)
+@given(smooth_signals())
+def test_noise_has_no_spikes(values: Array) -> None:
+    assert not spikes(values).size
+
+
+@settings(deadline=None)
+@given(st.integers(30, 2000), st.integers(0, 2**32 - 1), st.sampled_from(["two", "many", "steps"]))
+def test_commands_and_steps_have_no_spikes(n: int, seed: int, kind: str) -> None:
+    rng = np.random.default_rng(seed)
+    held = rng.geometric(rng.uniform(0.02, 1.0), size=n)
+    if kind == "steps":
+        values = np.cumsum(rng.normal(size=n) * (rng.random(n) < 3 / n))
+        values = followed(linear([0.7], [0.3]), values) + 1e-3 * rng.normal(size=n)
+    else:
+        values = np.repeat(rng.integers(0, 2, size=n) if kind == "two" else rng.uniform(size=n), held)[:n].astype(float)
+    assert not spikes(values).size
+
+
+@given(st.integers(40, 1000), st.integers(0, 2**32 - 1), st.floats(1.0, 100.0), st.sampled_from([-1.0, 1.0]))
+def test_a_sample_that_left_the_range_is_a_spike(n: int, seed: int, height: float, sign: float) -> None:
+    rng = np.random.default_rng(seed)
+    values = np.sin(np.arange(n) * rng.uniform(0.01, 0.1)) + 0.01 * rng.normal(size=n)
+    place = int(rng.integers(1, n - 1))
+    values[place] += sign * (2 + height)
+    assert list(spikes(values)) == [place]

@@ -23,7 +23,7 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.study.drafting.answers import Answers
 from mapmore_cli.study.drafting.start import start
-from mapmore_cli.study.inspection.lint import inspect
+from mapmore_cli.study.inspection import inspect
 
 Columns = dict[str, np.ndarray]
 

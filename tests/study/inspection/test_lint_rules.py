@@ -12,13 +12,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mapmore_cli.checking.rules import Issue
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.modelling.validation.repeatability import monotone_floor
 from mapmore_cli.spec.loader import load
 from mapmore_cli.spec.yaml_loader import dump
-from mapmore_cli.study.inspection.lint import Inspection, inspect
-from mapmore_cli.study.inspection.rules import Issue
+from mapmore_cli.study.inspection import Inspection, inspect
 
 Table = dict[str, Array]
 Spoil = Callable[[float, Table], Table]
@@ -152,6 +152,15 @@ def set_force(level: float, columns: Table) -> Table:
     return {**columns, "F": force, "eps": 0.2 * (1 - force / 300) ** 1.5 + level / 4000}
 
 
+def with_spike(place: int) -> Spoil:
+    return lambda _, columns: {**columns, "F": np.where(np.arange(len(columns["F"])) == place, 9000.0, columns["F"])}
+
+
+def with_vacuum(_: float, columns: Table) -> Table:
+    """A current loop that drops to 0 mA."""
+    return {**columns, "P": np.where(np.isin(np.arange(60), (10, 40)), -300.0, columns["P"])}
+
+
 # Specs, merged over the clean one ------------------------------------------------------------------------------------------------------
 
 
@@ -194,6 +203,8 @@ VOLUME = {
     "target": {"column": "volume"},
     "validate": {"against": []},
 }
+SAME_INPUTS = {"data": {"levels": None, "split": None}, "segment": {}}
+ISOMETRIC_LINES = {"data": {"levels": None, "split": None}, "segment": {}}
 FINE = [{"set": {"segment.strain.count": 30}, "as": "fine"}]
 
 
@@ -204,7 +215,7 @@ FINE = [{"set": {"segment.strain.count": 30}, "as": "fine"}]
         ("pressure-in-pascals", "error", scaled(P=1000), levels_times(1000), []),
         ("pressure-in-bar", "warning", scaled(P=0.01), levels_times(0.01), []),
         ("force-too-large", "warning", scaled(F=7), {}, []),
-        ("time-in-milliseconds", "hint", slow("t"), {}, []),
+        ("time-in-milliseconds", "hint", slow("t"), column("time", unit=None), []),
         ("constant", "error", scaled(F=0), {}, []),
         ("constant", "warning", scaled(eps=0), {"segment": {}}, []),
         ("same-signal", "error", lambda _, c: {**c, "F": 7 - 30 * c["eps"]}, {"data": {"levels": None, "split": None}}, []),
@@ -237,6 +248,27 @@ FINE = [{"set": {"segment.strain.count": 30}, "as": "fine"}]
             ["does better than 4.6 % at pressure=100, 4.5 % at", "cycles: {over: strain}"],
         ),
         (
+            *("not-single-valued", "hint", looped(lambda _: 60), VOLUME),
+            ["no model without memory does better than 4.6 % at pressure=100"],
+        ),
+        ("spike", "warning", with_spike(30), {}, ["level_100.csv:row 32 (time 3 s): force is 9000 for one sample, between "]),
+        ("below-vacuum", "warning", at(300, with_vacuum), BY_FILE, ["level_300.csv:row 12 (time 1 s) and 1 more: pressure is -300 kPa"]),
+        ("label", "error", clean, {"report": {"style": {"labels": {"force": "$x" + "^{x" * 60 + "}" * 60 + "$"}}}}, ["nested 60 levels"]),
+        ("label", "error", clean, {"report": {"style": {"labels": {"force": r"$\nonsense{x}$"}}}}, ["nonsense"]),
+        (
+            *("computed-from", "warning", lambda level, c: {**c, "F": 7 * c["eps"] + level}, {"segment": {}}),
+            ["force is 7 times strain, plus a constant of each recording"],
+        ),
+        (
+            *(
+                "untold-difference",
+                "warning",
+                lambda level, _: {**table(200), "P": np.full(60, 200.0), "F": table(level)["F"]},
+                SAME_INPUTS,
+            ),
+            ["level_200.csv has the same pressure, strain as level_100.csv, and force differs by up to "],
+        ),
+        (
             *("loops-apart", "hint", looped(lambda level: -60 if level in (100, 300) else -15), HYSTERESIS),
             ["a loop hardly follows from those at the next levels (an error of", "segment: {pressure: none}"],
         ),
@@ -261,7 +293,21 @@ def test_a_rule_speaks_of_what_it_is_made_for(
         ("slack-foot", staircase(slack=False), BY_STRAIN),
         ("slack-foot", staircase(slack=True), {**BY_STRAIN, "model": {"type": "mapmore", "backbone": "sarosi_hinged"}}),
         ("unsettled", staircase(slack=False), {**BY_STRAIN, "data": {**BY_STRAIN["data"], **SETTLED}}),
-        ("time-in-milliseconds", slow("t [s]"), column("time", column="t [s]", unit="s")),  # a name that tells the unit is believed
+        ("time-in-milliseconds", slow("t [s]"), column("time", column="t [s]", unit=None)),  # a name that tells the unit is believed
+        ("time-in-milliseconds", slow("t"), {}),  # and a spec that does
+        ("time-in-milliseconds", slow("t"), {"data": {"columns": {"time": None}, "sample_time": 20.0}}),
+        ("time-in-milliseconds", slow("t"), {"data": {"columns": {"time": {"unit": None}}, "every": 2}}),
+        ("time-in-milliseconds", slow("t"), {"data": {"columns": {"time": {"unit": None}}, "resample": 40.0}}),
+        ("spike", lambda _, c: {**c, "F": np.where(c["eps"] > 0.1, 100.0, 800.0)}, {}),  # a step
+        ("spike", lambda _, c: {**c, "F": 800.0 * (np.arange(60) % 5 == 0)}, {}),  # two values
+        ("spike", lambda _, c: {name: values[:20] for name, values in with_spike(10)(_, c).items()}, {"segment": {}}),  # a table
+        ("untold-difference", at(200, copied(200)), {}),
+        ("computed-from", clean, ISOMETRIC_LINES),
+        (
+            "not-single-valued",
+            looped(lambda _: 60),
+            {**VOLUME, "dictionary": [{"lags": {"of": ["strain"], "steps": [1]}}], "segment": {"pressure": "none", "strain": None}},
+        ),
         ("clipped", lambda _, c: {**c, "F": np.maximum(c["F"] - 400, -8.7)}, {}),  # slack: the force rests at the offset of the sensor
         ("cycles-of-noise", wandering, cycles("strain")),
         ("not-single-valued", looped(lambda _: 60), cycles("strain")),
@@ -274,7 +320,7 @@ def test_a_rule_is_silent_where_nothing_is_wrong(tmp_path: Path, id_: str, spoil
 
 def test_every_issue_that_a_rule_can_raise_is_on_the_page_and_no_other() -> None:
     project = Path(__file__).resolve().parents[3]
-    sources = (project / "mapmore_cli/study/inspection").rglob("*.py")
+    sources = (project / "mapmore_cli").rglob("*.py")
     raised = {id_ for path in sources for id_ in re.findall(r'Issue\([^,]*(?:, )"([a-z-]+)"', path.read_text())}
     page = (project / "docs/init-and-check.md").read_text()
     rows = [line.split("|")[1] for line in page.splitlines() if re.search(r"\| (?:error|warning|hint)\b", line)]

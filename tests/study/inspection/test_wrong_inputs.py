@@ -21,7 +21,7 @@ from recorded import drafts, loaded, write
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.spec.units import convert
 from mapmore_cli.study.drafting.draft import Draft
-from mapmore_cli.study.inspection.lint import inspect
+from mapmore_cli.study.inspection import inspect
 
 TITLES: Mapping[str, tuple[str, ...]] = {
     "time": ("t [s]", "Time", "Zeit (s)"),

@@ -1,4 +1,4 @@
-"""The rules of `mapmore check`: functions that yield what they find in a subject. To add one, name it in one of the two lists of `lint`.
+"""The rules of `mapmore check`: functions that yield what they find in a subject. To add one, name it in a list of `applied`.
 
 What the readers and the spec refuse by themselves is no business of a rule.
 """
@@ -7,41 +7,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
+from mapmore_cli.checking.findings import Issue
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.recording import Dataset, Recording
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.units import convert
 
-Severity = Literal["error", "warning", "hint"]
-"""An error makes the study wrong or impossible, a warning probably wrong; a hint says what could be better."""
-
-Cause = Literal["spec", "data"]
-"""What has to be mended."""
-
-ORDER: tuple[Severity, ...] = ("error", "warning", "hint")
-
-
-@dataclass(frozen=True)
-class Issue:
-    """One thing that a user should look at: its `message` says what is wrong, its `remedy` what to do.
-
-    `id` is the rule's name for it, which stays the same from release to release; `place` is a `file:line:column` of the spec, or the
-    recording; `cause` is what has to be mended, and decides the exit code of an error.
-    """
-
-    severity: Severity
-    id: str
-    place: str
-    message: str
-    remedy: str
-    cause: Cause = "spec"
-
+__all__ = ["Issue", "Rule", "Subject"]
 
 Rule = Callable[["Subject"], Iterator[Issue]]
 """Looks for one kind of mistake."""
@@ -74,12 +50,21 @@ class Subject:
 
     def pooled(self, name: str, unit: str | None = None) -> Array:
         """Return a quantity of all recordings together, `(n,)`, converted to `unit`."""
-        values = self._pooled[name]
+        columns = [recording.columns[name] for recording in self.recordings]
+        values = columns[0] if len(columns) == 1 else np.concatenate(columns)
         return values if unit is None else convert(values, self.units[name], unit)
+
+    def span(self, name: str) -> tuple[float, float]:
+        """Return the least and the largest value of a quantity that every recording has."""
+        columns = [one.columns[name] for one in self.recordings if one.rows_kept]
+        return float(min(map(np.min, columns))), float(max(map(np.max, columns)))
 
     def largest(self, name: str, unit: str | None = None) -> float:
         """Return the largest absolute value of a quantity; 0 where a recording lacks it."""
-        return float(np.abs(self.pooled(name, unit)).max()) if self.has(name) else 0.0
+        if not self.has(name):
+            return 0.0
+        ends = np.array(self.span(name))
+        return float(np.abs(ends if unit is None else convert(ends, self.units[name], unit)).max())
 
     def source(self, name: str) -> str:
         """Where the spec says what a quantity is: its column, its expression, or the files that it is set for."""
@@ -87,8 +72,3 @@ class Subject:
             if name in getattr(self.spec.data, section):
                 return self.where("data", section, name)
         return self.where("data", "files")
-
-    @cached_property
-    def _pooled(self) -> dict[str, Array]:
-        first = self.recordings[0].columns
-        return {name: np.concatenate([recording.columns[name] for recording in self.recordings]) for name in first}

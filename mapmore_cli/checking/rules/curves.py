@@ -7,6 +7,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from mapmore_cli.checking.evidence import beyond, force_set, neighbourhood
+from mapmore_cli.checking.names import POSITIONS
+from mapmore_cli.checking.rules import Issue, Subject
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Dataset
@@ -19,9 +22,6 @@ from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.modelling.validation.repeatability import WORTH, floors
 from mapmore_cli.spec.check_study import formula_called
 from mapmore_cli.spec.sections.dictionary import entries_of, texts_in
-from mapmore_cli.study.inspection.evidence import beyond, force_set, neighbourhood
-from mapmore_cli.study.inspection.names import POSITIONS
-from mapmore_cli.study.inspection.rules import Issue, Subject
 
 FEWEST = 5  # samples that show the shape of a curve
 SOME = 0.05  # of the validation samples, that may lie beyond a range that the split does not go by
@@ -53,8 +53,8 @@ def segments(subject: Subject) -> Iterator[Issue]:
     for curve in cut:
         short = [piece for piece in curve.segments if len(piece.rows) <= least]
         if short:
-            told = ", ".join(f"{piece.id} ({len(piece.rows)})" for piece in short)
-            message = f"too few training samples for {least} term(s) in {told}"
+            told = ", ".join(f"{one.id} has {len(one.rows)} training sample{'s' * (len(one.rows) != 1)}" for one in short)
+            message = f"{told}: too few for {least} term{'s' * (least > 1)}"
             remedy = "use fewer segments, lower `fit.max_terms`, or keep more samples of this curve"
             yield Issue("error", "short-segment", subject.where("segment"), message, remedy, "data")
 
@@ -120,18 +120,21 @@ def even_steps(subject: Subject) -> Iterator[Issue]:
 
 
 def single_valued(subject: Subject) -> Iterator[Issue]:
-    """Find loops: they have two values at one place, of which a static model has one, so that its error has a floor."""
+    """Find loops: they have two values at one place, of which a model without memory has one, so that its error has a floor."""
     spec, dataset = subject.spec, subject.dataset
-    if spec.target != "static" or spec.data.cycles is not None or dataset.level is None:
+    moving = spec.runs_over_time or spec.target in ("hysteresis", "damping", "dynamic")
+    if moving or spec.data.cycles is not None or dataset.level is None:
         return
-    swept = [name for name in ("pressure", *POSITIONS) if name in dataset.quantities and name not in (dataset.level, dataset.target)]
+    others = [name for name in spec.data.measured if name != "time"]
+    names = [name for name in dict.fromkeys(("pressure", *POSITIONS, *others)) if name in dataset.quantities]
+    swept = [name for name in names if name not in (dataset.level, dataset.target)]
     swept = [name for name in swept if any(np.ptp(curve.columns[name]) for curve in dataset.curves)][:1]
     if not swept:
         return
     found = floors(*([curve.columns[name] for curve in dataset.curves] for name in (swept[0], dataset.target)))
     told = [f"{100 * floor:.2g} % at {dataset.curves[number].id}" for number, floor in enumerate(found) if floor > WORTH]
     if told:
-        best = f"no static model does better than {', '.join(told)} of the largest {dataset.target}"
+        best = f"no model without memory does better than {', '.join(told)} of the largest {dataset.target}"
         message = f"curves over {swept[0]} are not single-valued: {best}"
         remedy = f"where the muscle was loaded and unloaded, split the branches by `cycles: {{over: {swept[0]}}}`, or accept this floor"
         yield Issue("hint", "not-single-valued", subject.where("target"), message, remedy)

@@ -318,3 +318,46 @@ def _course(x: Array, y: Array) -> tuple[Array, Array]:
     """Places along a curve in ascending order, and the means there."""
     places, means = bin_means(x, {"y": y}, np.linspace(x.min(), x.max(), PLACES + 1))
     return places, means["y"]
+
+
+# Single samples ----------------------------------------------------------------------------------------------------------------
+
+FEWEST_IN_A_ROW = 30  # samples: a table of fewer has no neighbours
+AROUND = 12  # samples on each side, whose scatter a spike stands out of
+STANDS_OUT = 10.0  # times this scatter (by the median, as of a normal distribution)
+JUMPS = 2.0  # times any other change from sample to sample
+APART = 0.25  # of its height, that the samples before and after a spike differ at most
+FAR_OUT = 0.2  # of the range of all other samples
+
+
+def spikes(values: Array) -> IntArray:
+    """Return the numbers of the samples of a record, `(n,)`, that stand alone far from their neighbours.
+
+    Such a sample lies to one side of both neighbours, which agree, ten times further than the scatter around it, and at least twice as far
+    as the record changes from one sample to the next anywhere else: steps, and signals of two values, have no such sample.
+    """
+    if len(values) < FEWEST_IN_A_ROW:
+        return np.zeros(0, dtype=np.int64)
+    steps = np.diff(values)
+    rise, fall = steps[:-1], -steps[1:]
+    height = np.where(rise * fall > 0, np.minimum(np.abs(rise), np.abs(fall)), 0.0)
+    apart = np.abs(rise - fall) <= APART * height
+    lone = np.flatnonzero((height > 0) & apart & (height >= height.max() / (2 * JUMPS))) + 1
+    if not lone.size or lone.size > len(values) / AROUND:
+        return np.zeros(0, dtype=np.int64)
+    others = np.ones(len(steps), dtype=np.bool_)
+    others[lone - 1] = others[lone] = False
+    rest = np.ones(len(values), dtype=np.bool_)
+    rest[lone] = False
+    usual = max(JUMPS * float(np.abs(steps[others]).max(initial=0.0)), FAR_OUT * float(np.ptp(values[rest])))
+    high = lone[height[lone - 1] > usual]
+    return np.array([one for one in high if height[one - 1] > STANDS_OUT * _scatter(values, rest, one)], dtype=np.int64)
+
+
+def _scatter(values: Array, rest: BoolArray, place: int) -> float:
+    """Return the standard deviation, by the median, of the samples around one about a line through their neighbours."""
+    near = np.arange(max(0, place - AROUND), min(len(values), place + AROUND + 1))
+    around = values[near[rest[near]]]
+    if len(around) < AROUND:
+        return math.inf
+    return 1.4826 * float(np.median(np.abs(around[1:-1] - (around[:-2] + around[2:]) / 2)))

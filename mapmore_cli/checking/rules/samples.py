@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from mapmore_cli.checking import evidence
+from mapmore_cli.checking.names import POSITIONS
+from mapmore_cli.checking.rules import Issue, Subject
 from mapmore_cli.domain.recording import Recording
 from mapmore_cli.domain.scores import FAR_FROM_ZERO
-from mapmore_cli.study.inspection import evidence
-from mapmore_cli.study.inspection.names import POSITIONS
-from mapmore_cli.study.inspection.rules import Issue, Subject
 
 MUCH = 0.5  # of the samples, lost for a reason that the spec does not ask for
 MOST = 0.95  # of the samples, left out on purpose
@@ -27,10 +26,10 @@ HELD, MOVED = 0.05, 0.2  # movement within a recording, relative to the largest 
 def constant(subject: Subject) -> Iterator[Issue]:
     """Find quantities that never change: they explain nothing, and such a target needs no explanation."""
     for name in subject.spec.data.columns:
-        values = subject.pooled(name)
-        if np.ptp(values) == 0 and len(values) > 1:
+        low, high = subject.span(name)
+        if low == high and sum(one.rows_kept for one in subject.recordings) > 1:
             target = name == subject.spec.target_quantity
-            message = f"{name} is {values[0]:g} in every sample"
+            message = f"{name} is {low:g} in every sample"
             remedy = "name another column" if target else "name another column, or leave it out"
             yield Issue("error" if target else "warning", "constant", subject.source(name), message, remedy, "data")
 
@@ -54,9 +53,10 @@ def same_signal(subject: Subject) -> Iterator[Issue]:
     names = [name for name in subject.spec.data.measured if name != "time" and subject.has(name)]
     for family in evidence.same_signals([subject.pooled(name) for name in names]):
         told = " and ".join(names[place] for place in family)
+        target = subject.spec.target_quantity in (names[place] for place in family)  # two inputs may be so, as the muscles of one joint
         remedy = "keep the one of them that was measured; another sensor has to tell the other quantity"
         message = f"{told} are one signal: each is the other times a constant, plus one (correlation {evidence.SAME} or more)"
-        yield Issue("error", "same-signal", subject.source(names[family[-1]]), message, remedy)
+        yield Issue("error" if target else "hint", "same-signal", subject.source(names[family[-1]]), message, remedy)
 
 
 def clipped(subject: Subject) -> Iterator[Issue]:
@@ -65,6 +65,9 @@ def clipped(subject: Subject) -> Iterator[Issue]:
     for name in (name for name in subject.spec.data.columns if name != "time" and (levels is None or name != levels.of)):
         for recording in (one for one in subject.recordings if name in one.columns and one.rows_kept):
             values = recording.columns[name]
+            ends = max(np.count_nonzero(values == values.max()), np.count_nonzero(values == values.min()))
+            if ends <= max(LONGEST, CLIPPED * len(values)):
+                continue
             numbers, counts = np.unique(values, return_counts=True)
             for end, side in ((0, "above"), (-1, "below")):
                 usual = int(np.delete(counts, end).max(initial=0))
@@ -103,9 +106,9 @@ def _movement(subject: Subject, name: str) -> float:
 def force_never_pulls(subject: Subject) -> Iterator[Issue]:
     """Find a force that never pulls: a muscle pulls, and the models take pull as positive."""
     if subject.has("force"):
-        force = subject.pooled("force")
-        if force.max() <= 0 and force.min() < 0:
-            message = f"the force is never positive (it runs from {force.min():.4g} to {force.max():.4g}): its sign looks turned"
+        low, high = subject.span("force")
+        if high <= 0 and low < 0:
+            message = f"the force is never positive (it runs from {low:.4g} to {high:.4g}): its sign looks turned"
             yield Issue("warning", "force-never-positive", subject.source("force"), message, "say `scale: -1`, so that pull is positive")
 
 
@@ -113,16 +116,22 @@ def recorded_twice(subject: Subject) -> Iterator[Issue]:
     """Find copied files: they count twice, and a copy among the validation data makes these worthless."""
     curves = subject.made.curves if subject.made else ()
     held_out = {name for curve in curves if curve.held_out.all() for name in curve.recordings}
-    first: dict[str, Recording] = {}
+    alike: dict[tuple[object, ...], list[Recording]] = {}
     for recording in (recording for recording in subject.recordings if recording.rows_kept):
         measured = sorted(recording.columns.keys() & subject.spec.data.columns)  # what is set for a file does not make it another
-        told = b"".join(name.encode() + np.ascontiguousarray(recording.columns[name]).tobytes() for name in measured)
-        twin = first.setdefault(hashlib.sha256(told).hexdigest(), recording)
-        if twin is recording:
+        columns = [recording.columns[name] for name in measured]
+        same = alike.setdefault((*measured, recording.rows_kept, *(float(one[-1]) for one in columns)), [])
+        twin = next((other for other in same if _same_samples(recording, other, measured)), None)
+        same.append(recording)
+        if twin is None:
             continue
         leak = (twin.id in held_out) != (recording.id in held_out)
         message = f"it has the same samples as {twin.name}" + (", and one of them validates the other" if leak else "")
         yield Issue("error" if leak else "warning", "recorded-twice", recording.name, message, "leave one of them out", "data")
+
+
+def _same_samples(one: Recording, other: Recording, names: Sequence[str]) -> bool:
+    return all(np.array_equal(one.columns[name], other.columns[name], equal_nan=True) for name in names)
 
 
 def many_dropped(subject: Subject) -> Iterator[Issue]:

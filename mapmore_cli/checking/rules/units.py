@@ -7,11 +7,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from mapmore_cli.checking.names import read_label, unit_in
+from mapmore_cli.checking.rules import Issue, Subject
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.spec.units import convert, default_unit
 from mapmore_cli.storage.readers import READERS
-from mapmore_cli.study.inspection.names import read_label, unit_in
-from mapmore_cli.study.inspection.rules import Issue, Subject
 
 LARGEST_STRAIN = 1.5  # of any muscle
 LARGEST_PRESSURE = 5000.0  # kPa
@@ -51,7 +51,7 @@ def pull_of_the_bore(subject: Subject) -> Iterator[Issue]:
     if diameter is None or not subject.has("pressure", "force"):
         return
     bore = subject.largest("pressure", "Pa") * math.pi * diameter**2 / 4
-    pull = float(subject.pooled("force", "N").max())
+    pull = convert(subject.span("force")[1], subject.units["force"], "N")
     if bore > 0 and pull > STRONGEST_PULL * bore:
         message = (
             f"the force reaches {pull:.4g} N, {pull / bore:.0f} times pressure times bore area; {STRONGEST_PULL:g} is more than braids give"
@@ -61,10 +61,16 @@ def pull_of_the_bore(subject: Subject) -> Iterator[Issue]:
 
 
 def time_in_milliseconds(subject: Subject) -> Iterator[Issue]:
-    """Find slow stamps, which may be in ms: a logger takes many samples a second. Names that tell the unit are believed."""
-    column = subject.spec.data.columns.get("time")
-    label = read_label(column.column) if column is not None and isinstance(column.column, str) else None
-    if not subject.has("time") or (label is not None and label.unit is not None):
+    """Find slow stamps, which may be in ms: a logger takes many samples a second.
+
+    Names that tell the unit are believed, and so is a spec that tells it, or the step from sample to sample.
+    """
+    data = subject.spec.data
+    column = data.columns.get("time")
+    if column is None or column.unit is not None or data.every > 1 or data.resample is not None or not subject.has("time"):
+        return
+    label = read_label(column.column) if isinstance(column.column, str) else None
+    if label is not None and label.unit is not None:
         return
     for recording in subject.recordings:
         time = convert(recording.columns["time"], subject.units["time"], "s")

@@ -1,0 +1,97 @@
+"""What the rules found in a run: told by every command that brings it up to date, and kept in its folder."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from pydantic import TypeAdapter
+
+from mapmore_cli.domain.errors import DataError, SpecError
+from mapmore_cli.storage.atomic import write_text
+
+if TYPE_CHECKING:
+    from mapmore_cli.spec.loader import LoadedSpec
+
+Severity = Literal["error", "warning", "hint"]
+"""An error makes the study wrong or impossible, a warning probably wrong; a hint says what could be better."""
+
+Cause = Literal["spec", "data"]
+"""What has to be mended."""
+
+
+@dataclass(frozen=True)
+class Issue:
+    """One thing that a user should look at: its `message` says what is wrong, its `remedy` what to do.
+
+    `id` is the rule's name for it, which stays the same from release to release; `place` is a `file:line:column` of the spec, or the
+    recording; `cause` is what has to be mended, and decides the exit code of an error.
+    """
+
+    severity: Severity
+    id: str
+    place: str
+    message: str
+    remedy: str
+    cause: Cause = "spec"
+
+    @property
+    def sentence(self) -> str:
+        """What a run says of it. The place is left out: lines of a spec move, and a run is still up to date then."""
+        return f"{self.message}; {self.remedy} [{self.id}]"
+
+
+def is_for_the_spec(errors: Iterable[Issue]) -> bool:
+    """Whether the spec has to be mended first: the data are looked at again after that."""
+    return any(issue.cause == "spec" for issue in errors)
+
+
+def refusal(issues: Iterable[Issue]) -> SpecError | DataError | None:
+    """Return the error that ends a run: every issue that is one, with its place and its remedy; None without errors."""
+    errors = [issue for issue in issues if issue.severity == "error"]
+    if not errors:
+        return None
+    *before, last = errors
+    lines = [f"{issue.place}: {issue.message} [{issue.id}]\n  {issue.remedy}" for issue in before]
+    message = "\n".join([*lines, f"{last.place}: {last.message} [{last.id}]"])
+    kind = SpecError if is_for_the_spec(errors) else DataError
+    return kind(message, f"{last.remedy}; or go on as it is with --no-check (`check=False` in Python)")
+
+
+FINDINGS = "check.json"
+"""The file in the folder of a run."""
+
+REVISION = 1
+"""Raised when a rule changes: findings of older rules do not count."""
+
+_KEPT = TypeAdapter(tuple[Issue, ...])
+
+
+def mark_of(loaded: LoadedSpec, ingested: str) -> str:
+    """Return what findings depend on, as one text: the rules, the spec, and the fingerprint of its ingested data."""
+    return hashlib.sha256(f"{REVISION} {ingested} {loaded.resolved}".encode()).hexdigest()
+
+
+def kept(run_dir: Path, mark: str | None = None) -> tuple[Issue, ...] | None:
+    """Return the findings of a run; None where there are none that have this `mark`."""
+    with suppress(OSError, ValueError, TypeError, KeyError, RecursionError):
+        document = json.loads((run_dir / FINDINGS).read_text(encoding="utf-8"))
+        if mark in (None, document["mark"]):
+            return _KEPT.validate_python(document["issues"])
+    return None
+
+
+def keep(run_dir: Path, mark: str, issues: Sequence[Issue]) -> None:
+    """Write the findings into the folder of the run."""
+    document = {"mark": mark, "issues": [asdict(issue) for issue in issues]}
+    write_text(run_dir / FINDINGS, json.dumps(document, indent=1, ensure_ascii=False) + "\n")
+
+
+def sentences(run_dir: Path) -> tuple[str, ...]:
+    """Return what the rules said of a run."""
+    return tuple(issue.sentence for issue in kept(run_dir) or ())

@@ -1,0 +1,28 @@
+"""A rule about what figures will say, so that a long run does not end at its last step."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from mapmore_cli.checking.rules import Issue, Subject
+
+
+def formulas_in_labels(subject: Subject) -> Iterator[Issue]:
+    """Find labels with a formula that cannot be set."""
+    for quantity, label in subject.spec.report.style.labels.items():
+        if "$" not in label:
+            continue
+        from mapmore_cli.reporting.figures.style import wrong_formula
+
+        if fault := wrong_formula(label):
+            shown = label if len(label) <= SHOWN_LETTERS else f"{label[:SHOWN_LETTERS]}..."
+            place = subject.where("report", "style", "labels", quantity)
+            message, remedy = (
+                f"report.style.labels.{quantity}: {shown!r} cannot be set ({fault})",
+                "mend the formula between the dollars, or remove the dollars",
+            )
+            yield Issue("error", "label", place, message, remedy)
+
+
+SHOWN_LETTERS = 60
+"""Letters of a label that a message shows."""

@@ -1,0 +1,71 @@
+"""Rules about single values: a spike of one sample, and pressures that no gauge can read."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from mapmore_cli.checking.evidence import spikes
+from mapmore_cli.checking.rules import Issue, Subject
+from mapmore_cli.domain.arrays import IntArray
+from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.domain.recording import Recording
+from mapmore_cli.spec.units import convert
+
+VACUUM = -101.4  # kPa, of a gauge that reads zero in air
+MOST_SPIKES = 0.01  # of the samples: more spikes than that are what was measured
+WITH_ROWS = ("csv", "xlsx")  # readers of files with rows
+
+
+def spikes_in(subject: Subject) -> Iterator[Issue]:
+    """Find single samples far from their neighbours: a dropout, or a digit too many."""
+    for name in (name for name in subject.spec.data.columns if name != "time"):
+        for recording in (one for one in subject.recordings if name in one.columns):
+            values = recording.columns[name]
+            found = spikes(values)
+            found = found if (limit := _vacuum(subject, name)) is None else found[values[found] >= limit]
+            if not 0 < found.size <= max(1.0, MOST_SPIKES * values.size):
+                continue
+            first, unit = int(found[0]), subject.units[name]
+            between = f"between {values[first - 1]:.6g} and {values[first + 1]:.6g} {unit}".rstrip()
+            message = f"{_first_of(subject, recording, found)}: {name} is {values[first]:.6g} for one sample, {between}"
+            remedy = (
+                f"leave it out, as with `keep: [{{quantity: {name}, above: ...}}]`, or empty its cell; where it is real, nothing is wrong"
+            )
+            yield Issue("warning", "spike", subject.source(name), message, remedy, "data")
+
+
+def below_vacuum(subject: Subject) -> Iterator[Issue]:
+    """Find pressures below absolute zero: a current loop that reads 0 mA, or an offset too many."""
+    for name in subject.spec.data.columns:
+        if (limit := _vacuum(subject, name)) is None:
+            continue
+        for recording in subject.recordings:
+            found = np.flatnonzero(recording.columns.get(name, np.zeros(0)) < limit)
+            if found.size:
+                lowest = f"{recording.columns[name][found].min():.6g} {subject.units[name]}"
+                below = f"below absolute zero ({limit:.4g} {subject.units[name]} of a gauge)"
+                message = f"{_first_of(subject, recording, found)}: {name} is {lowest}, {below}"
+                remedy = f"mend its `unit`, `scale` or `offset`, or leave them out, as `keep: [{{quantity: {name}, above: {limit:.4g}}}]`"
+                yield Issue("warning", "below-vacuum", subject.source(name), message, remedy, "data")
+
+
+def _vacuum(subject: Subject, name: str) -> float | None:
+    """Return the least value of a gauge pressure in its unit; None for other quantities, and for differences of pressures."""
+    if name != "pressure" and not name.startswith("pressure_"):
+        return None
+    try:
+        return convert(VACUUM, "kPa", subject.units[name])
+    except SpecError:
+        return None
+
+
+def _first_of(subject: Subject, recording: Recording, found: IntArray) -> str:
+    """Name the first of some samples: by its row in the file, where all rows were kept, and by its time; and how many more there are."""
+    data, first = subject.spec.data, int(found[0])
+    by_rows = data.reader in WITH_ROWS and recording.rows_kept == recording.rows_read and data.every == 1 and not recording.log
+    place = f"{recording.source}:row {data.skip_rows + int(data.header) + first + 1}" if by_rows else f"{recording.id}: sample {first + 1}"
+    time = recording.columns.get("time")
+    at = "" if time is None else f" (time {time[first]:.6g} {subject.units['time']})"
+    return place + at + (f" and {found.size - 1} more" if found.size > 1 else "")
