@@ -97,4 +97,5 @@ def test_code_is_made_by_the_printers_alone() -> None:
                 case ast.Call(ast.Name("Code")):
                     assert path.name in makers, path.name
                 case ast.Call(ast.Name("code"), [form, *_]):
-                    assert isinstance(form, ast.Constant) or (isinstance(form, ast.IfExp) and isinstance(form.body, ast.Constant)), path.name
+                    forms = [form.body, form.orelse] if isinstance(form, ast.IfExp) else [form]
+                    assert all(isinstance(one, ast.Constant) for one in forms), path.name

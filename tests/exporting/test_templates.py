@@ -75,8 +75,7 @@ def changed(record: Any, where: tuple[type, str], text: str, within: bool = Fals
     if not dataclasses.is_dataclass(record):
         return record
     values = {
-        one.name: changed(getattr(record, one.name), where, text, (type(record), one.name) == where)
-        for one in dataclasses.fields(record)
+        one.name: changed(getattr(record, one.name), where, text, (type(record), one.name) == where) for one in dataclasses.fields(record)
     }
     return dataclasses.replace(record, **values)
 
@@ -100,7 +99,9 @@ def files_of(model: Model) -> dict[str, bytes]:
     return found
 
 
-C_TOKENS = re.compile(r'(?P<none>/\*.*?\*/|\s+|\\\n)|(?P<text>"(?:[^"\\\n]|\\.)*")|(?P<word>[A-Za-z_]\w*)|(?P<other>\d[\w.+-]*|.)', re.DOTALL)
+C_TOKENS = re.compile(
+    r'(?P<none>/\*.*?\*/|\s+|\\\n)|(?P<text>"(?:[^"\\\n]|\\.)*")|(?P<word>[A-Za-z_]\w*)|(?P<other>\d[\w.+-]*|.)', re.DOTALL
+)
 
 
 def structure(language: str, data: bytes) -> object:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import struct
+import warnings
 import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -36,7 +37,8 @@ def opened_mat(path: Path, label: str, request: TableRequest | None) -> Iterator
     """
     import h5py
 
-    with reading(label, KIND), path.open("rb") as stream:
+    with reading(label, KIND), path.open("rb") as stream, warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "The default value for `spmatrix`", DeprecationWarning)  # either kind has `toarray`
         if h5py.is_hdf5(path):
             with opened_hdf5(path, label, request, KIND) as top:
                 yield top
