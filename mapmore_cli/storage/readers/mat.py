@@ -105,7 +105,8 @@ def _member(value: Any, name: str) -> Member:
     if isinstance(value, MatlabFunction):
         raise object_of_matlab(name, "a function")
     if isinstance(value, MatlabOpaque):
-        raise object_of_matlab(name, str(value["s2"].item().decode(errors="replace")))
+        kind = value.item()[-2]  # bytes, or a text from SciPy 1.18 on
+        raise object_of_matlab(name, kind.decode(errors="replace") if isinstance(kind, bytes) else str(kind))
     if isinstance(value, MatlabObject):
         raise object_of_matlab(name, str(getattr(value, "classname", "") or ""))
     if hasattr(value, "toarray"):  # sparse
