@@ -148,7 +148,7 @@ class CSource:
         bits = " | ".join(f"1 << {place}" for name, place in self.places.items() if name in limit.inputs)
         value = expressions.text(limit.value)
         if limit.at is None or len(limit.levels) == 1:
-            ends = [self.dialect.number(end[0]) for end in (limit.low, limit.high)]
+            ends: list[str] = [self.dialect.number(end[0]) for end in (limit.low, limit.high)]
         else:
             for name, values in (("levels", limit.levels), ("low", limit.low), ("high", limit.high)):
                 numbers = ", ".join(map(self.dialect.number, values.tolist()))

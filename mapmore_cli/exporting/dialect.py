@@ -148,8 +148,8 @@ class Expressions:
         """Return the expression as a factor."""
         match expression:
             case Number(value):
-                text = self.dialect.number(value)
-                return text if front or not text.startswith("-") else f"({text})"
+                number = self.dialect.number(value)
+                return number if front or not number.startswith("-") else f"({number})"
             case Name(name):
                 return self.dialect.nothing if expression == NOTHING else self.names(name)
             case Power() | Call():
