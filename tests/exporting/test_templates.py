@@ -20,7 +20,7 @@ from export_samples import FORMULAS, STATIC, WITH_MEMORY
 from jinja2 import Environment, nodes
 
 from mapmore_cli.domain.errors import DataError, MapmoreError
-from mapmore_cli.domain.models import Model
+from mapmore_cli.domain.models import Formula, Model
 from mapmore_cli.domain.recording import Quantity, Signal
 from mapmore_cli.exporting import dialect
 from mapmore_cli.study.exports import exported
@@ -39,6 +39,11 @@ LANGUAGES = ("c", "fmu", "py", "numpy", "tex", "mujoco", "simulink", "table")
 MODELS = [dataclasses.replace(model, notes=("a note",)) for model in (*STATIC.values(), *WITH_MEMORY.values(), *FORMULAS.values())]
 MODELS.append(dataclasses.replace(MODELS[0], signals=(Signal("strain", "rate", "pressure", 0.1, 2, 1.0, 1.0),)))
 MODELS.append(dataclasses.replace(MODELS[0], signals=(Signal("strain", "direction", "pressure", None, None, 0.1, None),)))
+FORMULA = next(model for model in MODELS if isinstance(model.body, Formula))
+NOTED = dataclasses.replace(FORMULA.body.fit, notes=("a note",))
+LEVELLED = tuple(dataclasses.replace(one, level=1.0) for one in FORMULA.body.ranges)
+BODY = dataclasses.replace(FORMULA.body, fit=NOTED, level=FORMULA.inputs[0].name, ranges=LEVELLED)
+MODELS.append(dataclasses.replace(FORMULA, body=BODY))
 MODELS.sort(key=lambda model: len(repr(model)))  # the quickest first
 
 
@@ -61,7 +66,7 @@ def dataclasses_in(record: Any) -> Iterator[type]:
 
 
 STORED = {kind: get_type_hints(kind) for kind in dict.fromkeys(kind for model in MODELS for kind in dataclasses_in(model))}
-FIELDS = [(kind, name) for kind, hints in STORED.items() for name, hint in hints.items() if holds_text(hint)]
+FIELDS = [(kind, one.name) for kind, hints in STORED.items() for one in dataclasses.fields(kind) if holds_text(hints[one.name])]
 
 
 def changed(record: Any, where: tuple[type, str], text: str, within: bool = False) -> Any:
