@@ -68,10 +68,8 @@ def run_studies(python: Path) -> None:
             subprocess.run([python, *STRICT, "-m", "mapmore_cli", *map(str, arguments)], check=True, cwd=PROJECT, stdout=subprocess.DEVNULL)
 
         mapmore("example", f"{folder}/example", "-q")
-        for study in sorted(Path(folder, "example").glob("*.yaml")):
+        for study in (f"{folder}/example/study.yaml", *(PROJECT / "configs" / f"{study}.yaml" for study in STUDIES.values())):
             mapmore("run", study, *runs)
-        for study in STUDIES.values():
-            mapmore("run", PROJECT / "configs" / f"{study}.yaml", *runs)
 
 
 def main(wanted: str, *tests: str) -> int:
