@@ -10,7 +10,7 @@ STUDIES := configs/m2/dmsp-20-88-static.yaml configs/m2/peano-static.yaml
 # The tests of one file follow each other in one process, so that what they share is made once; the folders with the long ones come first.
 TESTS := $(BIN)/pytest -q -n 2 --dist loadfile --no-loadscope-reorder
 
-.PHONY: demo test test-all lint schema docs datasets measured motion paper peers bench fuzz torture test-lowest audit clean bench-id
+.PHONY: demo test test-all lint schema docs datasets measured motion paper peers bench fuzz torture test-lowest test-newest audit clean bench-id
 
 demo: .venv/program
 	$(BIN)/mapmore batch $(STUDIES)
@@ -86,13 +86,17 @@ test-lowest: .venv/development .venv-lowest/program  # the oldest libraries that
 	$(BIN)/python tests/lowest/lowest.py run build/newest.json
 	$(BIN)/python tests/lowest/lowest.py compare build/lowest.json build/newest.json
 
+NEWEST ?=
+test-newest:  # the newest Python here, or NEWEST=python3.12, with the newest libraries: the same tests, and a study of each kind
+	$(PYTHON) tests/newest/newest.py "$(NEWEST)" $(LOWEST_TESTS)
+
 audit: .venv-audit/program  # known weaknesses of the tested versions; asks an advisory service over the network
 	.venv-audit/bin/pip-audit --strict --no-deps --disable-pip -r constraints.txt
 	mkdir -p build
 	.venv-audit/bin/pip-audit --strict --no-deps --disable-pip -r constraints.txt --format cyclonedx-json --output build/mapmore.cdx.json
 
 clean:
-	rm -rf .venv .venv-lowest .venv-audit runs build *.egg-info
+	rm -rf .venv .venv-lowest .venv-newest .venv-audit runs build *.egg-info
 
 .venv/program: pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv

@@ -91,7 +91,7 @@ def write_tables(page: Path, found: Mapping[str, Callable[[], Table]]) -> None:
         if name not in found:
             return match[0]
         table = found[name]()
-        return f"{head}\n{to_markdown(table) if kept is None else _excerpt(table, int(kept), page.stem, name)}{end}"
+        return f"{head}\n{to_markdown(table, str) if kept is None else _excerpt(table, int(kept), page.stem, name)}{end}"
 
     page.write_text(BLOCK.sub(block, page.read_text(encoding="utf-8")), encoding="utf-8")
 
@@ -110,7 +110,7 @@ def write_page(page: str, tables: Mapping[str, Callable[[Path], Table]]) -> None
 def _excerpt(table: Table, kept: int, page: str, name: str) -> str:
     """Write a table into its file; return its last rows, its notes and a link to the file."""
     write_rows(DOCS / "tables" / page / f"{name}.csv", [table.headings, *table.shown])
-    text = to_markdown(replace(table, rows=table.rows[-kept:])) if kept else "\n\n".join([f"**{table.title}**", *table.notes]) + "\n"
+    text = to_markdown(replace(table, rows=table.rows[-kept:]), str) if kept else "\n\n".join([f"**{table.title}**", *table.notes]) + "\n"
     return f"{text}\n[All {len(table.rows)} rows](tables/{page}/{name}.csv)\n"
 
 
@@ -140,7 +140,7 @@ def in_full(text: str, page: str) -> str:
             return match[0]
         headings, *rows = read_rows(Path(page), match[2])
         table = Table(match[2], "", tuple(map(Column, headings)), tuple(map(tuple, rows)))
-        shown = to_markdown(table).replace("****\n\n", "")
+        shown = to_markdown(table, str).replace("****\n\n", "")
         head, tail = '<details markdown="1"><summary>', f"</summary>\n\n{shown}\n[CSV]"
         return re.sub(r"\[(All \d+ rows)\](\(.*?\))", lambda link: f"{head}{link[1]}{tail}{link[2]}\n\n</details>\n", match[0])
 

@@ -25,14 +25,14 @@ def main() -> None:
 
 
 def _hold_standard_streams() -> None:
-    """Where stdout or stderr is closed, no file takes its number: writing to stdout then fails, and messages go nowhere."""
-    for number, name, way in ((1, "stdout", os.O_RDONLY), (2, "stderr", os.O_WRONLY)):
+    """Where one is closed, no file takes its number: reading stdin and writing stdout then fail, and messages go nowhere."""
+    for number, name, way in ((0, "stdin", os.O_WRONLY), (1, "stdout", os.O_RDONLY), (2, "stderr", os.O_WRONLY)):
         if getattr(sys, name) is None:
             nowhere = os.open(os.devnull, way)
             if nowhere != number:
                 os.dup2(nowhere, number)
                 os.close(nowhere)
-            setattr(sys, name, open(number, "w", encoding="utf-8", errors="replace"))  # noqa: SIM115, PTH123 - open to the end
+            setattr(sys, name, open(number, "w" if number else "r", encoding="utf-8", errors="replace"))  # noqa: SIM115, PTH123 - open to the end
 
 
 if __name__ == "__main__":  # the worker processes of `batch` import this module again

@@ -119,4 +119,7 @@ def _common(
 def main() -> None:
     """Run the installed command and of `python -m mapmore_cli`."""
     cast(io.TextIOWrapper, sys.stdout).reconfigure(errors="replace")  # a terminal without ² and – still shows the table
-    app(prog_name="mapmore")
+    try:
+        app(prog_name="mapmore")
+    except (OSError, MemoryError) as error:  # outside of a command, as where --help is printed
+        sys.exit(console.settle(error, debug=False, as_json=False))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import nullcontext
@@ -89,7 +90,13 @@ def _opened(table: Path, told: Callable[[int, int], None] = lambda _read, _size:
     """Return the lines of a table or of stdin, and what messages call it."""
     from mapmore_cli.storage.tables.lines import as_text, lines_of
 
-    return (as_text(sys.stdin.buffer), "stdin") if table == console.STANDARD else (lines_of(table, told), str(table))
+    if table != console.STANDARD:
+        return lines_of(table, told), str(table)
+    try:
+        os.read(0, 0)
+    except OSError as fault:  # closed, or a folder
+        raise UsageError(f"stdin: cannot be read ({os.strerror(fault.errno or 0)})", "pipe a table into it, or name a file") from fault
+    return as_text(sys.stdin.buffer), "stdin"
 
 
 def _constants_of(model: Model, given: Sequence[str]) -> dict[str, float]:

@@ -7,15 +7,16 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+_Shape = tuple[Any, ...]
+
+Array = np.ndarray[_Shape, np.dtype[np.float64]]  # NumPy 2.5 made NDArray an alias, which storage could not take apart
 """Measured or computed values; shapes are given where the array is used."""
 
-IntArray = NDArray[np.int64]
+IntArray = np.ndarray[_Shape, np.dtype[np.int64]]
 """Row numbers and identifiers."""
 
-BoolArray = NDArray[np.bool_]
+BoolArray = np.ndarray[_Shape, np.dtype[np.bool_]]
 """Masks over samples."""
 
 Value = Array | np.float64

@@ -12,6 +12,9 @@ from signal import Signals
 _PATHS = (errno.ENAMETOOLONG, errno.ELOOP, errno.ENOTDIR, errno.EISDIR, errno.ENOENT, errno.EINVAL, errno.ENXIO, errno.EIO, errno.ESRCH)
 """What the file system says of paths that lead to nothing readable."""
 
+_NO_MEMORY = ("annot allocate memory", "failed to map segment")
+"""What the system says, also of a library that it cannot load."""
+
 
 class MapmoreError(Exception):
     """Base of every error that a user can mend.
@@ -37,6 +40,9 @@ def explained(error: BaseException) -> BaseException:
     """
     if isinstance(error, SystemError) and isinstance(error.__cause__, KeyboardInterrupt):
         return error.__cause__
+    said = [str(one) for one in (error, error.__cause__) if isinstance(one, OSError | ImportError)]
+    if isinstance(error, MemoryError) or any(sign in text for sign in _NO_MEMORY for text in said):
+        return MapmoreError("there is too little memory for this", "close other programs, or take fewer or shorter recordings")
     if isinstance(error, PermissionError) and error.filename is not None:
         return DataError(f"{error.filename}: cannot be read (permission denied)", "change its permissions, or leave it out")
     if isinstance(error, OSError) and error.filename is not None and error.errno in _PATHS:

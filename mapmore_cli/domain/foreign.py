@@ -60,6 +60,11 @@ def c_comment(*lines: str) -> list[str]:
     return [*(f"{' *' if i else '/*'} {plain(line)}".rstrip() for i, line in enumerate(lines)), " */"]
 
 
+def c_string(text: str) -> str:
+    """Return the text as a string in C; other bytes than those of `PLAIN` are octal escapes, so that there are no trigraphs."""
+    return '"' + "".join(chr(byte) if chr(byte) in PLAIN else f"\\{byte:03o}" for byte in text.encode(errors="surrogatepass")) + '"'
+
+
 def docstring(*lines: str) -> list[str]:
     """Return a docstring in Python; without quotes and backslashes within, nothing ends it early."""
     return ['"""' + plain(lines[0]) + '"""'] if len(lines) == 1 else ['"""' + plain(lines[0]), *map(plain, lines[1:]), '"""']

@@ -13,7 +13,21 @@ from typing import Any
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.foreign import c_comment
 from mapmore_cli.domain.models import Model
-from mapmore_cli.exporting.dialect import DOUBLE, SINGLE, Dialect, Expressions, Statements, identifier, names_of_inputs, renamed, rendered
+from mapmore_cli.exporting.dialect import (
+    DOUBLE,
+    SINGLE,
+    Code,
+    Dialect,
+    Expressions,
+    Statements,
+    code,
+    identifier,
+    lines_of_code,
+    names_of_inputs,
+    renamed,
+    rendered,
+    word,
+)
 from mapmore_cli.modelling.inverse import BISECTIONS, FLAT, NONE, ONE, REACHED, SAME, SEVERAL, SPLITS, STEEP, knots, parts_between
 from mapmore_cli.modelling.kinds import OUTSIDE_TOLERANCE, runs_over_time
 from mapmore_cli.modelling.program.model import program_of, with_slopes
@@ -50,7 +64,7 @@ class CSource:
 
     model: Model
     code: Program
-    name: str
+    name: Code
     single: bool
 
     @cached_property
@@ -71,42 +85,36 @@ class CSource:
         return SINGLE if self.single else DOUBLE
 
     @property
-    def real(self) -> str:
+    def real(self) -> Code:
         """The type of numbers."""
-        return "float" if self.single else "double"
+        return word("float" if self.single else "double")
 
     @property
-    def prefix(self) -> str:
+    def prefix(self) -> Code:
         """How the names of macros begin."""
-        return self.name.upper()
+        return word(self.name.upper())
 
     @cached_property
-    def places(self) -> dict[str, str]:
+    def places(self) -> dict[str, Code]:
         """The macro for the place of every input, by its name."""
-        return {name: f"{self.prefix}_IN_{own.upper()}" for name, own in names_of_inputs(self.model.inputs).items()}
+        return {name: code("{}_IN_{}", self.prefix, own.upper()) for name, own in names_of_inputs(self.model.inputs).items()}
 
     @property
     def words(self) -> dict[str, object]:
         """What templates know of the model."""
         words: dict[str, object] = {name: getattr(self, name) for name in ("model", "name", "prefix", "places", "real", "call")}
-        code = self.code
-        return {
-            **words,
-            "memory": self.with_memory,
-            "step": code.step,
-            "kept": code.kept,
-            "number": self.dialect.number,
-            "f": "f" * self.single,
-        }
+        own = {"step": self.code.step, "kept": self.code.kept, "number": self.dialect.number}
+        return {**words, **own, "memory": self.with_memory, "single": self.single, "f": Code("f" * self.single)}
 
     @property
-    def call(self) -> str:
+    def call(self) -> Code:
         """Head of the function that computes the output."""
-        result = f"{self.real} *out"
-        return self._head("step", result, f"{self.name}_state *s, ") if self.with_memory else self._head("eval", result)
+        if self.with_memory:
+            return self._head("step", code("{} *out", self.real), code("{}_state *s, ", self.name))
+        return self._head("eval", code("{} *out", self.real))
 
-    def _head(self, function: str, results: str, state: str = "") -> str:
-        return f"int {self.name}_{function}({state}const {self.real} in[{self.prefix}_INPUTS], {results})"
+    def _head(self, function: str, results: Code, state: Code = Code()) -> Code:  # noqa: B008 - nothing changes it
+        return code("int {}_{}({}const {} in[{}_INPUTS], {})", self.name, function, state, self.real, self.prefix, results)
 
     def header(self) -> str:
         """Return the declarations, with names and units."""
@@ -114,15 +122,16 @@ class CSource:
 
     def source(self) -> str:
         """Return the functions."""
-        return self._file(self.name, self.call, ["*out"], reset=self.with_memory)
+        return self._file(self.name, self.call, [code("*out")], reset=self.with_memory)
 
     def program(self) -> str:
         """Return a program that reads a sample a line, and prints the output and the bits of each."""
         measured = [f"{name}_measured" for name in self.code.kept.fed_back]
         columns = " ".join([*(quantity.name for quantity in self.model.inputs), *measured])
-        return rendered("main.c", **self.words, columns=columns, given=f"{self.prefix}_INPUTS{' + 1' * bool(measured)}")
+        given = code("{}_INPUTS + 1" if measured else "{}_INPUTS", self.prefix)
+        return rendered("main.c", **self.words, columns=columns, given=given)
 
-    def _file(self, header: str, head: str, results: Sequence[str], **words: object) -> str:
+    def _file(self, header: Code, head: Code, results: Sequence[Code], **words: object) -> str:
         """Return a source file whose function `head` writes what the model comes to where `results` are."""
         statements = CStatements(self.code, self.dialect, "s->", real=self.real)
         functions = [line for function in self.code.functions for line in statements.function(function)]
@@ -130,17 +139,16 @@ class CSource:
         lines, values = statements.block(self.code.body, expressions)
         checks = [line for number, limit in enumerate(self.code.limits) for line in self._check(number, limit, expressions)]
         lines = [*lines, *checks, *(f"{place} = {value};" for place, value in zip(results, values, strict=True))]
-        words |= {"header": header, "head": head, "results": results, "functions": functions, "statements": lines}
-        return rendered(
-            "model.c", **{"reset": False, "inverses": ()} | self.words | words, tolerance=self.dialect.number(OUTSIDE_TOLERANCE)
-        )
+        words = {"reset": False, "inverses": (), **self.words, **words, "header": f"{header}.h", "head": head, "results": results}
+        words |= {"functions": lines_of_code(functions), "statements": lines_of_code(lines)}
+        return rendered("model.c", **words, body=rendered("body.c", **words), tolerance=self.dialect.number(OUTSIDE_TOLERANCE))
 
     def _check(self, number: int, limit: Limit, expressions: Expressions) -> Iterator[str]:
         """Set the bits of the inputs that are beyond a range."""
         bits = " | ".join(f"1 << {place}" for name, place in self.places.items() if name in limit.inputs)
         value = expressions.text(limit.value)
         if limit.at is None or len(limit.levels) == 1:
-            ends = [self.dialect.number(end[0]) for end in (limit.low, limit.high)]
+            ends: list[str] = [self.dialect.number(end[0]) for end in (limit.low, limit.high)]
         else:
             for name, values in (("levels", limit.levels), ("low", limit.low), ("high", limit.high)):
                 numbers = ", ".join(map(self.dialect.number, values.tolist()))
@@ -151,14 +159,19 @@ class CSource:
 
     def inverse(self) -> dict[str, str]:
         """Return the second header and source of a model without memory, by name: derivatives, and inverses where ranges are known."""
-        slopes = [f"slopes[{i}]" for i in range(len(self.model.inputs))]
-        head = self._head("derivatives", f"{self.real} *out, {self.real} slopes[{self.prefix}_INPUTS]")
+        slopes = [code("slopes[{}]", i) for i in range(len(self.model.inputs))]
+        head = self._head("derivatives", code("{0} *out, {0} slopes[{1}_INPUTS]", self.real, self.prefix))
         inverses = list(self._inverses())
-        words = {"inverses": inverses, "macros": self._macros([inverse["ends"] for inverse in inverses])} if inverses else {"inverses": ()}
-        name = f"{self.name}_inverse"
-        header = rendered("inverse.h", **self.words, **words, head=head, status=STATUS)
+        words: dict[str, object] = {"inverses": inverses, "status": STATUS}
+        if inverses:
+            words["ends"] = max(inverse["ends"] for inverse in inverses) + 2 * DIVIDED
+            words |= {"DIVIDED": DIVIDED, "SPLITS": SPLITS, "BISECTIONS": BISECTIONS}
+            coarser = COARSER if self.single else 1.0
+            words |= {"STEEP": STEEP, "SAME": SAME * coarser, "REACHED": REACHED * coarser}
+        name = code("{}_inverse", self.name)
+        header = rendered("inverse.h", **self.words, **words, head=head)
         source = replace(self, code=with_slopes(self.code))
-        return {f"{name}.h": header, f"{name}.c": source._file(name, head, ["*out", *slopes], **words)}
+        return {f"{name}.h": header, f"{name}.c": source._file(name, head, [code("*out"), *slopes], **words)}
 
     def _inverses(self) -> Iterator[dict[str, Any]]:
         """Yield the function that solves for an input, for every one whose training range is known."""
@@ -168,27 +181,9 @@ class CSource:
             except UsageError:
                 continue
             numbers, parts = [self.dialect.number(place) for place in places.tolist()], parts_between(places)
-            head = self._head(f"invert_{own}", f"{self.real} wanted, {self.real} *found")
+            head = self._head(f"invert_{own}", code("{0} wanted, {0} *found", self.real))
             ends = 2 * (len(places) - 1) * (parts + 1) + 1
             yield {"head": head, "place": self.places[name], "knots": numbers, "parts": parts, "ends": ends}
-
-    def _macros(self, ends: Sequence[int]) -> dict[str, object]:
-        """Return what the functions of every inverse have to know of this one."""
-        number, f, coarser = self.dialect.number, "f" * self.single, COARSER if self.single else 1.0
-        return {
-            "INPUTS": f"{self.prefix}_INPUTS",
-            "EVALUATE": f"{self.name}_eval",
-            "DIFFERENTIATE": f"{self.name}_derivatives",
-            **{status.upper(): f"{self.prefix}_{status.upper()}" for status in STATUS},
-            "DIVIDED": f"{DIVIDED} /* parts that are divided further at most */",
-            "SPLITS": SPLITS,
-            "STEEP": number(STEEP),
-            "PLACES": f"{max(ends) + 2 * DIVIDED} /* ends of monotone parts at most: two arrays of them lie on the stack */",
-            "SAME": number(SAME * coarser),
-            "REACHED": number(REACHED * coarser),
-            "BISECTIONS": BISECTIONS,
-            **{macro: f"{name}{f}" for macro, name in (("NEXT", "nextafter"), ("FABS", "fabs"), ("FMIN", "fmin"), ("FMAX", "fmax"))},
-        }
 
 
 @dataclass
@@ -264,7 +259,7 @@ def mujoco_files(model: Model) -> dict[str, str]:
     if (inputs["strain"], model.output.unit) != ("1", "N"):
         raise UsageError("MuJoCo counts in m and N", "run the study with `units: {strain: 1, force: N}`")
     source = c_source(model)
-    text = rendered("mujoco.c", name=source.name, prefix=source.name.upper(), pressure=inputs["pressure"])
+    text = rendered("mujoco.c", **source.words, pressure=inputs["pressure"])
     return {**source.files, f"{source.name}_mujoco.c": text}
 
 
@@ -277,6 +272,6 @@ def simulink_files(model: Model) -> dict[str, str]:
         raise UsageError("a C Caller block keeps no state, and this model has memory", "export it as fmu, which Simulink imports")
     source = c_source(model)
     names = names_of_inputs(model.inputs, [source.name])
-    words = {"name": source.name, "prefix": source.name.upper(), "model": model, "output": identifier(model.output.name)}
-    words |= {"parameters": ", ".join(f"double {name}" for name in names.values()), "names": ", ".join(names.values())}
+    words = source.words | {"output": identifier(model.output.name), "names": names.values()}
+    words["parameters"] = [code("double {}", name) for name in names.values()]
     return {**source.files, **{f"{source.name}_simulink.{end}": rendered(f"simulink.{end}", **words) for end in "hc"}}

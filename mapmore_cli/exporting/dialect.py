@@ -1,22 +1,62 @@
-"""What C and Python have in common: names, numbers, functions, expressions and statements; and the templates of files."""
+"""What C and Python have in common: names, numbers, functions, expressions and statements; and the templates of files.
+
+A template takes `Code` and numbers as they stand. It writes every other text as a literal of its language.
+"""
 
 from __future__ import annotations
 
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from functools import cache
 from importlib.resources import files
 from itertools import count
+from typing import Any
 from xml.sax.saxutils import quoteattr
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from mapmore_cli.domain.errors import UsageError
-from mapmore_cli.domain.foreign import WORDS, identifiers, plain, xml_text
+from mapmore_cli.domain.errors import DataError, UsageError
+from mapmore_cli.domain.foreign import WORDS, c_string, identifiers, plain, tex_text, xml_text
 from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.modelling.expressions.states import IDENTIFIER
 from mapmore_cli.modelling.expressions.syntax import Call, Condition, Expression, Name, Number, Power, Product, Sum
 from mapmore_cli.modelling.program.statements import NOTHING, Block, Choose, Keep, Let, Program, Queue, Recall, Statement, Use
+from mapmore_cli.modelling.program.values import COMPARE
+
+
+class Code(str):
+    """A text that our own printers made, of words that are none of a stranger's."""
+
+    __slots__ = ()
+
+
+def word(text: str) -> Code:
+    """Return a text that is an identifier; raises DataError where it is none."""
+    if not IDENTIFIER.fullmatch(text):
+        what = f"the model calls something {plain(text)[:60]!r}, which cannot be a name in code"
+        raise DataError(what, "make the model anew with names of letters, digits and _")
+    return Code(text)
+
+
+def code(form: str, *parts: Code | str | float) -> Code:
+    """Return a form of ours with its braces filled: with code and numbers, and with texts that are identifiers."""
+    return Code(form.format(*(word(one) if isinstance(one, str) and not isinstance(one, Code) else one for one in parts)))
+
+
+def texts_of(part: object) -> Iterator[str]:
+    """Yield every text within a part of a program, all but notes and the functions of expressions, which are known ones."""
+    if isinstance(part, str):
+        yield part
+    elif isinstance(part, Expression):
+        yield from part.names
+    elif isinstance(part, tuple | Mapping):
+        for one in part:
+            yield from texts_of(one)
+    elif is_dataclass(part):
+        for one in fields(part):
+            yield from texts_of(getattr(part, one.name)) if one.name != "note" else ()
 
 
 @dataclass(frozen=True)
@@ -30,7 +70,7 @@ class Dialect:
     - `quotient`: the text of a quotient, given dividend and divisor.
     """
 
-    number: Callable[[float], str]
+    number: Callable[[float], Code]
     functions: Mapping[str, str]
     constant: Callable[[str, str], str]
     nothing: str
@@ -45,15 +85,15 @@ C_FUNCTIONS = {
 LARGEST, SMALLEST = 3.4028234e38, 1e-37
 """Of a single-precision number; what lies beyond is held at the one, and is zero below the other."""
 
-DOUBLE = Dialect(lambda value: repr(float(value)), C_FUNCTIONS, lambda name, text: f"const double {name} = {text};", "NAN")
+DOUBLE = Dialect(lambda value: Code(repr(float(value))), C_FUNCTIONS, lambda name, text: f"const double {name} = {text};", "NAN")
 SINGLE = Dialect(
-    number=lambda value: f"{0.0 if abs(value) < SMALLEST else min(max(float(value), -LARGEST), LARGEST)!r}f",
+    number=lambda value: code("{!r}f", 0.0 if abs(value) < SMALLEST else min(max(float(value), -LARGEST), LARGEST)),
     functions={name: text if text == "sign_of" else f"{text}f" for name, text in C_FUNCTIONS.items()},
     constant=lambda name, text: f"const float {name} = {text};",
     nothing="NAN",
 )
 NUMPY = Dialect(
-    number=lambda value: repr(float(value)),
+    number=DOUBLE.number,
     functions={**{name: f"np.{name}" for name in C_FUNCTIONS}, "atan": "np.arctan", "pow": "np.power"},
     constant=lambda name, text: f"{name} = {text}",
     nothing="np.nan",
@@ -108,8 +148,8 @@ class Expressions:
         """Return the expression as a factor."""
         match expression:
             case Number(value):
-                text = self.dialect.number(value)
-                return text if front or not text.startswith("-") else f"({text})"
+                number = self.dialect.number(value)
+                return number if front or not number.startswith("-") else f"({number})"
             case Name(name):
                 return self.dialect.nothing if expression == NOTHING else self.names(name)
             case Power() | Call():
@@ -147,6 +187,13 @@ class Statements(ABC):
     """How a name begins that is kept in the state `s`."""
     places: dict[str, str] = field(default_factory=dict)
     """Where results lie that have no name of their own."""
+
+    def __post_init__(self) -> None:
+        """Raise DataError where a name of the program is no identifier."""
+        own, kept = self.program, self.program.kept
+        limits = tuple((limit.value, limit.at) for limit in own.limits)
+        for text in {*texts_of((own.functions, own.body, limits, kept.numbers, kept.queues))} - {*COMPARE}:
+            word(text)
 
     def expressions(self) -> Expressions:
         """Return how the expressions of a function are written."""
@@ -207,7 +254,7 @@ PYTHON = ("np", "float", "s", "finite", "_beyond", "state", "State", "step", "ev
 """Names in functions of a module that its inputs must not hide."""
 
 
-def identifier(name: str) -> str:
+def identifier(name: str) -> Code:
     """Return the name with `_` for what C does not allow; `model_` goes before a digit and before a reserved word.
 
     The same before `x` and `x_...`: `x_reset` is an input in C. Raises UsageError where there is no letter and no digit in it.
@@ -216,7 +263,7 @@ def identifier(name: str) -> str:
     if not found:
         raise UsageError(f"the model is called `{name}`, which has no letter that C allows in a name", "give the study another name")
     first = found.lower().partition("_")[0]
-    return f"model_{found}" if first[0].isdigit() or first == "x" or found.lower() in RESERVED else found
+    return word(f"model_{found}" if first[0].isdigit() or first == "x" or found.lower() in RESERVED else found)
 
 
 def names_of_inputs(inputs: Sequence[Quantity], functions: Sequence[str] = ()) -> dict[str, str]:
@@ -230,16 +277,47 @@ def renamed(names: Mapping[str, str]) -> list[str]:
     return [f"The input {name} is called {other} here." for name, other in names.items() if name != other]
 
 
-TEMPLATES = Environment(loader=PackageLoader(__package__, "sources"), undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-TEMPLATES.keep_trailing_newline = True
-TEMPLATES.filters["plain"] = plain
-TEMPLATES.filters["quoted"] = lambda text: quoteattr(xml_text(text))
-TEMPLATES.filters["unit"] = lambda quantity: plain(f"{quantity.name} [{quantity.unit}]")
+LITERALS: Mapping[str, Callable[[str], str]] = {
+    **dict.fromkeys("ch", c_string),
+    "py": repr,
+    "tex": tex_text,
+    "xml": lambda text: quoteattr(xml_text(text)),
+}
+"""How a text is written in a language, by the ending of its files."""
 
 
-def rendered(template: str, **words: object) -> str:
-    """Return a file of `sources/` with the words put in; foreign text goes through the filters `plain` and `unit`, in XML `quoted`."""
-    return TEMPLATES.get_template(f"{template}.jinja").render(words)
+@cache
+def templates(language: str) -> Environment:
+    """Return the templates of `sources/`, for a language."""
+
+    def written(value: Any) -> Any:
+        if isinstance(value, Code | int | float):
+            return value
+        if isinstance(value, str):
+            return LITERALS[language](str(value))
+        raise TypeError(f"not a text, and no number: {value!r}")
+
+    loader = PackageLoader(__package__, "sources")
+    found = Environment(loader=loader, undefined=StrictUndefined, finalize=written, trim_blocks=True, lstrip_blocks=True)
+    found.keep_trailing_newline = True
+    found.filters |= {"word": word, "note": note, "listed": lambda parts: Code(", ".join(str(written(one)) for one in parts))}
+    found.filters["unit"] = lambda quantity: note(f"{quantity.name} [{quantity.unit}]")
+    return found
+
+
+def note(text: str) -> Code:
+    """Return a text for the inside of a comment, which nothing in it can end; it belongs nowhere else."""
+    return Code(plain(text))
+
+
+def rendered(template: str, **words: object) -> Code:
+    """Return a file of `sources/` with the words put in."""
+    return Code(templates(template.rpartition(".")[2]).get_template(f"{template}.jinja").render(words))
+
+
+def lines_of_code(lines: Iterable[str]) -> list[Code]:
+    """Return what `Statements` wrote, as code: its constructor has seen every name of the program."""
+    return list(map(Code, lines))
 
 
 def source(name: str) -> str:

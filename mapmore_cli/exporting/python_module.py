@@ -11,10 +11,24 @@ from collections.abc import Sequence
 
 from mapmore_cli.domain.foreign import docstring, identifiers
 from mapmore_cli.domain.models import Model
-from mapmore_cli.exporting.dialect import NUMPY, PYTHON, SCALAR, Expressions, Statements, identifier, names_of_inputs, renamed, rendered
+from mapmore_cli.exporting.dialect import (
+    NUMPY,
+    PYTHON,
+    SCALAR,
+    Code,
+    Expressions,
+    Statements,
+    code,
+    identifier,
+    lines_of_code,
+    names_of_inputs,
+    renamed,
+    rendered,
+    word,
+)
 from mapmore_cli.modelling.kinds import OUTSIDE_TOLERANCE
 from mapmore_cli.modelling.program.model import program_of, with_slopes
-from mapmore_cli.modelling.program.statements import Choose, Let, Limit
+from mapmore_cli.modelling.program.statements import Block, Choose, Let, Limit
 from mapmore_cli.modelling.program.values import INPUT
 
 
@@ -27,52 +41,52 @@ def python_module(model: Model, plain: bool = False) -> tuple[str, str]:
     Raises UsageError where the model's name has nothing that a module may be called; DataError where a part of the model is no closed
     expression.
     """
-    name, code, dialect = identifier(model.name), program_of(model), SCALAR if plain else NUMPY
+    name, program, dialect = identifier(model.name), program_of(model), SCALAR if plain else NUMPY
     stem = f"model_{name}" if name in sys.stdlib_module_names else name  # NumPy would import it for Python's own
-    functions = [function.name for function in code.functions]
+    functions = [function.name for function in program.functions]
     names = names_of_inputs(model.inputs, functions)
-    inputs = ", ".join(f"{quantity.name} [{quantity.unit}]" for quantity in model.inputs) or "nothing"
-    needs = "It needs nothing but Python." if plain else "It needs NumPy alone."
-    about = docstring(f"{model.name}: {model.output.name} [{model.output.unit}] from {inputs}. {needs}", *renamed(names))
     taken = [*PYTHON, "outside_range", "derivatives", "reset", "math", *functions]
-    words = {
-        "model": model,
-        "names": names,
-        "plain": plain,
-        "about": "\n".join(about),
-        "output": identifiers([model.output.name], taken)[0],
-    }
-    words |= {"memory": code.step is not None, "step": code.step, "kept": code.kept, "tolerance": repr(OUTSIDE_TOLERANCE)}
-    arrays = [f"{INPUT}{name} = np.asarray({parameter}, dtype=float)" for name, parameter in names.items()]
-    words["given_and_finite"] = [*arrays, "finite = " + (" & ".join(f"np.isfinite({INPUT}{name})" for name in names) or "np.True_")]
-    statements = PythonStatements(code, dialect, "s.")
+    words = {"model": model, "names": names, "plain": plain, "renamed": renamed(names), "tolerance": OUTSIDE_TOLERANCE}
+    words |= {"output": word(identifiers([model.output.name], taken)[0]), "kept": program.kept}
+    words |= {"memory": program.step is not None, "step": program.step}
+    arrays = [code("{}{} = np.asarray({}, dtype=float)", INPUT, name, own) for name, own in names.items()]
+    finite = [code("np.isfinite({}{})", INPUT, name) for name in names]
+    words |= {"arrays": arrays, "finite": Code(" & ".join(finite) or "np.True_")}
+    statements = PythonStatements(program, dialect, "s.")
     words["functions"] = statements.functions()
-    words["lines"], (words["result"],) = statements.block(code.body, statements.expressions())
+    words["lines"], words["result"] = statements.coded(program.body)
     words["range_lines"], words["checks"] = statements.checks()
-    if plain and code.step is None:
-        slopes = PythonStatements(with_slopes(code), dialect, "s.")
+    if plain and program.step is None:
+        slopes = PythonStatements(with_slopes(program), dialect, "s.")
         words["slope_functions"] = slopes.functions()
-        words["slope_lines"], (_, *words["slopes"]) = slopes.block(slopes.program.body, slopes.expressions())
+        words["slope_lines"], words["slopes"] = slopes.coded(slopes.program.body)
     return f"{stem}.py", rendered("module.py", **words)
 
 
 class PythonStatements(Statements):
     """Writes statements in Python; all cases of a choice are worked out for all rows."""
 
-    def functions(self) -> list[tuple[str, tuple[str, ...], list[str]]]:
+    def coded(self, block: Block) -> tuple[list[Code], list[Code]]:
+        """Return the lines of a block and its results."""
+        lines, results = self.block(block, self.expressions())
+        return lines_of_code(lines), lines_of_code(results)
+
+    def functions(self) -> list[tuple[str, tuple[str, ...], list[Code]]]:
         """Return name, parameters and lines of every function."""
         found = []
         for function in self.program.functions:
             lines, results = self.block(function.body, self.expressions())
             note = docstring(f"{function.note[:1].upper()}{function.note[1:]}.") if function.note else []
-            found.append((function.name, function.parameters, [*note, *lines, f"return {', '.join(results)}"]))
+            lines = [*note, *lines, f"return {', '.join(results)}"]
+            found.append((function.name, function.parameters, lines_of_code(lines)))
         return found
 
-    def checks(self) -> tuple[list[str], list[str]]:
+    def checks(self) -> tuple[list[Code], Code]:
         """Return whether each limit is exceeded, and the lines before; limits are of inputs, or of expressions of them."""
         expressions = self.expressions()
         self.write([one for one in self.program.body.statements if isinstance(one, Let) and one.name.startswith("input_")], expressions)
-        return expressions.lines, [f"_beyond({self._limit(limit, expressions)})" for limit in self.program.limits]
+        checks = [f"_beyond({self._limit(limit, expressions)})" for limit in self.program.limits]
+        return lines_of_code(expressions.lines), Code(" | ".join(checks) or "np.False_")
 
     def _limit(self, limit: Limit, expressions: Expressions) -> str:
         value = expressions.text(limit.value)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import io
 import math
 from collections.abc import Mapping, Sequence
@@ -10,9 +11,9 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import UsageError
-from mapmore_cli.domain.foreign import tex_comment, tex_text
+from mapmore_cli.domain.foreign import csv_cell, identifiers
 from mapmore_cli.domain.models import Model
-from mapmore_cli.exporting.dialect import identifier, names_of_inputs
+from mapmore_cli.exporting.dialect import Code, code, identifier, names_of_inputs, note, rendered
 from mapmore_cli.modelling.kinds import equations, outside_range, predict, runs_over_time
 from mapmore_cli.modelling.program.model import program_of
 
@@ -64,30 +65,35 @@ def _spread(model: Model, name: str) -> Array:
 
 
 def _csv(model: Model, points: Mapping[str, Array], values: Array, valid: Array) -> str:
-    header = ",".join([*points, f"{model.output.name}_predicted", "valid"])
-    columns = [*points.values(), values.ravel(), valid.ravel()]
-    return "\n".join(
-        [header, *(",".join(f"{number:.12g}" if math.isfinite(number) else "" for number in row) for row in zip(*columns, strict=True)), ""]
-    )
+    columns, text = [*points.values(), values.ravel(), valid.ravel()], io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(map(csv_cell, (*points, f"{model.output.name}_predicted", "valid")))
+    table.writerows([f"{number:.12g}" if math.isfinite(number) else "" for number in row] for row in zip(*columns, strict=True))
+    return text.getvalue()
 
 
 def _mat(model: Model, places: Mapping[str, Array], values: Array, valid: Array) -> bytes:
     """Return a MAT file of level 5, without the date that SciPy puts into it."""
     from scipy.io import savemat
 
-    names = names_of_inputs(model.inputs, [model.output.name, "valid"])
+    output = _output(model)
+    names = names_of_inputs(model.inputs, [output, "valid"])
     arrays = {names[name]: column for name, column in places.items()}
     stream = io.BytesIO()
-    savemat(stream, {**arrays, model.output.name: values, "valid": valid}, oned_as="column")  # type: ignore[arg-type]  # a stream will do
+    savemat(stream, {**arrays, output: values, "valid": valid}, oned_as="column")  # type: ignore[arg-type]  # a stream will do
     return HEADER.ljust(116) + stream.getvalue()[116:]
+
+
+def _output(model: Model) -> str:
+    return identifiers([model.output.name], ["valid"])[0]
 
 
 def _combi_table(model: Model, places: Mapping[str, Array], values: Array, valid: Array) -> str:
     """Two tables, `<output>` and `valid`: the second input in the first row, the first input in the first column."""
     rows, columns = places.values()
-    lines = ["#1", *(f"# {quantity.name} [{quantity.unit}]" for quantity in (*model.inputs, model.output))]
-    for name, grid in ((model.output.name, values), ("valid", valid)):
-        lines += ["", f"double {name}({len(rows) + 1},{len(columns) + 1})"]
+    lines = ["#1", *("# " + note(f"{quantity.name} [{quantity.unit}]") for quantity in (*model.inputs, model.output))]
+    for name, grid in ((_output(model), values), ("valid", valid)):
+        lines += ["", code("double {}({},{})", name, len(rows) + 1, len(columns) + 1)]
         lines.append(" ".join(["0", *(repr(float(place)) for place in columns)]))
         lines += [" ".join(repr(float(number)) for number in (place, *row)) for place, row in zip(rows, grid, strict=True)]
     return "\n".join([*lines, ""])
@@ -96,7 +102,5 @@ def _combi_table(model: Model, places: Mapping[str, Array], values: Array, valid
 def tex_equations(model: Model) -> tuple[str, str]:
     """Return name and text of a file for `\\input`: one equation each, in the model's units, with what it is called before it."""
     units = ", ".join(f"{quantity.name} in {quantity.unit}" for quantity in (model.output, *model.inputs))
-    lines = tex_comment(f"{model.name}: {units}")
-    for one in equations(model):
-        lines += [rf"\noindent {tex_text(one.id)}:", r"\[", f"  {one.latex}", r"\]"]
-    return f"{identifier(model.name)}.tex", "\n".join([*lines, ""])
+    found = [(one.id, Code(one.latex)) for one in equations(model)]  # printed from names that are identifiers
+    return f"{identifier(model.name)}.tex", rendered("equations.tex", about=f"{model.name}: {units}", equations=found)

@@ -1,10 +1,11 @@
-"""Exported code is compiled and run beside `predict` before it is written: on random points within and beyond the training range."""
+"""Exported code is compiled and run beside `predict` before it is written: on random points within and beyond the training range.
+
+It runs in a process of its own, with a limit of time: no code that follows from a file runs in ours.
+"""
 
 from __future__ import annotations
 
-import _ctypes
-import ast
-import ctypes
+import json
 import os
 import platform
 import shutil
@@ -14,7 +15,6 @@ import sys
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -30,7 +30,11 @@ from mapmore_cli.modelling.program.values import INPUT
 COMPILERS = ("cc", "gcc", "clang")
 """Looked for in this order, after what the environment variable CC says."""
 
-FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-shared", "-fPIC", "-fvisibility=hidden")
+FLAGS = ("-std=c99", "-O2", "-ffp-contract=off")
+LIBRARY = ("-shared", "-fPIC", "-fvisibility=hidden")
+
+SECONDS = 300
+"""After which a compiler, and then the code, is stopped."""
 
 SYSTEMS = {"linux": ("linux", "so"), "darwin": ("darwin", "dylib"), "win32": ("win", "dll")}
 """What FMI 2.0 calls a system, and how the names of its shared libraries end, by `sys.platform`."""
@@ -52,8 +56,8 @@ def library_place(name: str) -> str:
     return f"binaries/{system}{8 * struct.calcsize('P')}/{name}.{ending}"
 
 
-def shared_library(files: Mapping[str, str], compiled: Sequence[str]) -> bytes:
-    """Return the library that those of the files are compiled to.
+def built(files: Mapping[str, str], compiled: Sequence[str], flags: Sequence[str] = LIBRARY) -> bytes:
+    """Return the library, or without its flags the program, that those of the files are compiled to.
 
     Raises CompilerMissing where there is no compiler, CompilerFailed where it refuses the files.
     """
@@ -62,23 +66,24 @@ def shared_library(files: Mapping[str, str], compiled: Sequence[str]) -> bytes:
     if found is None:
         raise CompilerMissing(f"there is no C compiler here ({', '.join(wanted)})")
     try:
-        return _compiled(found, files, compiled)
-    except (OSError, subprocess.CalledProcessError) as fault:
+        return _compiled(found, files, compiled, flags)
+    except (OSError, subprocess.SubprocessError) as fault:
         said = (getattr(fault, "stderr", "") or str(fault)).strip().splitlines()
         why = f"the C compiler {found} failed: {said[0] if said else fault}"
     try:
-        _compiled(found, {"empty.c": "int nothing;\n"}, ["empty.c"])
-    except (OSError, subprocess.CalledProcessError) as fault:
+        _compiled(found, {"empty.c": "int nothing;\n"}, ["empty.c"], LIBRARY)
+    except (OSError, subprocess.SubprocessError) as fault:
         raise CompilerMissing(why) from fault  # it compiles nothing at all
     raise CompilerFailed(why)
 
 
-def _compiled(compiler: str, files: Mapping[str, str], compiled: Sequence[str]) -> bytes:
+def _compiled(compiler: str, files: Mapping[str, str], compiled: Sequence[str], flags: Sequence[str]) -> bytes:
     with tempfile.TemporaryDirectory() as folder:
         for name, text in files.items():
             (Path(folder) / name).write_text(text, encoding="utf-8")
-        subprocess.run([compiler, *FLAGS, *compiled, "-o", "library", "-lm"], cwd=folder, check=True, capture_output=True, text=True)
-        return (Path(folder) / "library").read_bytes()
+        line = [compiler, *FLAGS, *flags, *compiled, "-o", "built", "-lm"]
+        subprocess.run(line, cwd=folder, check=True, capture_output=True, text=True, timeout=SECONDS)
+        return (Path(folder) / "built").read_bytes()
 
 
 POINTS = 100
@@ -91,45 +96,42 @@ def verify_c(model: Model, name: str, texts: Mapping[str, str], single: bool) ->
 
     Raises CompilerMissing where there is no compiler; MapmoreError where it refuses the code, or its numbers are others.
     """
-    measured, real = bool(fed_back(model)), "float" if single else "double"
-    words = {"name": name, "prefix": name.upper(), "real": real, "columns": len(model.inputs) + measured, "measured": measured}
-    driver = rendered("verify.c", **words, memory=program_of(model).step is not None)
-    _verify_library(model, {**texts, "verify.c": driver}, [f"{name}.c", "verify.c"], CLOSE_SINGLE if single else CLOSE)
+    compiled = [f"{name}.c", f"{name}_main.c"]
+    _verify_program(model, texts, compiled, CLOSE_SINGLE if single else CLOSE)
 
 
 def verify_unit(model: Model, texts: Mapping[str, str], compiled: Sequence[str]) -> None:
     """Compile the sources of a functional mock-up unit and compare what it answers to a tool; raises as `verify_c`."""
-    _verify_library(model, {**texts, "verify-unit.c": source("verify-unit.c")}, [*compiled, "verify-unit.c"], CLOSE)
+    _verify_program(model, {**texts, "verify-unit.c": source("verify-unit.c")}, [*compiled, "verify-unit.c"], CLOSE)
 
 
 def verify_module(model: Model, text: str, each: bool = False) -> None:
-    """Import a module and compare it, sample by sample where it takes `each` alone.
-
-    MapmoreError where it holds what no module of ours does, or its numbers are others.
-    """
-    columns = points(model)
-    if not _is_ours(ast.parse(text)):
-        raise _unequal(model, "the module holds statements that are not its own")
-    module: dict[str, Any] = {"__name__": "model"}
-    exec(compile(text, "model", "exec"), module)
-    given = [columns[quantity.name] for quantity in model.inputs]
-    with np.errstate(all="ignore"):
-        if program_of(model).step is None:
-            found = np.broadcast_to(_called(module["evaluate"], given, each), POINTS)
-        else:
-            found, state = np.empty(POINTS), module["State"]()
-            for row in range(POINTS):
-                found[row] = module["step"](state, *(x[row] for x in given))
-                if np.isnan(found[row]):
-                    for output in fed_back(model):
-                        state.measured(columns[output][row])
-        outside = np.broadcast_to(_called(module["outside_range"], given, each), POINTS)
-    _compare(model, columns, found, outside, CLOSE)
+    """Import a module and compare it, sample by sample where it takes `each` alone; raises MapmoreError as `verify_c`."""
+    columns, memory = points(model), program_of(model).step is not None
+    given = [columns[quantity.name].tolist() for quantity in model.inputs]
+    measured = [columns[output].tolist() for output in fed_back(model)]
+    driver = rendered("verify.py", memory=memory, each=each)
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        for name, code in (("exported.py", text), ("verify.py", driver)):
+            (Path(folder) / name).write_text(code, encoding="utf-8")
+        libraries = str(Path(np.__file__).parents[1])
+        job = json.dumps({"path": [folder, libraries], "given": given, "measured": measured, "rows": POINTS})
+        said = _said(model, [sys.executable, "-I", "-S", "-B", str(Path(folder) / "verify.py")], job)
+    found, outside = np.array(said.split(), dtype=np.float64).reshape(2, POINTS)
+    _compare(model, columns, found, outside != 0, CLOSE)
 
 
-def _called(function: Any, given: Sequence[Array], each: bool) -> Any:
-    """Return a function of whole arrays, or of one sample after the other."""
-    return np.array([function(*row) for row in zip(*given, strict=True)]) if each and given else function(*given)
+def _said(model: Model, command: Sequence[str], given: str) -> str:
+    """Return what code says in a process of its own; raises MapmoreError where it fails."""
+    try:
+        return subprocess.run(command, input=given, capture_output=True, text=True, check=True, timeout=SECONDS).stdout
+    except subprocess.CalledProcessError as fault:
+        why = (fault.stderr.strip() or f"it ends with {fault.returncode}").splitlines()[-1]
+        raise _unequal(model, why) from fault
+    except subprocess.TimeoutExpired as fault:
+        raise _unequal(model, f"it takes longer than {SECONDS} s for {POINTS} samples") from fault
+    except OSError as fault:
+        raise CompilerMissing(f"{command[0]} cannot be run ({fault.strerror})") from fault
 
 
 def points(model: Model) -> Columns:
@@ -148,22 +150,21 @@ def points(model: Model) -> Columns:
     return columns
 
 
-def _verify_library(model: Model, texts: Mapping[str, str], compiled: Sequence[str], close: float) -> None:
+def _verify_program(model: Model, texts: Mapping[str, str], compiled: Sequence[str], close: float) -> None:
     columns = points(model)
     names = [*(quantity.name for quantity in model.inputs), *fed_back(model)]
-    rows = np.column_stack([columns[name] for name in names]) if names else np.empty((POINTS, 0))
-    out, bits = np.empty(POINTS), np.empty(POINTS, dtype=np.intc)
+    rows = "\n".join(" ".join(map(repr, row)) for row in zip(*(columns[name].tolist() for name in names), strict=True))
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
-        place = Path(folder) / "verify"
+        place = Path(folder) / "verify.exe"
         try:
-            place.write_bytes(shared_library(texts, compiled))
+            place.write_bytes(built(texts, compiled, ()))
         except CompilerFailed as fault:
             raise _unequal(model, str(fault)) from fault
-        library = ctypes.CDLL(str(place))
-        library.verify(np.ascontiguousarray(rows).ctypes, POINTS, out.ctypes, bits.ctypes)
-        if os.name == "posix":  # or every export of a process would keep its library in memory
-            _ctypes.dlclose(library._handle)
-    _compare(model, columns, out, (bits & ((1 << len(model.inputs)) - 1)) != 0, close)
+        place.chmod(0o700)
+        said = _said(model, [str(place)], rows)
+    found = np.array(said.split(), dtype=np.float64).reshape(-1, 2)
+    out, bits = np.broadcast_to(found, (POINTS, 2)).T  # one line where there is no input
+    _compare(model, columns, out, (bits.astype(int) & ((1 << len(model.inputs)) - 1)) != 0, close)
 
 
 def _compare(model: Model, columns: Columns, found: Array, outside: Array, close: float) -> None:
@@ -182,20 +183,3 @@ def _unequal(model: Model, what: str) -> MapmoreError:
         f"the exported code of {model.name} is not the model, and is not written: {what}",
         "please report it; --no-verify writes it all the same",
     )
-
-
-def _is_ours(tree: ast.Module) -> bool:
-    """Return whether a module imports NumPy or `math` alone, and calls nothing but that and its own functions."""
-    known = {"float", "function", "range", "len", "max", "abs"}
-    known |= {node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef | ast.ClassDef)}
-    for node in ast.walk(tree):
-        match node:
-            case ast.Import([ast.alias("numpy", "np")]) | ast.Import([ast.alias("math", None)]):
-                continue
-            case ast.Import() | ast.ImportFrom():
-                return False
-            case ast.Call(ast.Name(name)) if name not in known:
-                return False
-            case ast.Call(ast.Attribute(ast.Name(name))) if name not in ("np", "s", "self", "math"):
-                return False
-    return True

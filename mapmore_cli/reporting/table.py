@@ -12,7 +12,7 @@ from functools import cache, lru_cache
 from html import escape
 from typing import TYPE_CHECKING, Literal
 
-from mapmore_cli.domain.foreign import csv_cell, tex_comment, tex_text
+from mapmore_cli.domain.foreign import csv_cell, printable, tex_comment, tex_text
 from mapmore_cli.domain.scores import BASELINES, SIMPLE
 
 if TYPE_CHECKING:
@@ -138,17 +138,27 @@ def to_text(table: Table) -> str:
     return "\n".join([table.title, "", *("  ".join(line).rstrip() for line in body), *table.notes]) + "\n"
 
 
-def to_markdown(table: Table) -> str:
-    """Return a pipe table with its title in bold and its notes below."""
-    rule = tuple("---:" if number else "---" for number in table.numeric)
-    escaped = [tuple(map(markdown_text, line)) for line in (table.headings, *table.shown)]
-    lines = [f"| {' | '.join(line)} |" for line in (escaped[0], rule, *escaped[1:])]
-    return "\n".join([f"**{table.title}**", "", *lines, *(f"\n{note}" for note in table.notes)]) + "\n"
+_MARKUP = re.compile(
+    r"[\\`*|~$]"
+    r"|(?<![A-Za-z0-9])_|_(?![A-Za-z0-9])"  # within a word it is itself
+    r"|\](?=[(\[:])"  # the end of a link's or a picture's text
+    r"|(?<=:)/(?=/)|(?<=www)\."  # addresses become links
+    r"|^(?:>|[-+](?=\s|$)|[#=-]+(?=\s|$))|(?<=^\d)[.)](?=\s)"  # headings, lists, quotations and rules
+)
 
 
 def markdown_text(text: str) -> str:
-    """Return the text as Markdown that prints it within a cell, without tags."""
-    return " ".join(text.split()).replace("\\", "\\\\").replace("|", "\\|").replace("<", "&lt;")
+    """Return the text as Markdown that prints it, on one line, and does nothing else."""
+    text = printable(" ".join(text.split())).replace("&", "&amp;").replace("<", "&lt;")
+    return _MARKUP.sub(r"\\\g<0>", text)
+
+
+def to_markdown(table: Table, text: Callable[[str], str] = markdown_text) -> str:
+    """Return a pipe table with its title in bold and its notes below; `text` writes each of their texts."""
+    rule = tuple("---:" if number else "---" for number in table.numeric)
+    written = [tuple(map(text, line)) for line in (table.headings, *table.shown)]
+    lines = [f"| {' | '.join(line)} |" for line in (written[0], rule, *written[1:])]
+    return "\n".join([f"**{text(table.title)}**", "", *lines, *(f"\n{text(note)}" for note in table.notes)]) + "\n"
 
 
 def to_latex(table: Table) -> str:

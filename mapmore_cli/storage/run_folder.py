@@ -110,6 +110,9 @@ def run_lock(run_dir: Path, patient: bool = False) -> Iterator[None]:
     except Timeout:
         remedy = "wait until it is done, or choose another folder with --runs"
         raise WriteError(f"{run_dir}: another process is writing this run", remedy) from None
+    except (OSError, NotImplementedError) as fault:  # as on network drives
+        what = getattr(fault, "strerror", None) or "its file system has no locks"
+        raise WriteError(f"{run_dir}: cannot be locked ({what})", "choose a local folder with --runs") from fault
     try:
         yield
     finally:

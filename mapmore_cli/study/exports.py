@@ -14,7 +14,7 @@ from mapmore_cli.exporting.dialect import identifier
 from mapmore_cli.exporting.fmu import fmu_sources
 from mapmore_cli.exporting.python_module import python_module
 from mapmore_cli.exporting.table import table_files, tex_equations
-from mapmore_cli.exporting.verifying import CompilerMissing, library_place, shared_library, verify_c, verify_module, verify_unit
+from mapmore_cli.exporting.verifying import CompilerMissing, built, library_place, verify_c, verify_module, verify_unit
 from mapmore_cli.modelling.kinds import runs_over_time
 from mapmore_cli.spec.units import base_units
 from mapmore_cli.study.predict import FLAG, predicted_lines
@@ -78,7 +78,7 @@ def _unit(model: Model, verify: bool, warn: Warn) -> bytes:
         if verify:
             verify_unit(model, sources, unit.compiled)
         place = library_place(unit.name)
-        files[place] = shared_library(sources, unit.compiled)
+        files[place] = built(sources, unit.compiled)
     except CompilerMissing as reason:
         warn(f"{reason}: the unit has sources and no binary, so that the tool that imports it has to compile them")
     stream = io.BytesIO()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import signal
 import subprocess
@@ -11,10 +12,13 @@ from pathlib import Path
 from subprocess import PIPE
 from typing import NoReturn
 
+import numpy as np
 import pytest
 from cli_samples import write_study
+from numpy._core._exceptions import _ArrayMemoryError
 
 from mapmore_cli.domain import errors
+from mapmore_cli.domain.errors import DataError
 from mapmore_cli.pipeline import runner
 
 COMMAND = [sys.executable, "-m", "mapmore_cli"]
@@ -52,6 +56,22 @@ def test_internal_fault_is_one_line(study, mapmore, monkeypatch):
     result = mapmore("run", study)
     assert (result.exit_code, result.stdout) == (1, "")
     assert result.stderr == "internal fault: ZeroDivisionError: division by zero; run again with --debug to see where\n"
+
+
+def without_memory() -> list[BaseException]:
+    """What comes of too little memory: in Python, in NumPy, from the system, from a library, and of a file that was to be read."""
+    told = DataError("a.csv: cannot be read: Cannot allocate memory")
+    told.__cause__ = OSError(errno.ENOMEM, os.strerror(errno.ENOMEM))
+    library = ImportError("libm.so: failed to map segment from shared object")
+    return [MemoryError(), _ArrayMemoryError((10**9,), np.dtype(float)), OSError(errno.ENOMEM, os.strerror(errno.ENOMEM)), library, told]
+
+
+@pytest.mark.parametrize("error", without_memory(), ids=lambda error: type(error).__name__)
+def test_too_little_memory_is_told(error, study, mapmore, monkeypatch):
+    failing(monkeypatch, error)
+    result = mapmore("run", study)
+    assert (result.exit_code, result.stdout) == (1, "")
+    assert result.stderr.startswith("error: there is too little memory for this\n  ")
 
 
 @pytest.mark.parametrize("place", ["front", "end"])

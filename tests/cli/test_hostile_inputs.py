@@ -140,10 +140,27 @@ def test_devices_and_links_are_not_replaced(tmp_path):
     assert (tmp_path / "real.csv").read_text() == "new"
 
 
-def test_what_a_closed_stdout_loses_is_told(tmp_path, shell):
-    done = shell("schema", cwd=tmp_path, preexec_fn=lambda: os.close(1))
+@pytest.mark.parametrize("line", [["schema"], ["--version"], ["--help"], ["fit", "--help"]], ids=" ".join)
+def test_what_a_closed_stdout_loses_is_told(line, tmp_path, shell):
+    done = shell(*line, cwd=tmp_path, preexec_fn=lambda: os.close(1))
     assert done.returncode == 7
     assert "it is closed" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("command", [["predict"], ["invert"]], ids=" ".join)
+def test_a_closed_stdin_has_no_table(command, model_file, tmp_path, shell):
+    rest = [model_file, "-", *(["--for", "pressure"] if command == ["invert"] else [])]
+    done = shell(*command, *rest, cwd=tmp_path, preexec_fn=lambda: os.close(0))
+    assert done.returncode == 2
+    assert done.stderr.startswith("error: stdin: cannot be read (Bad file descriptor)")
+
+
+def test_a_closed_stdin_asks_nobody(tmp_path, shell):
+    write_study(tmp_path)
+    done = shell("init", "bench_1.csv", "-o", "-", cwd=tmp_path, preexec_fn=lambda: os.close(0))
+    assert "internal fault" not in done.stderr
+    assert "Traceback" not in done.stderr
 
 
 def without_privileges(*arguments: str, folder: Path) -> subprocess.CompletedProcess[str]:

@@ -18,7 +18,6 @@ import numpy as np
 from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.domain.models import CurveFunction, CurveRange, Formula, Memory, Model, Pieces, StateSpace, Sum
 from mapmore_cli.exporting.c_source import STATUS, c_source
-from mapmore_cli.exporting.dialect import rendered
 from mapmore_cli.modelling.expressions import parse
 from mapmore_cli.modelling.inverse import NEAREST
 from mapmore_cli.modelling.kinds import fed_back, outside_range, runs_over_time, simulate
@@ -131,9 +130,7 @@ def built(
         (folder / file).write_text(text)
     names = {quantity.name: place for place, quantity in enumerate(model.inputs)}
     words = {"name": source.name, "real": "float" if single else "double", "inputs": len(names)}
-    memory, measured = runs_over_time(model), bool(fed_back(model))
-    columns = {"columns": len(names) + measured, "measured": measured, "memory": memory, "prefix": source.name.upper()}
-    driver, sources = rendered("verify.c", **words, **columns), [f"{source.name}.c"]
+    driver, sources = rows_driver(model, **words), [f"{source.name}.c"]
     if inverse is not None:
         sources.append(f"{source.name}_inverse.c")
         driver += f'#include "{source.name}_inverse.h"\n#include <math.h>\n' + SLOPES.format(**words)
@@ -142,6 +139,27 @@ def built(
     subprocess.run(["gcc", *FLAGS, *strict, "-c", *sources], cwd=folder, check=True)
     objects = [one.replace(".c", ".o") for one in sources]
     subprocess.run(["gcc", "-std=c99", *lenient, *objects, "batch.c", "-o", to, "-lm"], cwd=folder, check=True)
+
+
+def rows_driver(model: Model, name: str, real: str, inputs: int) -> str:
+    """C that runs a model along the rows of a table: its inputs, and the measured output where it takes that."""
+    memory, measured = runs_over_time(model), bool(fed_back(model))
+    columns, call = inputs + measured, f"{name}_{'step(&s, in' if memory else 'eval(in'}, &found)"
+    reset = f"{name}_state s;\n{name}_reset(&s);" if memory else ""
+    told = f"if (bits[i] & {name.upper()}_NO_VALUE) {name}_measured(&s, in[{inputs}]);" if measured else ""
+    return f"""#include "{name}.h"
+void verify(const double *rows, int n, double *out, int *bits)
+{{
+    {reset}
+    for (int i = 0; i < n; i++) {{
+        {real} in[{columns} + 1], found;
+        for (int j = 0; j < {columns}; j++) in[j] = ({real})rows[i * {columns} + j];
+        bits[i] = {call};
+        out[i] = found;
+        {told}
+    }}
+}}
+"""
 
 
 def sanitized(model: Model, folder: Path, columns: Mapping[str, np.ndarray]) -> np.ndarray:

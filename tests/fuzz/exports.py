@@ -94,8 +94,8 @@ def model_of(chance: random.Random, mark: str) -> Model:
     return dataclasses.replace(model, name=name, notes=(text_of(chance, mark),), signals=signals)
 
 
-SHARED = ("-std=c99", "-ffp-contract=off", "-shared", "-fPIC", "-fvisibility=hidden")
-FLAGS = {"tcc": SHARED, "cc": (*SHARED, "-O0", "-trigraphs")}
+PLAIN_FLAGS = ("-std=c99", "-ffp-contract=off")
+FLAGS = {"tcc": PLAIN_FLAGS, "cc": (*PLAIN_FLAGS, "-O0", "-trigraphs")}
 TEX = {"noindent", "left", "right", "mathrm", "mathit", "text", "frac", "sqrt", "ln", "operatorname", "cdot", "begin", "end", "quad"}
 
 

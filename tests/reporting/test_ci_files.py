@@ -49,5 +49,5 @@ def test_the_summary_says_what_went_wrong_first() -> None:
     lines = text.splitlines()
     assert lines[0] == "## mapmore: 1 of 3 runs in order"
     assert lines[2].startswith("- **missed**: nrmse of mapmore")
-    assert "- **broken**: none_*.csv: no such file name files that exist" in lines
+    assert "- **broken**: none\\_\\*.csv: no such file name files that exist" in lines
     assert "| good | 0.03000 |" in lines

@@ -8,7 +8,9 @@ from html.parser import HTMLParser
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from markdown_it import MarkdownIt
 
+from mapmore_cli.domain.foreign import printable
 from mapmore_cli.domain.scores import BASELINES, SIMPLE
 from mapmore_cli.modelling import literature
 from mapmore_cli.reporting.table import Column, Table, title_of, to_csv, to_html, to_latex, to_markdown, to_text
@@ -58,6 +60,23 @@ def test_markdown_escapes_the_pipe_and_aligns_numbers():
     lines = to_markdown(TABLE).splitlines()
     assert lines[3] == "| --- | ---: | ---: | ---: |"
     assert "b\\|&lt;i>" in lines[5]
+
+
+MARKUP = ["<script>", "</b>", "&lt;", "[a](b)", "![a](b)", "[a]: b", "**", "_", "`", "$", "~~", "https://a.b", "www.a.b"]
+MARKUP += ["# ", "- ", "1. ", "> ", "\\", "<!--", "|", "---", "===", "<img src=x onerror=y>", "\n", " ", "a"]
+
+
+@given(st.lists(st.sampled_from(MARKUP) | st.text(max_size=3), max_size=6).map("".join))
+def test_markdown_prints_a_text_and_does_nothing_else(text: str) -> None:
+    """As a reader of CommonMark with tables, links, strikethrough and raw HTML takes it: in title, heading, cell and note."""
+    table = to_markdown(Table("t", f"t{text}t", (Column(f"h{text}"), Column("n")), ((f"{text}", 1.0),), (text,)))
+    found = MarkdownIt("commonmark", {"html": True}).enable(["table", "strikethrough"]).parse(table)
+    kinds = {one.type for block in found for one in (block, *(block.children or ()))}
+    known = {f"{name}_{end}" for name in ("table", "thead", "tbody", "tr", "th", "td", "paragraph", "strong") for end in ("open", "close")}
+    assert kinds <= {*known, "inline", "text", "text_special"}, kinds
+    said = ["".join(one.content for one in block.children) for block in found if block.type == "inline"]
+    shown = printable(" ".join(text.split()))
+    assert said.count(shown) == 2 if shown else True
 
 
 def test_latex_escapes_what_latex_reads():

@@ -250,3 +250,18 @@ def test_a_folder_in_place_of_the_lock(tmp_path: Path) -> None:
     (tmp_path / ".lock").mkdir()
     with pytest.raises(WriteError, match="is a folder or a link, where the lock"), run_lock(tmp_path):
         pass
+
+
+@pytest.mark.skipif(os.name != "posix", reason="flock is of POSIX")
+@pytest.mark.parametrize("number", [errno.ENOLCK, errno.EOPNOTSUPP, errno.EBADF, errno.EINVAL])
+def test_a_file_system_without_locks(number, tmp_path, monkeypatch):
+    """As network drives do: the error was an internal fault, or said that stdout were closed."""
+    import fcntl
+
+    def refused(*_: object) -> None:
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(fcntl, "flock", refused)
+    with pytest.raises(WriteError, match=rf"cannot be locked \({os.strerror(number)}\)") as told, run_lock(tmp_path):
+        pass
+    assert told.value.remedy == "choose a local folder with --runs"

@@ -1,7 +1,8 @@
-/* Runs a functional mock-up unit as a tool does, along the rows of a table: its inputs, and the measured output where it takes that. */
+/* Runs a functional mock-up unit as a tool does, along the rows on stdin: its inputs, and the measured output where it takes that. */
 #include "co-simulation.h"
 #include "this-model.h"
 
+#include <stdio.h>
 #include <stdlib.h>
 
 #if MEMORY
@@ -10,20 +11,26 @@
 #define SECONDS 1.0
 #endif
 
-FMI2_EXPORT void verify(const double *rows, int n, double *out, int *bits)
+int main(void)
 {
     const fmi2CallbackFunctions calls = {NULL, calloc, free, NULL, NULL};
     const fmi2Component c = FMI2(fmi2Instantiate)("verify", fmi2CoSimulation, MODEL_GUID, "", &calls, fmi2False, fmi2False);
     FMI2(fmi2SetupExperiment)(c, fmi2False, 0, 0, fmi2False, 0);
     FMI2(fmi2EnterInitializationMode)(c);
     FMI2(fmi2ExitInitializationMode)(c);
-    for (int i = 0; i < n; i++) {
+    for (int i = 0;; i++) {
         fmi2ValueReference place = 0;
-        for (; place < INPUTS + MEASURED; place++) FMI2(fmi2SetReal)(c, &place, 1, rows + i * (INPUTS + MEASURED) + place);
+        double value;
+        int bits;
+        for (; place < INPUTS + MEASURED; place++) {
+            if (scanf("%lf", &value) != 1) return 0;
+            FMI2(fmi2SetReal)(c, &place, 1, &value);
+        }
         FMI2(fmi2DoStep)(c, i * SECONDS, SECONDS, fmi2True);
-        FMI2(fmi2GetReal)(c, &place, 1, out + i);
+        FMI2(fmi2GetReal)(c, &place, 1, &value);
         place++;
-        FMI2(fmi2GetInteger)(c, &place, 1, bits + i);
+        FMI2(fmi2GetInteger)(c, &place, 1, &bits);
+        printf("%.17g %d\n", value, bits);
+        if (INPUTS + MEASURED == 0) return 0;
     }
-    FMI2(fmi2FreeInstance)(c);
 }

@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns
+from mapmore_cli.domain.foreign import tex_text
 from mapmore_cli.domain.models import Equation, Model, Part, Sum
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling import kinds
@@ -69,8 +70,7 @@ def _whole(model: Model) -> Equation:
         given |= {one.model.output.name: Name(one.model.name) for one in part.fed}
         terms.append(f"{sign} {part.model.name}({', '.join(f'{name} = {to_text(source)}' for name, source in given.items())})")
         arguments = ", ".join(f"{to_latex(Name(name))} = {to_latex(source)}" for name, source in given.items())
-        words = part.model.name.replace("_", r"\_")
-        printed.append(rf"{sign} \text{{{words}}}\left({arguments}\right)")
+        printed.append(rf"{sign} \text{{{tex_text(part.model.name)}}}\left({arguments}\right)")
     return Equation("sum", " ".join(terms).removeprefix("+ "), " ".join(printed).removeprefix("+ "))
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 import struct
+import warnings
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -181,7 +182,10 @@ def _version_4(path: Path, file_size: int) -> Iterator[tuple[str, Any]]:
             return _sparse((value.row, value.col), value.data, value.shape, file_size)
         return array_of(value.__getitem__, value.shape)
 
-    for name, value in loadmat(str(path), appendmat=False).items():
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "The default value for `spmatrix`", DeprecationWarning)  # either kind has rows and columns
+        variables = loadmat(str(path), appendmat=False)
+    for name, value in variables.items():
         if not name.startswith("__"):
             yield name, partial(member, value)
 

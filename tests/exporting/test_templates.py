@@ -1,0 +1,239 @@
+"""A stranger's text in every field of every stored type: code has the same structure as with a harmless one, in every language."""
+
+from __future__ import annotations
+
+import ast
+import dataclasses
+import io
+import re
+import shutil
+import subprocess
+import sys
+import zipfile
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, Literal, get_args, get_origin, get_type_hints
+from xml.etree import ElementTree
+
+import pytest
+from export_samples import FORMULAS, STATIC, WITH_MEMORY
+from jinja2 import Environment, nodes
+
+from mapmore_cli.domain.errors import DataError, MapmoreError
+from mapmore_cli.domain.models import Formula, Model
+from mapmore_cli.domain.recording import Quantity, Signal
+from mapmore_cli.exporting import dialect
+from mapmore_cli.study.exports import exported
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "fuzz"))
+from hostile_texts import tex_commands
+
+HOSTILE = (
+    "a\"; import os; os.mkdir('MARK') #",
+    "a'''\n\"\"\"\nMARK = 1 */ int MARK; /* \\\n*\\\n/ ??/\n//",
+    'a" onload="MARK"><MARK/><!-- & ]]> %\n\\input{MARK} $ ^^5cMARK} \\',
+)
+ALL = "".join(HOSTILE)
+HARMLESS = "aq1"
+LANGUAGES = ("c", "fmu", "py", "numpy", "tex", "mujoco", "simulink", "table")
+MODELS = [dataclasses.replace(model, notes=("a note",)) for model in (*STATIC.values(), *WITH_MEMORY.values(), *FORMULAS.values())]
+MODELS.append(dataclasses.replace(MODELS[0], signals=(Signal("strain", "rate", "pressure", 0.1, 2, 1.0, 1.0),)))
+MODELS.append(dataclasses.replace(MODELS[0], signals=(Signal("strain", "direction", "pressure", None, None, 0.1, None),)))
+FORMULA = next(model for model in MODELS if isinstance(model.body, Formula))
+NOTED = dataclasses.replace(FORMULA.body.fit, notes=("a note",))
+LEVELLED = tuple(dataclasses.replace(one, level=1.0) for one in FORMULA.body.ranges)
+BODY = dataclasses.replace(FORMULA.body, fit=NOTED, level=FORMULA.inputs[0].name, ranges=LEVELLED)
+MODELS.append(dataclasses.replace(FORMULA, body=BODY))
+MODELS.sort(key=lambda model: len(repr(model)))  # the quickest first
+
+
+def holds_text(hint: Any) -> bool:
+    """Whether values of a type hold free texts, not those of other dataclasses."""
+    if get_origin(hint) is Literal or dataclasses.is_dataclass(hint):
+        return False
+    return hint is str or any(map(holds_text, get_args(hint)))
+
+
+def dataclasses_in(record: Any) -> Iterator[type]:
+    """The types of the dataclasses that a record is made of."""
+    if dataclasses.is_dataclass(record):
+        yield type(record)
+        for one in dataclasses.fields(record):
+            yield from dataclasses_in(getattr(record, one.name))
+    elif isinstance(record, tuple | Mapping):
+        for one in record.values() if isinstance(record, Mapping) else record:
+            yield from dataclasses_in(one)
+
+
+STORED = {kind: get_type_hints(kind) for kind in dict.fromkeys(kind for model in MODELS for kind in dataclasses_in(model))}
+FIELDS = [(kind, one.name) for kind, hints in STORED.items() for one in dataclasses.fields(kind) if holds_text(hints[one.name])]
+
+
+def changed(record: Any, where: tuple[type, str], text: str, within: bool = False) -> Any:
+    """A record with the text in the place of every text of a field."""
+    if isinstance(record, str):
+        return f"{record}{text}" if within else record
+    if isinstance(record, tuple):
+        return tuple(changed(one, where, text, within) for one in record)
+    if isinstance(record, Mapping):
+        return {changed(key, where, text, within): changed(one, where, text, within) for key, one in record.items()}
+    if not dataclasses.is_dataclass(record):
+        return record
+    values = {
+        one.name: changed(getattr(record, one.name), where, text, (type(record), one.name) == where) for one in dataclasses.fields(record)
+    }
+    return dataclasses.replace(record, **values)
+
+
+def files_of(model: Model) -> dict[str, bytes]:
+    """What a model is exported to, by language and the ending of the file; a zip file is taken apart."""
+    found: dict[str, bytes] = {}
+    for to in LANGUAGES:
+        try:
+            files = exported(model, to, verify=False)
+        except MapmoreError:
+            continue
+        for name, data in files.items():
+            if name.endswith(".fmu"):
+                with zipfile.ZipFile(io.BytesIO(data)) as archive:
+                    files = {one: archive.read(one) for one in archive.namelist() if not one.startswith("binaries/")}
+                found |= {f"{to} {place} {one.rpartition('.')[2]}": text for place, (one, text) in enumerate(files.items())}
+                break
+        else:
+            found |= {f"{to} {place} {name.rpartition('.')[2]}": data for place, (name, data) in enumerate(files.items())}
+    return found
+
+
+C_TOKENS = re.compile(
+    r'(?P<none>/\*.*?\*/|\s+|\\\n)|(?P<text>"(?:[^"\\\n]|\\.)*")|(?P<word>[A-Za-z_]\w*)|(?P<other>\d[\w.+-]*|.)', re.DOTALL
+)
+
+
+def structure(language: str, data: bytes) -> object:
+    """What a reader of the language sees, without the words and the texts."""
+    text = data.decode() if language != "mat" else ""
+    match language:
+        case "py":
+            tree = ast.parse(text)
+            return [(type(node).__name__, getattr(node, "attr", None)) for node in ast.walk(tree)]
+        case "c" | "h":
+            assert "??" not in text
+            return [one.lastgroup if one["other"] is None else one[0] for one in C_TOKENS.finditer(text) if one["none"] is None]
+        case "xml":
+            return [(one.tag, sorted(one.attrib)) for one in ElementTree.fromstring(text).iter()]
+        case "tex":
+            kept = {name for name in tex_commands(text) if name not in WRITTEN}
+            return kept, text.count("\\[")
+        case "csv":
+            return len(text.splitlines())
+        case "txt":
+            return re.sub(r"double \w+\(", "double (", re.sub(r"# .*", "#", text))
+    return None
+
+
+WRITTEN = {*tex_commands("".join(dialect.tex_text(chr(code)) for code in range(0x400)))}
+
+
+def compiles(files: Mapping[str, bytes], folder: Path) -> None:
+    """Check the syntax of the C of a model, with trigraphs."""
+    sources = [data for key, data in files.items() if key.startswith("c ")]
+    name = re.match(rb'#include "(\w+)\.h"', sources[1])
+    assert name is not None
+    (folder / f"{name[1].decode()}.h").write_bytes(sources[0])
+    (folder / "source.c").write_bytes(sources[1])
+    line = ["gcc", "-fsyntax-only", "-std=c99", "-trigraphs", "-Wall", "-Wextra", "-Werror", "-Wno-unused-function", "source.c"]
+    subprocess.run(line, cwd=folder, check=True)
+
+
+@pytest.mark.parametrize("where", FIELDS, ids=lambda where: f"{where[0].__name__}.{where[1]}")
+def test_a_text_is_no_code(where: tuple[type, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CC", "/bin/false")
+    model = next(model for model in MODELS if repr(changed(model, where, HARMLESS)) != repr(model))
+    try:
+        harmless = files_of(changed(model, where, HARMLESS))
+    except Exception as error:  # the field is no free text: such a model is refused when it is read
+        harmless = {}
+        refused: tuple[type[Exception], ...] = (type(error), MapmoreError, ValueError, KeyError)
+    else:
+        refused = (MapmoreError, ValueError)
+    try:
+        found = files_of(changed(model, where, ALL))
+    except refused:
+        return
+    for key, data in found.items():
+        language = key.rpartition(" ")[2]
+        if key in harmless:
+            assert structure(language, data) == structure(language, harmless[key]), key
+        assert key in harmless or b"MARK" not in data
+    if shutil.which("gcc") and "c 0 h" in found:
+        compiles(found, tmp_path)
+
+
+def test_there_are_models_with_every_field() -> None:
+    """Else the test above would look at nothing."""
+    missing = [f"{type_.__name__}.{name}" for type_, name in FIELDS if all(repr(changed(m, (type_, name), "q")) == repr(m) for m in MODELS)]
+    assert missing == []
+
+
+def test_names_of_a_program_are_identifiers() -> None:
+    """`store` refuses such a model when it is read; here it is one that was never stored."""
+    model = next(one for one in MODELS if len(one.inputs) == 2)
+    with pytest.raises(DataError, match="cannot be a name in code"):
+        dialect.word('f"; import os #')
+    with pytest.raises(DataError, match="cannot be a name in code"):
+        dialect.code("int {};", "f(void) { abort(); } int g")
+    assert dialect.code("int {};", dialect.identifier(model.name)).startswith("int ")
+
+
+SOURCES = Path(dialect.__file__).parent / "sources"
+TEMPLATES = sorted(SOURCES.glob("*.jinja"))
+INSIDE = {"c": r"/\*.*?\*/", "h": r"/\*.*?\*/", "py": r'""".*?"""', "tex": r"^%.*?$", "xml": r"(?!)"}
+
+
+@pytest.mark.parametrize("template", TEMPLATES, ids=lambda path: path.name)
+def test_notes_stand_in_comments_alone(template: Path) -> None:
+    """Only there is their alphabet harmless."""
+    language = template.name.split(".")[-2]
+    bare = re.sub(INSIDE[language], "", template.read_text(), flags=re.DOTALL | re.MULTILINE)
+    assert not re.search(r"\|\s*(note|unit)\b|map\(\"unit\"\)", bare)
+    filters = {one.name for one in Environment().parse(template.read_text()).find_all(nodes.Filter)}
+    assert filters <= {"note", "unit", "word", "listed", "map", "join", "upper", "length"}
+    assert template.name.split(".")[-2] in dialect.LITERALS
+
+
+def texts(language: str) -> Iterator[str]:
+    written = dialect.templates(language).from_string("{{ a }}|{{ b }}|{{ 'c' }}|{{ d }}|{{ [a, a] | listed }}")
+    for text in HOSTILE:
+        yield written.render(a=text, b=dialect.word("b"), d=1.5)
+
+
+@pytest.mark.parametrize("language", dialect.LITERALS)
+def test_what_is_put_into_a_template_is_a_literal(language: str) -> None:
+    for hostile, found in zip(HOSTILE, texts(language), strict=True):
+        literal = dialect.LITERALS[language](hostile)
+        assert found == f"{literal}|b|{dialect.LITERALS[language]('c')}|1.5|{literal}, {literal}"
+    with pytest.raises(TypeError, match="not a text"):
+        dialect.templates(language).from_string("{{ a }}").render(a=None)
+    with pytest.raises(TypeError, match="not a text"):
+        dialect.templates(language).from_string("{{ a }}").render()
+
+
+def test_strings_in_c_are_what_a_compiler_reads(tmp_path: Path) -> None:
+    if shutil.which("gcc") is None:
+        pytest.skip("there is no C compiler here")
+    text = "".join(map(chr, range(1, 0x180))) + "??/ %s \\ 7"
+    code = f"#include <stdio.h>\nint main(void) {{ fputs({dialect.LITERALS['c'](text)}, stdout); return 0; }}\n"
+    (tmp_path / "s.c").write_text(code)
+    subprocess.run(["gcc", "-std=c99", "-trigraphs", "-Wall", "-Werror", "s.c", "-o", "s"], cwd=tmp_path, check=True)
+    assert subprocess.run([tmp_path / "s"], capture_output=True, check=True).stdout.decode() == text
+
+
+def test_quantities_alone() -> None:
+    """An output's name was the text between two quotes of a module, and ran when it was compared."""
+    model = next(one for one in MODELS if not one.memories)
+    evil = 'f"; __builtins__["__import__"]("os").mkdir("MARK") #'
+    for to in ("py", "numpy"):
+        (text,) = exported(dataclasses.replace(model, output=Quantity(evil, "N")), to).values()
+        (output,) = [one for one in ast.parse(text).body if isinstance(one, ast.Assign) and one.targets[0].id == "OUTPUT"]  # type: ignore[attr-defined]
+        assert ast.literal_eval(output.value) == evil
+    assert not Path("MARK").exists()
