@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import mmap
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mapmore_cli.domain.declared import FINITE, QuantityName, Span
+
 Array = NDArray[np.float64]
 """Measured or computed values; shapes are given where the array is used."""
+
+Numbers = Annotated[Array, FINITE]
+"""Values that a model cannot do without."""
 
 IntArray = NDArray[np.int64]
 """Row numbers and identifiers."""
@@ -21,10 +26,10 @@ BoolArray = NDArray[np.bool_]
 Value = Array | np.float64
 """One number for every row, or one for all."""
 
-Columns = Mapping[str, Array]
+Columns = Mapping[QuantityName, Array]
 """Quantities by canonical name, each `(n,)`, row for row of one table."""
 
-Ranges = Mapping[str, tuple[float, float]]
+Ranges = Mapping[QuantityName, Span]
 """Least and greatest value of each quantity."""
 
 

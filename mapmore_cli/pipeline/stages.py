@@ -57,7 +57,7 @@ def static_run(spec: ExperimentSpec) -> list[str]:
     return [spec.needs.static] if spec.target == "damping" and spec.needs.static is not None else []
 
 
-INGEST = Stage(name="ingest", revision=4, outputs=(DATASET,), reads=slice_of, run=ingest, sources=recordings, needs=static_run)
+INGEST = Stage(name="ingest", revision=5, outputs=(DATASET,), reads=slice_of, run=ingest, sources=recordings, needs=static_run)
 
 
 # Segment: `segment.h5` ----------------------------------------------------------------------------------------------------------------
@@ -107,7 +107,7 @@ def segment(part: Slice, workspace: Workspace) -> None:
     write_segmentation(workspace.out / SEGMENTATION, segmentation, units_of(dataset))
 
 
-SEGMENT = Stage(name="segment", revision=5, outputs=(SEGMENTATION,), reads=segment_slice, run=segment)
+SEGMENT = Stage(name="segment", revision=6, outputs=(SEGMENTATION,), reads=segment_slice, run=segment)
 
 
 # Fit: `fit.h5` ------------------------------------------------------------------------------------------------------------------------
@@ -135,7 +135,7 @@ def fit(part: FitChoices, workspace: Workspace) -> None:
     write_fit(workspace.out / FIT, result, units_of(dataset))
 
 
-FITTING = Stage(name="fit", revision=9, outputs=(FIT,), reads=fit_choices, run=fit)
+FITTING = Stage(name="fit", revision=10, outputs=(FIT,), reads=fit_choices, run=fit)
 
 
 # Fuse: `model.h5` ---------------------------------------------------------------------------------------------------------------------
@@ -172,4 +172,4 @@ def _provenance(part: ModelChoices) -> dict[str, str]:
     return {**tool_versions(), "spec": json.dumps(plain(part), indent=1)}
 
 
-FUSE = Stage(name="fuse", revision=9, outputs=(MODEL,), reads=model_choices, run=fuse, needs=summands)
+FUSE = Stage(name="fuse", revision=10, outputs=(MODEL,), reads=model_choices, run=fuse, needs=summands)

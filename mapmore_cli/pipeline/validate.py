@@ -227,5 +227,5 @@ def sources(spec: ExperimentSpec, folder: Path) -> list[Path]:
 
 
 STAGE = Stage(
-    name="validate", revision=8, outputs=(VALIDATION, "scores.csv", "scores.json"), reads=reads, run=run, sources=sources, needs=needs
+    name="validate", revision=9, outputs=(VALIDATION, "scores.csv", "scores.json"), reads=reads, run=run, sources=sources, needs=needs
 )

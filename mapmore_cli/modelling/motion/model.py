@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from operator import mul
 
 import numpy as np
@@ -148,3 +148,12 @@ def _shared(m: Writer, motion: Motion, of_section: OfSection, drives: list[Expre
 
 def _driven(section: MotionSection, drives: list[Expression]) -> Expression:
     return total([weight * drive for weight, drive in zip(section.weights.tolist(), drives, strict=True)])
+
+
+def faults(model: Model) -> Iterator[str]:
+    """Say what of a stored model no prediction would notice at once."""
+    motion = _motion(model)
+    if len(motion.sections) != (len(motion.boundaries) + 1) * (2 if motion.directed else 1):
+        yield "it has not as many sections as its boundaries make"
+    if not {*motion_inputs(motion)} <= {quantity.name for quantity in model.inputs}:
+        yield "its sections depend on what is no input"
