@@ -8,14 +8,13 @@ from dataclasses import dataclass, field
 from typing import Annotated, Any
 
 import numpy as np
-from annotated_types import Gt
 from numpy.typing import ArrayLike
 
 from mapmore_cli.domain.arrays import Array, BoolArray, IntArray, Numbers, Ranges
-from mapmore_cli.domain.declared import ASCENDING, Count, Label, Number, QuantityName, Span, TermName, one_of
+from mapmore_cli.domain.declared import ASCENDING, Checked, Count, Label, Number, QuantityName, Span, TermName, one_of
 
 Boundaries = Annotated[Numbers, ASCENDING]
-Step = Annotated[Number, Gt(0)]
+Step = Annotated[Number, Checked("is not above 0", lambda step: step > 0)]
 
 
 @dataclass(frozen=True)

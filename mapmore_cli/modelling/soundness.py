@@ -7,20 +7,20 @@ program instead of an answer.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from typing import Any
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Columns
 from mapmore_cli.domain.errors import MapmoreError
-from mapmore_cli.domain.models import CurveRange, Model, Sum
+from mapmore_cli.domain.models import Model, Sum
 from mapmore_cli.modelling import kinds
 from mapmore_cli.modelling.program.model import program_of
 from mapmore_cli.modelling.signals.rates import signal_values
 from mapmore_cli.modelling.validation.intervals import INTERVAL, half_widths_of
 
-ROWS = 17
-"""Rows of the trial: a prime, so that inputs go through their ranges in different orders."""
+ROWS = 16  # of the trial
 
 
 def unsound(model: Model) -> str | None:
@@ -49,59 +49,20 @@ def _every(model: Model) -> Iterator[Model]:
 
 def _try(model: Model) -> None:
     """Do with a model what commands do; an answer that explains itself is one."""
-    columns = _columns(model)
+    asked = [*model.inputs, model.output]
+    names = [one.name for one in asked] + [*kinds.fed_back(model), *(one.of for one in model.signals)]
+    columns = dict.fromkeys(names, np.linspace(0.0, 1.0, ROWS))
     kinds.equations(model)
     kinds.parameters(model)
-    kinds.fed_back(model)
+    attempts: list[Callable[[], Any]] = [
+        lambda: kinds.simulate(model, columns),
+        lambda: kinds.outside_range(model, columns),
+        lambda: kinds.runs_over_time(model) and kinds.one_step_ahead(model, columns),
+        lambda: program_of(model),
+        lambda: model.left_out and half_widths_of(model, columns, INTERVAL),
+        lambda: [signal_values(one, {**columns, "time": np.arange(1.0 * ROWS)}) for one in model.signals],
+    ]
     with np.errstate(all="ignore"):
-        for attempt in (_simulate, _write, _bound, _follow):
-            try:
-                attempt(model, columns)
-            except MapmoreError:  # which commands tell
-                continue
-
-
-def _simulate(model: Model, columns: Columns) -> None:
-    kinds.outside_range(model, columns)
-    kinds.simulate(model, columns)
-    if kinds.runs_over_time(model):
-        kinds.one_step_ahead(model, columns)
-
-
-def _write(model: Model, _columns: Columns) -> None:
-    program_of(model)
-
-
-def _bound(model: Model, columns: Columns) -> None:
-    if model.left_out is not None:
-        half_widths_of(model, columns, INTERVAL)
-
-
-def _follow(model: Model, columns: Columns) -> None:
-    for signal in model.signals:
-        signal_values(signal, columns)
-
-
-def _columns(model: Model) -> dict[str, np.ndarray]:
-    """Return rows within and around the training range, one step of the model apart."""
-    models = [*_every(model)]
-    ranges: list[CurveRange] = [one for part in models for one in getattr(part.body, "ranges", ())]
-    names = dict.fromkeys(quantity.name for quantity in (*model.inputs, model.output))
-    names |= dict.fromkeys(name for one in models for name in kinds.fed_back(one))
-    names |= dict.fromkeys(signal.of for signal in model.signals)
-    columns = {}
-    for place, name in enumerate(names, start=1):
-        ends = [end for one in ranges for end in one.limits.get(name, ())]
-        ends += [one.level for one in ranges if name == model.level and one.level is not None]
-        low, high = (min(ends), max(ends)) if ends else (0.0, 1.0)
-        share = (np.arange(ROWS) * place % ROWS) / (ROWS - 1) * 1.2 - 0.1
-        columns[name] = low + (high - low) * share
-    steps = _steps(models)
-    columns["time"] = np.arange(ROWS) * (steps[0] if steps else 1.0)
-    return columns
-
-
-def _steps(models: list[Model]) -> list[float]:
-    """Return the times between samples that parts with memory have, s."""
-    found = [memory.states.step for one in models for memory in one.memories]
-    return found + [one.body.motion.step for one in models if hasattr(one.body, "motion")]
+        for attempt in attempts:
+            with suppress(MapmoreError):  # which commands tell
+                attempt()

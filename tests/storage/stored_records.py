@@ -5,9 +5,10 @@ Lengths are those that the fields declare; what the values mean is left to chanc
 
 from __future__ import annotations
 
+import types
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
-from typing import Any, Literal, get_args, get_origin
+from typing import Any, Literal, Union
 
 import numpy as np
 from hypothesis import strategies as st
@@ -16,7 +17,7 @@ from hypothesis.extra.numpy import arrays
 from mapmore_cli.domain.declared import ASCENDING, FINITE, Label, QuantityName, TermName
 from mapmore_cli.domain.models import Body
 from mapmore_cli.modelling.kinds import kinds
-from mapmore_cli.storage.artefacts.schema import Hint, _wrong, stored_fields, taken_apart
+from mapmore_cli.storage.artefacts.schema import Hint, stored_fields, taken_apart, wrong_with
 
 NAMES = st.text(st.characters(exclude_categories=["Cs", "Cc", "Cf", "Zl", "Zp"]), max_size=8) | st.sampled_from(
     ["strain", "pressure=150/strain:2", ".", "..", "a/b", "%2F", "ü μ", "order"]
@@ -61,23 +62,22 @@ def _values(draw: st.DrawFn, hint: Any, outer: tuple[str, ...], known: Lengths, 
     """Values of a type, whose dimensions are called by the letters of the description, or of the one outside."""
     own = taken_apart(hint)
     letters = tuple(own.letters) or outer
-    if own.members != [own.type]:
-        members = [*own.members, *([None] if type(None) in get_args(own.type) else [])]
-        member = draw(st.sampled_from(members))
-        return None if member is None else draw(_values(member, letters, known, above))
+    if own.kind is Union:
+        return draw(_values(draw(st.sampled_from(own.inner)), letters, known, above))
     base = _plain(own, letters, known, above)
     if ASCENDING in own.checks:
         base = base.map(lambda one: np.sort(one) if isinstance(one, np.ndarray) else tuple(sorted(one)))
-    return draw(base.filter(lambda one: not any(_wrong(one, check) for check in own.checks)))
+    return draw(base.filter(lambda one: not any(wrong_with(one, check) for check in own.checks)))
 
 
 def _plain(own: Hint, letters: tuple[str, ...], known: Lengths, above: tuple[type, ...]) -> st.SearchStrategy[Any]:
-    kind, finite = own.type, FINITE in own.checks
-    origin, arguments = get_origin(kind), get_args(kind)
+    kind, finite = own.kind, FINITE in own.checks
     if kind in (Body, Any):
         return _bodies(kind, known, above)
-    if origin is Literal:
-        return st.sampled_from(arguments)
+    if kind is types.NoneType:
+        return st.none()
+    if kind is Literal:
+        return st.sampled_from(own.inner)
     if kind is str:
         return TEXTS.get(own.checks, WORDS if own.checks else NAMES)
     if kind is float:
@@ -86,26 +86,25 @@ def _plain(own: Hint, letters: tuple[str, ...], known: Lengths, above: tuple[typ
         return st.integers(0, 2**40)
     if kind is bool:
         return st.booleans()
-    return _compound(kind, finite, letters, known, above)
+    return _compound(own, finite, letters, known, above)
 
 
 @st.composite
-def _compound(draw: st.DrawFn, kind: Any, finite: bool, letters: tuple[str, ...], known: Lengths, above: tuple[type, ...]) -> Any:
-    origin, arguments = get_origin(kind), get_args(kind)
+def _compound(draw: st.DrawFn, own: Hint, finite: bool, letters: tuple[str, ...], known: Lengths, above: tuple[type, ...]) -> Any:
+    origin, arguments = own.kind, own.inner
     if origin is np.ndarray:
-        number = get_args(taken_apart(arguments[1]).type)[0]
-        return draw(_array(number, draw(_shape(letters or ("",), known)), known.get("M", 2**40), finite))
+        return draw(_array(arguments[0], draw(_shape(letters or ("",), known)), known.get("M", 2**40), finite))
     if origin is tuple and arguments[1:] == (...,):
         (length,) = draw(_shape(letters or ("",), known))
         length = 0 if arguments[0] in above[:-DEEPEST] else length
         return tuple(draw(_values(arguments[0], (), dict(known), above)) for _ in range(length))
     if origin is tuple:
         return tuple(draw(_values(one, (), known, above)) for one in arguments)
-    if origin in (dict, Mapping):
+    if origin is Mapping:
         keys = draw(st.lists(_values(arguments[0], (), known, above), max_size=2, unique=True))
         lengths = known if letters else None
         return {key: draw(_values(arguments[1], letters, {} if lengths is None else lengths, above)) for key in keys}
-    return draw(records(kind, known, above))
+    return draw(records(own.kind, known, above))
 
 
 def _bodies(hint: Any, known: Lengths, above: tuple[type, ...]) -> st.SearchStrategy[Any]:

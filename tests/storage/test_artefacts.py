@@ -415,8 +415,8 @@ class Alias:
 def test_aliases_of_types_are_looked_through() -> None:
     of_numbers = Alias(np.ndarray[Any, np.dtype[NUMBER]])
     hint = types.GenericAlias(of_numbers, (np.float64,))  # type: ignore[arg-type]
-    assert taken_apart(Annotated[hint, "(k) values"]).type == np.ndarray[Any, np.dtype[np.float64]]
-    assert taken_apart(Alias(float)).type is float
+    assert taken_apart(Annotated[hint, "(k) values"])[:2] == (np.ndarray, (np.float64,))
+    assert taken_apart(Alias(float)).kind is float
 
 
 def test_the_pages_of_the_format_follow_the_declarations() -> None:

@@ -23,7 +23,7 @@ from typing import Any, Generic, TypeVar
 
 import h5py
 
-from mapmore_cli.domain.errors import DataError, Doubt
+from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import SegmentedCurve
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Dataset
@@ -53,6 +53,7 @@ from mapmore_cli.storage.artefacts.schema import (
 from mapmore_cli.storage.atomic import replacing
 from mapmore_cli.storage.run_record import refuse_newer
 
+VERSION = (3, 0)
 FORMAT_VERSION = "3.0"
 
 CHECKSUM = "checksum"
@@ -60,7 +61,6 @@ CHECKSUM = "checksum"
 
 _ALTERED = "its values are not those that were written: the checksum does not match"
 _GET_ANOTHER = "get a fresh copy, or make it again with `mapmore run CONFIG`"
-_GIVE_OURS = "give a file out of a run folder, as runs/NAME/model.h5"
 
 Warn = Callable[[str], None]
 T = TypeVar("T")
@@ -116,38 +116,35 @@ class FileKind(Generic[T]):
 
         Raises DataError as the module says, for a checksum that does not match only where it may not be `unverified`.
         """
-        with _opened(path) as file:
-            found, version = _kind_and_version(path, file)
-            if found != self.name:
-                raise DataError(f"{path}: is a {found} file, not a {self.name} file", f"give a file that `mapmore {self.stage}` wrote")
-            newer = int(version.partition(".")[2].partition(".")[0] or 0) > int(FORMAT_VERSION.partition(".")[2])
-            try:
-                record, checksum = self._record(file, path.stat().st_size, newer)
-                doubt = _doubt(file, version if newer else "", checksum)
-                if doubt == _ALTERED and not unverified:
-                    raise DataError(f"{path}: {_ALTERED}", f"{_GET_ANOTHER}; `--unverified` reads it all the same")
-                if fault := self.fault(record):
-                    raise Invalid(self.name, fault)
-            except Invalid as fault:
-                raise DataError(f"{path}: is not a valid {self.name}: {fault}", _GET_ANOTHER) from fault
+        with _opened(path) as (file, kind, version):
+            if kind != self.name:
+                raise DataError(f"{path}: is a {kind} file, not a {self.name} file", f"give a file that `mapmore {self.stage}` wrote")
+            record, doubt = self._record(file, path.stat().st_size, version if version > VERSION else None)
+            if doubt == _ALTERED and not unverified:
+                raise DataError(f"{path}: {_ALTERED}", f"{_GET_ANOTHER}; `--unverified` reads it all the same")
+            if fault := self.fault(record):
+                raise Invalid(self.name, fault)
         if doubt:
-            warn(Doubt.of(str(path), doubt))
+            warn(f"{path}: {doubt}")
         return record
 
-    def _record(self, file: h5py.File, size: int, lenient: bool) -> tuple[T, str]:
-        """Return what a file holds, and its checksum."""
+    def _record(self, file: h5py.File, size: int, newer: tuple[int, ...] | None) -> tuple[T, str]:
+        """Return what a file holds, and why its values may not be those that were written."""
         look_over(file, size, self.ratio)
-        digest = hashlib.sha256()
-        text, document = take_document(file)
+        digest, (text, document) = hashlib.sha256(), take_document(file)
 
         def take(path: str, dtype: str, ndim: int) -> Any:
             values = take_array(file, path, dtype, ndim)
             add_to_hash(digest, path, values, dtype)
             return values
 
-        record: T = Decoder(take, lenient).value(document, self.type)
+        record: T = Decoder(take, newer is not None).value(document, self.type, "", (), {})
         digest.update(text.encode())
-        return record, digest.hexdigest()
+        if CHECKSUM not in file.attrs:
+            return record, "has no checksum: nothing shows whether its values are those that were written"
+        if newer:
+            return record, f"is of the newer format {newer[0]}.{newer[1]}: its checksum cannot be verified here"
+        return record, "" if word(file, CHECKSUM) == digest.hexdigest() else _ALTERED
 
 
 DATASET_FILE = FileKind("dataset", "ingest", Dataset)
@@ -165,8 +162,8 @@ def labelled(dataset: h5py.Dataset, description: str, unit: str) -> None:
 
 def kind_of(path: Path) -> str:
     """`dataset`, `segmentation`, `fit`, `model` or `validation`; DataError for anything else."""
-    with _opened(path) as file:
-        return _kind_and_version(path, file)[0]
+    with _opened(path) as (_, kind, _version):
+        return kind
 
 
 def units_of(dataset: Dataset) -> dict[str, str]:
@@ -197,41 +194,30 @@ def read_segmentation(path: Path, warn: Warn = lambda _message: None, unverified
     return SEGMENTATION_FILE.read(path, warn, unverified).curves
 
 
-def _doubt(file: h5py.File, newer: str, checksum: str) -> str | None:
-    """Why the values may not be those that were written; None where the checksum says that they are."""
-    with stored_at(CHECKSUM):
-        absent = CHECKSUM not in file.attrs
-    if absent:
-        return "has no checksum: nothing shows whether its values are those that were written"
-    if newer:
-        return f"is of the newer format {newer}: its checksum cannot be verified here"
-    return None if word(file, CHECKSUM) == checksum else _ALTERED
-
-
-def _kind_and_version(path: Path, file: h5py.File) -> tuple[str, str]:
-    try:
-        kind, version = word(file, "kind"), word(file, "format_version")
-    except Invalid as fault:
-        raise DataError(f"{path}: {fault}", _GET_ANOTHER) from fault
-    if version is None or kind not in {known.name for known in KINDS}:
-        raise DataError(f"{path}: is an HDF5 file, but not one of mapmore's", _GIVE_OURS)
-    refuse_newer(path, version, FORMAT_VERSION)
-    if int(version.partition(".")[0]) < int(FORMAT_VERSION.partition(".")[0]):
-        raise DataError(f"{path}: is of the format {version}, from before the first release", "make it again with `mapmore run CONFIG`")
-    return kind, version
-
-
 @contextmanager
-def _opened(path: Path) -> Iterator[h5py.File]:
-    """Open the file for reading; DataError where HDF5 cannot open it. What goes wrong in the block is not this one's to explain."""
-    if not path.exists():
-        raise DataError(f"{path}: no such file", "`mapmore run CONFIG` makes it")
+def _opened(path: Path) -> Iterator[tuple[h5py.File, str, tuple[int, ...]]]:
+    """Open a file for reading, with its kind and version; what is invalid in it, and no file of ours, is a DataError."""
     if not path.is_file():
-        raise DataError(f"{path}: is a folder or a special file, not a file", _GIVE_OURS)
+        what = "is a folder or a special file, not a file" if path.exists() else "no such file"
+        raise DataError(f"{path}: {what}", "`mapmore run CONFIG` makes it")
     try:
-        file = h5py.File(path, "r")
-    except OSError as fault:
-        why = str(fault).splitlines()[0] if str(fault) else type(fault).__name__
-        raise DataError(f"{path}: cannot be read ({why})", f"give a file that mapmore wrote; {_GET_ANOTHER}") from fault
+        with stored_at(""):
+            file = h5py.File(path, "r")
+    except Invalid as fault:
+        raise DataError(f"{path}: {str(fault).partition(', ')[2]}", f"give a file that mapmore wrote; {_GET_ANOTHER}") from fault
     with file:
-        yield file
+        kind = None
+        try:
+            kind, version = word(file, "kind"), word(file, "format_version")
+            if version is None or kind not in {known.name for known in KINDS}:
+                what = f"{path}: is an HDF5 file, but not one of mapmore's"
+                raise DataError(what, "give a file out of a run folder, as runs/NAME/model.h5")
+            refuse_newer(path, version, FORMAT_VERSION)
+            numbers = tuple(int(part) if part.isdecimal() else 0 for part in f"{version}.0".split(".")[:2])
+            if numbers < VERSION:
+                raise DataError(
+                    f"{path}: is of the format {version}, from before the first release", "make it again with `mapmore run CONFIG`"
+                )
+            yield file, str(kind), numbers
+        except Invalid as fault:
+            raise DataError(f"{path}: is not a valid {kind or 'result file'}: {fault}", _GET_ANOTHER) from fault
