@@ -155,7 +155,8 @@ def one_of(*words: str) -> Checked:
     return Checked(f"is none of {', '.join(words)}", words.__contains__)
 
 
-def _is_label(text: str) -> bool:
+def is_label(text: str) -> bool:
+    """Whether a text can be the name of a curve, a file or a unit."""
     return len(text) <= 1000 and is_one_line(text) and not {*'"`$<>\\'} & {*text}
 
 
@@ -181,7 +182,7 @@ TermName = Annotated[
 ]
 Label = Annotated[
     str,
-    Checked('is no name: it is not one line of 1000 characters, or has one of " ` $ < > \\', _is_label),
+    Checked('is no name: it is not one line of 1000 characters, or has one of " ` $ < > \\', is_label),
 ]
 """The name of a curve, a file or a unit: letters of any script."""
 
