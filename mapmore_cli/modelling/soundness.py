@@ -30,6 +30,8 @@ def unsound(model: Model) -> str | None:
             names = [quantity.name for quantity in one.inputs]
             if len({*names}) < len(names):
                 return f"the model {one.name} has two inputs of one name"
+            if isinstance(one.body, Sum) and not one.body.parts:
+                return f"the model {one.name} is a sum of nothing"
             for fault in kinds.kind_of(one).verb("faults", lambda _model: ())(one):
                 return f"of the model {one.name}: {fault}"
         _try(model)

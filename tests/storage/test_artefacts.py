@@ -267,7 +267,7 @@ def put(place: str, value: Any = None, **stored: Any) -> Callable[[h5py.File], N
 
 def write_document(file: h5py.File, text: str) -> None:
     del file["document"]
-    put_text(file, "document", text)
+    put_text(file, "document", text, "changed")
 
 
 @pytest.mark.parametrize(

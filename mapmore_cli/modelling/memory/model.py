@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -200,12 +200,3 @@ class _Output:
             (driven if own == ONE else weights.setdefault(own, [])).append(weight)
         fed = [times(m.let("weight", total(parts)), m.let("own", substitute(own, names))) for own, parts in weights.items()]
         return m.let("output", total([m.let("base", total(driven)), *fed]))
-
-
-def faults(model: Model) -> Iterator[str]:
-    """Say what of a stored model no prediction would notice at once."""
-    memory, names = _body(model).model, {quantity.name for quantity in model.inputs}
-    if memory.output != model.output.name or not {*memory_inputs(memory)} <= names:
-        yield "its states are of what is neither input nor output"
-    if any(not parse(text).names <= {*memory.states.names} for text in memory.terms):
-        yield "its terms are of other states than it has"

@@ -151,9 +151,7 @@ def _driven(section: MotionSection, drives: list[Expression]) -> Expression:
 
 
 def faults(model: Model) -> Iterator[str]:
-    """Say what of a stored model no prediction would notice at once."""
+    """Say what of a stored model no prediction would notice."""
     motion = _motion(model)
-    if len(motion.sections) != (len(motion.boundaries) + 1) * (2 if motion.directed else 1):
+    if len(motion.sections) != (len(motion.boundaries) + 1) * (1 + motion.directed):
         yield "it has not as many sections as its boundaries make"
-    if not {*motion_inputs(motion)} <= {quantity.name for quantity in model.inputs}:
-        yield "its sections depend on what is no input"

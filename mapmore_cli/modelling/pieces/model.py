@@ -83,13 +83,10 @@ def write(m: Writer, model: Model, inputs: Inputs) -> Expression:
 
 
 def faults(model: Model) -> Iterator[str]:
-    """Say what of a stored model no prediction would notice at once."""
-    body, names = _body(model), {quantity.name for quantity in model.inputs}
-    if body.level is not None:
-        levels = [curve.level for curve in body.curves]
-        if None in levels or sorted({*levels}) != levels:  # type: ignore[type-var]  # None is told first
-            yield "the levels of its curves do not ascend"
-    for segment in body.segments:
-        scaled = {*segment.scaling.variables}
-        if not scaled <= names or any(not parse(text).names <= scaled for text in segment.terms):
+    """Say what of a stored model no prediction would notice."""
+    levels = [curve.level for curve in _body(model).curves]
+    if model.level is not None and (None in levels or sorted({*levels}) != levels):  # type: ignore[type-var]  # None is told first
+        yield "the levels of its curves do not ascend"
+    for segment in _body(model).segments:
+        if not frozenset().union(*(parse(text).names for text in segment.terms)) <= {*segment.scaling.variables}:
             yield f"the terms of {segment.id} are of other quantities than its scaling"

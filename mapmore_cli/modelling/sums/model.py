@@ -120,21 +120,3 @@ def _own(part: Part, names: Iterable[str]) -> frozenset[str]:
     """Return the inputs of the sum that those of a part are made of."""
     fed = {one.model.output.name: _own(one, (quantity.name for quantity in one.model.inputs)) for one in part.fed}
     return frozenset().union(*(fed[name] if name in fed else parse(part.inputs.get(name, name)).names for name in names))
-
-
-def faults(model: Model) -> Iterator[str]:
-    """Say what of a stored model no prediction would notice at once."""
-    names, parts = {quantity.name for quantity in model.inputs}, _body(model).parts
-    if not parts:
-        yield "it is a sum of nothing"
-    for part in _every_part(parts):
-        given = {*part.inputs, *(one.model.output.name for one in part.fed)}
-        asked = {quantity.name for quantity in part.model.inputs} - given
-        if not asked.union(*(parse(text).names for text in part.inputs.values())) <= names:
-            yield f"inputs of {part.model.name} are no inputs of the sum"
-
-
-def _every_part(parts: Sequence[Part]) -> Iterator[Part]:
-    for part in parts:
-        yield part
-        yield from _every_part(part.fed)

@@ -42,18 +42,15 @@ from mapmore_cli.storage.artefacts.hdf5 import (
     word,
 )
 from mapmore_cli.storage.artefacts.schema import (
-    NO_UNIT,
     TYPES,
     Decoder,
     Invalid,
     SegmentationFile,
     encoded,
-    stored_at,
 )
 from mapmore_cli.storage.atomic import replacing
 from mapmore_cli.storage.run_record import refuse_newer
 
-VERSION = (3, 0)
 FORMAT_VERSION = "3.0"
 
 CHECKSUM = "checksum"
@@ -101,12 +98,12 @@ class FileKind(Generic[T]):
         def put(path: str, value: Any, description: str, unit: str) -> None:
             dtype = TYPES[value.dtype.type]
             add_to_hash(digest, path, value, dtype)
-            labelled(put_array(file, path, value, dtype), description, unit)
+            put_array(file, path, value, dtype, description, unit)
 
         document = json.dumps(encoded(record, self.type, put, units), ensure_ascii=False, allow_nan=False)
-        labelled(put_text(file, "document", document), "everything but arrays, as JSON", NO_UNIT)
+        put_text(file, "document", document, "everything but arrays, as JSON")
         for name, text in provenance.items():
-            labelled(put_text(file, f"provenance/{name}", text), "where the file comes from", NO_UNIT)
+            put_text(file, f"provenance/{name}", text, "where the file comes from")
         digest.update(document.encode())
         about = {"kind": self.name, "format_version": FORMAT_VERSION, "creator": "mapmore"}
         file.attrs.update(about | {CHECKSUM: digest.hexdigest()})
@@ -119,7 +116,7 @@ class FileKind(Generic[T]):
         with _opened(path) as (file, kind, version):
             if kind != self.name:
                 raise DataError(f"{path}: is a {kind} file, not a {self.name} file", f"give a file that `mapmore {self.stage}` wrote")
-            record, doubt = self._record(file, path.stat().st_size, version if version > VERSION else None)
+            record, doubt = self._record(file, path.stat().st_size, version != FORMAT_VERSION)
             if doubt == _ALTERED and not unverified:
                 raise DataError(f"{path}: {_ALTERED}", f"{_GET_ANOTHER}; `--unverified` reads it all the same")
             if fault := self.fault(record):
@@ -128,7 +125,7 @@ class FileKind(Generic[T]):
             warn(f"{path}: {doubt}")
         return record
 
-    def _record(self, file: h5py.File, size: int, newer: tuple[int, ...] | None) -> tuple[T, str]:
+    def _record(self, file: h5py.File, size: int, newer: bool) -> tuple[T, str]:
         """Return what a file holds, and why its values may not be those that were written."""
         look_over(file, size, self.ratio)
         digest, (text, document) = hashlib.sha256(), take_document(file)
@@ -138,12 +135,12 @@ class FileKind(Generic[T]):
             add_to_hash(digest, path, values, dtype)
             return values
 
-        record: T = Decoder(take, newer is not None).value(document, self.type, "", (), {})
+        record: T = Decoder(take, newer).value(document, self.type, "", (), {})
         digest.update(text.encode())
         if CHECKSUM not in file.attrs:
             return record, "has no checksum: nothing shows whether its values are those that were written"
         if newer:
-            return record, f"is of the newer format {newer[0]}.{newer[1]}: its checksum cannot be verified here"
+            return record, "is of a newer format: its checksum cannot be verified here"
         return record, "" if word(file, CHECKSUM) == digest.hexdigest() else _ALTERED
 
 
@@ -153,11 +150,6 @@ FIT_FILE = FileKind("fit", "fit", FitResult)
 MODEL_FILE = FileKind("model", "fuse", Model, unsound, 0)
 VALIDATION_FILE = FileKind("validation", "validate", Validation)
 KINDS: tuple[FileKind[Any], ...] = (DATASET_FILE, SEGMENTATION_FILE, FIT_FILE, MODEL_FILE, VALIDATION_FILE)
-
-
-def labelled(dataset: h5py.Dataset, description: str, unit: str) -> None:
-    """Say of a dataset what it is, for readers of the file."""
-    dataset.attrs["description"], dataset.attrs["unit"] = description, unit
 
 
 def kind_of(path: Path) -> str:
@@ -195,29 +187,27 @@ def read_segmentation(path: Path, warn: Warn = lambda _message: None, unverified
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[tuple[h5py.File, str, tuple[int, ...]]]:
+def _opened(path: Path) -> Iterator[tuple[h5py.File, str, str]]:
     """Open a file for reading, with its kind and version; what is invalid in it, and no file of ours, is a DataError."""
     if not path.is_file():
         what = "is a folder or a special file, not a file" if path.exists() else "no such file"
         raise DataError(f"{path}: {what}", "`mapmore run CONFIG` makes it")
     try:
-        with stored_at(""):
-            file = h5py.File(path, "r")
-    except Invalid as fault:
-        raise DataError(f"{path}: {str(fault).partition(', ')[2]}", f"give a file that mapmore wrote; {_GET_ANOTHER}") from fault
-    with file:
-        kind = None
-        try:
+        file = h5py.File(path, "r")
+    except OSError as fault:
+        what = f"{path}: cannot be read ({str(fault).partition(chr(10))[0]})"
+        raise DataError(what, f"give a file that mapmore wrote; {_GET_ANOTHER}") from fault
+    kind = None
+    try:
+        with file:
             kind, version = word(file, "kind"), word(file, "format_version")
             if version is None or kind not in {known.name for known in KINDS}:
                 what = f"{path}: is an HDF5 file, but not one of mapmore's"
                 raise DataError(what, "give a file out of a run folder, as runs/NAME/model.h5")
             refuse_newer(path, version, FORMAT_VERSION)
-            numbers = tuple(int(part) if part.isdecimal() else 0 for part in f"{version}.0".split(".")[:2])
-            if numbers < VERSION:
-                raise DataError(
-                    f"{path}: is of the format {version}, from before the first release", "make it again with `mapmore run CONFIG`"
-                )
-            yield file, str(kind), numbers
-        except Invalid as fault:
-            raise DataError(f"{path}: is not a valid {kind or 'result file'}: {fault}", _GET_ANOTHER) from fault
+            if int(version.split(".")[0]) < int(FORMAT_VERSION[0]):
+                what = f"{path}: is of the format {version}, from before the first release"
+                raise DataError(what, "make it again with `mapmore run CONFIG`")
+            yield file, str(kind), version
+    except Invalid as fault:
+        raise DataError(f"{path}: is not a valid {kind or 'result file'}: {fault}", _GET_ANOTHER) from fault

@@ -26,7 +26,7 @@ from h5py import h5a, h5d, h5g, h5l, h5o, h5t, h5z
 from numpy.typing import NDArray
 
 from mapmore_cli.domain.arrays import give_back, in_blocks, row_blocks
-from mapmore_cli.storage.artefacts.schema import DEEPEST, Invalid, stored_at
+from mapmore_cli.storage.artefacts.schema import DEEPEST, NO_UNIT, Invalid, stored_at
 
 LONG, HUGE = 4096, 1 << 20
 """Elements from which on an array is compressed, and from which on it is so no more. Shorter ones
@@ -40,27 +40,29 @@ ROOM, RATIO = 64_000_000, 300
 """Bytes that a file of any size may unpack to, and that one chunk may have; and beyond that, how
 many times its own size: columns that stand still shrink a thousandfold, recordings tenfold."""
 
-DOCUMENT, DIGITS = 32_000_000, 30
-"""Bytes of the document, which takes twenty times as much in memory, and digits of an integer."""
+DOCUMENT = 32_000_000
+"""Bytes of the document, which takes twenty times as much in memory."""
 
 
-def put_array(file: h5py.File, path: str, value: Any, dtype: str) -> h5py.Dataset:
+def put_array(file: h5py.File, path: str, value: Any, dtype: str, description: str, unit: str) -> None:
     """Store an array under a path; one that is mapped from a file is taken by blocks."""
     if value.size < HUGE:
         packed: dict[str, Any] = {"compression": "gzip", "shuffle": True} if value.size >= LONG else {}
-        return file.create_dataset(path, data=np.asarray(value, dtype), track_times=False, **packed)
-    dataset = file.create_dataset(path, value.shape, dtype, track_times=False)
-    for rows in row_blocks(len(value)):
-        dataset[rows] = np.asarray(value[rows], dtype=dtype)
-        give_back(value)
-    return dataset
+        dataset = file.create_dataset(path, data=np.asarray(value, dtype), track_times=False, **packed)
+    else:
+        dataset = file.create_dataset(path, value.shape, dtype, track_times=False)
+        for rows in row_blocks(len(value)):
+            dataset[rows] = np.asarray(value[rows], dtype=dtype)
+            give_back(value)
+    dataset.attrs.update({"description": description, "unit": unit})
 
 
-def put_text(file: h5py.File, path: str, text: str) -> h5py.Dataset:
+def put_text(file: h5py.File, path: str, text: str, description: str) -> None:
     """Store a text of any length; the file declares how long it is."""
     data = text.replace("\0", "").encode()
     kind = h5py.string_dtype("utf-8", max(1, len(data)))
-    return file.create_dataset(path, data=np.array(data, dtype=kind), track_times=False)
+    dataset = file.create_dataset(path, data=np.array(data, dtype=kind), track_times=False)
+    dataset.attrs.update({"description": description, "unit": NO_UNIT})
 
 
 def add_to_hash(digest: Any, path: str, value: Any, dtype: str) -> None:
@@ -98,15 +100,13 @@ def _mapped(dataset: h5py.Dataset) -> NDArray[Any]:
 def word(file: h5py.File, name: str) -> str | None:
     """Return an attribute of the root that is one short text; None where it is absent or another."""
     with stored_at(""):
-        if not h5a.exists(file.id, name.encode()):
+        if name not in file.attrs:
             return None
-        found = h5a.open(file.id, name.encode())
-        kind = found.get_type()
-        if found.shape != () or kind.get_class() != h5t.STRING or kind.get_size() > LONGEST_WORD:
-            return None
-        value = file.attrs[name]
-    value = value.decode(errors="replace") if isinstance(value, bytes) else value
-    return value if isinstance(value, str) and len(value) <= LONGEST_WORD else None
+        found = file.attrs.get_id(name)
+        kind, value = found.get_type(), None
+        if found.shape == () and kind.get_class() == h5t.STRING and kind.get_size() <= LONGEST_WORD:
+            value = file.attrs[name]
+    return value.decode(errors="replace") if isinstance(value, bytes) else value
 
 
 def take_document(file: h5py.File) -> tuple[str, Any]:
@@ -120,7 +120,7 @@ def take_document(file: h5py.File) -> tuple[str, Any]:
         data = bytes(found[()])
     try:
         said = data.decode()
-        return said, json.loads(said, object_pairs_hook=_once, parse_int=_short, parse_constant=_none)
+        return said, json.loads(said, object_pairs_hook=_once, parse_constant=_none)
     except (ValueError, RecursionError) as fault:
         raise Invalid(where, f"is no plain JSON ({str(fault)[:100]})") from fault
 
@@ -130,12 +130,6 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     if len(found) < len(pairs):
         raise ValueError("a key stands twice")
     return found
-
-
-def _short(digits: str) -> int:
-    if len(digits) > DIGITS:
-        raise ValueError("a number is too long")
-    return int(digits)
 
 
 def _none(name: str) -> None:

@@ -338,7 +338,7 @@ def described() -> str:
             return f"[{own.kind.__name__}](#{own.kind.__name__.lower()})"
         if own.kind in (Union, tuple, Mapping):
             head = {Union: "", tuple: "list of ", Mapping: "object of "}[own.kind]
-            return head + " or ".join(form(one) for one in own.inner[own.kind is Mapping :] if one is not ...)
+            return head + " or ".join(dict.fromkeys(form(one) for one in own.inner[own.kind is Mapping :] if one is not ...))
         return f"`{WORDS.get(own.kind, own.kind.__name__)}`"
 
     def section(type_: Any) -> None:
