@@ -81,12 +81,15 @@ def page_lines(run_dir: Path) -> tuple[str, ...]:
 def _of_hdf5(path: Path, warn: Callable[[str], None] = lambda _message: None, unverified: bool = False) -> View:
     kind = artefacts.kind_of(path)
     record = getattr(artefacts, f"read_{kind}")(path, warn, unverified)
-    shown = {"dataset": of_dataset, "segmentation": _of_segmentation, "fit": _of_fit, "model": _of_model}
+    shown: dict[str, Callable[[Any], View]] = {"dataset": of_dataset, "segmentation": _of_segmentation, "fit": _of_fit}
+    shown |= {"model": _of_model, "validation": _of_validation}
     try:
-        return shown.get(kind, _of_validation)(record)
+        return shown[kind](record)
     except (ArithmeticError, LookupError, TypeError, ValueError) as fault:
-        what = f"{path}: holds values that do not fit each other ({type(fault).__name__}: {str(fault)[:200]})"
-        raise DataError(what, "get a fresh copy, or make it anew") from fault
+        raise DataError(
+            f"{path}: holds values that do not fit each other ({type(fault).__name__}: {str(fault)[:200]})",
+            "get a fresh copy, or make it anew",
+        ) from fault
 
 
 def _of_json(path: Path) -> View:

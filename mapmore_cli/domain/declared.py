@@ -160,8 +160,8 @@ def is_label(text: str) -> bool:
     return len(text) <= 1000 and is_one_line(text) and not {*'"`$<>\\'} & {*text}
 
 
-FINITE = Checked("is not finite", lambda found: bool(np.isfinite(found).all()))
-ASCENDING = Checked("does not ascend", lambda found: bool((np.diff(found) >= 0).all()))
+FINITE = Checked("is not finite", lambda found: np.isfinite(found).all())
+ASCENDING = Checked("does not ascend", lambda found: (np.diff(found) >= 0).all())
 Number = Annotated[float, FINITE]
 Count = Annotated[int, Checked("is negative", lambda found: found >= 0)]
 Span = Annotated[tuple[Number, Number], ASCENDING]

@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 from mapmore_cli.domain.arrays import Array, IntArray, Numbers, Ranges
 from mapmore_cli.domain.declared import (
     ASCENDING,
+    Beyond,
     Count,
     Joining,
     Label,
@@ -22,8 +23,7 @@ from mapmore_cli.domain.declared import (
 from mapmore_cli.domain.fits import Boundaries, FormulaFit, MemoryModel, Scaling, Step
 from mapmore_cli.domain.recording import Quantity, Signal
 
-Word = Annotated[str, one_of("continue", "continue_linear", "saturate", "zero")]
-Side = Word | Number
+Side = Beyond | Number
 """Behaviour beyond one limit: `continue`, `continue_linear`, `saturate`, `zero`, or a value (M2 eq 12)."""
 
 

@@ -7,9 +7,8 @@ program instead of an answer.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
-from typing import Any
 
 import numpy as np
 
@@ -27,13 +26,10 @@ def unsound(model: Model) -> str | None:
     """Return why a model cannot be evaluated; None where it can."""
     try:
         for one in _every(model):
-            names = [quantity.name for quantity in one.inputs]
-            if len({*names}) < len(names):
-                return f"the model {one.name} has two inputs of one name"
-            if isinstance(one.body, Sum) and not one.body.parts:
-                return f"the model {one.name} is a sum of nothing"
-            for fault in kinds.kind_of(one).verb("faults", lambda _model: ())(one):
-                return f"of the model {one.name}: {fault}"
+            fault = next(iter(kinds.kind_of(one).verb("faults", lambda _model: ())(one)), None)
+            fault = fault or ("it is a sum of nothing" if one.body == Sum(()) else None)
+            if fault or len({quantity.name for quantity in one.inputs}) < len(one.inputs):
+                return f"of the model {one.name}: {fault or 'two inputs have one name'}"
         _try(model)
     except Exception as error:
         reason = f"{type(error).__name__}: {error}".splitlines()[0][:200]
@@ -43,28 +39,26 @@ def unsound(model: Model) -> str | None:
 
 def _every(model: Model) -> Iterator[Model]:
     yield model
-    if isinstance(model.body, Sum):
-        for part in model.body.parts:
-            for one in part.models:
-                yield from _every(one)
+    for part in getattr(model.body, "parts", ()):
+        for one in part.models:
+            yield from _every(one)
 
 
 def _try(model: Model) -> None:
     """Do with a model what commands do; an answer that explains itself is one."""
-    asked = [*model.inputs, model.output]
+    asked = (*model.inputs, model.output)
     names = [one.name for one in asked] + [*kinds.fed_back(model), *(one.of for one in model.signals)]
     columns = dict.fromkeys(names, np.linspace(0.0, 1.0, ROWS))
+    timed = {**columns, "time": np.arange(1.0 * ROWS)}
     kinds.equations(model)
     kinds.parameters(model)
-    attempts: list[Callable[[], Any]] = [
+    for attempt in (
         lambda: kinds.simulate(model, columns),
         lambda: kinds.outside_range(model, columns),
         lambda: kinds.runs_over_time(model) and kinds.one_step_ahead(model, columns),
         lambda: program_of(model),
         lambda: model.left_out and half_widths_of(model, columns, INTERVAL),
-        lambda: [signal_values(one, {**columns, "time": np.arange(1.0 * ROWS)}) for one in model.signals],
-    ]
-    with np.errstate(all="ignore"):
-        for attempt in attempts:
-            with suppress(MapmoreError):  # which commands tell
-                attempt()
+        lambda: [signal_values(one, timed) for one in model.signals],
+    ):
+        with suppress(MapmoreError), np.errstate(all="ignore"):  # which commands tell
+            attempt()

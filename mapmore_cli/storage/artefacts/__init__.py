@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,12 +31,12 @@ from mapmore_cli.domain.results import FitResult, Validation
 from mapmore_cli.modelling.soundness import unsound
 from mapmore_cli.storage.artefacts.hdf5 import (
     RATIO,
-    SteadyFile,
     add_to_hash,
     interrupted_later,
     look_over,
     put_array,
     put_text,
+    steady,
     take_array,
     take_document,
     word,
@@ -46,6 +46,7 @@ from mapmore_cli.storage.artefacts.schema import (
     Decoder,
     Invalid,
     SegmentationFile,
+    Units,
     encoded,
 )
 from mapmore_cli.storage.atomic import replacing
@@ -57,11 +58,12 @@ CHECKSUM = "checksum"
 """Attribute of the root: SHA-256 (hexadecimal) of all arrays and of the document."""
 
 _ALTERED = "its values are not those that were written: the checksum does not match"
+_GIVE_OURS = "give a file out of a run folder, as runs/NAME/model.h5"
 _GET_ANOTHER = "get a fresh copy, or make it again with `mapmore run CONFIG`"
 
 Warn = Callable[[str], None]
 T = TypeVar("T")
-NO_UNITS: Mapping[str, str] = {}
+NO_UNITS: Units = {}
 
 
 @dataclass(frozen=True)
@@ -77,36 +79,26 @@ class FileKind(Generic[T]):
     fault: Callable[[Any], str | None] = lambda _record: None
     ratio: int = RATIO
 
-    def write(self, path: Path, record: T, units: Mapping[str, str] = NO_UNITS, provenance: Mapping[str, str] = NO_UNITS) -> None:
+    def write(self, path: Path, record: T, units: Units = NO_UNITS, provenance: Units = NO_UNITS) -> None:
         """Write `record`; `units` are those that it does not know itself. The bytes depend on the arguments only.
 
         Raises WriteError where the disk is full.
         """
-        with replacing(path) as place, interrupted_later():
-            steady = SteadyFile(place.fileno(), "r+b", closefd=False)
-            try:
-                # Settled versions and no times: two writes give the same bytes, and old readers understand them.
-                with h5py.File(steady, "w", driver="fileobj", libver=("earliest", "v110")) as file:
-                    self._fill(file, record, units, provenance)
-            finally:
-                if steady.fault is not None:
-                    raise steady.fault
-
-    def _fill(self, file: h5py.File, record: T, units: Mapping[str, str], provenance: Mapping[str, str]) -> None:
         digest = hashlib.sha256()
-
-        def put(path: str, value: Any, description: str, unit: str) -> None:
-            dtype = TYPES[value.dtype.type]
-            add_to_hash(digest, path, value, dtype)
-            put_array(file, path, value, dtype, description, unit)
-
-        document = json.dumps(encoded(record, self.type, put, units), ensure_ascii=False, allow_nan=False)
-        put_text(file, "document", document, "everything but arrays, as JSON")
-        for name, text in provenance.items():
-            put_text(file, f"provenance/{name}", text, "where the file comes from")
-        digest.update(document.encode())
         about = {"kind": self.name, "format_version": FORMAT_VERSION, "creator": "mapmore"}
-        file.attrs.update(about | {CHECKSUM: digest.hexdigest()})
+        with replacing(path) as place, interrupted_later(), steady(place.fileno()) as file:
+
+            def put(path: str, value: Any, *label: str) -> None:
+                dtype = TYPES[value.dtype.type]
+                add_to_hash(digest, path, value, dtype)
+                put_array(file, path, value, dtype, *label)
+
+            document = json.dumps(encoded(record, self.type, put, units), ensure_ascii=False, allow_nan=False)
+            put_text(file, "document", document, "everything but arrays, as JSON")
+            for name, text in provenance.items():
+                put_text(file, f"provenance/{name}", text, "where the file comes from")
+            digest.update(document.encode())
+            file.attrs.update(about | {CHECKSUM: digest.hexdigest()})
 
     def read(self, path: Path, warn: Warn = lambda _message: None, unverified: bool = False) -> T:
         """Return the record in a file; `warn` is told where nothing says that it is as it was written.
@@ -159,10 +151,9 @@ def kind_of(path: Path) -> str:
 
 
 def units_of(dataset: Dataset) -> dict[str, str]:
-    """Return the units by quantity, with those of the `target` and the `level`, for the files of the later stages."""
+    """Return the units by quantity, with that of the `target`, for the files of the later stages."""
     units = {name: quantity.unit for name, quantity in dataset.quantities.items()}
-    level = {"level": dataset.unit(dataset.level)} if dataset.level else {}
-    return {**units, "target": dataset.unit(dataset.target), **level}
+    return units | {"target": units[dataset.target]}
 
 
 write_dataset, read_dataset = DATASET_FILE.write, DATASET_FILE.read
@@ -171,19 +162,19 @@ write_validation, read_validation = VALIDATION_FILE.write, VALIDATION_FILE.read
 read_model = MODEL_FILE.read
 
 
-def write_model(path: Path, model: Model, provenance: Mapping[str, str] = NO_UNITS) -> None:
+def write_model(path: Path, model: Model, provenance: Units = NO_UNITS) -> None:
     """Write a model that stands alone; `provenance` may hold texts of any length, as the resolved spec."""
     MODEL_FILE.write(path, model, provenance=provenance)
 
 
-def write_segmentation(path: Path, curves: tuple[SegmentedCurve, ...], units: Mapping[str, str] = NO_UNITS) -> None:
+def write_segmentation(path: Path, curves: tuple[SegmentedCurve, ...], *units: Units) -> None:
     """Write where the training curves are cut: boundaries and row numbers, no samples."""
-    SEGMENTATION_FILE.write(path, SegmentationFile(tuple(curves)), units)
+    SEGMENTATION_FILE.write(path, SegmentationFile(tuple(curves)), *units)
 
 
-def read_segmentation(path: Path, warn: Warn = lambda _message: None, unverified: bool = False) -> tuple[SegmentedCurve, ...]:
+def read_segmentation(path: Path, *warn_and_unverified: Any) -> tuple[SegmentedCurve, ...]:
     """Read where the training curves are cut."""
-    return SEGMENTATION_FILE.read(path, warn, unverified).curves
+    return SEGMENTATION_FILE.read(path, *warn_and_unverified).curves
 
 
 @contextmanager
@@ -195,19 +186,16 @@ def _opened(path: Path) -> Iterator[tuple[h5py.File, str, str]]:
     try:
         file = h5py.File(path, "r")
     except OSError as fault:
-        what = f"{path}: cannot be read ({str(fault).partition(chr(10))[0]})"
-        raise DataError(what, f"give a file that mapmore wrote; {_GET_ANOTHER}") from fault
-    kind = None
+        raise DataError(f"{path}: cannot be read ({str(fault).partition(chr(10))[0]})", _GIVE_OURS) from fault
+    kind: str | None = "file"
     try:
         with file:
             kind, version = word(file, "kind"), word(file, "format_version")
             if version is None or kind not in {known.name for known in KINDS}:
-                what = f"{path}: is an HDF5 file, but not one of mapmore's"
-                raise DataError(what, "give a file out of a run folder, as runs/NAME/model.h5")
+                raise DataError(f"{path}: is an HDF5 file, but not one of mapmore's", _GIVE_OURS)
             refuse_newer(path, version, FORMAT_VERSION)
             if int(version.split(".")[0]) < int(FORMAT_VERSION[0]):
-                what = f"{path}: is of the format {version}, from before the first release"
-                raise DataError(what, "make it again with `mapmore run CONFIG`")
+                raise DataError(f"{path}: is of the format {version}, from before the first release", _GET_ANOTHER)
             yield file, str(kind), version
     except Invalid as fault:
-        raise DataError(f"{path}: is not a valid {kind or 'result file'}: {fault}", _GET_ANOTHER) from fault
+        raise DataError(f"{path}: is not a valid {kind}: {fault}", _GET_ANOTHER) from fault

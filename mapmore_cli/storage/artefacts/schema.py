@@ -46,6 +46,13 @@ NO_UNIT = "-"
 WORDS = {str: "text", Literal: "text", types.NoneType: "null"}
 """What the reference calls types."""
 
+Letters = tuple[str, ...]
+Sizes = dict[str, int]
+"""Dimensions, and the lengths of those seen so far in an object."""
+
+Units = Mapping[str, str]
+"""Units by the names of quantities."""
+
 Put = Callable[[str, Any, str, str], None]
 """Stores an array under its path, with its description and unit."""
 Take = Callable[[str, str, int], Any]
@@ -65,7 +72,7 @@ def stored_at(where: str) -> Iterator[None]:
     try:
         yield
     except (OSError, KeyError, ValueError, TypeError, RuntimeError) as fault:
-        why = str(fault).strip("'\"").splitlines()[0] if str(fault) else type(fault).__name__
+        why = (str(fault) or type(fault).__name__).partition("\n")[0]
         raise Invalid(where, f"cannot be read ({why})") from fault
 
 
@@ -90,7 +97,7 @@ class Hint(NamedTuple):
     kind: Any
     inner: tuple[Any, ...]
     checks: tuple[Any, ...] = ()
-    letters: tuple[str, ...] = ()
+    letters: Letters = ()
     description: str = ""
     unit: str = ""
 
@@ -113,7 +120,7 @@ def taken_apart(hint: Any) -> Hint:
 
 
 @cache
-def stored_fields(type_: type) -> dict[str, tuple[Any, Any]]:
+def stored_fields(type_: Any) -> dict[str, tuple[Any, Any]]:
     """Return hint and default of every stored field, by name."""
     hints, found = get_type_hints(type_, include_extras=True), {}
     for one in fields(type_):
@@ -145,14 +152,13 @@ def _hints(own: Hint, count: int) -> Sequence[Any]:
 # Writing ----------------------------------------------------------------------------------------
 
 
-def _known_units(record: Any) -> dict[str, str]:
+def _known_units(record: Any) -> Units:
     """Return the units that an object knows, by the names that stand in brackets."""
     match record:
         case Dataset():
             return {name: one.unit for name, one in record.quantities.items()}
         case Model():
-            units = {one.name: one.unit for one in (*record.inputs, record.output)}
-            return units | {"target": record.output.unit}
+            return {"target": record.output.unit} | {one.name: one.unit for one in (*record.inputs, record.output)}
         case SegmentedCurve() | Pieces():
             return {f"variables.{i}": f"[{name}]" for i, name in enumerate(record.variables)}
         case Scaling():
@@ -162,7 +168,7 @@ def _known_units(record: Any) -> dict[str, str]:
     return {}
 
 
-def resolved(unit: str, units: Mapping[str, str]) -> str:
+def resolved(unit: str, units: Units) -> str:
     """Return the unit with every known `[name]` replaced; a compound one in brackets before a power."""
 
     def known(match: re.Match[str]) -> str:
@@ -173,7 +179,7 @@ def resolved(unit: str, units: Mapping[str, str]) -> str:
     return re.sub(r"\[([^\]]*)\](\^?)", known, unit)
 
 
-def encoded(value: Any, hint: Any, put: Put, units: Mapping[str, str], path: str = "", outer: tuple[str, str] = ("", "")) -> Any:
+def encoded(value: Any, hint: Any, put: Put, units: Units, path: str = "", outer: tuple[str, str] = ("", "")) -> Any:
     """Return a value as JSON has it; its arrays are `put` under their paths.
 
     `outer` are description and unit of the field that it is a part of.
@@ -183,13 +189,14 @@ def encoded(value: Any, hint: Any, put: Put, units: Mapping[str, str], path: str
     if own.kind is Union:
         return encoded(value, own.inner[0], put, units, path, label)
     if isinstance(value, np.ndarray):
-        put(path, value, label[0] or path, resolved(label[1] or "1", units))
+        put(path, value, label[0], resolved(label[1] or "1", units))
         return {ARRAY: path}
     if is_dataclass(value):
         units = {**units, **{name: resolved(unit, units) for name, unit in _known_units(value).items()}}
-        found = {name: one for name, one in bodies(own.kind).items() if one is type(value)}
-        document: dict[str, Any] = {"kind": next(iter(found))} if found else {}
-        for name, (inner, default) in stored_fields(type(value)).items():
+        document: dict[str, Any] = {}
+        for word in (word for word, one in bodies(own.kind).items() if one is type(value)):
+            document["kind"] = word
+        for name, (inner, default) in stored_fields(type(value)).items():  # type: ignore[arg-type]
             if not _same(one := getattr(value, name), default):
                 document[name] = encoded(one, inner, put, units, f"{path}/{name}")
         return document
@@ -228,14 +235,14 @@ class Decoder:
     take: Take
     lenient: bool = False
 
-    def value(self, node: Any, hint: Any, path: str, letters: tuple[str, ...], sizes: dict[str, int]) -> Any:
+    def value(self, node: Any, hint: Any, path: str, letters: Letters, sizes: Sizes) -> Any:
         """Return the value of a type; `sizes` are lengths of dimensions seen so far in the object."""
         own = taken_apart(hint)
         letters = own.letters or letters
         if own.kind is Union:
             if node is None and types.NoneType in own.inner:
                 return None
-            fitting = (one for one in own.inner if (taken_apart(one).kind is str) == isinstance(node, str))
+            fitting = (one for one in own.inner if (taken_apart(one).kind in (str, Literal)) == isinstance(node, str))
             return self.value(node, next(fitting, own.inner[0]), path, letters, sizes)
         found = self._plain(node, own, path, letters, sizes)
         for check in own.checks:
@@ -243,7 +250,7 @@ class Decoder:
                 raise Invalid(path, wrong + (f": {found[:60]!r}" if isinstance(found, str) else ""))
         return found
 
-    def _plain(self, node: Any, own: Hint, path: str, letters: tuple[str, ...], sizes: dict[str, int]) -> Any:
+    def _plain(self, node: Any, own: Hint, path: str, letters: Letters, sizes: Sizes) -> Any:
         kind, many = own.kind, own.inner[1:] == (...,)
         if path.count("/") > DEEPEST:
             raise Invalid(path, f"lies more than {DEEPEST} fields deep")
@@ -273,14 +280,13 @@ class Decoder:
 
     def _record(self, node: dict[str, Any], type_: Any, path: str, sizes: dict[str, int]) -> Any:
         known = stored_fields(type_)
-        for name in () if self.lenient else node.keys() - known.keys():
-            raise Invalid(f"{path}/{name[:60]}", "is not known to this format")
-        for name in (name for name, (_, default) in known.items() if default is MISSING and name not in node):
-            raise Invalid(f"{path}/{name}", "is missing")
+        needed = {name for name, (_, default) in known.items() if default is MISSING}
+        for name in (needed - node.keys()) | (set() if self.lenient else node.keys() - known.keys()):
+            raise Invalid(f"{path}/{name[:60]}", "is missing" if name in known else "is not known to this format")
         given = {name: hint for name, (hint, _) in known.items() if name in node}
         return type_(**{name: self.value(node[name], hint, f"{path}/{name}", (), sizes) for name, hint in given.items()})
 
-    def _array(self, path: str, number: Any, letters: tuple[str, ...], sizes: dict[str, int]) -> Any:
+    def _array(self, path: str, number: Any, letters: Letters, sizes: Sizes) -> Any:
         values = self.take(path, TYPES[number], max(1, len(letters))).astype(number, copy=False)
         _compare(path, values.shape, letters, sizes)
         values.setflags(write=False)  # several stages may be given the same
@@ -294,13 +300,13 @@ def _scalar(node: Any, own: Hint, path: str) -> Any:
         return float(node)
     expected = {Literal: str, Any: types.NoneType}.get(own.kind, own.kind)
     if type(node) is not expected:
-        raise Invalid(path, f"is no {getattr(expected, '__name__', expected)}")
+        raise Invalid(path, f"is no {expected.__name__}")  # type: ignore[attr-defined]
     if expected is str and not is_one_line(node):
         raise Invalid(path, f"has control characters or line breaks: {node[:60]!r}")
     return node
 
 
-def _compare(path: str, shape: tuple[int, ...], letters: tuple[str, ...], sizes: dict[str, int]) -> None:
+def _compare(path: str, shape: tuple[int, ...], letters: Letters, sizes: Sizes) -> None:
     """Raise Invalid where a length is not that of others with the same letter."""
     for length, letter in zip(shape, letters, strict=False):
         name = letter.removesuffix(" or 0")
@@ -310,12 +316,10 @@ def _compare(path: str, shape: tuple[int, ...], letters: tuple[str, ...], sizes:
 
 def wrong_with(value: Any, check: Any) -> str:
     """Return what is wrong with a value by a mark of its type; nothing where no mark says so."""
-    if isinstance(check, Checked):
-        return "" if check.holds(value) else check.words
     if isinstance(check, Interval):
         low, high = -math.inf if check.ge is None else check.ge, math.inf if check.le is None else check.le
-        return "" if low <= value <= high else f"is not between {low} and {high}"
-    return ""
+        check = Checked(f"is not between {low} and {high}", lambda value: low <= value <= high)
+    return "" if not isinstance(check, Checked) or check.holds(value) else check.words
 
 
 # The reference ----------------------------------------------------------------------------------
@@ -334,16 +338,17 @@ def described() -> str:
         if found := bodies(own.kind):
             return ", ".join(f"`{word}`: {form(type_)}" for word, type_ in found.items())
         if is_dataclass(own.kind):
-            section(own.kind)
-            return f"[{own.kind.__name__}](#{own.kind.__name__.lower()})"
+            return section(own.kind)
         if own.kind in (Union, tuple, Mapping):
             head = {Union: "", tuple: "list of ", Mapping: "object of "}[own.kind]
             return head + " or ".join(dict.fromkeys(form(one) for one in own.inner[own.kind is Mapping :] if one is not ...))
         return f"`{WORDS.get(own.kind, own.kind.__name__)}`"
 
-    def section(type_: Any) -> None:
-        if (name := type_.__name__) in sections:
-            return
+    def section(type_: Any) -> str:
+        name = type_.__name__
+        link = f"[{name}](#{name.lower()})"
+        if name in sections:
+            return link
         sections[name] = ""
         rows = ""
         for field, (hint, default) in stored_fields(type_).items():
@@ -352,6 +357,7 @@ def described() -> str:
             rows += f"| `{field}` | {form(hint)}{optional} | {unit} | {own.description or field} |\n"
         del sections[name]
         sections[name] = f"### {name}\n\n{type_.__doc__.partition(chr(10))[0]}\n\n{head}{rows}\n"
+        return link
 
     for root in (Dataset, SegmentationFile, FitResult, Model, Validation):
         section(root)
