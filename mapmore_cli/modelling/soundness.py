@@ -28,8 +28,9 @@ def unsound(model: Model) -> str | None:
         for one in _every(model):
             fault = next(iter(kinds.kind_of(one).verb("faults", lambda _model: ())(one)), None)
             fault = fault or ("it is a sum of nothing" if one.body == Sum(()) else None)
-            if fault or len({quantity.name for quantity in one.inputs}) < len(one.inputs):
-                return f"of the model {one.name}: {fault or 'two inputs have one name'}"
+            names = [quantity.name for quantity in (one.output, *one.inputs)]
+            if fault or sorted({*names}) != sorted(names):
+                return f"of the model {one.name}: {fault or 'two quantities have one name'}"
         _try(model)
     except Exception as error:
         reason = f"{type(error).__name__}: {error}".splitlines()[0][:200]
