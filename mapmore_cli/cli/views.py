@@ -87,7 +87,7 @@ def _of_hdf5(path: Path, warn: Callable[[str], None] = lambda _message: None, un
         return shown[kind](record)
     except (ArithmeticError, LookupError, TypeError, ValueError) as fault:
         raise DataError(
-            f"{path}: holds values that do not fit each other ({type(fault).__name__}: {str(fault)[:200]})",
+            f"{path}: holds values that do not fit each other ({type(fault).__name__}: {fault})",
             "get a fresh copy, or make it anew",
         ) from fault
 

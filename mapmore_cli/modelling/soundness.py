@@ -27,13 +27,13 @@ def unsound(model: Model) -> str | None:
     try:
         for one in _every(model):
             fault = next(iter(kinds.kind_of(one).verb("faults", lambda _model: ())(one)), None)
-            fault = fault or ("it is a sum of nothing" if one.body == Sum(()) else None)
-            names = [quantity.name for quantity in (one.output, *one.inputs)]
-            if fault or sorted({*names}) != sorted(names):
+            fault = fault or (one.body == Sum(()) and "it is a sum of nothing")
+            names = (quantity.name for quantity in (one.output, *one.inputs))
+            if fault or len({*names}) <= len(one.inputs):
                 return f"of the model {one.name}: {fault or 'two quantities have one name'}"
         _try(model)
     except Exception as error:
-        reason = f"{type(error).__name__}: {error}".splitlines()[0][:200]
+        reason = f"{type(error).__name__}: {error}".partition("\n")[0]
         return f"the model cannot be evaluated, since its parts do not fit each other ({reason})"
     return None
 
