@@ -9,10 +9,15 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mapmore_cli.domain.declared import FINITE, QuantityName, Span
+from mapmore_cli.domain.declared import Checked, QuantityName
 
 Array = NDArray[np.float64]
 """Measured or computed values; shapes are given where the array is used."""
+
+FINITE = Checked("is not finite", lambda found: np.isfinite(found).all())
+ASCENDING = Checked("does not ascend", lambda found: (np.diff(found) >= 0).all())
+Number = Annotated[float, FINITE]
+Span = Annotated[tuple[Number, Number], ASCENDING]
 
 Numbers = Annotated[Array, FINITE]
 """Values that a model cannot do without."""

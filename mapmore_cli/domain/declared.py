@@ -14,7 +14,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Annotated, Any, ClassVar, Literal, TypeVar, get_args, get_origin
 
-import numpy as np
 from annotated_types import Ge, Gt, Interval, MaxLen
 
 from mapmore_cli.domain.foreign import is_one_line
@@ -160,11 +159,7 @@ def is_label(text: str) -> bool:
     return len(text) <= 1000 and is_one_line(text) and not {*'"`$<>\\'} & {*text}
 
 
-FINITE = Checked("is not finite", lambda found: np.isfinite(found).all())
-ASCENDING = Checked("does not ascend", lambda found: (np.diff(found) >= 0).all())
-Number = Annotated[float, FINITE]
 Count = Annotated[int, Checked("is negative", lambda found: found >= 0)]
-Span = Annotated[tuple[Number, Number], ASCENDING]
 
 QuantityName = Annotated[
     str,

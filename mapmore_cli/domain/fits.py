@@ -10,8 +10,8 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mapmore_cli.domain.arrays import Array, BoolArray, IntArray, Numbers, Ranges
-from mapmore_cli.domain.declared import ASCENDING, Checked, Count, Label, Number, QuantityName, Span, TermName, one_of
+from mapmore_cli.domain.arrays import ASCENDING, Array, BoolArray, IntArray, Number, Numbers, Ranges, Span
+from mapmore_cli.domain.declared import Checked, Count, Label, QuantityName, TermName, one_of
 
 Boundaries = Annotated[Numbers, ASCENDING]
 Step = Annotated[Number, Checked("is not above 0", lambda step: step > 0)]

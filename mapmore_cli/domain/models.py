@@ -7,19 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
-from mapmore_cli.domain.arrays import Array, IntArray, Numbers, Ranges
-from mapmore_cli.domain.declared import (
-    ASCENDING,
-    Beyond,
-    Count,
-    Joining,
-    Label,
-    Number,
-    QuantityName,
-    Span,
-    TermName,
-    one_of,
-)
+from mapmore_cli.domain.arrays import ASCENDING, Array, IntArray, Number, Numbers, Ranges, Span
+from mapmore_cli.domain.declared import Beyond, Count, Joining, Label, QuantityName, TermName, one_of
 from mapmore_cli.domain.fits import Boundaries, FormulaFit, MemoryModel, Scaling, Step
 from mapmore_cli.domain.recording import Quantity, Signal
 

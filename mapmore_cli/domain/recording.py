@@ -8,8 +8,8 @@ from typing import Annotated
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import BoolArray, Columns, IntArray, Ranges
-from mapmore_cli.domain.declared import Count, Label, Number, QuantityName, one_of
+from mapmore_cli.domain.arrays import BoolArray, Columns, IntArray, Number, Ranges
+from mapmore_cli.domain.declared import Count, Label, QuantityName, one_of
 
 STATIC_FORCE, DAMPING = "static_force", "damping"
 """What a static model says of a step response, and what it leaves (M2 eq 1)."""

@@ -14,7 +14,8 @@ import numpy as np
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from mapmore_cli.domain.declared import ASCENDING, FINITE, Label, QuantityName, TermName
+from mapmore_cli.domain.arrays import ASCENDING, FINITE
+from mapmore_cli.domain.declared import Label, QuantityName, TermName
 from mapmore_cli.domain.models import Body
 from mapmore_cli.modelling.kinds import kinds
 from mapmore_cli.storage.artefacts.schema import Hint, stored_fields, taken_apart, wrong_with
