@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -17,9 +18,9 @@ import numpy as np
 from pages import DOCS, campaign, of_campaign, printed, rms, run, scores, write_page
 
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.domain.models import CARRIED, HARD, ZERO, Motion, MotionSection
+from mapmore_cli.domain.models import BUMPLESS, CARRIED, HARD, ZERO, Motion, MotionSection
 from mapmore_cli.modelling.memory.records import Record
-from mapmore_cli.modelling.motion.fitting import continued, fit_motion
+from mapmore_cli.modelling.motion.fitting import fit_motion
 from mapmore_cli.modelling.motion.problem import Bounds, MotionRecipe
 from mapmore_cli.modelling.motion.simulation import motion_errors, simulate
 from mapmore_cli.reporting.table import Cell, Table
@@ -46,6 +47,22 @@ TRIALS: Mapping[str, dict[str, object]] = {
 def recipe(**settings: Any) -> MotionRecipe:
     """Return the settings of a fit, of the simulated muscle."""
     return MotionRecipe(input="input", output="displacement", step=STEP, **settings)
+
+
+def continued(motion: Motion) -> Motion:
+    """Return a model with hard switching as one that shares its state: constants are added so that its sections meet.
+
+    Published sections have steady outputs that disagree at the boundaries; the first stays as it is.
+    Rise and fall are joined each for itself.
+    """
+    lines = 2 if motion.directed else 1
+    sections = [replace(one, weights=np.array([one.p3, 0.0])) for one in motion.sections]
+    for number, section in enumerate(sections[lines:], start=lines):
+        before, edge = sections[number - lines], motion.boundaries[number // lines - 1]
+        steady = (before.weights @ np.array([edge, 1.0])) / (1.0 - before.p1 - before.p2)
+        constant = steady * (1.0 - section.p1 - section.p2) - section.p3 * edge
+        sections[number] = replace(section, weights=np.array([section.p3, constant]))
+    return replace(motion, switching=BUMPLESS, drives=(motion.input, "1"), sections=tuple(sections))
 
 
 def published(model: str) -> Motion:

@@ -9,7 +9,7 @@ from contextlib import ExitStack
 from types import TracebackType
 from typing import TYPE_CHECKING
 
-from mapmore_cli.domain.errors import Doubt, MapmoreError, RunWarning, UsageError
+from mapmore_cli.domain.errors import RunWarning, UsageError
 from mapmore_cli.domain.foreign import printable
 
 if TYPE_CHECKING:
@@ -43,7 +43,6 @@ class Reporter:
         self._stage: tuple[str, float] | None = None
         self._cleanup = ExitStack()
         self._warnings: dict[str, list[str]] = {}
-        self._doubt: Doubt | None = None
 
     def __enter__(self) -> Reporter:
         self._cleanup.enter_context(warnings.catch_warnings())
@@ -57,8 +56,6 @@ class Reporter:
             self._end_stage()
         self._tell_warnings()
         self._cleanup.close()
-        if self._doubt is not None and isinstance(error, Exception) and not isinstance(error, MapmoreError | OSError):
-            raise self._doubt.explained(error) from error
 
     @property
     def listeners(self) -> Listeners:
@@ -72,7 +69,6 @@ class Reporter:
 
     def warn(self, message: str) -> None:
         """Keep a warning for the end of the work, when it is told once, with the runs that it concerns."""
-        self._doubt = message if isinstance(message, Doubt) else self._doubt
         run, text = (message.run, message.message) if isinstance(message, RunWarning) else ("", message)
         runs = self._warnings.setdefault(text, [])
         if run not in runs:

@@ -79,17 +79,17 @@ def page_lines(run_dir: Path) -> tuple[str, ...]:
 
 
 def _of_hdf5(path: Path, warn: Callable[[str], None] = lambda _message: None, unverified: bool = False) -> View:
-    match artefacts.kind_of(path):
-        case "dataset":
-            return of_dataset(artefacts.read_dataset(path, warn, unverified))
-        case "segmentation":
-            return _of_segmentation(artefacts.read_segmentation(path, warn, unverified))
-        case "fit":
-            return _of_fit(artefacts.read_fit(path, warn, unverified))
-        case "model":
-            return _of_model(artefacts.read_model(path, warn, unverified))
-        case _:
-            return _of_validation(artefacts.read_validation(path, warn, unverified))
+    kind = artefacts.kind_of(path)
+    record = getattr(artefacts, f"read_{kind}")(path, warn, unverified)
+    shown: dict[str, Callable[[Any], View]] = {"dataset": of_dataset, "segmentation": _of_segmentation, "fit": _of_fit}
+    shown |= {"model": _of_model, "validation": _of_validation}
+    try:
+        return shown[kind](record)
+    except (ArithmeticError, LookupError, TypeError, ValueError) as fault:
+        raise DataError(
+            f"{path}: holds values that do not fit each other ({type(fault).__name__}: {fault})",
+            "get a fresh copy, or make it anew",
+        ) from fault
 
 
 def _of_json(path: Path) -> View:

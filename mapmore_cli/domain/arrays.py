@@ -4,14 +4,24 @@ from __future__ import annotations
 
 import mmap
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
+from mapmore_cli.domain.declared import Checked, QuantityName
+
 _Shape = tuple[Any, ...]
 
-Array = np.ndarray[_Shape, np.dtype[np.float64]]  # NumPy 2.5 made NDArray an alias, which storage could not take apart
+Array = np.ndarray[_Shape, np.dtype[np.float64]]  # written out: NumPy 2.5 made NDArray an alias
 """Measured or computed values; shapes are given where the array is used."""
+
+FINITE = Checked("is not finite", lambda found: np.isfinite(found).all())
+ASCENDING = Checked("does not ascend", lambda found: (np.diff(found) >= 0).all())
+Number = Annotated[float, FINITE]
+Span = Annotated[tuple[Number, Number], ASCENDING]
+
+Numbers = Annotated[Array, FINITE]
+"""Values that a model cannot do without."""
 
 IntArray = np.ndarray[_Shape, np.dtype[np.int64]]
 """Row numbers and identifiers."""
@@ -22,10 +32,10 @@ BoolArray = np.ndarray[_Shape, np.dtype[np.bool_]]
 Value = Array | np.float64
 """One number for every row, or one for all."""
 
-Columns = Mapping[str, Array]
+Columns = Mapping[QuantityName, Array]
 """Quantities by canonical name, each `(n,)`, row for row of one table."""
 
-Ranges = Mapping[str, tuple[float, float]]
+Ranges = Mapping[QuantityName, Span]
 """Least and greatest value of each quantity."""
 
 

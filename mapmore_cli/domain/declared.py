@@ -9,11 +9,14 @@ of methods, so that nothing of it is imported here.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Annotated, Any, ClassVar, Literal, TypeVar, get_args, get_origin
 
 from annotated_types import Ge, Gt, Interval, MaxLen
+
+from mapmore_cli.domain.foreign import is_one_line
 
 S = TypeVar("S")
 
@@ -133,6 +136,50 @@ class Matching:
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
         """Return the text's schema with the pattern."""
         return {**handler(source), "pattern": self.pattern}
+
+
+# Stored values ------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Checked:
+    """Marks a stored value: `holds` is true of each that a file may hold; `words` say what is wrong with any other."""
+
+    words: str
+    holds: Callable[[Any], Any]
+
+
+def one_of(*words: str) -> Checked:
+    """Mark a text that is one of a few words."""
+    return Checked(f"is none of {', '.join(words)}", words.__contains__)
+
+
+def is_label(text: str) -> bool:
+    """Whether a text can be the name of a curve, a file or a unit."""
+    return len(text) <= 1000 and is_one_line(text) and not {*'"`$<>\\'} & {*text}
+
+
+Count = Annotated[int, Checked("is negative", lambda found: found >= 0)]
+
+QuantityName = Annotated[
+    str,
+    Checked(
+        "is no name of a quantity: a letter, then letters, digits and _",
+        re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,99}").fullmatch,
+    ),
+]
+TermName = Annotated[
+    str,
+    Checked(
+        "is no term: it has other characters, or none, or more than 10000",
+        re.compile(r"[A-Za-z0-9_.,\[\]+\-^*/() ]{1,10000}").fullmatch,
+    ),
+]
+Label = Annotated[
+    str,
+    Checked('is no name: it is not one line of 1000 characters, or has one of " ` $ < > \\', is_label),
+]
+"""The name of a curve, a file or a unit: letters of any script."""
 
 
 # Numbers with units -------------------------------------------------------------------------------------------------------------------

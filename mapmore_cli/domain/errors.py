@@ -103,27 +103,6 @@ class Stopped(KeyboardInterrupt):
         self.number = number
 
 
-class Doubt(str):
-    """A warning that the values of a file may not be those that were written; `file` is its name.
-
-    Such values may not fit each other, so that what fails after it is no fault of the program.
-    """
-
-    file: str
-
-    @classmethod
-    def of(cls, file: str, why: str) -> Doubt:
-        """Return the warning of a file."""
-        doubt = cls(f"{file}: {why}")
-        doubt.file = file
-        return doubt
-
-    def explained(self, error: Exception) -> DataError:
-        """Return what is told of an error that is none of ours."""
-        reason = f"{type(error).__name__}: {error}".splitlines()[0][:200]
-        return DataError(f"{self.file}: holds values that do not fit each other ({reason})", "get a fresh copy, or make it anew")
-
-
 class RunWarning(str):
     """A warning about another run than the one that was asked for: the text says which, `run` and `message` hold the two apart."""
 

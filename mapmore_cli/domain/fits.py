@@ -10,7 +10,11 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mapmore_cli.domain.arrays import Array, BoolArray, IntArray, Ranges
+from mapmore_cli.domain.arrays import ASCENDING, Array, BoolArray, IntArray, Number, Numbers, Ranges, Span
+from mapmore_cli.domain.declared import Checked, Count, Label, QuantityName, TermName, one_of
+
+Boundaries = Annotated[Numbers, ASCENDING]
+Step = Annotated[Number, Checked("is not above 0", lambda step: step > 0)]
 
 
 @dataclass(frozen=True)
@@ -20,13 +24,13 @@ class Scaling:
     `placement` has one word for each variable, as `left,right`; `-` where the rule places no origin.
     """
 
-    rule: Annotated[str, "`unit_square`, `max_abs`, `none` or `range`"]
-    placement: Annotated[str, "where the origin lies, as `left`"]
-    variables: Annotated[tuple[str, ...], "(v) inputs, in the order of slope and intercept"]
-    slope: Annotated[Array, "(v) slope of each input", "[slopes]"]
-    intercept: Annotated[Array, "(v) intercept of each input"]
-    y_slope: Annotated[float, "slope of the output", "[target]"]
-    y_intercept: Annotated[float, "intercept of the output", "[target]"]
+    rule: Annotated[Label, "`unit_square`, `max_abs`, `none` or `range`"]
+    placement: Annotated[Label, "where the origin lies, as `left`"]
+    variables: Annotated[tuple[QuantityName, ...], "(v) inputs, in the order of slope and intercept"]
+    slope: Annotated[Numbers, "(v) slope of each input", "[slopes]"]
+    intercept: Annotated[Numbers, "(v) intercept of each input"]
+    y_slope: Annotated[Number, "slope of the output", "[target]"]
+    y_intercept: Annotated[Number, "intercept of the output", "[target]"]
 
 
 @dataclass(frozen=True, repr=False)
@@ -50,8 +54,8 @@ class Selection:
     condition: Annotated[float, "2-norm condition number of the chosen regressors"]
     sse: Annotated[float, "residual sum of squares, uncentred"]
     yy: Annotated[float, "total sum of squares, uncentred"]
-    samples: Annotated[int, "samples fitted to"]
-    stop: Annotated[str, "why selection stopped"]
+    samples: Annotated[Count, "samples fitted to"]
+    stop: Annotated[Label, "why selection stopped"]
     candidates: tuple[str, ...] = field(default=(), compare=False, metadata={"stored": False})
 
     @property
@@ -81,8 +85,8 @@ class Selection:
 class Segment:
     """Rows of a training curve that one segment function is fitted to."""
 
-    id: Annotated[str, "identifier of the segment, as `pressure=150/strain:2`"]
-    curve: Annotated[str, "identifier of its curve"]
+    id: Annotated[Label, "identifier of the segment, as `pressure=150/strain:2`"]
+    curve: Annotated[Label, "identifier of its curve"]
     cell: Annotated[tuple[int, ...], "place along each segmented variable, from 1", "-"]
     rows: Annotated[IntArray, "row numbers within the curve's training samples, from 0", "-"]
 
@@ -91,10 +95,10 @@ class Segment:
 class SegmentedCurve:
     """A training curve cut up; samples stay in the dataset file."""
 
-    curve: Annotated[str, "identifier of the curve"]
-    level: Annotated[float | None, "value of the level quantity", "[level]"]
-    variables: Annotated[tuple[str, ...], "(p) segmented variables"]
-    boundaries: Annotated[tuple[Array, ...], "(p) segment locations of each variable, both ends included", "[variables.*]"]
+    curve: Annotated[Label, "identifier of the curve"]
+    level: Annotated[Number | None, "value of the level quantity", "[level]"]
+    variables: Annotated[tuple[QuantityName, ...], "(p) segmented variables"]
+    boundaries: Annotated[tuple[Boundaries, ...], "(p) segment locations of each variable, both ends included", "[variables.*]"]
     limits: Annotated[Ranges, "least and greatest training value of each input", "[*]"]
     segments: Annotated[tuple[Segment, ...], "segments of the curve"]
 
@@ -103,10 +107,10 @@ class SegmentedCurve:
 class SegmentFit:
     """A segment function: the chosen terms with their scaling, and how they were found."""
 
-    id: Annotated[str, "identifier of the segment"]
-    curve: Annotated[str, "identifier of its curve"]
+    id: Annotated[Label, "identifier of the segment"]
+    curve: Annotated[Label, "identifier of its curve"]
     cell: Annotated[tuple[int, ...], "place along each segmented variable, from 1", "-"]
-    candidates: Annotated[tuple[str, ...], "(M) names of all M dictionary terms"]
+    candidates: Annotated[tuple[TermName, ...], "(M) names of all M dictionary terms"]
     scaling: Annotated[Scaling, "scaling of the segment"]
     selection: Annotated[Selection, "how the terms were found"]
 
@@ -120,7 +124,7 @@ class SegmentFit:
 class Optimum:
     """Another minimum of a formula's error that explains the training data nearly as well."""
 
-    parameters: Annotated[Mapping[str, float], "its parameters", "those of the formula"]
+    parameters: Annotated[Mapping[QuantityName, float], "its parameters", "those of the formula"]
     sse: Annotated[float, "its residual sum of squares", "[target]^2"]
     held_out_rmse: Annotated[float, "its error on the validation data; NaN where nobody has asked", "[target]"] = math.nan
 
@@ -133,15 +137,19 @@ class FormulaFit:
     `rivals` is right; the least error comes first. `definition` is the formula itself, where a spec defines it.
     """
 
-    name: Annotated[str, "name of the formula"]
-    parameters: Annotated[Mapping[str, float], "fitted parameters; NaN where the fit failed", "those of the formula"]
-    errors: Annotated[Mapping[str, float], "standard errors of the parameters; NaN where unknown", "those of the formula"]
-    status: Annotated[str, "`converged`, `at_bound`, `rank_deficient`, `stopped_by_limit` or `failed`"]
-    method: Annotated[str, "how it was fitted"]
+    name: Annotated[Label, "name of the formula"]
+    parameters: Annotated[Mapping[QuantityName, float], "fitted parameters; NaN where the fit failed", "those of the formula"]
+    errors: Annotated[Mapping[QuantityName, float], "standard errors of the parameters; NaN where unknown", "those of the formula"]
+    status: Annotated[
+        str,
+        "`converged`, `at_bound`, `rank_deficient`, `stopped_by_limit` or `failed`",
+        one_of("converged", "at_bound", "rank_deficient", "stopped_by_limit", "failed"),
+    ]
+    method: Annotated[Label, "how it was fitted"]
     rank: Annotated[int, "rank of the linear problem"]
     condition: Annotated[float, "condition number of the linear problem"]
     sse: Annotated[float, "residual sum of squares", "[target]^2"]
-    samples: Annotated[int, "samples fitted to"]
+    samples: Annotated[Count, "samples fitted to"]
     notes: Annotated[tuple[str, ...], "remarks for the reader"] = ()
     rivals: Annotated[tuple[Optimum, ...], "other minima with nearly its training error"] = ()
     definition: str = ""
@@ -170,15 +178,21 @@ class StateSet:
     Widths of `play`, `stop` and `saturate` are fractions of `ranges`. Scaled states are clipped `margin` beyond [0, 1].
     """
 
-    names: Annotated[tuple[str, ...], "(s) as `pressure`, `force[k-1]`, `slow(play(pressure, 0.16), 0.3)`"]
-    step: Annotated[float, "time between samples", "s"]
-    ranges: Annotated[Ranges, "training range of each source of `play`, `stop` and `saturate`, by its name", "that of the source"]
-    resonances: Annotated[Ranges, "frequency (Hz) and damping ratio that training found, by the name of their source", "Hz, 1"]
-    low: Annotated[
-        Array, "(s or 0) least training value of each state, scaled to 0; empty where states are not scaled", "that of the state"
+    names: Annotated[tuple[TermName, ...], "(s) as `pressure`, `force[k-1]`, `slow(play(pressure, 0.16), 0.3)`"]
+    step: Annotated[Step, "time between samples", "s"]
+    ranges: Annotated[
+        Mapping[TermName, Span], "training range of each source of `play`, `stop` and `saturate`, by its name", "that of the source"
     ]
-    high: Annotated[Array, "(s or 0) greatest training value of each state, scaled to 1; empty likewise", "that of the state"]
-    margin: Annotated[float, "how far beyond its training range a scaled state may go, as a fraction of it"]
+    resonances: Annotated[
+        Mapping[TermName, tuple[Number, Number]],
+        "frequency (Hz) and damping ratio that training found, by the name of their source",
+        "Hz, 1",
+    ]
+    low: Annotated[
+        Numbers, "(s or 0) least training value of each state, scaled to 0; empty where states are not scaled", "that of the state"
+    ]
+    high: Annotated[Numbers, "(s or 0) greatest training value of each state, scaled to 1; empty likewise", "that of the state"]
+    margin: Annotated[Number, "how far beyond its training range a scaled state may go, as a fraction of it"]
 
     @property
     def scaled(self) -> bool:
@@ -194,14 +208,14 @@ class MemoryModel:
     or with `identified` ones (`start`).
     """
 
-    output: Annotated[str, "the quantity whose delays are fed back"]
+    output: Annotated[QuantityName, "the quantity whose delays are fed back"]
     states: Annotated[StateSet, "states with memory"]
-    terms: Annotated[tuple[str, ...], "(k) the terms D_j, in the order of selection"]
-    theta: Annotated[Array, "(k) coefficients of the terms, of states scaled as `states` says", "those of the terms"]
+    terms: Annotated[tuple[TermName, ...], "(k) the terms D_j, in the order of selection"]
+    theta: Annotated[Numbers, "(k) coefficients of the terms, of states scaled as `states` says", "those of the terms"]
     theta_error: Annotated[Array, "(k) standard errors of theta; NaN without a degree of freedom", "those of the terms"]
-    constant: Annotated[float, "the constant", "[target]"]
-    limits: Annotated[tuple[float, float], "least and greatest training output", "[target]"]
-    start: Annotated[str, "how free runs begin"] = "measured"
+    constant: Annotated[Number, "the constant", "[target]"]
+    limits: Annotated[Span, "least and greatest training output", "[target]"]
+    start: Annotated[str, "how free runs begin", one_of("measured", "steady", "identified")] = "measured"
 
     @property
     def scaling(self) -> Scaling:
@@ -220,7 +234,7 @@ class Identified:
     Where the search ended at a bound (`held`), the data do not say what the number is.
     """
 
-    names: Annotated[tuple[str, ...], "(m) as `p of wen(force[k-1])`"]
+    names: Annotated[tuple[TermName, ...], "(m) as `p of wen(force[k-1])`"]
     numbers: Annotated[Array, "(m) the numbers", "s, Hz or 1"]
     errors: Annotated[Array, "(m) standard errors; NaN at a bound", "those of the numbers"]
     held: Annotated[BoolArray, "(m) 1 where the search ended at a bound"]
@@ -241,7 +255,7 @@ class MemoryFit:
     """
 
     model: Annotated[MemoryModel, "the model"]
-    candidates: Annotated[tuple[str, ...], "(M) names of all M dictionary terms"]
+    candidates: Annotated[tuple[TermName, ...], "(M) names of all M dictionary terms"]
     selection: Annotated[Selection, "how the terms were found; after pruning, among those kept"]
     ridge: Annotated[float, "ridge as a fraction of the variance of a standardised candidate; 0 for none"]
     forward: Annotated[IntArray, "candidates chosen before pruning, in their order, from 0", "-"]

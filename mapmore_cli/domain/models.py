@@ -7,12 +7,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
-from mapmore_cli.domain.arrays import Array, IntArray, Ranges
-from mapmore_cli.domain.declared import Joining
-from mapmore_cli.domain.fits import FormulaFit, MemoryModel, Scaling
+from mapmore_cli.domain.arrays import ASCENDING, Array, IntArray, Number, Numbers, Ranges, Span
+from mapmore_cli.domain.declared import Beyond, Count, Joining, Label, QuantityName, TermName, one_of
+from mapmore_cli.domain.fits import Boundaries, FormulaFit, MemoryModel, Scaling, Step
 from mapmore_cli.domain.recording import Quantity, Signal
 
-Side = str | float
+Side = Beyond | Number
 """Behaviour beyond one limit: `continue`, `continue_linear`, `saturate`, `zero`, or a value (M2 eq 12)."""
 
 
@@ -20,17 +20,17 @@ Side = str | float
 class SegmentFunction:
     """`f(x) = y_slope sum_k theta_k D_k(slope x + intercept) + y_intercept` (M2 eq 8)."""
 
-    id: Annotated[str, "identifier of the segment"]
+    id: Annotated[Label, "identifier of the segment"]
     cell: Annotated[tuple[int, ...], "place along each segmented variable, from 1", "-"]
-    terms: Annotated[tuple[str, ...], "(k) names of the terms D_k, in the order of selection"]
-    theta: Annotated[Array, "(k) coefficients of the terms, in scaled coordinates"]
+    terms: Annotated[tuple[TermName, ...], "(k) names of the terms D_k, in the order of selection"]
+    theta: Annotated[Numbers, "(k) coefficients of the terms, in scaled coordinates"]
     theta_error: Annotated[Array, "(k) standard errors of theta; NaN without a degree of freedom"]
     g: Annotated[Array, "(k) coefficients of the orthogonalised regressors"]
     err: Annotated[Array, "(k) error reduction ratios"]
     scaling: Annotated[Scaling, "scaling of the segment"]
-    samples: Annotated[int, "samples fitted to"]
+    samples: Annotated[Count, "samples fitted to"]
     condition: Annotated[float, "2-norm condition number of the chosen regressors"]
-    stop: Annotated[str, "why selection stopped"]
+    stop: Annotated[Label, "why selection stopped"]
     limits: Annotated[Ranges, "least and greatest training value of each segmented variable in the segment", "[*]"] = field(
         default_factory=dict
     )
@@ -40,12 +40,12 @@ class SegmentFunction:
 class CurveFunction:
     """The fused segment functions of one training curve."""
 
-    curve: Annotated[str, "identifier of the curve"]
-    level: Annotated[float | None, "value of the level quantity", "[level]"]
-    boundaries: Annotated[tuple[Array, ...], "(p) segment locations of each segmented variable, both ends included", "[variables.*]"]
+    curve: Annotated[Label, "identifier of the curve"]
+    level: Annotated[Number | None, "value of the level quantity", "[level]"]
+    boundaries: Annotated[tuple[Boundaries, ...], "(p) segment locations of each segmented variable, both ends included", "[variables.*]"]
     limits: Annotated[Ranges, "least and greatest training value of each input", "[*]"]
     segments: Annotated[tuple[SegmentFunction, ...], "segment functions"]
-    threshold: Annotated[float | None, "threshold along the aligned variable, where there is one", "[aligned]"] = None
+    threshold: Annotated[Number | None, "threshold along the aligned variable, where there is one", "[aligned]"] = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,10 +60,10 @@ class Fusion(Joining):
     """
 
     extrapolation: Annotated[
-        Mapping[str, tuple[Side, Side]], "behaviour below and above the limits of each input: a word, or the value it takes"
+        Mapping[QuantityName, tuple[Side, Side]], "behaviour below and above the limits of each input: a word, or the value it takes"
     ]
-    aligned: Annotated[str | None, "variable along which curves are aligned at their thresholds"] = None
-    shrink: Annotated[float, "share of the pieces on a backbone that is carried to the middle between two levels"] = 1.0
+    aligned: Annotated[QuantityName | None, "variable along which curves are aligned at their thresholds"] = None
+    shrink: Annotated[Number, "share of the pieces on a backbone that is carried to the middle between two levels"] = 1.0
     domain: Annotated[Ranges, "limits of the whole training domain, for inputs that extrapolation acts on there", "[*]"] = field(
         default_factory=dict
     )
@@ -76,17 +76,17 @@ class FoldError:
     `choice` is `backbone`, `backbone + residual` or `backbone + shrunken residual`.
     """
 
-    choice: Annotated[str, "what was cross-validated"]
+    choice: Annotated[Label, "what was cross-validated"]
     rmse: Annotated[float, "pooled error of all left-out samples", "[target]"]
-    folds: Annotated[int, "number of folds"]
+    folds: Annotated[Count, "number of folds"]
 
 
 @dataclass(frozen=True)
 class CurveRange:
     """Training range of every input within one training curve."""
 
-    curve: Annotated[str, "identifier of the curve"]
-    level: Annotated[float | None, "value of the level quantity", "[level]"]
+    curve: Annotated[Label, "identifier of the curve"]
+    level: Annotated[Number | None, "value of the level quantity", "[level]"]
     limits: Annotated[Ranges, "least and greatest training value of each input", "[*]"]
 
 
@@ -101,8 +101,8 @@ class Pieces(Body):
     `level` is None where all curves are pooled. Curves have no segments where the residual on the backbone was dropped.
     """
 
-    level: Annotated[str | None, "the input that is constant within a curve"]
-    variables: Annotated[tuple[str, ...], "(p) segmented variables"]
+    level: Annotated[QuantityName | None, "the input that is constant within a curve"]
+    variables: Annotated[tuple[QuantityName, ...], "(p) segmented variables"]
     curves: Annotated[tuple[CurveFunction, ...], "training curves"]
     fusion: Annotated[Fusion, "how the pieces are joined"]
     backbone: Annotated[FormulaFit | None, "formula that the pieces are added to"] = None
@@ -124,7 +124,7 @@ class Formula(Body):
     """A formula of the literature as the whole model."""
 
     fit: Annotated[FormulaFit, "the fitted formula"]
-    level: Annotated[str | None, "the input that is constant within a training curve"]
+    level: Annotated[QuantityName | None, "the input that is constant within a training curve"]
     ranges: Annotated[tuple[CurveRange, ...], "training range of each curve"]
 
     @property
@@ -169,12 +169,12 @@ class MotionSection:
     `x2` is the output one sample ahead. The drives d are the model's; the first is the input, so that `w_1` is P3.
     """
 
-    id: Annotated[str, "identifier of the section, as `2` or `rise 2`"]
+    id: Annotated[Label, "identifier of the section, as `2` or `rise 2`"]
     place: Annotated[int, "place along the input, from 1", "-"]
-    direction: Annotated[str, "direction of the input in which it holds: `all`, `rise` or `fall`"]
-    p1: Annotated[float, "P1"]
-    p2: Annotated[float, "P2"]
-    weights: Annotated[Array, "(m) weights of the drives; the first is P3", "[target] over the unit of the drive"]
+    direction: Annotated[str, "direction of the input in which it holds: `all`, `rise` or `fall`", one_of(ALL, RISE, FALL)]
+    p1: Annotated[Number, "P1"]
+    p2: Annotated[Number, "P2"]
+    weights: Annotated[Numbers, "(m) weights of the drives; the first is P3", "[target] over the unit of the drive"]
 
     @property
     def p3(self) -> float:
@@ -207,27 +207,31 @@ class Motion:
     whose steady outputs meet at their boundaries. Without bumpless switching `dead_band` is 0: the input then falls unless it rises.
     """
 
-    input: Annotated[str, "the input"]
-    output: Annotated[str, "the predicted quantity"]
-    step: Annotated[float, "time between samples", "s"]
-    switching: Annotated[str, "`hard`: sections run side by side; `carried`, `bumpless`: they share one state"]
-    boundaries: Annotated[tuple[float, ...], "inputs at which sections meet, ascending", "that of the input"]
+    input: Annotated[QuantityName, "the input"]
+    output: Annotated[QuantityName, "the predicted quantity"]
+    step: Annotated[Step, "time between samples", "s"]
+    switching: Annotated[
+        str,
+        "`hard`: sections run side by side; `carried`, `bumpless`: they share one state",
+        one_of(HARD, CARRIED, BUMPLESS),
+    ]
+    boundaries: Annotated[tuple[Number, ...], "inputs at which sections meet, ascending", "that of the input", ASCENDING]
     directed: Annotated[bool, "1 where sections differ between a rising and a falling input"]
-    dead_band: Annotated[float, "how far the input turns back before its direction changes", "that of the input"]
-    drives: Annotated[tuple[str, ...], "(m) terms that drive every section, the input first"]
+    dead_band: Annotated[Number, "how far the input turns back before its direction changes", "that of the input"]
+    drives: Annotated[tuple[TermName, ...], "(m) terms that drive every section, the input first"]
     sections: Annotated[tuple[MotionSection, ...], "in order along the input, `rise` before `fall`"]
-    limits: Annotated[tuple[float, float], "least and greatest training input", "that of the input"]
-    start: Annotated[str, "a run begins at `rest` under its first input, or at `zero`"] = REST
+    limits: Annotated[Span, "least and greatest training input", "that of the input"]
+    start: Annotated[str, "a run begins at `rest` under its first input, or at `zero`", one_of(REST, ZERO)] = REST
 
 
 @dataclass(frozen=True)
 class SectionSearch:
     """How the parameters of one section were found."""
 
-    section: Annotated[str, "identifier of the section"]
-    samples: Annotated[int, "training samples at which it holds"]
+    section: Annotated[Label, "identifier of the section"]
+    samples: Annotated[Count, "training samples at which it holds"]
     rmse: Annotated[float, "error over these, before sections were joined", "[target]"]
-    evaluations: Annotated[int, "simulations that it took"]
+    evaluations: Annotated[Count, "simulations that it took"]
     history: Annotated[Array, "lowest error so far, from the start on", "[target]"]
 
 
@@ -236,7 +240,7 @@ class MotionFit:
     """A model of motion, and how each of its sections was found."""
 
     model: Annotated[Motion, "the model"]
-    solver: Annotated[str, "name of the solver"]
+    solver: Annotated[Label, "name of the solver"]
     searches: Annotated[tuple[SectionSearch, ...], "the search of each section, in the order of sections"]
     notes: Annotated[tuple[str, ...], "remarks for the reader"] = ()
 
@@ -260,10 +264,10 @@ class Part:
     """
 
     model: Annotated[Model, "the model"]
-    sign: Annotated[float, "+1 or -1: how its output counts"] = 1.0
-    inputs: Annotated[Mapping[str, str], "its inputs that have another name in the sum, as expressions of the sum's inputs"] = field(
-        default_factory=dict
-    )
+    sign: Annotated[Number, "+1 or -1: how its output counts"] = 1.0
+    inputs: Annotated[
+        Mapping[QuantityName, TermName], "its inputs that have another name in the sum, as expressions of the sum's inputs"
+    ] = field(default_factory=dict)
     fed: Annotated[tuple[Part, ...], "models whose outputs are inputs of this one"] = ()
 
     @property
@@ -296,24 +300,24 @@ class LeftOut:
     """
 
     kind: Annotated[LeftOutKind, "`levels`, `recordings`, `blocks` or `specimens`: what was left out in turn"]
-    curves: Annotated[int, "levels, recordings or blocks that train"]
-    parts: Annotated[tuple[str, ...], "(parts) names of the parts"]
+    curves: Annotated[Count, "levels, recordings or blocks that train"]
+    parts: Annotated[tuple[Label, ...], "(parts) names of the parts"]
     samples: Annotated[IntArray, "(parts) samples of each"]
-    offset: Annotated[Array, "(parts) mean of measured minus predicted over each", "[target]"]
-    scatter: Annotated[Array, "(parts) standard deviation about the offset", "[target]"]
-    sizes: Annotated[Array, "(parts, shares) quantiles of the absolute residuals of each at even shares from 0 to 1", "[target]"]
-    places: Annotated[tuple[float, ...], "(levels) levels that train", "that of the level"] = ()
-    repeats: Annotated[tuple[int, ...], "(levels) recordings at each"] = ()
-    largest: Annotated[float, "largest absolute training target", "[target]"] = 0.0
-    residual: Annotated[float, "root mean square training residual", "[target]"] = 0.0
-    astray: Annotated[float, "how far left-out predictions lie beyond the training target, as a share of its range"] = 0.0
+    offset: Annotated[Numbers, "(parts) mean of measured minus predicted over each", "[target]"]
+    scatter: Annotated[Numbers, "(parts) standard deviation about the offset", "[target]"]
+    sizes: Annotated[Numbers, "(parts, shares) quantiles of the absolute residuals of each at even shares from 0 to 1", "[target]"]
+    places: Annotated[tuple[Number, ...], "(levels) levels that train", "that of the level", ASCENDING] = ()
+    repeats: Annotated[tuple[Count, ...], "(levels) recordings at each"] = ()
+    largest: Annotated[Number, "largest absolute training target", "[target]"] = 0.0
+    residual: Annotated[Number, "root mean square training residual", "[target]"] = 0.0
+    astray: Annotated[Number, "how far left-out predictions lie beyond the training target, as a share of its range"] = 0.0
 
 
 @dataclass(frozen=True)
 class Model:
     """A model that predicts without any other file: what all kinds have in common, and the body of one kind."""
 
-    name: Annotated[str, "name of the run"]
+    name: Annotated[Label, "name of the run"]
     output: Annotated[Quantity, "predicted quantity"]
     inputs: Annotated[tuple[Quantity, ...], "quantities that the model needs"]
     body: Annotated[Body, "what the model consists of"]

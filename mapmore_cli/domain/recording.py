@@ -9,7 +9,8 @@ from typing import Annotated
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import BoolArray, Columns, IntArray, Ranges
+from mapmore_cli.domain.arrays import BoolArray, Columns, IntArray, Number, Ranges
+from mapmore_cli.domain.declared import Count, Label, QuantityName, one_of
 
 STATIC_FORCE, DAMPING = "static_force", "damping"
 """What a static model says of a step response, and what it leaves (M2 eq 1)."""
@@ -22,8 +23,8 @@ DIRECTION = "direction"
 class Quantity:
     """A measured or modelled quantity."""
 
-    name: Annotated[str, "canonical name"]
-    unit: Annotated[str, "its unit, as `kPa`, `1`, `N`"]
+    name: Annotated[QuantityName, "canonical name"]
+    unit: Annotated[Label, "its unit, as `kPa`, `1`, `N`"]
 
 
 @dataclass(frozen=True)
@@ -46,12 +47,12 @@ class Recording:
     names the log that was cut at gaps.
     """
 
-    id: Annotated[str, "identifier of the recording"]
+    id: Annotated[Label, "identifier of the recording"]
     source: Annotated[str, "POSIX path of the source file, relative to the spec"]
     columns: Annotated[Columns, "(n) samples that were kept", "[*]"]
-    rows_read: Annotated[int, "samples in the source file"]
-    dropped: Annotated[Mapping[str, int], "samples left out, by reason", "1"]
-    log: Annotated[str, "identifier of the log that this is a piece of; empty where it is the whole log"] = ""
+    rows_read: Annotated[Count, "samples in the source file"]
+    dropped: Annotated[Mapping[str, Count], "samples left out, by reason", "1"]
+    log: Annotated[Label, "identifier of the log that this is a piece of; empty where it is the whole log"] = ""
 
     @property
     def name(self) -> str:
@@ -73,11 +74,11 @@ class Curve:
     where it is not known; the samples of one recording are in order of time.
     """
 
-    id: Annotated[str, "identifier of the curve, as `pressure=150`"]
-    level: Annotated[float | None, "value of the level quantity", "[level]"]
+    id: Annotated[Label, "identifier of the curve, as `pressure=150`"]
+    level: Annotated[Number | None, "value of the level quantity", "[level]"]
     columns: Annotated[Columns, "(n) samples, row for row", "[*]"]
     held_out: Annotated[BoolArray, "(n) 1 where a sample belongs to the validation data", "1"]
-    recordings: Annotated[tuple[str, ...], "identifiers of the recordings that the samples come from"]
+    recordings: Annotated[tuple[Label, ...], "identifiers of the recordings that the samples come from"]
     at_rest: Annotated[BoolArray | None, "(n) 1 on the plateau of a step response, where a sample is scored but does not train", "1"] = None
     origin: Annotated[IntArray | None, "(n) number of each sample's recording among `recordings`, from 0", "-"] = None
     measured: Annotated[Ranges, "range of each quantity over the training recordings, where samples are branches", "[*]"] = field(
@@ -122,9 +123,9 @@ def united(ranges: Iterable[Ranges]) -> dict[str, tuple[float, float]]:
 class Dataset:
     """Recordings as read, and the curves made from them."""
 
-    target: Annotated[str, "the modelled column of the curves"]
-    level: Annotated[str | None, "the quantity that is constant within a curve"]
-    quantities: Annotated[Mapping[str, Quantity], "every column's quantity"]
+    target: Annotated[QuantityName, "the modelled column of the curves"]
+    level: Annotated[QuantityName | None, "the quantity that is constant within a curve"]
+    quantities: Annotated[Mapping[QuantityName, Quantity], "every column's quantity"]
     recordings: Annotated[tuple[Recording, ...], "files as read"]
     curves: Annotated[tuple[Curve, ...], "curves to model"]
     notes: Annotated[tuple[str, ...], "remarks for the reader"] = ()
@@ -146,11 +147,11 @@ class Signal:
     A rate is `factor` times the derivative by the time in seconds, where the time comes in units of so many `seconds`.
     """
 
-    name: Annotated[str, "name of the input"]
-    kind: Annotated[str, "`rate` or `direction`"]
-    of: Annotated[str, "the quantity that it follows from"]
-    window: Annotated[float, "width of the window of a rate; 0 for a direction", "s"] = 0.0
-    order: Annotated[int, "order of the polynomials of a rate; 0 for a direction"] = 0
-    factor: Annotated[float, "unit of the quantity per second, in the unit of the rate"] = 1.0
-    seconds: Annotated[float, "seconds in one unit of the time", "s"] = 1.0
-    dead_band: Annotated[float, "rate up to which the last direction holds; 0 for a rate", "that of the rate"] = 0.0
+    name: Annotated[QuantityName, "name of the input"]
+    kind: Annotated[str, "`rate` or `direction`", one_of("rate", "direction")]
+    of: Annotated[QuantityName, "the quantity that it follows from"]
+    window: Annotated[Number, "width of the window of a rate; 0 for a direction", "s"] = 0.0
+    order: Annotated[Count, "order of the polynomials of a rate; 0 for a direction"] = 0
+    factor: Annotated[Number, "unit of the quantity per second, in the unit of the rate"] = 1.0
+    seconds: Annotated[Number, "seconds in one unit of the time", "s"] = 1.0
+    dead_band: Annotated[Number, "rate up to which the last direction holds; 0 for a rate", "that of the rate"] = 0.0

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns
+from mapmore_cli.domain.declared import Count, Label
 from mapmore_cli.domain.fits import FormulaFit, MemoryFit, SegmentFit
 from mapmore_cli.domain.models import MotionFit
 from mapmore_cli.domain.recording import Quantity
@@ -33,7 +34,7 @@ class FitResult:
     body: Annotated[Any, "what was fitted; absent where models are only added up"]
     backbone: Annotated[FormulaFit | None, "formula whose residual was fitted"] = None
     notes: Annotated[tuple[str, ...], "remarks for the reader"] = ()
-    max_terms: Annotated[int, "number of terms that left-out training data chose; 0 where the spec says it", "-"] = 0
+    max_terms: Annotated[Count, "number of terms that left-out training data chose; 0 where the spec says it", "-"] = 0
 
     @property
     def pieces(self) -> tuple[SegmentFit, ...]:
@@ -78,11 +79,11 @@ class Validation:
     competitors.
     """
 
-    predictions: Annotated[Mapping[str, tuple[Array, ...]], "by model, then by curve of the dataset, row for row", "[target]"]
-    formulas: Annotated[Mapping[str, FormulaFit], "literature models that were fitted"]
+    predictions: Annotated[Mapping[Label, tuple[Array, ...]], "by model, then by curve of the dataset, row for row", "[target]"]
+    formulas: Annotated[Mapping[Label, FormulaFit], "literature models that were fitted"]
     scores: Annotated[tuple[Score, ...], "score table"]
-    units: Annotated[Mapping[str, str], "unit of every target"]
-    motions: Annotated[Mapping[str, MotionFit], "models of motion among the competitors, and how they were found"] = field(
+    units: Annotated[Mapping[Label, Label], "unit of every target"]
+    motions: Annotated[Mapping[Label, MotionFit], "models of motion among the competitors, and how they were found"] = field(
         default_factory=dict
     )
     warnings: Annotated[tuple[str, ...], "what must be known of the run's own model before its scores are read"] = ()

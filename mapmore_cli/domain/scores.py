@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Annotated, Any, get_type_hints
 
+from mapmore_cli.domain.declared import Label
+
 OWN = "mapmore"
 """Name of the run's own model in its scores, and of the needed static model in a composite."""
 
@@ -38,15 +40,15 @@ class Score:
     range of the samples that the normaliser is of: it tells more of a target that lies far from zero.
     """
 
-    model: Annotated[str, "`mapmore`, or the name of a literature model"]
-    target: Annotated[str, "the modelled quantity"]
-    split: Annotated[str, "`train` or `validate`"]
-    curve: Annotated[str, "`all`, or the identifier of a curve"]
+    model: Annotated[Label, "`mapmore`, or the name of a literature model"]
+    target: Annotated[Label, "the modelled quantity"]
+    split: Annotated[Label, "`train` or `validate`"]
+    curve: Annotated[Label, "`all`, or the identifier of a curve"]
     n: Annotated[int, "samples"]
     rmse: Annotated[float, "root of the mean squared error", "[target]"]
     nrmse: Annotated[float, "rmse / normaliser, a fraction"]
     normaliser: Annotated[float, "what the error is divided by", "[target]"]
-    normaliser_name: Annotated[str, "what the normaliser is"]
+    normaliser_name: Annotated[Label, "what the normaliser is"]
     max_abs_error: Annotated[float, "greatest absolute error", "[target]"]
     max_abs_error_fs: Annotated[float, "greatest absolute error as a fraction of the normaliser"]
     r2: Annotated[float, "coefficient of determination"]

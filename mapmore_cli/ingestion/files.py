@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path, PurePath, PurePosixPath
 from typing import Literal
 
+from mapmore_cli.domain.declared import is_label
 from mapmore_cli.domain.errors import DataError, SpecError
-from mapmore_cli.domain.foreign import is_one_line
 from mapmore_cli.fitting.kinds.dictionary import derivations_of, units_of
 from mapmore_cli.fitting.stage import Progress
 from mapmore_cli.spec.experiment import ExperimentSpec
@@ -142,8 +142,8 @@ def expand(pattern: str, folder: Path) -> list[Path]:
             raise DataError(f"{name}: is a link that leads nowhere", "mend the link, or leave it out of `files`")
         if not path.is_file():
             raise DataError(f"{name}: is no regular file", "name files that hold recordings")
-        if not is_one_line(name):
-            raise DataError(f"the name {name!r} is not one line of valid text", "rename the file")
+        if not is_label(name):
+            raise DataError(f'the name {name!r} is not one line of valid text without " ` $ < > \\', "rename the file")
         if path.stat().st_size == 0:  # as all files below /proc say of themselves, which may never end
             raise DataError(f"{name}: is empty", "leave it out of `files`, or get it again")
         files.append(path)

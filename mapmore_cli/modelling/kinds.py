@@ -37,7 +37,8 @@ class Kind:
     - `write(m, model, inputs)`: the model as statements of the writer `m`; its output.
 
     Some have others: `one_step(model, columns)`, the prediction of every row from the measured past, (n,); `fed_back(model)`, the measured
-    outputs that a run begins from; `outside_range(model, columns)`, (n,), for a body without `ranges`.
+    outputs that a run begins from; `outside_range(model, columns)`, (n,), for a body without `ranges`; `faults(model)`, why a stored one
+    is refused (`soundness`).
     """
 
     name: str

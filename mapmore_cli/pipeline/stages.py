@@ -57,7 +57,7 @@ def static_run(spec: ExperimentSpec) -> list[str]:
     return [spec.needs.static] if spec.target == "damping" and spec.needs.static is not None else []
 
 
-INGEST = Stage(name="ingest", revision=4, outputs=(DATASET,), reads=slice_of, run=ingest, sources=recordings, needs=static_run)
+INGEST = Stage(name="ingest", revision=5, outputs=(DATASET,), reads=slice_of, run=ingest, sources=recordings, needs=static_run)
 
 
 # Segment: `segment.h5` ----------------------------------------------------------------------------------------------------------------
@@ -175,4 +175,4 @@ def _provenance(part: ModelChoices) -> dict[str, str]:
     return {**tool_versions(), "spec": json.dumps(plain(part), indent=1)}
 
 
-FUSE = Stage(name="fuse", revision=9, outputs=(MODEL,), reads=model_choices, run=fuse, needs=summands)
+FUSE = Stage(name="fuse", revision=10, outputs=(MODEL,), reads=model_choices, run=fuse, needs=summands)

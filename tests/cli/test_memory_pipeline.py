@@ -307,7 +307,7 @@ def test_show_tells_the_resonance_and_what_else_would_have_served(tmp_path, mapm
     assert f"{damping:.4g}"[:4] in text
     with h5py.File(file) as stored:
         assert hertz > 0
-        assert stored["body"].attrs["kind"] == "memory"
+        assert json.loads(stored["document"].asstr()[()])["body"]["kind"] == "memory"
 
 
 STATES = StateSet(("force[k-2]", "slow(pressure, 0.05)", "pressure[k-1]"), STEP, {}, {}, np.empty(0), np.empty(0), 0.15)

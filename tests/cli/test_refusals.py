@@ -99,13 +99,13 @@ def test_a_model_of_a_newer_format_is_refused_by_whatever_reads_one(command, fin
     shutil.copytree(finished[0].parent, tmp_path / "study")
     spec, model = tmp_path / "study" / "bench.yaml", tmp_path / "study" / "runs" / "bench" / "model.h5"
     with h5py.File(model, "a") as file:
-        file.attrs["format_version"] = "3.0"
+        file.attrs["format_version"] = "4.0"
     (tmp_path / "table.csv").write_text("pressure,strain,force\n150,0.02,100\n")
     if "SPEC" in command:
         rival = f"{{model: {model.relative_to(spec.parent)}, as: other}}"
         spec.write_text(spec.read_text().replace("against: [polynomial_2]", f"against: [{rival}]"))
     places = {"MODEL": model, "TABLE": "table.csv", "SPEC": spec}
-    mapmore(*[places.get(word, word) for word in command.split()], code=4, says=["3.0", "newer", "update mapmore"])
+    mapmore(*[places.get(word, word) for word in command.split()], code=4, says=["4.0", "newer", "update mapmore"])
     assert not list(tmp_path.glob("out*"))
-    with pytest.raises(DataError, match=r"format 3\.0"):
+    with pytest.raises(DataError, match=r"format 4\.0"):
         mapmore_cli.load_model(model)

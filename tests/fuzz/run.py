@@ -20,6 +20,7 @@ import documents
 import drafts
 import exports
 import expressions
+import forged
 import readers
 import specs
 import structures
@@ -36,6 +37,7 @@ TARGETS = (
     (structures.TARGET, 20),
     (drafts.TARGET, 100),
     (exports.EXPORTS, 100),
+    (forged.TARGET, 1),
     (exports.FREE_TEXTS, 10),
     (specs.RUNS, 400),
 )

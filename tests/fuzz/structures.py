@@ -1,6 +1,6 @@
 """Result files: whole ones of every kind, changed as trees of groups, arrays and attributes, then read, shown and used.
 
-The files are those of examples, of random records, and of earlier formats. A change renames, removes, adds, or gives another type, shape or
+The files are those of examples and of random records. A change renames, removes, adds, or gives another type, shape or
 value; HDF5 itself is never damaged (`artefacts.py` does that). A file is refused with exit 4, told, or every value read is the one that was
 written. It is read once more as `--unverified` does, as if the checksum had been made anew: what is then shown, computed or exported is
 refused or done, and no internal fault.
@@ -31,8 +31,6 @@ from used_files import use
 from mapmore_cli.domain.errors import DataError, MapmoreError
 from mapmore_cli.domain.foreign import printable
 
-ARCHIVES = Path(__file__).resolve().parents[1] / "storage" / "archives"
-FILES = {"ingest.h5": "dataset", "segment.h5": "segmentation", "fit.h5": "fit", "model.h5": "model", "validate.h5": "validation"}
 RANDOM_RECORDS = 25  # of every kind
 LONGEST_MESSAGE = 1000
 ALTERED = "checksum does not match"
@@ -67,9 +65,6 @@ def whole_files() -> tuple[Whole, ...]:
     for kind, record in made:
         KINDS[kind][0](place, record)
         found.append(_whole(place, kind, record))
-    for path in sorted(ARCHIVES.glob("*/*.h5")):
-        kind = FILES.get(path.name, "model")
-        found.append(_whole(path, kind, KINDS[kind][1](path)))
     return tuple(found)
 
 

@@ -13,6 +13,7 @@ import drafts
 import driver
 import exports
 import expressions
+import forged
 import numpy as np
 import pytest
 import readers
@@ -56,6 +57,13 @@ def test_results_that_somebody_changed_are_refused_or_say_the_same(
     assert found.faults == []
     assert found.outcomes.total() == count
     assert sum(found.outcomes[outcome] for outcome in target.past) >= count / 2
+
+
+def test_forged_models_are_refused_or_used(tmp_path: Path) -> None:
+    found = explore(forged.TARGET, 300, 16, tmp_path, traced=0)
+    assert found.faults == []
+    assert found.outcomes["used"] > 30
+    assert found.outcomes["refused (exit 4)"] > 100
 
 
 def test_at_least_half_of_specs_and_expressions_are_past_the_syntax(tmp_path: Path) -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import gc
+import hashlib
+import json
 import tracemalloc
 from collections.abc import Iterator
 from pathlib import Path
@@ -23,9 +25,8 @@ from mapmore_cli.modelling.signals.sampling import find_gaps, find_resets, typic
 from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.spec.loader import load
 from mapmore_cli.storage import spool
-from mapmore_cli.storage.artefacts import codecs, read_dataset, write_dataset
-from mapmore_cli.storage.artefacts.codecs import Digest, Label
-from mapmore_cli.storage.artefacts.schema import schema_of
+from mapmore_cli.storage.artefacts import hdf5, read_dataset, write_dataset
+from mapmore_cli.storage.artefacts.schema import encoded
 from mapmore_cli.storage.run_record import load_records
 from mapmore_cli.storage.tables import lines
 
@@ -90,9 +91,10 @@ def outcome(folder: Path, data: dict[str, Any]) -> tuple[str, list[str]]:
         dataset = build_dataset(slice_of(spec_of(data)), folder, warn=warnings.append)
     except MapmoreError as error:
         return str(error), []
-    digest = Digest()
-    schema_of(Dataset).store(digest, dataset, Label())
-    return digest.hash.hexdigest(), warnings
+    digest = hashlib.sha256()
+    document = encoded(dataset, Dataset, lambda path, value, *_: hdf5.add_to_hash(digest, path, value, value.dtype.str), {})
+    digest.update(json.dumps(document).encode())
+    return digest.hexdigest(), warnings
 
 
 @pytest.fixture
@@ -140,8 +142,8 @@ def test_the_file_has_the_same_bytes(tmp_path: Path, spooled: Path, monkeypatch:
         (tmp_path / name).write_text(log(seed, "gap"))
     data = {"files": ["*.csv"], "gaps": SPLITTING, "levels": {"of": "pressure"}, "split": {"validate": {"last": 0.2}}}
     part = slice_of(spec_of(data))
-    monkeypatch.setattr(codecs, "LONG", 5)
-    monkeypatch.setattr(codecs, "HUGE", huge)
+    monkeypatch.setattr(hdf5, "LONG", 5)
+    monkeypatch.setattr(hdf5, "HUGE", huge)
     write_dataset(tmp_path / "at_once.h5", build_dataset(part, tmp_path))
     monkeypatch.setattr(arrays, "ROWS", 7)
     monkeypatch.setattr(spool, "LONG", 0)
@@ -167,7 +169,7 @@ def test_a_long_log_takes_the_memory_of_its_blocks(tmp_path: Path, spooled: Path
     part = slice_of(spec_of(data))
     monkeypatch.setattr(arrays, "ROWS", rows)
     monkeypatch.setattr(spool, "LONG", 8 * rows)
-    monkeypatch.setattr(codecs, "HUGE", rows)
+    monkeypatch.setattr(hdf5, "HUGE", rows)
     monkeypatch.setattr(lines, "BLOCK", 4 * rows)
     monkeypatch.setattr("mapmore_cli.storage.readers.csv.CHUNK", rows // 4)
     monkeypatch.setattr("mapmore_cli.modelling.signals.sampling.PART", rows // 8)

@@ -8,25 +8,32 @@ from __future__ import annotations
 import types
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
-from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+from typing import Any, Literal, Union
 
 import numpy as np
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from mapmore_cli.domain.models import Body, Side
+from mapmore_cli.domain.arrays import ASCENDING, FINITE
+from mapmore_cli.domain.declared import Label, QuantityName, TermName
+from mapmore_cli.domain.models import Body
 from mapmore_cli.modelling.kinds import kinds
-from mapmore_cli.storage.artefacts.schema import dimensions, schema_of
+from mapmore_cli.storage.artefacts.schema import Hint, stored_fields, taken_apart, wrong_with
 
 NAMES = st.text(st.characters(exclude_categories=["Cs", "Cc", "Cf", "Zl", "Zp"]), max_size=8) | st.sampled_from(
     ["strain", "pressure=150/strain:2", ".", "..", "a/b", "%2F", "ü μ", "order"]
 )
-SCALARS: Mapping[Any, st.SearchStrategy[Any]] = {
-    str: NAMES,
-    float: st.floats(width=64),
-    int: st.integers(0, 2**40),
-    bool: st.booleans(),
-    Side: st.sampled_from(["continue", "continue_linear", "saturate", "zero"]) | st.floats(allow_nan=False, allow_infinity=False),
+QUANTITIES = st.sampled_from(["strain", "pressure", "force", "_x", "array", "kind", "A1"])
+TERMS = st.sampled_from(["1", "strain", "strain^2", "slow(play(pressure, 0.16), 0.3)", "force[k-1]"])
+WORDS = st.sampled_from(
+    [
+        *("continue", "continue_linear", "saturate", "zero", "converged", "at_bound", "failed"),
+        *("measured", "steady", "identified", "rate", "direction", "all", "rise", "fall"),
+        *("hard", "carried", "bumpless", "rest"),
+    ]
+)
+TEXTS: Mapping[Any, st.SearchStrategy[str]] = {
+    taken_apart(hint).checks: texts for hint, texts in ((Label, NAMES), (QuantityName, QUANTITIES), (TermName, TERMS))
 }
 DEFINITIONS = st.sampled_from(
     ["", '{"bounds": {"a": null}, "name": "b", "reference": "", "starts": null, "text": "a*pressure", "units": {"a": "N/kPa"}}']
@@ -44,42 +51,61 @@ Lengths = dict[str, int]
 def records(draw: st.DrawFn, type_: type, lengths: Lengths | None = None, above: tuple[type, ...] = ()) -> Any:
     """Instances of a stored dataclass, with the lengths of what it lies in."""
     known = {} if lengths is None else lengths
-    hints, values = get_type_hints(type_, include_extras=True), {}
-    for field in schema_of(type_).fields:
-        if not field.derived:
-            letters = dimensions(field.description)
-            drawn = DEFINITIONS if field.name == "definition" else _values(hints[field.name], letters, known, (*above, type_))
-            values[field.name] = draw(drawn)
+    values = {}
+    for name, (hint, _) in stored_fields(type_).items():
+        drawn = DEFINITIONS if name == "definition" else _values(hint, (), known, (*above, type_))
+        values[name] = draw(drawn)
     return type_(**values)
 
 
 @st.composite
-def _values(draw: st.DrawFn, hint: Any, letters: tuple[str, ...], known: Lengths, above: tuple[type, ...]) -> Any:
-    """Values of a type, whose dimensions are called by `letters`."""
-    origin, arguments = get_origin(hint), get_args(hint)
-    if origin is Annotated:
-        return draw(_values(arguments[0], letters, known, above))
-    if hint in SCALARS:
-        return draw(SCALARS[hint])
-    if hint in (Body, Any):
-        return draw(_bodies(hint, known, above))
-    if origin is Literal:
-        return draw(st.sampled_from(arguments))
-    if origin in (Union, types.UnionType):
-        return draw(st.none() | _values(arguments[0], letters, known, above))
+def _values(draw: st.DrawFn, hint: Any, outer: tuple[str, ...], known: Lengths, above: tuple[type, ...]) -> Any:
+    """Values of a type, whose dimensions are called by the letters of the description, or of the one outside."""
+    own = taken_apart(hint)
+    letters = tuple(own.letters) or outer
+    if own.kind is Union:
+        return draw(_values(draw(st.sampled_from(own.inner)), letters, known, above))
+    base = _plain(own, letters, known, above)
+    if ASCENDING in own.checks:
+        base = base.map(lambda one: np.sort(one) if isinstance(one, np.ndarray) else tuple(sorted(one)))
+    return draw(base.filter(lambda one: not any(wrong_with(one, check) for check in own.checks)))
+
+
+def _plain(own: Hint, letters: tuple[str, ...], known: Lengths, above: tuple[type, ...]) -> st.SearchStrategy[Any]:
+    kind, finite = own.kind, FINITE in own.checks
+    if kind in (Body, Any):
+        return _bodies(kind, known, above)
+    if kind is types.NoneType:
+        return st.none()
+    if kind is Literal:
+        return st.sampled_from(own.inner)
+    if kind is str:
+        return TEXTS.get(own.checks, WORDS if own.checks else NAMES)
+    if kind is float:
+        return st.floats(-1e9, 1e9) | st.sampled_from([0.25, 1.0]) if finite or own.checks else st.floats(width=64)
+    if kind is int:
+        return st.integers(0, 2**40)
+    if kind is bool:
+        return st.booleans()
+    return _compound(own, finite, letters, known, above)
+
+
+@st.composite
+def _compound(draw: st.DrawFn, own: Hint, finite: bool, letters: tuple[str, ...], known: Lengths, above: tuple[type, ...]) -> Any:
+    origin, arguments = own.kind, own.inner
     if origin is np.ndarray:
-        return draw(_array(get_args(arguments[1])[0], draw(_shape(letters or ("",), known)), known.get("M", 2**40)))
+        return draw(_array(arguments[0], draw(_shape(letters or ("",), known)), known.get("M", 2**40), finite))
     if origin is tuple and arguments[1:] == (...,):
         (length,) = draw(_shape(letters or ("",), known))
         length = 0 if arguments[0] in above[:-DEEPEST] else length
         return tuple(draw(_values(arguments[0], (), dict(known), above)) for _ in range(length))
     if origin is tuple:
         return tuple(draw(_values(one, (), known, above)) for one in arguments)
-    if origin in (dict, Mapping):
-        keys = draw(st.lists(NAMES, max_size=2, unique=True))
+    if origin is Mapping:
+        keys = draw(st.lists(_values(arguments[0], (), known, above), max_size=2, unique=True))
         lengths = known if letters else None
-        return {key: draw(_values(arguments[1], letters, dict(known) if lengths is None else lengths, above)) for key in keys}
-    return draw(records(hint, known, above))
+        return {key: draw(_values(arguments[1], letters, {} if lengths is None else lengths, above)) for key in keys}
+    return draw(records(own.kind, known, above))
 
 
 def _bodies(hint: Any, known: Lengths, above: tuple[type, ...]) -> st.SearchStrategy[Any]:
@@ -98,8 +124,9 @@ def _shape(draw: st.DrawFn, letters: tuple[str, ...], known: Lengths) -> tuple[i
     return tuple(known.setdefault(name, draw(st.integers(1, 3))) if name else draw(st.integers(0, 3)) for name in names)
 
 
-def _array(number: Any, shape: tuple[int, ...], below: int) -> st.SearchStrategy[Any]:
-    elements = {np.float64: SCALARS[float], np.int64: st.integers(0, below - 1), np.bool_: st.booleans()}[number]
+def _array(number: Any, shape: tuple[int, ...], below: int, finite: bool) -> st.SearchStrategy[Any]:
+    real = st.floats(-1e9, 1e9) if finite else st.floats(width=64)
+    elements = {np.float64: real, np.int64: st.integers(0, below - 1), np.bool_: st.booleans()}[number]
     return arrays(number, shape, elements=elements)
 
 

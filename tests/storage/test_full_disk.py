@@ -69,7 +69,7 @@ def written(folder: Path, limit: int, n: int) -> tuple[str, int]:
 
 INTERRUPTED = """
 import signal
-from mapmore_cli.storage.artefacts import SteadyFile
+from mapmore_cli.storage.artefacts.hdf5 import SteadyFile
 written, calls = SteadyFile.write, []
 
 def write(self, data):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import math
-from dataclasses import astuple, fields, replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from stored_records import records
+from stored_records import records, same
 
 from mapmore_cli.cli.views import of_file
 from mapmore_cli.domain.errors import DataError
@@ -65,8 +65,7 @@ def test_digits_survive(scores: list[Score], tmp_path: Path) -> None:
     assert (back.units, back.failed, back.warnings) == ({"force": "N"}, ("sarosi",), ("worse than the mean",))
     for score, read in zip(scores, back.scores, strict=True):
         assert read.rmse == pytest.approx(score.rmse, rel=1e-11, abs=0) or not math.isfinite(score.rmse)
-        numbers = {name: getattr(score, name) for name in COLUMNS if isinstance(getattr(score, name), float)}
-        assert astuple(replace(read, **numbers)) == astuple(score)  # from Python 3.13 on, equal scores have no NaN
+        assert same(replace(read, **{name: getattr(score, name) for name in COLUMNS if isinstance(getattr(score, name), float)}), score)
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"scores": [3]}', '{"scores": [{"model": "x"}], "units": {}}', "[" * 100_000])

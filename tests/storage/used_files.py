@@ -35,13 +35,13 @@ def use(path: Path, chance: random.Random) -> None:
     if artefacts.kind_of(path) == "model":
         with Reporter(quiet=True) as reporter, np.errstate(all="ignore"):
             model: Model = artefacts.read_model(path, reporter.warn, unverified=True)
-            list(predicted_lines(model, _table(model), "table.csv"))
+            list(predicted_lines(model, table_of(model), "table.csv"))
             equations(model)
             if chance.random() < 0.2:
                 exported(model, chance.choice(["c", "py", "tex"]))
 
 
-def _table(model: Model) -> Iterator[str]:
+def table_of(model: Model) -> Iterator[str]:
     """Rows of all that a model may ask for."""
     names = dict.fromkeys(["time", *(quantity.name for quantity in model.inputs), model.output.name])
     names |= dict.fromkeys(name for name in model.fed_signals) if hasattr(model, "fed_signals") else {}

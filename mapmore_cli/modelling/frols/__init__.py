@@ -2,12 +2,12 @@
 
 M1 eq 2-4, M2 eq 2-8; S. A. Billings, *Nonlinear System Identification*, Wiley 2013, chapter 3.
 
-`textbook` is the method in thirty lines. `frols` selects the same in forms that are fast and keep their digits: one greedy choice
+`frols` selects as on paper (`tests/modelling/frols/textbook.py`) in forms that are fast and keep their digits: one greedy choice
 (`select`), and two forms of what is left of the candidates (`engine`).
 """
 
 from mapmore_cli.modelling.frols.engine import frols, frols_streamed, reads_once
 from mapmore_cli.modelling.frols.moments import Blocks
-from mapmore_cli.modelling.frols.select import TIE_TOLERANCE, textbook
+from mapmore_cli.modelling.frols.select import TIE_TOLERANCE
 
-__all__ = ["TIE_TOLERANCE", "Blocks", "frols", "frols_streamed", "reads_once", "textbook"]
+__all__ = ["TIE_TOLERANCE", "Blocks", "frols", "frols_streamed", "reads_once"]

@@ -1,4 +1,4 @@
-"""The greedy choice of FROLS: on paper, and whatever holds the remainders; and the criteria that choose the number of terms."""
+"""The greedy choice of FROLS, whatever holds the remainders; and the criteria that choose the number of terms."""
 
 from __future__ import annotations
 
@@ -17,38 +17,6 @@ TIE_TOLERANCE = 1e-9  # candidates whose ERR lies within this fraction of the be
 NO_GAIN = 1e-28  # the square of rounding error: a smaller ERR explains nothing, and a smaller residual leaves nothing to explain
 RANK_TOLERANCE = 1e-24  # a regressor counts as dependent when `q'q <= RANK_TOLERANCE p'p`: what remains is then rounding error
 CRITERIA = ("tolerance", "bic", "aicc", "press")  # rules for the number of terms
-
-
-def textbook(P: Array, y: Array, max_terms: int) -> tuple[list[int], Array, Array, Array, Array]:
-    """Select terms as on paper, candidate by candidate (Billings 2013, section 3.2; the equations stand in `frols`).
-
-    Returns the k chosen columns, their g and ERR, (k,), the coefficients of the original columns, (k,), and the ERR of every candidate in
-    every iteration, (k, M), NaN where chosen or dependent.
-    """
-    chosen: list[int] = []
-    basis: list[Array] = []
-    g, table = [], []
-    while len(chosen) < max_terms:
-        left, err = {}, np.full(P.shape[1], np.nan)
-        for m in set(range(P.shape[1])) - set(chosen):
-            q = P[:, m]
-            for w in basis * 2:  # twice is enough (Giraud and Langou 2005)
-                q = q - (w @ q) / (w @ w) * w
-            if q @ q > RANK_TOLERANCE * (P[:, m] @ P[:, m]):
-                left[m], err[m] = q, (y @ q) ** 2 / (q @ q) / (y @ y)
-        if not left:
-            break
-        best = int(np.nanargmax(err))
-        chosen.append(best)
-        basis.append(left[best])
-        g.append((y @ left[best]) / (left[best] @ left[best]))
-        table.append(err)
-        if 1 - sum(row[m] for row, m in zip(table, chosen, strict=True)) <= 0:
-            break
-    W, k = np.column_stack(basis), len(chosen)
-    A = np.triu((W.T @ P[:, chosen]) / np.sum(W**2, axis=0)[:, None])  # P_chosen = W A
-    theta = np.linalg.solve(A, np.array(g))
-    return chosen, np.array(g), np.array([table[i][chosen[i]] for i in range(k)]), theta, np.array(table)
 
 
 @dataclass(frozen=True)

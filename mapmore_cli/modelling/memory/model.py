@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -200,3 +200,10 @@ class _Output:
             (driven if own == ONE else weights.setdefault(own, [])).append(weight)
         fed = [times(m.let("weight", total(parts)), m.let("own", substitute(own, names))) for own, parts in weights.items()]
         return m.let("output", total([m.let("base", total(driven)), *fed]))
+
+
+def faults(model: Model) -> Iterator[str]:
+    """Say what of a stored model no prediction would notice."""
+    memory = _body(model).model
+    if memory.output != model.output.name or not all(parse(text).names <= {*memory.states.names} for text in memory.terms):
+        yield "its terms are of other states than it has"

@@ -169,22 +169,3 @@ def _with_heights(motion: Motion, poles: Array, heights: Array) -> Motion:
     found = zip(motion.sections, poles.tolist(), weights, strict=True)
     sections = (replace(section, p1=p1, p2=p2, weights=(1.0 - p1 - p2) * drives) for section, (p1, p2), drives in found)
     return replace(motion, sections=tuple(sections))
-
-
-def continued(motion: Motion) -> Motion:
-    """Return a model with hard switching as one that shares its state: constants are added so that its sections meet, the first as it is.
-
-    For published sections, whose steady outputs disagree at the boundaries. Rise and fall are joined each for itself.
-    """
-    knots, lines = _knots(motion)
-    sections: list[MotionSection] = []
-    for number, section in enumerate(motion.sections):
-        place = number // lines
-        constant = 0.0
-        if place:
-            before = sections[number - lines]
-            edge = float(knots[place])
-            steady = (before.weights @ np.array([edge, 1.0])) / (1.0 - before.p1 - before.p2)
-            constant = steady * (1.0 - section.p1 - section.p2) - section.p3 * edge
-        sections.append(replace(section, weights=np.array([section.p3, constant])))
-    return replace(motion, switching=BUMPLESS, drives=(motion.input, "1"), sections=tuple(sections))

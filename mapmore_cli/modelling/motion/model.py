@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from operator import mul
 
 import numpy as np
@@ -148,3 +148,10 @@ def _shared(m: Writer, motion: Motion, of_section: OfSection, drives: list[Expre
 
 def _driven(section: MotionSection, drives: list[Expression]) -> Expression:
     return total([weight * drive for weight, drive in zip(section.weights.tolist(), drives, strict=True)])
+
+
+def faults(model: Model) -> Iterator[str]:
+    """Say what of a stored model no prediction would notice."""
+    motion = _motion(model)
+    if len(motion.sections) != (len(motion.boundaries) + 1) * (1 + motion.directed):
+        yield "it has not as many sections as its boundaries make"

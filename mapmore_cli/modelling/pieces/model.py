@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import lru_cache
 
 import numpy as np
@@ -80,3 +80,13 @@ def write(m: Writer, model: Model, inputs: Inputs) -> Expression:
     if not body.segments:
         return base
     return m.let("model", base + pieces_value(m, body, {quantity.name: inputs[quantity.name] for quantity in model.inputs}))
+
+
+def faults(model: Model) -> Iterator[str]:
+    """Say what of a stored model no prediction would notice."""
+    levels = [curve.level for curve in _body(model).curves]
+    if model.level is not None and (None in levels or sorted({*levels}) != levels):  # type: ignore[type-var]  # None is told first
+        yield "the levels of its curves do not ascend"
+    for segment in _body(model).segments:
+        if not frozenset().union(*(parse(text).names for text in segment.terms)) <= {*segment.scaling.variables}:
+            yield f"the terms of {segment.id} are of other quantities than its scaling"

@@ -1,285 +1,79 @@
-"""A stored type is declared once, as a dataclass: writer, reader, checksum and documentation follow from its fields.
+"""A stored type is a dataclass: its type hints say how it is written, read, checked and described.
 
-A setting that is added to a stored class, and a kind that is added, need no line in this folder. The first text in the `Annotated` of a
-field is its description, the second its unit (without one 1 for numbers, - for all else). A default is what files without the field are
-read as. What a type says beyond that stands in `LAYOUTS`.
+The first text in the `Annotated` of a field is its description, the second its unit; other marks
+check its value when a file is read (`domain.declared`). Letters in brackets before a description
+name dimensions: all that is called `(k)` in an object, and in the objects inside of it, has one
+length; `(k, M)` is a table, and `(k or 0)` may also be empty. A default is what files without the
+field are read as, and is not written.
 
-Units in brackets name the quantity whose unit applies: `[target]` is the modelled quantity, `[variables.0]` the first segmented variable,
-`[*]` the quantity that a part is named after, `[slopes]` one over the unit of each scaled variable.
+Units in brackets name the quantity whose unit applies: `[target]` is the modelled quantity,
+`[variables.0]` the first segmented variable, `[*]` the quantity that a part is named after.
 """
 
 from __future__ import annotations
 
+import math
 import re
 import types
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
-from dataclasses import field as default
-from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import MISSING, dataclass, fields, is_dataclass
+from functools import cache
+from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin, get_type_hints
 
-import h5py
 import numpy as np
+from annotated_types import Interval
 
-from mapmore_cli.domain.fits import FormulaFit, Scaling, SegmentedCurve, SegmentFit, Selection
-from mapmore_cli.domain.models import FoldError, Formula, Fusion, Model, MotionFit, Part, Pieces, SegmentFunction, Side
-from mapmore_cli.domain.recording import Dataset, Signal
+from mapmore_cli.domain.declared import Checked
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.fits import Scaling, SegmentedCurve
+from mapmore_cli.domain.foreign import is_one_line
+from mapmore_cli.domain.models import Body, Model, Pieces
+from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import FitResult, Validation
-from mapmore_cli.domain.scores import Score
-from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.kinds import kinds
-from mapmore_cli.storage.artefacts import codecs
-from mapmore_cli.storage.artefacts.codecs import NO_UNIT, Codec, Invalid, Label, Sink, stored_at
 
-Sizes = dict[str, tuple[int, str]]
-"""Lengths of the dimensions seen so far in an object, by their letters, and where each was seen first."""
+ARRAY = "array"
+"""The key of a reference to a dataset."""
 
+TYPES = {np.float64: "<f8", np.int64: "<i8", np.bool_: "|u1"}
+"""Types of arrays in a file; flags are not HDF5's enumeration, which MATLAB reads as text."""
 
-@dataclass(frozen=True)
-class Field:
-    """A field of a stored type, under the name that it has in Python.
+DEEPEST = 60
+"""Fields within fields: ten sums of sums."""
 
-    A description that begins with letters in brackets declares the dimensions: within an object, and the objects inside of it, all that is
-    called `(k)` has one length; `(k, M)` is a table, and `(k or 0)` may also be empty. `unit` may name quantities in brackets (see
-    `Label`). A field with `derived` is computed for readers of the file and ignored when the object is read back.
-    """
+NO_UNIT = "-"
+WORDS = {str: "text", Literal: "text", types.NoneType: "null"}
+"""What the reference calls types."""
 
-    name: str
-    codec: Codec
-    description: str
-    unit: str = "1"
-    derived: Callable[[Any], Any] | None = None
+Letters = tuple[str, ...]
+Sizes = dict[str, int]
+"""Dimensions, and the lengths of those seen so far in an object."""
 
-    def label(self, outer: Label) -> Label:
-        """Return the attributes of this field, within an object that stands where `outer` says."""
-        return replace(outer, description=self.description, unit=self.unit)
+Units = Mapping[str, str]
+"""Units by the names of quantities."""
 
-    def check(self, value: Any, where: str, sizes: Sizes) -> None:
-        """Raise Invalid where a value is not as long as others that have the same dimension."""
-        letters = dimensions(self.description)
-        if not letters or value is None:
-            return
-        for part in value.values() if isinstance(value, Mapping) else [value]:
-            shape = part.shape if isinstance(part, np.ndarray) else (len(part),)
-            if shape == (0,) and letters[0].endswith(" or 0"):
-                continue
-            for length, letter in zip(shape, letters, strict=True):
-                known, first = sizes.setdefault(letter.removesuffix(" or 0"), (length, where))
-                if length != known:
-                    raise Invalid(where, f"has {length} values, where {first} has {known}")
+Put = Callable[[str, Any, str, str], None]
+"""Stores an array under its path, with its description and unit."""
+Take = Callable[[str, str, int], Any]
+"""Returns the array under a path, of a type and number of dimensions."""
 
 
-def dimensions(description: str) -> tuple[str, ...]:
-    """Return the letters of the dimensions that a description declares; empty where it declares none."""
-    match = re.match(r"\((\w+(?: or 0)?(?:, \w+)*)\) ", description)
-    return tuple(match[1].split(", ")) if match else ()
+class Invalid(Exception):
+    """A file is not what the format says: `where` is the path inside of it, `what` is wrong there."""
+
+    def __init__(self, where: str, what: str) -> None:
+        super().__init__(f"{where.lstrip('/') or 'the root'}, {what}")
 
 
-@dataclass(frozen=True)
-class Schema:
-    """How a dataclass is stored in a group; `units` are those that an object knows, by the names used in brackets."""
-
-    type: type
-    fields: tuple[Field, ...]
-    units: Callable[[Any], Mapping[str, str]]
-
-    def store(self, sink: Sink, record: Any, label: Label) -> None:
-        """Put every field of `record` into the open group of a file or a checksum."""
-        inner = label.within(self.units(record)) if sink.whole else label
-        for field in self.fields:
-            if sink.whole or not field.derived:
-                value = field.derived(record) if field.derived else getattr(record, field.name)
-                field.codec.store(sink, field.name, value, field.label(inner))
-
-    def read(self, group: h5py.Group) -> Any:
-        """Return the record that is stored in a group; Invalid where it is of another form."""
-        return self.type(**{field.name: field.codec.read(group, field.name) for field in self.fields if not field.derived})
-
-
-def nested(type_: type) -> Codec:
-    """One object, as a group of its own."""
-    return Codec(
-        _link(type_),
-        lambda sink, name, value, label: schema_of(type_).store(sink.inner(name), value, label),
-        lambda group, name: schema_of(type_).read(codecs.stored(group, name, "Group")),
-        (type_,),
-    )
-
-
-def variant(kinds: Mapping[str, type]) -> Codec:
-    """One object of one of several types, as a group of its own whose attribute `kind` names the type."""
-    words = {type_: word for word, type_ in kinds.items()}
-
-    def store(sink: Sink, name: str, value: Any, label: Label) -> None:
-        body = sink.inner(name)
-        body.scalar("kind", words[type(value)], None)
-        schema_of(type(value)).store(body, value, label)
-
-    def read(group: h5py.Group, name: str) -> Any:
-        body = codecs.stored(group, name, "Group")
-        with stored_at(body.name):
-            word = body.attrs.get("kind")
-        if not isinstance(word, str) or word not in kinds:
-            raise Invalid(body.name, f"is of the kind {str(word)[:60]!r}, which is none of {', '.join(kinds)}")
-        return schema_of(kinds[word]).read(body)
-
-    form = ", ".join(f"`{word}`: {_link(type_)}" for word, type_ in kinds.items())
-    return Codec(form, store, read, tuple(kinds.values()))
-
-
-def rows(type_: type) -> Codec:
-    """Return a tuple of objects with scalar fields as a table: a group with one 1-D dataset for every field.
-
-    A column that files of earlier versions lack is read as the default of its field, which no checksum counts.
-    """
-    columns = {field: COLUMNS[field.codec.form] for field in schema_of(type_).fields}
-    defaults = {field.name: getattr(type_, field.name, None) for field in columns}
-
-    def store(sink: Sink, name: str, value: Any, label: Label) -> None:
-        table = sink.inner(name, len(value))
-        if sink.whole:
-            for field, column in columns.items():
-                column.store(table, field.name, [getattr(row, field.name) for row in value], field.label(label))
-            return
-        for place, row in enumerate(value):
-            for field in columns:
-                cell, default = getattr(row, field.name), defaults[field.name]
-                if cell != default and (cell == cell or default == default):  # NaN is the same as NaN
-                    field.codec.store(table.inner(field.name), str(place), cell, label)
-
-    def read(group: h5py.Group, name: str) -> tuple[Any, ...]:
-        table = codecs.stored(group, name, "Group")
-        there = {field.name: column for field, column in columns.items() if defaults[field.name] is None or field.name in table}
-        cells = {key: codecs.plain(column.read(table, key)) for key, column in there.items()}
-        lengths = {len(column) for column in cells.values()}
-        if len(lengths) > 1:
-            raise Invalid(table.name, f"has columns of {min(lengths)} and of {max(lengths)} rows")
-        return tuple(type_(**dict(zip(cells, row, strict=True))) for row in zip(*cells.values(), strict=True))
-
-    return Codec(f"table of {_link(type_)}", store, read, (type_,))
-
-
-def _link(schema_type: type) -> str:
-    return f"[{schema_type.__name__}](#{schema_type.__name__.lower()})"
-
-
-TEXT, REAL, COUNT, TEXTS = codecs.scalar(str), codecs.scalar(float), codecs.scalar(int), codecs.texts()
-REALS, INDICES = codecs.numbers("<f8"), codecs.numbers("<i8")
-COLUMNS: Mapping[str, Codec] = {TEXT.form: TEXTS, REAL.form: REALS, COUNT.form: INDICES}
-"""Lists of values of a form, as the columns of a table."""
-
-PAIR = codecs.adapted(REALS, store=list, load=lambda array: tuple(array.tolist()))
-PLAIN: Mapping[Any, Codec] = {
-    str: TEXT,
-    float: REAL,
-    int: COUNT,
-    bool: codecs.adapted(COUNT, store=int, load=bool),
-    tuple[str, ...]: TEXTS,
-    tuple[float, ...]: PAIR,
-    tuple[float, float]: PAIR,
-    tuple[int, ...]: codecs.adapted(INDICES, store=list, load=lambda array: tuple(array.tolist())),
-    Mapping[str, float]: codecs.pairs(REALS),
-    Mapping[str, int]: codecs.pairs(INDICES),
-    Mapping[str, str]: codecs.pairs(TEXTS),
-}
-ARRAYS = {np.float64: "<f8", np.int64: "<i8", np.bool_: "|u1"}  # flags are not HDF5's enumeration, which MATLAB reads as text
-
-
-def form_of(hint: Any, ndim: int = 1) -> Codec:
-    """Return the form of the values of a type, arrays with `ndim` dimensions; raises TypeError for one that has none."""
-    origin, arguments = get_origin(hint), get_args(hint)
-    if hint in PLAIN:
-        return PLAIN[hint]
-    if origin is Annotated:
-        return form_of(arguments[0], ndim)
-    if origin is Literal:
-        return TEXT
-    if origin in (Union, types.UnionType) and len(arguments) == 2 and arguments[1] is type(None):
-        return codecs.optional(form_of(arguments[0], ndim))
-    if origin is np.ndarray:
-        number_of = get_args(arguments[1])[0]
-        return codecs.numbers(ARRAYS[number_of], ndim, "bool" if number_of is np.bool_ else None)
-    if origin is tuple and arguments[1:] == (...,):
-        return codecs.numbered(form_of(arguments[0]))
-    if origin in (dict, Mapping):
-        return codecs.named(form_of(arguments[1], ndim))
-    if is_dataclass(hint):
-        return nested(hint)  # type: ignore[arg-type]
-    raise TypeError(f"values of {hint} cannot be stored")
-
-
-@dataclass(frozen=True)
-class Layout:
-    """What is said of how a dataclass is stored, beyond its fields.
-
-    - `codecs`: forms that do not follow from the types of fields.
-    - `always`: fields that are stored and count in the checksum even where they have their default.
-    - `first`: fields that are stored before the others, in this order.
-    - `derived`: fields that are computed for readers of the file.
-    - `units`: units that an object knows, by the names used in brackets.
-    """
-
-    codecs: Mapping[str, Codec] = default(default_factory=dict)
-    always: tuple[str, ...] = ()
-    first: tuple[str, ...] = ()
-    derived: tuple[Field, ...] = ()
-    units: Callable[[Any], Mapping[str, str]] = lambda _record: {}
-
-
-LAYOUTS: dict[type, Layout] = {}
-"""The types that have one."""
-
-
-_schemas: dict[type, Schema] = {}
-
-
-def schema_of(type_: type) -> Schema:
-    """Return how a dataclass is stored."""
-    if type_ not in _schemas:
-        _schemas[type_] = _laid_out(type_)
-    return _schemas[type_]
-
-
-def _laid_out(type_: type) -> Schema:
-    layout = LAYOUTS.get(type_, Layout())
-    hints = get_type_hints(type_, include_extras=True)
-    kept = {field.name: field for field in fields(type_) if field.metadata.get("stored", True)}
-    found = [_field(kept[name], hints[name], layout) for name in dict.fromkeys((*layout.first, *kept))]
-    return Schema(type_, (*found, *layout.derived), layout.units)
-
-
-def _field(declared: Any, hint: Any, layout: Layout) -> Field:
-    words = [mark for mark in getattr(hint, "__metadata__", ()) if isinstance(mark, str)]
-    description = words[0] if words else declared.name.replace("_", " ")
-    codec = layout.codecs.get(declared.name) or form_of(hint, len(dimensions(description)) or 1)
-    otherwise = declared.default_factory() if declared.default_factory is not MISSING else declared.default
-    if otherwise is not MISSING and otherwise is not None and declared.name not in layout.always:
-        codec = codecs.added(codec, otherwise)
-    unit = "1" if codec.form.startswith(("`float", "`int")) else NO_UNIT
-    return Field(declared.name, codec, description, words[1] if words[1:] else unit)
-
-
-def check_lengths(record: Any, where: str = "", sizes: Sizes | None = None) -> None:
-    """Raise Invalid where arrays in a record, and in the records inside of it, that are declared to have one length do not."""
-    known: Sizes = {} if sizes is None else sizes
-    for field in schema_of(type(record)).fields:
-        if not field.derived:
-            value, place = getattr(record, field.name), f"{where}/{field.name}".lstrip("/")
-            field.check(value, place, known)
-            for name, part in _parts_of(value):
-                check_lengths(part, f"{place}{name}", dict(known) if name else known)
-
-
-def _parts_of(value: Any) -> Iterator[tuple[str, Any]]:
-    """Yield the records that a value is, or consists of, with how their places go on from its own."""
-    if is_dataclass(value):
-        yield "", value
-    elif isinstance(value, Mapping):
-        yield from ((f"/{codecs.escaped(key)}", part) for key, part in value.items() if is_dataclass(part))
-    elif isinstance(value, tuple):
-        yield from ((f"/{place:03d}", part) for place, part in enumerate(value) if is_dataclass(part))
-
-
-# The stored types -----------------------------------------------------------------------------------------------------------------------
+@contextmanager
+def stored_at(where: str) -> Iterator[None]:
+    """Turn what h5py raises while it reads into Invalid. Only calls of h5py stand in the block."""
+    try:
+        yield
+    except (OSError, KeyError, ValueError, TypeError, RuntimeError) as fault:
+        why = (str(fault) or type(fault).__name__).partition("\n")[0]
+        raise Invalid(where, f"cannot be read ({why})") from fault
 
 
 @dataclass(frozen=True)
@@ -289,97 +83,282 @@ class SegmentationFile:
     curves: Annotated[tuple[SegmentedCurve, ...], "training curves"]
 
 
-def _side(word: str) -> Side:
-    try:
-        return float(word)
-    except ValueError:
-        return word
+# Type hints -------------------------------------------------------------------------------------
 
 
-def _defining(text: str) -> str:
-    """Return the text; Invalid where it is not empty and defines no formula."""
-    try:
-        if text:
-            literature.get(text)
-    except (KeyError, ValueError) as fault:
-        raise Invalid("definition", str(fault)) from fault
-    return text
+class Hint(NamedTuple):
+    """A type hint taken apart.
+
+    - `kind`: the type, without what stands in its brackets; Union where there are several.
+    - `inner`: what stands in its brackets; of an array, the type of its numbers.
+    - `checks`, `letters`, `description`, `unit`: what was marked.
+    """
+
+    kind: Any
+    inner: tuple[Any, ...]
+    checks: tuple[Any, ...] = ()
+    letters: Letters = ()
+    description: str = ""
+    unit: str = ""
 
 
-def _level_unit(of: Dataset | Formula) -> dict[str, str]:
-    return {"level": f"[{of.level}]" if of.level else NO_UNIT}
+@cache
+def taken_apart(hint: Any) -> Hint:
+    """Return a hint without annotations and aliases (NumPy has `NDArray` as one from 2.5 on)."""
+    marks: list[Any] = []
+    while (alias := get_origin(hint) or hint) is Annotated or hasattr(alias, "__value__"):
+        if alias is Annotated:
+            marks, hint = [*hint.__metadata__, *marks], hint.__origin__
+        else:
+            hint = alias.__value__[get_args(hint)] if get_args(hint) else alias.__value__
+    words = [*(mark for mark in marks if isinstance(mark, str)), "", ""]
+    match = re.match(r"\((\w+(?: or 0)?(?:, \w+)*)\) ", words[0])
+    inner = get_args(get_args(hint)[1]) if alias is np.ndarray else get_args(hint)
+    checks = tuple(mark for mark in marks if not isinstance(mark, str))
+    letters = tuple(match[1].split(", ")) if match else ()
+    return Hint(Union if alias is types.UnionType else alias, inner, checks, letters, *words[:2])
 
 
-def _variable_units(of: SegmentedCurve | Pieces) -> dict[str, str]:
-    return {f"variables.{place}": f"[{name}]" for place, name in enumerate(of.variables)}
+@cache
+def stored_fields(type_: Any) -> dict[str, tuple[Any, Any]]:
+    """Return hint and default of every stored field, by name."""
+    hints, found = get_type_hints(type_, include_extras=True), {}
+    for one in fields(type_):
+        if one.metadata.get("stored", True):
+            made = one.default if one.default_factory is MISSING else one.default_factory()
+            found[one.name] = hints[one.name], made
+    return found
 
 
-SIDES = codecs.adapted(
-    TEXTS,
-    store=lambda sides: [side if isinstance(side, str) else repr(float(side)) for side in sides],
-    load=lambda words: tuple(map(_side, words)),
-)
-LAYOUTS |= {
-    Dataset: Layout(
-        always=("notes",),
-        units=lambda dataset: {**{name: quantity.unit for name, quantity in dataset.quantities.items()}, **_level_unit(dataset)},
-    ),
-    SegmentedCurve: Layout(units=_variable_units),
-    Scaling: Layout(units=lambda scaling: {"slopes": ", ".join(f"1/[{name}]" for name in scaling.variables) or NO_UNIT}),
-    Selection: Layout(derived=(Field("err_sum", REALS, "(k) running sum of err", derived=lambda selection: np.cumsum(selection.err)),)),
-    SegmentFit: Layout(
-        derived=(Field("terms", TEXTS, "(k) names of the chosen terms, in the order of selection", NO_UNIT, derived=lambda fit: fit.terms),)
-    ),
-    FormulaFit: Layout({"definition": codecs.adapted(TEXT, store=str, load=_defining)}, always=("notes",)),
-    MotionFit: Layout(always=("notes",)),
-    FitResult: Layout(
-        {"body": codecs.optional(variant({kind.name: kind.fit for kind in kinds() if kind.fit is not None}))}, always=("notes",)
-    ),
-    SegmentFunction: Layout(always=("limits",)),
-    Fusion: Layout(
-        {"extrapolation": codecs.named(SIDES)},
-        always=("transition", "z_s", "levels", "shrink"),
-        first=("transition", "z_s", "extrapolation", "levels", "aligned", "shrink", "hold", "domain"),
-    ),
-    Pieces: Layout(
-        {"cross_validation": rows(FoldError)},
-        always=("cross_validation",),
-        units=lambda pieces: {
-            **_variable_units(pieces),
-            **_level_unit(pieces),
-            "aligned": f"[{pieces.fusion.aligned}]" if pieces.fusion.aligned else NO_UNIT,
-        },
-    ),
-    Formula: Layout(units=_level_unit),
-    Part: Layout(always=("sign", "inputs")),
-    Model: Layout(
-        {"body": variant({kind.name: kind.body for kind in kinds()}), "signals": rows(Signal)},
-        always=("signals", "notes"),
-        units=lambda model: {**{quantity.name: quantity.unit for quantity in (*model.inputs, model.output)}, "target": model.output.unit},
-    ),
-    Validation: Layout({"scores": rows(Score)}, units=lambda of: of.units and {**of.units, "target": next(iter(of.units.values()))}),
-}
+@cache
+def bodies(kind: Any) -> dict[str, type]:
+    """Return what a model consists of (`Body`), or what was fitted (`Any`), by its kind."""
+    if kind not in (Body, Any):
+        return {}
+    return {one.name: type_ for one in kinds() if (type_ := one.body if kind is Body else one.fit)}
+
+
+def _step(key: Any, place: int) -> str:
+    """Return how a member is called in paths: its name, or its number where a name cannot be one."""
+    return key if re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", str(key)) else f"{place:03d}"
+
+
+def _hints(own: Hint, count: int) -> Sequence[Any]:
+    """Return the hints of so many members of a mapping or a tuple."""
+    each = own.inner[own.kind is Mapping]
+    return [each] * count if own.kind is Mapping or own.inner[1:] == (...,) else [*own.inner, *[each] * count][:count]
+
+
+# Writing ----------------------------------------------------------------------------------------
+
+
+def _known_units(record: Any) -> Units:
+    """Return the units that an object knows, by the names that stand in brackets."""
+    match record:
+        case Dataset():
+            return {name: one.unit for name, one in record.quantities.items()}
+        case Model():
+            return {"target": record.output.unit} | {one.name: one.unit for one in (*record.inputs, record.output)}
+        case SegmentedCurve() | Pieces():
+            return {f"variables.{i}": f"[{name}]" for i, name in enumerate(record.variables)}
+        case Scaling():
+            return {"slopes": ", ".join(f"1/[{name}]" for name in record.variables)}
+        case Validation():
+            return {"target": next(iter(record.units.values()), "1")}
+    return {}
+
+
+def resolved(unit: str, units: Units) -> str:
+    """Return the unit with every known `[name]` replaced; a compound one in brackets before a power."""
+
+    def known(match: re.Match[str]) -> str:
+        name, power = match.groups()
+        found = units.get(name, f"[{name}]")
+        return f"({found}){power}" if power and re.search(r"[*/ ^]", found) else f"{found}{power}"
+
+    return re.sub(r"\[([^\]]*)\](\^?)", known, unit)
+
+
+def encoded(value: Any, hint: Any, put: Put, units: Units, path: str = "", outer: tuple[str, str] = ("", "")) -> Any:
+    """Return a value as JSON has it; its arrays are `put` under their paths.
+
+    `outer` are description and unit of the field that it is a part of.
+    """
+    own = taken_apart(hint)
+    label = (own.description, own.unit) if own.description else outer
+    if own.kind is Union:
+        return encoded(value, own.inner[0], put, units, path, label)
+    if isinstance(value, np.ndarray):
+        put(path, value, label[0], resolved(label[1] or "1", units))
+        return {ARRAY: path}
+    if is_dataclass(value):
+        units = {**units, **{name: resolved(unit, units) for name, unit in _known_units(value).items()}}
+        document: dict[str, Any] = {}
+        for word in (word for word, one in bodies(own.kind).items() if one is type(value)):
+            document["kind"] = word
+        for name, (inner, default) in stored_fields(type(value)).items():  # type: ignore[arg-type]
+            if not _same(one := getattr(value, name), default):
+                document[name] = encoded(one, inner, put, units, f"{path}/{name}")
+        return document
+    if isinstance(value, Mapping | tuple):
+        parts = value if isinstance(value, Mapping) else dict(enumerate(value))
+        document = {
+            _line(key): encoded(one, part, put, units, f"{path}/{_step(key, i)}", (label[0], label[1].replace("*", str(key))))
+            for i, ((key, one), part) in enumerate(zip(parts.items(), _hints(own, len(parts)), strict=True))
+        }
+        return document if parts is value else list(document.values())
+    return str(value) if isinstance(value, float) and not math.isfinite(value) else _line(value)
+
+
+def _same(value: Any, default: Any) -> bool:
+    """Whether a value is the default; NaN is the same as NaN."""
+    return not isinstance(value, np.ndarray) and bool(value == default or (value != value and default != default))
+
+
+def _line(value: Any) -> Any:
+    if isinstance(value, str) and not is_one_line(value):
+        what = f"the name {value!r} cannot be stored: it is not one line of valid text"
+        raise DataError(what, "rename the file or column that it is of")
+    return value
+
+
+# Reading ----------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Decoder:
+    """Puts a record together again; raises Invalid for what is not of its type.
+
+    Fields that the format does not know are passed over where `lenient`.
+    """
+
+    take: Take
+    lenient: bool = False
+
+    def value(self, node: Any, hint: Any, path: str, letters: Letters, sizes: Sizes) -> Any:
+        """Return the value of a type; `sizes` are lengths of dimensions seen so far in the object."""
+        own = taken_apart(hint)
+        letters = own.letters or letters
+        if own.kind is Union:
+            if node is None and types.NoneType in own.inner:
+                return None
+            fitting = (one for one in own.inner if (taken_apart(one).kind in (str, Literal)) == isinstance(node, str))
+            return self.value(node, next(fitting, own.inner[0]), path, letters, sizes)
+        found = self._plain(node, own, path, letters, sizes)
+        for check in own.checks:
+            if wrong := wrong_with(found, check):
+                raise Invalid(path, wrong + (f": {found[:60]!r}" if isinstance(found, str) else ""))
+        return found
+
+    def _plain(self, node: Any, own: Hint, path: str, letters: Letters, sizes: Sizes) -> Any:
+        kind, many = own.kind, own.inner[1:] == (...,)
+        if path.count("/") > DEEPEST:
+            raise Invalid(path, f"lies more than {DEEPEST} fields deep")
+        if kind is np.ndarray and node == {ARRAY: path}:
+            return self._array(path, own.inner[0], letters, sizes)
+        if bodies(kind) and isinstance(node, dict):
+            word, inner = node.get("kind"), {name: one for name, one in node.items() if name != "kind"}
+            if word not in (*bodies(kind),):
+                raise Invalid(path, f"is of the kind {str(word)[:60]!r}, which is none of {', '.join(bodies(kind))}")
+            return self._record(inner, bodies(kind)[word], path, sizes)
+        if is_dataclass(kind) and isinstance(node, dict):
+            return self._record(node, kind, path, sizes)
+        if kind is tuple and isinstance(node, list) and (many or len(node) == len(own.inner)):
+            if many:
+                _compare(path, (len(node),), letters, sizes)
+            parts, hints = enumerate(node), _hints(own, len(node))
+            return tuple(self.value(one, hints[i], f"{path}/{i:03d}", (), {**sizes}) for i, one in parts)
+        if kind is Mapping and isinstance(node, dict):
+            parts = enumerate(node.items())
+            return {
+                self.value(key, own.inner[0], path, (), {}): self.value(
+                    one, own.inner[1], f"{path}/{_step(key, i)}", letters, sizes if letters else {}
+                )
+                for i, (key, one) in parts
+            }
+        return _scalar(node, own, path)
+
+    def _record(self, node: dict[str, Any], type_: Any, path: str, sizes: dict[str, int]) -> Any:
+        known = stored_fields(type_)
+        needed = {name for name, (_, default) in known.items() if default is MISSING}
+        for name in (needed - node.keys()) | (set() if self.lenient else node.keys() - known.keys()):
+            raise Invalid(f"{path}/{name[:60]}", "is missing" if name in known else "is not known to this format")
+        given = {name: hint for name, (hint, _) in known.items() if name in node}
+        return type_(**{name: self.value(node[name], hint, f"{path}/{name}", (), sizes) for name, hint in given.items()})
+
+    def _array(self, path: str, number: Any, letters: Letters, sizes: Sizes) -> Any:
+        values = self.take(path, TYPES[number], max(1, len(letters))).astype(number, copy=False)
+        _compare(path, values.shape, letters, sizes)
+        values.setflags(write=False)  # several stages may be given the same
+        return values
+
+
+def _scalar(node: Any, own: Hint, path: str) -> Any:
+    if own.kind is Literal and node not in own.inner:
+        raise Invalid(path, f"is none of {', '.join(own.inner)}")
+    if own.kind is float and (type(node) is int or node in ("nan", "inf", "-inf")):
+        return float(node)
+    expected = {Literal: str, Any: types.NoneType}.get(own.kind, own.kind)
+    if type(node) is not expected:
+        raise Invalid(path, f"is no {expected.__name__}")  # type: ignore[attr-defined]
+    if expected is str and not is_one_line(node):
+        raise Invalid(path, f"has control characters or line breaks: {node[:60]!r}")
+    return node
+
+
+def _compare(path: str, shape: tuple[int, ...], letters: Letters, sizes: Sizes) -> None:
+    """Raise Invalid where a length is not that of others with the same letter."""
+    for length, letter in zip(shape, letters, strict=False):
+        name = letter.removesuffix(" or 0")
+        if (length or name == letter) and sizes.setdefault(name, length) != length:
+            raise Invalid(path, f"has {length} values, where others of ({name}) have {sizes[name]}")
+
+
+def wrong_with(value: Any, check: Any) -> str:
+    """Return what is wrong with a value by a mark of its type; nothing where no mark says so."""
+    if isinstance(check, Interval):
+        low, high = -math.inf if check.ge is None else check.ge, math.inf if check.le is None else check.le
+        check = Checked(f"is not between {low} and {high}", lambda value: low <= value <= high)
+    return "" if not isinstance(check, Checked) or check.holds(value) else check.words
+
+
+# The reference ----------------------------------------------------------------------------------
 
 
 def described() -> str:
-    """Return a section for every stored type, parts before wholes; docs/file-format.md says what the short words mean."""
+    """Return a section for every stored type, parts before wholes, for docs/file-format.md."""
     head = "| name | stored as | unit | what it is |\n|---|---|---|---|\n"
-    seen: dict[type, None] = {}
+    sections: dict[str, str] = {}
 
-    def walk(type_: type) -> None:
-        if type_ not in seen:
-            seen[type_] = None
-            for part in (part for field in schema_of(type_).fields for part in field.codec.types):
-                walk(part)
-            seen[type_] = seen.pop(type_)  # behind its parts
+    def form(hint: Any) -> str:
+        """Return what a type is called; the sections of the types in it are written first."""
+        own = taken_apart(hint)
+        if own.kind is np.ndarray:
+            return f"`{own.inner[0].__name__}[{',' * (len(own.letters) - 1)}]`"
+        if found := bodies(own.kind):
+            return ", ".join(f"`{word}`: {form(type_)}" for word, type_ in found.items())
+        if is_dataclass(own.kind):
+            return section(own.kind)
+        if own.kind in (Union, tuple, Mapping):
+            head = {Union: "", tuple: "list of ", Mapping: "object of "}[own.kind]
+            return head + " or ".join(dict.fromkeys(form(one) for one in own.inner[own.kind is Mapping :] if one is not ...))
+        return f"`{WORDS.get(own.kind, own.kind.__name__)}`"
+
+    def section(type_: Any) -> str:
+        name = type_.__name__
+        link = f"[{name}](#{name.lower()})"
+        if name in sections:
+            return link
+        sections[name] = ""
+        rows = ""
+        for field, (hint, default) in stored_fields(type_).items():
+            own = taken_apart(hint)
+            unit, optional = f"`{own.unit}`" if own.unit else NO_UNIT, "" if default is MISSING else " ?"
+            rows += f"| `{field}` | {form(hint)}{optional} | {unit} | {own.description or field} |\n"
+        del sections[name]
+        sections[name] = f"### {name}\n\n{type_.__doc__.partition(chr(10))[0]}\n\n{head}{rows}\n"
+        return link
 
     for root in (Dataset, SegmentationFile, FitResult, Model, Validation):
-        walk(root)
-    sections = ((type_, "".join(map(_row, schema_of(type_).fields))) for type_ in seen)
-    return "".join(f"### {type_.__name__}\n\n{str(type_.__doc__).partition(chr(10))[0]}\n\n{head}{rows}\n" for type_, rows in sections)
-
-
-def _row(field: Field) -> str:
-    unit = NO_UNIT if field.unit == NO_UNIT else f"`{field.unit}`"
-    what = f"{field.description}{' (derived)' if field.derived else ''}".replace("|", "\\|")
-    return f"| `{field.name}` | {field.codec.form} | {unit} | {what} |\n"
+        section(root)
+    return "".join(sections.values())

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from textbook import textbook
 
-from mapmore_cli.modelling.frols import frols, textbook
+from mapmore_cli.modelling.frols import frols
 
 
 @pytest.mark.parametrize("seed", range(200))

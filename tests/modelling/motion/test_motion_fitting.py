@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from motion_samples import BOUNDARIES, ROWS, STEP, coefficients, looped, made_by, published, recipe, record, sine
+from motion_tables import continued
 
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.models import BUMPLESS
-from mapmore_cli.modelling.motion.fitting import continued, fit_motion
+from mapmore_cli.modelling.motion.fitting import fit_motion
 from mapmore_cli.modelling.motion.simulation import simulate, stable
 from mapmore_cli.modelling.motion.solvers import SOLVERS, fly
 

@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from motion_samples import BOUNDARIES, ROWS, STEP, coefficients, looped, published, sine, stepped
+from motion_tables import continued
 
 from mapmore_cli.domain.errors import FitError
 from mapmore_cli.domain.models import BUMPLESS, CARRIED, REST, ZERO
 from mapmore_cli.modelling.memory.records import AtSample
-from mapmore_cli.modelling.motion.fitting import continued
 from mapmore_cli.modelling.motion.simulation import (
     EDGE,
     active,

@@ -1,0 +1,65 @@
+"""Whether a model that somebody stored can be evaluated: asked once, when it is read.
+
+Types and single values were checked before. Here parts have to fit together: a model is refused
+where its kind says so (the verb `faults`), or where a trial on a few rows ends in an error of the
+program instead of an answer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import suppress
+
+import numpy as np
+
+from mapmore_cli.domain.errors import MapmoreError
+from mapmore_cli.domain.models import Model, Sum
+from mapmore_cli.modelling import kinds
+from mapmore_cli.modelling.program.model import program_of
+from mapmore_cli.modelling.signals.rates import signal_values
+from mapmore_cli.modelling.validation.intervals import INTERVAL, half_widths_of
+
+ROWS = 16  # of the trial
+
+
+def unsound(model: Model) -> str | None:
+    """Return why a model cannot be evaluated; None where it can."""
+    try:
+        for one in _every(model):
+            fault = next(iter(kinds.kind_of(one).verb("faults", lambda _model: ())(one)), None)
+            fault = fault or (one.body == Sum(()) and "it is a sum of nothing")
+            names = (quantity.name for quantity in (one.output, *one.inputs))
+            if fault or len({*names}) <= len(one.inputs):
+                return f"of the model {one.name}: {fault or 'two quantities have one name'}"
+        _try(model)
+    except Exception as error:
+        reason = f"{type(error).__name__}: {error}".partition("\n")[0]
+        return f"the model cannot be evaluated, since its parts do not fit each other ({reason})"
+    return None
+
+
+def _every(model: Model) -> Iterator[Model]:
+    yield model
+    for part in getattr(model.body, "parts", ()):
+        for one in part.models:
+            yield from _every(one)
+
+
+def _try(model: Model) -> None:
+    """Do with a model what commands do; an answer that explains itself is one."""
+    asked = (*model.inputs, model.output)
+    names = [one.name for one in asked] + [*kinds.fed_back(model), *(one.of for one in model.signals)]
+    columns = dict.fromkeys(names, np.linspace(0.0, 1.0, ROWS))
+    timed = {**columns, "time": np.arange(1.0 * ROWS)}
+    kinds.equations(model)
+    kinds.parameters(model)
+    for attempt in (
+        lambda: kinds.simulate(model, columns),
+        lambda: kinds.outside_range(model, columns),
+        lambda: kinds.runs_over_time(model) and kinds.one_step_ahead(model, columns),
+        lambda: program_of(model),
+        lambda: model.left_out and half_widths_of(model, columns, INTERVAL),
+        lambda: [signal_values(one, timed) for one in model.signals],
+    ):
+        with suppress(MapmoreError), np.errstate(all="ignore"):  # which commands tell
+            attempt()

@@ -1,0 +1,267 @@
+"""HDF5 files as mapmore writes and reads them: arrays by blocks, texts of a declared length, and what strangers put in.
+
+HDF5 can point into other files of the computer, at one object a million times, or at gigabytes that
+take a kilobyte on the disk. The files of a run are plain trees of arrays, so whatever else is in a
+file is refused by name, before any value is read.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import mmap
+import os
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from io import FileIO
+from pathlib import Path
+from typing import Any
+from weakref import WeakValueDictionary
+
+import h5py
+import numpy as np
+from h5py import h5a, h5d, h5g, h5l, h5o, h5t, h5z
+from numpy.typing import NDArray
+
+from mapmore_cli.domain.arrays import give_back, in_blocks, row_blocks
+from mapmore_cli.storage.artefacts.schema import DEEPEST, NO_UNIT, Invalid, stored_at
+
+LONG, HUGE = 4096, 1 << 20
+"""Elements from which on an array is compressed, and from which on it is so no more. Shorter ones
+stay contiguous, so that any reader finds them at once; huge ones, so that they can be mapped, and
+because compressing them takes longer than all else."""
+
+MOST_ATTRIBUTES, LONGEST_WORD = 100, 4096
+"""Attributes of one object, and bytes of one of the root."""
+
+ROOM, RATIO = 64_000_000, 300
+"""Bytes that a file of any size may unpack to, and that one chunk may have; and beyond that, how
+many times its own size: columns that stand still shrink a thousandfold, recordings tenfold."""
+
+DOCUMENT = 32_000_000
+"""Bytes of the document, which takes twenty times as much in memory."""
+
+
+def put_array(file: h5py.File, path: str, value: Any, dtype: str, description: str, unit: str) -> None:
+    """Store an array under a path; one that is mapped from a file is taken by blocks."""
+    if value.size < HUGE:
+        packed: dict[str, Any] = {"compression": "gzip", "shuffle": True} if value.size >= LONG else {}
+        dataset = file.create_dataset(path, data=np.asarray(value, dtype), track_times=False, **packed)
+    else:
+        dataset = file.create_dataset(path, value.shape, dtype, track_times=False)
+        for rows in row_blocks(len(value)):
+            dataset[rows] = np.asarray(value[rows], dtype=dtype)
+            give_back(value)
+    dataset.attrs.update({"description": description, "unit": unit})
+
+
+def put_text(file: h5py.File, path: str, text: str, description: str) -> None:
+    """Store a text of any length; the file declares how long it is."""
+    data = text.replace("\0", "").encode()
+    kind = h5py.string_dtype("utf-8", max(1, len(data)))
+    dataset = file.create_dataset(path, data=np.array(data, dtype=kind), track_times=False)
+    dataset.attrs.update({"description": description, "unit": NO_UNIT})
+
+
+def add_to_hash(digest: Any, path: str, value: Any, dtype: str) -> None:
+    """Take in an array, after its path, type and shape."""
+    digest.update(f"{path} {dtype} {value.shape}\n".encode())
+    for (block,) in in_blocks(np.atleast_1d(value)):
+        digest.update(np.ascontiguousarray(block, dtype=dtype).data)
+
+
+def take_array(file: h5py.File, path: str, dtype: str, ndim: int) -> NDArray[Any]:
+    """Return an array; a huge one is mapped from the file. Raises Invalid for another type or shape."""
+    with stored_at(path):
+        found = file.get(path)
+        if isinstance(found, h5py.Dataset) and (found.dtype, found.ndim) == (np.dtype(dtype), ndim):
+            return _mapped(found) if found.size >= HUGE and found.chunks is None else found[()]
+    raise Invalid(path, f"is no array of {ndim} dimensions of {np.dtype(dtype).name}")
+
+
+_mappings: WeakValueDictionary[tuple[int, ...], mmap.mmap] = WeakValueDictionary()
+"""One for each file, which all of its columns share: a mapping keeps its file open."""
+
+
+def _mapped(dataset: h5py.Dataset) -> NDArray[Any]:
+    """Return the values of a contiguous dataset where they lie in its file, without reading them."""
+    with Path(dataset.file.filename).open("rb") as file:
+        now = os.fstat(file.fileno())
+        key = (now.st_dev, now.st_ino, now.st_mtime_ns, now.st_size)
+        content = _mappings.get(key) or mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+    _mappings[key] = content
+    place, count = dataset.id.get_offset(), math.prod(dataset.shape)
+    return np.frombuffer(content, dataset.dtype, count, place).reshape(dataset.shape)
+
+
+def word(file: h5py.File, name: str) -> str | None:
+    """Return an attribute of the root that is one short text; None where it is absent or another."""
+    with stored_at(""):
+        if name not in file.attrs:
+            return None
+        found = file.attrs.get_id(name)
+        kind, value = found.get_type(), None
+        if found.shape == () and kind.get_class() == h5t.STRING and kind.get_size() <= LONGEST_WORD:
+            value = file.attrs[name]
+    return value.decode(errors="replace") if isinstance(value, bytes) else value
+
+
+def take_document(file: h5py.File) -> tuple[str, Any]:
+    """Return the document as text and as values. Raises Invalid for one that is no plain JSON."""
+    where = "document"
+    with stored_at(where):
+        found = file.get(where)
+        text = isinstance(found, h5py.Dataset) and found.shape == () and found.dtype.kind == "S"
+        if not text or found.dtype.itemsize > DOCUMENT:
+            raise Invalid(where, f"is no text of at most {DOCUMENT // 10**6} MB")
+        data = bytes(found[()])
+    try:
+        said = data.decode()
+        return said, json.loads(said, object_pairs_hook=_once, parse_constant={}.__getitem__)  # type: ignore[arg-type]  # no NaN
+    except (ValueError, KeyError, RecursionError) as fault:
+        raise Invalid(where, f"is no plain JSON ({str(fault)[:100]})") from fault
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        raise ValueError("a key stands twice")
+    return found
+
+
+def look_over(file: h5py.File, size: int, ratio: int = RATIO) -> None:
+    """Raise Invalid for a file that is no plain tree of numbers and texts, or that unpacks to far more than its `size` in bytes.
+
+    Refused are links of all kinds but one hard link to every object, data in other files (external
+    storage, virtual datasets), filters other than gzip and byte shuffle, types other than numbers
+    and texts of a declared length, attributes that are more than a few numbers or one text, and
+    groups too deep.
+    """
+    most = room = ROOM + ratio * size
+    with stored_at(""):
+        root = h5g.open(file.id, b"/")
+        seen = {h5o.get_info(file.id).addr}
+    _check_attributes(root, "")
+    open_groups = [("", root, 0)]
+    while open_groups:
+        path, group, depth = open_groups.pop()
+        with stored_at(path):
+            links = [(name, group.links.get_info(name).type) for name in group]
+        for name, kind in links:
+            where = f"{path}/{name.decode(errors='replace')}"
+            if kind != h5l.TYPE_HARD:
+                raise Invalid(where, "is a link to somewhere else")
+            with stored_at(where):
+                info = h5o.get_info(group, name)
+            if info.addr in seen:
+                raise Invalid(where, "is linked more than once")
+            seen.add(info.addr)
+            if info.type not in (h5o.TYPE_GROUP, h5o.TYPE_DATASET):
+                raise Invalid(where, "is neither a group nor a dataset")
+            if info.type == h5o.TYPE_GROUP and depth == DEEPEST:
+                raise Invalid(where, f"lies more than {DEEPEST} groups deep")
+            with stored_at(where):
+                found = h5o.open(group, name)
+            _check_attributes(found, where)
+            if info.type == h5o.TYPE_GROUP:
+                open_groups.append((where, found, depth + 1))
+                continue
+            room -= _bytes_of(found, where)
+            if room < 0:
+                raise Invalid(where, f"brings the file of {size} bytes to more than {most / 1e6:.0f} MB of values")
+
+
+def _check_attributes(found: Any, where: str) -> None:
+    """Raise Invalid for attributes that are more than a few numbers or one text; none is read."""
+    with stored_at(where):
+        count = h5a.get_num_attrs(found)
+        if count > MOST_ATTRIBUTES:
+            raise Invalid(where, f"has {count} attributes")
+        for place in range(count):
+            one = h5a.open(found, index=place)
+            kind, width = one.get_type().get_class(), one.get_type().get_size()
+            text = kind == h5t.STRING and one.shape == ()
+            if not (text or kind in (h5t.FLOAT, h5t.INTEGER)) or width * math.prod(one.shape or ()) > LONGEST_WORD:
+                name = one.name.decode(errors="replace")[:60]
+                raise Invalid(where, f"has the attribute {name!r}, which is neither numbers nor one short text")
+
+
+def _bytes_of(dataset: Any, where: str) -> int:
+    """Bytes of the values of a dataset; Invalid where they do not lie plainly in this file."""
+    with stored_at(where):
+        plist, kind = dataset.get_create_plist(), dataset.get_type()
+        layout, width, shape = plist.get_layout(), int(kind.get_size()), dataset.shape
+        external, filters = plist.get_external_count(), range(plist.get_nfilters())
+        used = {plist.get_filter(place)[0] for place in filters}
+        chunk = math.prod(plist.get_chunk()) * width if layout == h5d.CHUNKED else 0
+        text = kind.get_class() == h5t.STRING and not kind.is_variable_str()
+    if layout not in (h5d.COMPACT, h5d.CONTIGUOUS, h5d.CHUNKED) or external:
+        raise Invalid(where, "takes its values from other files or datasets")
+    if used - {h5z.FILTER_DEFLATE, h5z.FILTER_SHUFFLE}:
+        raise Invalid(where, "is packed by a filter other than gzip and byte shuffle")
+    if not text and kind.get_class() not in (h5t.FLOAT, h5t.INTEGER):
+        raise Invalid(where, "holds neither numbers nor texts of a declared length")
+    if chunk > ROOM:
+        raise Invalid(where, f"is cut into chunks of more than {ROOM // 10**6} MB")
+    return width * math.prod(shape)  # type: ignore[no-any-return]
+
+
+@contextmanager
+def interrupted_later() -> Iterator[None]:
+    """Let Ctrl-C wait: what is raised while HDF5 calls back is lost, and the program goes on as if nobody had asked it to end."""
+    if threading.current_thread() is not threading.main_thread() or not callable(signal.getsignal(signal.SIGINT)):
+        yield
+        return
+    heard: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, _frame: heard.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+    if heard:
+        signal.raise_signal(signal.SIGINT)
+
+
+class SteadyFile(FileIO):
+    """A file, as HDF5 wants it, in which no write fails: the first `fault` is kept, and what comes after it goes nowhere.
+
+    HDF5 cannot close a file that it could not write: it crashes at the exit of the program. So it never learns of the fault; the caller
+    looks for it when the file is closed.
+    """
+
+    fault: OSError | None = None
+
+    def write(self, data: Any) -> int:
+        """Write, or do as if."""
+        rest = memoryview(data)
+        while len(rest) and self.fault is None:
+            try:
+                rest = rest[super().write(rest) :]
+            except OSError as fault:
+                self.fault = fault
+        return len(data)
+
+    def truncate(self, size: int | None = None) -> int:
+        """Set the length, or do as if."""
+        try:
+            return super().truncate(size) if self.fault is None else size or 0
+        except OSError as fault:
+            self.fault = fault
+            return size or 0
+
+
+@contextmanager
+def steady(handle: int) -> Iterator[h5py.File]:
+    """Open a file of the system for writing; raises OSError at the end where the disk was full.
+
+    Settled versions and no times: two writes give the same bytes, and old readers understand them.
+    """
+    raw = SteadyFile(handle, "r+b", closefd=False)
+    try:
+        with h5py.File(raw, "w", driver="fileobj", libver=("earliest", "v110")) as file:
+            yield file
+    finally:
+        if raw.fault:
+            raise raw.fault

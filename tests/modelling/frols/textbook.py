@@ -1,0 +1,40 @@
+"""FROLS as on paper, candidate by candidate."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.modelling.frols.select import RANK_TOLERANCE
+
+
+def textbook(P: Array, y: Array, max_terms: int, tolerance: float = 0.0) -> tuple[list[int], Array, Array, Array, Array]:
+    """Select terms as on paper, candidate by candidate (Billings 2013, section 3.2; the equations stand in `frols`).
+
+    Returns the k chosen columns, their g and ERR, (k,), the coefficients of the original columns, (k,), and the ERR of every candidate in
+    every iteration, (k, M), NaN where chosen or dependent.
+    """
+    chosen: list[int] = []
+    basis: list[Array] = []
+    g, table = [], []
+    while len(chosen) < max_terms:
+        left, err = {}, np.full(P.shape[1], np.nan)
+        for m in set(range(P.shape[1])) - set(chosen):
+            q = P[:, m]
+            for w in basis * 2:  # twice is enough (Giraud and Langou 2005)
+                q = q - (w @ q) / (w @ w) * w
+            if q @ q > RANK_TOLERANCE * (P[:, m] @ P[:, m]):
+                left[m], err[m] = q, (y @ q) ** 2 / (q @ q) / (y @ y)
+        if not left:
+            break
+        best = int(np.nanargmax(err))
+        chosen.append(best)
+        basis.append(left[best])
+        g.append((y @ left[best]) / (left[best] @ left[best]))
+        table.append(err)
+        if 1 - sum(row[m] for row, m in zip(table, chosen, strict=True)) <= tolerance:
+            break
+    W, k = np.column_stack(basis), len(chosen)
+    A = np.triu((W.T @ P[:, chosen]) / np.sum(W**2, axis=0)[:, None])  # P_chosen = W A
+    theta = np.linalg.solve(A, np.array(g))
+    return chosen, np.array(g), np.array([table[i][chosen[i]] for i in range(k)]), theta, np.array(table)

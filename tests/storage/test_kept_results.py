@@ -1,0 +1,32 @@
+"""Results stay in memory as long as their files are the same."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mapmore_cli.domain.recording import Curve, Dataset, Quantity, Recording
+from mapmore_cli.storage import run_folder
+from mapmore_cli.storage.artefacts import write_dataset
+from mapmore_cli.storage.run_folder import DATASET, RunFiles
+
+
+def write(folder: Path, slope: float) -> None:
+    columns = {"strain": np.arange(5.0), "force": slope * np.arange(5)}
+    curve = Curve("a", None, columns, np.zeros(5, dtype=np.bool_), ("a",))
+    quantities = {"strain": Quantity("strain", "1"), "force": Quantity("force", "N")}
+    write_dataset(folder / DATASET, Dataset("force", None, quantities, (Recording("a", "a.csv", columns, 5, {}),), (curve,)))
+
+
+def test_results_stay_in_memory_until_their_file_is_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write(tmp_path, 2.0)
+    first = RunFiles(tmp_path).dataset()
+    assert RunFiles(tmp_path).dataset() is first
+    with pytest.raises(ValueError, match="read-only"):  # nobody changes what others read
+        first.curves[0].columns["force"][0] = 1.0
+    write(tmp_path, 3.0)
+    assert RunFiles(tmp_path).dataset().curves[0].columns["force"][1] == 3.0
+    monkeypatch.setattr(run_folder, "KEPT_BYTES", 100)
+    assert RunFiles(tmp_path).dataset() is not RunFiles(tmp_path).dataset()
