@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from itertools import count
 
 import numpy as np
@@ -75,10 +75,10 @@ def summed(terms: Sequence[str], theta: Array, scaling: Scaling, units: Mapping[
     trees, short, where = list(map(parse, terms)), Short(), Short()
     slopes = [m * units.get(state(one).quantity, 1.0) for one, m in zip(scaling.variables, scaling.slope.tolist(), strict=True)]
     weights = (scaling.y_slope * theta).tolist()
-    degrees = [one for tree in trees if (one := exponents(tree)) is not None]
+    degrees = [own for tree in trees if (own := exponents(tree)) is not None]
     if len(degrees) == len(trees) and not scaling.intercept.any():
         slope = dict(zip(scaling.variables, slopes, strict=True))
-        physical = [weight * math.prod(slope[one] ** e for one, e in own.items()) for weight, own in zip(weights, degrees, strict=True)]
+        physical = [weight * math.prod(slope[name] ** e for name, e in own.items()) for weight, own in zip(weights, degrees, strict=True)]
         if all(1 / MEANINGLESS < abs(weight) < MEANINGLESS for weight in physical):
             weights, slopes = physical, [1.0] * len(slopes)
     used = frozenset[str]().union(*(tree.names for tree in trees))
@@ -86,14 +86,18 @@ def summed(terms: Sequence[str], theta: Array, scaling: Scaling, units: Mapping[
     for one, m, c in zip(scaling.variables, slopes, scaling.intercept.tolist(), strict=True):
         line = affine(Name(one), m, c)
         if line != Name(one) and one in used:
-            found = state(one)
-            stem = "".join(word[:1] for word in found.quantity.lower().split("_")) + (str(found.steps) if isinstance(found, Lagged) else "")
-            stem = stem if stem.isidentifier() else f"x{stem}"
-            taken = {*where, *scaling.variables, *FUNCTIONS}
-            name = next(way for way in (stem + "_" * more for more in count()) if way not in taken)
-            where[name], short[one] = line, Name(name)
+            short[one] = Name(fresh := _initials(one, {*where, *scaling.variables, *FUNCTIONS}))
+            where[fresh] = line
             bent = [one in tree.names for tree in trees if exponents(tree) is None]
             if placed.get(one) == "right" and 2 * sum(bent) > sum(one in tree.names for tree in trees):
-                where[name], short[one] = affine(Name(one), m, c + 1.0), Name(name) - 1.0
+                where[fresh], short[one] = affine(Name(one), m, c + 1.0), Name(fresh) - 1.0
     parts = (multiply(Number(weight), substitute(tree, short)) for weight, tree in zip(weights, trees, strict=True))
     return add(Number(scaling.y_intercept), *parts), where
+
+
+def _initials(name: str, taken: Set[str]) -> str:
+    """Return the initials of a quantity, with the steps of a delay, and what makes them no name that is taken."""
+    found = state(name)
+    letters = "".join(word[:1] for word in found.quantity.lower().split("_")) + (str(found.steps) if isinstance(found, Lagged) else "")
+    stem = letters if letters.isidentifier() else f"x{letters}"
+    return next(way for way in (stem + "_" * more for more in count()) if way not in taken)
