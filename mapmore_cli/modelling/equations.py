@@ -53,7 +53,7 @@ def equation(name: str, terms: Sequence[str], theta: Array, scaling: Scaling, li
     def value(digits: int) -> Array:
         known = {short: evaluate(parse(to_text(line, digits)), at, len(u)) for short, line in where.items()}
         own = [evaluate(parse(to_text(term, digits)), {**at, **known}, len(u)) for term in parts]
-        return np.sum(own, axis=0)  # term by term: the whole may be longer than an expression that is read
+        return np.asarray(np.sum(own, axis=0))  # term by term: the whole may be longer than an expression that is read
 
     with np.errstate(all="ignore"):  # a term may be undefined somewhere in the ranges
         known = {**at, **{short: evaluate(line, at, len(u)) for short, line in where.items()}}
