@@ -9,7 +9,7 @@ from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.models import Equation, Model, Pieces
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling.equations import equation
-from mapmore_cli.modelling.expressions import Expression
+from mapmore_cli.modelling.expressions import Expression, parse
 from mapmore_cli.modelling.literature.model import backbone_values, by_blocks, formula_equations, formula_value
 from mapmore_cli.modelling.pieces.definition import pieces_program, pieces_value
 from mapmore_cli.modelling.program.values import evaluator

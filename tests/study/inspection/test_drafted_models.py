@@ -35,7 +35,7 @@ from mapmore_cli.study.drafting.start import start
 
 def pull(path: Path, bar: int, strength: float) -> None:
     k = np.arange(40)
-    write(path, {"P_kPa": 100 * bar, "eps": k / 300, "F_N": 100 * bar * strength - 9 * k})
+    write(path, {"P_kPa": 100 * bar, "eps": k / 300, "F_N": 100 * bar * strength - 9 * k + 0.02 * k**2})
 
 
 SPECIMENS = [

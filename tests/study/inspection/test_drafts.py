@@ -211,7 +211,7 @@ def test_a_force_that_was_set_is_no_target(tmp_path: Path) -> None:
 
 def test_pressures_in_the_names_of_files_without_a_header(tmp_path: Path) -> None:
     for bar in (1, 2, 3, 4):
-        columns = (1000 * T, 3 + 0.1 * LOOP, bar + 0.01 * np.sin(T), 20 * LOOP, 50 * bar - 20 * LOOP)
+        columns = (1000 * T, 3 + 0.1 * LOOP, bar + 0.01 * np.sin(T), 20 * LOOP, 50 * bar - 20 * LOOP + LOOP**2)
         write(tmp_path / f"K_{bar}bar.csv", columns)
     data = checked(drafted(tmp_path), tmp_path).spec.data
     assert (data.columns["pressure"].column, data.columns["pressure"].unit) == (2, "bar")
