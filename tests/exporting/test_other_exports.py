@@ -192,7 +192,7 @@ def test_mujoco_lifts_a_weight_with_the_muscle(model: Any, tmp_path: Path) -> No
 
 
 def test_what_a_simulator_cannot_hold() -> None:
-    u = 100 * np.sin(np.arange(300.0) / 9) + 100 * np.sin(np.arange(300.0) / 4)
+    u = 300 + 100 * np.sin(np.arange(300.0) / 9) + 100 * np.sin(np.arange(300.0) / 4)
     frame = {"time": np.arange(300.0), "pressure": u, "force": np.convolve(u, [0.5, 0.3, 0.2])[:300]}
     memory = mm.fit(
         frame, dictionary=[{"lags": {"of": ["pressure"], "steps": [0, 1, 2], "order": 1}}], fit={"max_terms": 3, "tolerance": 0}

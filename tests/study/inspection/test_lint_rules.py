@@ -351,7 +351,8 @@ def test_per_cent_is_reported_where_it_also_made_the_levels_impossible(tmp_path:
     assert inspection.dataset is None
     assert found(inspection, "error") == {"strain-in-per-cent", "no-curves"}
     assert isinstance(inspection.verdict, SpecError)
-    line = (tmp_path / "clean.yaml").read_text().splitlines().index("    strain:") + 1
+    lines = (tmp_path / "clean.yaml").read_text().splitlines()
+    line = next(number for number, text in enumerate(lines, 1) if text.startswith("    strain:"))
     assert only(inspection, "strain-in-per-cent").place.endswith(f"clean.yaml:{line}:5")
 
 
