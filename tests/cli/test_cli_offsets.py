@@ -80,7 +80,7 @@ def test_a_constant_by_itself_is_told(tmp_path, mapmore):
     assert any("R² on the training data is 0: the model is no better than the mean" in one for one in told)
 
 
-@pytest.mark.parametrize("offset", [0.0, 1e5, -1e6])
+@pytest.mark.parametrize("offset", [0.0, 1e5, 1e6])
 def test_a_load_cell_that_was_not_zeroed(offset):
     p, e = np.repeat(np.arange(100.0, 501, 100), 21), np.tile(np.linspace(0, 0.2, 21), 5)
     sections = {"levels": {"of": "pressure", "at": "auto"}, "dictionary": [{"polynomial": {"of": ["strain"], "order": 2}}]}

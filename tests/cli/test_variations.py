@@ -229,7 +229,7 @@ def test_a_model_of_other_units_is_refused(pair, tmp_path, mapmore):
         ("{set: {fit.max_terms: 2}, as: two, model: sarosi}", "keys `set`"),
         ("{set: {fit.max_terms: 2}, as: repeatability}", "named `repeatability`"),
         ("{set: {fit.max_term: 2}, as: two}", ["as `two`", "max_term", "did you mean `max_terms`?"]),
-        ("{set: {segment.strain.count: 500}, as: two}", "bench.two: segment"),
+        ("{set: {segment.strain.count: 500}, as: two}", "bench.two: ingest"),
         ("{run: nowhere.yaml}", "nowhere.yaml"),
         ("{run: rival_base.yaml, model: sarosi}", "a `model`, a `run`"),
         ("{as: nothing}", "a `model`, a `run`"),

@@ -110,7 +110,7 @@ def test_a_column_that_two_quantities_have_holds_no_stamps(ingest: Ingest) -> No
         ingest({"a.csv": log("0:00:01", "0:00:02")}, columns=both)
 
 
-FRAME = {"P": [100.0] * 40, "eps": np.linspace(0, 0.2, 40), "F": np.linspace(300, 0, 40)}
+FRAME = {"P": 200.0 + np.sin(np.arange(40.0)), "eps": np.linspace(0, 0.2, 40), "F": 300 * (1 - np.linspace(0, 1, 40)) ** 2}
 STUDY: dict[str, Any] = {"target": "static", "columns": COLUMNS, "dictionary": [{"polynomial": {"of": ["strain"], "order": 2}}]}
 
 
