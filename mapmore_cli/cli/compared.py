@@ -127,7 +127,7 @@ def search_document(search: Search) -> dict[str, Any]:
         **picked(search, "target", "left_out", "parts_left_out=parts", "scale"),
         **picked(search.found, "found=words", "sections"),
         "tried": tried,
-        **picked(search, "cut", "black_boxes", "notes"),
+        **picked(search, "cut", "notes"),
     }
 
 

@@ -168,12 +168,10 @@ def search_table(search: Search) -> Table:
         *("parameters", "seconds .2f", ""),
     )
     order = sorted(enumerate(search.tried), key=lambda pair: (bool(pair[1].failure), pair[1].excess))
-    boxes = ", ".join(f"{name} {100 * error:.3g} %" for name, error in (search.black_boxes or {}).items())
     notes = (
         f"Left out in turn: {search.left_out}. Errors: RMSE / FS, FS = range of the training samples = {search.scale:.4g}. "
         "Above the best: mean difference of the logarithms over all folds, and its standard error.",
         *((f"Levels left out: the same for {search.parts}.",) if search.parts else ()),
-        *((f"Black boxes on the same blocks: {boxes}.",) if boxes else ()),
         "Taken: the fewest parameters of those within one standard error, and 5 %, of the best. Held-out data were not used.",
         *search.notes,
     )
