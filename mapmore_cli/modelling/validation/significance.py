@@ -110,16 +110,22 @@ def simplest_of(
     folds = errors.shape[1]
     share = np.full(folds, 1 / folds) if weights is None else weights / weights.sum()
     logs = np.log(np.clip(np.nan_to_num(errors, nan=LOST, posinf=LOST), NOTHING, LOST))
-    middle = np.array([_median(each, share) for each in logs]) if median else logs @ share
+    middle = np.array([_median(each, share) for each in logs]) if median else _total(logs * share)
     score = np.where(True if eligible is None else eligible, middle + PRICE * np.log(sized) * median, np.inf)
     order = np.lexsort((score, sized))
     best = int(order[np.argmin(score[order])])  # of equals the simplest
     differences = logs - logs[best]
-    mean = differences @ share
-    spread = np.sqrt(folds / max(folds - 1, 1) * np.sum((share * (differences - mean[:, None])) ** 2, axis=1))
+    mean = _total(differences * share)
+    spread = np.sqrt(folds / max(folds - 1, 1) * _total((share * (differences - mean[:, None])) ** 2))
     within = (score - score[best] <= np.clip(spread, *WITHIN) * (1 + ROUNDING)) & np.isfinite(score)
     chosen = best if median else int(next(i for i in order if within[i]))
     return Ranked(best, chosen, middle - middle[best], spread)
+
+
+def _total(values: Array) -> Array:
+    """Return the sums of the rows, to the digit the same in any order of the columns."""
+    total: Array = np.sort(values, axis=1).sum(axis=1)
+    return total
 
 
 def _median(values: Array, share: Array) -> float:

@@ -20,7 +20,6 @@ from recorded import drafted as untried
 
 from mapmore_cli.fitting import searching
 from mapmore_cli.ingestion.files import expand
-from mapmore_cli.modelling.search.families import FAMILIES
 from mapmore_cli.pipeline.search import reads
 from mapmore_cli.storage.readers import reader_of
 from mapmore_cli.study.drafting import proof
@@ -157,6 +156,7 @@ def test_a_position_that_follows_slowly_gets_a_memory(tmp_path: Path) -> None:
 # Measured data ---------------------------------------------------------------------------------------------------------------------
 
 
+FAMILIES = searching.FAMILIES
 ROWS = [tuple(row) for row in read_rows(drafted_tables.PAGE, "drafts")[1:]]
 
 
