@@ -13,6 +13,7 @@ from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.literature import TARGET
 from mapmore_cli.modelling.search.situation import Situation
 
+MOST = ("inputs", "most_moving", "samples")
 FORMULAS = ("sarosi", "sarosi_hinged", "kerscher")
 FORCE = "force"
 """What formulas of muscles predict."""
@@ -48,10 +49,11 @@ def candidates(family: Mapping[str, Any], of: Situation) -> Iterator[Candidate]:
 
 
 def _applies(when: Mapping[str, int], of: Situation) -> bool:
-    """Return whether a study is as a candidate wants it: `inputs` and `samples` at most, of all else at least so many."""
+    """Return whether a study is as a candidate wants it: of `MOST` at most, of all else at least so many."""
     has = {
-        "inputs": -len(of.inputs),
-        "samples": -of.samples,
+        "inputs": len(of.inputs),
+        "most_moving": len(of.moving),
+        "samples": of.samples,
         "least_inputs": len(of.inputs),
         "moving": len(of.moving),
         "signs": len(of.around_zero),
@@ -60,7 +62,7 @@ def _applies(when: Mapping[str, int], of: Situation) -> bool:
         "levels": of.curves if of.level in of.inputs else when.get("levels", 0),
         "by_level": of.level is not None and len(of.inputs) == 2 and of.curves > 1,
     }
-    return bool(of.inputs) and all(has[key] >= (-least if key in ("inputs", "samples") else least) for key, least in when.items())
+    return bool(of.inputs) and all(has[key] <= n if key in MOST else has[key] >= n for key, n in when.items())
 
 
 def _candidate(one: Mapping[str, Any], family: Mapping[str, Any], of: Situation, words: Mapping[str, Any]) -> Candidate:
