@@ -15,6 +15,7 @@ from mapmore_cli.spec.diagnostics import Finding, did_you_mean, refused
 from mapmore_cli.spec.experiment import ExperimentSpec, TargetColumn
 from mapmore_cli.spec.sections.data import Direction, Rate
 from mapmore_cli.spec.sections.dictionary import (
+    AlongRange,
     Delays,
     Family,
     Lags,
@@ -182,7 +183,7 @@ def _state(text: str, loc: Loc, spec: ExperimentSpec, name: str, family: Family)
     yield from unknown_quantity(found.quantity, spec.quantities, loc, _word(found.quantity, text))
     target = spec.target_quantity
     if not isinstance(family, Lags | Delays):
-        yield from _of_target(found if isinstance(family, Polynomial | Products) else Operated(name, found), text, loc, spec)
+        yield from _of_target(found if isinstance(family, Polynomial | Products | AlongRange) else Operated(name, found), text, loc, spec)
     elif spec.target not in DERIVED and found.quantity == target and isinstance(found, Lagged):
         remedy = f"name `{target}` itself: here it is delayed"
         yield Finding(loc, f"`{text}` is of the target, and no quantity", remedy, offset=_word(target, text))

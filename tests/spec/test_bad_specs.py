@@ -13,6 +13,7 @@ from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.spec.loader import load
 from mapmore_cli.spec.units import is_quantity, split_quantity
 
+POLYNOMIAL, LAGS = "polynomial: {of: [strain], order: 4}", "lags: {of: [displacement, pressure], steps: [1, 2], order: 2}"
 # What the static study says, what it says instead with ▸ before the place of the mistake, words of message and remedy.
 STATIC_SLIPS = [
     # keys
@@ -208,6 +209,21 @@ OTHER_SLIPS = [
     (FORMULA, "strain: {column: 2}, ", "", ["spec.yaml:4:33", "`sarosi` needs the quantity `strain`", "leave `sarosi` out"]),
     ("name: a\n", "name: a", "{}", ["spec.yaml:1:1", "lacks the key `name`"]),
     (FORCE.replace("[{", "[▸{play: {of: [pressure]}}, {"), "time: {column: 0}, ", "", ["memory needs the time", "`sample_time`"]),
+    # families along a training range
+    (STATIC, POLYNOMIAL, "spline: {of: ▸strane, knots: 9}", ["no quantity `strane`", "did you mean `strain`?"]),
+    (STATIC, POLYNOMIAL, "spline: {of: strain, knots: 9, with: [▸presure]}", ["no quantity `presure`", "`pressure`?"]),
+    (STATIC, POLYNOMIAL, "spline: {of: strain, knots: ▸1}", ["should be at least 2, but is 1"]),
+    (STATIC, POLYNOMIAL, "spline: {of: strain, knots: [0.1, ▸4 mm]}", ["'mm' (a length)"]),
+    (STATIC, POLYNOMIAL, "▸spline: {of: strain}", ["lacks the key `knots`"]),
+    (STATIC, POLYNOMIAL, "ends: {of: strain, widths: [▸-0.03]}", ["should be greater than 0, but is -0.03"]),
+    (STATIC, POLYNOMIAL, "ends: {of: strain, widths: ▸[]}", ["is empty", "at least 1"]),
+    (STATIC, POLYNOMIAL, "ends: {of: ▸[strain], widths: [0.1]}", ["should be text, but is a list"]),
+    (STATIC, POLYNOMIAL, "ends: {of: strain, widths: [0.1], with: [pressure, ▸change]}", ["no quantity `change`"]),
+    (STATIC, POLYNOMIAL, "ends: {of: strain, widths: [0.1], with: [pressure^▸strain]}", ["exponent must be a constant"]),
+    (STATIC, POLYNOMIAL, "steps: {of: strain, count: ▸1, widths: [0.1]}", ["should be at least 2, but is 1"]),
+    (MOTION, LAGS, "steps: {of: pressure, count: 5, widths: [0.1], ▸with: [change]}", ["`change` need each other", "window: 16"]),
+    (MOTION, LAGS, "steps: {of: pressure, count: 5, widths: [0.1], ▸window: 4}", ["need each other", "with: [change]"]),
+    (MOTION, LAGS, "steps: {of: ▸displacement, count: 5, widths: [0.1]}", ["a model cannot explain its target by itself"]),
     # names of terms with memory
     (MOTION, "lags: {of: [displacement, pressure]", "lags: {of: [displacement, ▸presure]", ["no quantity `presure`", "`pressure`?"]),
     (MOTION, '"play(pressure, 0.16)"', '"play(▸presure, 0.16)"', ["no quantity `presure`", "did you mean `pressure`?"]),

@@ -9,12 +9,12 @@ from functools import lru_cache
 
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.recording import Signal
-from mapmore_cli.modelling.expressions import parse, state, to_text
+from mapmore_cli.modelling.expressions import candidate, parse, state, to_text
 from mapmore_cli.modelling.expressions.families import delays, lags, operated, products
 from mapmore_cli.modelling.pieces.recipe import CutByDirection
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.sections.data import Direction, Rate
-from mapmore_cli.spec.sections.dictionary import Delays, DictionaryEntry, Lags, Polynomial, Products
+from mapmore_cli.spec.sections.dictionary import AlongRange, Delays, DictionaryEntry, Lags, Polynomial, Products
 from mapmore_cli.spec.units import convert, default_unit
 
 
@@ -77,6 +77,8 @@ def _terms(entry: DictionaryEntry, clock: Clock | None, *, constant: bool) -> Se
         return [_printed(text) for text in family]
     if isinstance(family, Products):
         return _products(family, clock, constant=constant)
+    if isinstance(family, AlongRange):
+        return _along_range(family, constant=constant and getattr(family, "constant", True))
     of = list(dict.fromkeys(_canonical(text) for text in family.of))
     if isinstance(family, Polynomial):
         return _monomials(of, family, constant=constant)
@@ -86,6 +88,15 @@ def _terms(entry: DictionaryEntry, clock: Clock | None, *, constant: bool) -> Se
     if isinstance(family, Delays):
         return delays(of, family.times, clock.step)
     return operated(name, of, family.numbers(clock.step, clock.longest))
+
+
+def _along_range(family: AlongRange, *, constant: bool) -> list[str]:
+    window = getattr(family, "window", None)
+    windows = window if isinstance(window, list) else [window]
+    changes = [f"({family.of} - {family.of}[k-{one}]){power}" for one in windows for power in ("", "^2")]
+    factors = [text for name in family.partners for text in (changes if window and name == "change" else [name])]
+    texts = [to_text(candidate(f"({factor})*{one}")) for factor in ["1", *factors] for one in family.functions]
+    return texts if constant else [text for text in texts if text != "1"]
 
 
 @lru_cache(maxsize=4096)  # a search asks for the same terms in every fold

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from mapmore_cli.domain.declared import taken
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.results import FitResult
@@ -13,6 +15,7 @@ from mapmore_cli.modelling.literature.backbone import residual_of
 from mapmore_cli.modelling.memory import model as memory
 from mapmore_cli.modelling.memory.fitting import fit_with_memory
 from mapmore_cli.modelling.memory.records import records_of, time_step
+from mapmore_cli.modelling.memory.states import with_ranges
 from mapmore_cli.modelling.selection import MemoryRecipe
 
 
@@ -28,7 +31,8 @@ def fit(part: FitChoices, given: Given) -> FitResult:
     step = time_step(curves)
     records = records_of(curves, step)
     clock = Clock(step, step * max(int(record.training.sum()) for record in records))
-    recipe = taken(MemoryRecipe, part.fit, target=dataset.target, dictionary=terms_of(part.dictionary, clock), step=step)
+    asked = taken(MemoryRecipe, part.fit, target=dataset.target, dictionary=terms_of(part.dictionary, clock), step=step)
+    recipe = replace(asked, dictionary=with_ranges(records, asked))
     found = fit_with_memory(records, recipe, lambda done, total: given.progress("models", done, total))
     return FitResult(found, backbone, () if found.identified is None else found.identified.notes)
 

@@ -9,7 +9,7 @@ from mapmore_cli.modelling.expressions.evaluation import (
     evaluate,
     stacked_matrices,
 )
-from mapmore_cli.modelling.expressions.parsing import parse
+from mapmore_cli.modelling.expressions.parsing import candidate, parse
 from mapmore_cli.modelling.expressions.printing import to_latex, to_text
 from mapmore_cli.modelling.expressions.states import ExpressionError, Operated, state
 from mapmore_cli.modelling.expressions.syntax import Expression, Name, Number, add, call, multiply, power
@@ -24,6 +24,7 @@ __all__ = [
     "add",
     "affine",
     "call",
+    "candidate",
     "compiled",
     "derivative",
     "dictionary_blocks",

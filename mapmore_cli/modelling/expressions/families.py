@@ -10,7 +10,7 @@ from itertools import combinations_with_replacement
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.expressions.operators import families
-from mapmore_cli.modelling.expressions.parsing import parse
+from mapmore_cli.modelling.expressions.parsing import candidate
 from mapmore_cli.modelling.expressions.states import Lagged, Operated, state
 from mapmore_cli.modelling.expressions.syntax import MAX_EXPONENT, Expression, multiply, power
 
@@ -63,7 +63,7 @@ def products(of: Sequence[str], order: int, partners: Sequence[str] | None = Non
     refuse_beyond_memory(count_products(len(of), order, len(free)))
     degrees = range(0 if constant else 1, order + 1)
     chosen = [names for degree in degrees for names in combinations_with_replacement(of, degree) if len(set(names) - free) <= 1]
-    trees = {name: parse(name) for name in of}
+    trees = {name: candidate(name) for name in of}
     return tuple(multiply(*(power(trees[name], count) for name, count in sorted(Counter(names).items()))) for names in chosen)
 
 

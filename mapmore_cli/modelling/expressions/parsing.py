@@ -14,21 +14,27 @@ from __future__ import annotations
 
 import difflib
 import math
-from functools import lru_cache
+from collections.abc import Callable
+from functools import lru_cache, partial
 
 from mapmore_cli.modelling.expressions.evaluation import evaluate
 from mapmore_cli.modelling.expressions.operator import FUNCTIONS
 from mapmore_cli.modelling.expressions.printing import to_text
 from mapmore_cli.modelling.expressions.states import ExpressionError, Token, Tokens, opens_state, read_state
-from mapmore_cli.modelling.expressions.syntax import MAX_EXPONENT, Expression, Name, Number, add, call, multiply, negate, power
+from mapmore_cli.modelling.expressions.syntax import MAX_EXPONENT, Call, Expression, Name, Number, add, call, multiply, negate, power
+
+RANGED = ("unit", "own_unit")
+"""Mark what waits for a training range (`expressions.ranged`)."""
 
 MAX_LENGTH = 10_000
 MAX_DEPTH = 50
 
 
 @lru_cache(maxsize=4096)
-def parse(text: str) -> Expression:
+def parse(text: str, ranged: Callable[[str, Expression], Expression] | None = None) -> Expression:
     """Syntax tree of `text`, in canonical form; of a text that comes again, the same tree.
+
+    Parts of it may wait for a training range where it is said what is `ranged` in their place.
 
     Raises ExpressionError where `text` is no expression; its `position` says where.
 
@@ -41,6 +47,7 @@ def parse(text: str) -> Expression:
     if len(text) > MAX_LENGTH:
         raise ExpressionError(f"the expression has {len(text)} characters, more than {MAX_LENGTH}", MAX_LENGTH)
     parser = _Parser(text)
+    parser.ranged = ranged
     expression = parser.sum()
     parser.expect("end", "an operator")
     if len(text) > MAX_LENGTH // 10 and (length := len(to_text(expression))) > MAX_LENGTH:  # written out, nothing grows tenfold
@@ -48,10 +55,15 @@ def parse(text: str) -> Expression:
     return expression
 
 
+candidate = partial(parse, ranged=Call)
+"""Reads a term of a dictionary, which may wait for a training range."""
+
+
 class _Parser(Tokens):
     """One method for each rule of the grammar."""
 
     _depth = 0
+    ranged: Callable[[str, Expression], Expression] | None = None
 
     def sum(self) -> Expression:
         terms = [self._product()]
@@ -114,6 +126,8 @@ class _Parser(Tokens):
         if opens_state(token, self.next):
             return Name(read_state(self, token).name)
         if self.next.kind == "(":
+            if self.ranged and token.text in RANGED:
+                return self.ranged(token.text, self._bracket())
             return call(_function(token), self._bracket())
         if token.text in FUNCTIONS:
             raise ExpressionError(f"`{token.text}` is a function: write {token.text}(...)", token.position)

@@ -13,6 +13,8 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import MemoryModel, StateSet
 from mapmore_cli.modelling.expressions.operator import Setting, along
 from mapmore_cli.modelling.expressions.operators import OPERATORS
+from mapmore_cli.modelling.expressions.parsing import RANGED, candidate
+from mapmore_cli.modelling.expressions.ranged import placed
 from mapmore_cli.modelling.expressions.states import Lagged, Measured, Operated, State, state
 from mapmore_cli.modelling.memory.records import Record
 from mapmore_cli.modelling.selection import MemoryRecipe
@@ -105,8 +107,17 @@ def resolve(
             found_already[source] = find_resonance(along_records(part.source), output, training, recipe.step)
     if recipe.scaling != "range":
         return states
-    limits = np.array([_range(_pooled(along_records(state(name)), training), name) for name in names])
+    limits = np.array([_range(_pooled(along_records(state(name)), training), name) for name in names]).reshape(-1, 2)
     return replace(states, low=limits[:, 0], high=limits[:, 1])
+
+
+def with_ranges(records: Sequence[Record], recipe: MemoryRecipe) -> tuple[str, ...]:
+    """Return the dictionary with the training ranges that it waits for; raises DataError as `resolve` does."""
+    waiting = {name for text in recipe.dictionary if RANGED[0] in text for name in candidate(text).names}
+    found = resolve(sorted(waiting), records, replace(recipe, scaling="range"))
+    ends = list(zip(found.low.tolist(), found.high.tolist(), strict=True))
+    courses = ((0.0, 1.0, *one) if recipe.scaling == "range" else one * 2 for one in ends)
+    return placed(recipe.dictionary, tuple(zip(found.names, courses, strict=True)))
 
 
 def _range(values: Array, name: str) -> tuple[float, float]:

@@ -20,7 +20,8 @@ from mapmore_cli.domain.models import CurveFunction, Fusion, Model, Pieces, Segm
 from mapmore_cli.domain.recording import Curve, Quantity, united
 from mapmore_cli.domain.results import FitResult, PiecesFit
 from mapmore_cli.modelling import literature
-from mapmore_cli.modelling.expressions import Expression, NotFinite, dictionary_blocks, dictionary_matrix, parse
+from mapmore_cli.modelling.expressions import Expression, NotFinite, candidate, dictionary_blocks, dictionary_matrix, parse
+from mapmore_cli.modelling.expressions.ranged import placed
 from mapmore_cli.modelling.frols import TIE_TOLERANCE, frols, frols_streamed, reads_once
 from mapmore_cli.modelling.literature.backbone import residual_of
 from mapmore_cli.modelling.pieces.recipe import Recipe
@@ -84,7 +85,7 @@ def segment(curves: Sequence[Curve], recipe: Recipe, backbone: FormulaFit | None
 
     Raises DataError where a segment holds no sample, or a curve has too few for the cut.
     """
-    terms = [parse(text) for text in recipe.dictionary]
+    terms = [candidate(text) for text in recipe.dictionary]
     training = training_curves(curves, recipe.level is not None)
     fitted = {curve.id: residual_of(curve, recipe.target, backbone) for curve in training}
 
@@ -110,7 +111,7 @@ def fit(
     Raises DataError where a segment has too few samples, or a term is not finite on its samples.
     """
     fitted = {curve.id: residual_of(curve, recipe.target, backbone) for curve in training_curves(curves, recipe.level is not None)}
-    terms = [parse(text) for text in recipe.dictionary]
+    terms = [candidate(text) for text in recipe.dictionary]
     fits = []
     for segmented in segmentation:
         for one in segmented.segments:
@@ -138,13 +139,17 @@ def fit_segment(segment: Segment, samples: Columns, terms: Sequence[Expression],
     best: SegmentFit | None = None
     for scaling in placements(recipe.fit.scaling, X, y, variables):
         z = scaled(scaling, dict(zip(variables, X.T, strict=True)))
+        ends = [one.tolist() for x in (X * scaling.slope + scaling.intercept, X) for one in (x.min(axis=0), x.max(axis=0))]
+        written = placed(recipe.dictionary, tuple(zip(variables, zip(*ends, strict=True), strict=True)))
         try:
-            selection = _selection(terms, z, (y - scaling.y_intercept) / scaling.y_slope, recipe)
+            selection = _selection(
+                terms if written == recipe.dictionary else list(map(parse, written)), z, (y - scaling.y_intercept) / scaling.y_slope, recipe
+            )
         except NotFinite as error:
             remedy = "terms are evaluated in the segment's scaled coordinates; set fit.scaling: none, or leave the term out"
             raise DataError(f"segment {segment.id}: {error}", remedy) from error
         if best is None or selection.sse < best.selection.sse * (1 - TIE_TOLERANCE):
-            best = SegmentFit(segment.id, segment.curve, segment.cell, recipe.dictionary, scaling, selection)
+            best = SegmentFit(segment.id, segment.curve, segment.cell, written, scaling, selection)
     assert best is not None
     return best
 
@@ -170,7 +175,7 @@ def fuse(
     Where the recipe leaves it open how far a residual is carried between levels, all of it is: see `cross_validation`.
     """
     backbone, level, asked = result.backbone, recipe.level, recipe.fuse
-    needed = {*names_in(map(parse, recipe.dictionary)), *recipe.cuts, *(() if backbone is None else literature.of(backbone).inputs)}
+    needed = {*names_in(map(candidate, recipe.dictionary)), *recipe.cuts, *(() if backbone is None else literature.of(backbone).inputs)}
     inputs = tuple(sorted(needed if level is None else {*needed, level}))
     along = None
     if level is not None and asked.align == "threshold":  # along the first variable that is cut, else the first input that is not the level

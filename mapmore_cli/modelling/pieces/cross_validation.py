@@ -24,7 +24,7 @@ from mapmore_cli.domain.errors import FitError, MapmoreError
 from mapmore_cli.domain.models import FoldError, Model, Pieces
 from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.modelling import literature
-from mapmore_cli.modelling.expressions import parse
+from mapmore_cli.modelling.expressions import candidate
 from mapmore_cli.modelling.literature.backbone import fit_formula, pooled
 from mapmore_cli.modelling.pieces.build import build, multiplied, names_in
 from mapmore_cli.modelling.pieces.model import simulate
@@ -146,7 +146,7 @@ def _along(curves: Sequence[Curve], recipe: Recipe) -> list[Folds]:
     if recipe.level is not None and len(levels) > 2:
         return [levels]
     if len(levels) == 1:
-        inputs = {*names_in(map(parse, recipe.dictionary)), *recipe.cuts} - {recipe.level, recipe.pooled}
+        inputs = {*names_in(map(candidate, recipe.dictionary)), *recipe.cuts} - {recipe.level, recipe.pooled}
         found = [_blocks(curves, name) for name in sorted(inputs)]
     else:
         along = in_curve(curves, tuple(recipe.cuts), recipe.target, recipe.level)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from pydantic import Field, create_model
 
-from mapmore_cli.domain.declared import Contradiction, Either, InUnit, Seconds
+from mapmore_cli.domain.declared import Contradiction, Either, InUnit, Seconds, of_sibling
 from mapmore_cli.modelling.expressions import ExpressionError, parse, state
 from mapmore_cli.modelling.expressions.operator import Operator
 from mapmore_cli.modelling.expressions.operators import families
@@ -99,6 +99,79 @@ class Delays(Section):
     times: Annotated[list[Seconds], Field(min_length=1)]
 
 
+Widths = Annotated[list[Annotated[float, Field(gt=0), InUnit(lambda _: "1")]], Field(min_length=1)]
+"""Parts of the training range."""
+Window = Annotated[int, Field(ge=1, le=1_000_000)]
+
+
+class AlongRange(Section):
+    """Functions of one input along its training range, each times 1 and each factor in `with`."""
+
+    of: str
+    partners: list[str] = Field(default=[], alias="with")
+
+    @property
+    def functions(self) -> list[str]:
+        """The functions as text; parts wait for the range."""
+        raise NotImplementedError
+
+
+class Spline(AlongRange):
+    """A cubic spline of the quantity `of`, times 1 and each factor in `with`.
+
+    A number of `knots` lies evenly inside the training range; a list of them is in the unit of `of`.
+    The constant is included unless `constant: false`.
+    """
+
+    knots: Annotated[
+        Annotated[int, Field(ge=2, le=100)] | Annotated[list[Annotated[float, of_sibling("of")]], Field(min_length=1)], Either()
+    ]
+    constant: bool = True
+
+    @property
+    def functions(self) -> list[str]:
+        """Powers and cubed distances from the knots, which are better conditioned than truncated powers."""
+        knots, own = self.knots, "own_"
+        if isinstance(knots, int):
+            knots, own = [round(place / (knots + 1), 4) for place in range(1, knots + 1)], ""
+        return ["1", self.of, f"{self.of}^2", f"{self.of}^3", *(f"abs({own}unit({self.of} - {knot}))^3" for knot in knots)]
+
+
+class Ends(AlongRange):
+    """Exponentials that decay from both ends of the training range of `of`, times 1 and each factor in `with`.
+
+    `widths` are parts of that range.
+    """
+
+    widths: Widths
+
+    @property
+    def functions(self) -> list[str]:
+        """From the lower and from the upper end."""
+        return [text for width in self.widths for text in (f"exp(-unit({self.of}/{width}))", f"exp(unit(({self.of} - 1)/{width}))")]
+
+
+class SmoothSteps(AlongRange):
+    """Smooth steps (tanh) at a `count` of even places of the training range of `of`, times 1 and each factor in `with`.
+
+    `widths` are parts of that range. `change` in `with` is the change of `of` over each `window` of samples, and its square.
+    """
+
+    count: Annotated[int, Field(ge=2, le=100)]
+    widths: Widths
+    window: Annotated[Window | Annotated[list[Window], Field(min_length=1)], Either()] | None = None
+
+    @property
+    def functions(self) -> list[str]:
+        """From the lower end to the upper."""
+        places = [round(place / (self.count - 1), 4) for place in range(self.count)]
+        return [f"tanh(unit(({self.of} - {place})/{width}))" for place in places for width in self.widths]
+
+    def _contradictions(self) -> Iterator[ValueError]:
+        if ("change" in self.partners) == (self.window is None):
+            yield Contradiction("`window` and `change` need each other", "write `with: [change], window: 16`, or neither", "window", "with")
+
+
 class Products(Section):
     """Every product of the terms `of` families (or of states by name) with total degree up to `order`, as `polynomial`.
 
@@ -111,7 +184,7 @@ class Products(Section):
     constant: bool = True
 
 
-Family = Polynomial | Lags | Delays | OperatorFamily | Products | list[str]
+Family = Polynomial | Lags | Delays | OperatorFamily | AlongRange | Products | list[str]
 """One family of terms; a list holds expressions."""
 
 
@@ -123,6 +196,9 @@ class Families(Section):
     lags: Lags | None = None
     delays: Delays | None = None
     products: Products | None = None
+    spline: Spline | None = None
+    ends: Ends | None = None
+    steps: SmoothSteps | None = None
 
     def _given(self) -> dict[str, Family]:
         return {name: family for name in type(self).model_fields if (family := getattr(self, name)) is not None}
@@ -172,6 +248,11 @@ def texts_in(loc: Loc, family: Family) -> Iterator[tuple[Loc, str, bool]]:
     if isinstance(family, list):
         yield from (((*loc, place), text, True) for place, text in enumerate(family))
         return
+    if isinstance(family, AlongRange):
+        yield (*loc, "of"), family.of, False
+        told = "change" if getattr(family, "window", None) else ""
+        yield from (((*loc, "with", place), text, True) for place, text in enumerate(family.partners) if text != told)
+        return
     yield from (((*loc, "of", place), text, False) for place, text in enumerate(family.of) if isinstance(text, str))
     partners = family.partners if isinstance(family, Products) else None
     yield from (((*loc, "with", place), text, False) for place, text in enumerate(partners or ()))
@@ -180,7 +261,9 @@ def texts_in(loc: Loc, family: Family) -> Iterator[tuple[Loc, str, bool]]:
 def remembers(dictionary: Sequence[DictionaryEntry]) -> bool:
     """Whether any term needs more of a recording than the sample itself."""
     return any(
-        name not in ("polynomial", "terms", "products") or any(not used.isidentifier() for used in _names_of(loc, family))
+        name not in ("polynomial", "terms", "products", "spline", "ends", "steps")
+        or getattr(family, "window", None)
+        or any(not used.isidentifier() for used in _names_of(loc, family))
         for loc, name, family in entries_of(dictionary)
     )
 

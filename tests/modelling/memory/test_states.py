@@ -13,10 +13,11 @@ from memory_samples import STEP, recipe_of, record, resonance, slow, state_set, 
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve
+from mapmore_cli.modelling.expressions import evaluate, parse
 from mapmore_cli.modelling.expressions.operators.play import play
 from mapmore_cli.modelling.memory.feedback import fed_back_states
 from mapmore_cli.modelling.memory.records import records_of, time_step, uninterrupted
-from mapmore_cli.modelling.memory.states import delayed, evaluate_states, resolve
+from mapmore_cli.modelling.memory.states import delayed, evaluate_states, resolve, with_ranges
 
 RECIPE = recipe_of("y", (), max_terms=1)
 NAMES = ("x", "x[k-2]", "slow(play(x, 0.2), 0.05)", "stop(slow(x, 0.1), 0.1)", "slow(saturate(x), 0.1)", "resonance(x, 3, 0.2)")
@@ -127,3 +128,18 @@ def test_a_resonance_is_found_behind_a_delay():
     frequency, damping = states.resonances["x[k-3]"]
     assert frequency == pytest.approx(4.0, rel=0.3)
     assert 0 < damping < 1
+
+
+def test_ranges_that_terms_wait_for_are_those_of_training_samples():
+    x = wandering(300)
+    given_record = record(training=np.arange(300) < 200, x=x, y=x)
+    low, high = x[:200].min(), x[:200].max()
+    plain = recipe_of("y", ("exp(-unit(x/0.1))", "abs(own_unit(x - 0.5))^3"), max_terms=1)
+    ends, knot = with_ranges([given_record], plain)
+    values = {"x": np.array([low, low + 0.1 * (high - low)])}
+    np.testing.assert_allclose(evaluate(parse(ends), values, 2), [1, np.exp(-1)], rtol=0.02)
+    assert knot.startswith("abs((x - 0.5)/")
+    scaled, place = with_ranges([given_record], replace(plain, scaling="range"))
+    assert scaled == "exp(-x/0.1)"
+    at_knot = evaluate(parse(place), {"x": np.array([(0.5 - low) / (high - low)])}, 1)
+    np.testing.assert_allclose(at_knot, 0, atol=1e-9)

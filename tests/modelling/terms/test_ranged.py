@@ -1,0 +1,163 @@
+"""Splines, ends and steps: candidate terms whose places and widths are parts of a training range."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from common import curve_of
+from hypothesis import given
+from hypothesis import strategies as st
+from surfaces import QUANTITIES, recipe
+
+from mapmore_cli.fitting.kinds.dictionary import terms_of
+from mapmore_cli.modelling.expressions import derivative, dictionary_matrix, evaluate, parse
+from mapmore_cli.modelling.expressions.ranged import placed
+from mapmore_cli.modelling.pieces.build import build, scaled
+from mapmore_cli.modelling.pieces.recipe import Cuts
+from mapmore_cli.spec.sections.dictionary import DictionaryEntry
+
+KNOTTED = [f"abs(strain - {place})^3" for place in (0.25, 0.5, 0.75)]
+
+
+def written(family, **settings):
+    """The terms of a family, before the range is known."""
+    return terms_of([DictionaryEntry.model_validate({family: settings})])
+
+
+def spline(knots, partners=(), of="strain"):
+    return written("spline", of=of, knots=knots, **{"with": list(partners)})
+
+
+def ends(widths, partners=(), of="strain"):
+    return written("ends", of=of, widths=widths, **{"with": list(partners)})
+
+
+def along(texts, low, high, *own, name="strain"):
+    """The terms over a range; `own` is that range in the unit of the model."""
+    return placed(tuple(texts), ((name, (low, high, *(own or (low, high)))),))
+
+
+def test_on_a_unit_range_terms_are_short():
+    assert along(spline(3, ["pressure"]), 0, 1) == (
+        *("1", "strain", "strain^2", "strain^3", *KNOTTED, "pressure"),
+        *(f"pressure*{text}" for text in ("strain", "strain^2", "strain^3", *KNOTTED)),
+    )
+    assert along(ends([0.03], ["pressure^2"]), 0, 1)[1:3] == (
+        "exp((strain - 1)/0.03)",
+        "pressure^2*exp(-strain/0.03)",
+    )
+    assert along(written("steps", of="strain", count=3, widths=[0.1]), -1, 0) == (
+        "tanh((strain + 1)/0.1)",
+        "tanh((strain + 0.5)/0.1)",
+        "tanh(strain/0.1)",
+    )
+
+
+def test_on_another_range_numbers_have_few_digits_and_one_divisor():
+    assert along(ends([0.03]), 10.0001, 840.0004) == (
+        "exp(-(strain - 10)/24.9)",
+        "exp((strain - 840)/24.9)",
+    )
+    assert along(spline([93.25, 200.0]), 10, 840)[4:] == (
+        "abs((strain - 93.25)/830)^3",
+        "abs((strain - 200)/830)^3",
+    )
+
+
+def test_given_knots_follow_the_scaling_of_the_segment():
+    assert along(spline([425.0]), 0, 1, 10, 840)[4] == "abs(strain - 0.5)^3"
+
+
+def test_a_step_times_the_change_and_its_square_over_every_window():
+    factors = ["1", *(f"(x - x[k-{w}]){power}" for w in (4, 16) for power in ("", "^2"))]
+    found = along(written("steps", of="x", count=2, widths=[0.1], window=[4, 16], **{"with": ["change"]}), 0, 1, name="x")
+    assert found == tuple(text.removeprefix("1*") for f in factors for text in (f"{f}*tanh(x/0.1)", f"{f}*tanh((x - 1)/0.1)"))
+
+
+ranges = st.tuples(st.floats(-1e3, 1e3), st.floats(1e-2, 1e4)).map(lambda pair: (pair[0], pair[0] + pair[1]))
+
+
+@given(ranges, st.integers(2, 12), st.lists(st.floats(-1, 1), min_size=4, max_size=4))
+def test_a_spline_reproduces_cubics_and_bends_without_a_jump(course, knots, cubic):
+    low, high = course
+    x = np.linspace(low, high, 400)
+    u = (x - low) / (high - low)
+    terms = [parse(text) for text in along(spline(knots), 0, 1)]
+    P = dictionary_matrix(terms, {"strain": u}, len(u))
+    y = np.polyval(cubic, u)
+    np.testing.assert_allclose(P @ np.linalg.lstsq(P, y, rcond=None)[0], y, atol=1e-9)
+    assert np.linalg.cond(P / np.linalg.norm(P, axis=0)) < 1e8
+    for term in [parse(text) for text in along(spline(knots), low, high)][4:]:
+        bend = evaluate(derivative(derivative(term, "strain"), "strain"), {"strain": x}, len(x))
+        assert np.abs(np.diff(bend)).max() <= 6 / 399 / (high - low) ** 2 * 1.1
+
+
+@given(ranges, st.sampled_from([0.03, 0.1, 0.3]))
+def test_ends_are_one_at_their_end_and_decay_by_their_width(course, width):
+    low, high = course
+    first, last = (parse(text) for text in along(ends([width]), low, high))
+    x = np.array([low, low + width * (high - low), high - width * (high - low), high])
+    ahead = evaluate(first, {"strain": x}, 4)
+    back = evaluate(last, {"strain": x}, 4)
+    np.testing.assert_allclose([ahead[0], back[3]], 1, rtol=0.05)
+    np.testing.assert_allclose([ahead[1], back[2]], np.exp(-1), rtol=0.05)
+
+
+def chosen_of(samples, scaling="unit_square", texts=None, **changes):
+    texts = texts or [*spline(9, ["pressure"]), *ends([0.03, 0.1], ["pressure"])]
+    asked = recipe(level=None, cuts={}, dictionary=tuple(texts), scaling=scaling, max_terms=6, tolerance=0.0, **changes)
+    (piece,) = build("m", [curve_of(samples)], asked, QUANTITIES).body.curves
+    (segment,) = piece.segments
+    return segment
+
+
+def muscle(seed=0, n=400):
+    rng = np.random.default_rng(seed)
+    strain, pressure = rng.uniform(0.01, 0.25, n), rng.uniform(50, 600, n)
+    p, short = pressure / 600, (strain - 0.01) / 0.24
+    force = 3 + 490 * p - 292 * p * np.exp(-short / 0.1) + rng.normal(0, 1, n)
+    return {"strain": strain, "pressure": pressure, "force": force}
+
+
+@pytest.mark.parametrize("scaling", ["unit_square", "none"])
+def test_other_units_select_the_same_terms(scaling):
+    metres = muscle()
+    segment = chosen_of(metres, scaling)
+    other = chosen_of({**metres, "strain": 1000 * metres["strain"]}, scaling)
+    if scaling == "unit_square":
+        assert segment.terms == other.terms
+    else:
+        assert [text.count("exp") for text in segment.terms] == [text.count("exp") for text in other.terms]
+    np.testing.assert_allclose(
+        evaluate_segment(segment, metres), evaluate_segment(other, {**metres, "strain": 1000 * metres["strain"]}), rtol=1e-6
+    )
+
+
+def evaluate_segment(segment, columns):
+    z = scaled(segment.scaling, columns)
+    P = dictionary_matrix([parse(text) for text in segment.terms], z, len(columns["strain"]))
+    return segment.scaling.y_slope * (P @ segment.theta) + segment.scaling.y_intercept
+
+
+def test_held_out_samples_do_not_move_a_range():
+    samples, n = muscle(), 400
+    far = {name: np.append(values, 5 * values.max()) for name, values in samples.items()}
+    held_out = np.arange(n + 1) == n
+    asked = recipe(level=None, cuts={"strain": Cuts("even", 1)}, dictionary=tuple(ends([0.1])), scaling="none", max_terms=2)
+    with_held_out = build("m", [curve_of(far, held_out)], asked, QUANTITIES)
+    alone = build("m", [curve_of(samples)], asked, QUANTITIES)
+    assert with_held_out.body.curves[0].segments[0].terms == alone.body.curves[0].segments[0].terms
+
+
+def test_products_take_them_as_any_other_family():
+    of = [{"ends": {"of": "strain", "widths": [0.1]}}, "pressure"]
+    texts = written("products", of=of, order=2, constant=False, **{"with": ["pressure"]})
+    assert {"pressure", "exp(-strain/0.1)", "exp(-strain/0.1)*pressure", "exp((strain - 1)/0.1)^2"} <= set(along(texts, 0, 1))
+    inside = written("products", of=[{"spline": {"of": "strain", "knots": 2}}, "pressure"], order=1)
+    assert inside.count("1") == 1
+
+
+def test_a_spline_without_the_constant_keeps_its_factors():
+    texts = written("spline", of="strain", knots=2, constant=False, **{"with": ["pressure"]})
+    assert "1" not in texts
+    assert "pressure" in texts
