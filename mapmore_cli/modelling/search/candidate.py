@@ -151,7 +151,8 @@ def filled(part: Any, words: Mapping[str, Any]) -> Any:
             values = [filled(each, words) for each in loops.values()]
             return [filled(text, {**words, **dict(zip(loops, combination, strict=True))}) for combination in product(*values)]
         case Mapping():
-            return {filled(key, words): filled(one, words) for key, one in part.items()}
+            found = {filled(key, words): filled(one, words) for key, one in part.items()}
+            return {key: one for key, one in found.items() if key == "of" or one != []}
         case list():
             return [each for one in part for each in _spliced(one, filled(one, words))]
     return part
