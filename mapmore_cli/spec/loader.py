@@ -39,6 +39,9 @@ def findings(spec: ExperimentSpec) -> Iterator[Finding]:
         yield from check(spec)
 
 
+MODELINE = "# yaml-language-server: $schema="
+"""The first line of a spec that editors complete and check."""
+
 M = TypeVar("M", bound=BaseModel)
 Check = Callable[[M], Iterable[Finding]]
 """Looks for mistakes that no field shows by itself."""
@@ -62,10 +65,16 @@ class Loaded(Generic[M]):
     def resolved_in(self, folder: Path, given_only: bool = False) -> str:
         """Return the resolved spec for a file in another folder: relative paths start there, so that it runs again where it lies.
 
-        With `given_only`, without the defaults.
+        With `given_only`, without the defaults, and with the line that tells editors the schema, where the spec has it.
         """
         document = plain(self._root) if given_only else _document(self.spec)
-        return dump(escaped(moved(document, [Kind(type(self.spec))], self.folder.resolve(), folder.resolve())))
+        text = dump(escaped(moved(document, [Kind(type(self.spec))], self.folder.resolve(), folder.resolve())))
+        first = self._root.at.source.text.partition("\n")[0]
+        if not given_only or not first.startswith(MODELINE):
+            return text
+        schema = first.removeprefix(MODELINE).strip()
+        place = schema if "://" in schema else Path(os.path.relpath(self.folder / schema, folder)).as_posix()
+        return f"{MODELINE}{place}\n{text}"
 
     def where(self, *loc: str | int) -> str:
         """`file:line:column` of a key or list item, or of the nearest section around it that the files hold."""

@@ -56,6 +56,21 @@ class CoreLoader(yaml.SafeLoader):
 _BOOLEANS_OF_1_1 = frozenset({"y", "n", "yes", "no", "on", "off"})
 
 
+ONE_LINE = 80
+"""Characters of a list or mapping that is written on one line."""
+
+
+def _on_one_line(node: yaml.Node) -> int:
+    """Mark the lists and mappings that are short; return about how many characters a node has on one line."""
+    if not isinstance(node, yaml.CollectionNode):
+        return ONE_LINE if "\n" in node.value else len(node.value) + 2
+    parts = [part for one in node.value for part in (one if isinstance(one, tuple) else (one,))]
+    size = 2 + sum(map(_on_one_line, parts))
+    is_wrapped = len(parts) == 2 and isinstance(parts[1], yaml.CollectionNode)  # `polynomial: {...}` needs no braces around it
+    node.flow_style = size <= ONE_LINE and not is_wrapped
+    return size
+
+
 class _CoreDumper(yaml.SafeDumper):
     """Quotes what `CoreLoader` would otherwise read as something else; writes no anchors."""
 
@@ -63,6 +78,13 @@ class _CoreDumper(yaml.SafeDumper):
 
     def ignore_aliases(self, _data: Any) -> bool:
         return True
+
+    def serialize(self, node: yaml.Node) -> None:
+        """Write what is short on one line, but never the whole document."""
+        _on_one_line(node)
+        if isinstance(node, yaml.CollectionNode):
+            node.flow_style = False
+        super().serialize(node)
 
     def represent_str(self, data: str) -> yaml.ScalarNode:
         """Escapes the line breaks that only Unicode knows; PyYAML would write them out, to be read back as spaces.

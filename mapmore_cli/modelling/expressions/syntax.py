@@ -165,8 +165,13 @@ def expression(value: Operand) -> Expression:
 
 
 def add(*terms: Expression) -> Expression:
-    """Sum of `terms`, nested sums flattened and zeros dropped."""
+    """Sum of `terms`, nested sums flattened, zeros dropped, and all numbers folded into the first."""
     flat = [part for term in terms for part in (term.terms if isinstance(term, Sum) else (term,)) if part != ZERO]
+    numbers = {place: part.value for place, part in enumerate(flat) if isinstance(part, Number)}
+    if len(numbers) > 1 and math.isfinite(whole := sum(numbers.values())):
+        first, *others = numbers
+        flat[first] = Number(whole)
+        flat = [part for place, part in enumerate(flat) if place not in others and part != ZERO]
     if len(flat) < 2:
         return flat[0] if flat else ZERO
     return Sum(tuple(flat))

@@ -51,7 +51,7 @@ def parameters(model: Model) -> int:
 def equations(model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
     """Return the formula with its parameters put in."""
     assert isinstance(model.body, Formula)
-    return tuple(printed(name, formula) for name, formula in formula_equations(model.body.fit, units))
+    return formula_equations(model.body.fit, units)
 
 
 def backbone_values(fit: FormulaFit | None, inputs: Columns, n: int) -> Array:
@@ -59,12 +59,12 @@ def backbone_values(fit: FormulaFit | None, inputs: Columns, n: int) -> Array:
     return np.zeros(n) if fit is None else literature.of(fit).predict(fit.parameters, inputs)
 
 
-def formula_equations(fit: FormulaFit | None, units: Mapping[str, float]) -> list[tuple[str, Expression]]:
+def formula_equations(fit: FormulaFit | None, units: Mapping[str, float]) -> tuple[Equation, ...]:
     """Return a fitted formula by the names of its parts; `units` says how many of the model's units one unit of a quantity is."""
     if fit is None:
-        return []
+        return ()
     other = {name: multiply(Number(factor), Name(name)) for name, factor in units.items()}
-    return [(name, substitute(formula, other)) for name, formula in literature.of(fit).equations(fit).items()]
+    return tuple(printed(name, substitute(formula, other)) for name, formula in literature.of(fit).equations(fit).items())
 
 
 def printed(name: str, expression: Expression) -> Equation:

@@ -9,15 +9,16 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.fits import PIECE, FormulaFit, MemoryModel, SegmentedCurve
 from mapmore_cli.domain.models import CurveRange, Equation, Memory, Model
-from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.domain.recording import Quantity, united
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling import literature
-from mapmore_cli.modelling.expressions import Expression, Name, Number, add, affine, multiply, parse, state, substitute
+from mapmore_cli.modelling.equations import equation
+from mapmore_cli.modelling.expressions import Expression, Name, Number, parse, state, substitute
 from mapmore_cli.modelling.expressions.operator import Recursion
 from mapmore_cli.modelling.expressions.operators import OPERATORS
 from mapmore_cli.modelling.expressions.states import Lagged, Measured, Operated, State
 from mapmore_cli.modelling.expressions.syntax import ONE, ZERO, Condition
-from mapmore_cli.modelling.literature.model import backbone_values, by_blocks, formula_equations, formula_value, printed
+from mapmore_cli.modelling.literature.model import backbone_values, by_blocks, formula_equations, formula_value
 from mapmore_cli.modelling.memory.feedback import fed_back_states, parted
 from mapmore_cli.modelling.memory.free_run import free_run, one_step_ahead
 from mapmore_cli.modelling.memory.simulation import bounds_of
@@ -55,8 +56,8 @@ def one_step(model: Model, columns: Columns) -> Array:
 def equations(model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
     """Return the backbone first, then the equation of the next output."""
     body = _body(model)
-    parts = [*formula_equations(body.backbone, units), (PIECE, memory_equation(body.model, units))]
-    return tuple(printed(name, equation) for name, equation in parts)
+    own, limits = body.model, united([*(one.limits for one in body.ranges), {body.model.output: body.model.limits}])
+    return *formula_equations(body.backbone, units), equation(PIECE, own.terms, own.theta, own.scaling, limits, units)
 
 
 def parameters(model: Model) -> int:
@@ -70,19 +71,6 @@ def fed_back(model: Model) -> tuple[str, ...]:
     """Return the output, where the model goes on from it."""
     memory = _body(model).model
     return (memory.output,) if fed_back_states(memory.states, memory.output) else ()
-
-
-def memory_equation(model: MemoryModel, units: Mapping[str, float]) -> Expression:
-    """`constant + sum_j theta_j D_j` in physical units.
-
-    Scaled states are written out as `(state - low)/(high - low)`; that they are clipped beyond their training range is left out. `units`
-    says how many of the model's units one unit of a quantity is, where it is to be in another: every state is proportional to its quantity.
-    """
-    scaling = model.scaling
-    scales = zip(scaling.variables, scaling.slope.tolist(), scaling.intercept.tolist(), strict=True)
-    physical = {name: affine(Name(name), slope * units.get(state(name).quantity, 1.0), intercept) for name, slope, intercept in scales}
-    terms = zip(model.terms, model.theta.tolist(), strict=True)
-    return add(Number(model.constant), *(multiply(Number(theta), substitute(parse(text), physical)) for text, theta in terms))
 
 
 def _base(model: Model, columns: Columns) -> Array:

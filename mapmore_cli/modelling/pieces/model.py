@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from functools import lru_cache
 
-import numpy as np
-
 from mapmore_cli.domain.arrays import Array, Columns
-from mapmore_cli.domain.models import Equation, Model, Pieces, SegmentFunction
+from mapmore_cli.domain.models import Equation, Model, Pieces
 from mapmore_cli.domain.results import Run
-from mapmore_cli.modelling.expressions import Expression, Name, Number, affine, exponents, multiply, parse, substitute
-from mapmore_cli.modelling.literature.model import backbone_values, by_blocks, formula_equations, formula_value, printed
-from mapmore_cli.modelling.pieces.definition import combination, pieces_program, pieces_value
+from mapmore_cli.modelling.equations import equation
+from mapmore_cli.modelling.expressions import Expression
+from mapmore_cli.modelling.literature.model import backbone_values, by_blocks, formula_equations, formula_value
+from mapmore_cli.modelling.pieces.definition import pieces_program, pieces_value
 from mapmore_cli.modelling.program.values import evaluator
 from mapmore_cli.modelling.program.writing import Inputs, Writer, limit
 
@@ -38,33 +37,15 @@ def _ready(body: Pieces, names: tuple[str, ...]) -> Callable[[Columns], list[Arr
 def equations(model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
     """Return the backbone first, then every segment function, in the model's units or in others."""
     body = _body(model)
-    pieces = [(segment.id, segment_equation(segment, units)) for segment in body.segments]
-    return tuple(printed(name, equation) for name, equation in (*formula_equations(body.backbone, units), *pieces))
+    found = ((one, {**curve.limits, **one.limits}) for curve in body.curves for one in curve.segments)
+    pieces = (equation(one.id, one.terms, one.theta, one.scaling, limits, units) for one, limits in found)
+    return *formula_equations(body.backbone, units), *pieces
 
 
 def parameters(model: Model) -> int:
     """Return the number of coefficients of all segments and of parameters of the backbone."""
     body = _body(model)
     return sum(len(one.theta) for one in body.segments) + (0 if body.backbone is None else len(body.backbone.parameters))
-
-
-def segment_equation(segment: SegmentFunction, units: Mapping[str, float]) -> Expression:
-    """Return `y_slope sum_k theta_k D_k(slope x + intercept) + y_intercept` with the scaling put in (M2 eq 8).
-
-    `units` says how many of the model's units one unit of a quantity is, where it is to be in another. A product of quantities that are
-    scaled without an offset keeps its form, with one coefficient in front, as M2's table 5 prints them.
-    """
-    scaling = segment.scaling
-    slopes = {name: m * units.get(name, 1.0) for name, m in zip(scaling.variables, scaling.slope.tolist(), strict=True)}
-    offsets = dict(zip(scaling.variables, scaling.intercept.tolist(), strict=True))
-
-    def physical(term: Expression) -> Expression:
-        degrees = exponents(term)
-        if degrees is None or scaling.intercept.any():
-            return substitute(term, {name: affine(Name(name), m, offsets[name]) for name, m in slopes.items()})
-        return multiply(Number(float(np.prod([slopes[name] ** e for name, e in degrees.items()]))), term)
-
-    return combination(segment, [physical(parse(text)) for text in segment.terms])
 
 
 def _body(model: Model) -> Pieces:

@@ -10,12 +10,12 @@ from common import peak_memory
 from memory_samples import STEP, narx_truth, nrmse_by_range, recipe_of, record, slow, texts, wandering
 
 from mapmore_cli.domain.errors import DataError
+from mapmore_cli.modelling.equations import summed
 from mapmore_cli.modelling.expressions import evaluate, families
 from mapmore_cli.modelling.expressions.families import lags, operated
 from mapmore_cli.modelling.expressions.operators.play import play
 from mapmore_cli.modelling.memory.fitting import fit_with_memory
 from mapmore_cli.modelling.memory.free_run import free_run
-from mapmore_cli.modelling.memory.model import memory_equation
 
 NARX = texts(lags(["y", "x"], [1, 2]), 2)
 LAGGED = recipe_of("y", NARX, STEP, max_terms=4)
@@ -102,7 +102,9 @@ def test_the_equation_is_the_model(scaling):
     x, _, fit = hysteretic_fit(500, scaling=scaling)
     columns = {"x": x} | {f"slow(x, {tau:g})": slow(x, tau, STEP) for tau in (0.05, 0.2, 1)}
     columns |= {f"play(x, {width:g})": play(x, width * np.ptp(x)) for width in (0.1, 0.2, 0.4)}
-    np.testing.assert_allclose(evaluate(memory_equation(fit.model, {}), columns), free_run(fit.model, {"x": x}).values, rtol=1e-8)
+    whole, where = summed(fit.model.terms, fit.model.theta, fit.model.scaling, {})
+    columns |= {short: evaluate(line, columns) for short, line in where.items()}
+    np.testing.assert_allclose(evaluate(whole, columns), free_run(fit.model, {"x": x}).values, rtol=1e-8)
 
 
 def test_the_ridge_may_be_left_to_the_data():
