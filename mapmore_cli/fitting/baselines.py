@@ -29,7 +29,7 @@ MOST_SAMPLES = {"gaussian_process": 400, "gradient_boosting": 20_000, "mlp": 5_0
 """Training samples of each at most, an even share: a Gaussian process costs the cube of their number."""
 
 MOST_IN_A_FOLD = 1_500
-"""Training samples of a black box in each fold; fewer where as a competitor it has fewer."""
+"""Training samples of a black box in each fold; half of those that it has as a competitor, where these are fewer."""
 
 FEWEST = 100
 """Training samples, below which no trees are fitted in folds: a step for every handful of samples says nothing of a smooth surface."""
@@ -135,15 +135,16 @@ def black_boxes(
     delays = DELAYS if past else (0,)
     x = np.concatenate([features(curve, inputs, delays)[some] for curve, some in zip(dataset.curves, rows, strict=True)])
     y = np.concatenate([curve.columns[dataset.target][some] for curve, some in zip(dataset.curves, rows, strict=True)])
-    names = ["gaussian_process" if len(inputs) * len(delays) <= MOST_INPUTS else "mlp"]
-    if len(x) >= FEWEST:
-        names.insert(0, "gradient_boosting")
+    names = ["gradient_boosting"] if len(x) >= FEWEST else []
+    if x.shape[1] <= MOST_INPUTS:
+        names.append("gaussian_process")
+    names = names or ["mlp"]  # a network takes as long as the rest of a search
     found: dict[str, list[Left]] = {name: [] for name in names}
     for fold in folds:
         out = np.concatenate([mask[some] for mask, some in zip(fold, rows, strict=True)])
         rest = np.flatnonzero(~out)
         for name in names:
-            learnt = _share(rest, min(MOST_IN_A_FOLD, MOST_SAMPLES[name]))
+            learnt = _share(rest, min(MOST_IN_A_FOLD, MOST_SAMPLES[name] // 2))
             errors = learned(name, x[learnt], y[learnt])(x[out]) - y[out]
             found[name].append((errors, np.isfinite(errors)))
     return found
