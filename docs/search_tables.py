@@ -64,7 +64,10 @@ SETS = {
         "{pressure: {between: [[139, 199], [308, 368]]}}",
     ),
     "fmax_by_length": Set(
-        "../docs/search/fmax_by_length", BASELINES, "{pressure: [300, 500]}", "{length: {between: [[233 mm, 298 mm], [509 mm, 574 mm]]}}"
+        "../docs/search/fmax_by_length",
+        tuple(BASELINES),
+        "{pressure: [300, 500]}",
+        "{length: {between: [[233 mm, 298 mm], [509 mm, 574 mm]]}}",
     ),
     "printed_cylinder": Set("../docs/search/printed_cylinder", LEARNERS, "{pressure: [2 bar, 6 bar]}", "{pressure: [2 bar, 4 bar]}"),
     "textile_arm": Set(
@@ -81,9 +84,7 @@ SETS = {
     ),
     "buck": Set("identification/buck", LEARNERS, "{files: [buck_id.csv]}", "{time: {between: [[0.004 s, 0.007 s]]}}"),
     "motor_generator": Set("identification/motor_generator", LEARNERS, "", "{time: {between: [[224710 s, 324610 s]]}}"),
-    "emps": Set(
-        "identification/emps", LEARNERS, "{time: {between: [[5 s, 8 s], [15 s, 18 s]]}}", "{time: {between: [[7.6 s, 20 s]]}}"
-    ),
+    "emps": Set("identification/emps", LEARNERS, "{time: {between: [[5 s, 8 s], [15 s, 18 s]]}}", "{time: {between: [[7.6 s, 20 s]]}}"),
     "antagonist_pam": Set(
         "identification/antagonist_pam",
         LEARNERS,

@@ -101,7 +101,8 @@ def _tuning_table(tuning: Tuning) -> Table:
         rows.append((*settings, trial.parameters or None, *found, "failed" if trial.failure else ", ".join(marks)))
     notes = (
         f"Left out in turn: {tuning.left_out}. NRMSE: mean over the folds of RMSE / FS, FS = {tuning.full_scale}.",
-        "Simplest: the fewest parameters of those that err above the best by no more than the standard error of that difference (2 to 20 %).",
+        "Simplest: the fewest parameters of those whose error is above the best by no more than the standard error of that difference, "
+        "2 to 20 %.",
         "Held-out data were not used.",
     )
     columns = (*map(Column, keys), Column("parameters"), *errors, Column(""))

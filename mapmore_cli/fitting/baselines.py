@@ -8,7 +8,7 @@ mean 0 and deviation 1 on the training samples. Against a model that runs along 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from importlib.util import find_spec
 from typing import Any, TypeVar
 

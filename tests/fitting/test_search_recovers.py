@@ -50,7 +50,8 @@ def muscle(rng: np.random.Generator) -> Columns:
     """Force by the formula of Sarosi."""
     pressure, strain = rng.uniform(50, 500, 80), rng.uniform(0, 0.25, 80)
     a = rng.uniform(0.8, 1.2, 3)
-    return {"pressure": pressure, "strain": strain, "force": (a[0] * pressure + 90) * np.exp(-9 * a[1] * strain) - a[2] * pressure * strain - 60}
+    force = (a[0] * pressure + 90) * np.exp(-9 * a[1] * strain) - a[2] * pressure * strain - 60
+    return {"pressure": pressure, "strain": strain, "force": force}
 
 
 def slow_and_play(rng: np.random.Generator) -> Columns:

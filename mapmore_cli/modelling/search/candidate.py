@@ -147,9 +147,9 @@ def filled(part: Any, words: Mapping[str, Any]) -> Any:
     match part:
         case str():
             return words[part] if part in words else WORD.sub(lambda found: str(words.get(found[0], found[0])), part)
-        case {"every": text, **loops}:
-            values = [filled(each, words) for each in loops.values()]
-            return [filled(text, {**words, **dict(zip(loops, combination, strict=True))}) for combination in product(*values)]
+        case {"every": text}:
+            loops = {name: filled(each, words) for name, each in part.items() if name != "every"}
+            return [filled(text, {**words, **dict(zip(loops, some, strict=True))}) for some in product(*loops.values())]
         case Mapping():
             found = {filled(key, words): filled(one, words) for key, one in part.items()}
             return {key: one for key, one in found.items() if key == "of" or one != []}

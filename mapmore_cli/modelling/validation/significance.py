@@ -92,10 +92,11 @@ def simplest_of(
 ) -> Ranked:
     """Rank models of some `sizes` (s,) by their `errors` (s, f), fractions of a range, on the same f folds, two at least.
 
-    With `d_if = ln e_if - ln e_bf`, b the model of the least mean logarithm, and fold weights w that add up to 1, model i is within one
-    standard error where `m_i = sum_f w_f d_if <= s_i`, `s_i^2 = f/(f - 1) sum_f w_f^2 (d_if - m_i)^2`, s_i at least and at most `WITHIN`. The
-    smallest of these is taken. The folds are compared one by one because some are harder for every model: the spread of the errors
-    themselves (the rule of Breiman et al. 1984, section 3.4.3) would mostly be that of the folds.
+    With `d_if = ln e_if - ln e_bf`, b the model of the least mean logarithm, and fold weights w that add up to 1,
+    model i is within one standard error where `m_i = sum_f w_f d_if <= s_i`, with
+    `s_i^2 = f/(f - 1) sum_f w_f^2 (d_if - m_i)^2`, and s_i at least and at most `WITHIN`. The smallest of these is taken.
+    The folds are compared one by one because some are harder for every model: the spread of the errors themselves (the
+    rule of Breiman et al. 1984, section 3.4.3) would mostly be that of the folds.
 
     - `eligible`: which models may be taken, (s,).
     - `median`: the median over the folds plus `PRICE` ln(size) decides instead, and its least is taken. A stretch of a recording may differ
