@@ -103,8 +103,8 @@ SETS = {
     "bender": Set("../docs/search/bender", LEARNERS, "", "{time: {between: [[108 s, 163 s]]}}"),
     "single_bellows": Set("../docs/search/single_bellows", LEARNERS, "", "{time: {between: [[116 s, 179 s]]}}"),
 }
-"""Measured sets. The splits in `new` hold out the same kind of thing elsewhere: places, levels or files drawn by one seed (20261125), before
-any of them was run. The one other inner strain of the 10 mm muscles needed no drawing."""
+"""Measured sets. The splits in `new` hold out the same kind of thing elsewhere: places, levels or files drawn by one seed (20261125),
+before any of them was run. The one other inner strain of the 10 mm muscles needed no drawing."""
 
 ROWS = {
     **{name: (one, one.own, "yes") for name, one in SETS.items()},
