@@ -92,7 +92,7 @@ def of_tuning(tuning: Tuning) -> View:
 
 def _tuning_table(tuning: Tuning) -> Table:
     keys = list(tuning.trials[0].settings)
-    errors = (Column("left-out NRMSE", "%", ".3f"), Column("above the best", "%", ".3f"), Column("standard error", "%", ".3f"))
+    errors = (Column("left-out NRMSE", "%", ".3f"), Column("above the best", "%", ".1f"), Column("standard error", "%", ".1f"))
     rows: list[tuple[Cell, ...]] = []
     for trial in tuning.trials:
         settings = (_cell(trial.settings[key]) for key in keys)
@@ -100,7 +100,7 @@ def _tuning_table(tuning: Tuning) -> Table:
         marks = [word for word, one in (("best", tuning.best), ("simplest", tuning.chosen)) if one is trial]
         rows.append((*settings, trial.parameters or None, *found, "failed" if trial.failure else ", ".join(marks)))
     notes = (
-        f"Left out in turn: {tuning.left_out}. NRMSE: mean over the folds of RMSE / FS, FS = {tuning.full_scale}.",
+        f"Left out in turn: {tuning.left_out}. NRMSE: geometric mean over the folds of RMSE / FS, FS = {tuning.full_scale}; above the best: of their ratios.",
         "Simplest: the fewest parameters of those whose error is above the best by no more than the standard error of that difference, "
         "2 to 20 %.",
         "Held-out data were not used.",
