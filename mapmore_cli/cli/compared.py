@@ -100,7 +100,8 @@ def _tuning_table(tuning: Tuning) -> Table:
         marks = [word for word, one in (("best", tuning.best), ("simplest", tuning.chosen)) if one is trial]
         rows.append((*settings, trial.parameters or None, *found, "failed" if trial.failure else ", ".join(marks)))
     notes = (
-        f"Left out in turn: {tuning.left_out}. NRMSE: geometric mean over the folds of RMSE / FS, FS = {tuning.full_scale}; above the best: of their ratios.",
+        f"Left out in turn: {tuning.left_out}. NRMSE: geometric mean over the folds of RMSE / FS, FS = {tuning.full_scale}. "
+        "Above the best: mean of the logarithms of the ratios.",
         "Simplest: the fewest parameters of those whose error is above the best by no more than the standard error of that difference, "
         "2 to 20 %.",
         "Held-out data were not used.",

@@ -58,7 +58,8 @@ def tuning_drawing(tuning: Tuning) -> Drawing:
     handles.append(style.key("simplest within one standard error", **RING | {"markersize": 8}))
     caption = (
         "Error on training data that were left out, over the number of free parameters. Bars: the standard error of the ratio to the "
-        "best (2 to 20 %), whose error is the line. A combination whose bar reaches the line is as good as the best, as far as these data can tell."
+        "best (2 to 20 %), whose error is the line. A combination whose bar reaches the line is as good as the best, as far as these "
+        "data can tell."
     )
     data: dict[str, Values] = {name: [str(trial.settings[name]) for trial in trials] for name in trials[0].settings}
     data |= {
