@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence, Set
-from itertools import count
+import re
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, Ranges
+from mapmore_cli.domain.arrays import Array, Columns, Ranges
 from mapmore_cli.domain.fits import Scaling
 from mapmore_cli.domain.models import Equation
 from mapmore_cli.modelling.expressions import (
@@ -28,15 +28,14 @@ from mapmore_cli.modelling.expressions import (
 )
 from mapmore_cli.modelling.expressions.operator import FUNCTIONS
 from mapmore_cli.modelling.expressions.states import Lagged
+from mapmore_cli.modelling.expressions.syntax import Call, Product, Sum
 
 TOLERANCE = 5e-4
 """What rounding may change, as part of what an equation varies by over the training range."""
 
-MEANINGLESS = 1e9
-"""Coefficients in physical units beyond it, or below its inverse, say less than those of scaled inputs."""
 
-Short = dict[str, Expression]
-"""What short names mean."""
+FAR, FARTHEST = 7.0, 600.0
+"""How far from zero the greatest exponent of an exponential may lie; beyond the second, floats end."""
 
 
 def equation(name: str, terms: Sequence[str], theta: Array, scaling: Scaling, limits: Ranges, units: Mapping[str, float]) -> Equation:
@@ -53,9 +52,13 @@ def equation(name: str, terms: Sequence[str], theta: Array, scaling: Scaling, li
 
     def value(digits: int) -> Array:
         known = {short: evaluate(parse(to_text(line, digits)), at, len(u)) for short, line in where.items()}
-        return evaluate(parse(to_text(whole, digits)), {**at, **known}, len(u))
+        own = [evaluate(parse(to_text(term, digits)), {**at, **known}, len(u)) for term in parts]
+        return np.asarray(np.sum(own, axis=0))  # term by term: the whole may be longer than an expression that is read
 
-    with np.errstate(all="ignore"):
+    with np.errstate(all="ignore"):  # a term may be undefined somewhere in the ranges
+        known = {**at, **{short: evaluate(line, at, len(u)) for short, line in where.items()}}
+        parts = [_balanced(term, known, len(u)) for term in (whole.terms if isinstance(whole, Sum) else (whole,))]
+        whole = add(*parts)
         exact = value(17)
         error = TOLERANCE * (np.ptp(exact) or np.abs(exact).max())
         digits = next((one for one in range(3, 17) if np.abs(value(one) - exact).max() <= error), 6)
@@ -66,38 +69,46 @@ def equation(name: str, terms: Sequence[str], theta: Array, scaling: Scaling, li
     return Equation(name, text, latex)
 
 
-def summed(terms: Sequence[str], theta: Array, scaling: Scaling, units: Mapping[str, float]) -> tuple[Expression, Short]:
+def _balanced(term: Expression, at: Columns, n: int) -> Expression:
+    """Return a term of which no exponential is so small or large that its coefficient has to make up for it."""
+    factors: list[Expression] = []
+    for factor in term.factors if isinstance(term, Product) else (term,):
+        if isinstance(factor, Call) and factor.function == "exp":
+            height = float(np.nan_to_num(evaluate(factor.argument, at, n).max()).round())
+            if FAR < abs(height) < FARTHEST:
+                factors.append(Number(math.exp(height)))
+                factors.append(Call("exp", factor.argument - height))
+                continue
+        factors.append(factor)
+    return multiply(*factors)
+
+
+def summed(terms: Sequence[str], theta: Array, scaling: Scaling, units: Mapping[str, float]) -> tuple[Expression, dict[str, Expression]]:
     """Return a sum of terms, and what the names of its scaled inputs mean: `pressure` is `p`, `strain_rate` `sr`, `voltage[k-16]` `v16`.
 
     `units` says how many of the model's units one unit of a quantity is, where it is to be in another: states are proportional to it. A
     product of quantities that are scaled without an offset keeps its form, with one coefficient in front, as M2's table 5 prints them.
     """
-    trees, short, where = list(map(parse, terms)), Short(), Short()
-    slopes = [m * units.get(state(one).quantity, 1.0) for one, m in zip(scaling.variables, scaling.slope.tolist(), strict=True)]
-    weights = (scaling.y_slope * theta).tolist()
-    degrees = [own for tree in trees if (own := exponents(tree)) is not None]
-    if len(degrees) == len(trees) and not scaling.intercept.any():
-        slope = dict(zip(scaling.variables, slopes, strict=True))
-        physical = [weight * math.prod(slope[name] ** e for name, e in own.items()) for weight, own in zip(weights, degrees, strict=True)]
-        if all(1 / MEANINGLESS < abs(weight) < MEANINGLESS for weight in physical):
-            weights, slopes = physical, [1.0] * len(slopes)
-    used = frozenset[str]().union(*(tree.names for tree in trees))
+    trees, weights = list(map(parse, terms)), (scaling.y_slope * theta).tolist()
+    degrees = list(map(exponents, trees))
+    numbers = zip(scaling.variables, scaling.slope.tolist(), scaling.intercept.tolist(), strict=True)
+    lines = {name: (slope * units.get(state(name).quantity, 1.0), intercept) for name, slope, intercept in numbers}
+    if None not in degrees and not scaling.intercept.any():
+        for place, own in enumerate(degrees):
+            weights[place] *= math.prod(lines[name][0] ** degree for name, degree in (own or {}).items())
+        lines = {}
+    short, where = dict[str, Expression](), dict[str, Expression]()
     placed = dict(zip(scaling.variables, scaling.placement.split(","), strict=False))
-    for one, m, c in zip(scaling.variables, slopes, scaling.intercept.tolist(), strict=True):
-        line = affine(Name(one), m, c)
-        if line != Name(one) and one in used:
-            short[one] = Name(fresh := _initials(one, {*where, *scaling.variables, *FUNCTIONS}))
-            where[fresh] = line
-            bent = [one in tree.names for tree in trees if exponents(tree) is None]
-            if placed.get(one) == "right" and 2 * sum(bent) > sum(one in tree.names for tree in trees):
-                where[fresh], short[one] = affine(Name(one), m, c + 1.0), Name(fresh) - 1.0
+    for name, (slope, intercept) in lines.items():
+        if (slope, intercept) != (1.0, 0.0):
+            found = state(name)
+            fresh = "".join(re.findall("(?<![A-Za-z])[A-Za-z]", found.quantity)).lower() or "x"
+            fresh += str(found.steps) if isinstance(found, Lagged) else ""
+            while fresh in {*where, *scaling.variables, *FUNCTIONS}:
+                fresh += "_"
+            bent = sum(1 if own is None else -1 for tree, own in zip(trees, degrees, strict=True) if name in tree.names)
+            shift = 1.0 if placed.get(name) == "right" and bent > 0 else 0.0  # most of its terms are shorter where it begins at zero
+            short[name], where[fresh] = Name(fresh) - shift, affine(Name(name), slope, intercept + shift)
     parts = (multiply(Number(weight), substitute(tree, short)) for weight, tree in zip(weights, trees, strict=True))
-    return add(Number(scaling.y_intercept), *parts), where
-
-
-def _initials(name: str, taken: Set[str]) -> str:
-    """Return the initials of a quantity, with the steps of a delay, and what makes them no name that is taken."""
-    found = state(name)
-    letters = "".join(word[:1] for word in found.quantity.lower().split("_")) + (str(found.steps) if isinstance(found, Lagged) else "")
-    stem = letters if letters.isidentifier() else f"x{letters}"
-    return next(way for way in (stem + "_" * more for more in count()) if way not in taken)
+    whole = add(Number(scaling.y_intercept), *parts)
+    return whole, {name: line for name, line in where.items() if name in whole.names}

@@ -215,4 +215,4 @@ def _in_units(model: Model, units: Mapping[str, str]) -> dict[str, tuple[Equatio
     return {words: model_equations(model, changed)} if changed else {}
 
 
-STAGE = Stage(name="report", revision=5, outputs=("report",), reads=reads, run=run, sources=sources)
+STAGE = Stage(name="report", revision=6, outputs=("report",), reads=reads, run=run, sources=sources)

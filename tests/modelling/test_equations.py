@@ -114,3 +114,29 @@ def test_a_constant_alone():
     model = built(level=None, cuts={}, dictionary=("1",), max_terms=1)
     (found,) = equations(model)
     assert float(found.text) == pytest.approx(model.body.segments[0].theta[0] * model.body.segments[0].scaling.y_slope, rel=STATED)
+
+
+@pytest.mark.parametrize("term", ["exp(-strain/0.03)", "exp((strain - 1)/0.03)", "pressure*exp((strain - 1)/0.03)"])
+@pytest.mark.parametrize("placement", ["left,left", "left,right", "right,right"])
+def test_no_coefficient_makes_up_for_an_exponential(term, placement):
+    """An exponential that was written for the left end, and is placed at the right, is nearly constant and tiny or huge."""
+    names, limits = ("pressure", "strain"), {"pressure": (0.0, 620.0), "strain": (0.01, 0.25)}
+    scaling = scaling_of(names, [0, 0.01], [620, 0.25], placement, (1.0, 3.0))
+    strain = np.linspace(0.01, 0.25, 100)
+    columns = {"strain": strain, "pressure": np.full(100, 620.0) - 300 * (strain > 0.2)}
+    z = {name: columns[name] * m + c for name, m, c in zip(names, scaling.slope, scaling.intercept, strict=True)}
+    D = evaluate(parse(term), z, 100)
+    theta = np.array([40.0, 300 / np.abs(D).max()])
+    found = equation("a", ("strain", term), theta, scaling, limits, {})
+    assert not re.search(r"e[+-]\d|\d{6}", found.text)
+    exact = 3.0 + 40.0 * z["strain"] + theta[1] * D
+    assert np.abs(read(found.text, columns) - exact).max() <= STATED * np.ptp(exact) + 1e-9
+
+
+def test_a_long_model_has_an_equation_too():
+    """It is longer than an expression that is read may be."""
+    names = [f"pressure[k-{lag}]" for lag in range(300)][1:]
+    scaling = Scaling("none", "-", tuple(names), np.ones(299), np.zeros(299), 1.0, 0.0)
+    terms = tuple(f"tanh(({name} - 0.1234)/0.0321)*{name}" for name in names)
+    found = equation("memory", terms, np.linspace(1, 2, 299), scaling, {"pressure": (0.0, 1.0)}, {})
+    assert len(found.text) > 10_000

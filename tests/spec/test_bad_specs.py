@@ -223,6 +223,7 @@ OTHER_SLIPS = [
     (STATIC, POLYNOMIAL, "steps: {of: strain, count: ▸1, widths: [0.1]}", ["should be at least 2, but is 1"]),
     (MOTION, LAGS, "steps: {of: pressure, count: 5, widths: [0.1], ▸with: [change]}", ["`change` need each other", "window: 16"]),
     (MOTION, LAGS, "steps: {of: pressure, count: 5, widths: [0.1], ▸window: 4}", ["need each other", "with: [change]"]),
+    (MOTION, LAGS, "spline: {of: 'pressure[k-1]', knots: [1 bar, ▸1 mm]}", ["'mm' (a length)", "'kPa' (a pressure)"]),
     (MOTION, LAGS, "steps: {of: ▸displacement, count: 5, widths: [0.1]}", ["a model cannot explain its target by itself"]),
     # names of terms with memory
     (MOTION, "lags: {of: [displacement, pressure]", "lags: {of: [displacement, ▸presure]", ["no quantity `presure`", "`pressure`?"]),

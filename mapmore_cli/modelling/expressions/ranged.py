@@ -22,9 +22,23 @@ Courses = tuple[tuple[str, tuple[float, float, float, float]], ...]
 """Least and greatest training value of inputs and states: in the coordinate of the terms, and in the unit of the model."""
 
 
-@lru_cache(maxsize=64)  # segments that are scaled alike ask for the same terms
 def placed(texts: tuple[str, ...], courses: Courses) -> tuple[str, ...]:
     """Return all terms with the numbers of their training ranges, each once."""
+    if not any(RANGED[0] in text for text in texts):
+        return texts
+    has_own = any(RANGED[1] in text for text in texts)
+    return _placed(texts, tuple((name, (*_without_rounding(*ends[:2]), *(ends[2:] if has_own else ()))) for name, ends in courses))
+
+
+def _without_rounding(low: float, high: float) -> tuple[float, float]:
+    """Return the ends of a range without the last digits, in which segments that are scaled alike differ."""
+    width = float(f"{high - low:.9g}") or 1.0
+    low = round(low / width, 9) * width
+    return low, low + width if high > low else low
+
+
+@lru_cache(maxsize=64)
+def _placed(texts: tuple[str, ...], courses: tuple[tuple[str, tuple[float, ...]], ...]) -> tuple[str, ...]:
     ranges = dict(courses)
 
     def line(unit: str, distance: Expression) -> Expression:
@@ -38,7 +52,7 @@ def placed(texts: tuple[str, ...], courses: Courses) -> tuple[str, ...]:
             part, digits = (part - own[0]) / (own[1] - own[0] or 1.0), digits + 2
         return _over(Name(name) - round(low + (high - low) * part, digits), float(f"{width / (end - start):.{DIGITS}g}"))
 
-    return tuple(dict.fromkeys(to_text(parse(text, line)) for text in texts)) if any(RANGED[0] in text for text in texts) else texts
+    return tuple(dict.fromkeys(to_text(parse(text, line)) for text in texts))
 
 
 def _over(distance: Expression, width: float) -> Expression:

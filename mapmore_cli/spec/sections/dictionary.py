@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from pydantic import Field, create_model
 
-from mapmore_cli.domain.declared import Contradiction, Either, InUnit, Seconds, of_sibling
+from mapmore_cli.domain.declared import Contradiction, Either, InUnit, Seconds
 from mapmore_cli.modelling.expressions import ExpressionError, parse, state
 from mapmore_cli.modelling.expressions.operator import Operator
 from mapmore_cli.modelling.expressions.operators import families
-from mapmore_cli.spec.fields import Section
+from mapmore_cli.spec.fields import Section, Surroundings
 from mapmore_cli.spec.tree import Loc
 
 Of = Annotated[list[str], Field(min_length=1)]
@@ -104,6 +104,11 @@ Widths = Annotated[list[Annotated[float, Field(gt=0), InUnit(lambda _: "1")]], F
 Window = Annotated[int, Field(ge=1, le=1_000_000)]
 
 
+def _own_unit(around: Surroundings) -> str | None:
+    """Return the unit of the quantity that `of` is made of."""
+    return around.unit_of(next((state(name).quantity for name in names_in(str(around.siblings.get("of")))), None))
+
+
 class AlongRange(Section):
     """Functions of one input along its training range, each times 1 and each factor in `with`."""
 
@@ -124,7 +129,7 @@ class Spline(AlongRange):
     """
 
     knots: Annotated[
-        Annotated[int, Field(ge=2, le=100)] | Annotated[list[Annotated[float, of_sibling("of")]], Field(min_length=1)], Either()
+        Annotated[int, Field(ge=2, le=100)] | Annotated[list[Annotated[float, InUnit(_own_unit)]], Field(min_length=1)], Either()
     ]
     constant: bool = True
 
