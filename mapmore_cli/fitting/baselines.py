@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from importlib.util import find_spec
 from typing import Any, TypeVar
 
@@ -126,28 +127,39 @@ Left = tuple[Array, BoolArray]
 def black_boxes(
     dataset: Dataset, folds: Sequence[Sequence[BoolArray]], rows: Sequence[BoolArray], inputs: Sequence[str], past: bool
 ) -> dict[str, list[Left]]:
-    """Errors of each black box on the left-out samples of every fold, by its name; nothing where scikit-learn is not installed.
+    """Errors of each black box on the left-out samples of every fold, by its name; without scikit-learn of a Gaussian process alone.
 
-    It learns from, and is asked for, some `rows` of every curve. With a `past` it gets delayed inputs as well.
+    It learns from, and is asked for, some `rows` of every curve. With a `past` it gets delayed inputs as well. The Gaussian process is that
+    of `plan`: loading scikit-learn takes longer than all structures of a small table.
     """
-    if find_spec("sklearn") is None or not inputs:
+    if not inputs:
         return {}
     delays = DELAYS if past else (0,)
     x = np.concatenate([features(curve, inputs, delays)[some] for curve, some in zip(dataset.curves, rows, strict=True)])
     y = np.concatenate([curve.columns[dataset.target][some] for curve, some in zip(dataset.curves, rows, strict=True)])
-    names = ["gradient_boosting"] if len(x) >= FEWEST else []
-    if x.shape[1] <= MOST_INPUTS:
-        names.append("gaussian_process")
-    names = names or ["mlp"]  # a network takes as long as the rest of a search
+    names = ["gaussian_process"] if x.shape[1] <= MOST_INPUTS else []
+    if find_spec("sklearn") is not None and (len(x) >= FEWEST or not names):
+        names.append("gradient_boosting" if len(x) >= FEWEST else "mlp")  # a network takes as long as the rest of a search
     found: dict[str, list[Left]] = {name: [] for name in names}
     for fold in folds:
         out = np.concatenate([mask[some] for mask, some in zip(fold, rows, strict=True)])
         rest = np.flatnonzero(~out)
         for name in names:
             learnt = _share(rest, min(MOST_IN_A_FOLD, MOST_SAMPLES[name] // 2))
-            errors = learned(name, x[learnt], y[learnt])(x[out]) - y[out]
+            learner = smooth if name == "gaussian_process" else partial(learned, name)
+            errors = learner(x[learnt], y[learnt])(x[out]) - y[out]
             found[name].append((errors, np.isfinite(errors)))
     return found
+
+
+def smooth(x: Array, y: Array) -> Callable[[Array], Array]:
+    """Fit a Gaussian process to inputs (n, d) and outputs (n,); what predicts (m,) from (m, d)."""
+    from mapmore_cli.modelling.planning.points import fitted
+
+    low, middle = x.min(axis=0), y.mean()
+    width = np.where(np.ptp(x, axis=0) > 0, np.ptp(x, axis=0), 1.0)
+    process = fitted((x - low) / width, y - middle)
+    return lambda at: process.predict((at - low) / width)[0] + middle
 
 
 def strongest(curves: Sequence[Curve], residual: Sequence[Array], inputs: Sequence[str], past: bool) -> str:
