@@ -17,6 +17,7 @@ from pages import DOCS, read_rows, run, scores, write_tables
 
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.domain.scores import BASELINES, OWN, SIMPLE, Score
+from mapmore_cli.fitting.searching import formula_beside
 from mapmore_cli.pipeline.search import SEARCH, read_search
 from mapmore_cli.reporting.score_tables import verdict
 from mapmore_cli.reporting.table import Cell, Table
@@ -134,7 +135,7 @@ def row(name: str, runs: Path) -> tuple[Cell, ...]:
 def says_so(files: RunFiles) -> bool:
     """Whether the first lines of the page of a study that names no competitors say that another model errs less: verdict or note."""
     found = read_search(files.folder / SEARCH)
-    rows: list[Score] = [one for one in files.validation().scores if one.model in {OWN, *SIMPLE}]
+    rows: list[Score] = [one for one in files.validation().scores if one.model in {OWN, *SIMPLE, formula_beside(found)}]
     return "is worse" in verdict(rows, OWN, Quantity(rows[0].target, "")) or any("errs" in note for note in found.notes)
 
 
