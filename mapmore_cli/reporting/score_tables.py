@@ -170,7 +170,7 @@ def search_table(search: Search) -> Table:
     order = sorted(enumerate(search.tried), key=lambda pair: (bool(pair[1].failure), pair[1].excess))
     notes = (
         f"Left out in turn: {search.left_out}. Errors: RMSE / FS, FS = range of the training samples = {search.scale:.4g}. "
-        "Above the best: mean difference of the logarithms over all folds, and its standard error.",
+        "Above the best: mean of the logarithm of the ratio over all folds (in recordings the median), and the standard error of the mean.",
         *((f"Levels left out: the same for {search.parts}.",) if search.parts else ()),
         f"Taken: {search.rule}. Held-out data were not used.",
         *search.notes,
@@ -181,5 +181,7 @@ def search_table(search: Search) -> Table:
 
 def _row(number: int, one: Tried, search: Search) -> tuple[Cell, ...]:
     marks = [word for word, place in (("best", search.best), ("taken", search.chosen)) if place == number]
+    if one.family == "black box":
+        marks = ["to compare with"]
     told = f"failed: {one.failure}" if one.failure else ", ".join(marks)
     return (one.words, 100 * one.error, 100 * one.parts, 100 * one.excess, 100 * one.spread, one.parameters or None, one.seconds, told)
