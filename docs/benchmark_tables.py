@@ -32,7 +32,7 @@ BENCHMARKS = {
 }
 """M. Schoukens and others, https://www.nonlinearbenchmark.org; figures as the package nonlinear-benchmarks lists them."""
 
-FRICTION = ("emps", "antagonist_pam", "mr_damper")
+FRICTION = ("antagonist_pam", "mr_damper")
 
 
 def benchmarks(runs: Path) -> Table:

@@ -92,7 +92,7 @@ def of_tuning(tuning: Tuning) -> View:
 
 def _tuning_table(tuning: Tuning) -> Table:
     keys = list(tuning.trials[0].settings)
-    errors = (Column("left-out NRMSE", "%", ".3f"), Column("above the best", "%", ".3f"), Column("standard error", "%", ".3f"))
+    errors = (Column("left-out NRMSE", "%", ".3f"), Column("above the best", "%", ".1f"), Column("standard error", "%", ".1f"))
     rows: list[tuple[Cell, ...]] = []
     for trial in tuning.trials:
         settings = (_cell(trial.settings[key]) for key in keys)
@@ -100,8 +100,10 @@ def _tuning_table(tuning: Tuning) -> Table:
         marks = [word for word, one in (("best", tuning.best), ("simplest", tuning.chosen)) if one is trial]
         rows.append((*settings, trial.parameters or None, *found, "failed" if trial.failure else ", ".join(marks)))
     notes = (
-        f"Left out in turn: {tuning.left_out}. NRMSE: mean over the folds of RMSE / FS, FS = {tuning.full_scale}.",
-        "Simplest: the fewest parameters of those that err above the best by no more than the standard error of that difference.",
+        f"Left out in turn: {tuning.left_out}. NRMSE: geometric mean over the folds of RMSE / FS, FS = {tuning.full_scale}. "
+        "Above the best: mean of the logarithms of the ratios.",
+        "Simplest: the fewest parameters of those whose error is above the best by no more than the standard error of that difference, "
+        "2 to 20 %.",
         "Held-out data were not used.",
     )
     columns = (*map(Column, keys), Column("parameters"), *errors, Column(""))
@@ -114,7 +116,7 @@ def _cell(value: Any) -> Cell:
 
 def of_search(search: Search, spec: str) -> View:
     """Every structure that was tried, and where the spec with the one that was taken lies."""
-    words = "the best itself" if search.chosen == search.best else "within one standard error of the best"
+    words = "the best itself" if search.chosen == search.best else "as good as the best"
     lines = (*search.notes, f"found: {search.found.words} ({words})", f"spec: {spec}")
     return View({**search_document(search), "spec": spec}, (search_table(search),), lines)
 
@@ -127,7 +129,7 @@ def search_document(search: Search) -> dict[str, Any]:
         **picked(search, "target", "left_out", "parts_left_out=parts", "scale"),
         **picked(search.found, "found=words", "sections"),
         "tried": tried,
-        **picked(search, "cut", "black_boxes", "notes"),
+        **picked(search, "cut", "notes"),
     }
 
 

@@ -130,7 +130,7 @@ class Forecast:
 class Tried:
     """One structure that was tried."""
 
-    family: str  # that offered it
+    family: str  # its kind
     words: str  # what it is called
     sections: Mapping[str, Any]  # of a spec that make it, by their names
     parameters: int = 0  # free numbers of its model of all training data
@@ -155,8 +155,8 @@ class Search:
     tried: tuple[Tried, ...]
     best: int  # number of the one that errs least
     chosen: int  # number of the simplest that is as good
+    rule: str = ""  # by which one was taken
     cut: int = 0  # structures that were not tried for want of time
-    black_boxes: Mapping[str, float] | None = None  # errors of learners that know nothing of muscles, on the same folds
     notes: tuple[str, ...] = ()  # for the user
 
     @property

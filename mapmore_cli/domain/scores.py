@@ -138,8 +138,8 @@ class Trial:
     settings: Mapping[str, Any]
     parameters: int = 0  # free numbers of its model of all training data
     errors: tuple[float, ...] = ()  # NRMSE on each fold of a model without it; empty where a fit failed
-    error: float = math.nan  # their mean
-    excess: float = math.nan  # mean over the folds of the error less that of the best combination
+    error: float = math.nan  # their geometric mean
+    excess: float = math.nan  # mean over the folds of ln(error / that of the best combination)
     spread: float = math.nan  # standard error of that mean
     failure: str = ""  # why a fit failed
 

@@ -8,7 +8,8 @@ mean 0 and deviation 1 on the training samples. Against a model that runs along 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from importlib.util import find_spec
 from typing import Any, TypeVar
 
@@ -28,11 +29,8 @@ DELAYS = (0, 1, 2, 4, 8, 16, 32)
 MOST_SAMPLES = {"gaussian_process": 400, "gradient_boosting": 20_000, "mlp": 5_000}
 """Training samples of each at most, an even share: a Gaussian process costs the cube of their number."""
 
-LESS = 0.8
-"""Times the error of the structure that was found, below which a black box errs clearly less."""
-
 MOST_IN_A_FOLD = 1_500
-"""Training samples of a black box in each fold; fewer where as a competitor it has fewer."""
+"""Training samples of a black box in each fold; half of those that it has as a competitor, where these are fewer."""
 
 FEWEST = 100
 """Training samples, below which no trees are fitted in folds: a step for every handful of samples says nothing of a smooth surface."""
@@ -122,27 +120,46 @@ def _learner(name: str, inputs: int) -> Any:
     return MLPRegressor(hidden_layer_sizes=(32, 32), solver="lbfgs", alpha=1e-3, max_iter=500, random_state=SEED)
 
 
-def black_boxes(dataset: Dataset, inputs: Sequence[str], folds: Sequence[Sequence[BoolArray]], past: bool) -> dict[str, float]:
-    """RMSE of each black box on the left-out samples of all folds, by its name; nothing where scikit-learn is not installed.
+Left = tuple[Array, BoolArray]
+"""Errors of a structure on the samples of a fold, (n,), and which of them it predicts."""
 
-    Against structures with a past they get delayed inputs as well.
+
+def black_boxes(
+    dataset: Dataset, folds: Sequence[Sequence[BoolArray]], rows: Sequence[BoolArray], inputs: Sequence[str], past: bool
+) -> dict[str, list[Left]]:
+    """Errors of each black box on the left-out samples of every fold, by its name; without scikit-learn of a Gaussian process alone.
+
+    It learns from, and is asked for, some `rows` of every curve. With a `past` it gets delayed inputs as well. The Gaussian process is that
+    of `plan`: loading scikit-learn takes longer than all structures of a small table.
     """
-    if find_spec("sklearn") is None or not inputs:
+    if not inputs:
         return {}
     delays = DELAYS if past else (0,)
-    x = np.concatenate([features(curve, inputs, delays) for curve in dataset.curves])
-    names = ["gaussian_process" if len(inputs) * len(delays) <= MOST_INPUTS else "mlp"]
-    if len(x) >= FEWEST:
-        names.insert(0, "gradient_boosting")
-    errors: dict[str, list[Array]] = {name: [] for name in names}
-    y = np.concatenate([curve.columns[dataset.target] for curve in dataset.curves])
+    x = np.concatenate([features(curve, inputs, delays)[some] for curve, some in zip(dataset.curves, rows, strict=True)])
+    y = np.concatenate([curve.columns[dataset.target][some] for curve, some in zip(dataset.curves, rows, strict=True)])
+    names = ["gaussian_process"] if x.shape[1] <= MOST_INPUTS else []
+    if find_spec("sklearn") is not None and (len(x) >= FEWEST or not names):
+        names.append("gradient_boosting" if len(x) >= FEWEST else "mlp")  # a network takes as long as the rest of a search
+    found: dict[str, list[Left]] = {name: [] for name in names}
     for fold in folds:
-        out = np.concatenate(list(fold))
+        out = np.concatenate([mask[some] for mask, some in zip(fold, rows, strict=True)])
         rest = np.flatnonzero(~out)
         for name in names:
-            rows = _share(rest, min(MOST_IN_A_FOLD, MOST_SAMPLES[name]))
-            errors[name].append(learned(name, x[rows], y[rows])(x[out]) - y[out])
-    return {name: float(np.sqrt(np.nanmean(np.concatenate(each) ** 2))) for name, each in errors.items()}
+            learnt = _share(rest, min(MOST_IN_A_FOLD, MOST_SAMPLES[name] // 2))
+            learner = smooth if name == "gaussian_process" else partial(learned, name)
+            errors = learner(x[learnt], y[learnt])(x[out]) - y[out]
+            found[name].append((errors, np.isfinite(errors)))
+    return found
+
+
+def smooth(x: Array, y: Array) -> Callable[[Array], Array]:
+    """Fit a Gaussian process to inputs (n, d) and outputs (n,); what predicts (m,) from (m, d)."""
+    from mapmore_cli.modelling.planning.points import fitted
+
+    low, middle = x.min(axis=0), y.mean()
+    width = np.where(np.ptp(x, axis=0) > 0, np.ptp(x, axis=0), 1.0)
+    process = fitted((x - low) / width, y - middle)
+    return lambda at: process.predict((at - low) / width)[0] + middle
 
 
 def strongest(curves: Sequence[Curve], residual: Sequence[Array], inputs: Sequence[str], past: bool) -> str:
@@ -185,13 +202,3 @@ def _explained(values: Array, e: Array) -> float:
     total = float(np.sum((e - e.mean()) ** 2))
     free = len(e) - len(means)
     return 1 - within / free / (total / (len(e) - 1)) if free > 0 and total > 0 else 0.0
-
-
-def note_of(errors: Mapping[str, float], own: float, hint: str) -> str:
-    """Return the sentence for the user; empty where no black box errs clearly less."""
-    name = min(errors, key=lambda one: errors[one], default="")
-    if not name or not errors[name] < LESS * own:
-        return ""
-    words = {"gaussian_process": "a Gaussian process", "gradient_boosting": "gradient boosting", "mlp": "a small network"}[name]
-    told = f"; what is left depends most on {hint}" if hint else ""
-    return f"{words} errs {own / errors[name]:.2g} times less on left-out training data: the structure lacks something{told}"

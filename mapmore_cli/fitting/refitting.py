@@ -21,7 +21,7 @@ from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.pieces.cross_validation import BLOCKS
 from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.modelling.validation.metrics import divisor
-from mapmore_cli.modelling.validation.significance import simplest_of
+from mapmore_cli.modelling.validation.significance import geometric_mean, simplest_of
 
 FEWEST_INNER = 3
 """Inner training levels from which on levels are left out; with fewer, blocks are: a standard error of one or two folds says nothing."""
@@ -164,7 +164,7 @@ def size_of(part: FitChoices, dataset: Dataset, progress: Callable[[int, int], N
     tried = list(finite)
     rank = simplest_of(tried, np.array([finite[terms] for terms in tried]))
     chosen, best = tried[rank.chosen], tried[rank.best]
-    errors = ", ".join(f"{terms}: {100 * np.mean(finite[terms]):.3g}" for terms in tried)
+    errors = ", ".join(f"{terms}: {100 * geometric_mean(finite[terms]):.3g}" for terms in tried)
     within = "the best" if chosen == best else f"within one standard error of the best, {best}"
     note = f"at most {chosen} term(s): {within}; left out in turn: {folds.left_out}; NRMSE in % by number of terms: {errors}"
     return Size(chosen, (note,))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import BoolArray
+from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.fitting.refitting import contiguous, kept, training_only
 from mapmore_cli.modelling.pieces.cross_validation import BLOCKS
@@ -16,11 +16,8 @@ from mapmore_cli.modelling.search.situation import Situation
 from mapmore_cli.spec.sections.data import Between, Holdout, Levels
 from mapmore_cli.spec.sections.model import ModelChoice
 
-PLACES = 1_000
-"""Along an input, of which the middles of left-out bands are chosen."""
-
-MOST_BLOCKS = 5
-"""Blocks of a recording that a fold leaves out at most, where the study holds short pieces out."""
+LONGEST_FOLD = 1 / 3
+"""Of a recording at most that a fold leaves out, where the study holds longer runs out."""
 
 BEHIND = (0.2, 0.35, 0.5)
 """Shares of every recording's end that are left out in turn, where the study holds ends out: what drifts is to be foretold."""
@@ -29,12 +26,14 @@ MOST_PARTS = 6
 """Levels or recordings that are left out in turn, evenly chosen of more."""
 
 FAIR = (0.2, 1.2)
-"""Times an even share of the training samples that a level or recording has, which is left out: without a larger one too little is learnt,
-and a smaller one says nothing."""
+"""Times an even share of the training samples that a recording has, which is left out: without a larger one too little is learnt, and a
+smaller one says nothing."""
 
 MOST_SAMPLES, MOST_STEPS = 6_000, 12_000
-"""Training samples that structures without memory are tried on, of more an even share; and those of any, of more the first part of every
-block."""
+"""Training samples that structures without memory are tried on, of more an even share; and those of any, in long pieces."""
+
+Masks = tuple[BoolArray, ...]
+"""For every curve the samples that a fold leaves out."""
 
 
 @dataclass(frozen=True)
@@ -52,52 +51,54 @@ class Slice:
 
 @dataclass(frozen=True)
 class Bench:
-    """What all structures are tried on: training samples alone, what is left out of them in turn, and what errors are divided by."""
+    """What all structures are tried on: training samples alone, and what is left out of them in turn.
+
+    The first `blocks` of the folds are stretches of curves, the others whole levels, recordings or ends of them. `weights` (f,) add up to
+    1. `thinned` are the same with an even share of the samples, for models without memory. Errors are divided by `scale`.
+    """
 
     dataset: Dataset
+    folds: tuple[Masks, ...]
     thinned: Dataset
-    blocks: tuple[Masks, ...]
-    parts: tuple[Masks, ...]
-    thinned_blocks: tuple[Masks, ...]
-    thinned_parts: tuple[Masks, ...]
+    thinned_folds: tuple[Masks, ...]
+    blocks: int
+    weights: Array
     left_out: str
     parts_left_out: str
     scale: float
     part: Slice
-    tables: bool
-    parts_asked: bool
+    asks_parts: bool
 
     @classmethod
-    def of(cls, training: Dataset, situation: Situation, part: Slice, behind: bool = False, parts_asked: bool = False) -> Bench:
-        """Return the folds of training samples; the study holds the ends of recordings out (`behind`), or whole parts (`parts_asked`)."""
-        whole = training
+    def of(cls, training: Dataset, situation: Situation, part: Slice, study: Dataset) -> Bench:
+        """Return the folds of training samples, which resemble what the `study` holds out."""
+        ends, asked = _holds_out(study)
+        bands = () if situation.timed else _bands(training, part.held_out, situation.moving)
+        blocks = bands or _blocks(training, situation.moving or situation.inputs, held_run(study))
+        parts, which = (_ends(training), f"each of {len(BEHIND)} ends of recordings") if ends else _parts(training)
+        asked = len(parts) > 0 and (asked or part.by_level or ends)
+        weight = (2 / 3 if asked else 1 / 2 if situation.timed else 1 / 4) * bool(parts)
+        if len(parts) == 1:  # the only inner level
+            weight = 1 / 2
+        thinning = thinning_of(training)
+        name = "recording" if "time" in training.curves[0].columns else "curve"
+        inner = "" if name == "recording" else "inner "
         values = np.concatenate([curve.columns[training.target][curve.training] for curve in training.curves])
-        thinning = thinning_of(whole)
-        bands = () if situation.timed else _bands(whole, part.held_out, situation.moving)
-        blocks = bands or _blocks(whole, situation.moving or situation.inputs)
-        parts, inner = (_ends(whole), "the end of every recording") if behind else _parts(whole)
-        name = "recording" if "time" in whole.curves[0].columns else "curve"
-        which = "contiguous" if name == "recording" else f"inner ones of {BLOCKS + 2} contiguous"
         return cls(
-            whole,
-            replace(whole, curves=tuple(kept(curve, rows) for curve, rows in zip(whole.curves, thinning, strict=True))),
-            blocks,
-            parts,
-            tuple(tuple(mask[rows] for mask, rows in zip(fold, thinning, strict=True)) for fold in blocks),
-            tuple(tuple(mask[rows] for mask, rows in zip(fold, thinning, strict=True)) for fold in parts),
+            training,
+            (*blocks, *parts),
+            replace(training, curves=tuple(kept(curve, rows) for curve, rows in zip(training.curves, thinning, strict=True))),
+            tuple(tuple(mask[rows] for mask, rows in zip(fold, thinning, strict=True)) for fold in (*blocks, *parts)),
+            len(blocks),
+            np.repeat([(1 - weight) / len(blocks), weight / max(len(parts), 1)], [len(blocks), len(parts)]),
             f"each of {len(bands)} bands of an input, as wide as those held out"
             if bands
-            else f"each of {BLOCKS} {which} blocks of the training samples of every {name}",
-            inner,
+            else f"each of {BLOCKS} {inner}stretches of the training samples of every {name}",
+            which,
             float(np.ptp(values)) or 1.0,
             part,
-            not situation.timed,
-            parts_asked or part.by_level,
+            asked,
         )
-
-
-Masks = tuple[BoolArray, ...]
-"""For every curve the samples that a fold leaves out."""
 
 
 def searchable(dataset: Dataset) -> Dataset:
@@ -121,20 +122,24 @@ def _within(curve: Curve, target: str) -> Curve:
     return kept(replace(curve, columns={**curve.columns, target: output}), between)
 
 
-def shortened(dataset: Dataset) -> Dataset:
-    """At most so many samples, where recordings are longer: of every block of every recording the first part, in one piece."""
+def shortened(dataset: Dataset, run: int) -> Dataset:
+    """At most so many samples, where recordings are longer: of each one some even pieces, which are no shorter than a held-out `run`.
+
+    Each piece begins from measured outputs: shorter ones would flatter models that feed their output back.
+    """
     total = sum(curve.size for curve in dataset.curves)
     if total <= MOST_STEPS or "time" not in dataset.curves[0].columns:
         return dataset
     share = MOST_STEPS / total
-    return replace(dataset, curves=tuple(kept(curve, _beginnings(curve, share)) for curve in dataset.curves))
+    return replace(dataset, curves=tuple(kept(curve, _pieces(curve, share, run)) for curve in dataset.curves))
 
 
-def _beginnings(curve: Curve, share: float) -> BoolArray:
-    """Return the first part of every block of every recording."""
-    blocks = [block for log in curve.logs for block in np.array_split(log, BLOCKS)]
+def _pieces(curve: Curve, share: float, run: int) -> BoolArray:
     mask = np.zeros(curve.size, dtype=np.bool_)
-    mask[np.concatenate([block[: -int(-len(block) * share // 1)] for block in blocks])] = True
+    for log in curve.logs:
+        count = int(np.clip(share * len(log) // max(run, 1), 1, BLOCKS))
+        for piece in np.array_split(log, count):
+            mask[piece[: int(np.ceil(share * len(piece)))]] = True
     return mask
 
 
@@ -144,21 +149,42 @@ def thinning_of(dataset: Dataset) -> list[BoolArray]:
     return [curve.training & ((np.cumsum(curve.training) - 1) % -(-curve.training.sum() // most) == 0) for curve in dataset.curves]
 
 
-def _blocks(dataset: Dataset, inputs: Sequence[str]) -> tuple[Masks, ...]:
-    """Contiguous blocks of every recording in the order of time; without a clock, inner ones of every curve along each of the inputs.
+def _blocks(dataset: Dataset, inputs: Sequence[str], run: int) -> tuple[Masks, ...]:
+    """Stretches of every recording in the order of time; without a clock, inner ones of every curve along each of the inputs.
 
-    Where pieces of recordings are held out, the blocks are as short as these: long ones would ask for more than the study does. What lies
-    at the end of an input can only be extrapolated: that would decide, and is not what is asked.
+    In recordings they are as long as the longest `run` that is held out, one or several of each recording. What lies at the end of an
+    input can only be extrapolated: that would decide, and is not what is asked.
     """
     if "time" in dataset.curves[0].columns:
-        each = [contiguous([log[curve.training[log]] for log in curve.logs], BLOCKS, curve.size, _times(curve)) for curve in dataset.curves]
+        each = [_stretches([log[curve.training[log]] for log in curve.logs], run, curve.size) for curve in dataset.curves]
         return tuple(zip(*each, strict=True))
     folds: list[Masks] = []
     for name in inputs:
         sorted_rows = [np.argsort(curve.columns[name], kind="stable") for curve in dataset.curves]
-        each = [contiguous([rows], BLOCKS + 2, curve.size) for rows, curve in zip(sorted_rows, dataset.curves, strict=True)]
-        folds += list(zip(*each, strict=True))[1:-1]
+        every = [contiguous([rows], BLOCKS + 2, curve.size) for rows, curve in zip(sorted_rows, dataset.curves, strict=True)]
+        folds += list(zip(*every, strict=True))[1:-1]
     return tuple(folds)
+
+
+def _stretches(logs: Sequence[IntArray], run: int, size: int) -> list[BoolArray]:
+    """Masks (size,) of five folds: short runs several times in each recording, or one long run, which those of other folds may overlap."""
+    longest = max(map(len, logs))
+    if run <= longest / BLOCKS:
+        return contiguous(logs, BLOCKS, size, int(np.clip(longest / (BLOCKS * max(run, 1)), 1, BLOCKS)))
+    masks = np.zeros((BLOCKS, size), dtype=np.bool_)
+    for rows in logs:
+        length = -int(-len(rows) * min(run / longest, LONGEST_FOLD) // 1)
+        for mask, first in zip(masks, np.linspace(0, len(rows) - length, BLOCKS).round().astype(int), strict=True):
+            mask[rows[first : first + length]] = True
+    return list(masks)
+
+
+def held_run(study: Dataset) -> int:
+    """Return the usual length of a run of held-out samples: that in which half of them lie."""
+    out = np.concatenate([[0], *([*curve.held_out[log].astype(int), 0] for curve in study.curves for log in curve.logs)])
+    edges = np.flatnonzero(np.diff(out))
+    runs = np.sort(edges[1::2] - edges[::2])
+    return int(runs[np.searchsorted(np.cumsum(runs), runs.sum() / 2)]) if len(runs) else 0
 
 
 def _bands(dataset: Dataset, held_out: Holdout | None, inputs: Sequence[str]) -> tuple[Masks, ...]:
@@ -166,44 +192,27 @@ def _bands(dataset: Dataset, held_out: Holdout | None, inputs: Sequence[str]) ->
 
     Blocks in the order of time hold every value of an input that was swept more than once: left out, they ask for nothing between.
     """
-    held = {} if held_out is None else {name: one for name, one in held_out.quantities.items() if name in inputs}
     folds: list[Masks] = []
-    for name, bands in held.items():
-        if not isinstance(bands, Between):
+    for name, bands in ({} if held_out is None else held_out.quantities).items():
+        if name not in inputs or not isinstance(bands, Between):
             continue
-        values = np.concatenate([curve.columns[name][curve.training] for curve in dataset.curves])
-        width = float(np.median([high - low for low, high in bands.between]))
-        places = np.linspace(values.min(), values.max(), PLACES)
+        values = np.sort(np.concatenate([curve.columns[name][curve.training] for curve in dataset.curves]))
+        half = float(np.median([high - low for low, high in bands.between])) / 2
+        places = np.linspace(values[0], values[-1], 1 + 100 * BLOCKS)
         free = places[~np.logical_or.reduce([(low <= places) & (places <= high) for low, high in bands.between])]
         for middle in free[np.linspace(0, len(free) - 1, 2 * BLOCKS + 1)[1::2].astype(int)]:
-            fold = tuple(curve.training & (np.abs(curve.columns[name] - middle) <= width / 2) for curve in dataset.curves)
-            if any(mask.any() for mask in fold):
-                folds.append(fold)
+            fold = tuple(curve.training & (np.abs(curve.columns[name] - middle) <= half) for curve in dataset.curves)
+            folds += [fold] if any(mask.any() for mask in fold) else []
     return tuple(folds) if len(folds) > 1 else ()
 
 
-def _times(curve: Curve) -> int:
-    """How many blocks of a recording a fold leaves out, so that they are about as short as the pieces that the study holds out."""
-    out = np.concatenate([[0], *([*(~curve.training[log]).astype(int), 0] for log in curve.logs)])
-    edges = np.flatnonzero(np.diff(out))
-    if not len(edges):
-        return 1
-    usual, longest = float(np.median(edges[1::2] - edges[::2])), max(int(curve.training[log].sum()) for log in curve.logs)
-    return int(np.clip(longest / (BLOCKS * usual), 1, MOST_BLOCKS))
-
-
-def holds_ends_out(dataset: Dataset) -> bool:
-    """Whether most of what a study holds out lies behind the training samples of the same recording."""
-    if "time" not in dataset.curves[0].columns:
-        return False
-    ends = sum(int(np.argmax(curve.training[log][::-1])) for curve in dataset.curves for log in curve.logs if curve.training[log].any())
-    return 2 * ends > sum(int(curve.held_out.sum()) for curve in dataset.curves)
-
-
-def holds_parts_out(dataset: Dataset) -> bool:
-    """Whether most of what a study holds out are whole levels or recordings."""
-    whole = sum(curve.size for curve in dataset.curves if curve.held_out.all())
-    return 2 * whole > sum(int(curve.held_out.sum()) for curve in dataset.curves)
+def _holds_out(study: Dataset) -> tuple[bool, bool]:
+    """Whether most of what a study holds out lies behind the training samples of the same recording, and whether it is whole curves."""
+    held = sum(int(curve.held_out.sum()) for curve in study.curves)
+    whole = sum(curve.size for curve in study.curves if curve.held_out.all())
+    timed = "time" in study.curves[0].columns
+    ends = [int(np.argmax(curve.training[log][::-1])) for curve in study.curves for log in curve.logs if curve.training[log].any()]
+    return timed and 2 * sum(ends) > held, 2 * whole > held
 
 
 def _ends(dataset: Dataset) -> tuple[Masks, ...]:
@@ -220,14 +229,13 @@ def _ends(dataset: Dataset) -> tuple[Masks, ...]:
 
 
 def _parts(dataset: Dataset) -> tuple[tuple[Masks, ...], str]:
-    """Inner levels, or recordings where there are no levels; none where there are fewer than two of a fair size."""
+    """Inner levels, or recordings where there are no levels; none where there are fewer than two recordings of a fair size."""
     sizes = np.array([curve.training.sum() for curve in dataset.curves])
-    numbers = np.flatnonzero(sizes).tolist()
-    low, high = (bound * sizes.sum() / len(numbers) for bound in FAIR)
-    numbers = numbers[1:-1] if dataset.level is not None else [number for number in numbers if low <= sizes[number] <= high]
-    if len(numbers) < 2:
+    low, high = (bound * sizes.sum() / np.count_nonzero(sizes) for bound in FAIR)
+    by_level = dataset.level is not None
+    numbers = np.flatnonzero(sizes)[1:-1] if by_level else np.flatnonzero((low <= sizes) & (sizes <= high))
+    if len(numbers) < (1 if by_level else 2):
         return (), ""
-    if len(numbers) > MOST_PARTS:
-        numbers = [numbers[place] for place in np.linspace(0, len(numbers) - 1, MOST_PARTS).round().astype(int)]
+    numbers = numbers[np.linspace(0, len(numbers) - 1, min(len(numbers), MOST_PARTS)).round().astype(int)]
     folds = tuple(tuple(curve.training & (number == out) for number, curve in enumerate(dataset.curves)) for out in numbers)
-    return folds, f"each of {len(folds)} {'inner levels' if dataset.level is not None else 'recordings'}"
+    return folds, f"each of {len(folds)} {'inner levels' if by_level else 'recordings'}"

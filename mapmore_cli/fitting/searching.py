@@ -5,10 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
+from importlib.resources import files
+from math import comb
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import yaml
 from pydantic import TypeAdapter
 
 from mapmore_cli.domain.arrays import Array, BoolArray
@@ -17,28 +20,50 @@ from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.processors import shared_out
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import Search, Tried
-from mapmore_cli.fitting.baselines import black_boxes, note_of, strongest
+from mapmore_cli.fitting.baselines import Left, black_boxes, strongest
 from mapmore_cli.fitting.kinds import refit
 from mapmore_cli.fitting.kinds.choices import ModelChoices
 from mapmore_cli.fitting.refitting import left_out_of
-from mapmore_cli.fitting.search_bench import Bench, Masks, Slice, holds_ends_out, holds_parts_out, searchable, shortened, thinning_of
+from mapmore_cli.fitting.search_bench import Bench, Masks, Slice, held_run, searchable, shortened, thinning_of
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.kinds import fed_back, parameters
 from mapmore_cli.modelling.memory.records import records_of, time_step
 from mapmore_cli.modelling.pieces.recipe import Segmented
-from mapmore_cli.modelling.search.candidate import Candidate, Family
-from mapmore_cli.modelling.search.choice import chosen_of
-from mapmore_cli.modelling.search.families import FAMILIES
-from mapmore_cli.modelling.search.situation import Situation, situation_of
+from mapmore_cli.modelling.search.candidate import Candidate, candidates
+from mapmore_cli.modelling.search.situation import situation_of
 from mapmore_cli.modelling.selection import AUTO, Fit
+from mapmore_cli.modelling.validation.significance import WITHIN, simplest_of
 from mapmore_cli.spec.sections.dictionary import DictionaryEntry
 from mapmore_cli.spec.sections.model import ModelChoice
 
 if TYPE_CHECKING:
     from mapmore_cli.fitting.stage import Progress
 
+FAMILIES = ("tables", "states", "friction", "feedback")
+"""Files of candidates in the order in which they are tried: where time is short, the last ones are left out."""
+
+MOST_PARAMETERS = 28
+"""Of a structure that is taken for a table, or as many as the cubic of all inputs has; what has more is only shown."""
+
+LESS = 0.9
+"""Times the error of the structure that was found, below which a black box errs clearly less."""
+
 WHOLE = 0.5
 """Share of the left-out samples that a structure predicts at least: long lags say nothing of short recordings."""
+
+BY_MEAN = "the fewest parameters of those within one standard error of the best (2 to 20 %), a plain model within 2 %"
+BY_MEDIAN = "the least median error, 5 % of the logarithm of the number of parameters added, or a plain model within 2 % of it"
+
+PLAIN, BLACK_BOX = ("simple", "formula"), "black box"
+"""Kinds that are found where they are as good as anything, and the kind that is shown, but never found."""
+
+
+@cache
+def family(name: str) -> Mapping[str, Any]:
+    """Return a file of candidates."""
+    text = files("mapmore_cli.modelling.search").joinpath(f"families/{name}.yaml").read_text(encoding="utf-8")
+    found: Mapping[str, Any] = yaml.load(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+    return found
 
 
 def search(
@@ -48,10 +73,9 @@ def search(
     *,
     beside: bool = True,
 ) -> Search:
-    """Try every candidate on left-out blocks of the training samples, and choose.
+    """Try every candidate on left-out training samples, and choose.
 
-    Held-out outputs are dropped before anything is computed. With `beside`, black boxes are tried on the same
-    blocks, which may take longer than the search itself.
+    Held-out outputs are dropped before anything is computed. With `beside`, black boxes are tried on the same folds.
 
     Raises
     ------
@@ -59,27 +83,32 @@ def search(
         Where no structure could be fitted.
     """
     whole = searchable(dataset)
-    training = shortened(whole)
+    training = shortened(whole, held_run(dataset))
     situation = situation_of(training, part.ignored, part.model.inputs)
-    uneven = _uneven(dataset) if situation.timed else ()
-    if part.by_level or uneven or not situation.timed:
+    past = situation.timed
+    uneven = _uneven(dataset) if past else ()
+    if part.by_level or uneven or not past:
         # a model that runs along recordings cannot be fitted without a level; any other takes its share from all of their samples
         training, situation = whole, replace(situation_of(whole, part.ignored, part.model.inputs), step=None)
-    listed = [(name, one) for name, family in FAMILIES.items() for one in _offered(family, situation)]
-    bench = Bench.of(training, situation, part, holds_ends_out(dataset), holds_parts_out(dataset))
+    listed = [one for name in FAMILIES for one in candidates(family(name), situation)]
+    bench = Bench.of(training, situation, part, dataset)
     budget = Budget(part.model.budget)
-    folds = [*range(len(bench.blocks) + len(bench.parts)), None]
-    jobs: list[Callable[[], Any]] = [partial(_tried, one, bench, fold, budget) for _, one in listed for fold in folds]
+    folds = [*range(len(bench.folds)), None]
+    jobs: list[Callable[[], Any]] = [partial(_tried, one, bench, fold, budget) for one in listed for fold in folds]
     second = min(1, len(jobs))  # what a copy begins with
     if beside:
-        jobs.insert(second, partial(black_boxes, bench.thinned, situation.inputs, bench.thinned_blocks, situation.timed))
+        jobs.insert(second, partial(black_boxes, bench.dataset, bench.folds, thinning_of(bench.dataset), situation.inputs, past))
     done = shared_out(lambda job: job(), jobs, lambda done, total: progress("structures", done * len(listed) // total, len(listed)))
-    errors: Mapping[str, float] = done.pop(second) if beside else {}
-    outcomes = [_outcome(*one, done[place * len(folds) :][: len(folds)], len(bench.blocks)) for place, one in enumerate(listed)]
-    tried = [outcome for outcome in outcomes if outcome is not None]
-    found = _chosen(tried, len(outcomes) - len(tried), bench, part)
-    found = replace(found, notes=(*found.notes, *uneven))
-    return _beside(found, errors, tried, bench, situation) if beside else found
+    boxes: Mapping[str, Sequence[Left]] = done.pop(second) if beside else {}
+    outcomes = [_outcome(one, done[place * len(folds) :][: len(folds)], bench.blocks) for place, one in enumerate(listed)]
+    tried = [one for one in outcomes if one is not None]
+    cut = len(outcomes) - len(tried)
+    tried += [_Outcome(Tried(BLACK_BOX, name.replace("_", " "), {}), left) for name, left in boxes.items()]
+    most = None if situation.timed else max(MOST_PARAMETERS, comb(len(situation.inputs) + 3, 3))
+    found = _chosen(tried, bench, most)
+    late = (f"the budget of {part.model.budget:g} s ended before {cut} of {len(listed)} structures were tried",) if cut else ()
+    told = _told(found, bench, lambda: strongest(bench.thinned.curves, _residual(tried[found.chosen], bench), situation.inputs, past))
+    return replace(found, cut=cut, notes=(*late, *uneven, *told))
 
 
 def _uneven(dataset: Dataset) -> tuple[str, ...]:
@@ -89,30 +118,6 @@ def _uneven(dataset: Dataset) -> tuple[str, ...]:
     except DataError as fault:
         return (f"models with a past were not tried: {fault.message}; {fault.remedy}",)
     return ()
-
-
-FEWEST_LEVELS = 4
-"""Training levels, below which left-out inner ones cannot tell what lies between levels."""
-
-
-def _offered(family: Family, situation: Situation) -> list[Candidate]:
-    """Return the candidates of a family that the data can tell from others."""
-    few = situation.level in situation.inputs and situation.curves < FEWEST_LEVELS
-    return list(family.candidates(situation))[: family.of_few_levels if few else None] if family.applies(situation) else []
-
-
-def _beside(found: Search, errors: Mapping[str, float], outcomes: Sequence[_Outcome], bench: Bench, situation: Situation) -> Search:
-    """Return the search beside the errors of black boxes on the same blocks, with a word where one errs clearly less."""
-    inputs, own = situation.inputs, found.found
-    residual = [np.full(curve.size, np.nan) for curve in bench.thinned.curves]
-    for fold, (left, ready) in zip(bench.thinned_blocks, outcomes[found.chosen].blocks, strict=True):
-        ends = np.cumsum([int(out.sum()) for out in fold])[:-1]
-        for values, out, part, known in zip(residual, fold, np.split(left, ends), np.split(ready, ends), strict=True):
-            values[out] = np.where(known, part, np.nan)
-    hint = strongest(bench.thinned.curves, residual, inputs, situation.timed)
-    told = note_of(errors, own.error * found.scale, hint)
-    boxes = {name: error / found.scale for name, error in errors.items()}
-    return replace(found, black_boxes=boxes or None, notes=(*found.notes, *((told,) if told else ())))
 
 
 @dataclass
@@ -128,40 +133,56 @@ class Budget:
         return self.worked > self.seconds
 
 
-def _chosen(outcomes: Sequence[_Outcome], cut: int, bench: Bench, part: Slice) -> Search:
-    """Score all structures on the rows that all of them predict, and take one."""
+def _chosen(outcomes: Sequence[_Outcome], bench: Bench, most: int | None) -> Search:
+    """Score all structures and black boxes on the rows that all of them predict, and take one structure."""
     usable = [number for number, one in enumerate(outcomes) if not one.tried.failure]
-    if not usable:
-        reasons = outcomes[0].tried.failure if outcomes else "there was no time for any"
-        raise FitError(f"no structure could be fitted without some of the data: {reasons}", "name one, or raise `model.budget`")
-    errors = _on_common_rows([outcomes[number].blocks for number in usable]) / bench.scale
-    parts = _on_common_rows([outcomes[number].parts for number in usable]) / bench.scale if bench.parts else np.zeros((len(usable), 0))
-    sizes = [outcomes[number].tried.parameters for number in usable]
-    rank = chosen_of(sizes, errors, parts, bench.tables, bench.parts_asked)
     tried = [one.tried for one in outcomes]
+    eligible = np.array([tried[i].family != BLACK_BOX and (most is None or tried[i].parameters <= most) for i in usable], dtype=np.bool_)
+    if not eligible.any():
+        reasons = next((one.failure for one in tried if one.failure), "there was no time for any")
+        raise FitError(f"no structure could be fitted without some of the data: {reasons}", "name one, or raise `model.budget`")
+    errors = _on_common_rows([outcomes[number].left for number in usable]) / bench.scale
+    sizes = [tried[number].parameters for number in usable]
+    rank = simplest_of(sizes, errors, bench.weights, eligible, median=most is None)
+    plain = [i for i in np.flatnonzero(eligible) if tried[usable[i]].family in PLAIN and rank.excess[i] <= WITHIN[0]]
+    chosen = min(plain, key=lambda i: (sizes[i], rank.excess[i]), default=rank.chosen)
     for place, number in enumerate(usable):
+        blocks, parts = (float(np.sqrt(np.mean(of**2))) if of.size else np.nan for of in np.split(errors[place], [bench.blocks]))
         tried[number] = replace(
             tried[number],
             errors=tuple(errors[place].tolist()),
-            error=float(np.sqrt(np.mean(errors[place] ** 2))),
-            parts=float(np.sqrt(np.mean(parts[place] ** 2))) if parts.size else float("nan"),
+            error=blocks,
+            parts=parts,
             excess=float(rank.excess[place]),
             spread=float(rank.spread[place]),
         )
-    notes = (f"the budget of {part.model.budget:g} s ended before {cut} of {cut + len(tried)} structures were tried",) if cut else ()
-    return Search(
-        "search",
-        bench.dataset.target,
-        bench.left_out,
-        bench.parts_left_out,
-        bench.scale,
-        tuple(tried),
-        usable[rank.best],
-        usable[rank.chosen],
-        cut,
-        None,
-        notes,
-    )
+    names = ("search", bench.dataset.target, bench.left_out, bench.parts_left_out, bench.scale)
+    return Search(*names, tuple(tried), usable[rank.best], usable[int(chosen)], BY_MEDIAN if most is None else BY_MEAN)
+
+
+def _told(found: Search, bench: Bench, hint: Callable[[], str]) -> list[str]:
+    """Return what a reader is told of the table: that more adds nothing, or that a black box errs clearly less."""
+    kind = f"left-out {bench.parts_left_out.rpartition(' ')[2]}" if bench.asks_parts else "left-out stretches"
+    own, best, told = found.found, found.tried[found.best], []
+    if own.family in PLAIN and found.chosen != found.best:
+        told.append(f"{own.words} is as good as structures with more parameters: {best.words} adds nothing that left-out data show")
+    errs = {one.words: one.parts if bench.asks_parts else one.error for one in found.tried if one.family == BLACK_BOX}
+    mine = own.parts if bench.asks_parts else own.error
+    name = min(errs, key=lambda one: errs[one], default="")
+    if name and errs[name] < LESS * mine:
+        left = f"; what is left depends most on {words}" if (words := hint()) else ""
+        told.append(f"{name} errs {mine / errs[name]:.2g} times less on {kind}: the structure lacks something{left}")
+    return told
+
+
+def _residual(outcome: _Outcome, bench: Bench) -> list[Array]:
+    """Return the left-out errors of a structure on the blocks, (n_c,) of each thinned curve; NaN where there are none."""
+    residual = [np.full(curve.size, np.nan) for curve in bench.thinned.curves]
+    for fold, (left, ready) in zip(bench.thinned_folds[: bench.blocks], outcome.left, strict=False):
+        ends = np.cumsum([int(out.sum()) for out in fold])[:-1]
+        for values, out, part, known in zip(residual, fold, np.split(left, ends), np.split(ready, ends), strict=True):
+            values[out] = np.where(known, part, np.nan)
+    return residual
 
 
 def _on_common_rows(predicted: Sequence[Sequence[Left]]) -> Array:
@@ -174,10 +195,6 @@ def _on_common_rows(predicted: Sequence[Sequence[Left]]) -> Array:
             error = float(np.sqrt(np.mean(squares))) if len(squares) else np.inf
             found[number, fold] = error if np.isfinite(error) else np.inf
     return found
-
-
-Left = tuple[Array, BoolArray]
-"""Errors of a structure on the samples of a fold, (n,), and which of them it predicts."""
 
 
 @dataclass(frozen=True)
@@ -195,8 +212,7 @@ class _Outcome:
     """A structure with its left-out errors in every fold."""
 
     tried: Tried
-    blocks: Sequence[Left] = ()
-    parts: Sequence[Left] = ()
+    left: Sequence[Left] = ()
 
 
 def _tried(candidate: Candidate, bench: Bench, fold: int | None, budget: Budget) -> _Fold | None:
@@ -215,26 +231,26 @@ def _tried(candidate: Candidate, bench: Bench, fold: int | None, budget: Budget)
 
 def _fitted(choices: ModelChoices, bench: Bench, fold: int | None) -> _Fold:
     slow = choices.over_time
-    dataset = bench.dataset if slow else bench.thinned
+    dataset, folds = (bench.dataset, bench.folds) if slow else (bench.thinned, bench.thinned_folds)
     if fold is not None:
-        folds = (*bench.blocks, *bench.parts) if slow else (*bench.thinned_blocks, *bench.thinned_parts)
         return _Fold(left=_left_out(choices, dataset, folds[fold], thinning_of(dataset) if slow else None))
     model = refit(choices, dataset)
     failure = "goes on by itself: its start still rings late in a recording" if slow and rings(model, dataset) else ""
     return _Fold(parameters=parameters(model), failure=failure)
 
 
-def _outcome(family: str, candidate: Candidate, folds: Sequence[_Fold | None], blocks: int) -> _Outcome | None:
+def _outcome(candidate: Candidate, folds: Sequence[_Fold | None], blocks: int) -> _Outcome | None:
     """Return what came of a structure in all folds, of which the first are blocks; None where the time was over before."""
     known = [fold for fold in folds if fold is not None]
     if len(known) < len(folds):
         return None
-    found = Tried(family, candidate.words, candidate.sections, known[-1].parameters, seconds=round(sum(fold.seconds for fold in known), 2))
     failure = next((fold.failure for fold in known if fold.failure), "")
     left = [fold.left for fold in known if fold.left is not None]
     if not failure and np.concatenate([ready for _, ready in left[:blocks]]).mean() < WHOLE:
         failure = "needs a longer past than most left-out samples have"
-    return _Outcome(replace(found, parameters=0, failure=failure)) if failure else _Outcome(found, left[:blocks], left[blocks:])
+    seconds = round(sum(fold.seconds for fold in known), 2)
+    size = 0 if failure else known[-1].parameters
+    return _Outcome(Tried(candidate.kind, candidate.words, candidate.sections, size, seconds=seconds, failure=failure), left)
 
 
 SHIFT, SWING = 0.1, 0.1

@@ -178,13 +178,11 @@ def search_table(search: Search) -> Table:
         *("parameters", "seconds .2f", ""),
     )
     order = sorted(enumerate(search.tried), key=lambda pair: (bool(pair[1].failure), pair[1].excess))
-    boxes = ", ".join(f"{name} {100 * error:.3g} %" for name, error in (search.black_boxes or {}).items())
     notes = (
         f"Left out in turn: {search.left_out}. Errors: RMSE / FS, FS = range of the training samples = {search.scale:.4g}. "
-        "Above the best: mean difference of the logarithms over all folds, and its standard error.",
+        "Above the best: mean of the logarithm of the ratio over all folds (in recordings the median), and the standard error of the mean.",
         *((f"Levels left out: the same for {search.parts}.",) if search.parts else ()),
-        *((f"Black boxes on the same blocks: {boxes}.",) if boxes else ()),
-        "Taken: the fewest parameters of those within one standard error, and 5 %, of the best. Held-out data were not used.",
+        f"Taken: {search.rule}. Held-out data were not used.",
         *search.notes,
     )
     rows = (_row(number, one, search) for number, one in order)
@@ -193,5 +191,7 @@ def search_table(search: Search) -> Table:
 
 def _row(number: int, one: Tried, search: Search) -> tuple[Cell, ...]:
     marks = [word for word, place in (("best", search.best), ("taken", search.chosen)) if place == number]
+    if one.family == "black box":
+        marks = ["to compare with"]
     told = f"failed: {one.failure}" if one.failure else ", ".join(marks)
     return (one.words, 100 * one.error, 100 * one.parts, 100 * one.excess, 100 * one.spread, one.parameters or None, one.seconds, told)

@@ -29,7 +29,7 @@ from mapmore_cli.modelling.planning import levels as of_levels
 from mapmore_cli.modelling.planning import points as of_points
 from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.modelling.validation.intervals import refusal
-from mapmore_cli.modelling.validation.significance import simplest_of
+from mapmore_cli.modelling.validation.significance import geometric_mean, simplest_of
 from mapmore_cli.pipeline.runner import FOUND, SEARCH_STAGE, OnStage, bring_up_to_date, search_stages
 from mapmore_cli.pipeline.search import SEARCH, read_search
 from mapmore_cli.pipeline.staleness import as_found
@@ -88,7 +88,7 @@ def _tried(settings: Mapping[str, Any], choices: ModelChoices, folds: Folds) -> 
     lost = sum(not np.isfinite(error) for error in errors)
     if lost:
         return Trial(settings, size, failure=f"no finite prediction on {lost} of {len(errors)} folds")
-    return Trial(settings, size, tuple(errors), float(np.mean(errors)))
+    return Trial(settings, size, tuple(errors), geometric_mean(errors))
 
 
 def _ranked(name: str, folds: Folds, trials: Sequence[Trial]) -> Tuning:

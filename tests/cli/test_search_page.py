@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from pathlib import Path
 
@@ -15,35 +14,26 @@ PAGE = Path(__file__).parents[2] / "docs" / "search.md"
 
 
 def test_the_note_of_the_table_follows_from_its_rows() -> None:
-    table = PAGE.read_text(encoding="utf-8").partition("<!-- table search 0 -->")[2].partition("<!-- end -->")[0]
+    note = PAGE.read_text(encoding="utf-8").partition("<!-- table search 0 -->")[2].partition("<!-- end -->")[0]
     headings, *lines = read_rows(PAGE, "search")
     rows = [dict(zip(headings, line, strict=True)) for line in lines]
-    found, box = ([float(row[f"{name} [%]"]) for row in rows] for name in ("found", "best black box"))
-    beside = [row for row in rows if row["shipped [%]"] != "–"]
-    ratios = [float(row["found [%]"]) / float(row["shipped [%]"]) for row in beside]
-    assert [float(row["found / shipped"]) for row in beside] == pytest.approx(ratios, abs=0.01)
-    mean = math.exp(math.fsum(map(math.log, ratios)) / len(beside))
-    told = float(table.partition("found / shipped: ")[2].partition(". Below")[0])
-    assert told == pytest.approx(mean, abs=0.01)
-    below = sum(one < other for one, other in zip(found, box, strict=True))
-    assert f"Below the best black box in {below} of {len(rows)}." in table
-    names = ("found [%]", "shipped [%]", "best black box [%]", "best formula [%]")
-    best = [min(float(row[name]) for name in names if row[name] != "–") for row in rows]
-    far = [bool(row["told on its page"]) for row in rows]
-    assert far == [one > 1.5 * least for one, least in zip(found, best, strict=True)]
-    assert f"times the best of all: {sum(far)}, of which" in table
-
-
-def test_the_note_of_other_splits_follows_from_its_rows() -> None:
-    table = PAGE.read_text(encoding="utf-8").partition("<!-- table others 0 -->")[2].partition("<!-- end -->")[0]
-    headings, *lines = read_rows(PAGE, "others")
-    found, box = ([float(dict(zip(headings, line, strict=True))[f"{name} [%]"]) for line in lines] for name in ("found", "best black box"))
-    ratios = [one / other for one, other in zip(found, box, strict=True)]
-    mean = math.exp(math.fsum(map(math.log, ratios)) / len(ratios))
-    assert f"Below the best black box in {sum(ratio < 1 for ratio in ratios)} of {len(lines)}; " in table
-    told = re.search(r"found / best black box: ([\d.]+) in the geometric mean, at most ([\d.]+)\.", table)
-    assert told
-    assert [float(text) for text in told.groups()] == pytest.approx([mean, max(ratios)], abs=0.015)
+    groups: dict[str, list[float]] = {}
+    for row in rows:
+        found, *others = (float(row[f"{name} [%]"]) for name in ("found", "best black box", "best simple model"))
+        ratio = found / min(others)
+        assert float(row["found / better of both"]) == pytest.approx(ratio, abs=0.02 + 0.01 * ratio)
+        if abs(ratio - 1.5) > 0.01:
+            assert bool(row["told on its page"]) == (ratio > 1.5)
+        groups.setdefault(f"{row['kind']}s, {'splits that were in sight' if row['in sight'] == 'yes' else 'new splits'}", []).append(ratio)
+    assert len(groups) == 4
+    for words, ratios in groups.items():
+        line = next(line for line in note.splitlines() if line.startswith(f"{len(ratios)} {words}"))
+        shares = [float(text) / 100 for text in re.findall(r"in (\d+)%", line)]
+        for share, bound in zip(shares, (1.01, 1.2), strict=True):
+            least, most = (sum(ratio <= bound + slack for ratio in ratios) / len(ratios) for slack in (-0.01, 0.01))
+            assert least - 0.005 <= share <= most + 0.005
+    told = [row["told on its page"] for row in rows if row["told on its page"]]
+    assert f"{len(told)}, of which {told.count('yes')} say so on their page." in note
 
 
 @pytest.mark.parametrize("path", sorted((PAGE.parent / "search").glob("*.yaml")), ids=lambda path: path.stem)

@@ -138,14 +138,13 @@ def test_noise_depends_on_nothing() -> None:
     assert baselines.strongest(data.curves, [data.curves[0].columns["y"]], ["u", "v"], past=True) == ""
 
 
-def test_a_black_box_that_errs_clearly_less_is_told_and_no_other() -> None:
-    x = np.linspace(0, 1, 120)
-    data = dataset_of({"x": x, "y": np.sin(9 * x)})
-    masks = [((np.arange(120) % 5 == fold),) for fold in range(5)]
-    errors = baselines.black_boxes(data, ["x"], masks, past=False)
-    assert errors["gaussian_process"] < 0.01
-    told = baselines.note_of(errors, 0.05, "x 4 samples before (40% of its variance)")
-    assert "a Gaussian process errs" in told
-    assert "depends most on x 4 samples before" in told
-    assert baselines.note_of(errors, 1.1 * min(errors.values()), "") == ""
-    assert baselines.note_of({}, 1.0, "") == ""
+def test_black_boxes_learn_without_the_fold_and_get_the_past_where_there_is_one() -> None:
+    time = np.linspace(0, 1, 240)
+    u = np.sin(40 * time)
+    data = dataset_of({"time": time, "u": u, "y": np.concatenate([np.zeros(4), u[:-4]])})
+    masks = [((np.arange(240) % 5 == fold),) for fold in range(5)]
+    rows = [np.arange(240) % 2 == 0]
+    errors = [baselines.black_boxes(data, masks, rows, ["u"], past)["gradient_boosting"] for past in (False, True)]
+    static, dynamic = (np.sqrt(np.mean(np.concatenate([left for left, ready in each if ready.all()]) ** 2)) for each in errors)
+    assert dynamic < 0.3 * static
+    assert [len(left) for left, _ in errors[0]] == [24] * 5

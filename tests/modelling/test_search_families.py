@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -9,11 +10,10 @@ import pytest
 from common import dataset_of
 
 from mapmore_cli.domain.recording import Dataset
-from mapmore_cli.fitting.search_bench import Bench, Slice, holds_ends_out, searchable
-from mapmore_cli.fitting.searching import choices_of
+from mapmore_cli.fitting.search_bench import Bench, Slice, searchable, shortened
+from mapmore_cli.fitting.searching import FAMILIES, choices_of, family
 from mapmore_cli.modelling.pieces.recipe import Fuse
-from mapmore_cli.modelling.search.choice import chosen_of
-from mapmore_cli.modelling.search.families import FAMILIES
+from mapmore_cli.modelling.search.candidate import Candidate, candidates
 from mapmore_cli.modelling.search.situation import Situation, situation_of
 from mapmore_cli.spec.sections.data import Holdout
 from mapmore_cli.spec.sections.model import ModelChoice
@@ -29,25 +29,31 @@ SITUATIONS = {
 }
 
 
+def offered(of: Situation) -> list[Candidate]:
+    return [one for name in FAMILIES for one in candidates(family(name), of)]
+
+
 @pytest.mark.parametrize("name", SITUATIONS)
 def test_every_candidate_is_a_valid_structure_of_the_inputs(name: str) -> None:
-    of = SITUATIONS[name]
-    words = []
-    for family in FAMILIES.values():
-        for candidate in family.candidates(of) if family.applies(of) else ():
-            choices_of(candidate.sections, WHOLE)  # validates, or raises
-            words.append(candidate.words)
-    assert len(words) == len(set(words)) > 2
+    found = offered(SITUATIONS[name])
+    for candidate in found:
+        choices_of(candidate.sections, WHOLE)  # validates, or raises
+        assert not re.search(r"[A-Z]{2}", str(candidate.sections))  # no word is left
+    words = [candidate.words for candidate in found]
+    assert len(words) == len(set(words)) >= 2
 
 
-def test_nothing_along_the_level_is_steeper_than_levels_are_apart() -> None:
-    """Five levels are a quarter of the range apart: a step of 0.15 between two of them follows no sample; one of 0.4 does."""
-    texts = str([candidate.sections for candidate in FAMILIES["steep"].candidates(SITUATIONS["map"])])
-    assert "tanh((strain-0.25)/0.05)" in texts
-    assert "tanh((pressure-0.25)/0.4)" in texts
-    assert "tanh((pressure-0.25)/0.15)" not in texts
-    assert "abs(pressure-0.5)" in texts
-    assert "abs(pressure-0.25)" not in texts
+def test_terms_grow_with_the_inputs() -> None:
+    two, six = (replace(SITUATIONS["map"], inputs=tuple(names), level=None) for names in ("ab", "abcdef"))
+    terms = [{one.words: one.sections["fit"]["max_terms"] for one in offered(of)} for of in (two, six)]
+    assert [each["quadratic"] for each in terms] == [6, 28]
+    assert [each["cubic splines of a"] for each in terms] == [12, 28]
+
+
+def test_the_structure_of_the_papers_is_tried_wherever_there_are_levels() -> None:
+    (papers,) = (one for one in offered(SITUATIONS["map"]) if one.kind == "papers")
+    found = choices_of(papers.sections, WHOLE)
+    assert (found.fit.max_terms, found.fuse.transition, found.segment["pressure"]) == (1, "linear", "levels")
 
 
 def test_constants_copies_and_the_clock_are_no_inputs() -> None:
@@ -67,34 +73,6 @@ def test_what_is_held_out_is_not_looked_at() -> None:
     assert situation_of(one) == situation_of(two)
 
 
-FIRST = {  # errors of the first structure on every fold, and of the others
-    "within one standard error": [[1.0, 1.2, 1.1], [1.0, 1.1, 1.15], [3.0, 3.1, 2.9]],
-    "11 % worse, within one standard error": [[1.0, 1.6, 1.1], [1.0, 1.1, 1.15], [3.0, 3.1, 2.9]],
-    "2 % worse": [[1.0, 1.2, 1.1], [1.0, 1.1, 1.14]],
-    "1.5 % worse on every fold": [[1.015] * 3, [1.0] * 3, [1.06] * 3],
-}
-CHOICES = [
-    ("within one standard error", (4, 9, 1), False, 0),
-    ("11 % worse, within one standard error", (4, 9, 1), False, 1),
-    ("11 % worse, within one standard error", (4, 9, 1), True, 0),  # in tables more counts as good
-    ("2 % worse", (6, 7), False, 1),  # simplicity has a price: half of the parameters, and not one of seven
-    ("2 % worse", (3, 7), False, 0),
-    ("1.5 % worse on every fold", (4, 9, 1), False, 0),
-]
-
-
-@pytest.mark.parametrize(("first", "parameters", "tables", "chosen"), CHOICES)
-def test_the_simplest_that_is_as_good_is_taken(first: str, parameters: tuple[int, ...], tables: bool, chosen: int) -> None:
-    ranked = chosen_of(parameters, np.array(FIRST[first]), np.zeros((len(parameters), 0)), tables=tables)
-    assert (ranked.best, ranked.chosen) == (1, chosen)
-
-
-def test_where_a_study_holds_levels_out_they_decide() -> None:
-    blocks, parts = np.array([[1.0, 1.1], [2.2, 2.4]]), np.array([[4.0, 5.0], [2.0, 2.2]])  # 2.2 times less, and 2.1 times more
-    assert chosen_of([8, 8], blocks, parts, tables=True, asked=False).chosen == 0
-    assert chosen_of([8, 8], blocks, parts, tables=True, asked=True).chosen == 1
-
-
 def test_bands_of_an_input_are_left_out_where_the_study_holds_some_out() -> None:
     """A pressure swept up and down: pieces of the time hold all of its values, and ask for nothing between."""
     time = np.arange(600) * 0.01
@@ -103,18 +81,12 @@ def test_bands_of_an_input_are_left_out_where_the_study_holds_some_out() -> None
     whole = dataset_of({"time": time**2, "u": u, "y": u}, held_out=held_out)
     part = replace(WHOLE, held_out=Holdout.model_validate({"u": {"between": [[40, 60]]}}))
     found = searchable(whole)
-    folds = Bench.of(found, situation_of(found), part).blocks
+    bench = Bench.of(found, situation_of(found), part, whole)
+    folds = bench.folds[: bench.blocks]
     values = found.curves[0].columns["u"]
     assert len(folds) == 5
     assert all(10 < np.ptp(values[fold[0]]) <= 20 for fold in folds)
     assert not any((fold[0] & found.curves[0].held_out).any() for fold in folds)
-
-
-def test_splines_go_straight_between_levels() -> None:
-    """So that three levels tell them."""
-    (alone,) = FAMILIES["splines"].candidates(replace(SITUATIONS["map"], curves=3))
-    assert "pressure*abs(strain-0.5)^3" in str(alone.sections)
-    assert "pressure^2" not in str(alone.sections)
 
 
 def test_recordings_too_short_to_say_or_too_long_to_miss_are_not_left_out() -> None:
@@ -122,35 +94,65 @@ def test_recordings_too_short_to_say_or_too_long_to_miss_are_not_left_out() -> N
         return dataset_of(*(dict.fromkeys(("time", "u", "y"), np.arange(size) * 0.01) for size in sizes))
 
     def left_out(dataset: Dataset) -> list[list[int]]:
-        return [[int(mask.sum()) for mask in fold] for fold in Bench.of(dataset, situation_of(dataset), WHOLE).parts]
+        bench = Bench.of(dataset, situation_of(dataset), WHOLE, dataset)
+        return [[int(mask.sum()) for mask in fold] for fold in bench.folds[bench.blocks :]]
 
     assert left_out(recorded(100, 100, 100)) == [[100, 0, 0], [0, 100, 0], [0, 0, 100]]
     assert left_out(recorded(10, 3000)) == []
     assert left_out(recorded(10, 100, 100)) == []  # without either of the long ones half is left
 
 
+def levels_of(*levels: float) -> Dataset:
+    curves = [{"p": np.full(20, level), "e": np.linspace(0, 1, 20), "y": np.linspace(0, level, 20)} for level in levels]
+    found = dataset_of(*curves)
+    leveled = tuple(replace(curve, level=level) for curve, level in zip(found.curves, levels, strict=True))
+    return replace(found, level="p", curves=leveled)
+
+
+def test_the_only_inner_level_of_three_counts_for_half() -> None:
+    three, five = levels_of(1.0, 2.0, 3.0), levels_of(1.0, 2.0, 3.0, 4.0, 5.0)
+    bench = Bench.of(three, situation_of(three), WHOLE, three)
+    assert bench.weights[bench.blocks :].tolist() == [0.5]
+    held = replace(five, curves=tuple(replace(c, held_out=np.full(c.size, c.level == 3.0)) for c in five.curves))
+    asked, not_asked = (Bench.of(searchable(of), situation_of(searchable(of)), WHOLE, of) for of in (held, five))
+    assert asked.asks_parts
+    assert asked.weights[asked.blocks :].sum() == pytest.approx(2 / 3)
+    assert not_asked.weights[not_asked.blocks :].sum() == pytest.approx(1 / 4)
+
+
 def test_folds_resemble_what_the_study_holds_out() -> None:
     time = np.arange(1000) * 0.01
 
-    def folds(held_out: np.ndarray) -> tuple[Bench, bool]:
+    def folds(held_out: np.ndarray) -> Bench:
         whole = dataset_of({"time": time, "u": np.sin(time), "y": np.where(held_out, 1e9, np.cos(time))}, held_out=held_out)
-        found, behind = searchable(whole), holds_ends_out(whole)
-        return Bench.of(found, situation_of(found), WHOLE, behind), behind
+        found = searchable(whole)
+        return Bench.of(found, situation_of(found), WHOLE, whole)
 
     def runs(mask: np.ndarray) -> int:
         return int((np.diff(np.concatenate([[0], mask.astype(int)])) == 1).sum())
 
-    pieces, behind = folds((np.arange(1000) % 200 >= 160) & (np.arange(1000) < 900))
-    assert not behind
-    assert len(pieces.blocks) == 5
-    assert all(runs(fold[0]) >= 4 for fold in pieces.blocks)
+    pieces = folds((np.arange(1000) % 200 >= 160) & (np.arange(1000) < 900))
+    assert pieces.blocks == 5
+    assert not pieces.asks_parts
+    assert all(runs(fold[0]) >= 4 for fold in pieces.folds[:5])
     output = pieces.dataset.curves[0].columns["y"]
     assert np.isnan(output).sum() == 160  # the inputs stay, the outputs do not
     assert pieces.scale <= 2
-    assert not any(np.isnan(output[fold[0]]).any() for fold in pieces.blocks)
+    assert not any(np.isnan(output[fold[0]]).any() for fold in pieces.folds)
 
-    ends, behind = folds(np.arange(1000) >= 600)
-    assert behind
+    ends = folds(np.arange(1000) >= 600)
+    assert ends.asks_parts
     assert ends.dataset.curves[0].size == 600
-    assert [int(fold[0].sum()) for fold in ends.parts] == [120, 210, 300]
-    assert all(fold[0][-1] for fold in ends.parts)
+    assert [int(fold[0].sum()) for fold in ends.folds] == [*[200] * 5, 120, 210, 300]  # runs as long as a third at most; the ends
+    assert all(runs(fold[0]) == 1 for fold in ends.folds)
+
+
+def test_a_long_record_is_shortened_to_pieces_as_long_as_the_run_that_is_held_out() -> None:
+    def pieces(run: int) -> list[int]:
+        time = np.arange(40_000) * 0.01
+        (curve,) = shortened(dataset_of({"time": time, "u": time, "y": time}), run).curves
+        return np.diff(np.flatnonzero(np.diff(curve.columns["time"], prepend=-9, append=1e9) > 0.02)).tolist()
+
+    assert pieces(100) == [2400] * 5
+    assert pieces(5000) == [6000] * 2
+    assert pieces(30_000) == [12_000]

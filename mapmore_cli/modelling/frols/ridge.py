@@ -105,17 +105,20 @@ def substitutes(data: Regularised, chosen: IntArray) -> tuple[IntArray, Array]:
     """For every chosen term the candidate that would serve best in its place, and how well, (k,) each.
 
     The share is the substitute's reduction of the regularised error over the term's own, both beside the other chosen terms; -1 and NaN
-    where there is no other candidate.
+    where there is no other candidate. With `H = G_cc^-1` of the chosen terms, `w = H G_c`, `s = diag G - sum_i G_ci w_i` and
+    `p = h - w'h_c`, leaving out term i makes these `s_j + w_ij^2/H_ii` and `p_j + w_ij theta_i/H_ii`, and the reduction is `p^2/s`.
     """
-    best, share = np.full(len(chosen), -1), np.full(len(chosen), np.nan)
-    for place, term in enumerate(chosen):
-        reductions = data.reductions(np.delete(chosen, place))
-        own = reductions[term]
-        reductions[chosen] = -1.0
-        if len(chosen) < len(reductions):
-            best[place] = int(np.argmax(reductions))
-            share[place] = reductions[best[place]] / own if own > 0 else np.nan
-    return best, share
+    if not 0 < len(chosen) < len(data.gram):
+        return np.full(len(chosen), -1), np.full(len(chosen), np.nan)
+    rows, inverse = data.gram[chosen], np.linalg.inv(data.gram[np.ix_(chosen, chosen)])
+    theta, without, w = inverse @ data.products[chosen], 1 / np.diag(inverse)[:, None], inverse @ rows
+    p = data.products - data.products[chosen] @ w + w * without * theta[:, None]
+    s = np.diag(data.gram) - np.einsum("ij,ij->j", rows, w) + w**2 * without
+    reductions = p**2 / np.maximum(s, data.ridge)
+    reductions[:, chosen] = -1.0
+    best = np.argmax(reductions, axis=1)
+    own = theta**2 * without[:, 0]
+    return best, np.divide(reductions.max(axis=1), own, out=np.full(len(chosen), np.nan), where=own > 0)
 
 
 RIDGES = (1e-5, 1e-4, 5e-4, 2e-3, 1e-2, 5e-2)  # candidates, as fractions of a standardised candidate's own variance

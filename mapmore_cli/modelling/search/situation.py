@@ -69,6 +69,16 @@ class Situation:
         """The inputs that move within a recording."""
         return tuple(name for name in self.inputs if name != self.level)
 
+    @property
+    def swept(self) -> str:
+        """The input that moves most."""
+        return (self.moving or self.inputs)[0]
+
+    @property
+    def steps(self) -> int:
+        """Steps of the longest recording."""
+        return 0 if self.step is None else round(self.longest / self.step)
+
 
 def situation_of(dataset: Dataset, ignored: Sequence[str] = (), inputs: Sequence[str] | None = None) -> Situation:
     """Look at the training samples of a dataset; `ignored` are no inputs, `inputs` are all of them where they are given."""

@@ -9,7 +9,7 @@ from itertools import product
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.arrays import Array, BoolArray
 
 LEAST_FOR_PERMUTATION, MOST_FOR_PERMUTATION = 6, 14
 """With fewer numbers, no combination of signs is rarer than 1 in 20; with more, not all combinations are tried."""
@@ -62,11 +62,23 @@ def sign_permutation(x: Array) -> float | None:
     return float(np.mean(np.abs(signs @ x) >= abs(x.sum()) * (1 - 1e-12)))
 
 
+NOTHING, LOST = 1e-6, 1e6
+"""Of the range: a smaller error is rounding, or noise that no structure is about; a run that diverged has the larger one."""
+
+WITHIN = (0.02, 0.18)
+"""Least and largest mean difference of logarithms that counts as within one standard error: 2 % and a fifth. What is held out differs by
+more than the least however much the folds agree, and with few folds a standard error alone allows much more than the largest."""
+
+PRICE = 0.05
+"""Of the logarithm of the number of parameters, where folds are stretches of recordings."""
+
+
 @dataclass(frozen=True)
 class Ranked:
-    """Numbers of the model of the least mean error and of the simplest within one standard error of it.
+    """Numbers of the model of the least error and of the one that is taken.
 
-    `excess` and `spread`, (s,) each: the mean over the folds of a model's error less that of the best, and its standard error.
+    `excess` and `spread`, (s,) each: the mean (or median) over the folds of ln(a model's error / that of the best), and the standard error
+    of the mean.
     """
 
     best: int
@@ -75,22 +87,55 @@ class Ranked:
     spread: Array
 
 
-def simplest_of(sizes: Sequence[int], errors: Array) -> Ranked:
-    """Rank models of some `sizes` (s,) by their `errors` (s, f) on the same f folds, two at least.
+def simplest_of(
+    sizes: Sequence[int], errors: Array, weights: Array | None = None, eligible: BoolArray | None = None, median: bool = False
+) -> Ranked:
+    """Rank models of some `sizes` (s,) by their `errors` (s, f), fractions of a range, on the same f folds, two at least.
 
-    With `d_if = e_if - e_bf`, b the model of the least mean error, model i is within one standard error where
-    `mean_f d_if <= sqrt(var_f d_if / f)`. The folds are compared one by one because some are harder for every model: the spread of the
-    errors themselves (the rule of Breiman et al. 1984, section 3.4.3) would mostly be that of the folds.
+    With `d_if = ln e_if - ln e_bf`, b the model of the least mean logarithm, and fold weights w that add up to 1,
+    model i is within one standard error where `m_i = sum_f w_f d_if <= s_i`, with
+    `s_i^2 = f/(f - 1) sum_f w_f^2 (d_if - m_i)^2`, and s_i at least and at most `WITHIN`. The smallest of these is taken.
+    The folds are compared one by one because some are harder for every model: the spread of the errors themselves (the
+    rule of Breiman et al. 1984, section 3.4.3) would mostly be that of the folds.
 
-    >>> errors = np.array([[3.0, 5.0, 4.0], [2.0, 4.1, 3.0], [2.0, 4.0, 3.1]])
+    - `eligible`: which models may be taken, (s,).
+    - `median`: the median over the folds plus `PRICE` ln(size) decides instead, and its least is taken. A stretch of a recording may differ
+      from all others by far, and must not decide alone.
+
+    >>> errors = np.array([[0.3, 0.5, 0.4], [0.2, 0.401, 0.3], [0.2, 0.4, 0.301]])
     >>> ranked = simplest_of([1, 2, 8], errors)
     >>> ranked.best, ranked.chosen
     (1, 1)
     """
-    means = errors.mean(axis=1)
-    order = np.lexsort((means, np.asarray(sizes)))
-    best = int(order[np.argmin(means[order])])  # of equals the simplest
-    differences = errors - errors[best]
-    excess, spread = differences.mean(axis=1), differences.std(axis=1, ddof=1) / np.sqrt(errors.shape[1])
-    within = excess <= spread * (1 + ROUNDING)
-    return Ranked(best, int(next(i for i in order if within[i])), excess, spread)
+    sized = np.maximum(np.asarray(sizes), 1)
+    folds = errors.shape[1]
+    share = np.full(folds, 1 / folds) if weights is None else weights / weights.sum()
+    logs = np.log(np.clip(np.nan_to_num(errors, nan=LOST, posinf=LOST), NOTHING, LOST))
+    middle = np.array([_median(each, share) for each in logs]) if median else _total(logs * share)
+    score = np.where(True if eligible is None else eligible, middle + PRICE * np.log(sized) * median, np.inf)
+    order = np.lexsort((score, sized))
+    best = int(order[np.argmin(score[order])])  # of equals the simplest
+    differences = logs - logs[best]
+    mean = _total(differences * share)
+    spread = np.sqrt(folds / max(folds - 1, 1) * _total((share * (differences - mean[:, None])) ** 2))
+    within = (score - score[best] <= np.clip(spread, *WITHIN) * (1 + ROUNDING)) & np.isfinite(score)
+    chosen = best if median else int(next(i for i in order if within[i]))
+    return Ranked(best, chosen, middle - middle[best], spread)
+
+
+def geometric_mean(errors: Sequence[float]) -> float:
+    """Return the error whose logarithm is the mean over the folds."""
+    return float(np.exp(np.mean(np.log(np.maximum(errors, NOTHING)))))
+
+
+def _total(values: Array) -> Array:
+    """Return the sums of the rows, to the digit the same in any order of the columns."""
+    total: Array = np.sort(values, axis=1).sum(axis=1)
+    return total
+
+
+def _median(values: Array, share: Array) -> float:
+    """Return the weighted median: where half of the weight lies below."""
+    order = np.argsort(values)
+    weight = share[order]
+    return float(np.interp(0.5, np.cumsum(weight) - weight / 2, values[order]))

@@ -16,6 +16,7 @@ from mapmore_cli.domain.scores import REPEATABILITY, Tuning
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.validation.comparison import ReferencePoint
 from mapmore_cli.modelling.validation.intervals import half_widths_of
+from mapmore_cli.modelling.validation.significance import WITHIN
 from mapmore_cli.reporting.campaign import CampaignScores
 from mapmore_cli.reporting.figures import style
 from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
@@ -48,15 +49,17 @@ def tuning_drawing(tuning: Tuning) -> Drawing:
         ax.axhline(100 * tuning.best.error, color=style.LIGHT, linewidth=0.8, zorder=0)
         for trial in trials:
             look: dict[str, Any] = {"color": colours[str(trial.settings[first])], "markersize": 4, "elinewidth": 0.8}
-            ax.errorbar(trial.parameters, 100 * trial.error, yerr=100 * trial.spread, fmt="o", **look)
+            below = 1 - np.exp(-np.clip(trial.spread, *WITHIN))  # of the error, where its logarithm is one standard error less
+            ax.errorbar(trial.parameters, 100 * trial.error, yerr=100 * trial.error * below, fmt="o", **look)
         chosen = tuning.chosen
         ax.plot(chosen.parameters, 100 * chosen.error, **RING)
 
     handles = [style.key(f"{first} {group}", color=colour, **MARK) for group, colour in colours.items()]
     handles.append(style.key("simplest within one standard error", **RING | {"markersize": 8}))
     caption = (
-        "Error on training data that were left out, over the number of free parameters. Bars: the standard error of the difference to the "
-        "best, whose error is the line. A combination whose bar reaches the line is as good as the best, as far as these data can tell."
+        "Error on training data that were left out, over the number of free parameters. Bars: the standard error of the ratio to the "
+        "best (2 to 20 %), whose error is the line. A combination whose bar reaches the line is as good as the best, as far as these "
+        "data can tell."
     )
     data: dict[str, Values] = {name: [str(trial.settings[name]) for trial in trials] for name in trials[0].settings}
     data |= {

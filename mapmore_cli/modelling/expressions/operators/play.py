@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
@@ -25,9 +27,15 @@ def recursion(setting: Setting) -> Recursion:
 
 def play(x: Array, width: float) -> Array:
     """Return the same along one piece, (n,): in a loop over floats five times as fast as by the recursion."""
+    return _followed(np.ascontiguousarray(x, dtype=np.float64).tobytes(), width).copy()
+
+
+@lru_cache(maxsize=64)  # a search follows the same input with the same width in many candidates
+def _followed(x: bytes, width: float) -> Array:
+    values = np.frombuffer(x).tolist()
     followed: list[float] = []
-    w = float(x[0]) if len(x) else 0.0
-    for now in x.tolist():
+    w = values[0] if values else 0.0
+    for now in values:
         if now - width > w:
             w = now - width
         elif now + width < w:
