@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,8 +15,6 @@ from scipy.optimize import brentq, least_squares
 
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.modelling import literature
-from mapmore_cli.modelling.literature.backbone import pooled
-from mapmore_cli.modelling.literature.formula import Formula
 from mapmore_cli.modelling.literature.identifiability import half_width
 from mapmore_cli.modelling.validation.metrics import uncentred
 from mapmore_cli.reporting.table import Cell, Table
@@ -130,42 +127,13 @@ def score_rows(config: str, split: str, title: str, name: str) -> Callable[[Path
     return table
 
 
-BOTH_WAYS = {
-    "wrist": ("chou_hannaford", "tondu_lopez_fixed_area", "tondu_lopez_corrected_fixed_area", "kerscher", "sarosi"),
-    "pgm": ("chou_hannaford", "tondu_lopez", "tondu_lopez_corrected", "kerscher", "sarosi"),
-}
-"""W's models by study; the diameter of the gel muscle is not known, so its area is fitted."""
-
-
-def both_ways(study: str, runs: Path) -> Table:
-    """W's models fitted to the error of the force, and to that of the strain: the error of both, and where strains are out of reach."""
-    dataset = run({"wrist": "wrist/wrist-static", "pgm": "pgm/pgm_force"}[study], runs, until="ingest").dataset()
-    columns = pooled([(curve, np.ones(curve.size, dtype=np.bool_)) for curve in dataset.curves])
-    force, rows = columns.pop(dataset.target), list[tuple[Cell, ...]]()
-    for model in BOTH_WAYS[study]:
-        formula = literature.get(model).of_muscle(WRIST)
-        assert isinstance(formula, Formula)
-        for way in ("force", "strain"):
-            fit = formula.fit(columns, force) if way == "force" else formula.fit_along(columns, force, way)
-            strain = formula.solved(fit, columns, force, "strain") - columns["strain"]
-            reached = np.isfinite(strain)
-            errors = math.sqrt(fit.sse / fit.samples), 100 * rms(strain[reached])
-            rows.append((f"{model}, {way}", *errors, int(np.sum(~reached)), fit.status.replace("_", " ")))
-    heads = ("model, fitted to the error of", "RMSE of the force [N] .3g", "RMSE of the strain [% strain] .3g", "no strain", "status")
-    note = "No strain: samples whose force the formula does not reach at their pressure; they are in no RMSE of the strain."
-    what = {"wrist": "The simulated table", "pgm": "The measured gel muscle"}[study]
-    return Table.of(f"both-ways-{study}", f"{what}: fitted to the error of the force, and to that of the strain", heads, rows, note)
-
-
 WRIST_TABLES: Mapping[str, Callable[[Path], Table]] = {
     "rebuilt": rebuilt_table,
     "inert": inert_table,
     "simulated": score_rows("wrist/wrist-static", "train", "The simulated table, scored as W does: on the points of the fit", "simulated"),
     "held-out": score_rows("wrist/wrist-static-held-out", "validate", "2, 4 and 6 bar held out", "held-out"),
-    "both-ways-wrist": partial(both_ways, "wrist"),
-    "both-ways-pgm": partial(both_ways, "pgm"),
 }
-"""Every table of docs/wrist.md; the last one needs measured data."""
+"""Every table of docs/wrist.md."""
 
 
 # H ------------------------------------------------------------------------------------------------------------------------------------

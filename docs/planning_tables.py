@@ -21,7 +21,6 @@ from mapmore_cli.fitting.left_out import residuals
 from mapmore_cli.fitting.refitting import refitted
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.literature.backbone import pooled_training
-from mapmore_cli.modelling.planning import levels as of_levels
 from mapmore_cli.modelling.planning.points import Committee, Measured
 from mapmore_cli.modelling.validation.intervals import INTERVAL, half_widths, refusal
 from mapmore_cli.pipeline.runner import bring_up_to_date
@@ -122,13 +121,6 @@ def quiet(_what: str, _done: int, _of: int) -> None:
     """No progress."""
 
 
-def by_plan(choices: ModelChoices, dataset: Dataset, known: Sequence[float], rest: Sequence[float]) -> float:
-    """Return the level that `plan` names."""
-    data = trained_on(dataset, known)
-    left_out = residuals(choices, data, {}, quiet, refitted(choices, data))
-    return in_gap(known, rest, of_levels.gap_errors(np.array(known), np.hypot(left_out.offset, left_out.scatter)))
-
-
 @cache
 def of_levels_by(name: str, runs: Path) -> Mapping[str, Campaign]:
     """Return the campaigns of one study, by the way in which levels are chosen; of random ones the medians."""
@@ -142,7 +134,6 @@ def of_levels_by(name: str, runs: Path) -> Mapping[str, Campaign]:
         rng = np.random.default_rng(seed)
         drawn.append(campaign(choices, dataset, lambda _known, rest, rng=rng: float(rng.choice(rest))))  # type: ignore[misc]
     return {
-        "plan": campaign(choices, dataset, lambda known, rest: by_plan(choices, dataset, known, rest)),
         "equal": campaign(choices, dataset, lambda known, rest: in_gap(known, rest, np.diff(known))),
         "random": Campaign((), np.median([one.errors for one in drawn], axis=0)),
         "oracle": campaign(choices, dataset, best),
@@ -154,21 +145,20 @@ def levels_table(runs: Path) -> Table:
     rows: list[tuple[Cell, ...]] = []
     for name in LEVELS:
         found = of_levels_by(name, runs)
-        counts = range(START + 1, START + len(found["plan"].errors))
+        counts = range(START + 1, START + len(found["equal"].errors))
         rows += [(name, k, *(100 * float(one.errors[k - START]) for one in found.values())) for k in counts]
-    ratio = np.array([[row[2], row[4], row[5]] for row in rows], dtype=float) / np.array([[row[3]] for row in rows], dtype=float)
+    ratio = np.array([row[3:] for row in rows], dtype=float) / np.array([[row[2]] for row in rows], dtype=float)
     mean = np.exp(np.log(ratio).mean(axis=0))
-    columns = ("map", "levels", *(f"{one} [%] .2f" for one in ("plan", "equal", "random", "oracle")))
-    note = f"Geometric mean of the ratio to equal distances: plan {mean[0]:.2f}, random {mean[1]:.2f}, oracle {mean[2]:.2f}."
+    columns = ("map", "levels", *(f"{one} [%] .2f" for one in ("equal", "random", "oracle")))
+    note = f"Geometric mean of the ratio to equal distances: random {mean[0]:.2f}, oracle {mean[1]:.2f}."
     return Table.of("levels", "RMS error over all levels, in per cent of the largest force, after so many levels", columns, rows, note)
 
 
 def stopping_table(runs: Path) -> Table:
-    """How often a campaign by equal distances that stops by its half width had reached what was wanted, and how the forecast of it was."""
+    """How often a campaign by equal distances that stops by its half width had reached what was wanted."""
     rows: list[tuple[Cell, ...]] = []
     for wanted in WANTED:
         stopped = reached = 0
-        forecasts: list[str] = []
         for name in LEVELS:
             choices, dataset = study(name, runs)
             order = of_levels_by(name, runs)["equal"].order
@@ -179,16 +169,13 @@ def stopping_table(runs: Path) -> Table:
                 if refusal(left_out) is not None:
                     continue
                 middles = (np.array(known[1:]) + np.array(known[:-1])) / 2
-                if k == START:
-                    more = of_levels.until(left_out, wanted * left_out.largest).more
-                    forecasts.append("–" if more is None else str(more))
                 if half_widths(left_out, middles, INTERVAL).max() <= wanted * left_out.largest:
                     stopped += 1
                     errors = np.abs(np.concatenate(misses(choices, dataset, known)))
                     reached += bool(np.quantile(errors, INTERVAL) <= wanted)
                     break
-        rows.append((100 * wanted, len(LEVELS), stopped, reached, ", ".join(forecasts)))
-    columns = ("wanted [%] .0f", "campaigns", "stopped", "reached", "forecast of more, from three levels")
+        rows.append((100 * wanted, len(LEVELS), stopped, reached))
+    columns = ("wanted [%] .0f", "campaigns", "stopped", "reached")
     return Table.of("stopping", "Campaigns that stop where the widest half width is the wanted one", columns, rows)
 
 

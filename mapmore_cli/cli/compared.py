@@ -170,7 +170,7 @@ def of_plan(plan: Plan) -> View:
         "name": plan.name,
         "target": plan.target.name,
         "units": {name: quantity.unit for name, quantity in {plan.target.name: plan.target, **plan.quantities}.items()},
-        "next": [{**one.at, **picked(one, "kind", "half_width", "after", "error", "cost")} for one in plan.candidates],
+        "next": [{**one.at, **picked(one, "kind", "gap", "half_width", "after", "error", "cost")} for one in plan.candidates],
         "widest": plan.widest,
         "until": None,
         "notes": plan.notes,
@@ -184,13 +184,16 @@ def of_plan(plan: Plan) -> View:
 
 def _plan_table(plan: Plan) -> Table:
     unit, costs = plan.target.unit, {candidate.cost for candidate in plan.candidates} != {1.0}
-    error = "expected error" if plan.candidates[0].kind == "point" else "left-out error"
     columns = [Column("rank"), *(Column(name, quantity.unit, ".4g") for name, quantity in plan.quantities.items()), Column("what")]
-    columns += [Column("half width", unit, ".3g"), Column("after", unit, ".3g"), Column(error, unit, ".3g")]
+    if levels := plan.candidates[0].kind == "between":
+        columns.append(Column("gap", next(iter(plan.quantities.values())).unit, ".4g"))
+    else:
+        columns += [Column(what, unit, ".3g") for what in ("half width", "after", "expected error")]
     columns += [Column("cost", "", ".3g")] if costs else []
     rows: list[tuple[Cell, ...]] = []
     for number, one in enumerate(plan.candidates, 1):
-        numbers = (one.half_width, one.after, one.error, *([one.cost] if costs else []))
+        sizes = (one.gap,) if levels else (one.half_width, one.after, one.error)
+        numbers = (*sizes, *([one.cost] if costs else []))
         rows.append((number, *(one.at[name] for name in plan.quantities), one.kind, *numbers))
     return Table("plan", f"What to measure next for {plan.name}, the best first", tuple(columns), tuple(rows), plan.notes)
 

@@ -75,9 +75,8 @@ def plan(
 ) -> None:
     """Say what to measure next, where the model is least sure.
 
-    With levels, the model is made without each inner one; the next lies in the middle of the gap that is expected to err most. Without
-    levels, or with --points, several models stand in a committee, and points go where these disagree and data are far. Held-out data are
-    not used. Per cent are of the largest |target|.
+    With levels, the next lies in the middle of the widest gap. Without levels, or with --points, several models stand in a committee, and
+    points go where these disagree and data are far. Held-out values are not used. Per cent are of the largest |target|.
     """
     from mapmore_cli.cli.compared import of_plan
     from mapmore_cli.spec.loader import load

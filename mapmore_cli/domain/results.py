@@ -170,10 +170,11 @@ class Candidate:
     """A measurement that could be made; half widths are those of the 95 % interval, in the target's unit, NaN where unknown."""
 
     at: Mapping[str, float]  # values of the quantities to set, by name, in the model's units
-    kind: Literal["between", "repeat", "point"]  # `between` two levels, a `repeat` of a level, or a `point` of a map
-    half_width: float  # there, before the measurement
-    after: float  # its forecast for after the measurement
-    error: float  # expected root mean square error there before the measurement; NaN where unknown
+    kind: Literal["between", "point"]  # `between` two levels, or a `point` of a map
+    gap: float = math.nan  # distance of the two levels
+    half_width: float = math.nan  # there, before the measurement
+    after: float = math.nan  # its forecast for after the measurement
+    error: float = math.nan  # expected root mean square error there before the measurement
     cost: float = 1.0  # by the user's prices of a change of each quantity
 
 
@@ -193,7 +194,7 @@ class Picture:
 
     places: Columns  # coordinates of the half widths by name, (n,) each
     before: Array  # half widths now, (n,)
-    after: Array  # with all of the plan's points, or with its first level measured, (n,)
+    after: Array  # with all of the plan's points measured, (n,)
     measured: Columns  # coordinates of what trains, by name, (m,) each
 
 

@@ -88,9 +88,7 @@ class Contest:
             from mapmore_cli.fitting.baselines import predictions
 
             return Rival(competitor.label, _forecasts(predictions(competitor.model, self.dataset, self.model)))
-        found = self._fitted(
-            competitor.model, self.dataset.curves, self.dataset.target, competitor.method, competitor.starts, competitor.errors_in
-        )
+        found = self._fitted(competitor.model, self.dataset.curves, self.dataset.target, competitor.method, competitor.starts)
         fit = self._with_held_out(found)
         return Rival(competitor.label, _forecasts(_predicted(fit, self.dataset.curves)), {competitor.label: fit})
 
@@ -193,11 +191,10 @@ class Contest:
         target: str,
         method: str | None,
         starts: str | None = None,
-        errors_in: str | None = None,
     ) -> FormulaFit:
         formula = literature.get(name)
         if not isinstance(formula, HysteresisLoss):
-            return fit_formula(name, curves, target, method, self.lengths, starts, errors_in)
+            return fit_formula(name, curves, target, method, self.lengths, starts)
         length = self.lengths["length"]
         if length is None:
             raise SpecError(f"validate.against: {name} needs the length of the muscle", "add `length: 88 mm` to `muscle`")

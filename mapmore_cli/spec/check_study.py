@@ -13,7 +13,6 @@ from mapmore_cli.domain.recording import DIRECTION
 from mapmore_cli.domain.scores import BASELINES, METRICS, OWN, REPEATABILITY, SIMPLE
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.expressions import ExpressionError
-from mapmore_cli.modelling.literature.formula import can_be_solved
 from mapmore_cli.modelling.literature.own import formula_of
 from mapmore_cli.modelling.pieces.recipe import CutByDirection, Cuts
 from mapmore_cli.modelling.selection import AUTO
@@ -331,14 +330,9 @@ def _other_rival(spec: ExperimentSpec, name: str, rival: Competitor, loc: Loc) -
 def competitors(spec: ExperimentSpec) -> Iterator[Finding]:
     """Require that formulas can be fitted in the way that is wanted, and competitors have names of their own and data to be fitted to."""
     for name, settings, loc in _with_settings(spec):
-        formula, starts, errors_in = formula_called(spec, name), settings.starts, settings.errors_in
+        formula, starts = formula_called(spec, name), settings.starts
         if formula is not None and starts is not None:
             yield from refused((*loc, "starts"), formula.starting_from, starts)
-        if formula is not None and errors_in is not None:
-            if not can_be_solved(formula):
-                yield Finding((*loc, "errors_in"), f"`{name}` is fitted in a way of its own, to errors of the target", "remove it")
-            elif errors_in not in formula.inputs:
-                yield Finding((*loc, "errors_in"), f"`{name}` has no input `{errors_in}`", did_you_mean(errors_in, formula.inputs))
     shown = [OWN, REPEATABILITY]
     for loc, rival in _rivals(spec):
         if rival.static is not None and spec.target not in MOTION:

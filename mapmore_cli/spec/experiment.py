@@ -73,7 +73,6 @@ class Competitor(Section):
     - `static` and `damping` name two formulas that are added up. `static: mapmore` is the static model that the spec needs.
     - `sum` adds formulas with signs and renamed inputs, and fits them together.
     - `method` says how a formula is fitted; `starts` where `levenberg_marquardt` starts (`published`, `printed`).
-    - `errors_in` names an input whose error is minimised in place of the target's, as the strain under a weight.
     - `as` is the name in the scores.
     """
 
@@ -84,7 +83,6 @@ class Competitor(Section):
     damping: str | None = None
     method: FitMethod | None = None
     starts: str | None = None
-    errors_in: str | None = None
     sum: Summands | None = None
     as_: Name | None = Field(default=None, alias="as")
 
@@ -110,8 +108,6 @@ class Competitor(Section):
         if self.starts is not None and (self.model is None or self.method != "levenberg_marquardt"):
             remedy = "write `{model: sarosi, method: levenberg_marquardt, starts: published}`"
             yield Contradiction("`starts` goes with a `model` and `method: levenberg_marquardt`", remedy, "starts")
-        if self.errors_in is not None and (self.model is None or self.is_file):
-            yield Contradiction("`errors_in` goes with a formula as `model`", "write `{model: sarosi, errors_in: strain}`", "errors_in")
 
     @property
     def is_file(self) -> bool:

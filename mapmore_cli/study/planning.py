@@ -18,17 +18,14 @@ from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import Candidate, Picture, Plan, Search, Until
 from mapmore_cli.domain.scores import Trial, Tuning
 from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices
-from mapmore_cli.fitting.left_out import residuals
 from mapmore_cli.fitting.refitting import Folds, errors_of, folds_of, refitted, training_only
 from mapmore_cli.fitting.stage import Progress, Warn
 from mapmore_cli.ingestion.files import slice_of
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.kinds import parameters
 from mapmore_cli.modelling.literature.backbone import fit_formula, pooled_training
-from mapmore_cli.modelling.planning import levels as of_levels
 from mapmore_cli.modelling.planning import points as of_points
 from mapmore_cli.modelling.selection import AUTO
-from mapmore_cli.modelling.validation.intervals import refusal
 from mapmore_cli.modelling.validation.significance import geometric_mean, simplest_of
 from mapmore_cli.pipeline.runner import FOUND, SEARCH_STAGE, OnStage, bring_up_to_date, search_stages
 from mapmore_cli.pipeline.search import SEARCH, read_search
@@ -132,13 +129,7 @@ ASTRAY = 2.0
 STEPS = {1: 201, 2: 41, 3: 13}
 """Steps of the grid of places along each of so many inputs."""
 
-BESIDE = 0.25
-"""Of a gap: a held-out level that lies nearer to a proposed one is named."""
-
-EQUAL = (
-    "Equal distances are as good on most measured muscles (docs/planning.md): this order helps where one part of the range errs much more "
-    "than the others."
-)
+EQUAL = "On measured muscles, no rule was better than equal distances (docs/planning.md)."
 MAP = "On six measured maps, such points left 0.3 to 1.2 times the error of evenly spread ones, 0.84 in the mean (docs/planning.md)."
 FORECAST = "How many more is a forecast: it holds on average, and single cases miss it by much."
 
@@ -158,11 +149,11 @@ def plan(
 ) -> Plan:
     """Rank the measurements that could be made: levels where the study has some, else (or with `points`) points of a map.
 
-    The data are ingested in the folder of the run; nothing else is written. Held-out samples are not used. `until` is the wanted half
+    The data are ingested in the folder of the run; nothing else is written. Held-out values are not used. `until` is the wanted half
     width, in per cent of the largest |target| (`2%`) or in the target's unit; `prices` say what a change of each quantity costs.
 
     Raises SpecError for a model that runs over time, and a sum of other runs; DataError where there is nothing to plan by: a single level,
-    or a single place; UsageError where `until` is no size, or a price is of a quantity that the study does not set.
+    or a single place; UsageError where `until` is no size or levels are planned, or a price is of a quantity that the study does not set.
     """
     searched = loaded.spec.model.type == "auto"
     if not searched:
@@ -175,7 +166,9 @@ def plan(
     largest = max(float(np.abs(curve.columns[dataset.target]).max()) for curve in dataset.curves)
     wanted = None if until is None else _size_of(until, largest)
     if dataset.level is not None and points is None:
-        planned = _of_levels(loaded.spec.name, choices, dataset, whole, wanted, prices, listeners["progress"])
+        if wanted is not None:
+            raise UsageError("--until: there is no forecast of levels", "add `--points 5`, or leave it out")
+        planned = _of_levels(loaded.spec.name, whole, prices)
     else:
         planned = _of_points(loaded.spec.name, choices, dataset, points or 5, wanted, prices)
     quantities = {name: dataset.quantities[name] for name in planned[0][0].at}
@@ -209,51 +202,19 @@ def _checked(prices: Mapping[str, float], names: Sequence[str]) -> None:
         raise UsageError(f"--cost {wrong}: the plan does not set it", f"name one of {', '.join(names)}")
 
 
-def _of_levels(
-    name: str,
-    choices: ModelChoices,
-    dataset: Dataset,
-    whole: Dataset,
-    wanted: float | None,
-    prices: Mapping[str, float],
-    progress: Progress,
-) -> Planned:
-    """Return the next levels."""
-    level = str(dataset.level)
+def _of_levels(name: str, whole: Dataset, prices: Mapping[str, float]) -> Planned:
+    """Return the middles of the gaps between levels, the widest first; held-out levels are measured already."""
+    level = str(whole.level)
     _checked(prices, (level,))
-    places = np.unique([curve.level for curve in dataset.curves if curve.level is not None])
+    places = np.unique([curve.level for curve in whole.curves if curve.level is not None])
     if len(places) < 2:
-        raise DataError(f"{name}: there is a single training level of {level}", "measure its lowest and its highest value first")
-    price = prices.get(level, 1.0)
-    if len(places) == 2:
-        nothing = Picture({level: places}, np.full(2, np.nan), np.full(2, np.nan), {level: places})
-        found = of_levels.first_levels(places, level, price)
-        told = ("Two levels do not show how a model errs between them: the middle is next.",)
-        return found, nothing, None, told
-    left_out = residuals(choices, dataset, {}, progress, refitted(choices, dataset))
-    found = of_levels.candidates(left_out, level, price)
-    notes = [EQUAL, *_beside(found, level, places, whole)]
-    refused = refusal(left_out)
-    if refused is not None:
-        notes.insert(0, f"No half widths: {refused}.")
-    if any(one.kind == "repeat" for one in found):
-        notes.insert(0, "Between levels the model errs no more than at them: repeats come first.")
-    forecast = None if wanted is None or refused is not None else of_levels.until(left_out, wanted)
-    if forecast is not None:
-        notes.append(FORECAST)
-    return found, of_levels.picture(left_out, level, found[0]), forecast, tuple(notes)
-
-
-def _beside(found: Sequence[Candidate], level: str, places: Array, whole: Dataset) -> list[str]:
-    """Held-out levels that lie near the first proposal: they are measured already."""
-    first = found[0]
-    if first.kind != "between":
-        return []
-    gap = int(np.searchsorted(places, first.at[level]))
-    near = BESIDE * float(places[gap] - places[gap - 1])
-    held = {curve.level for curve in whole.curves if curve.level is not None and not curve.training.any()}
-    there = sorted(value for value in held if abs(value - first.at[level]) <= near)
-    return [f"{level}={value:g} is measured and held out: the plan does not use it." for value in there]
+        raise DataError(f"{name}: there is a single level of {level}", "measure its lowest and its highest value first")
+    order = np.argsort(-np.diff(places), kind="stable")
+    found = tuple(Candidate({level: float(places[i : i + 2].mean())}, "between", gap=float(np.diff(places)[i])) for i in order)
+    low, high = places[order[0] : order[0] + 2]
+    why = f"No gap between levels is wider than that from {low:g} to {high:g}. {EQUAL}"
+    unknown = np.full(len(places), np.nan)
+    return found, Picture({level: places}, unknown, unknown, {level: places}), None, (why,)
 
 
 def _of_points(

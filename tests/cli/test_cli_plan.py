@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from cli_samples import change_forces, write_recording, write_study
+from cli_samples import write_recording, write_study
 
 
 def write(folder: Path, levels: list[int], held_out: tuple[int, ...] = ()) -> Path:
@@ -27,30 +27,26 @@ def planned(mapmore, spec: Path, *arguments: object) -> Any:
 LEVELS = [0, 100, 200, 300, 400, 500, 600]
 
 
-def test_the_next_level_lies_where_the_force_bends(tmp_path, mapmore):
-    found = planned(mapmore, write(tmp_path, [*LEVELS[:5], 500]), "--until", "2%", "--cost", "pressure=2")
-    assert found["next"][0]["pressure"] > 250
-    assert all(one["after"] <= one["half_width"] and one["cost"] == 2 for one in found["next"])
-    assert len(found["next"]) == 5
-    assert found["until"]["wanted"] > 0
-    assert sorted(one["error"] for one in found["next"])[::-1] == [one["error"] for one in found["next"]]
+def test_the_next_level_halves_the_widest_gap(tmp_path, mapmore):
+    found = planned(mapmore, write(tmp_path, [0, 100, 200, 400, 500]))
+    assert [(one["pressure"], one["gap"]) for one in found["next"]] == [(300, 200), (50, 100), (150, 100), (450, 100)]
+    assert found["notes"][0].startswith("No gap between levels is wider than that from 200 to 400.")
 
 
-def test_held_out_forces_change_nothing(tmp_path, mapmore):
-    spec = write(tmp_path, LEVELS, (500,))
-    before = planned(mapmore, spec)
-    change_forces(tmp_path / "bench_500.csv", lambda force: np.full(len(force), -7.0))
-    assert planned(mapmore, spec)["next"] == before["next"]
-    assert before["next"][0]["pressure"] == 500
-    assert "pressure=500 is measured and held out: the plan does not use it." in before["notes"]
+def test_a_held_out_level_is_measured(tmp_path, mapmore):
+    assert planned(mapmore, write(tmp_path, [0, 100, 300], (100,)))["next"][0]["pressure"] == 200
 
 
-def test_two_levels_say_the_middle_and_one_says_nothing(tmp_path, mapmore):
-    found = planned(mapmore, write(tmp_path, [100, 500]))
-    assert [(one["pressure"], one["half_width"]) for one in found["next"]] == [(300.0, None)]
-    for path in tmp_path.glob("bench_*.csv"):
-        path.unlink()
-    mapmore("plan", write(tmp_path, [100]), "--runs", tmp_path / "other", code=4, says="single training level")
+def test_a_single_level_says_nothing_and_levels_have_no_forecast(tmp_path, mapmore):
+    mapmore("plan", write(tmp_path, [100]), "--runs", tmp_path / "other", code=4, says="single level")
+    mapmore("plan", write(tmp_path, LEVELS), "--runs", tmp_path / "runs", "--until", "2%", code=2, says="--points")
+
+
+def test_the_table_and_the_figure_of_levels(tmp_path, mapmore):
+    result = mapmore("plan", write(tmp_path, LEVELS), "--runs", tmp_path / "runs", "-o", tmp_path / "plan.svg", code=0)
+    assert "gap [kPa]" in result.stdout
+    assert "equal distances" in result.stdout
+    assert "next" in (tmp_path / "plan.svg").read_text()
 
 
 def test_points_of_a_map_and_its_figure(tmp_path, mapmore):
@@ -62,11 +58,3 @@ def test_points_of_a_map_and_its_figure(tmp_path, mapmore):
     assert files[0].read_text().startswith("<?xml")
     with files[1].open() as file:
         assert [row["what"] for row in csv.DictReader(file)] == ["point"] * 4
-
-
-def test_the_table_and_the_figure_of_levels(tmp_path, mapmore):
-    spec = write(tmp_path, LEVELS)
-    result = mapmore("plan", spec, "--runs", tmp_path / "runs", "--until", "0.5", "-o", tmp_path / "plan.svg", code=0)
-    assert "half width [N]" in result.stdout
-    assert "Equal distances" in result.stdout
-    assert "forecast after the first" in (tmp_path / "plan.svg").read_text()

@@ -18,7 +18,6 @@ from mapmore_cli.spec.loader import load
 
 WRIST, MUSCLE_LIKE = DOCS / "wrist.md", DOCS / "muscle-like.md"
 CONFIGS = DOCS.parent / "configs"
-MEASURED = "both-ways-pgm"
 
 
 @pytest.fixture(scope="module")
@@ -45,20 +44,14 @@ def assert_shown(found: Table, page: Path) -> None:
 
 def test_the_wrist_page(runs: Path) -> None:
     for name, table in muscle_tables.WRIST_TABLES.items():
-        if name != MEASURED:
-            made = table(runs)
-            assert made.name == name
-            assert_shown(made, WRIST)
+        made = table(runs)
+        assert made.name == name
+        assert_shown(made, WRIST)
 
 
 @pytest.mark.parametrize("name", ["table-1", pytest.param("joint", marks=pytest.mark.long), "closed-valves"])
 def test_the_muscle_like_page(name: str, runs: Path) -> None:
     assert_shown(muscle_tables.MUSCLE_LIKE_TABLES[name](runs), MUSCLE_LIKE)
-
-
-@pytest.mark.long  # the simulated muscle of the wrist is fitted both ways in its page's test
-def test_the_measured_gel_muscle_fitted_both_ways(runs: Path, measured_data: Path) -> None:
-    assert_shown(muscle_tables.WRIST_TABLES[MEASURED](runs), WRIST)
 
 
 def test_the_sentences_of_w_follow_from_the_tables() -> None:
@@ -68,23 +61,9 @@ def test_the_sentences_of_w_follow_from_the_tables() -> None:
     said = [f"{r[model]} for eq ({equation})" for model, equation in zip(models, (4, 3, 8, 9, 12), strict=True)]
     assert f"R is {', '.join(said[:-1])} and {said[-1]}" in text
     assert f"and {r['mapmore']} for `mapmore`" in text
-    for study, told in (("wrist", "from {:.3f} to {:.3f} % strain"), ("pgm", "({:.3f} to {:.3f} % strain)")):
-        rows = page_table(f"both-ways-{study}", WRIST)
-        assert told.format(*(float(rows[f"sarosi, {way}"]["RMSE of the strain"]) for way in ("force", "strain"))) in text
     n = {name: row["RMSE"] for name, row in page_table("held-out", WRIST).items()}
     said = [f"{n[model]} for eq ({equation})" for model, equation in zip(reversed(models), (12, 9, 8, 3, 4), strict=True)]
     assert f"{n['mapmore']} N for `mapmore`, {', '.join(said[:-1])} and {said[-1]}" in text
-    rows = page_table("both-ways-wrist", WRIST)
-    assert "from {} to {} N".format(*(rows[f"sarosi, {way}"]["RMSE of the force"] for way in ("force", "strain"))) in text
-
-
-@pytest.mark.parametrize("study", ["wrist", "pgm"])
-def test_each_way_is_best_at_what_it_minimises(study: str) -> None:
-    rows = {name: numbers(row) for name, row in page_table(f"both-ways-{study}", WRIST).items()}
-    for model in ("sarosi", "kerscher"):
-        force, strain = rows[f"{model}, force"], rows[f"{model}, strain"]
-        assert force["RMSE of the force"] <= strain["RMSE of the force"]
-        assert strain["RMSE of the strain"] <= force["RMSE of the strain"] or strain["no strain"] < force["no strain"]
 
 
 def test_the_splits_begin_with_what_the_study_says(runs: Path) -> None:

@@ -1,6 +1,4 @@
-"""What to measure next: gaps of levels and points of maps."""
-
-from itertools import count
+"""What to measure next: points of maps."""
 
 import numpy as np
 import pytest
@@ -8,67 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sklearn.gaussian_process import GaussianProcessRegressor, kernels
 
-from mapmore_cli.domain.models import LeftOut
-from mapmore_cli.modelling.planning import levels, points
+from mapmore_cli.modelling.planning import points
 from mapmore_cli.modelling.planning.points import GaussianProcess, fitted, matern
-from mapmore_cli.modelling.validation.intervals import SHARES, half_widths
-
-
-def left_out_of(places: list[float], errors: list[float], residual: float = 0.1, repeats: int = 1) -> LeftOut:
-    """Levels whose inner ones err by so much when left out, half of it an offset."""
-    e = np.array(errors)
-    sizes = e[:, None] * SHARES
-    counts = (repeats,) * len(places)
-    kept = (np.array([10] * len(e)), 0.5 * e, np.sqrt(0.75) * e, sizes, tuple(places), counts, 400.0, residual)
-    return LeftOut("levels", len(places), tuple(map(str, e)), *kept)
-
-
-steps = st.lists(st.floats(1.0, 50.0), min_size=2, max_size=7)
-
-
-@given(steps, st.floats(0.5, 20.0))
-def test_where_errors_follow_distances_the_widest_gap_is_next(widths: list[float], rate: float) -> None:
-    places = np.cumsum([0.0, *widths])
-    errors = rate * (places[2:] - places[:-2]) ** levels.POWER
-    expected = levels.gap_errors(places, errors)
-    assert expected == pytest.approx(rate * np.diff(places) ** levels.POWER)
-    assert widths[int(np.argmax(expected))] == pytest.approx(max(widths))
-
-
-def test_gap_errors_by_hand() -> None:
-    places, errors = np.array([0.0, 1.0, 3.0, 4.0]), np.array([3.0, 6.0])
-    a, b = 3.0 / 3**0.75, 6.0 / 3**0.75
-    assert levels.gap_errors(places, errors) == pytest.approx([a, (a + b) / 2 * 2**0.75, b])
-
-
-@given(steps, st.floats(0.1, 500.0))
-def test_the_forecast_counts_the_parts_that_every_gap_needs(widths: list[float], wanted: float) -> None:
-    places = np.cumsum([0.0, *widths])
-    data = left_out_of(places.tolist(), [30.0] * (len(widths) - 1), residual=1e-3)
-    found, halves = levels.until(data, wanted), half_widths(data, (places[1:] + places[:-1]) / 2, 0.95)
-    # one level more at a time, until each part is narrow enough
-    assert found.more == sum(next(n for n in count() if half * (n + 1) ** -0.75 <= wanted * (1 + 1e-6)) for half in halves)
-    assert found.least <= wanted * (1 + 1e-6) or found.more == 0
-
-
-def test_candidates_are_the_middles_the_worst_first() -> None:
-    found = levels.candidates(left_out_of([0.0, 100.0, 200.0, 300.0], [2.0, 20.0]), "pressure", 3.0)
-    assert [one.at["pressure"] for one in found] == [250.0, 150.0, 50.0]
-    assert all(one.kind == "between" and one.after <= one.half_width and one.cost == 3.0 for one in found)
-
-
-def test_repeats_come_first_where_they_limit() -> None:
-    found = levels.candidates(left_out_of([0.0, 1.0, 2.0], [1.0], residual=5.0, repeats=3), "strain")
-    assert [one.kind for one in found] == ["repeat"] * 3 + ["between"] * 2
-    assert found[0].after < found[0].half_width
-    once = levels.candidates(left_out_of([0.0, 1.0, 2.0], [1.0], residual=5.0), "strain")
-    assert np.isnan(once[0].half_width)
-
-
-def test_a_forecast_knows_what_is_out_of_reach() -> None:
-    out = levels.until(left_out_of([0.0, 100.0, 200.0, 300.0], [20.0, 20.0], residual=10.0), 5.0)
-    assert out.more is None
-    assert out.least >= 19.5
 
 
 def test_a_process_of_two_points_by_hand() -> None:

@@ -33,7 +33,7 @@ def fitted(name: str, part: FitChoices, dataset: Dataset) -> FormulaFit:
     Raises FitError where it did not converge to anything usable: the model stands on it.
     """
     model = part.model
-    found = fit_formula(name, dataset.curves, dataset.target, model.method, part.lengths, model.starts, model.errors_in)
+    found = fit_formula(name, dataset.curves, dataset.target, model.method, part.lengths, model.starts)
     if found.failed:
         reasons = "; ".join(found.notes) or "no finite parameters were found"
         raise FitError(f"the fit of {found.name} failed: {reasons}", "take another formula, or build the model without one")

@@ -13,11 +13,9 @@ from types import MappingProxyType
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns
-from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling import literature
-from mapmore_cli.modelling.literature.formula import can_be_solved
 
 
 def pooled(parts: Sequence[tuple[Curve, BoolArray]]) -> dict[str, Array]:
@@ -37,28 +35,21 @@ def fit_formula(
     method: str | None = None,
     lengths: Mapping[str, float | None] = MappingProxyType({}),
     starts: str | None = None,
-    errors_in: str | None = None,
     *,
     advice: bool = True,
 ) -> FormulaFit:
     """Fit a formula to the training samples of all curves.
 
     `lengths` are the muscle's `length` and `diameter`, in m, for formulas that have one of them; `starts` names published starting values.
-    `errors_in` is the input whose error is minimised instead of the target's; `SpecError` for a formula that cannot be solved for it.
     `advice` is about what to measure, for the reader of the fit: folds have none.
     """
     columns = pooled_training(curves)
-    key = _digest(columns, name, target, method, starts, errors_in, advice, *sorted(lengths.items()))
+    key = _digest(columns, name, target, method, starts, advice, *sorted(lengths.items()))
     if key not in _FITTED:
         formula = literature.get(name).of_muscle(lengths)
         if starts is not None:
             formula = formula.starting_from(starts)
-        if errors_in is None:
-            _keep(key, formula.fit(columns, columns[target], method, advice=advice))
-        elif can_be_solved(formula):
-            _keep(key, formula.fit_along(columns, columns[target], errors_in, method))
-        else:
-            raise SpecError(f"{formula.name} is fitted in a way of its own: to errors of {target}", "remove `errors_in`")
+        _keep(key, formula.fit(columns, columns[target], method, advice=advice))
     return _FITTED[key]
 
 

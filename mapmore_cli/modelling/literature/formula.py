@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import ClassVar, Self, TypeGuard
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -15,7 +14,7 @@ from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.fits import FormulaFit, Optimum
 from mapmore_cli.modelling.expressions import Expression, Number, derivative, dictionary_matrix, evaluate, parse, substitute
-from mapmore_cli.modelling.literature import errors_in, linear, solvers
+from mapmore_cli.modelling.literature import linear, solvers
 from mapmore_cli.modelling.literature.identifiability import hints
 from mapmore_cli.modelling.literature.problem import Nonlinear, Problem, Solution, dependence, finite, needed
 
@@ -230,40 +229,11 @@ class Formula(LiteratureModel):
     def _solved(self, problem: Problem, method: str) -> Solution:
         return solvers.METHODS[method if self.fitted else DEFAULT](problem)  # without parameters there is nothing to descend to
 
-    def fit_along(self, columns: Columns, y: Array, name: str, method: str | None = None) -> FormulaFit:
-        """Least-squares fit to the error of the input `name`, where the target was set and that input was measured.
-
-        It goes on from `fit`. The sum of squares of the result is that of the target all the same; the standard errors and the first note
-        are of the error of the input.
-
-        Raises SpecError for what is no input, and as `fit`, as DataError.
-        """
-        if name not in self.inputs:
-            raise SpecError(f"{self.name} has no input `{name}` that could be measured wrong", f"write one of {', '.join(self.inputs)}")
-        problem = self._problem(columns, y)
-        start = self._solved(problem, method or DEFAULT)
-        if start.status == "failed":
-            return self._result(problem, start)
-        moved, rows, missed, slope = errors_in.refined(problem, start, name)
-        fit = self._result(problem, moved)
-        slopes = self._jacobian_at({one: fit.parameters[one] for one in self.fitted})(rows)
-        sse, silent = float(np.sum(missed**2)), len(problem.y) - len(missed)
-        deviations = linear.standard_errors((slopes.T / slope).T, sse)[0]
-        errors = {**fit.errors, **dict(zip(self.fitted, map(float, deviations), strict=True))}
-        without = f"; without {silent} sample(s) at which the formula does not depend on it" if silent else ""
-        said = f"fitted to the error of {name}, whose RMSE is {math.sqrt(sse / len(missed)):.4g}{without}"
-        return replace(fit, errors=errors, notes=(said, *fit.notes))
-
     def predict(self, parameters: Mapping[str, float], columns: Columns) -> Array:
         """Return the formula on every row, `(n,)`; NaN with the parameters of a failed fit."""
         inputs = {name: columns[name] for name in self.inputs if name in columns}
         rows = len(next(iter(columns.values()), ()))
         return evaluate(self.expression, {**inputs, **{name: np.asarray(parameters[name]) for name in self.parameters}}, rows)
-
-    def solved(self, fit: FormulaFit, columns: Columns, y: Array, name: str) -> Array:
-        """Return the input `name` at which the fitted formula gives `y`, `(n,)`, nearest to what was measured; NaN without one near."""
-        inputs = {one: columns[one] for one in self.inputs}
-        return errors_in.Along(Problem(self.equation(fit), (), (), {}, inputs, y), name).roots(np.empty(0), beyond=False)
 
     def equations(self, fit: FormulaFit) -> dict[str, Expression]:
         """`equation`, by the name of the formula."""
@@ -342,8 +312,3 @@ class Formula(LiteratureModel):
         numbers = {name: np.asarray(value) for name, value in {**values, **self.given}.items()}
         gradient = [self.gradient[name] for name in self.fitted]
         return lambda columns: dictionary_matrix(gradient, {**columns, **numbers}, len(next(iter(columns.values()))))
-
-
-def can_be_solved(model: LiteratureModel) -> TypeGuard[Formula]:
-    """Tell whether the errors of an input can be minimised: the model is fitted as a formula is."""
-    return isinstance(model, Formula) and type(model).fit is Formula.fit

@@ -180,7 +180,7 @@ def chosen(
         error, half = float(committee.error[number]), float(committee.half[number])
         committee.add(number)
         at = dict(zip(names, places[number].tolist(), strict=True))
-        found.append(Candidate(at, "point", half, float(committee.half[number]), error, float(cost[number])))
+        found.append(Candidate(at, "point", math.nan, half, float(committee.half[number]), error, float(cost[number])))
     return tuple(found), (before, committee.half)
 
 

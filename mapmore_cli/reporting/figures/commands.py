@@ -73,17 +73,21 @@ def tuning_drawing(tuning: Tuning) -> Drawing:
 
 
 def plan_drawing(plan: Plan) -> Drawing:
-    """Return the half widths over one quantity as lines, over two as colours; with three the first two are drawn."""
+    """Return the half widths over one quantity as a line, over two as colours; with three the first two are drawn."""
     names = list(plan.quantities)[:2]
     labels = [_label(plan.quantities[name]) for name in names]
     marks = (style.key("measured", color=style.GREY, **MARK), style.key("next", color=style.VERMILLION, **MARK))
     half = f"half width of {plan.target.name} ({plan.target.unit})"
     caption = "Half of the width of the 95 % interval, and where to measure next, numbered from the best on."
     data: dict[str, Values] = {_label(plan.quantities[name]): plan.picture.places[name] for name in names}
+    if plan.candidates[0].kind == "between":
+        caption = "The levels that were measured, and the next ones, numbered from the best on."
+        panel = Panel("", lambda axes: _lines(axes[0], plan, names[0]), labels[0], ("",), data)
+        return Drawing("plan", caption, caption, (panel,), Grid(height=1.4), marks)
     data |= {f"{half} before": plan.picture.before, f"{half} after": plan.picture.after}
     if len(names) == 1:
         panel = Panel("", lambda axes: _lines(axes[0], plan, names[0]), labels[0], (half,), data)
-        handles = (style.key("now", color=style.BLUE), style.key("forecast after the first", color=style.ORANGE))
+        handles = (style.key("now", color=style.BLUE), style.key("forecast after all", color=style.ORANGE))
         return Drawing("plan", caption, caption, (panel,), Grid(height=2.3), (*handles, *marks))
     panel = Panel("", lambda axes: _map(axes, plan, names, half), labels[0], (labels[1],), data)
     return Drawing("plan", caption, caption, (panel,), Grid(height=2.8), marks)

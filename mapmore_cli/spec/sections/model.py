@@ -125,7 +125,7 @@ class ModelChoice(MotionSettings):
 
     - `mapmore`: with a `backbone`, the pieces explain what that formula leaves. `backbone: auto` takes the formula, or none, whose fused
       model errs least on left-out training data (with three levels or fewer: `sarosi_hinged`).
-    - `literature` fits the formula `name` alone; `method`, `starts` and `errors_in` are those of a competitor.
+    - `literature` fits the formula `name` alone; `method` and `starts` are those of a competitor.
     - `family` is one formula for specimens that differ `of` a quantity, as the rest length.
     - `auto` searches the structure on training data. It is the default without `dictionary` and `model`. All quantities that vary are
       `inputs` unless these are named. The `budget` is computing time of each process. The run folder holds the result as a spec,
@@ -145,7 +145,6 @@ class ModelChoice(MotionSettings):
     name: str | None = None
     method: FitMethod | None = None
     starts: str | None = None
-    errors_in: str | None = None
     sum: Summands | None = None
     family: FamilySettings | None = None
 
@@ -171,7 +170,7 @@ class ModelChoice(MotionSettings):
 
 _TYPE_OF = {
     **dict.fromkeys(("budget", "inputs"), "auto"),
-    **dict.fromkeys(("name", "method", "starts", "errors_in"), "literature"),
+    **dict.fromkeys(("name", "method", "starts"), "literature"),
     **dict.fromkeys((key.name for key in fields(MotionSettings)), "state_space"),
     **{"backbone": "mapmore", "sum": "sum"},
 }

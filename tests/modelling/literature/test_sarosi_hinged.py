@@ -195,12 +195,12 @@ def test_the_method_is_that_of_the_plain_formula() -> None:
     )
 
 
-def test_noise_at_one_pressure_has_no_standard_errors() -> None:
+def test_noise_at_one_pressure_is_fitted() -> None:
     """Found by fuzzing `init`: the normal equations were singular, which was an internal fault."""
     places = [*range(7), 8, 9, 10, *range(24, 33), 35, 36, 37, *range(39, 45), 46, 47, 49, 50, 51, *range(53, 59)]
     y = np.zeros(len(places))
     y[[0, 4, 8, 11, 14, 23, 28, 30]] = 1.0
     found = hinge.fit({"pressure": np.full(len(y), 300.0), "strain": np.array(places) / 295}, y)
-    assert np.isnan([*found.errors.values()]).all()
+    assert np.isfinite(found.sse)
     assert np.isfinite([*found.parameters.values()]).all()
     assert found.rank < len(found.parameters)
