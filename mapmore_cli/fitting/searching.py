@@ -55,7 +55,10 @@ BY_MEAN = "the fewest parameters of those within one standard error of the best 
 BY_MEDIAN = "the least median error, 5 % of the logarithm of the number of parameters added, or a plain model within 2 % of it"
 
 PLAIN, BLACK_BOX = ("simple", "formula"), "black box"
-"""Kinds that are found where they are as good as anything, and the kind that is shown, but never found."""
+"""Kinds that are found where they are as good as anything, and one of those that are never found."""
+
+SHOWN = (BLACK_BOX, "papers")
+"""Kinds that stand in the table and are not taken."""
 
 
 @cache
@@ -137,14 +140,15 @@ def _chosen(outcomes: Sequence[_Outcome], bench: Bench, most: int | None) -> Sea
     """Score all structures and black boxes on the rows that all of them predict, and take one structure."""
     usable = [number for number, one in enumerate(outcomes) if not one.tried.failure]
     tried = [one.tried for one in outcomes]
-    eligible = np.array([tried[i].family != BLACK_BOX and (most is None or tried[i].parameters <= most) for i in usable], dtype=np.bool_)
+    eligible = np.array([tried[i].family not in SHOWN and (most is None or tried[i].parameters <= most) for i in usable], dtype=np.bool_)
     if not eligible.any():
         reasons = next((one.failure for one in tried if one.failure), "there was no time for any")
         raise FitError(f"no structure could be fitted without some of the data: {reasons}", "name one, or raise `model.budget`")
     errors = _on_common_rows([outcomes[number].left for number in usable]) / bench.scale
     sizes = [tried[number].parameters for number in usable]
     rank = simplest_of(sizes, errors, bench.weights, eligible, median=most is None)
-    plain = [i for i in np.flatnonzero(eligible) if tried[usable[i]].family in PLAIN and rank.excess[i] <= WITHIN[0]]
+    as_good = np.flatnonzero(eligible & (rank.excess <= WITHIN[0]) & (np.asarray(sizes) <= sizes[rank.chosen]))
+    plain = [i for i in as_good if tried[usable[i]].family in PLAIN]
     chosen = min(plain, key=lambda i: (sizes[i], rank.excess[i]), default=rank.chosen)
     for place, number in enumerate(usable):
         blocks, parts = (float(np.sqrt(np.mean(of**2))) if of.size else np.nan for of in np.split(errors[place], [bench.blocks]))

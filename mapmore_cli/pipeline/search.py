@@ -67,7 +67,7 @@ def run(part: Slice, workspace: Workspace) -> None:
     write_text(workspace.out / SEARCH, json.dumps(_plain(asdict(found)), indent=1, ensure_ascii=False) + "\n")
 
 
-STAGE = Stage(name="search", revision=9, outputs=(SEARCH,), reads=reads, run=run)
+STAGE = Stage(name="search", revision=10, outputs=(SEARCH,), reads=reads, run=run)
 
 
 def _plain(value: Any) -> Any:
