@@ -349,8 +349,12 @@ def spikes(values: Array) -> IntArray:
     others[lone - 1] = others[lone] = False
     rest = np.ones(len(values), dtype=np.bool_)
     rest[lone] = False
-    usual = max(JUMPS * float(np.abs(steps[others]).max(initial=0.0)), FAR_OUT * float(np.ptp(values[rest])))
-    high = lone[height[lone - 1] > usual]
+    span = float(np.ptp(values[rest]))
+    if span == 0:  # nothing says what is far
+        return np.zeros(0, dtype=np.int64)
+    usual = max(JUMPS * float(np.abs(steps[others]).max(initial=0.0)), FAR_OUT * span)
+    beside = np.isin(lone, [lone - 1, lone + 1])
+    high = lone[(height[lone - 1] > usual) & ~beside]
     return np.array([one for one in high if height[one - 1] > STANDS_OUT * _scatter(values, rest, one)], dtype=np.int64)
 
 

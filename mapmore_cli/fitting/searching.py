@@ -65,7 +65,7 @@ SHOWN = (BLACK_BOX, "papers")
 def family(name: str) -> Mapping[str, Any]:
     """Return a file of candidates."""
     text = files("mapmore_cli.modelling.search").joinpath(f"families/{name}.yaml").read_text(encoding="utf-8")
-    found: Mapping[str, Any] = yaml.load(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+    found: Mapping[str, Any] = yaml.safe_load(text)
     return found
 
 
