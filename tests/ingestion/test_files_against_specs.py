@@ -119,7 +119,11 @@ def tdms(step_of_force: float = 0.01, start: int = 0, step: float = 0.01) -> byt
     stream = io.BytesIO()
     with nptdms.TdmsWriter(stream) as writer:
         for name, dt, late, unit in (("P", step, 0, "kPa"), ("eps", step, 0, ""), ("F", step_of_force, start, "N")):
-            said = {"wf_increment": dt, "wf_start_time": np.datetime64("2026-03-01", "ms") + late, "unit_string": unit}
+            said = {
+                "wf_increment": dt,
+                "wf_start_time": np.datetime64("2026-03-01", "ms") + np.timedelta64(late, "ms"),
+                "unit_string": unit,
+            }
             values = (0.01 if name == "eps" else 1.0) * (np.arange(N) * dt + late / 1000)
             writer.write_segment([nptdms.ChannelObject("G", name, values, said)])
     return stream.getvalue()

@@ -21,6 +21,9 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.readers import READERS
 from mapmore_cli.storage.tables import SourceColumn
 
+# SciPy 1.18 says so of `loadmat`, which is the oracle here
+pytestmark = pytest.mark.filterwarnings("ignore:The default value for `spmatrix`:DeprecationWarning")
+
 BY_MATLAB = Path(scipy.io.__file__).parent / "matlab" / "tests" / "data"
 T = np.arange(5.0)
 Y = np.column_stack([T, 2 * T, 3 * T]).astype(np.int16)

@@ -150,7 +150,9 @@ def test_channels_of_other_lengths_are_told_by_their_rates(tmp_path: Path) -> No
     refusal(["every 0.01 s, 'G/F' every 0.1 s"], "tdms", tdms(tmp_path / "a.tdms", wave(), wave(0.1), 4), "G/P", "G/F")
 
 
-@pytest.mark.parametrize("said", [wave(), wave(start=START + 10), {}, {"wf_increment": 0.0}, wave(0.01 * (1 + 1e-9), unit="N")])
+@pytest.mark.parametrize(
+    "said", [wave(), wave(start=START + np.timedelta64(10, "us")), {}, {"wf_increment": 0.0}, wave(0.01 * (1 + 1e-9), unit="N")]
+)
 def test_channels_that_were_or_that_nobody_says_more_of_are_read(tmp_path: Path, said: dict[str, Any]) -> None:
     table = table_of("tdms", tdms(tmp_path / "a.tdms", wave(), said), "G/P", "G/F")
     assert table.size == 40
