@@ -99,6 +99,7 @@ def outcome(folder: Path, data: dict[str, Any]) -> tuple[str, list[str]]:
 
 @pytest.fixture
 def spooled(tmp_path: Path) -> Iterator[Path]:
+    gc.collect()  # columns that tests before this one held in a circle are open until then
     folder = tmp_path / "spool"
     folder.mkdir()
     with spool.spooling_in(folder):
@@ -189,7 +190,6 @@ def test_more_columns_than_files_may_be_open_stay_in_memory(spooled: Path, monke
     monkeypatch.setattr(arrays, "ROWS", 4)
     monkeypatch.setattr(spool, "LONG", 0)
     monkeypatch.setattr(spool, "MOST", 2)
-    gc.collect()  # columns that tests before this one held in a circle are open until then
     columns = [spool.counted(lambda rows, k=k: rows + k, 10) for k in range(4)]
     assert [column.flags.writeable for column in columns] == [False, False, True, True]
     assert [column.tolist() for column in columns] == [list(range(k, 10 + k)) for k in range(4)]
