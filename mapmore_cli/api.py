@@ -89,9 +89,9 @@ class Scores(tuple[Mapping[str, Any], ...]):
 
 @dataclass(frozen=True)
 class Study:
-    """What `fit` was given: the spec as a `document`, the `frames` in memory, none where files are read, and where paths start.
+    """Hold what `fit` was given: the spec as a `document`, the `frames` in memory, and the folder at which paths start.
 
-    `check` is whether what is an error for `mapmore check` ends the fit.
+    There are no frames where files are read. With `check`, an error of `mapmore check` ends the fit.
     """
 
     document: Mapping[str, Any]

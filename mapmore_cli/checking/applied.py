@@ -29,7 +29,7 @@ OF_CHECK: tuple[Rule, ...] = (
     *(units.time_in_milliseconds, curves.wrong_way_round, samples.unsettled, samples.slack_foot, curves.single_valued),
     *(curves.loops_apart, curves.beyond_training, samples.many_dropped, samples.offset),
 )
-"""Rules that `check` alone applies: what could be better takes longer, and of the other two a run tells as it reads and scores."""
+"""Rules that `check` alone applies: hints, and what a run tells by itself as it reads and scores."""
 
 
 def issues_of(loaded: LoadedSpec, dataset: Dataset, *, curves: bool = True, hints: bool = False) -> list[Issue]:

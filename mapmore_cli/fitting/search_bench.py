@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -173,7 +174,7 @@ def _stretches(logs: Sequence[IntArray], run: int, size: int) -> list[BoolArray]
         return contiguous(logs, BLOCKS, size, int(np.clip(longest / (BLOCKS * max(run, 1)), 1, BLOCKS)))
     masks = np.zeros((BLOCKS, size), dtype=np.bool_)
     for rows in logs:
-        length = -int(-len(rows) * min(run / longest, LONGEST_FOLD) // 1)
+        length = math.ceil(len(rows) * min(run / longest, LONGEST_FOLD))
         for mask, first in zip(masks, np.linspace(0, len(rows) - length, BLOCKS).round().astype(int), strict=True):
             mask[rows[first : first + length]] = True
     return list(masks)

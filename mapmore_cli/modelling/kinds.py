@@ -110,7 +110,7 @@ def equations(model: Model, units: Mapping[str, float] = MappingProxyType({})) -
 
 
 def parameters(model: Model) -> int:
-    """How many numbers the fit was free to choose: coefficients of terms and parameters of formulas, of a sum those of all its parts."""
+    """Return the number of free parameters: coefficients of terms and parameters of formulas, in a sum of all parts."""
     found: int = kind_of(model).verb("parameters")(model)
     return found
 

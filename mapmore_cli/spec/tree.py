@@ -54,7 +54,7 @@ class Node:
         return self.key_at or self.at
 
     def child(self, step: str | int) -> Node | None:
-        """Return the value under a key or a list index; None where there is none."""
+        """Return the value at a key or a list index, or None."""
         if isinstance(self.value, dict):
             return self.value.get(step) if isinstance(step, str) else None
         if isinstance(self.value, list) and isinstance(step, int) and 0 <= step < len(self.value):

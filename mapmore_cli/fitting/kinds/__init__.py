@@ -29,7 +29,7 @@ def added_up(_path: str) -> Model:
 
 @dataclass(frozen=True)
 class Given:
-    """What a model is made of: the data, where their training curves are cut, and the models of needed runs by the path of their spec."""
+    """Hold what a model is made of: data, segmentation, and the models of needed runs by the path of their spec."""
 
     dataset: Dataset
     segmentation: Sequence[SegmentedCurve]

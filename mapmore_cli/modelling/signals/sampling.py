@@ -78,7 +78,7 @@ PARTS, PART = 8, 1 << 17  # a longer record is asked for its step in so many par
 
 
 def typical_step(time: Array) -> float:
-    """Return the median of the steps that are not zero, over at most a million samples; zero where there is none."""
+    """Return the median of the positive steps, of at most a million samples; zero if time stands still."""
     starts = np.linspace(0, len(time) - PART, PARTS).astype(int) if len(time) > PARTS * PART else [0]
     steps = np.concatenate([np.diff(time[start : start + PART] if len(starts) > 1 else time) for start in starts])
     positive = steps[steps > 0]

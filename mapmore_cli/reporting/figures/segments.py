@@ -185,7 +185,7 @@ def level_weights(pieces: Pieces, levels: Array) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class Course:
-    """What a model says at one `place` along its curves over the levels: `y` over `x`, and `at_levels` at the training levels."""
+    """Hold predictions over the levels at one `place` along the curves: `y` over `x`, and `at_levels` at training levels."""
 
     place: float
     x: Array
