@@ -14,17 +14,17 @@ from pathlib import Path
 import numpy as np
 from pages import DOCS, run, write_page
 
+from mapmore_cli.annexes.rig.load_cycle import LoadCycles, load_cycle
+from mapmore_cli.annexes.rig.sensors import measure
+from mapmore_cli.annexes.rig.simulate import KPA, sensors
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.modelling.pieces.build import build
 from mapmore_cli.modelling.pieces.recipe import Cuts, Recipe
 from mapmore_cli.modelling.validation.comparison import CHANGED, SAME, UNCLEAR, Comparison, compare
 from mapmore_cli.reporting.table import Cell, Table
-from mapmore_cli.rig.load_cycle import LoadCycles, load_cycle
-from mapmore_cli.rig.sensors import measure
 from mapmore_cli.spec.loader import load_as
 from mapmore_cli.spec.simulation import SimulationSpec
-from mapmore_cli.study.simulate import KPA, sensors
 
 FACTORS = (1.00, 1.01, 1.02, 1.03, 1.05)
 PAIRS = 20

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mapmore_cli.annexes.rig.muscle import GRAVITY, Hysteresis, StaticMuscle
 from mapmore_cli.domain.arrays import Array, Columns
-from mapmore_cli.rig.muscle import GRAVITY, Hysteresis, StaticMuscle
 
 
 @dataclass(frozen=True)

@@ -17,16 +17,16 @@ from tempfile import TemporaryDirectory
 
 from pages import DOCS, read_rows, write_tables
 
+from mapmore_cli.annexes.drafting.answers import Answers, read_columns
+from mapmore_cli.annexes.drafting.draft import Draft
+from mapmore_cli.annexes.drafting.start import start
 from mapmore_cli.domain.errors import DataError, MapmoreError
 from mapmore_cli.domain.scores import OWN, deciding
+from mapmore_cli.pipeline.inspection import inspect
 from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.reporting.table import Column, Table
 from mapmore_cli.spec.loader import LoadedSpec, load
 from mapmore_cli.storage.run_folder import RunFiles
-from mapmore_cli.study.drafting.answers import Answers, read_columns
-from mapmore_cli.study.drafting.draft import Draft
-from mapmore_cli.study.drafting.start import start
-from mapmore_cli.study.inspection import inspect
 
 PAGE = DOCS / "init-and-check.md"
 PLAINER = ("plane", "cubic", "sarosi", "arx")

@@ -19,6 +19,8 @@ import yaml
 from pages import DOCS, rms, run, shipped, write_page
 from planning_tables import FESTO, LEVELS, quiet, trained_on
 
+from mapmore_cli.annexes.rig.load_cycle import LoadCycles, turning_strain
+from mapmore_cli.annexes.rig.simulate import KPA
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.models import LeftOut, Model
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
@@ -28,9 +30,7 @@ from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.kinds import outside_range
 from mapmore_cli.modelling.validation.intervals import FEW, NORMAL, few_levels, half_widths, half_widths_of, refusal
 from mapmore_cli.reporting.table import Cell, Table
-from mapmore_cli.rig.load_cycle import LoadCycles, turning_strain
 from mapmore_cli.spec.simulation import SimulationSpec
-from mapmore_cli.study.simulate import KPA
 
 LEVEL = 0.95
 SEEDS = range(100, 120)

@@ -19,17 +19,17 @@ from scipy.optimize import minimize_scalar
 from wrist_loop import Force, ModelMuscles, RigMuscles, Wrist, followed, lag_of
 
 import mapmore_cli
+from mapmore_cli.annexes.rig.air import Air, ClosedMuscle, Regulator
+from mapmore_cli.annexes.rig.antagonists import Antagonists, Joint
+from mapmore_cli.annexes.rig.muscle import Rubber
+from mapmore_cli.annexes.rig.simulate import KPA
+from mapmore_cli.annexes.rig.static_muscles import McKibben
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.reporting.table import Cell, Table
-from mapmore_cli.rig.air import Air, ClosedMuscle, Regulator
-from mapmore_cli.rig.antagonists import Antagonists, Joint
-from mapmore_cli.rig.muscle import Rubber
-from mapmore_cli.rig.static_muscles import McKibben
 from mapmore_cli.spec.loader import load_as
 from mapmore_cli.spec.simulation import SimulationSpec
-from mapmore_cli.study.simulate import KPA
 
 DATASETS = DOCS.parent / "datasets"
 

@@ -16,6 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
+from mapmore_cli.annexes.campaigns.batch import Finished, Job, run_one
+from mapmore_cli.annexes.campaigns.page import scores_of
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.scores import OWN, Score
 from mapmore_cli.pipeline.runner import bring_up_to_date
@@ -24,8 +26,6 @@ from mapmore_cli.reporting.table import Column, Table, to_markdown
 from mapmore_cli.spec.campaign import Entry, load_campaign
 from mapmore_cli.spec.loader import LoadedSpec, load
 from mapmore_cli.storage.run_folder import RunFiles
-from mapmore_cli.study.campaigns.batch import Finished, Job, run_one
-from mapmore_cli.study.campaigns.page import scores_of
 
 DOCS = Path(__file__).parent
 CONFIGS = DOCS.parent / "configs"

@@ -14,6 +14,8 @@ from pathlib import Path
 import numpy as np
 from pages import CONFIGS, DOCS, write_tables
 
+from mapmore_cli.annexes.planning.planning import formulas_of
+from mapmore_cli.annexes.planning.points import Committee, Measured
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices
@@ -21,13 +23,11 @@ from mapmore_cli.fitting.left_out import residuals
 from mapmore_cli.fitting.refitting import refitted
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.literature.backbone import pooled_training
-from mapmore_cli.modelling.planning.points import Committee, Measured
 from mapmore_cli.modelling.validation.intervals import INTERVAL, half_widths, refusal
 from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.reporting.table import Cell, Table
 from mapmore_cli.spec.loader import load
 from mapmore_cli.storage.artefacts import read_dataset
-from mapmore_cli.study.planning import formulas_of
 
 DRAWS = 9
 """Random orders, of which the median counts."""
@@ -188,7 +188,7 @@ POOL, SIZES, STARTS, KNOWN = 60, (8, 10, 12, 18), 6, 12
 @cache
 def pool_of(name: str, runs: Path) -> Measured:
     """Return some points of a study, spread over it."""
-    from mapmore_cli.modelling.planning.points import thinned
+    from mapmore_cli.annexes.planning.points import thinned
 
     choices, dataset = study(name, runs)
     del choices

@@ -15,10 +15,10 @@ from typing import NamedTuple
 import numpy as np
 from pages import DOCS, read_rows, run, scores, write_tables
 
+from mapmore_cli.annexes.search.searching import formula_beside
+from mapmore_cli.annexes.search.stage import SEARCH, read_search
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.domain.scores import BASELINES, OWN, SIMPLE, Score
-from mapmore_cli.fitting.searching import formula_beside
-from mapmore_cli.pipeline.search import SEARCH, read_search
 from mapmore_cli.reporting.score_tables import verdict
 from mapmore_cli.reporting.table import Cell, Table
 from mapmore_cli.storage.run_folder import RunFiles

@@ -9,8 +9,8 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.signal import lfilter
 
+from mapmore_cli.annexes.rig.air import ClosedMuscle, Regulator
 from mapmore_cli.domain.arrays import Array, Columns
-from mapmore_cli.rig.air import ClosedMuscle, Regulator
 
 Force = Callable[[Array, Array], Array]
 """Pull, N, at pressures (kPa) and strains, `(n,)` each."""

@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 
+from mapmore_cli.annexes.campaigns.batch import Job, run_one
 from mapmore_cli.checking.findings import sentences
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import MapmoreError, SpecError
@@ -28,6 +29,8 @@ from mapmore_cli.domain.given import labels_of
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.scores import RUN_PAGE, ScoreTable
 from mapmore_cli.modelling.frols.estimator import FROLS
+from mapmore_cli.pipeline.notebooks import LoadedModel, canonical_columns, columns_in, quantities_of, source_of, write_frames
+from mapmore_cli.pipeline.records import reading_of
 from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.reporting.score_tables import score_table
 from mapmore_cli.reporting.table import to_html, to_text
@@ -42,9 +45,6 @@ from mapmore_cli.storage.atomic import refusals_told, write_bytes, write_text
 from mapmore_cli.storage.readers import READERS, suffix_of
 from mapmore_cli.storage.run_folder import MODEL, RunFiles
 from mapmore_cli.storage.run_record import score_row, scores_beside
-from mapmore_cli.study.campaigns.batch import Job, run_one
-from mapmore_cli.study.notebooks import LoadedModel, canonical_columns, columns_in, quantities_of, source_of, write_frames
-from mapmore_cli.study.records import reading_of
 
 __all__ = ["FROLS", "Fitted", "Run", "Scores", "fit", "load_model", "run"]
 

@@ -62,7 +62,7 @@ def quick_families(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def search_only(monkeypatch: pytest.MonkeyPatch, *names: str) -> None:
-    from mapmore_cli.fitting import searching
+    from mapmore_cli.annexes.search import searching
 
     monkeypatch.setattr(searching, "FAMILIES", names)
 

@@ -6,7 +6,7 @@ import matplotlib.pyplot as plt
 from muscle import STUDY, recording, save
 
 import mapmore_cli as mm
-from mapmore_cli.study.exports import exported
+from mapmore_cli.annexes.exporting.exports import exported
 
 model = mm.fit(recording([80, 150, 200, 250, 350]), name="muscle", **STUDY).model
 code: dict[str, Any] = {}

@@ -18,8 +18,8 @@ from mapmore_cli.domain.errors import LimitMissed, RunWarning, UsageError
 from mapmore_cli.storage.atomic import refusals_told, write_text
 
 if TYPE_CHECKING:
+    from mapmore_cli.annexes.campaigns.batch import Finished
     from mapmore_cli.reporting.table import Table
-    from mapmore_cli.study.campaigns.batch import Finished
 
     Result = Finished | BaseException
 
@@ -47,11 +47,11 @@ def batch(
 
     One that fails does not stop the rest; the exit code is the highest of all. A campaign gets a page of its own.
     """
+    from mapmore_cli.annexes.campaigns.batch import Job, planned, run_all
+    from mapmore_cli.annexes.campaigns.cluster import ClusterWorkers
+    from mapmore_cli.annexes.campaigns.page import expanded, refuse_foreign_folders, run_names, specs_of, write_page
+    from mapmore_cli.annexes.campaigns.processes import LocalWorkers
     from mapmore_cli.cli.views import page_lines
-    from mapmore_cli.study.campaigns.batch import Job, planned, run_all
-    from mapmore_cli.study.campaigns.cluster import ClusterWorkers
-    from mapmore_cli.study.campaigns.page import expanded, refuse_foreign_folders, run_names, specs_of, write_page
-    from mapmore_cli.study.campaigns.processes import LocalWorkers
 
     if cluster is not None and cluster_file is not None:
         raise UsageError("--cluster and --cluster-file exclude each other", "leave one of them out")
@@ -146,8 +146,8 @@ def paper(
     Brings the runs of each paper up to date, judges by the rules of the file, and writes one page.
     The exit code is the highest of the runs.
     """
+    from mapmore_cli.annexes.paper.paper import compare_paper, counts, overview, page, verdicts_table
     from mapmore_cli.spec.campaign import load_paper
-    from mapmore_cli.study.paper import compare_paper, counts, overview, page, verdicts_table
 
     loaded = [load_paper(config) for config in configs]
     with Reporter(quiet) as reporter:

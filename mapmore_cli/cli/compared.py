@@ -19,7 +19,7 @@ from mapmore_cli.spec.yaml_loader import as_overrides
 if TYPE_CHECKING:
     from mapmore_cli.checking.findings import Issue
     from mapmore_cli.modelling.validation.comparison import Comparison
-    from mapmore_cli.study.inspection import Inspection
+    from mapmore_cli.pipeline.inspection import Inspection
 
 
 ONE_CURVE = 2 / 3

@@ -23,9 +23,9 @@ def simulate(
     quiet: console.Quiet = False,
 ) -> None:
     """Write recordings of a synthetic muscle."""
+    from mapmore_cli.annexes.rig.simulate import simulate as run_rig
     from mapmore_cli.spec.loader import load_as
     from mapmore_cli.spec.simulation import SimulationSpec
-    from mapmore_cli.study.simulate import simulate as run_rig
 
     loaded = load_as(config, SimulationSpec, overrides)
     with Reporter(quiet) as reporter:
@@ -42,7 +42,7 @@ def example(
 
     Its recordings are of a simulated muscle.
     """
-    from mapmore_cli.study.simulate import write_example
+    from mapmore_cli.annexes.rig.simulate import write_example
 
     with Reporter(quiet) as reporter:
         written = tuple(map(str, write_example(folder, reporter.progress)))
@@ -106,9 +106,9 @@ def export(
 
     C, FMUs and modules are compared with `predict` on 100 points before they are written.
     """
+    from mapmore_cli.annexes.exporting.exports import exported
     from mapmore_cli.modelling.sums.joint import actuator
     from mapmore_cli.storage.artefacts import read_model
-    from mapmore_cli.study.exports import exported
 
     if single and to != "c":
         raise UsageError("--float is for C alone", "leave it out, or write --to c")

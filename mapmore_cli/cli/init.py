@@ -16,8 +16,8 @@ from mapmore_cli.domain.errors import MapmoreError, SpecError, UsageError, Write
 from mapmore_cli.storage.atomic import write_text
 
 if TYPE_CHECKING:
-    from mapmore_cli.study.drafting.answers import Question
-    from mapmore_cli.study.inspection import Inspection
+    from mapmore_cli.annexes.drafting.answers import Question
+    from mapmore_cli.pipeline.inspection import Inspection
 
 
 def init(
@@ -41,10 +41,10 @@ def init(
     Columns, units, levels and load cycles are guessed, and every guess says why; the structure of the model is searched on training
     data. A folder with recordings of several studies gives a spec for each; with -o, one for the largest.
     """
-    from mapmore_cli.study.drafting.answers import Answers, read_columns
-    from mapmore_cli.study.drafting.draft import guesses_page
-    from mapmore_cli.study.drafting.proof import proven
-    from mapmore_cli.study.drafting.start import start
+    from mapmore_cli.annexes.drafting.answers import Answers, read_columns
+    from mapmore_cli.annexes.drafting.draft import guesses_page
+    from mapmore_cli.annexes.drafting.proof import proven
+    from mapmore_cli.annexes.drafting.start import start
 
     _check_name(name)
     if group is not None and not (group.isascii() and group.isidentifier()):
@@ -145,10 +145,10 @@ def check(
     quiet: console.Quiet = False,
 ) -> None:
     """Check a spec and its data, or a campaign; compute nothing."""
+    from mapmore_cli.annexes.campaigns.page import expanded
     from mapmore_cli.cli.compared import of_campaign, of_inspection
+    from mapmore_cli.pipeline.inspection import inspect
     from mapmore_cli.spec.loader import LoadedSpec, confirmed, load
-    from mapmore_cli.study.campaigns.page import expanded
-    from mapmore_cli.study.inspection import inspect
 
     if confirm and load(config).spec.unconfirmed:
         write_text(config, confirmed(config.read_text(encoding="utf-8")))

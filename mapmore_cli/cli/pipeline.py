@@ -110,11 +110,11 @@ def _bring_up_to_date(
     summary: Path | None = None,
 ) -> None:
     """Do what is stale, print what the command is for, and then fail where the spec's limits are missed."""
+    from mapmore_cli.annexes.campaigns.batch import Finished
+    from mapmore_cli.annexes.search.stage import SEARCH, read_search
     from mapmore_cli.cli.compared import search_document
     from mapmore_cli.cli.views import of_scores, of_stage, page_lines
     from mapmore_cli.pipeline.runner import bring_up_to_date
-    from mapmore_cli.pipeline.search import SEARCH, read_search
-    from mapmore_cli.study.campaigns.batch import Finished
 
     started, warnings = time.perf_counter(), list[str]()
     until = "report" if command == "run" else command

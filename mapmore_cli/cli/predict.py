@@ -59,9 +59,9 @@ def predict(
     of every recording, and starts anew where the column recording changes, where time is set back, and after gaps.
     """
     from mapmore_cli.modelling.kinds import runs_over_time
+    from mapmore_cli.pipeline.predict import predicted_lines
+    from mapmore_cli.pipeline.records import grid_lines
     from mapmore_cli.storage.artefacts import read_model
-    from mapmore_cli.study.predict import predicted_lines
-    from mapmore_cli.study.records import grid_lines
 
     if (table is None) == (grid is None):
         raise UsageError("give either a TABLE or --grid", "as in: mapmore predict model.h5 measured.csv -o predicted.csv")
@@ -140,8 +140,8 @@ def invert(
 
     Solutions are looked for within the training range. A flat one fills a range, as where a muscle is slack: its low end counts.
     """
+    from mapmore_cli.pipeline.predict import inverted_lines
     from mapmore_cli.storage.artefacts import read_model
-    from mapmore_cli.study.predict import inverted_lines
 
     with Reporter(quiet) as reporter:
         _write_lines(inverted_lines(read_model(model_file, reporter.warn), *_opened(table), name, rule), output)
@@ -164,9 +164,9 @@ def adapt(
     The specimen's force and strain each get a scale, with a prior of 1 +- 15 %. The model that is written is of pressure and strain, and
     serves wherever a model does. Without a TABLE, it is that of the dimension alone. Its intervals stay those of the family.
     """
+    from mapmore_cli.pipeline.predict import adapt, dimension_of
     from mapmore_cli.reporting.table import Column, Table
     from mapmore_cli.storage.artefacts import read_model, write_model
-    from mapmore_cli.study.predict import adapt, dimension_of
 
     with Reporter(quiet) as reporter:
         family = read_model(model_file, reporter.warn)

@@ -33,9 +33,9 @@ def tune(
     Every combination is fitted without a level (or a block) of the training data and judged on it; held-out data are not used.
     The one that is named is the simplest that is as good as the best.
     """
+    from mapmore_cli.annexes.planning import planning
     from mapmore_cli.cli import compared
     from mapmore_cli.spec.loader import load
-    from mapmore_cli.study import planning
 
     console.refuse_endings(output)
     if over and budget is not None:
@@ -78,9 +78,9 @@ def plan(
     With levels, the next lies in the middle of the widest gap. Without levels, or with --points, several models stand in a committee, and
     points go where these disagree and data are far. Held-out values are not used. Per cent are of the largest |target|.
     """
+    from mapmore_cli.annexes.planning import planning
     from mapmore_cli.cli.compared import of_plan
     from mapmore_cli.spec.loader import load
-    from mapmore_cli.study import planning
 
     console.refuse_endings(output)
     prices = _prices_of(cost)

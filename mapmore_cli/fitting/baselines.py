@@ -154,7 +154,7 @@ def black_boxes(
 
 def smooth(x: Array, y: Array) -> Callable[[Array], Array]:
     """Fit a Gaussian process to inputs (n, d) and outputs (n,); what predicts (m,) from (m, d)."""
-    from mapmore_cli.modelling.planning.points import fitted
+    from mapmore_cli.annexes.planning.points import fitted
 
     low, middle = x.min(axis=0), y.mean()
     width = np.where(np.ptp(x, axis=0) > 0, np.ptp(x, axis=0), 1.0)

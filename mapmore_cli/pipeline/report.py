@@ -55,7 +55,7 @@ def reads(spec: ExperimentSpec) -> Slice:
 
 def run(part: Slice, workspace: Workspace) -> None:
     """Collect the results of the run and write the page, with what was tried where the structure was searched."""
-    from mapmore_cli.pipeline.search import SEARCH, read_search
+    from mapmore_cli.annexes.search.stage import SEARCH, read_search
     from mapmore_cli.reporting.report import write_report
 
     tables = tuple(published_table(workspace.spec_dir / path) for path in part.report.published.tables) if part.report.published else ()

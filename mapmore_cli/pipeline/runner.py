@@ -89,7 +89,8 @@ def searches(loaded: LoadedSpec, until: str) -> bool:
 
 def search_stages() -> tuple[Stage, ...]:
     """Return what comes before the structure is known."""
-    from mapmore_cli.pipeline import search, stages
+    from mapmore_cli.annexes.search import stage as search
+    from mapmore_cli.pipeline import stages
 
     return stages.INGEST, search.STAGE
 

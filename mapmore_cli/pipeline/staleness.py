@@ -147,7 +147,7 @@ def as_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
     """Return the spec with the structure that the search of its run found; as it is where it asks for none, or none was found yet."""
     if loaded.spec.model.type != "auto":
         return loaded
-    from mapmore_cli.pipeline.search import as_found
+    from mapmore_cli.annexes.search.stage import as_found
 
     return as_found(loaded, run_dir)
 

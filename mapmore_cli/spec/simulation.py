@@ -1,7 +1,8 @@
 """The spec of a simulation: which synthetic muscle, on which rig, seen through which sensors.
 
-Muscles and experiments are those of `mapmore_cli.rig`, validated. Numbers are in the units of the recordings: kPa, N, kg, m, s, strain as a
-fraction; angles in degrees. The defaults of the muscles give the force levels and free strains of the McKibben and Peano muscles of M2.
+Muscles and experiments are those of `mapmore_cli.annexes.rig`, validated. Numbers are in the units
+of the recordings: kPa, N, kg, m, s, strain as a fraction; angles in degrees. The defaults of the
+muscles give the force levels and free strains of the McKibben and Peano muscles of M2.
 """
 
 from __future__ import annotations
@@ -11,15 +12,15 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from mapmore_cli.annexes.rig.antagonists import Antagonists
+from mapmore_cli.annexes.rig.load_cycle import ContractionTable, LoadCycles, Perturbations
+from mapmore_cli.annexes.rig.muscle import Hysteresis
+from mapmore_cli.annexes.rig.random_velocity import RandomVelocity
+from mapmore_cli.annexes.rig.sensors import Sensor
+from mapmore_cli.annexes.rig.static_muscles import McKibben, Peano
+from mapmore_cli.annexes.rig.step_response import StepResponses
+from mapmore_cli.annexes.rig.waveform import Waveforms
 from mapmore_cli.domain.declared import Name
-from mapmore_cli.rig.antagonists import Antagonists
-from mapmore_cli.rig.load_cycle import ContractionTable, LoadCycles, Perturbations
-from mapmore_cli.rig.muscle import Hysteresis
-from mapmore_cli.rig.random_velocity import RandomVelocity
-from mapmore_cli.rig.sensors import Sensor
-from mapmore_cli.rig.static_muscles import McKibben, Peano
-from mapmore_cli.rig.step_response import StepResponses
-from mapmore_cli.rig.waveform import Waveforms
 from mapmore_cli.spec.fields import Section
 
 

@@ -16,9 +16,9 @@ import numpy as np
 from table import exported_lines
 from timing import seconds
 
+from mapmore_cli.annexes.exporting.c_source import c_source
+from mapmore_cli.annexes.exporting.python_module import python_module
 from mapmore_cli.domain.models import Formula, Model
-from mapmore_cli.exporting.c_source import c_source
-from mapmore_cli.exporting.python_module import python_module
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.kinds import runs_over_time
 from mapmore_cli.storage.artefacts import read_model, read_validation

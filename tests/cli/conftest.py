@@ -71,7 +71,7 @@ def shell() -> Callable[..., subprocess.CompletedProcess[str]]:
 @pytest.fixture
 def batch_here(monkeypatch):
     """Let `batch` do its runs in this process: to start another takes longer than such a run."""
-    monkeypatch.setattr("mapmore_cli.study.campaigns.processes.LocalWorkers", Here)
+    monkeypatch.setattr("mapmore_cli.annexes.campaigns.processes.LocalWorkers", Here)
 
 
 @pytest.fixture

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 from cli_samples import write_study
 
+from mapmore_cli.annexes.campaigns.page import expanded, run_names, specs_of
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.spec.campaign import load_campaign
-from mapmore_cli.study.campaigns.page import expanded, run_names, specs_of
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 pytestmark = pytest.mark.usefixtures("batch_here")

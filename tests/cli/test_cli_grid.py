@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mapmore_cli.domain.errors import UsageError
-from mapmore_cli.study.records import grid_lines
+from mapmore_cli.pipeline.records import grid_lines
 
 INPUTS = ("pressure", "strain")
 

@@ -15,8 +15,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mapmore_cli.domain.errors import DataError
+from mapmore_cli.pipeline.predict import predicted_lines
 from mapmore_cli.storage.tables.lines import lines_of
-from mapmore_cli.study.predict import predicted_lines
 
 MODEL = hand_model()
 TABLE = "pressure,note,strain\n150,first,0.05\n100,second,0.2\n"

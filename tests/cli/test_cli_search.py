@@ -66,7 +66,7 @@ def test_a_minimal_spec_is_a_study_and_what_it_found_repeats_without_a_search(tm
 
 def test_first_lines_tell_of_better_models(tmp_path, mapmore, monkeypatch):
     """The best formula of the search competes on the held-out data; a black box that errs less on left-out training data is told."""
-    from mapmore_cli.fitting import searching
+    from mapmore_cli.annexes.search import searching
 
     monkeypatch.setattr(searching, "simplest_of", lambda sizes, *_, **__: Ranked(0, 0, *np.ones((2, len(sizes)))))  # a plane
     mapmore("run", write_bare(tmp_path), "--runs", tmp_path / "runs", "-q")
@@ -108,7 +108,7 @@ def test_tune_without_over_is_the_same_search(tmp_path, mapmore):
 
 
 def test_a_budget_that_cut_the_list_is_told(tmp_path, mapmore, monkeypatch):
-    from mapmore_cli.fitting import searching
+    from mapmore_cli.annexes.search import searching
 
     monkeypatch.setattr(searching.Budget, "over", property(lambda _self: next(times)))
     monkeypatch.setattr(searching, "shared_out", lambda work, items, *_: [work(item) for item in items])

@@ -12,8 +12,8 @@ import yaml
 from cli_samples import by_hand
 
 import mapmore_cli
+from mapmore_cli.pipeline.notebooks import LoadedModel
 from mapmore_cli.storage.artefacts import read_fit
-from mapmore_cli.study.notebooks import LoadedModel
 
 SEGMENT_KEYS = {"id", "terms", "theta", "g", "err", "scaling", "stop", "condition"}
 HOSTILE = [

@@ -13,9 +13,9 @@ from subprocess import PIPE, Popen
 import pytest
 from cli_samples import wait_until, write_slow_study, write_study
 
+from mapmore_cli.annexes.campaigns.batch import Job, run_one
+from mapmore_cli.annexes.campaigns.cluster import ClusterWorkers, Shared, _work
 from mapmore_cli.domain.errors import UsageError, WriteError
-from mapmore_cli.study.campaigns.batch import Job, run_one
-from mapmore_cli.study.campaigns.cluster import ClusterWorkers, Shared, _work
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/fd").exists(), reason="looks into /proc for the worker that does a run")
 
@@ -129,7 +129,7 @@ def silent(*_: object):
 
 
 def test_a_cluster_that_is_not_there(tmp_path, monkeypatch):
-    monkeypatch.setattr("mapmore_cli.study.campaigns.cluster.CONNECT", "50ms")
+    monkeypatch.setattr("mapmore_cli.annexes.campaigns.cluster.CONNECT", "50ms")
     for address, file, words in (("tcp://127.0.0.1:9", None, "no Dask scheduler"), (None, tmp_path / "none.json", "no such file")):
         with pytest.raises(UsageError, match=words), ClusterWorkers(address, file, tmp_path / "runs", silent, silent, silent):
             pass

@@ -12,8 +12,8 @@ import pytest
 from cli_samples import wait_until, write_slow_study
 from filelock import FileLock
 
+from mapmore_cli.annexes.campaigns.processes import LocalWorkers
 from mapmore_cli.domain.errors import MapmoreError
-from mapmore_cli.study.campaigns.processes import LocalWorkers
 
 PROC = Path("/proc/self/task")
 
@@ -93,7 +93,7 @@ def test_without_room_for_its_locks_no_worker_starts():
     code = (
         "import resource\n"
         "from mapmore_cli.domain.errors import WriteError\n"
-        "from mapmore_cli.study.campaigns.processes import LocalWorkers\n"
+        "from mapmore_cli.annexes.campaigns.processes import LocalWorkers\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))\n"
         "try:\n    list(LocalWorkers(2).each(abs, [1, 2]))\nexcept WriteError as told:\n    print(told, told.remedy)"
     )

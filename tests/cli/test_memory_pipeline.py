@@ -20,8 +20,8 @@ from mapmore_cli.domain.fits import MemoryModel, StateSet
 from mapmore_cli.domain.models import CurveRange, Memory, Model, Part, Sum
 from mapmore_cli.domain.recording import Quantity, Signal
 from mapmore_cli.modelling.kinds import predict
+from mapmore_cli.pipeline.predict import predicted_lines
 from mapmore_cli.storage.artefacts import read_dataset, read_fit, read_model, read_validation
-from mapmore_cli.study.predict import predicted_lines
 
 STEP = 0.01
 GAP = 150

@@ -12,9 +12,9 @@ from cli_samples import edit, write_study
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mapmore_cli.annexes.paper.paper import Compared, counts, judged, summary
 from mapmore_cli.spec.campaign import Verdict, load_campaign, load_paper
 from mapmore_cli.spec.loader import load
-from mapmore_cli.study.paper import Compared, counts, judged, summary
 
 PROJECT = Path(__file__).parents[2]
 CONFIGS, PUBLISHED = PROJECT / "configs", PROJECT / "datasets" / "published"

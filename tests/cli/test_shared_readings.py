@@ -13,9 +13,9 @@ import pytest
 from cli_samples import write_study
 from workers_here import Here
 
+from mapmore_cli.annexes.campaigns.batch import Finished, Job, planned, run_all, run_one
 from mapmore_cli.ingestion import dataset
 from mapmore_cli.spec.loader import load
-from mapmore_cli.study.campaigns.batch import Finished, Job, planned, run_all, run_one
 
 
 @pytest.fixture

@@ -20,13 +20,13 @@ import numpy as np
 from scipy.interpolate import RegularGridInterpolator
 from scipy.io import loadmat
 
+from mapmore_cli.annexes.exporting.dialect import names_of_inputs
+from mapmore_cli.annexes.exporting.exports import exported
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.models import Model
-from mapmore_cli.exporting.dialect import names_of_inputs
 from mapmore_cli.modelling.kinds import fed_back, outside_range, runs_over_time, simulate
 from mapmore_cli.modelling.program.model import program_of
 from mapmore_cli.storage.artefacts import read_dataset, read_model
-from mapmore_cli.study.exports import exported
 
 Columns = Mapping[str, np.ndarray]
 SIMULATED = ("m2/dmsp-20-88-static", "m2/peano-static", "m1/dmsp-20-88-inner-reversals", "m1/peano-inner-reversals")

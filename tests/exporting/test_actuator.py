@@ -12,6 +12,7 @@ from export_samples import OPERATORS, PRESSURE, WITH_MEMORY, formula, memory, mo
 from test_fmu_export import checked, greatest_difference, needs_compiler
 from typer.testing import CliRunner, Result
 
+from mapmore_cli.annexes.exporting.exports import exported
 from mapmore_cli.cli.app import app
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import MemoryModel, StateSet
@@ -20,7 +21,6 @@ from mapmore_cli.domain.recording import Quantity, Signal
 from mapmore_cli.modelling.kinds import equations, outside_range, parameters, predict, runs_over_time
 from mapmore_cli.modelling.sums.joint import actuator
 from mapmore_cli.storage.artefacts import read_model, write_model
-from mapmore_cli.study.exports import exported
 
 VALVE = Quantity("input", "V")
 RANGE = (CurveRange("a", None, {"input": (0.0, 10.0)}),)

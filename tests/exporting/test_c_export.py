@@ -13,8 +13,8 @@ from agreement import FLAGS, compare, compiled, difference, points, recording, s
 from export_samples import FORMULAS, STATIC, WITH_MEMORY, formula, memory, pieces
 from inverse_agreement import inversion
 
+from mapmore_cli.annexes.exporting.c_source import c_source
 from mapmore_cli.domain.errors import DataError, UsageError
-from mapmore_cli.exporting.c_source import c_source
 from mapmore_cli.modelling.inverse import LOWEST, NEAREST, invert
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.program.model import slopes

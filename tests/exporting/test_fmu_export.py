@@ -21,12 +21,12 @@ from fmpy.fmi2 import FMU2Slave
 from fmpy.validation import validate_fmu
 from replay import simulated
 
+from mapmore_cli.annexes.exporting.exports import exported
+from mapmore_cli.annexes.exporting.fmu import fmu_sources
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Quantity
-from mapmore_cli.exporting.fmu import fmu_sources
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.program.model import program_of
-from mapmore_cli.study.exports import exported
 
 needs_compiler = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler here")
 

@@ -20,12 +20,12 @@ from export_samples import FORMULAS, STATIC, WITH_MEMORY, formula
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mapmore_cli.annexes.exporting import verifying
+from mapmore_cli.annexes.exporting.exports import exported
 from mapmore_cli.domain import foreign
 from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.domain.models import Model, Part, Sum
 from mapmore_cli.domain.recording import Quantity
-from mapmore_cli.exporting import verifying
-from mapmore_cli.study.exports import exported
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "fuzz"))
 from hostile_texts import COMMANDS, ESCAPES, tex_commands

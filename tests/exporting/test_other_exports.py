@@ -19,12 +19,12 @@ from scipy.interpolate import RegularGridInterpolator
 from scipy.io import loadmat
 
 import mapmore_cli as mm
+from mapmore_cli.annexes.exporting.exports import exported
+from mapmore_cli.annexes.exporting.python_module import python_module
 from mapmore_cli.domain.errors import DataError, UsageError
 from mapmore_cli.domain.models import Model
-from mapmore_cli.exporting.python_module import python_module
 from mapmore_cli.modelling.kinds import fed_back, outside_range, predict
 from mapmore_cli.modelling.program.model import slopes
-from mapmore_cli.study.exports import exported
 
 
 def imported(model: Model) -> SimpleNamespace:

@@ -19,11 +19,11 @@ import pytest
 from export_samples import FORMULAS, STATIC, WITH_MEMORY
 from jinja2 import Environment, nodes
 
+from mapmore_cli.annexes.exporting import dialect
+from mapmore_cli.annexes.exporting.exports import exported
 from mapmore_cli.domain.errors import DataError, MapmoreError
 from mapmore_cli.domain.models import Formula, Model
 from mapmore_cli.domain.recording import Quantity, Signal
-from mapmore_cli.exporting import dialect
-from mapmore_cli.study.exports import exported
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "fuzz"))
 from hostile_texts import tex_commands

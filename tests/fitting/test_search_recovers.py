@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from common import dataset_of
 
-from mapmore_cli.fitting import searching
-from mapmore_cli.fitting.search_bench import Slice
-from mapmore_cli.fitting.searching import search
+from mapmore_cli.annexes.search import searching
+from mapmore_cli.annexes.search.bench import Slice
+from mapmore_cli.annexes.search.searching import search
 from mapmore_cli.modelling.expressions.operator import Setting, along
 from mapmore_cli.modelling.expressions.operators import OPERATORS
 from mapmore_cli.modelling.pieces.recipe import Fuse

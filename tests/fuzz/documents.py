@@ -19,6 +19,7 @@ from unittest.mock import patch
 from driver import Fault, Target, changed_text, changed_tree, refused
 from specs import STATIC, write_data
 
+from mapmore_cli.annexes.campaigns.archive import find_model, freeze
 from mapmore_cli.cli.console import print_view
 from mapmore_cli.cli.views import of_file
 from mapmore_cli.domain.errors import MapmoreError
@@ -27,7 +28,6 @@ from mapmore_cli.spec.loader import LoadedSpec, load
 from mapmore_cli.storage import artefacts
 from mapmore_cli.storage.artefacts import read_validation
 from mapmore_cli.storage.run_record import load_origin, read_scores, scores_beside
-from mapmore_cli.study.campaigns.archive import find_model, freeze
 
 VALUES: tuple[Any, ...] = (
     *(None, True, "", "x", "2.9", "\x1b[2J", "a" * 5000, "\ud800", [], {}, [[]], {"a": {}}, 0, -1, 1.5, 1e308, 10**400, 2**63, -(10**30)),

@@ -12,11 +12,11 @@ import readers
 from driver import Fault, Target, refused
 from specs import is_yaml
 
+from mapmore_cli.annexes.drafting.answers import Answers
+from mapmore_cli.annexes.drafting.start import start
 from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.spec.loader import load
 from mapmore_cli.spec.units import convert
-from mapmore_cli.study.drafting.answers import Answers
-from mapmore_cli.study.drafting.start import start
 
 TITLES = (
     *("time", "t [s]", "Zeit (ms)", "P", "pressure (kPa)", "Druck [bar]", "p_psi", "eps", "strain", "contraction (%)", "F", "force [N]"),

@@ -22,14 +22,14 @@ from xml.etree import ElementTree
 from driver import Fault, Target, refused
 from hostile_texts import tex_commands, text_of
 
+from mapmore_cli.annexes.exporting import verifying
+from mapmore_cli.annexes.exporting.exports import exported
 from mapmore_cli.domain import foreign
 from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.domain.models import CurveFunction, CurveRange, Formula, Model, MotionSection, Part, SegmentFunction, Sum
 from mapmore_cli.domain.recording import Quantity, Signal
-from mapmore_cli.exporting import verifying
 from mapmore_cli.reporting.table import Column, Table, to_csv, to_html, to_latex, to_markdown
 from mapmore_cli.spec.units import base_units
-from mapmore_cli.study.exports import exported
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "exporting"))
 

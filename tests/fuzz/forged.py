@@ -27,14 +27,14 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "storage"))
 
 from used_files import table_of
 
+from mapmore_cli.annexes.exporting.exports import exported
 from mapmore_cli.cli.console import print_view
 from mapmore_cli.cli.views import of_file
 from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.domain.models import Model
+from mapmore_cli.pipeline.predict import inverted_lines, predicted_lines
 from mapmore_cli.storage import artefacts
 from mapmore_cli.storage.artefacts import schema
-from mapmore_cli.study.exports import exported
-from mapmore_cli.study.predict import inverted_lines, predicted_lines
 
 TEXTS = (
     *("", " ", "time", "1", "0", "strain", "speed", "x", "_", "con", "NAN", "ß", "é", "a b", "a/b", "..", "*/", "O'Brien", "k", "true"),

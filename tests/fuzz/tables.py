@@ -19,8 +19,8 @@ from openpyxl import Workbook
 from openpyxl.cell.cell import ILLEGAL_CHARACTERS_RE
 
 from mapmore_cli.domain.errors import MapmoreError
+from mapmore_cli.pipeline.records import Sheet
 from mapmore_cli.storage.readers import READERS, TableRequest
-from mapmore_cli.study.records import Sheet
 
 NAMES = ["t", "P", "F"]
 HOSTILE = (

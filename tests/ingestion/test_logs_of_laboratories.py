@@ -13,14 +13,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from reading import opaque_mat
 
+from mapmore_cli.annexes.drafting import start as drafting
+from mapmore_cli.annexes.drafting.draft import Draft
+from mapmore_cli.annexes.drafting.recordings import read_draft
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.ingestion.samples import unwrapped
 from mapmore_cli.modelling.signals.sampling import longest_ascent
+from mapmore_cli.pipeline.inspection import inspect
 from mapmore_cli.spec.loader import load
-from mapmore_cli.study.drafting import start as drafting
-from mapmore_cli.study.drafting.draft import Draft
-from mapmore_cli.study.drafting.recordings import read_draft
-from mapmore_cli.study.inspection import inspect
 
 pytestmark = pytest.mark.usefixtures("quick_families")
 

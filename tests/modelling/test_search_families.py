@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from common import dataset_of
 
+from mapmore_cli.annexes.search.bench import Bench, Slice, searchable, shortened
+from mapmore_cli.annexes.search.candidate import Candidate, candidates
+from mapmore_cli.annexes.search.searching import FAMILIES, choices_of, family
+from mapmore_cli.annexes.search.situation import Situation, situation_of
 from mapmore_cli.domain.recording import Dataset
-from mapmore_cli.fitting.search_bench import Bench, Slice, searchable, shortened
-from mapmore_cli.fitting.searching import FAMILIES, choices_of, family
 from mapmore_cli.modelling.pieces.recipe import Fuse
-from mapmore_cli.modelling.search.candidate import Candidate, candidates
-from mapmore_cli.modelling.search.situation import Situation, situation_of
 from mapmore_cli.spec.sections.data import Holdout
 from mapmore_cli.spec.sections.model import ModelChoice
 

@@ -96,7 +96,9 @@ def test_real_stages_are_cheap_to_import(tmp_path: Path) -> None:
     names, modules = python(PIPELINE, tmp_path)
     assert names == ["ingest", "segment", "fit", "fuse", "validate", "report"]
     assert not {"h5py", "scipy", "matplotlib", "pint", "jinja2"} & set(modules)
-    _, modules = python(f"import mapmore_cli.cli.views, mapmore_cli.pipeline.search  # scores, and a found structure\n{PIPELINE}", tmp_path)
+    _, modules = python(
+        f"import mapmore_cli.cli.views, mapmore_cli.annexes.search.stage\n{PIPELINE}", tmp_path
+    )
     assert not {"scipy", "matplotlib", "pint", "jinja2"} & set(modules)
 
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from mapmore_cli.rig.muscle import Hysteresis, Stop
-from mapmore_cli.rig.static_muscles import McKibben, Peano
+from mapmore_cli.annexes.rig.muscle import Hysteresis, Stop
+from mapmore_cli.annexes.rig.static_muscles import McKibben, Peano
 from mapmore_cli.spec.loader import load_as
 from mapmore_cli.spec.simulation import SimulationSpec
 

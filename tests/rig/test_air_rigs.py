@@ -13,13 +13,13 @@ from rig_cases import DATASETS, spec
 from scipy.integrate import solve_ivp, trapezoid
 from scipy.interpolate import CubicSpline
 
-from mapmore_cli.rig.air import ATMOSPHERE, ClosedMuscle
-from mapmore_cli.rig.antagonists import Joint, driven, swung
-from mapmore_cli.rig.random_velocity import random_velocity
-from mapmore_cli.rig.sensors import clock, recording_generator
-from mapmore_cli.rig.static_muscles import volume
-from mapmore_cli.rig.waveform import Waveform, waveform_response
-from mapmore_cli.study.simulate import recording
+from mapmore_cli.annexes.rig.air import ATMOSPHERE, ClosedMuscle
+from mapmore_cli.annexes.rig.antagonists import Joint, driven, swung
+from mapmore_cli.annexes.rig.random_velocity import random_velocity
+from mapmore_cli.annexes.rig.sensors import clock, recording_generator
+from mapmore_cli.annexes.rig.simulate import recording
+from mapmore_cli.annexes.rig.static_muscles import volume
+from mapmore_cli.annexes.rig.waveform import Waveform, waveform_response
 
 
 @cache

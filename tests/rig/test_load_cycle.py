@@ -9,10 +9,10 @@ import pytest
 from rig_cases import MUSCLES, both, friction, spec
 from scipy.integrate import trapezoid
 
+from mapmore_cli.annexes.rig.load_cycle import Regulation, load_cycle, regulated_pressure, resting_strains, strain_path
+from mapmore_cli.annexes.rig.muscle import zero_force_strain
+from mapmore_cli.annexes.rig.simulate import recording
 from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.rig.load_cycle import Regulation, load_cycle, regulated_pressure, resting_strains, strain_path
-from mapmore_cli.rig.muscle import zero_force_strain
-from mapmore_cli.study.simulate import recording
 
 FRICTION = friction(3.0, 3e-5, (0.001, 0.01), (0.5, 0.5))
 CYCLE = spec("mckibben/load_cycles", "experiment.regulation.ripple=0").experiment

@@ -12,9 +12,8 @@ from hypothesis import strategies as st
 from rig_cases import BRAID, MUSCLES, TUBES, both, friction
 from scipy.integrate import quad, trapezoid
 
-from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.rig.muscle import effective_pressure, effective_pressure_slope, stop, zero_force_strain
-from mapmore_cli.rig.static_muscles import (
+from mapmore_cli.annexes.rig.muscle import effective_pressure, effective_pressure_slope, stop, zero_force_strain
+from mapmore_cli.annexes.rig.static_muscles import (
     energy_slope,
     geometric_slope_ratio,
     geometric_strain,
@@ -23,6 +22,7 @@ from mapmore_cli.rig.static_muscles import (
     volume,
     volume_slope,
 )
+from mapmore_cli.domain.errors import SpecError
 
 PUBLISHED = {  # kPa, force at zero strain N, free strain
     "mckibben": ((80, 215, 0.036), (150, 445, 0.104), (250, 735, 0.181), (350, 1002, 0.221)),

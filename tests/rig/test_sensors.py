@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rig_cases import friction
 
-from mapmore_cli.rig.muscle import GRAVITY
-from mapmore_cli.rig.sensors import Sensor, measure, recording_generator
+from mapmore_cli.annexes.rig.muscle import GRAVITY
+from mapmore_cli.annexes.rig.sensors import Sensor, measure, recording_generator
 
 
 @settings(deadline=None)

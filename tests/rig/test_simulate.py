@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from rig_cases import DATASETS, spec
 
+from mapmore_cli.annexes.rig.simulate import HEADER, SET_STEPS, causes_of, csv_text, decimals, label, recording, sensors, simulate
 from mapmore_cli.domain.errors import SpecError, WriteError
-from mapmore_cli.study.simulate import HEADER, SET_STEPS, causes_of, csv_text, decimals, label, recording, sensors, simulate
 
 PEANO = "peano/load_cycles"
 SHORT = ("experiment.pressures=[80]", "experiment.duration=10", "experiment.sample_time=0.1")

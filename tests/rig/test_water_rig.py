@@ -12,14 +12,14 @@ from rig_cases import BRAID, MUSCLES, both, spec
 from scipy.integrate import quad, trapezoid
 from scipy.signal import find_peaks
 
+from mapmore_cli.annexes.rig.air import ATMOSPHERE, Reservoir, valve_flow
+from mapmore_cli.annexes.rig.load_cycle import perturbation
+from mapmore_cli.annexes.rig.muscle import stop, stop_rates
+from mapmore_cli.annexes.rig.sensors import integrate, low_pass
+from mapmore_cli.annexes.rig.static_muscles import volume
+from mapmore_cli.annexes.rig.step_response import Bumper, Step, StepRig, step_response
+from mapmore_cli.annexes.rig.water import WATER_DENSITY, WATER_VISCOSITY, Pipe, Wall, WetMuscle, bubble_compliance
 from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.rig.air import ATMOSPHERE, Reservoir, valve_flow
-from mapmore_cli.rig.load_cycle import perturbation
-from mapmore_cli.rig.muscle import stop, stop_rates
-from mapmore_cli.rig.sensors import integrate, low_pass
-from mapmore_cli.rig.static_muscles import volume
-from mapmore_cli.rig.step_response import Bumper, Step, StepRig, step_response
-from mapmore_cli.rig.water import WATER_DENSITY, WATER_VISCOSITY, Pipe, Wall, WetMuscle, bubble_compliance
 
 TUBE = Pipe(length=0.5, diameter=0.0045, loss=0.0)
 RESERVOIR = Reservoir(air_volume=2e-4, polytropic=1.2, supply_conductance=0.4e-8, exhaust_conductance=1e-8, critical_ratio=0.3)

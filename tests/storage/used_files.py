@@ -12,14 +12,14 @@ from pathlib import Path
 import h5py
 import numpy as np
 
+from mapmore_cli.annexes.exporting.exports import exported
 from mapmore_cli.cli.console import print_view
 from mapmore_cli.cli.progress import Reporter
 from mapmore_cli.cli.views import of_file
 from mapmore_cli.domain.models import Model
 from mapmore_cli.modelling.kinds import equations
+from mapmore_cli.pipeline.predict import predicted_lines
 from mapmore_cli.storage import artefacts
-from mapmore_cli.study.exports import exported
-from mapmore_cli.study.predict import predicted_lines
 
 
 def use(path: Path, chance: random.Random) -> None:

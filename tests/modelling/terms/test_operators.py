@@ -13,11 +13,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from mapmore_cli.annexes.rig.muscle import stop as rig_stop
 from mapmore_cli.modelling.expressions import operators
 from mapmore_cli.modelling.expressions.operator import FLOATS, Setting, along, followed
 from mapmore_cli.modelling.expressions.operators import OPERATORS, families
 from mapmore_cli.modelling.program.model import recursion_slopes
-from mapmore_cli.rig.muscle import stop as rig_stop
 
 sys.path.append(str(Path(__file__).parents[2] / "exporting"))
 

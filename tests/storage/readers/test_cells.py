@@ -17,10 +17,10 @@ from hypothesis import strategies as st
 from reading import csv_table, refusal, table_of
 
 from mapmore_cli.domain.errors import DataError
+from mapmore_cli.pipeline.notebooks import column_of
+from mapmore_cli.pipeline.records import Sheet
 from mapmore_cli.storage.tables import read_with, remembered
 from mapmore_cli.storage.tables.cells import CellReader, NotANumber
-from mapmore_cli.study.notebooks import column_of
-from mapmore_cli.study.records import Sheet
 
 h5py = pytest.importorskip("h5py")
 nptdms = pytest.importorskip("nptdms")

@@ -47,7 +47,7 @@ def test_one_new_file_adds_a_format(tmp_path: Path) -> None:
     code = """
 from pathlib import Path
 from mapmore_cli.spec.schema import json_schema
-from mapmore_cli.study.drafting.preview import preview
+from mapmore_cli.annexes.drafting.preview import preview
 from mapmore_cli.ingestion.files import unique_ids
 assert "'bars'" in str(json_schema())
 assert preview(Path("log.bar")).columns == ("strain", "pressure", "force")

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
+from mapmore_cli.annexes.drafting.draft import Draft
+from mapmore_cli.annexes.drafting.start import start
+from mapmore_cli.pipeline.inspection import inspect
 from mapmore_cli.spec.loader import LoadedSpec, load
-from mapmore_cli.study.drafting.draft import Draft
-from mapmore_cli.study.drafting.start import start
-from mapmore_cli.study.inspection import inspect
 
 Columns = Mapping[str, Any]
 

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from mapmore_cli.annexes.drafting.answers import Answers, read_columns
+from mapmore_cli.annexes.drafting.columns import Table, guess_columns, guess_others
+from mapmore_cli.annexes.drafting.draft import Guess
 from mapmore_cli.checking.evidence import leads, same_signals, untold
 from mapmore_cli.domain.errors import UsageError
-from mapmore_cli.study.drafting.answers import Answers, read_columns
-from mapmore_cli.study.drafting.columns import Table, guess_columns, guess_others
-from mapmore_cli.study.drafting.draft import Guess
 
 LEVELS = (1.0, 2.0, 3.0, 4.0)  # bar
 TIME = np.arange(400) * 0.01

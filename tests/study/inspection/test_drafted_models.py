@@ -18,16 +18,16 @@ from pages import read_rows
 from recorded import checked, drafts, loaded, write
 from recorded import drafted as untried
 
-from mapmore_cli.fitting import searching
+from mapmore_cli.annexes.drafting import proof
+from mapmore_cli.annexes.drafting.answers import Answers
+from mapmore_cli.annexes.drafting.draft import Draft, guesses_page
+from mapmore_cli.annexes.drafting.groups import find_groups, second_of
+from mapmore_cli.annexes.drafting.proof import proven
+from mapmore_cli.annexes.drafting.start import start
+from mapmore_cli.annexes.search import searching
+from mapmore_cli.annexes.search.stage import reads
 from mapmore_cli.ingestion.files import expand
-from mapmore_cli.pipeline.search import reads
 from mapmore_cli.storage.readers import reader_of
-from mapmore_cli.study.drafting import proof
-from mapmore_cli.study.drafting.answers import Answers
-from mapmore_cli.study.drafting.draft import Draft, guesses_page
-from mapmore_cli.study.drafting.groups import find_groups, second_of
-from mapmore_cli.study.drafting.proof import proven
-from mapmore_cli.study.drafting.start import start
 
 # Specimens that the names of files tell apart --------------------------------------------------------------------------------------
 

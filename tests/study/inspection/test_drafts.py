@@ -11,16 +11,16 @@ import pytest
 import yaml
 from recorded import checked, drafted, drafts, loaded, workbook, write
 
+from mapmore_cli.annexes.drafting.answers import Answers
+from mapmore_cli.annexes.drafting.draft import Draft, Note
+from mapmore_cli.annexes.drafting.groups import patterns
+from mapmore_cli.annexes.drafting.preview import preview
+from mapmore_cli.annexes.drafting.proof import proven
+from mapmore_cli.annexes.drafting.start import start
 from mapmore_cli.domain.errors import DataError
+from mapmore_cli.pipeline.inspection import inspect
 from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.spec.experiment import TargetColumn
-from mapmore_cli.study.drafting.answers import Answers
-from mapmore_cli.study.drafting.draft import Draft, Note
-from mapmore_cli.study.drafting.groups import patterns
-from mapmore_cli.study.drafting.preview import preview
-from mapmore_cli.study.drafting.proof import proven
-from mapmore_cli.study.drafting.start import start
-from mapmore_cli.study.inspection import inspect
 
 PLAIN = "1,10\n2,20\n3,30\n4,40\n"
 

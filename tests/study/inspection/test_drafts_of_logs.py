@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from recorded import drafted, drafts, write
 
+from mapmore_cli.annexes.drafting.answers import Answers
+from mapmore_cli.annexes.drafting.draft import Draft, Guess
+from mapmore_cli.annexes.drafting.proof import Trial, proven
 from mapmore_cli.checking.evidence import remembered
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.scores import Score
-from mapmore_cli.study.drafting.answers import Answers
-from mapmore_cli.study.drafting.draft import Draft, Guess
-from mapmore_cli.study.drafting.proof import Trial, proven
 
 K = np.arange(600)
 DRIVE = 3 + 2 * np.sin(0.031 * K) * np.cos(0.012 * K)

@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mapmore_cli.annexes.drafting.columns import Table, guess_columns
+from mapmore_cli.annexes.drafting.experiment import find_held, goes_in_cycles, inner_levels, staircase
 from mapmore_cli.checking.evidence import neighbourhood, set_in_steps, slack_foot, spikes
 from mapmore_cli.checking.names import number_in, read_label, read_names
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.recording import Curve, Recording
 from mapmore_cli.modelling.expressions.operator import followed, linear
-from mapmore_cli.study.drafting.columns import Table, guess_columns
-from mapmore_cli.study.drafting.experiment import find_held, goes_in_cycles, inner_levels, staircase
 
 STRAINS = np.array([0.0, 0.05, 0.1, 0.15])
 

@@ -11,10 +11,10 @@ import pytest
 from recorded import drafted, tree, workbook
 from scipy.io import savemat
 
+from mapmore_cli.annexes.drafting.draft import Draft
+from mapmore_cli.annexes.drafting.preview import preview
+from mapmore_cli.annexes.drafting.recordings import read_draft
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.study.drafting.draft import Draft
-from mapmore_cli.study.drafting.preview import preview
-from mapmore_cli.study.drafting.recordings import read_draft
 
 N = 60
 T = 0.05 * np.arange(N)

@@ -19,11 +19,11 @@ from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 from recorded import loaded, tree, workbook
 
+from mapmore_cli.annexes.drafting.answers import Answers
+from mapmore_cli.annexes.drafting.start import start
 from mapmore_cli.domain.errors import DataError
+from mapmore_cli.pipeline.inspection import inspect
 from mapmore_cli.pipeline.runner import bring_up_to_date
-from mapmore_cli.study.drafting.answers import Answers
-from mapmore_cli.study.drafting.start import start
-from mapmore_cli.study.inspection import inspect
 
 Columns = dict[str, np.ndarray]
 

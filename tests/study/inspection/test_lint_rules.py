@@ -16,9 +16,9 @@ from mapmore_cli.checking.rules import Issue
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.modelling.validation.repeatability import monotone_floor
+from mapmore_cli.pipeline.inspection import Inspection, inspect
 from mapmore_cli.spec.loader import load
 from mapmore_cli.spec.yaml_loader import dump
-from mapmore_cli.study.inspection import Inspection, inspect
 
 Table = dict[str, Array]
 Spoil = Callable[[float, Table], Table]

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from recorded import drafted, drafts, workbook, write
 
+from mapmore_cli.annexes.drafting.start import start
 from mapmore_cli.checking.names import read_names, words_of
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.study.drafting.start import start
 
 STRAIN = np.linspace(0.0, 0.15, 40)
 THERE_AND_BACK = np.concatenate([STRAIN, STRAIN[::-1]])

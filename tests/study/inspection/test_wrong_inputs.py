@@ -18,10 +18,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from recorded import drafts, loaded, write
 
+from mapmore_cli.annexes.drafting.draft import Draft
 from mapmore_cli.domain.errors import DataError
+from mapmore_cli.pipeline.inspection import inspect
 from mapmore_cli.spec.units import convert
-from mapmore_cli.study.drafting.draft import Draft
-from mapmore_cli.study.inspection import inspect
 
 TITLES: Mapping[str, tuple[str, ...]] = {
     "time": ("t [s]", "Time", "Zeit (s)"),

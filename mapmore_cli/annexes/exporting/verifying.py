@@ -1,0 +1,185 @@
+"""Exported code is compiled and run beside `predict` before it is written: on random points within and beyond the training range.
+
+It runs in a process of its own, with a limit of time: no code that follows from a file runs in ours.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import shutil
+import struct
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from mapmore_cli.annexes.exporting.dialect import rendered, source
+from mapmore_cli.domain.arrays import Array, Columns
+from mapmore_cli.domain.errors import MapmoreError
+from mapmore_cli.domain.models import Model
+from mapmore_cli.modelling.expressions import Name
+from mapmore_cli.modelling.kinds import fed_back, outside_range, simulate
+from mapmore_cli.modelling.program.model import program_of
+from mapmore_cli.modelling.program.values import INPUT
+
+COMPILERS = ("cc", "gcc", "clang")
+"""Looked for in this order, after what the environment variable CC says."""
+
+FLAGS = ("-std=c99", "-O2", "-ffp-contract=off")
+LIBRARY = ("-shared", "-fPIC", "-fvisibility=hidden")
+
+SECONDS = 300
+"""After which a compiler, and then the code, is stopped."""
+
+SYSTEMS = {"linux": ("linux", "so"), "darwin": ("darwin", "dylib"), "win32": ("win", "dll")}
+"""What FMI 2.0 calls a system, and how the names of its shared libraries end, by `sys.platform`."""
+
+
+class CompilerMissing(Exception):
+    """There is no compiler, or it failed; the message says which."""
+
+
+class CompilerFailed(CompilerMissing):
+    """The compiler refuses the files."""
+
+
+def library_place(name: str) -> str:
+    """Return where the shared library of this machine lies in a unit of FMI 2.0; raises CompilerMissing where it has no name for it."""
+    if sys.platform not in SYSTEMS or platform.machine().lower() not in ("x86_64", "amd64", "i386", "i686", "arm64"):
+        raise CompilerMissing(f"FMI 2.0 has no name for this machine ({sys.platform}, {platform.machine()})")
+    system, ending = SYSTEMS[sys.platform]
+    return f"binaries/{system}{8 * struct.calcsize('P')}/{name}.{ending}"
+
+
+def built(files: Mapping[str, str], compiled: Sequence[str], flags: Sequence[str] = LIBRARY) -> bytes:
+    """Return the library, or without its flags the program, that those of the files are compiled to.
+
+    Raises CompilerMissing where there is no compiler, CompilerFailed where it refuses the files.
+    """
+    wanted = (os.environ["CC"],) if os.environ.get("CC") else COMPILERS
+    found = next((path for path in map(shutil.which, wanted) if path), None)
+    if found is None:
+        raise CompilerMissing(f"there is no C compiler here ({', '.join(wanted)})")
+    try:
+        return _compiled(found, files, compiled, flags)
+    except (OSError, subprocess.SubprocessError) as fault:
+        said = (getattr(fault, "stderr", "") or str(fault)).strip().splitlines()
+        why = f"the C compiler {found} failed: {said[0] if said else fault}"
+    try:
+        _compiled(found, {"empty.c": "int nothing;\n"}, ["empty.c"], LIBRARY)
+    except (OSError, subprocess.SubprocessError) as fault:
+        raise CompilerMissing(why) from fault  # it compiles nothing at all
+    raise CompilerFailed(why)
+
+
+def _compiled(compiler: str, files: Mapping[str, str], compiled: Sequence[str], flags: Sequence[str]) -> bytes:
+    with tempfile.TemporaryDirectory() as folder:
+        for name, text in files.items():
+            (Path(folder) / name).write_text(text, encoding="utf-8")
+        line = [compiler, *FLAGS, *flags, *compiled, "-o", "built", "-lm"]
+        subprocess.run(line, cwd=folder, check=True, capture_output=True, text=True, timeout=SECONDS)
+        return (Path(folder) / "built").read_bytes()
+
+
+POINTS = 100
+CLOSE, CLOSE_SINGLE = 1e-6, 1e-2
+"""How far code may lie from `predict`, relative to the value or to a tenth of the median; a wrong input or term is farther by far."""
+
+
+def verify_c(model: Model, name: str, texts: Mapping[str, str], single: bool) -> None:
+    """Compile the C of a model and compare it.
+
+    Raises CompilerMissing where there is no compiler; MapmoreError where it refuses the code, or its numbers are others.
+    """
+    compiled = [f"{name}.c", f"{name}_main.c"]
+    _verify_program(model, texts, compiled, CLOSE_SINGLE if single else CLOSE)
+
+
+def verify_unit(model: Model, texts: Mapping[str, str], compiled: Sequence[str]) -> None:
+    """Compile the sources of a functional mock-up unit and compare what it answers to a tool; raises as `verify_c`."""
+    _verify_program(model, {**texts, "verify-unit.c": source("verify-unit.c")}, [*compiled, "verify-unit.c"], CLOSE)
+
+
+def verify_module(model: Model, text: str, each: bool = False) -> None:
+    """Import a module and compare it, sample by sample where it takes `each` alone; raises MapmoreError as `verify_c`."""
+    columns, memory = points(model), program_of(model).step is not None
+    given = [columns[quantity.name].tolist() for quantity in model.inputs]
+    measured = [columns[output].tolist() for output in fed_back(model)]
+    driver = rendered("verify.py", memory=memory, each=each)
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        for name, code in (("exported.py", text), ("verify.py", driver)):
+            (Path(folder) / name).write_text(code, encoding="utf-8")
+        libraries = str(Path(np.__file__).parents[1])
+        job = json.dumps({"path": [folder, libraries], "given": given, "measured": measured, "rows": POINTS})
+        said = _said(model, [sys.executable, "-I", "-S", "-B", str(Path(folder) / "verify.py")], job)
+    found, outside = np.array(said.split(), dtype=np.float64).reshape(2, POINTS)
+    _compare(model, columns, found, outside != 0, CLOSE)
+
+
+def _said(model: Model, command: Sequence[str], given: str) -> str:
+    """Return what code says in a process of its own; raises MapmoreError where it fails."""
+    try:
+        return subprocess.run(command, input=given, capture_output=True, text=True, check=True, timeout=SECONDS).stdout
+    except subprocess.CalledProcessError as fault:
+        why = (fault.stderr.strip() or f"it ends with {fault.returncode}").splitlines()[-1]
+        raise _unequal(model, why) from fault
+    except subprocess.TimeoutExpired as fault:
+        raise _unequal(model, f"it takes longer than {SECONDS} s for {POINTS} samples") from fault
+    except OSError as fault:
+        raise CompilerMissing(f"{command[0]} cannot be run ({fault.strerror})") from fault
+
+
+def points(model: Model) -> Columns:
+    """Return random points around the training range, a fifth of it beyond; for a model with memory a recording, with its output."""
+    rng, code = np.random.default_rng(1), program_of(model)
+    columns = {"time": (code.step or 1.0) * np.arange(float(POINTS))}
+    for quantity in model.inputs:
+        known = [limit for limit in code.limits if limit.inputs == {quantity.name}]
+        known = [limit for limit in known if limit.value == Name(f"{INPUT}{quantity.name}")] or known  # and not of what follows from it
+        low = min((float(limit.low.min()) for limit in known), default=-1.0)
+        high = max((float(limit.high.max()) for limit in known), default=1.0)
+        if quantity.name != "time" or code.step is None:  # the clock of a recording is even
+            columns[quantity.name] = low + (high - low) * rng.uniform(-0.2, 1.2, POINTS)
+    for memory in model.memories:
+        columns.setdefault(memory.output, rng.uniform(*memory.limits, POINTS))
+    return columns
+
+
+def _verify_program(model: Model, texts: Mapping[str, str], compiled: Sequence[str], close: float) -> None:
+    columns = points(model)
+    names = [*(quantity.name for quantity in model.inputs), *fed_back(model)]
+    rows = "\n".join(" ".join(map(repr, row)) for row in zip(*(columns[name].tolist() for name in names), strict=True))
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        place = Path(folder) / "verify.exe"
+        try:
+            place.write_bytes(built(texts, compiled, ()))
+        except CompilerFailed as fault:
+            raise _unequal(model, str(fault)) from fault
+        place.chmod(0o700)
+        said = _said(model, [str(place)], rows)
+    found = np.array(said.split(), dtype=np.float64).reshape(-1, 2)
+    out, bits = np.broadcast_to(found, (POINTS, 2)).T  # one line where there is no input
+    _compare(model, columns, out, (bits.astype(int) & ((1 << len(model.inputs)) - 1)) != 0, close)
+
+
+def _compare(model: Model, columns: Columns, found: Array, outside: Array, close: float) -> None:
+    with np.errstate(all="ignore"):
+        expected = simulate(model, columns).values
+        size = np.abs(expected[np.isfinite(expected)])
+        room = close * np.maximum(np.abs(expected), 0.1 * (np.median(size) if size.size else 0.0))
+        equal = (np.abs(found - expected) <= room) | (found == expected) | (np.isnan(found) & np.isnan(expected))
+    for row in np.flatnonzero(~equal | (outside != outside_range(model, columns)))[:1]:
+        where = ", ".join(f"{quantity.name} = {columns[quantity.name][row]:.6g}" for quantity in model.inputs)
+        raise _unequal(model, f"it is {found[row]:.9g} where `predict` has {expected[row]:.9g}, at {where}")
+
+
+def _unequal(model: Model, what: str) -> MapmoreError:
+    return MapmoreError(
+        f"the exported code of {model.name} is not the model, and is not written: {what}",
+        "please report it; --no-verify writes it all the same",
+    )

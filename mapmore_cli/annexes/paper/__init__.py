@@ -1,0 +1,1 @@
+"""What a paper claims, beside what is measured here."""

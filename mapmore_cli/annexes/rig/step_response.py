@@ -1,0 +1,119 @@
+"""The step response (M2 section 4.1): a weight rests on a stop, below a slightly tensioned muscle that is suddenly put under pressure.
+
+The muscle lifts the weight, holds it until it has come to rest, is exhausted, and the weight draws it out again until it falls on the stop.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import pairwise
+from typing import Annotated, Literal
+
+import numpy as np
+from annotated_types import Len
+
+from mapmore_cli.annexes.rig.air import Reservoir
+from mapmore_cli.annexes.rig.muscle import GRAVITY, zero_force_strain
+from mapmore_cli.annexes.rig.sensors import TOLERANCE, distinct, integrate_phases, pressure_label
+from mapmore_cli.annexes.rig.water import DrivingPressure, WaterRig, WetMuscle, observe
+from mapmore_cli.domain.arrays import Array, Columns
+from mapmore_cli.domain.declared import NonNegative, Positive, Settings
+
+ABOVE_WATER = (1e5, 0.1, 1.0)
+"""Size of the states that stand before the wet muscle's: reservoir pressure (Pa), strain, strain rate (1/s)."""
+
+
+@dataclass(frozen=True)
+class Bumper(Settings):
+    """Stop below the weight; Hunt and Crossley's contact."""
+
+    stiffness: Positive  # k, N/m
+    damping: NonNegative  # c, s/m
+    pretension: Positive  # of the muscle while the weight rests on the stop, N
+
+    def push(self, depth: float, speed: float) -> float:
+        """Force on the weight, N: `k d (1 + c d')` at depth d > 0 (m) and speed d' (m/s) into the stop; it never holds the weight back."""
+        return max(self.stiffness * depth * (1.0 + self.damping * speed), 0.0) if depth > 0.0 else 0.0
+
+
+@dataclass(frozen=True)
+class Step(Settings):
+    """One recording."""
+
+    pressure: DrivingPressure  # of the supply, Pa
+    weight: Positive  # that hangs on the muscle, N
+
+
+@dataclass(frozen=True)
+class StepResponses(Settings):
+    """A weight is suddenly lifted and dropped again, once for each step (M2 section 4.1, table 3)."""
+
+    type: Literal["step_responses"]
+    steps: Annotated[Sequence[Step], Len(1), distinct(lambda step: pressure_label(step.pressure))]
+    rest: Positive  # before the supply opens, s
+    hold: Positive  # until the exhaust opens, s
+    fall: Positive  # until the recording ends, s
+    sample_time: Positive  # s
+    reservoir: Reservoir
+    bumper: Bumper
+    rig: WaterRig
+
+    def __post_init__(self) -> None:
+        """Refuse weights that do not rest on their stop, and too few samples."""
+        if any(step.weight <= self.bumper.pretension for step in self.steps):
+            raise ValueError("each weight must exceed the `pretension`, or it would hang free of its stop from the start")
+        if 10 * self.sample_time > min(self.rest, self.hold, self.fall):
+            raise ValueError("`rest`, `hold` and `fall` need ten samples each: shorten `sample_time` or lengthen them")
+
+    def clocks(self) -> list[Array]:
+        """Sample times, s, of the three phases; each ends with the sample that begins the next."""
+        switches = np.cumsum([0.0, self.rest, self.hold, self.fall])
+        counts = np.round(switches / self.sample_time).astype(int)
+        return [self.sample_time * np.arange(first, last + 1) for first, last in pairwise(counts)]
+
+
+@dataclass(frozen=True)
+class StepRig:
+    """The rig of M2's figure 8, set up for step responses; its states are those of `ABOVE_WATER`, then the wet muscle's."""
+
+    muscle: WetMuscle
+    setup: StepResponses
+
+    @property
+    def scales(self) -> Array:
+        """Size of each state."""
+        return np.concatenate([ABOVE_WATER, self.muscle.scales])
+
+    def at_rest(self) -> Array:
+        """States without pressure: the muscle pulls with its pretension, the stop carries the rest of the weight."""
+        wet = self.muscle.at_rest(0.0)
+
+        def excess(strain: float) -> float:
+            return self.muscle.respond(wet, 0.0, strain, 0.0)[0] - self.setup.bumper.pretension
+
+        return np.concatenate([[0.0, zero_force_strain(excess), 0.0], wet])
+
+    def rates(self, _time: float, states: Array, supply: float | None, weight: float, touch: float) -> Array:
+        """Rates of the states, with the valve on a `supply` pressure (Pa) or, None, on exhaust; the `weight` (N) touches at `touch`."""
+        pressure, strain, strain_rate = states[: len(ABOVE_WATER)].tolist()
+        wet = states[len(ABOVE_WATER) :]
+        length = self.muscle.muscle.length
+        pull, wet_rates = self.muscle.respond(wet, pressure, strain, strain_rate)
+        reservoir = self.setup.reservoir
+        inflow = reservoir.exhausted(pressure) if supply is None else reservoir.supplied(pressure, supply)
+        push = self.setup.bumper.push(length * (touch - strain), -length * strain_rate)
+        acceleration = (pull + push - weight) * GRAVITY / (weight * length)
+        return np.concatenate([[reservoir.rate(pressure, float(wet[0]), inflow), strain_rate, acceleration], wet_rates])
+
+
+def step_response(rig: StepRig, step: Step, tolerance: float = TOLERANCE) -> Columns:
+    """Truth of one recording, columns `(n,)` as those of `observe`."""
+    states, bumper = rig.at_rest(), rig.setup.bumper
+    touch = states[1] + (step.weight - bumper.pretension) / (bumper.stiffness * rig.muscle.muscle.length)
+    clocks = rig.setup.clocks()
+    motions = [partial(rig.rates, supply=supply, weight=step.weight, touch=touch) for supply in (None, step.pressure, None)]
+    along = integrate_phases(zip(motions, clocks, strict=True), states, rig.scales, tolerance)
+    time = np.concatenate([clocks[0][:1], *(clock[1:] for clock in clocks)])
+    return observe(rig.muscle, time, along[:, 1], along[:, len(ABOVE_WATER) :])

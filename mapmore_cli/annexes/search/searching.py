@@ -1,0 +1,319 @@
+"""`model: {type: auto}`: structures tried on training data alone, the one that is taken, and the spec that it makes."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache, partial
+from importlib.resources import files
+from math import comb
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import yaml
+from pydantic import TypeAdapter
+
+from mapmore_cli.annexes.search.bench import Bench, Masks, Slice, held_run, searchable, shortened, thinning_of
+from mapmore_cli.annexes.search.candidate import Candidate, candidates
+from mapmore_cli.annexes.search.situation import situation_of
+from mapmore_cli.domain.arrays import Array, BoolArray
+from mapmore_cli.domain.errors import DataError, FitError, MapmoreError
+from mapmore_cli.domain.models import Model
+from mapmore_cli.domain.processors import shared_out
+from mapmore_cli.domain.recording import Dataset
+from mapmore_cli.domain.results import Search, Tried
+from mapmore_cli.fitting.baselines import Left, black_boxes, strongest
+from mapmore_cli.fitting.kinds import refit
+from mapmore_cli.fitting.kinds.choices import ModelChoices
+from mapmore_cli.fitting.refitting import left_out_of
+from mapmore_cli.modelling.forecast import forecast
+from mapmore_cli.modelling.kinds import fed_back, parameters
+from mapmore_cli.modelling.memory.records import records_of, time_step
+from mapmore_cli.modelling.pieces.recipe import Segmented
+from mapmore_cli.modelling.selection import AUTO, Fit
+from mapmore_cli.modelling.validation.significance import WITHIN, simplest_of
+from mapmore_cli.spec.sections.dictionary import DictionaryEntry
+from mapmore_cli.spec.sections.model import ModelChoice
+
+if TYPE_CHECKING:
+    from mapmore_cli.fitting.stage import Progress
+
+FAMILIES = ("tables", "states", "friction", "feedback")
+"""Files of candidates in the order in which they are tried: where time is short, the last ones are left out."""
+
+MOST_PARAMETERS = 28
+"""Of a structure that is taken for a table, or as many as the cubic of all inputs has; what has more is only shown."""
+
+LESS = 0.9
+"""Times the error of the structure that was found, below which a black box errs clearly less."""
+
+WHOLE = 0.5
+"""Share of the left-out samples that a structure predicts at least: long lags say nothing of short recordings."""
+
+BY_MEAN = "the fewest parameters of those within one standard error of the best (2 to 20 %), a plain model within 2 %"
+BY_MEDIAN = "the least median error, 5 % of the logarithm of the number of parameters added, or a plain model within 2 % of it"
+
+PLAIN, BLACK_BOX = ("simple", "formula"), "black box"
+"""Kinds that are found where they are as good as anything, and one of those that are never found."""
+
+SHOWN = (BLACK_BOX, "papers")
+"""Kinds that stand in the table and are not taken."""
+
+
+@cache
+def family(name: str) -> Mapping[str, Any]:
+    """Return a file of candidates."""
+    text = files("mapmore_cli.annexes.search").joinpath(f"families/{name}.yaml").read_text(encoding="utf-8")
+    found: Mapping[str, Any] = yaml.safe_load(text)
+    return found
+
+
+def search(
+    dataset: Dataset,
+    part: Slice,
+    progress: Progress = lambda _what, _done, _total: None,
+    *,
+    beside: bool = True,
+) -> Search:
+    """Try every candidate on left-out training samples, and choose.
+
+    Held-out outputs are dropped before anything is computed. With `beside`, black boxes are tried on the same folds.
+
+    Raises
+    ------
+    FitError
+        Where no structure could be fitted.
+    """
+    whole = searchable(dataset)
+    training = shortened(whole, held_run(dataset))
+    situation = situation_of(training, part.ignored, part.model.inputs)
+    past = situation.timed
+    uneven = _uneven(dataset) if past else ()
+    if part.by_level or uneven or not past:
+        # a model that runs along recordings cannot be fitted without a level; any other takes its share from all of their samples
+        training, situation = whole, replace(situation_of(whole, part.ignored, part.model.inputs), step=None)
+    listed = [one for name in FAMILIES for one in candidates(family(name), situation)]
+    bench = Bench.of(training, situation, part, dataset)
+    budget = Budget(part.model.budget)
+    folds = [*range(len(bench.folds)), None]
+    jobs: list[Callable[[], Any]] = [partial(_tried, one, bench, fold, budget) for one in listed for fold in folds]
+    second = min(1, len(jobs))  # what a copy begins with
+    if beside:
+        jobs.insert(second, partial(black_boxes, bench.dataset, bench.folds, thinning_of(bench.dataset), situation.inputs, past))
+    done = shared_out(lambda job: job(), jobs, lambda done, total: progress("structures", done * len(listed) // total, len(listed)))
+    boxes: Mapping[str, Sequence[Left]] = done.pop(second) if beside else {}
+    outcomes = [_outcome(one, done[place * len(folds) :][: len(folds)], bench.blocks) for place, one in enumerate(listed)]
+    tried = [one for one in outcomes if one is not None]
+    cut = len(outcomes) - len(tried)
+    tried += [_Outcome(Tried(BLACK_BOX, name.replace("_", " "), {}), left) for name, left in boxes.items()]
+    most = None if situation.timed else max(MOST_PARAMETERS, comb(len(situation.inputs) + 3, 3))
+    found = _chosen(tried, bench, most)
+    late = (f"the budget of {part.model.budget:g} s ended before {cut} of {len(listed)} structures were tried",) if cut else ()
+    told = _told(found, bench, lambda: strongest(bench.thinned.curves, _residual(tried[found.chosen], bench), situation.inputs, past))
+    return replace(found, cut=cut, notes=(*late, *uneven, *told))
+
+
+def _uneven(dataset: Dataset) -> tuple[str, ...]:
+    """Return what the fit of a model with memory would refuse in the recordings, held-out parts included."""
+    try:
+        records_of(dataset.curves, time_step(dataset.curves))
+    except DataError as fault:
+        return (f"models with a past were not tried: {fault.message}; {fault.remedy}",)
+    return ()
+
+
+@dataclass
+class Budget:
+    """The budget of a search: seconds of work on structures in each process, so that a busy machine tries what an idle one does."""
+
+    seconds: float
+    worked: float = 0.0
+
+    @property
+    def over(self) -> bool:
+        """Whether this process has worked for longer."""
+        return self.worked > self.seconds
+
+
+def _chosen(outcomes: Sequence[_Outcome], bench: Bench, most: int | None) -> Search:
+    """Score all structures and black boxes on the rows that all of them predict, and take one structure."""
+    usable = [number for number, one in enumerate(outcomes) if not one.tried.failure]
+    tried = [one.tried for one in outcomes]
+    eligible = np.array([tried[i].family not in SHOWN and (most is None or tried[i].parameters <= most) for i in usable], dtype=np.bool_)
+    if not eligible.any():
+        reasons = next((one.failure for one in tried if one.failure), "there was no time for any")
+        raise FitError(f"no structure could be fitted without some of the data: {reasons}", "name one, or raise `model.budget`")
+    errors = _on_common_rows([outcomes[number].left for number in usable]) / bench.scale
+    sizes = [tried[number].parameters for number in usable]
+    rank = simplest_of(sizes, errors, bench.weights, eligible, median=most is None)
+    as_good = np.flatnonzero(eligible & (rank.excess <= WITHIN[0]) & (np.asarray(sizes) <= sizes[rank.chosen]))
+    plain = [i for i in as_good if tried[usable[i]].family in PLAIN]
+    chosen = min(plain, key=lambda i: (sizes[i], rank.excess[i]), default=rank.chosen)
+    for place, number in enumerate(usable):
+        blocks, parts = (float(np.sqrt(np.mean(of**2))) if of.size else np.nan for of in np.split(errors[place], [bench.blocks]))
+        tried[number] = replace(
+            tried[number],
+            errors=tuple(errors[place].tolist()),
+            error=blocks,
+            parts=parts,
+            excess=float(rank.excess[place]),
+            spread=float(rank.spread[place]),
+        )
+    names = ("search", bench.dataset.target, bench.left_out, bench.parts_left_out, bench.scale)
+    return Search(*names, tuple(tried), usable[rank.best], usable[int(chosen)], BY_MEDIAN if most is None else BY_MEAN)
+
+
+def _told(found: Search, bench: Bench, hint: Callable[[], str]) -> list[str]:
+    """Return what a reader is told of the table: that more adds nothing, or that a black box errs clearly less."""
+    kind = f"left-out {bench.parts_left_out.rpartition(' ')[2]}" if bench.asks_parts else "left-out stretches"
+    own, best, told = found.found, found.tried[found.best], []
+    if own.family in PLAIN and found.chosen != found.best:
+        told.append(f"{own.words} is as good as structures with more parameters: {best.words} adds nothing that left-out data show")
+    errs = {one.words: one.parts if bench.asks_parts else one.error for one in found.tried if one.family == BLACK_BOX}
+    mine = own.parts if bench.asks_parts else own.error
+    name = min(errs, key=lambda one: errs[one], default="")
+    if name and errs[name] < LESS * mine:
+        left = f"; what is left depends most on {words}" if (words := hint()) else ""
+        told.append(f"{name} errs {mine / errs[name]:.2g} times less on {kind}: the structure lacks something{left}")
+    return told
+
+
+def _residual(outcome: _Outcome, bench: Bench) -> list[Array]:
+    """Return the left-out errors of a structure on the blocks, (n_c,) of each thinned curve; NaN where there are none."""
+    residual = [np.full(curve.size, np.nan) for curve in bench.thinned.curves]
+    for fold, (left, ready) in zip(bench.thinned_folds[: bench.blocks], outcome.left, strict=False):
+        ends = np.cumsum([int(out.sum()) for out in fold])[:-1]
+        for values, out, part, known in zip(residual, fold, np.split(left, ends), np.split(ready, ends), strict=True):
+            values[out] = np.where(known, part, np.nan)
+    return residual
+
+
+def _on_common_rows(predicted: Sequence[Sequence[Left]]) -> Array:
+    """RMSE of every structure on every fold, on the rows that all structures predict, (s, f); infinite where a run diverged."""
+    found = np.empty((len(predicted), len(predicted[0])))
+    for fold in range(found.shape[1]):
+        common = np.logical_and.reduce([one[fold][1] for one in predicted])
+        for number, one in enumerate(predicted):
+            squares = one[fold][0][common] ** 2
+            error = float(np.sqrt(np.mean(squares))) if len(squares) else np.inf
+            found[number, fold] = error if np.isfinite(error) else np.inf
+    return found
+
+
+@dataclass(frozen=True)
+class _Fold:
+    """What came of a structure in one fold: its left-out errors, or with nothing left out its parameters; or why it failed."""
+
+    seconds: float = 0.0
+    left: Left | None = None
+    parameters: int = 0
+    failure: str = ""
+
+
+@dataclass(frozen=True)
+class _Outcome:
+    """A structure with its left-out errors in every fold."""
+
+    tried: Tried
+    left: Sequence[Left] = ()
+
+
+def _tried(candidate: Candidate, bench: Bench, fold: int | None, budget: Budget) -> _Fold | None:
+    """Fit a structure without a fold, or to all samples; None where the time is over."""
+    if budget.over:
+        return None
+    started = time.process_time()
+    try:
+        found = _fitted(choices_of(candidate.sections, bench.part), bench, fold)
+    except MapmoreError as fault:
+        found = _Fold(failure=fault.message)
+    seconds = time.process_time() - started
+    budget.worked += seconds
+    return replace(found, seconds=seconds)
+
+
+def _fitted(choices: ModelChoices, bench: Bench, fold: int | None) -> _Fold:
+    slow = choices.over_time
+    dataset, folds = (bench.dataset, bench.folds) if slow else (bench.thinned, bench.thinned_folds)
+    if fold is not None:
+        return _Fold(left=_left_out(choices, dataset, folds[fold], thinning_of(dataset) if slow else None))
+    model = refit(choices, dataset)
+    failure = "goes on by itself: its start still rings late in a recording" if slow and rings(model, dataset) else ""
+    return _Fold(parameters=parameters(model), failure=failure)
+
+
+def _outcome(candidate: Candidate, folds: Sequence[_Fold | None], blocks: int) -> _Outcome | None:
+    """Return what came of a structure in all folds, of which the first are blocks; None where the time was over before."""
+    known = [fold for fold in folds if fold is not None]
+    if len(known) < len(folds):
+        return None
+    failure = next((fold.failure for fold in known if fold.failure), "")
+    left = [fold.left for fold in known if fold.left is not None]
+    if not failure and np.concatenate([ready for _, ready in left[:blocks]]).mean() < WHOLE:
+        failure = "needs a longer past than most left-out samples have"
+    seconds = round(sum(fold.seconds for fold in known), 2)
+    size = 0 if failure else known[-1].parameters
+    return _Outcome(Tried(candidate.kind, candidate.words, candidate.sections, size, seconds=seconds, failure=failure), left)
+
+
+SHIFT, SWING = 0.1, 0.1
+"""Of the range, by which a run begins higher; of the largest difference that makes, what may still swing in the second half."""
+
+
+def rings(model: Model, dataset: Dataset) -> bool:
+    """Tell whether a free run that begins a tenth of the range higher still swings about the measured one late in the longest recording.
+
+    Where inputs repeat, a model with poles on the unit circle continues the record as a clock does, whatever drives it. An integrator keeps
+    its offset, and does not swing.
+    """
+    if not fed_back(model):
+        return False
+    curve = max(dataset.curves, key=lambda one: one.size)
+    output = curve.columns[dataset.target]
+    higher = replace(curve, columns={**curve.columns, dataset.target: output + SHIFT * float(np.nanmax(output) - np.nanmin(output))})
+    apart = forecast(model, higher).values - forecast(model, curve).values
+    late = apart[curve.size // 2 :]
+    return bool(np.nanstd(late) > SWING * np.nanmax(np.abs(apart))) if np.isfinite(late).any() else False
+
+
+def _left_out(choices: ModelChoices, dataset: Dataset, fold: Masks, rows: Sequence[BoolArray] | None) -> Left:
+    """Errors of the model without a fold on the samples of the fold, and which of them it predicts; of an even share of `rows`."""
+    shares = [out if rows is None else out & rows[number] for number, out in enumerate(fold) if out.any()]
+    errors, ready = [np.zeros(0)], [np.zeros(0, dtype=np.bool_)]
+    for (curve, _, said), counted in zip(left_out_of(dataset, fold, partial(refit, choices)), shares, strict=True):
+        errors.append((said.values - curve.columns[dataset.target])[counted])
+        ready.append(said.ready[counted])
+    return np.concatenate(errors), np.concatenate(ready)
+
+
+_ENTRIES = TypeAdapter(list[DictionaryEntry])
+_CUTS = TypeAdapter(dict[str, Segmented])
+_MODEL = TypeAdapter(ModelChoice)
+
+
+def choices_of(sections: Mapping[str, Any], part: Slice) -> ModelChoices:
+    """Return the sections of a candidate as the spec would have them."""
+    segment = _CUTS.validate_python(sections.get("segment", {}))
+    fuse = replace(part.fuse, **{key.partition(".")[2]: value for key, value in sections.items() if key.startswith("fuse.")})
+    model = _MODEL.validate_python(sections.get("model", {}))
+    from mapmore_cli.modelling import literature
+
+    name = model.name or model.backbone
+    needed = literature.get(name).dimensions if name not in (None, AUTO) else ()
+    lengths = {key: value for key, value in part.lengths.items() if key in needed}
+    entries = _ENTRIES.validate_python(sections.get("dictionary", []))
+    return ModelChoices(part.levels, segment, entries, model, Fit(**sections.get("fit", {})), lengths, None, "search", fuse, (), ())
+
+
+def settings_of(found: Search) -> dict[str, Any]:
+    """Return the sections that were found, as settings on top of the spec."""
+    empty: dict[str, Any] = {"segment": {}, "dictionary": [], "model": {"type": "mapmore"}, "fit": {}}
+    return {**empty, **found.found.sections}
+
+
+def formula_beside(found: Search) -> str | None:
+    """Return the formula of the literature that erred least of those tried; None where none was, or where it is what was found."""
+    formulas = [one for one in found.tried if not one.failure and one.sections.get("model", {}).get("type") == "literature"]
+    best = min(formulas, key=lambda one: one.excess, default=None)
+    return None if best is None or best is found.found else str(best.sections["model"]["name"])

@@ -1,0 +1,109 @@
+"""Find the structure of a model: `search.json`, and the spec `found.yaml` that it makes."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mapmore_cli.annexes.search.bench import Slice
+from mapmore_cli.annexes.search.searching import formula_beside, search, settings_of
+from mapmore_cli.domain.results import Search, Tried
+from mapmore_cli.fitting.stage import Stage, Workspace
+from mapmore_cli.modelling.expressions import parse
+from mapmore_cli.spec.experiment import ExperimentSpec
+from mapmore_cli.spec.sections.data import Direction, Rate
+from mapmore_cli.storage.atomic import write_text
+
+if TYPE_CHECKING:
+    from mapmore_cli.spec.loader import LoadedSpec
+
+
+SEARCH = "search.json"
+"""The file of what was tried, in the folder of a run."""
+
+
+def reads(spec: ExperimentSpec) -> Slice:
+    """Return the slice of the spec. Rates by which samples are kept, groups, and what the target is made of, or makes, are no inputs."""
+    rules = spec.data.derive
+    rates = {name for name, rule in rules.items() if not isinstance(rule, str)}
+    ignored = (*_kin(spec.target_quantity, spec), *(rule.quantity for rule in spec.data.keep if rule.quantity in rates))
+    ignored += () if spec.data.groups is None else (spec.data.groups.of,)
+    split = spec.data.split
+    return Slice(spec.data.levels, spec.model, spec.fuse, spec.muscle.lengths, split.hold_out, ignored, split.leave_one_level_out)
+
+
+def _kin(target: str, spec: ExperimentSpec) -> tuple[str, ...]:
+    """Return the target (of which another may be a component), the one quantity that it is derived from, and what is derived from it."""
+    sources = {name: _sources(rule) for name, rule in spec.data.derive.items()}
+    made = {target}
+    while more := {name for name, of in sources.items() if of & made} - made:
+        made |= more
+    of = sources.get(target, set())
+    return (target, *sorted(made - {target}), *(sorted(of) if len(of) == 1 else ()))
+
+
+def _sources(rule: str | Rate | Direction) -> set[str]:
+    """Return the quantities that one is derived from."""
+    match rule:
+        case Rate():
+            return {rule.rate_of}
+        case Direction():
+            return {rule.direction_of}
+        case _:
+            return set(parse(rule).names)
+
+
+def run(part: Slice, workspace: Workspace) -> None:
+    """Search, and write what was tried."""
+    dataset = workspace.files.dataset()
+    found = search(dataset, part, workspace.progress)
+    for note in found.notes:
+        workspace.warn(note)
+    write_text(workspace.out / SEARCH, json.dumps(_plain(asdict(found)), indent=1, ensure_ascii=False) + "\n")
+
+
+STAGE = Stage(name="search", revision=10, outputs=(SEARCH,), reads=reads, run=run)
+
+
+def _plain(value: Any) -> Any:
+    """Numbers that JSON knows: null for NaN."""
+    if isinstance(value, Mapping):
+        return {key: _plain(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(one) for one in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value
+
+
+def read_search(path: Path) -> Search:
+    """Return what a search wrote."""
+    document = json.loads(path.read_text(encoding="utf-8"))
+
+    def number(value: Any) -> Any:
+        return float("nan") if value is None else value
+
+    tried = tuple(
+        Tried(**{**one, "errors": tuple(map(number, one["errors"])), **{k: number(one[k]) for k in ("error", "parts", "excess", "spread")}})
+        for one in document["tried"]
+    )
+    return Search(**{**document, "tried": tried, "notes": tuple(document["notes"])})
+
+
+def as_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
+    """Return the spec with the structure that its search has found; as it is where nothing was found yet.
+
+    Where it names no competitors, the formula that erred least in the search is one: the page says what it reaches on the held-out data.
+    """
+    from mapmore_cli.spec.loader import load
+    from mapmore_cli.spec.yaml_loader import as_overrides
+
+    if not (run_dir / SEARCH).is_file():
+        return loaded
+    found = read_search(run_dir / SEARCH)
+    rival = formula_beside(found)
+    beside = {"validate.against": [rival]} if rival and not loaded.spec.validation.against else {}
+    return load(loaded.path, (*loaded.overrides, *as_overrides({**settings_of(found), **beside})))

@@ -1,0 +1,91 @@
+"""`mapmore check`: everything that can be said about a study before anything is computed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from mapmore_cli.annexes.search.stage import SEARCH, read_search
+from mapmore_cli.checking.applied import issues_of, issues_without_curves
+from mapmore_cli.checking.findings import Cause, Issue, is_for_the_spec
+from mapmore_cli.domain.errors import DataError, MapmoreError, SpecError
+from mapmore_cli.domain.recording import Dataset
+from mapmore_cli.fitting.stage import Progress
+from mapmore_cli.ingestion.dataset import build_dataset
+from mapmore_cli.ingestion.files import IngestSlice, slice_of
+from mapmore_cli.modelling.selection import AUTO
+from mapmore_cli.pipeline.runner import pipeline
+from mapmore_cli.pipeline.staleness import needed_runs
+from mapmore_cli.spec.loader import LoadedSpec
+
+ORDER = ("error", "warning", "hint")
+
+
+@dataclass(frozen=True)
+class Inspection:
+    """The curves, unless none could be made, all issues, the worst first, and what the data were read by, from which folder."""
+
+    dataset: Dataset | None
+    issues: tuple[Issue, ...]
+    read_by: tuple[IngestSlice, Path]
+
+    @property
+    def verdict(self) -> MapmoreError | None:
+        """The error to end with, None without errors: the spec is to be mended before the data are looked at again."""
+        errors = [issue for issue in self.issues if issue.severity == "error"]
+        if not errors:
+            return None
+        kind = SpecError if is_for_the_spec(errors) else DataError
+        return kind(f"{len(errors)} error{'s' if len(errors) > 1 else ''}: {', '.join(dict.fromkeys(issue.id for issue in errors))}")
+
+
+def inspect(
+    loaded: LoadedSpec,
+    run_dir: Path | None = None,
+    progress: Progress = lambda *_: None,
+    warn: Callable[[str], None] = lambda _: None,
+    before: Inspection | None = None,
+) -> Inspection:
+    """Apply every rule; writes nothing. Data that the inspection `before` read in the same way are not read again.
+
+    Where the curves cannot be made, the recordings alone are looked at. What the search in `run_dir` noted is told again, as that a black
+    box errs less.
+
+    Raises
+    ------
+    SpecError, DataError
+        What is wrong with a spec that this one builds on; what made the curves impossible, where no rule has anything to add.
+    """
+    needed = {run.key: run.loaded for stage in pipeline() for run in needed_runs(stage, loaded, ())}
+    part = slice_of(loaded.spec)
+    read_by = part, loaded.folder
+    try:
+        if before is not None and before.dataset is not None and before.read_by == read_by:
+            dataset = before.dataset
+        else:
+            dataset = build_dataset(part, loaded.folder, progress=progress, warn=warn)
+    except (SpecError, DataError) as fault:
+        if found := issues_without_curves(loaded):
+            return _sorted(None, [*found, _no_curves(fault, loaded)], read_by)
+        raise
+    issues = issues_of(loaded, dataset, hints=True)
+    for key, other in needed.items():  # what would end a run that this one needs, or is compared with, would end both
+        try:
+            found = issues_of(other, dataset if slice_of(other.spec) == part else build_dataset(slice_of(other.spec), other.folder))
+        except (SpecError, DataError) as fault:
+            found = [_no_curves(fault, other)]
+        issues += [replace(issue, message=f"in `{key}`: {issue.message}") for issue in found if issue.severity == "error"]
+    if run_dir is not None and loaded.spec.model.type == AUTO and (run_dir / SEARCH).is_file():
+        remedy = "its table of what was tried is on the page of the run"
+        issues += [Issue("hint", "structure", loaded.where("model"), note, remedy) for note in read_search(run_dir / SEARCH).notes]
+    return _sorted(dataset, issues, read_by)
+
+
+def _no_curves(fault: SpecError | DataError, loaded: LoadedSpec) -> Issue:
+    cause: Cause = "spec" if isinstance(fault, SpecError) else "data"
+    return Issue("error", "no-curves", loaded.where("data"), fault.message, fault.remedy or "mend the other issues first", cause)
+
+
+def _sorted(dataset: Dataset | None, issues: Iterable[Issue], read_by: tuple[IngestSlice, Path]) -> Inspection:
+    return Inspection(dataset, tuple(sorted(issues, key=lambda issue: ORDER.index(issue.severity))), read_by)

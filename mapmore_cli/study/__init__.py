@@ -1,1 +1,0 @@
-"""The pipeline: ingest, segment, fit, fuse, validate, report."""
