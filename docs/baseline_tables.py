@@ -1,4 +1,5 @@
-"""Write the tables of docs/baselines.md from runs, which are brought up to date first: `python docs/baseline_tables.py RUNS [TABLE ...]`.
+"""Write the tables of docs/baselines.md from runs, which are brought up to date first: `python
+docs/baseline_tables.py RUNS [TABLE ...]`.
 
 The measured recordings must be there (docs/data.md), and scikit-learn (extra `baselines`).
 """
@@ -27,7 +28,9 @@ RIVALS = ("sarosi", *BASELINES)
 
 
 def row(study: str, runs: Path) -> tuple[float | int, ...]:
-    """Training samples, and the NRMSE of every model on the held-out data of a study, in per cent."""
+    """Training samples, and the NRMSE of every model on the held-out data of a study, in per
+    cent.
+    """
     name = study.rpartition("/")[2]
     files = run(study, runs, f"name={name}.baselines", f"validate.against=[{', '.join(RIVALS)}]")
     samples = sum(int(curve.training.sum()) for curve in files.dataset().curves)
@@ -39,7 +42,9 @@ def baselines(runs: Path) -> Table:
     """Return a row for every study."""
     heads = ("study", "data", "held out", "training samples")
     columns = (*heads, *(f"{model} [%] .3g" for model in ("mapmore", *RIVALS)))
-    rows = ((study.rpartition("/")[2], kind, held, *row(study, runs)) for study, kind, held in STUDIES)
+    rows = (
+        (study.rpartition("/")[2], kind, held, *row(study, runs)) for study, kind, held in STUDIES
+    )
     return Table.of("baselines", "NRMSE on the held-out data", columns, rows)
 
 
@@ -47,21 +52,33 @@ POLYNOMIALS = ("plane", "quadratic", "cubic")
 
 
 def studies_of_papers() -> list[str]:
-    """Return the simulated studies that have their paper's competitors alone, and hold something out."""
+    """Return the simulated studies that have their paper's competitors alone, and hold something
+    out.
+    """
     found = []
     for folder in ("m1", "m2", "wrist", "muscle-like"):
-        for path in sorted(path for path in (CONFIGS / folder).glob("*.yaml") if not path.name.startswith("_")):
+        for path in sorted(
+            path for path in (CONFIGS / folder).glob("*.yaml") if not path.name.startswith("_")
+        ):
             loaded = load(path)
             spec = loaded.spec
-            if spec.data.split.hold_out is not None and not spec.validation.simple and "/datasets/" in loaded.resolved:
+            if (
+                spec.data.split.hold_out is not None
+                and not spec.validation.simple
+                and "/datasets/" in loaded.resolved
+            ):
                 found.append(f"{folder}/{path.stem}")
     return found
 
 
 def beside(study: str, runs: Path) -> dict[str, float]:
-    """NRMSE on the held-out data, in per cent, of the model, its page's competitors, and polynomials of its inputs."""
+    """NRMSE on the held-out data, in per cent, of the model, its page's competitors, and
+    polynomials of its inputs.
+    """
     files = run(study, runs, f"name={study.rpartition('/')[2]}.polynomials", "validate.simple=true")
-    return {model: 100 * one.nrmse for model, one in scores(files).items() if model != REPEATABILITY}
+    return {
+        model: 100 * one.nrmse for model, one in scores(files).items() if model != REPEATABILITY
+    }
 
 
 def polynomials(runs: Path) -> Table:
@@ -70,14 +87,28 @@ def polynomials(runs: Path) -> Table:
     ahead = 0
     for study in studies_of_papers():
         found = beside(study, runs)
-        best = min((model for model in found if model not in (*SIMPLE, OWN)), key=found.__getitem__, default=None)
+        best = min(
+            (model for model in found if model not in (*SIMPLE, OWN)),
+            key=found.__getitem__,
+            default=None,
+        )
         shown = [found[name] for name in POLYNOMIALS]
-        rows.append((study.rpartition("/")[2], found[OWN], best, None if best is None else found[best], *shown))
+        rows.append(
+            (
+                study.rpartition("/")[2],
+                found[OWN],
+                best,
+                None if best is None else found[best],
+                *shown,
+            )
+        )
         ahead += min(shown) < found[OWN]
     columns = ("study", "mapmore [%] .3g", "best of its page", "its error [%] .3g")
     note = f"A polynomial is ahead of mapmore in {ahead} of {len(rows)} studies, picked afterwards."
     polynomial = (f"{name} [%] .3g" for name in POLYNOMIALS)
-    return Table.of("polynomials", "NRMSE on the held-out data", (*columns, *polynomial), rows, note)
+    return Table.of(
+        "polynomials", "NRMSE on the held-out data", (*columns, *polynomial), rows, note
+    )
 
 
 if __name__ == "__main__":

@@ -1,7 +1,9 @@
-"""Write the tables of docs/benchmarks.md from runs, which are brought up to date first: `python docs/benchmark_tables.py RUNS [TABLE ...]`.
+"""Write the tables of docs/benchmarks.md from runs, which are brought up to date first: `python
+docs/benchmark_tables.py RUNS [TABLE ...]`.
 
-The measured recordings must be there (docs/data.md). The benchmarks' test records are not among them: the end of each training record,
-which a model has not seen, takes their place, by the same rule.
+The measured recordings must be there (docs/data.md). The benchmarks' test records are not among
+them: the end of each training record, which a model has not seen, takes their place, by the same
+rule.
 """
 
 from __future__ import annotations
@@ -16,7 +18,9 @@ from mapmore_cli.reporting.table import Cell, Table
 
 
 class Benchmark(NamedTuple):
-    """A record, how many outputs its rule gives, what is held out of the training record, and what was published for the test record."""
+    """A record, how many outputs its rule gives, what is held out of the training record, and what
+    was published for the test record.
+    """
 
     study: str
     unit: str
@@ -26,11 +30,19 @@ class Benchmark(NamedTuple):
 
 
 BENCHMARKS = {
-    "cascaded tanks": Benchmark("cascaded_tanks", "V", 4, "0.25", "GRU .396, polynomial NARX .413, LSTM .490, RNN .543"),
-    "EMPS": Benchmark("emps", "m", 20, "0.5", "in the unit of the package: LSTM .074, RNN .089, FIR-MLP .121"),
-    "Bouc-Wen": Benchmark("bouc_wen", "m", 250, "0.8", "PNLSS 1.87e-5, dynoNet 4.52e-5, NFIR 16.3e-5"),
+    "cascaded tanks": Benchmark(
+        "cascaded_tanks", "V", 4, "0.25", "GRU .396, polynomial NARX .413, LSTM .490, RNN .543"
+    ),
+    "EMPS": Benchmark(
+        "emps", "m", 20, "0.5", "in the unit of the package: LSTM .074, RNN .089, FIR-MLP .121"
+    ),
+    "Bouc-Wen": Benchmark(
+        "bouc_wen", "m", 250, "0.8", "PNLSS 1.87e-5, dynoNet 4.52e-5, NFIR 16.3e-5"
+    ),
 }
-"""M. Schoukens and others, https://www.nonlinearbenchmark.org; figures as the package nonlinear-benchmarks lists them."""
+"""M. Schoukens and others, https://www.nonlinearbenchmark.org; figures as the package
+nonlinear-benchmarks lists them.
+"""
 
 FRICTION = ("antagonist_pam", "mr_damper")
 
@@ -39,16 +51,24 @@ def benchmarks(runs: Path) -> Table:
     """Free runs over the held-out end of the training records, as the benchmarks' rule has it."""
     rows: list[tuple[Cell, ...]] = []
     for name, one in BENCHMARKS.items():
-        changes = (f"data.split.validate={{last: {one.held_out}}}", "validate.against=[]", f"name={one.study}_benchmark")
+        changes = (
+            f"data.split.validate={{last: {one.held_out}}}",
+            "validate.against=[]",
+            f"name={one.study}_benchmark",
+        )
         files = run(f"identification/{one.study}", runs, *changes)
         model, dataset, fit = files.model(), files.dataset(), files.fit().memory
         assert fit is not None
         (curve,) = dataset.curves
         columns = {quantity: values[curve.held_out] for quantity, values in curve.columns.items()}
         error = (simulate(model, columns).values - columns[dataset.target])[one.given :]
-        rows.append((name, one.given, len(error), len(fit.model.terms), rms(error), one.unit, one.published))
+        rows.append(
+            (name, one.given, len(error), len(fit.model.terms), rms(error), one.unit, one.published)
+        )
     titles = ("benchmark", "outputs given", "samples", "terms", "RMSE #.3g", "unit")
-    return Table.of("benchmarks", "Free runs over the held-out end", (*titles, "published, test record"), rows)
+    return Table.of(
+        "benchmarks", "Free runs over the held-out end", (*titles, "published, test record"), rows
+    )
 
 
 def friction(runs: Path) -> Table:
@@ -56,7 +76,9 @@ def friction(runs: Path) -> Table:
     rows: list[tuple[Cell, ...]] = []
     for name in FRICTION:
         own, *others = scores(run(f"identification/{name}", runs)).values()
-        rows.append((name, *(cell for one in (own, others[0]) for cell in (one.model, 100 * one.nrmse))))
+        rows.append(
+            (name, *(cell for one in (own, others[0]) for cell in (one.model, 100 * one.nrmse)))
+        )
     columns = ("record", "model", "NRMSE [%] .2f", "without friction", "its NRMSE [%] .2f")
     return Table.of("friction", "Held-out parts of records with friction", columns, rows)
 

@@ -1,7 +1,8 @@
 """Write the tables of docs/campaigns.md: `python docs/campaign_tables.py RUNS`.
 
-How often a change is found is tried on simulated pairs of campaigns, whose seeds nobody has looked at before; that a muscle which did not
-change is left in peace, on measured repeats. The measured recordings must be there (docs/data.md).
+How often a change is found is tried on simulated pairs of campaigns, whose seeds nobody has looked
+at before; that a muscle which did not change is left in peace, on measured repeats. The measured
+recordings must be there (docs/data.md).
 """
 
 from __future__ import annotations
@@ -31,10 +32,19 @@ PAIRS = 20
 FIRST_SEED = 7000
 EVERY = 10
 """One sample in ten of the simulated cycles: 250 of a curve."""
-PRESSURES = {4: (80.0, 150.0, 250.0, 350.0), 8: (80.0, 120.0, 160.0, 200.0, 240.0, 280.0, 320.0, 350.0)}
-QUANTITIES = {q.name: q for q in (Quantity("pressure", "kPa"), Quantity("strain", "1"), Quantity("force", "N"))}
+PRESSURES = {
+    4: (80.0, 150.0, 250.0, 350.0),
+    8: (80.0, 120.0, 160.0, 200.0, 240.0, 280.0, 320.0, 350.0),
+}
+QUANTITIES = {
+    q.name: q
+    for q in (Quantity("pressure", "kPa"), Quantity("strain", "1"), Quantity("force", "N"))
+}
 RECIPE = Recipe(  # M2 section 5.1
-    target="force", dictionary=("1", "strain", "strain^2", "strain^3", "strain^4"), cuts={"strain": Cuts("even", 4)}, level="pressure"
+    target="force",
+    dictionary=("1", "strain", "strain^2", "strain^3", "strain^4"),
+    cuts={"strain": Cuts("even", 4)},
+    level="pressure",
 )
 
 
@@ -50,20 +60,30 @@ def cycle(seed: int, pressure: float) -> tuple[dict[str, np.ndarray], np.random.
     spec = rig()
     random = np.random.default_rng([seed, round(pressure)])
     assert isinstance(spec.experiment, LoadCycles)
-    return dict(load_cycle(spec.muscle, spec.hysteresis, spec.experiment, KPA * pressure, random)), random
+    return dict(
+        load_cycle(spec.muscle, spec.hysteresis, spec.experiment, KPA * pressure, random)
+    ), random
 
 
 def simulated(name: str, seed: int, pressures: Sequence[float], factor: float) -> Model:
-    """Return a model of a campaign of load cycles, in which the muscle pulls `factor` times as strongly."""
+    """Return a model of a campaign of load cycles, in which the muscle pulls `factor` times as
+    strongly.
+    """
     seen = {key: sensors(rig())[key] for key in ("strain", "force")}
     curves = []
     for pressure in pressures:
         truth, random = cycle(seed, pressure)
-        logged = measure({**truth, "force": factor * truth["force"]}, seen, np.random.default_rng(random.bit_generator.seed_seq))  # type: ignore[arg-type]
+        logged = measure(
+            {**truth, "force": factor * truth["force"]},
+            seen,
+            np.random.default_rng(random.bit_generator.seed_seq),
+        )  # type: ignore[arg-type]
         columns = {key: logged[key][::EVERY] for key in ("strain", "force")}
         n = len(columns["force"])
         columns["pressure"] = np.full(n, pressure)
-        curves.append(Curve(f"pressure={pressure:g}", pressure, columns, np.zeros(n, dtype=bool), ("cycle",)))
+        curves.append(
+            Curve(f"pressure={pressure:g}", pressure, columns, np.zeros(n, dtype=bool), ("cycle",))
+        )
     return build(name, curves, RECIPE, QUANTITIES)
 
 
@@ -71,7 +91,10 @@ def pairs(count: int, factor: float, number: int = PAIRS) -> Iterator[Comparison
     """Comparisons of simulated campaigns of so many curves, the first `number` of them."""
     for pair in range(number):
         seed = FIRST_SEED + 100 * count + 2 * pair
-        yield compare(simulated("before", seed, PRESSURES[count], 1.0), simulated("after", seed + 1, PRESSURES[count], factor))
+        yield compare(
+            simulated("before", seed, PRESSURES[count], 1.0),
+            simulated("after", seed + 1, PRESSURES[count], factor),
+        )
 
 
 def detection(_runs: Path) -> Table:
@@ -85,7 +108,17 @@ def detection(_runs: Path) -> Table:
             ratios = [one.ratio for one in found]
             answers = [one.answer for one in found]
             called = [f"{answers.count(answer)} of {PAIRS}" for answer in (CHANGED, SAME, UNCLEAR)]
-            rows.append((count, factor, *called, certain, min(ratios), max(ratios), float(np.median(widths))))
+            rows.append(
+                (
+                    count,
+                    factor,
+                    *called,
+                    certain,
+                    min(ratios),
+                    max(ratios),
+                    float(np.median(widths)),
+                )
+            )
     columns = (
         "curves",
         "force, true factor .2f",
@@ -108,25 +141,57 @@ def first_pairs(_runs: Path) -> Table:
 
 
 def festo(length: int, repeats: str, runs: Path) -> Model:
-    """Return a model of the Festo muscle of so many cm, trained on some of its repeats (`89`: 8 and 9)."""
+    """Return a model of the Festo muscle of so many cm, trained on some of its repeats (`89`: 8 and
+    9).
+    """
     numbers = {"8": ["8"], "9": ["9"], "10": ["10"], "89": ["8", "9"]}[repeats]
     others = [f"*_Test{number}.csv.gz" for number in ("8", "9", "10") if number not in numbers]
     name = f"festo_10mm_{length}cm_test{repeats}"
-    settings = (f"name={name}", "data.split=" + f"{{validate: {{files: {others}}}}}".replace("'", '"'))
-    return replace(run(f"festo/festo_10mm_{length}cm_repeat", runs, *settings, until="fuse").model(), name=name)
+    settings = (
+        f"name={name}",
+        "data.split=" + f"{{validate: {{files: {others}}}}}".replace("'", '"'),
+    )
+    return replace(
+        run(f"festo/festo_10mm_{length}cm_repeat", runs, *settings, until="fuse").model(), name=name
+    )
 
 
 def measured(runs: Path) -> Table:
     """Repeats of one muscle, and muscles of different lengths."""
-    repeats = [((length, first), (length, "10")) for length in (10, 20, 30) for first in ("8", "9", "89")]
+    repeats = [
+        ((length, first), (length, "10")) for length in (10, 20, 30) for first in ("8", "9", "89")
+    ]
     lengths = [((20, one), (30, one)) for one in ("8", "10", "89")]
     rows: list[tuple[Cell, ...]] = []
     for before, after in (*repeats, *lengths):
         found = compare(festo(*before, runs), festo(*after, runs))
         heaviest = max(curve.weight for curve in found.curves)
-        names = [f"{length} cm, repeat{'s 8 and 9' if which == '89' else ' ' + which}" for length, which in (before, after)]
-        rows.append((*names, found.ratio, *found.interval, found.p, len(found.curves), 100 * heaviest, found.answer))
-    columns = ("before", "after", "ratio .4f", "from .4f", "to .4f", "p .2g", "curves", "weight of the heaviest curve [%] .0f", "answer")
+        names = [
+            f"{length} cm, repeat{'s 8 and 9' if which == '89' else ' ' + which}"
+            for length, which in (before, after)
+        ]
+        rows.append(
+            (
+                *names,
+                found.ratio,
+                *found.interval,
+                found.p,
+                len(found.curves),
+                100 * heaviest,
+                found.answer,
+            )
+        )
+    columns = (
+        "before",
+        "after",
+        "ratio .4f",
+        "from .4f",
+        "to .4f",
+        "p .2g",
+        "curves",
+        "weight of the heaviest curve [%] .0f",
+        "answer",
+    )
     return Table.of("festo", "Measured Festo muscles", columns, rows)
 
 

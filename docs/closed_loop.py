@@ -1,4 +1,6 @@
-"""A weight on a muscle in a PI loop, for the page on control: a pressure is fed forward, and the error is fed back."""
+"""A weight on a muscle in a PI loop, for the page on control: a pressure is fed forward, and the
+error is fed back.
+"""
 
 from __future__ import annotations
 
@@ -37,11 +39,19 @@ def wanted_force(lift: Lift, strain: Array, period: float) -> Array:
     return np.asarray(lift.mass * (GRAVITY + lift.length * acceleration))
 
 
-def closed_loop(muscle: StaticMuscle, hysteresis: Hysteresis, lift: Lift, loop: Loop, reference: Array, feed: Array) -> Columns:
-    """`time`, `strain`, `pressure` (in the muscle) and `command`, `(n,)` each, at the samples of the loop.
+def closed_loop(
+    muscle: StaticMuscle,
+    hysteresis: Hysteresis,
+    lift: Lift,
+    loop: Loop,
+    reference: Array,
+    feed: Array,
+) -> Columns:
+    """`time`, `strain`, `pressure` (in the muscle) and `command`, `(n,)` each, at the samples of
+    the loop.
 
-    `reference` is the strain to follow, `(n,)`, and `feed` the pressure that is fed forward, Pa, `(n,)`. It begins at rest at the first
-    of both.
+    `reference` is the strain to follow, `(n,)`, and `feed` the pressure that is fed forward, Pa,
+    `(n,)`. It begins at rest at the first of both.
     """
     substeps = round(loop.period / lift.step)
     strain, speed, pressure, total = float(reference[0]), 0.0, float(feed[0]), 0.0
@@ -57,7 +67,11 @@ def closed_loop(muscle: StaticMuscle, hysteresis: Hysteresis, lift: Lift, loop: 
             pressure += lift.step / lift.lag * (command - pressure)
             friction = float(hysteresis.half_width(pressure)) * float(stops @ hysteresis.shares)
             pull = float(muscle.force(pressure, strain)) - friction
-            speed += lift.step * (pull / lift.mass - GRAVITY - lift.damping * lift.length * speed / lift.mass) / lift.length
+            speed += (
+                lift.step
+                * (pull / lift.mass - GRAVITY - lift.damping * lift.length * speed / lift.mass)
+                / lift.length
+            )
             moved = lift.step * speed
             strain += moved
             stops = np.clip(stops + moved / hysteresis.yield_strains, -1.0, 1.0)

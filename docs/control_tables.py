@@ -34,10 +34,15 @@ FEEDS: Mapping[str, tuple[str, ...] | None] = {
 
 
 def course(seconds: float) -> Array:
-    """Strain to follow: two sines of 0.3 and 0.8 Hz about 0.08, which grow over the first second."""
+    """Strain to follow: two sines of 0.3 and 0.8 Hz about 0.08, which grow over the first
+    second.
+    """
     time = np.arange(0.0, seconds, LOOP.period)
     growing = np.clip(time, 0.0, 1.0) ** 2 * (3 - 2 * np.clip(time, 0.0, 1.0))
-    return np.asarray(0.08 + growing * (0.03 * np.sin(2 * np.pi * 0.3 * time) + 0.01 * np.sin(2 * np.pi * 0.8 * time)))
+    return np.asarray(
+        0.08
+        + growing * (0.03 * np.sin(2 * np.pi * 0.3 * time) + 0.01 * np.sin(2 * np.pi * 0.8 * time))
+    )
 
 
 def model_of(settings: tuple[str, ...], runs: Path) -> Model:
@@ -46,21 +51,37 @@ def model_of(settings: tuple[str, ...], runs: Path) -> Model:
 
 
 def followed(feed: str, runs: Path, seconds: float, loop: Loop = LOOP) -> Columns:
-    """Return what the loop does with a pressure fed forward by the inverse of a model, or with that of the first sample alone."""
-    given = yaml.safe_load((DOCS.parent / "datasets" / "mckibben" / "load_cycles.yaml").read_text(encoding="utf-8"))
+    """Return what the loop does with a pressure fed forward by the inverse of a model, or with that
+    of the first sample alone.
+    """
+    given = yaml.safe_load(
+        (DOCS.parent / "datasets" / "mckibben" / "load_cycles.yaml").read_text(encoding="utf-8")
+    )
     spec = SimulationSpec.model_validate(given)
     reference, settings = course(seconds), FEEDS[feed]
     force = wanted_force(LIFT, reference, LOOP.period)
-    found = invert(model_of(settings or (), runs), force, {"strain": reference}, "pressure", NEAREST).picked
+    found = invert(
+        model_of(settings or (), runs), force, {"strain": reference}, "pressure", NEAREST
+    ).picked
     if not np.isfinite(found).all():
-        raise ValueError(f"{feed}: there is no pressure for {int(np.sum(~np.isfinite(found)))} of {len(found)} samples of the course")
+        raise ValueError(
+            f"{feed}: there is no pressure for {int(np.sum(~np.isfinite(found)))} of "
+            f"{len(found)} samples of the course"
+        )
     fed = KPA * (found if settings is not None else np.full(len(found), found[0]))
     return closed_loop(spec.muscle, spec.hysteresis, LIFT, loop, reference, fed)
 
 
-def errors(feed: str, runs: Path, seconds: float = SECONDS, loop: Loop = LOOP) -> tuple[float, float]:
+def errors(
+    feed: str, runs: Path, seconds: float = SECONDS, loop: Loop = LOOP
+) -> tuple[float, float]:
     """RMSE and largest error of the strain, in % strain, after the beginning."""
-    error = 100 * (followed(feed, runs, seconds, loop)["strain"] - course(seconds))[round(SETTLED / LOOP.period) :]
+    error = (
+        100
+        * (followed(feed, runs, seconds, loop)["strain"] - course(seconds))[
+            round(SETTLED / LOOP.period) :
+        ]
+    )
     return rms(error), float(np.max(np.abs(error)))
 
 
@@ -68,7 +89,11 @@ def tracking(runs: Path) -> Table:
     """Tracking errors with the loop closed, and of what is fed forward alone."""
     rows: list[tuple[Cell, ...]] = []
     for feed, settings in FEEDS.items():
-        alone = (None, None) if settings is None else errors(feed, runs, loop=Loop(LOOP.period, 0.0, 0.0))
+        alone = (
+            (None, None)
+            if settings is None
+            else errors(feed, runs, loop=Loop(LOOP.period, 0.0, 0.0))
+        )
         rows.append((feed, *errors(feed, runs), *alone))
     heads = ("RMSE", "largest error", "RMSE without the loop", "largest error without the loop")
     columns = ("fed forward", *(f"{head} [% strain] .3g" for head in heads))
@@ -88,7 +113,12 @@ def figure(runs: Path, path: Path) -> None:
         top, bottom = drawn.subplots(2, 1, sharex=True)
         for feed, style in model_styles(list(FEEDS)).items():
             strain = followed(feed, runs, SECONDS)["strain"]
-            look = {"color": style.colour, "linestyle": style.dashes, "linewidth": 1.0, "label": feed}
+            look = {
+                "color": style.colour,
+                "linestyle": style.dashes,
+                "linewidth": 1.0,
+                "label": feed,
+            }
             top.plot(time, 100 * strain, **look)
             bottom.plot(time, 100 * (strain - reference), **look)
         top.plot(time, 100 * reference, color="black", linewidth=0.8, label="course")

@@ -1,7 +1,9 @@
-"""The table of docs/init-and-check.md: what `init` proposes for folders of measured data, with and without answers, and what it gives.
+"""The table of docs/init-and-check.md: what `init` proposes for folders of measured data, with and
+without answers, and what it gives.
 
-`python docs/drafted_tables.py [FOLDER ...]` makes the rows of all folders in `MAPMORE_DATA` (by default `../shared/data`) anew, or those of
-some. All of them take about twenty minutes. Every draft is checked and run as it is: with its guesses, the `CHECK`s included.
+`python docs/drafted_tables.py [FOLDER ...]` makes the rows of all folders in `MAPMORE_DATA` (by
+default `../shared/data`) anew, or those of some. All of them take about twenty minutes. Every draft
+is checked and run as it is: with its guesses, the `CHECK`s included.
 """
 
 from __future__ import annotations
@@ -30,7 +32,18 @@ from mapmore_cli.storage.run_folder import RunFiles
 
 PAGE = DOCS / "init-and-check.md"
 PLAINER = ("plane", "cubic", "sarosi", "arx")
-COLUMNS = ("folder", "said", "spec", "target", "held constant", "structure", "CHECK", "check", "run: NRMSE", *PLAINER)
+COLUMNS = (
+    "folder",
+    "said",
+    "spec",
+    "target",
+    "held constant",
+    "structure",
+    "CHECK",
+    "check",
+    "run: NRMSE",
+    *PLAINER,
+)
 Row = tuple[str, ...]
 
 
@@ -43,12 +56,31 @@ SAID: Mapping[str, tuple[str, Answers]] = {
     folder: (words, Answers(read_columns(columns), target, length=length))
     for folder, columns, target, length, words in (
         ("printed_cylinder", "time:ms,_,_,_,displacement:mm,pressure:bar,force:N", None, None, ""),
-        ("single_bellows", "time=Time:ms,strain=Tensile strain (Displacement):%,force=Force:N*-1,pressure=Pressure:psi", None, None, ""),
+        (
+            "single_bellows",
+            "time=Time:ms,strain=Tensile strain "
+            "(Displacement):%,force=Force:N*-1,pressure=Pressure:psi",
+            None,
+            None,
+            "",
+        ),
         ("textile_arm", "time=0:s,pressure=4:psi,x=14:m", "x", None, "--target x"),
         ("bender", "time=0:s,p1=1:mbar,p2=3:mbar,angle=11:deg", "angle", None, "--target angle"),
         ("festo_20mm", "force:N*1.7444-18.595,pressure:kPa,time:s", None, 0.228, "--length 228mm"),
-        ("pwm_finger", "time=time:s,p1=left_pressure:kPa,p2=right_pressure:kPa,q=q", "q", None, "--target q"),
-        ("mr_damper", "time=Tout:s,displacement=dist:mm,force=forc:N", "force", None, "--target force"),
+        (
+            "pwm_finger",
+            "time=time:s,p1=left_pressure:kPa,p2=right_pressure:kPa,q=q",
+            "q",
+            None,
+            "--target q",
+        ),
+        (
+            "mr_damper",
+            "time=Tout:s,displacement=dist:mm,force=forc:N",
+            "force",
+            None,
+            "--target force",
+        ),
         ("drive", "time=t:s,input=vir:V,position=qm:m", "position", None, "--target position"),
     )
     for words in (f'--columns "{columns}" {words}'.strip(),)
@@ -57,7 +89,9 @@ SAID: Mapping[str, tuple[str, Answers]] = {
 
 
 def rows_of(folder: Path) -> list[Row]:
-    """Return a row for each spec that `init` proposes for a folder, without a word and with answers, or one that says why there is none."""
+    """Return a row for each spec that `init` proposes for a folder, without a word and with
+    answers, or one that says why there is none.
+    """
     found = _rows(folder, Answers(), "nothing")
     if folder.name in SAID:
         words, answers = SAID[folder.name]
@@ -70,8 +104,19 @@ def _rows(folder: Path, answers: Answers, said: str) -> list[Row]:
         try:
             found = start(folder, Path(place), answers=answers)
         except DataError as refusal:
-            return [(folder.name, said, "-", refusal.message.rpartition(": ")[2], *"-" * (len(COLUMNS) - 4))]
-        return [(folder.name, said, *proposed(draft), *tried(draft, Path(place))) for draft in found.drafts]
+            return [
+                (
+                    folder.name,
+                    said,
+                    "-",
+                    refusal.message.rpartition(": ")[2],
+                    *"-" * (len(COLUMNS) - 4),
+                )
+            ]
+        return [
+            (folder.name, said, *proposed(draft), *tried(draft, Path(place)))
+            for draft in found.drafts
+        ]
 
 
 def proposed(draft: Draft) -> Row:
@@ -85,7 +130,9 @@ def proposed(draft: Draft) -> Row:
 
 
 def tried(draft: Draft, place: Path) -> Row:
-    """Return what `check` finds in a draft, the error of the model that `run` makes of it, and those of plainer models."""
+    """Return what `check` finds in a draft, the error of the model that `run` makes of it, and
+    those of plainer models.
+    """
     path = place / f"{draft.name}.yaml"
     path.write_text(draft.text(), encoding="utf-8")
     loaded = load(path)
@@ -94,7 +141,11 @@ def tried(draft: Draft, place: Path) -> Row:
 
 def _checked(loaded: LoadedSpec) -> str:
     counts = Counter(issue.severity for issue in inspect(loaded).issues)
-    told = [f"{counts[word]} {word}{'s' if counts[word] > 1 else ''}" for word in ("error", "warning", "hint") if counts[word]]
+    told = [
+        f"{counts[word]} {word}{'s' if counts[word] > 1 else ''}"
+        for word in ("error", "warning", "hint")
+        if counts[word]
+    ]
     return ", ".join(told) or "clean"
 
 
@@ -114,13 +165,24 @@ def _told(error: float | None) -> str:
 
 
 def table(made: Mapping[str, list[Row]]) -> Table:
-    """Return the table with the rows of some folders made anew, and those of the others as they were, by folder."""
+    """Return the table with the rows of some folders made anew, and those of the others as they
+    were, by folder.
+    """
     kept = [tuple(row) for row in read_rows(PAGE, "drafts")[1:] if row[0] not in made]
-    every = sorted([*kept, *(row for found in made.values() for row in found)], key=lambda row: row[0])
-    return Table.of("drafts", "What init proposes, and what comes of it", tuple(map(Column, COLUMNS)), tuple(every))
+    every = sorted(
+        [*kept, *(row for found in made.values() for row in found)], key=lambda row: row[0]
+    )
+    return Table.of(
+        "drafts",
+        "What init proposes, and what comes of it",
+        tuple(map(Column, COLUMNS)),
+        tuple(every),
+    )
 
 
 if __name__ == "__main__":
-    chosen = [data_folder() / name for name in sys.argv[1:]] or sorted(path for path in data_folder().iterdir() if path.is_dir())
+    chosen = [data_folder() / name for name in sys.argv[1:]] or sorted(
+        path for path in data_folder().iterdir() if path.is_dir()
+    )
     for folder in chosen:  # each as soon as it is made: the rest may take long
         write_tables(PAGE, {"drafts": partial(table, {folder.name: rows_of(folder)})})

@@ -40,7 +40,9 @@ POINTS: Mapping[str, tuple[int, ...]] = {
 def measured(runs: Path) -> tuple[str, Dataset]:
     """Return the definition of the family, and all recordings as training data."""
     everything = ("name=festo_10mm_lengths_all", "data.split={}")
-    return str(model_choices(shipped(STUDY, *everything).spec).model.name), run(STUDY, runs, *everything, until="ingest").dataset()
+    return str(model_choices(shipped(STUDY, *everything).spec).model.name), run(
+        STUDY, runs, *everything, until="ingest"
+    ).dataset()
 
 
 def lengths(runs: Path) -> list[float]:
@@ -50,16 +52,25 @@ def lengths(runs: Path) -> list[float]:
 
 @cache
 def fitted(name: str, length: float, runs: Path, own: bool = False) -> FormulaFit:
-    """Return a formula fitted to the muscles of the other lengths, or to the one of this length alone."""
+    """Return a formula fitted to the muscles of the other lengths, or to the one of this length
+    alone.
+    """
     dataset = measured(runs)[1]
-    held = [replace(c, held_out=np.full(c.size, (float(c.columns[OF][0]) == length) != own)) for c in dataset.curves]
-    return fit_formula(name, [curve for curve in held if curve.training.any()], dataset.target, advice=False)
+    held = [
+        replace(c, held_out=np.full(c.size, (float(c.columns[OF][0]) == length) != own))
+        for c in dataset.curves
+    ]
+    return fit_formula(
+        name, [curve for curve in held if curve.training.any()], dataset.target, advice=False
+    )
 
 
 def specimen(length: float, runs: Path) -> dict[str, Array]:
     """All samples of the muscle of a length."""
     dataset = measured(runs)[1]
-    return pooled_training([curve for curve in dataset.curves if float(curve.columns[OF][0]) == length])
+    return pooled_training(
+        [curve for curve in dataset.curves if float(curve.columns[OF][0]) == length]
+    )
 
 
 def nrmse(fit: FormulaFit, columns: Mapping[str, Array], rows: BoolArray) -> float:
@@ -75,12 +86,25 @@ def lengths_table(runs: Path) -> Table:
     for length in lengths(runs):
         columns = specimen(length, runs)
         everything = np.ones(len(columns["force"]), dtype=bool)
-        found = [nrmse(fitted(name, length, runs), columns, everything) for name in (family, "sarosi_hinged", "sarosi")]
-        rows.append((1000 * length, *found, nrmse(fitted("sarosi_hinged", length, runs, own=True), columns, everything)))
-    rows.append(("geometric mean", *map(geometric_mean, zip(*(row[1:] for row in rows), strict=True))))
+        found = [
+            nrmse(fitted(name, length, runs), columns, everything)
+            for name in (family, "sarosi_hinged", "sarosi")
+        ]
+        rows.append(
+            (
+                1000 * length,
+                *found,
+                nrmse(fitted("sarosi_hinged", length, runs, own=True), columns, everything),
+            )
+        )
+    rows.append(
+        ("geometric mean", *map(geometric_mean, zip(*(row[1:] for row in rows), strict=True)))
+    )
     heads = ("family", "pooled sarosi_hinged", "pooled sarosi", "own fit of sarosi_hinged")
     columns_ = ("length [mm] .0f", *(f"{head} [%] .2f" for head in heads))
-    return Table.of("lengths", "NRMSE of a length that is predicted from the two others", columns_, rows)
+    return Table.of(
+        "lengths", "NRMSE of a length that is predicted from the two others", columns_, rows
+    )
 
 
 def adapt_table(runs: Path) -> Table:
@@ -98,12 +122,23 @@ def adapt_table(runs: Path) -> Table:
             before.append(nrmse(fit, columns, ~known))
             after.append(nrmse(own, columns, ~known))
             if len(numbers) > 1:
-                alone.append(nrmse(literature.get("sarosi_hinged").fit(few, few["force"], advice=False), columns, ~known))
+                alone.append(
+                    nrmse(
+                        literature.get("sarosi_hinged").fit(few, few["force"], advice=False),
+                        columns,
+                        ~known,
+                    )
+                )
         means = [geometric_mean(one) if one else None for one in (before, after, alone)]
         rows.append((words, len(numbers), *means))
     heads = ("family as it is", "adapted", "fit to these levels alone")
     columns_ = ("levels measured", "count", *(f"{head} [%] .2f" for head in heads))
-    return Table.of("adapt", "NRMSE at the other levels of a new length, geometric mean over the lengths", columns_, rows)
+    return Table.of(
+        "adapt",
+        "NRMSE at the other levels of a new length, geometric mean over the lengths",
+        columns_,
+        rows,
+    )
 
 
 TABLES = {"lengths": lengths_table, "adapt": adapt_table}

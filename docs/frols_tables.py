@@ -1,4 +1,6 @@
-"""Writes the table of frols.md: `python docs/frols_tables.py [PYTHON]`, with the interpreter of the peers' environment (`make peers`)."""
+"""Writes the table of frols.md: `python docs/frols_tables.py [PYTHON]`, with the interpreter of the
+peers' environment (`make peers`).
+"""
 
 from __future__ import annotations
 
@@ -30,13 +32,19 @@ def ours() -> dict[str, tuple[int, str, str]]:
     rows = {}
     for name, P, y, k in cases():
         found = frols(P, y, k)
-        rows[name] = (k, f"{100 * largest(P, y):.8f}", cell(len(found.chosen), float(found.err.sum())))
+        rows[name] = (
+            k,
+            f"{100 * largest(P, y):.8f}",
+            cell(len(found.chosen), float(found.err.sum())),
+        )
     return rows
 
 
 def table(python: Path) -> Table:
     """Terms and shares of every case."""
-    said = subprocess.run([python, BENCH / "peer_cases.py"], check=True, capture_output=True, text=True).stdout
+    said = subprocess.run(
+        [python, BENCH / "peer_cases.py"], check=True, capture_output=True, text=True
+    ).stdout
     peers = json.loads(said.splitlines()[-1])
     columns: Columns = ("case", "asked for", "largest [%]", "ours", *map(Column, PEERS))
     rows: list[tuple[Cell, ...]] = []

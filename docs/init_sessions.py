@@ -1,7 +1,8 @@
-"""Sessions of `mapmore init` at a pseudo-terminal, as the terminal showed them but for colours and bars that vanish: docs/sessions/*.txt.
+"""Sessions of `mapmore init` at a pseudo-terminal, as the terminal showed them but for colours and
+bars that vanish: docs/sessions/*.txt.
 
-`python docs/init_sessions.py [FOLDER ...]` answers the questions about folders in `MAPMORE_DATA` (by default `../shared/data`), runs the
-spec, and writes the files.
+`python docs/init_sessions.py [FOLDER ...]` answers the questions about folders in `MAPMORE_DATA`
+(by default `../shared/data`), runs the spec, and writes the files.
 """
 
 from __future__ import annotations
@@ -36,8 +37,26 @@ SAID: Mapping[str, tuple[str, ...]] = {
 def session(folder: Path, data: Path, answers: Sequence[str], *more: str) -> tuple[str, int, int]:
     """Return what the terminal showed, how many questions there were, and the exit code."""
     ours, theirs = pty.openpty()
-    command = [sys.executable, "-m", "mapmore_cli", "init", str(data), "--name", "asked", "-o", "asked.yaml", *more]
-    process = subprocess.Popen(command, stdin=theirs, stdout=theirs, stderr=theirs, cwd=folder, env={**os.environ, "COLUMNS": WIDTH})
+    command = [
+        sys.executable,
+        "-m",
+        "mapmore_cli",
+        "init",
+        str(data),
+        "--name",
+        "asked",
+        "-o",
+        "asked.yaml",
+        *more,
+    ]
+    process = subprocess.Popen(
+        command,
+        stdin=theirs,
+        stdout=theirs,
+        stderr=theirs,
+        cwd=folder,
+        env={**os.environ, "COLUMNS": WIDTH},
+    )
     os.close(theirs)
     shown, asked, begin = "", 0, time.monotonic()
     while time.monotonic() - begin < PATIENCE:
@@ -76,12 +95,21 @@ def transcript(name: str, folder: Path) -> str:
         command = [sys.executable, "-m", "mapmore_cli", "run", "asked.yaml", "--json", "-q"]
         done = subprocess.run(command, cwd=there, capture_output=True, text=True, check=True)
         result = json.loads(done.stdout)
-    own = next(row for row in result["scores"] if (row["model"], row["split"], row["curve"]) == ("mapmore", "validate", "all"))
+    own = next(
+        row
+        for row in result["scores"]
+        if (row["model"], row["split"], row["curve"]) == ("mapmore", "validate", "all")
+    )
     open_ = len(result["unconfirmed"])
-    told = f"{asked} answers; run: NRMSE {100 * own['nrmse']:.2g} % held out, {open_} open guess{'es' if open_ != 1 else ''}."
+    told = (
+        f"{asked} answers; run: NRMSE {100 * own['nrmse']:.2g} % held out, {open_} open "
+        f"guess{'es' if open_ != 1 else ''}."
+    )
     return f"{told}\n\n$ mapmore init {name} --name asked -o asked.yaml\n{as_text(shown)}\n"
 
 
 if __name__ == "__main__":
     for name in sys.argv[1:] or SAID:
-        (SESSIONS / f"{name}.txt").write_text(transcript(name, data_folder() / name), encoding="utf-8")
+        (SESSIONS / f"{name}.txt").write_text(
+            transcript(name, data_folder() / name), encoding="utf-8"
+        )

@@ -1,6 +1,7 @@
 """Write the tables of docs/intervals.md: `python docs/interval_tables.py RUNS`.
 
-The measured recordings must be there (docs/data.md). The simulated table takes some minutes, most of them for the fits without one curve.
+The measured recordings must be there (docs/data.md). The simulated table takes some minutes, most
+of them for the fits without one curve.
 """
 
 from __future__ import annotations
@@ -28,7 +29,14 @@ from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices
 from mapmore_cli.fitting.left_out import refitted, residuals
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.kinds import outside_range
-from mapmore_cli.modelling.validation.intervals import FEW, NORMAL, few_levels, half_widths, half_widths_of, refusal
+from mapmore_cli.modelling.validation.intervals import (
+    FEW,
+    NORMAL,
+    few_levels,
+    half_widths,
+    half_widths_of,
+    refusal,
+)
 from mapmore_cli.reporting.table import Cell, Table
 from mapmore_cli.spec.simulation import SimulationSpec
 
@@ -39,12 +47,16 @@ NEW, SAMPLES = 8, 60
 """New curves of each seed, and samples of a curve."""
 
 SCATTER, NOISE, REGULATION = 0.1, 0.5, 0.0025
-"""Of muscles: standard deviation of the logarithm of their parameters. Of the rig: N, and a fraction of the pressure."""
+"""Of muscles: standard deviation of the logarithm of their parameters. Of the rig: N, and a
+fraction of the pressure.
+"""
 
 
 @dataclass(frozen=True)
 class Muscle:
-    """A simulated muscle: its static study, the range of pressures (kPa), and what differs from specimen to specimen."""
+    """A simulated muscle: its static study, the range of pressures (kPa), and what differs from
+    specimen to specimen.
+    """
 
     config: str
     low: float
@@ -53,15 +65,25 @@ class Muscle:
 
 
 MUSCLES = {
-    "mckibben": Muscle("m2/dmsp-20-88-static", 80, 350, ("braid_angle", "wall", "c10", "threshold", "crimp_force", "taper")),
+    "mckibben": Muscle(
+        "m2/dmsp-20-88-static",
+        80,
+        350,
+        ("braid_angle", "wall", "c10", "threshold", "crimp_force", "taper"),
+    ),
     "peano": Muscle("m2/peano-static", 80, 500, ("end_loss", "stiffness", "bending", "threshold")),
 }
-MODELS: Mapping[str, tuple[str, ...]] = {"pieces (M2)": (), "sarosi": ("model={type: literature, name: sarosi}",)}
+MODELS: Mapping[str, tuple[str, ...]] = {
+    "pieces (M2)": (),
+    "sarosi": ("model={type: literature, name: sarosi}",),
+}
 
 
 @dataclass(frozen=True)
 class Coverage:
-    """Samples of held-out curves within the training range: how many, how many lie in their interval, its half width, the squared error."""
+    """Samples of held-out curves within the training range: how many, how many lie in their
+    interval, its half width, the squared error.
+    """
 
     samples: int
     inside: int
@@ -77,7 +99,12 @@ def coverage(model: Model, dataset: Dataset, level: float = LEVEL) -> Coverage:
     errors, half = errors[given], half[given]
     if not len(half):
         return Coverage(0, 0, math.nan, 0.0)
-    return Coverage(len(errors), int(np.sum(np.abs(errors) <= half)), float(np.median(half)), float(np.sum(errors**2)))
+    return Coverage(
+        len(errors),
+        int(np.sum(np.abs(errors) <= half)),
+        float(np.median(half)),
+        float(np.sum(errors**2)),
+    )
 
 
 def _errors(model: Model, curve: Curve, target: str, level: float) -> tuple[Array, Array]:
@@ -88,36 +115,60 @@ def _errors(model: Model, curve: Curve, target: str, level: float) -> tuple[Arra
 
 
 def pooled(found: Sequence[Coverage]) -> tuple[float, float, float, float]:
-    """Return the share inside in per cent, the median half width of those that have one, the RMSE, and their ratio."""
+    """Return the share inside in per cent, the median half width of those that have one, the RMSE,
+    and their ratio.
+    """
     count = sum(one.samples for one in found)
     inside = 100 * sum(one.inside for one in found) / count
-    half, rmse = float(np.nanmedian([one.half for one in found])), math.sqrt(sum(one.squares for one in found) / count)
+    half, rmse = (
+        float(np.nanmedian([one.half for one in found])),
+        math.sqrt(sum(one.squares for one in found) / count),
+    )
     return inside, half, rmse, half / rmse
 
 
-# Simulated muscles --------------------------------------------------------------------------------------------------------------------
+# Simulated muscles
+# --------------------------------------------------------------------------------------------------
 
 
 def specimen(kind: str, curves: int, seed: int) -> Dataset:
-    """Return static curves of one specimen at `curves` pressures that train and `NEW` random ones between them that are held out."""
+    """Return static curves of one specimen at `curves` pressures that train and `NEW` random ones
+    between them that are held out.
+    """
     muscle, rng = MUSCLES[kind], np.random.default_rng([seed, curves])
-    given: dict[str, Any] = yaml.safe_load((DOCS.parent / "datasets" / kind / "load_cycles.yaml").read_text(encoding="utf-8"))
+    given: dict[str, Any] = yaml.safe_load(
+        (DOCS.parent / "datasets" / kind / "load_cycles.yaml").read_text(encoding="utf-8")
+    )
     for name in muscle.differs:
         given["muscle"][name] *= float(np.exp(SCATTER * rng.standard_normal()))
     spec = SimulationSpec.model_validate(given)
     assert isinstance(spec.experiment, LoadCycles)
     pull, friction, cycle = spec.muscle, spec.hysteresis, spec.experiment
-    train, new = np.linspace(muscle.low, muscle.high, curves), rng.uniform(muscle.low, muscle.high, NEW)
+    train, new = (
+        np.linspace(muscle.low, muscle.high, curves),
+        rng.uniform(muscle.low, muscle.high, NEW),
+    )
 
     def curve(pressure: float, held_out: bool) -> Curve:
         strain = np.linspace(0.0, turning_strain(pull, friction, cycle, KPA * pressure), SAMPLES)
         actual = KPA * pressure * (1 + REGULATION * rng.standard_normal())
         force = pull.force(actual, strain) + NOISE * rng.standard_normal(SAMPLES)
         columns = {"pressure": np.full(SAMPLES, pressure), "strain": strain, "force": force}
-        return Curve(f"pressure={pressure:g}", pressure, columns, np.full(SAMPLES, held_out), (f"{pressure:g}",))
+        return Curve(
+            f"pressure={pressure:g}",
+            pressure,
+            columns,
+            np.full(SAMPLES, held_out),
+            (f"{pressure:g}",),
+        )
 
-    every = [curve(pressure, pressure in new) for pressure in sorted([*train.tolist(), *new.tolist()])]
-    quantities = {name: Quantity(name, unit) for name, unit in (("pressure", "kPa"), ("strain", "1"), ("force", "N"))}
+    every = [
+        curve(pressure, pressure in new) for pressure in sorted([*train.tolist(), *new.tolist()])
+    ]
+    quantities = {
+        name: Quantity(name, unit)
+        for name, unit in (("pressure", "kPa"), ("strain", "1"), ("force", "N"))
+    }
     return Dataset("force", "pressure", quantities, (), tuple(every))
 
 
@@ -136,7 +187,10 @@ def simulated_model(kind: str, model: str, curves: int, seed: int) -> tuple[Mode
 
 def simulated_row(kind: str, model: str, curves: int) -> tuple[Cell, ...]:
     """One row of the simulated table."""
-    return (f"{kind}, {model}, {curves} curves", *pooled([coverage(*simulated_model(kind, model, curves, seed)) for seed in SEEDS]))
+    return (
+        f"{kind}, {model}, {curves} curves",
+        *pooled([coverage(*simulated_model(kind, model, curves, seed)) for seed in SEEDS]),
+    )
 
 
 COLUMNS = ("inside [%] .1f", "± [N] .3g", "RMSE [N] .3g", "± over RMSE .1f")
@@ -144,15 +198,28 @@ COLUMNS = ("inside [%] .1f", "± [N] .3g", "RMSE [N] .3g", "± over RMSE .1f")
 
 def simulated(_runs: Path) -> Table:
     """Coverage of new curves of simulated muscles."""
-    rows = (simulated_row(kind, model, curves) for kind in MUSCLES for model in MODELS for curves in CURVES)
-    title = f"New curves of {len(SEEDS)} specimens of each simulated muscle: samples inside of their 95 % interval"
+    rows = (
+        simulated_row(kind, model, curves)
+        for kind in MUSCLES
+        for model in MODELS
+        for curves in CURVES
+    )
+    title = (
+        f"New curves of {len(SEEDS)} specimens of each simulated muscle: samples inside of "
+        "their 95 % interval"
+    )
     return Table.of("simulated", title, ("muscle, model, training curves", *COLUMNS), rows)
 
 
-# Measured sets ------------------------------------------------------------------------------------------------------------------------
+# Measured sets
+# --------------------------------------------------------------------------------------------------
 
 MEASURED = (
-    *(f"festo/festo_10mm_{length}cm_{split}" for length in (10, 20, 30) for split in ("pressure", "repeat", "strain")),
+    *(
+        f"festo/festo_10mm_{length}cm_{split}"
+        for length in (10, 20, 30)
+        for split in ("pressure", "repeat", "strain")
+    ),
     "pgm/pgm_force",
     "bellows/bellows_raw",
     "bellows/bellows_strain",
@@ -164,40 +231,68 @@ MEASURED = (
 
 def measured_row(config: str, runs: Path) -> tuple[Cell, ...]:
     """One row of the measured table: a shipped study as it is, asked for intervals."""
-    files = run(config, runs, f"name={Path(config).name}.intervals", "validate.intervals=true", until="fuse")
+    files = run(
+        config, runs, f"name={Path(config).name}.intervals", "validate.intervals=true", until="fuse"
+    )
     model = files.model()
     assert model.left_out is not None
     found = coverage(model, files.dataset())
-    return (Path(config).name, f"{model.left_out.curves} {model.left_out.kind}", found.samples, *pooled([found]), model.output.unit)
+    return (
+        Path(config).name,
+        f"{model.left_out.curves} {model.left_out.kind}",
+        found.samples,
+        *pooled([found]),
+        model.output.unit,
+    )
 
 
 def measured(runs: Path) -> Table:
     """Coverage of the held-out samples of every measured set."""
-    heads = ("study", "training data", "held out", *(column.replace(" [N]", "") for column in COLUMNS), "unit")
+    heads = (
+        "study",
+        "training data",
+        "held out",
+        *(column.replace(" [N]", "") for column in COLUMNS),
+        "unit",
+    )
     rows = (measured_row(config, runs) for config in MEASURED)
-    return Table.of("measured", "Held-out samples of the measured sets inside of their 95 % interval", heads, rows)
+    return Table.of(
+        "measured",
+        "Held-out samples of the measured sets inside of their 95 % interval",
+        heads,
+        rows,
+    )
 
 
-# Leave one family out -------------------------------------------------------------------------------------------------------------------
+# Leave one family out
+# --------------------------------------------------------------------------------------------------
 
-STRAINS = {f"Festo {cm} cm, strains": (f"festo/festo_10mm_{cm}cm_strain", FESTO[:1]) for cm in (10, 20, 30)}
+STRAINS = {
+    f"Festo {cm} cm, strains": (f"festo/festo_10mm_{cm}cm_strain", FESTO[:1]) for cm in (10, 20, 30)
+}
 SETS = {**LEVELS, **STRAINS}
 FAMILY = {"datasheet": "Festo"}
 """Of sets whose first word is none: the datasheet is of the same make."""
 
 SUBSETS, WIDEST = 8, 1.5
-"""Choices of the training levels of a set, and their widest gap over that of equal distances, at most."""
+"""Choices of the training levels of a set, and their widest gap over that of equal distances, at
+most.
+"""
 
 HUGE = 1e9
 """With this c_K, 1.96 s_w never counts."""
 
 AIMED = 0.97
-"""The quantile that the constants are of: a little more than the interval's, since a new family is not like the others."""
+"""The quantile that the constants are of: a little more than the interval's, since a new family is
+not like the others.
+"""
 
 
 @dataclass(frozen=True)
 class Case:
-    """A model of few levels of a set, with its errors at the others, as shares of the largest force."""
+    """A model of few levels of a set, with its errors at the others, as shares of the largest
+    force.
+    """
 
     name: str
     family: str
@@ -206,7 +301,9 @@ class Case:
     errors: Array
 
     def inside(self, scale: Mapping[int, float]) -> tuple[float, float]:
-        """Return the per cent of the samples inside of their interval by these c_K, and the median half width over the RMSE."""
+        """Return the per cent of the samples inside of their interval by these c_K, and the median
+        half width over the RMSE.
+        """
         if self.left_out.curves < 7:
             half = few_levels(self.left_out, self.at, LEVEL, scale) / self.left_out.largest
         else:
@@ -222,14 +319,20 @@ def case(name: str, model: Model, dataset: Dataset) -> Case:
     for curve in dataset.curves:
         said = forecast(model, curve)
         rows = curve.held_out & said.ready & ~outside_range(model, curve.columns)
-        errors.append(np.abs(curve.columns[dataset.target] - said.values)[rows] / model.left_out.largest)
+        errors.append(
+            np.abs(curve.columns[dataset.target] - said.values)[rows] / model.left_out.largest
+        )
         at.append(curve.columns[dataset.level][rows])
-    return Case(name, FAMILY.get(first, first), model.left_out, np.concatenate(at), np.concatenate(errors))
+    return Case(
+        name, FAMILY.get(first, first), model.left_out, np.concatenate(at), np.concatenate(errors)
+    )
 
 
 @cache
 def cases(runs: Path) -> tuple[Case, ...]:
-    """Models of 3, 4, 5 and 7 levels of every set: pieces and one formula, by levels whose gaps are not too unlike."""
+    """Models of 3, 4, 5 and 7 levels of every set: pieces and one formula, by levels whose gaps are
+    not too unlike.
+    """
     found = [
         case(kind, *simulated_model(kind, model, curves, seed))
         for kind in MUSCLES
@@ -259,24 +362,47 @@ def subsets(every: Sequence[float], count: int) -> list[tuple[float, ...]]:
     """Return some choices of so many levels, the outer ones among them, that leave a level out."""
     equal = WIDEST * (every[-1] - every[0]) / (count - 1) * (1 + 1e-9)
     inner = combinations(every[1:-1], count - 2) if len(every) > count else ()
-    found = [at for at in ((every[0], *one, every[-1]) for one in inner) if max(np.diff(at)) <= equal]
+    found = [
+        at for at in ((every[0], *one, every[-1]) for one in inner) if max(np.diff(at)) <= equal
+    ]
     if len(found) <= SUBSETS:
         return found
-    return [found[i] for i in np.random.default_rng(count).choice(len(found), SUBSETS, replace=False)]
+    return [
+        found[i] for i in np.random.default_rng(count).choice(len(found), SUBSETS, replace=False)
+    ]
 
 
 def calibrated(known: Sequence[Case]) -> dict[int, float]:
-    """Return c_K: the quantile `AIMED` of the errors over the rule's widths; families count alike, then sets, models, samples."""
-    return {count: round(_scale([one for one in known if one.left_out.curves == count]), 2) for count in FEW}
+    """Return c_K: the quantile `AIMED` of the errors over the rule's widths; families count alike,
+    then sets, models, samples.
+    """
+    return {
+        count: round(_scale([one for one in known if one.left_out.curves == count]), 2)
+        for count in FEW
+    }
 
 
 def _scale(known: Sequence[Case]) -> float:
-    of_set, of_family = Counter(one.name for one in known), Counter(family for _, family in {(one.name, one.family) for one in known})
-    weights = [np.full(len(one.at), 1 / len(one.at) / of_set[one.name] / of_family[one.family]) for one in known]
+    of_set, of_family = (
+        Counter(one.name for one in known),
+        Counter(family for _, family in {(one.name, one.family) for one in known}),
+    )
+    weights = [
+        np.full(len(one.at), 1 / len(one.at) / of_set[one.name] / of_family[one.family])
+        for one in known
+    ]
     ratios = []
     for one in known:
-        units = few_levels(one.left_out, one.at, LEVEL, dict.fromkeys(FEW, HUGE)) / (HUGE * one.left_out.largest)
-        ratios.append(np.where(one.errors * one.left_out.largest <= NORMAL * one.left_out.residual, 0.0, one.errors / units))
+        units = few_levels(one.left_out, one.at, LEVEL, dict.fromkeys(FEW, HUGE)) / (
+            HUGE * one.left_out.largest
+        )
+        ratios.append(
+            np.where(
+                one.errors * one.left_out.largest <= NORMAL * one.left_out.residual,
+                0.0,
+                one.errors / units,
+            )
+        )
     joined, weight = np.concatenate(ratios), np.concatenate(weights)
     order = np.argsort(joined, kind="stable")
     return float(joined[order][np.searchsorted(np.cumsum(weight[order]), AIMED * weight.sum())])
@@ -285,16 +411,31 @@ def _scale(known: Sequence[Case]) -> float:
 @cache
 def scales(runs: Path) -> Mapping[str, Mapping[int, float]]:
     """c_K of all families but one, by that one; the last is of all."""
-    known = [one for one in cases(runs) if refusal(one.left_out) is None and one.left_out.curves < 7]
+    known = [
+        one for one in cases(runs) if refusal(one.left_out) is None and one.left_out.curves < 7
+    ]
     families = dict.fromkeys(one.family for one in known)
-    return {**{family: calibrated([one for one in known if one.family != family]) for family in families}, "none": calibrated(known)}
+    return {
+        **{
+            family: calibrated([one for one in known if one.family != family])
+            for family in families
+        },
+        "none": calibrated(known),
+    }
 
 
 def constants(runs: Path) -> Table:
     """c_K by the family that was left out."""
-    rows: list[tuple[Cell, ...]] = [(family, *found.values()) for family, found in scales(runs).items()]
+    rows: list[tuple[Cell, ...]] = [
+        (family, *found.values()) for family, found in scales(runs).items()
+    ]
     heads = ("left out", *(f"{count} levels .2f" for count in FEW))
-    return Table.of("constants", "c by the number of levels, and by the family that was left out of its calibration", heads, rows)
+    return Table.of(
+        "constants",
+        "c by the number of levels, and by the family that was left out of its calibration",
+        heads,
+        rows,
+    )
 
 
 def families(runs: Path) -> Table:
@@ -305,10 +446,29 @@ def families(runs: Path) -> Table:
         given = [one for one in every if refusal(one.left_out) is None]
         if given:
             inside, width = np.array([one.inside(scales(runs)[one.family]) for one in given]).T
-            rows.append((name, curves, len(every), len(every) - len(given), float(inside.mean()), float(np.median(width))))
+            rows.append(
+                (
+                    name,
+                    curves,
+                    len(every),
+                    len(every) - len(given),
+                    float(inside.mean()),
+                    float(np.median(width)),
+                )
+            )
     heads = ("set", "levels", "models", "refused", COLUMNS[0], COLUMNS[-1])
-    return Table.of("families", "Levels that were not measured, by constants of the other families", heads, rows)
+    return Table.of(
+        "families", "Levels that were not measured, by constants of the other families", heads, rows
+    )
 
 
 if __name__ == "__main__":
-    write_page("intervals.md", {"simulated": simulated, "measured": measured, "families": families, "constants": constants})
+    write_page(
+        "intervals.md",
+        {
+            "simulated": simulated,
+            "measured": measured,
+            "families": families,
+            "constants": constants,
+        },
+    )

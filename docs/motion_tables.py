@@ -1,6 +1,8 @@
-"""Write the tables of docs/motion.md: `python docs/motion_tables.py RUNS`. Runs are brought up to date first.
+"""Write the tables of docs/motion.md: `python docs/motion_tables.py RUNS`. Runs are brought up to
+date first.
 
-The table of coiled muscles needs the measured recordings (docs/data.md); the others need nothing but the repository.
+The table of coiled muscles needs the measured recordings (docs/data.md); the others need nothing
+but the repository.
 """
 
 from __future__ import annotations
@@ -40,7 +42,10 @@ TRIALS: Mapping[str, dict[str, object]] = {
     "swarm_projected": {"solver": "swarm_projected"},
     "swarm_projected, polished": {"solver": "swarm_projected", "polish": True},
     "differential_evolution": {"solver": "differential_evolution"},
-    "differential_evolution, 60 generations": {"solver": "differential_evolution", "iterations": 60},
+    "differential_evolution, 60 generations": {
+        "solver": "differential_evolution",
+        "iterations": 60,
+    },
 }
 
 
@@ -50,10 +55,11 @@ def recipe(**settings: Any) -> MotionRecipe:
 
 
 def continued(motion: Motion) -> Motion:
-    """Return a model with hard switching as one that shares its state: constants are added so that its sections meet.
+    """Return a model with hard switching as one that shares its state: constants are added so that
+    its sections meet.
 
-    Published sections have steady outputs that disagree at the boundaries; the first stays as it is.
-    Rise and fall are joined each for itself.
+    Published sections have steady outputs that disagree at the boundaries; the first stays as it
+    is. Rise and fall are joined each for itself.
     """
     lines = 2 if motion.directed else 1
     sections = [replace(one, weights=np.array([one.p3, 0.0])) for one in motion.sections]
@@ -70,18 +76,46 @@ def published(model: str) -> Motion:
     rows = [row for row in printed("p_table_1.csv") if row["model"] == model]
     parameters = [[float(row[name]) for name in ("p1", "p2", "p3")] for row in rows]
     sections = tuple(
-        MotionSection(row["printed_section"], max(int(row["section"]), 1), row["direction"], p1, p2, np.array([p3]))
+        MotionSection(
+            row["printed_section"],
+            max(int(row["section"]), 1),
+            row["direction"],
+            p1,
+            p2,
+            np.array([p3]),
+        )
         for row, (p1, p2, p3) in zip(rows, parameters, strict=True)
     )
     boundaries = BOUNDARIES if len(rows) >= len(BOUNDARIES) else ()
-    return Motion("input", "displacement", STEP, HARD, boundaries, rows[0]["direction"] != "all", 0.0, ("input",), sections, (0.0, 5.0))
+    return Motion(
+        "input",
+        "displacement",
+        STEP,
+        HARD,
+        boundaries,
+        rows[0]["direction"] != "all",
+        0.0,
+        ("input",),
+        sections,
+        (0.0, 5.0),
+    )
 
 
 def poles(_runs: Path) -> Table:
     """Poles and gains of the published rows."""
     columns = (
-        *("model", "sections", "largest pole .3f", "least steady output at 5 V [cm] .2f", "greatest [cm] .2f"),
-        *("greatest jump at a boundary [cm] .2f", "the same on a slow ramp, hard [cm] .2f", "shared state [cm] .3f"),
+        *(
+            "model",
+            "sections",
+            "largest pole .3f",
+            "least steady output at 5 V [cm] .2f",
+            "greatest [cm] .2f",
+        ),
+        *(
+            "greatest jump at a boundary [cm] .2f",
+            "the same on a slow ramp, hard [cm] .2f",
+            "shared state [cm] .3f",
+        ),
     )
     rows = []
     for name in MODELS:
@@ -89,14 +123,30 @@ def poles(_runs: Path) -> Table:
         gains = [5 * section.gain for section in model.sections]
         ways = 2 if model.directed else 1
         lines = [model.sections[way::ways] for way in range(ways)]
-        steps = [abs(at * (b.gain - a.gain)) for line in lines for at, (a, b) in zip(model.boundaries, pairwise(line), strict=True)]
+        steps = [
+            abs(at * (b.gain - a.gain))
+            for line in lines
+            for at, (a, b) in zip(model.boundaries, pairwise(line), strict=True)
+        ]
         ramps = (None, None) if not model.boundaries else (ramp(model), ramp(continued(model)))
-        rows.append((name, len(gains), max(s.radius for s in model.sections), min(gains), max(gains), max(steps, default=None), *ramps))
+        rows.append(
+            (
+                name,
+                len(gains),
+                max(s.radius for s in model.sections),
+                min(gains),
+                max(gains),
+                max(steps, default=None),
+                *ramps,
+            )
+        )
     return Table.of("poles", "The published parameters in discrete time", columns, rows)
 
 
 def ramp(model: Motion) -> float:
-    """Largest change from sample to sample while the input rises, and then falls, by 0.05 V/s; without the first second."""
+    """Largest change from sample to sample while the input rises, and then falls, by 0.05 V/s;
+    without the first second.
+    """
     up = np.arange(0.0, 5.0, 0.05 * STEP)
     runs = [simulate(model, {"input": u}) for u in (up, up[::-1])]
     return max(float(np.abs(np.diff(run))[round(1 / STEP) :].max()) for run in runs)
@@ -110,20 +160,43 @@ def solvers(_runs: Path) -> Table:
     clean = simulate(published("linear"), {"input": u})
     y = clean + NOISE * np.random.default_rng(1).standard_normal(n)
     record = Record({"input": u, "displacement": y}, np.ones(n, dtype=np.bool_))
-    found = {name: [fit_motion([record], recipe(seed=seed, **settings)).searches[0] for seed in SEEDS] for name, settings in TRIALS.items()}
+    found = {
+        name: [fit_motion([record], recipe(seed=seed, **settings)).searches[0] for seed in SEEDS]
+        for name, settings in TRIALS.items()
+    }
     least = found["least_squares"][0].rmse
-    columns = ("solver", "least RMSE, of that of least squares .3f", "median .3f", "greatest .3f", "seeds within 1 %", "simulations")
+    columns = (
+        "solver",
+        "least RMSE, of that of least squares .3f",
+        "median .3f",
+        "greatest .3f",
+        "seeds within 1 %",
+        "simulations",
+    )
     rows = []
     for name, searches in found.items():
         ratios = [search.rmse / least for search in searches]
         within = f"{sum(ratio <= 1.01 for ratio in ratios)} of {len(ratios)}"
-        rows.append((name, min(ratios), median(ratios), max(ratios), within, int(median(s.evaluations for s in searches))))
+        rows.append(
+            (
+                name,
+                min(ratios),
+                median(ratios),
+                max(ratios),
+                within,
+                int(median(s.evaluations for s in searches)),
+            )
+        )
     assert float(row["p1"]) == published("linear").sections[0].p1
-    return Table.of("solvers", "Solvers on data that the published linear row made, with noise", columns, rows)
+    return Table.of(
+        "solvers", "Solvers on data that the published linear row made, with noise", columns, rows
+    )
 
 
 BOUNDS = (0.5, 1.0, 2.0, 4.0, 1000.0)
-"""s; the second is a quarter of the wavelength that a section of P is found on, which is the default."""
+"""s; the second is a quarter of the wavelength that a section of P is found on, which is the
+default.
+"""
 EVERY = 5
 """One sample in so many of the simulated waveforms, as the study has it."""
 
@@ -131,24 +204,36 @@ EVERY = 5
 def log(path: Path) -> Record:
     """Return a recording of the simulated muscle: input (V) and displacement (cm)."""
     rows = np.loadtxt(path, delimiter=",", skiprows=1)[::EVERY]
-    return Record({"input": rows[:, 1], "displacement": rows[:, 3] / 10}, np.ones(len(rows), dtype=np.bool_))
+    return Record(
+        {"input": rows[:, 1], "displacement": rows[:, 3] / 10}, np.ones(len(rows), dtype=np.bool_)
+    )
 
 
 def slowest(_runs: Path) -> Table:
-    """P's linear and piecewise model by least squares, with the longest time constant that a section may have."""
+    """P's linear and piecewise model by least squares, with the longest time constant that a
+    section may have.
+    """
     folder = DOCS.parent / "datasets" / "waveforms"
     held_out = [log(path) for path in sorted(folder.glob("waveform_*.csv"))]
     rows: list[tuple[Cell, ...]] = []
     for bound in BOUNDS:
         errors = []
-        for pattern, settings in (("reference_full.csv", {}), ("reference_section_*.csv", {"sections": BOUNDARIES})):
+        for pattern, settings in (
+            ("reference_full.csv", {}),
+            ("reference_section_*.csv", {"sections": BOUNDARIES}),
+        ):
             made = recipe(slowest=bound, **settings)
             model = fit_motion([log(path) for path in sorted(folder.glob(pattern))], made).model
             wrong = [simulate(model, one.columns) - one.columns["displacement"] for one in held_out]
             errors.append(rms(np.concatenate(wrong)))
         rows.append((f"{bound:g} s", *errors))
     columns = ("slowest", "linear [cm] .3f", "piecewise [cm] .3f")
-    return Table.of("slowest", "RMSE over all seven waveforms, by the bound on the time constants", columns, rows)
+    return Table.of(
+        "slowest",
+        "RMSE over all seven waveforms, by the bound on the time constants",
+        columns,
+        rows,
+    )
 
 
 def waveforms(runs: Path) -> Table:
@@ -159,9 +244,19 @@ def waveforms(runs: Path) -> Table:
     for number, curve in enumerate(dataset.curves):
         if not curve.held_out.all():
             continue
-        errors = [motion_errors(curve.columns["displacement"], one[number], curve.columns["input"], STEP) for one in found.values()]
-        rows.append((curve.id.removeprefix("waveform_"), *(error.displacement_rmse for error in errors)))
-        rows.append((f"{curve.id.removeprefix('waveform_')}, largest", *(error.max_displacement for error in errors)))
+        errors = [
+            motion_errors(curve.columns["displacement"], one[number], curve.columns["input"], STEP)
+            for one in found.values()
+        ]
+        rows.append(
+            (curve.id.removeprefix("waveform_"), *(error.displacement_rmse for error in errors))
+        )
+        rows.append(
+            (
+                f"{curve.id.removeprefix('waveform_')}, largest",
+                *(error.max_displacement for error in errors),
+            )
+        )
     columns = ("waveform", *(f"{model} [cm] .2f" for model in found))
     return Table.of("waveforms", "Errors over one wavelength", columns, rows)
 
@@ -180,25 +275,40 @@ KINDS: Mapping[str, tuple[str, dict[str, object]]] = {
     "linear": ("reference_full.csv", {}),
     "inflate_deflate": ("reference_full.csv", {"direction": True}),
     "piecewise": ("reference_section_*.csv", {"sections": BOUNDARIES}),
-    "piecewise_inflate_deflate": ("reference_section_*.csv", {"sections": BOUNDARIES, "direction": True}),
+    "piecewise_inflate_deflate": (
+        "reference_section_*.csv",
+        {"sections": BOUNDARIES, "direction": True},
+    ),
 }
 READING_SEEDS = range(1, 21)
 
 
 @cache
 def errors_by_seed(reading: str, seeds: Sequence[int] = READING_SEEDS) -> Mapping[str, Array]:
-    """Return the displacement RMSE (cm) of P's four models, found by its swarm, on every waveform, (seeds, models)."""
+    """Return the displacement RMSE (cm) of P's four models, found by its swarm, on every waveform,
+    (seeds, models).
+    """
     folder = DOCS.parent / "datasets" / "waveforms"
-    waves = {path.stem.removeprefix("waveform_"): log(path).columns for path in sorted(folder.glob("waveform_*.csv"))}
+    waves = {
+        path.stem.removeprefix("waveform_"): log(path).columns
+        for path in sorted(folder.glob("waveform_*.csv"))
+    }
     found: dict[str, list[list[float]]] = {wave: [] for wave in waves}
     for seed in seeds:
         models = []
         for pattern, settings in KINDS.values():
             made = recipe(solver="swarm", seed=seed, **settings, **READINGS[reading])
-            models.append(fit_motion([log(path) for path in sorted(folder.glob(pattern))], made).model)
+            models.append(
+                fit_motion([log(path) for path in sorted(folder.glob(pattern))], made).model
+            )
         for wave, columns in waves.items():
             y, u = columns["displacement"], columns["input"]
-            found[wave].append([motion_errors(y, simulate(model, columns), u, STEP).displacement_rmse for model in models])
+            found[wave].append(
+                [
+                    motion_errors(y, simulate(model, columns), u, STEP).displacement_rmse
+                    for model in models
+                ]
+            )
     return {wave: np.array(errors) for wave, errors in found.items()}
 
 
@@ -211,10 +321,16 @@ def printed_errors() -> Mapping[str, list[float]]:
 
 
 def agreement(errors: Mapping[str, Array]) -> float:
-    """Return Kendall's tau between the ranks of the models, ours (models,) and printed, averaged over the waveforms."""
+    """Return Kendall's tau between the ranks of the models, ours (models,) and printed, averaged
+    over the waveforms.
+    """
     from scipy.stats import kendalltau
 
-    return float(np.mean([kendalltau(errors[wave], said).statistic for wave, said in printed_errors().items()]))
+    return float(
+        np.mean(
+            [kendalltau(errors[wave], said).statistic for wave, said in printed_errors().items()]
+        )
+    )
 
 
 def readings(_runs: Path) -> Table:
@@ -223,16 +339,34 @@ def readings(_runs: Path) -> Table:
     for name in READINGS:
         errors = errors_by_seed(name)
         medians = {wave: np.median(each, axis=0) for wave, each in errors.items()}
-        each_seed = [agreement({wave: each[k] for wave, each in errors.items()}) for k in range(len(READING_SEEDS))]
-        winners = sum(int(np.argmin(medians[wave])) == int(np.argmin(said)) for wave, said in printed_errors().items())
-        first = [sum(int(np.argmin(each[k])) == 0 for each in errors.values()) for k in range(len(READING_SEEDS))]
+        each_seed = [
+            agreement({wave: each[k] for wave, each in errors.items()})
+            for k in range(len(READING_SEEDS))
+        ]
+        winners = sum(
+            int(np.argmin(medians[wave])) == int(np.argmin(said))
+            for wave, said in printed_errors().items()
+        )
+        first = [
+            sum(int(np.argmin(each[k])) == 0 for each in errors.values())
+            for k in range(len(READING_SEEDS))
+        ]
         words = (f"{winners} of 7", f"{min(first)} to {max(first)} of 7")
-        rows.append((name, agreement(medians), float(np.mean(each_seed)), float(np.std(each_seed)), *words))
+        rows.append(
+            (name, agreement(medians), float(np.mean(each_seed)), float(np.std(each_seed)), *words)
+        )
     columns = (
-        *("reading", "tau of the medians .2f", "tau of a seed, mean .2f", "tau of a seed, deviation .2f"),
+        *(
+            "reading",
+            "tau of the medians .2f",
+            "tau of a seed, mean .2f",
+            "tau of a seed, deviation .2f",
+        ),
         *("best model as printed", "linear is best"),
     )
-    return Table.of("readings", "Two readings of P's text beside its table 3, 20 seeds", columns, rows)
+    return Table.of(
+        "readings", "Two readings of P's text beside its table 3, 20 seeds", columns, rows
+    )
 
 
 def sections(runs: Path) -> Table:
@@ -269,9 +403,17 @@ def loads(runs: Path) -> Table:
 
 def fit_seconds(run: Path) -> float:
     """Return what the fit took on the machine that made this page."""
-    return float(json.loads((run / "run.json").read_text(encoding="utf-8"))["stages"]["fit"]["seconds"])
+    return float(
+        json.loads((run / "run.json").read_text(encoding="utf-8"))["stages"]["fit"]["seconds"]
+    )
 
 
 if __name__ == "__main__":
     tables = (poles, solvers, slowest, waveforms, readings, sections, loads)
-    write_page("motion.md", {**{table.__name__: table for table in tables}, "coiled_motion": of_campaign("coiled_motion")})
+    write_page(
+        "motion.md",
+        {
+            **{table.__name__: table for table in tables},
+            "coiled_motion": of_campaign("coiled_motion"),
+        },
+    )

@@ -1,4 +1,5 @@
-"""H's figures 3 to 6 with the simulated muscles, one journal column wide: `python docs/muscle_figures.py RUNS [FOLDER]`.
+"""H's figures 3 to 6 with the simulated muscles, one journal column wide: `python
+docs/muscle_figures.py RUNS [FOLDER]`.
 
 SVG with the numbers as CSV go to docs/figures, PDF to FOLDER where one is named.
 """
@@ -28,22 +29,33 @@ LAST = 2.0
 """s of the joint's records that are drawn, from their end."""
 CAPTIONS = {
     "identification": (
-        "The 16 cm muscle at closed valves, five initial pressures: force over elongation (one sample in ten), and one held-out second "
+        "The 16 cm muscle at closed valves, five initial pressures: force over elongation "
+        "(one sample in ten), and one held-out second "
         "of the record from 400 kPa, measured (black) and by the muscle-like model."
     ),
-    "curves": "Force over length and over velocity, each over its greatest value: a biological muscle, H's and a simulated pneumatic one.",
-    "joint-closed": (
-        "Forces of both muscles while a motor swings the joint, valves closed: measured (black), and by models identified before."
+    "curves": (
+        "Force over length and over velocity, each over its greatest value: a biological "
+        "muscle, H's and a simulated pneumatic one."
     ),
-    "joint-driven": "Forces of both muscles while their valves drive the joint, measured (black) and by the same models.",
+    "joint-closed": (
+        "Forces of both muscles while a motor swings the joint, valves closed: measured "
+        "(black), and by models identified before."
+    ),
+    "joint-driven": (
+        "Forces of both muscles while their valves drive the joint, measured (black) and by "
+        "the same models."
+    ),
 }
 Line = tuple[str, str, Array, Array]
 """Panel, line, places, values."""
 
-# Biological muscle ----------------------------------------------------------------------------------------------------------------------
+# Biological muscle
+# --------------------------------------------------------------------------------------------------
 
 WIDTH, STIFFNESS, ECCENTRIC, CURVATURE, FASTEST = 0.56, math.log(0.05), 1.5, 5.0, -12.0
-"""w, c, N, kappa, v_max (optimal lengths per second) of Geyer, Seyfarth and Blickhan 2003, table 1; H does not print its own."""
+"""w, c, N, kappa, v_max (optimal lengths per second) of Geyer, Seyfarth and Blickhan 2003, table 1;
+H does not print its own.
+"""
 
 
 def biological_length(share: Array) -> Array:
@@ -61,7 +73,11 @@ def biological_velocity(v: Array) -> Array:
 def curves(runs: Path) -> Iterator[Line]:
     """Normalised forces of H's figure 4, for H's printed and our simulated 16 cm muscle."""
     fit = run("muscle-like/muscle-like-16cm", runs).validation().formulas["muscle_like"].parameters
-    said = {name: float(v) for name, v in next(r for r in printed("h_table_1.csv") if r["muscle"] == "16 cm").items() if name in fit}
+    said = {
+        name: float(v)
+        for name, v in next(r for r in printed("h_table_1.csv") if r["muscle"] == "16 cm").items()
+        if name in fit
+    }
     share = np.linspace(0.0, 1.0, 101)
     longest, fastest = 0.03, 0.2
     yield "length", "biological", share, biological_length(share)
@@ -77,13 +93,18 @@ def curves(runs: Path) -> Iterator[Line]:
         yield "velocity", label, v, force / force.max()
 
 
-# Lines ----------------------------------------------------------------------------------------------------------------------------------
+# Lines
+# --------------------------------------------------------------------------------------------------
 
 
 def identification(runs: Path) -> Iterator[Line]:
-    """H's figure 3: force over elongation at every initial pressure, and a second of it beside the model."""
+    """H's figure 3: force over elongation at every initial pressure, and a second of it beside the
+    model.
+    """
     files = run("muscle-like/muscle-like-16cm", runs)
-    for curve, force in zip(files.dataset().curves, files.validation().predictions["muscle_like"], strict=True):
+    for curve, force in zip(
+        files.dataset().curves, files.validation().predictions["muscle_like"], strict=True
+    ):
         columns = curve.columns
         initial = f"{columns['initial'][0]:g} kPa"
         yield "elongation", initial, 1e3 * columns["length"][::EVERY], columns["force"][::EVERY]
@@ -117,7 +138,8 @@ LABELS = {
     "flexor": ("Time (s)", "Flexor (N)"),
 }
 
-# Drawing --------------------------------------------------------------------------------------------------------------------------------
+# Drawing
+# --------------------------------------------------------------------------------------------------
 
 
 def figure(lines: Sequence[Line]) -> Any:
@@ -138,7 +160,9 @@ def figure(lines: Sequence[Line]) -> Any:
     for panel, line, x, y in lines:
         dots = panel == "elongation"
         look: dict[str, Any] = (
-            {"linestyle": "none", "marker": ".", "markersize": 1.5} if dots else {"linestyle": "-" if line in colours else "--"}
+            {"linestyle": "none", "marker": ".", "markersize": 1.5}
+            if dots
+            else {"linestyle": "-" if line in colours else "--"}
         )
         axes[panel].plot(x, y, label=line, color=colours.get(line), **look)
     for panel, ax in axes.items():
@@ -150,7 +174,9 @@ def figure(lines: Sequence[Line]) -> Any:
     if panels[0] == "elongation":
         later = axes[panels[1]].get_legend_handles_labels()
         handles, names = handles + later[0], names + later[1]
-    drawn.legend(handles, names, loc="outside upper left", ncols=3 if len(handles) > 2 else 2, markerscale=4)
+    drawn.legend(
+        handles, names, loc="outside upper left", ncols=3 if len(handles) > 2 else 2, markerscale=4
+    )
     return drawn
 
 
@@ -160,7 +186,10 @@ def drawn(runs: Path, names: Sequence[str] = tuple(LINES)) -> dict[str, str]:
     from mapmore_cli.reporting.figures.style import figure_style
 
     with figure_style():
-        return {name: to_svg(figure(list(LINES[name](runs))), f"muscle-like-{name}", CAPTIONS[name]) for name in names}
+        return {
+            name: to_svg(figure(list(LINES[name](runs))), f"muscle-like-{name}", CAPTIONS[name])
+            for name in names
+        }
 
 
 def write(runs: Path, folder: Path | None = None) -> None:
@@ -170,14 +199,22 @@ def write(runs: Path, folder: Path | None = None) -> None:
 
     for name, svg in drawn(runs).items():
         lines = list(LINES[name](runs))
-        (FIGURES / f"muscle-like-{name}.svg").write_text(SVG_PROLOGUE + svg, encoding="utf-8", newline="\n")
-        rows = [f"{panel},{line.replace(', ', ' ')},{a:.12g},{b:.12g}" for panel, line, x, y in lines for a, b in zip(x, y, strict=True)]
+        (FIGURES / f"muscle-like-{name}.svg").write_text(
+            SVG_PROLOGUE + svg, encoding="utf-8", newline="\n"
+        )
+        rows = [
+            f"{panel},{line.replace(', ', ' ')},{a:.12g},{b:.12g}"
+            for panel, line, x, y in lines
+            for a, b in zip(x, y, strict=True)
+        ]
         text = "\n".join(["panel,line,place,force", *rows]) + "\n"
         (FIGURES / f"muscle-like-{name}.csv").write_text(text, encoding="utf-8", newline="\n")
         if folder is not None:
             folder.mkdir(parents=True, exist_ok=True)
             with figure_style():
-                (folder / f"muscle-like-{name}.pdf").write_bytes(WRITERS["pdf"](figure(lines), name, CAPTIONS[name]))
+                (folder / f"muscle-like-{name}.pdf").write_bytes(
+                    WRITERS["pdf"](figure(lines), name, CAPTIONS[name])
+                )
 
 
 if __name__ == "__main__":

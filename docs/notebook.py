@@ -1,4 +1,6 @@
-"""Execute docs/notebook.ipynb, cell by cell, without IPython: the site shows what its cells answer, a test asks it."""
+"""Execute docs/notebook.ipynb, cell by cell, without IPython: the site shows what its cells answer,
+a test asks it.
+"""
 
 from __future__ import annotations
 
@@ -15,9 +17,11 @@ NOTEBOOK = Path(__file__).with_name("notebook.ipynb")
 
 
 def executed(path: Path = NOTEBOOK) -> tuple[list[dict[str, Any]], dict[str, Any]]:
-    """Return the notebook's cells, each code cell with its outputs as notebooks have them, and the names that it defines.
+    """Return the notebook's cells, each code cell with its outputs as notebooks have them, and the
+    names that it defines.
 
-    The last expression of a cell is its answer; figures that were drawn follow. Cells run in the notebook's folder.
+    The last expression of a cell is its answer; figures that were drawn follow. Cells run in the
+    notebook's folder.
     """
     import matplotlib.pyplot as plt
 
@@ -25,7 +29,10 @@ def executed(path: Path = NOTEBOOK) -> tuple[list[dict[str, Any]], dict[str, Any
     scope: dict[str, Any] = {"__name__": "__main__"}
     with contextlib.chdir(path.parent):
         for cell in (one for one in cells if one["cell_type"] == "code"):
-            cell["outputs"] = [*_answers("".join(cell["source"]), scope), *(_picture(plt.figure(number)) for number in plt.get_fignums())]
+            cell["outputs"] = [
+                *_answers("".join(cell["source"]), scope),
+                *(_picture(plt.figure(number)) for number in plt.get_fignums()),
+            ]
             plt.close("all")
     return cells, scope
 
@@ -37,17 +44,31 @@ def _answers(source: str, scope: dict[str, Any]) -> list[dict[str, Any]]:
     with contextlib.redirect_stdout(io.StringIO()) as printed:
         exec(compile(tree, "cell", "exec"), scope)
         value = None if last is None else eval(compile(ast.Expression(last), "cell", "eval"), scope)
-    found: list[dict[str, Any]] = [{"output_type": "stream", "name": "stdout", "text": text}] if (text := printed.getvalue()) else []
+    found: list[dict[str, Any]] = (
+        [{"output_type": "stream", "name": "stdout", "text": text}]
+        if (text := printed.getvalue())
+        else []
+    )
     if value is not None:
         html = {"text/html": value._repr_html_()} if hasattr(value, "_repr_html_") else {}
-        found.append({"output_type": "execute_result", "metadata": {}, "data": {"text/plain": repr(value), **html}})
+        found.append(
+            {
+                "output_type": "execute_result",
+                "metadata": {},
+                "data": {"text/plain": repr(value), **html},
+            }
+        )
     return found
 
 
 def _picture(figure: Any) -> dict[str, Any]:
     stream = io.BytesIO()
     figure.savefig(stream, format="png", dpi=100)
-    return {"output_type": "display_data", "metadata": {}, "data": {"image/png": b64encode(stream.getvalue()).decode()}}
+    return {
+        "output_type": "display_data",
+        "metadata": {},
+        "data": {"image/png": b64encode(stream.getvalue()).decode()},
+    }
 
 
 def markdown() -> str:
@@ -60,7 +81,14 @@ def markdown() -> str:
         for output in cell.get("outputs", []):
             data = output.get("data", {"text/plain": output.get("text", "")})
             if "image/png" in data:
-                parts.append(f'<img alt="what the cell draws" src="data:image/png;base64,{data["image/png"]}">')
+                parts.append(
+                    '<img alt="what the cell draws" '
+                    f'src="data:image/png;base64,{data["image/png"]}">'
+                )
             else:
-                parts.append(data.get("text/html") or f"```text\n{data['text/plain'].rstrip()}\n```")
-    return "\n\n".join([*parts, f"[{NOTEBOOK.name}]({NOTEBOOK.name}) is the notebook; a test executes it.", ""])
+                parts.append(
+                    data.get("text/html") or f"```text\n{data['text/plain'].rstrip()}\n```"
+                )
+    return "\n\n".join(
+        [*parts, f"[{NOTEBOOK.name}]({NOTEBOOK.name}) is the notebook; a test executes it.", ""]
+    )

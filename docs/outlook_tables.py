@@ -1,6 +1,8 @@
-"""Write the tables of what the papers leave to others, into docs/muscle-like.md (H), wrist.md (W) and export.md (both models as one unit).
+"""Write the tables of what the papers leave to others, into docs/muscle-like.md (H), wrist.md (W)
+and export.md (both models as one unit).
 
-`python docs/outlook_tables.py RUNS`. All of it is simulated but for a regulator, whose records must be there (docs/data.md).
+`python docs/outlook_tables.py RUNS`. All of it is simulated but for a regulator, whose records must
+be there (docs/data.md).
 """
 
 from __future__ import annotations
@@ -34,7 +36,8 @@ from mapmore_cli.spec.simulation import SimulationSpec
 DATASETS = DOCS.parent / "datasets"
 
 
-# H ------------------------------------------------------------------------------------------------------------------------------------
+# H
+# --------------------------------------------------------------------------------------------------
 
 TENDON = 10_000.0
 """N/m, of datasets/muscle-like/tendon.yaml; the tendon carries 10 N where the length is zero."""
@@ -44,91 +47,156 @@ Predict = Callable[[Columns], Array]
 
 
 def of_the_muscle(columns: Columns, force: Array, stiffness: float) -> Columns:
-    """Return the columns with length and velocity of the muscle in the place of those of both: `l - (F - 10)/k`, `v + F'/k`."""
+    """Return the columns with length and velocity of the muscle in the place of those of both: `l -
+    (F - 10)/k`, `v + F'/k`.
+    """
     length = columns["length"] - (force - 10.0) / stiffness
-    return {**columns, "length": length, "velocity": columns["velocity"] + np.gradient(force, columns["time"]) / stiffness}
+    return {
+        **columns,
+        "length": length,
+        "velocity": columns["velocity"] + np.gradient(force, columns["time"]) / stiffness,
+    }
 
 
 def behind_tendon(columns: Columns, predicted: Predict, stiffness: float) -> Array:
-    """Return a muscle's force behind a tendon, N, `(n,)`, which makes its length: `F = f(P, l - (F - 10)/k, v + F'/k)`.
+    """Return a muscle's force behind a tendon, N, `(n,)`, which makes its length: `F = f(P, l - (F
+    - 10)/k, v + F'/k)`.
 
-    Half Newton steps by the slope along the length; the rate of the force is that of the step before.
+    Half Newton steps by the slope along the length; the rate of the force is that of the step
+    before.
     """
     force, further = np.full(len(columns["length"]), 10.0), 1e-6
     for _ in range(30):
         own = of_the_muscle(columns, force, stiffness)
-        here, there = (predicted({**own, "length": own["length"] + more}) for more in (0.0, further))
+        here, there = (
+            predicted({**own, "length": own["length"] + more}) for more in (0.0, further)
+        )
         force = force + 0.5 * (here - force) / (1.0 + (there - here) / further / stiffness)
     return force
 
 
 def tendon_found(study: str, runs: Path, identified: Callable[[float], Predict]) -> float:
-    """Return the stiffness (N/m) with the least error on a study's training samples; `identified` is the muscle that goes with one."""
+    """Return the stiffness (N/m) with the least error on a study's training samples; `identified`
+    is the muscle that goes with one.
+    """
     curves = run(f"muscle-like/{study}", runs).dataset().curves
 
     def error(power: float) -> float:
         muscle = identified(10.0**power)
-        found = [(behind_tendon(one.columns, muscle, 10.0**power) - one.columns["force"])[one.training] for one in curves]
+        found = [
+            (behind_tendon(one.columns, muscle, 10.0**power) - one.columns["force"])[one.training]
+            for one in curves
+        ]
         return float(np.sum(np.concatenate(found) ** 2))
 
-    return float(10.0 ** minimize_scalar(error, bounds=(3.3, 5.0), method="bounded", options={"xatol": 1e-3}).x)
+    return float(
+        10.0
+        ** minimize_scalar(error, bounds=(3.3, 5.0), method="bounded", options={"xatol": 1e-3}).x
+    )
 
 
 def muscle_behind(study: str, runs: Path, stiffness: float) -> Predict:
-    """Return H's model, fitted to the muscle's own length and velocity, which follow from the measured force and a tendon's stiffness."""
+    """Return H's model, fitted to the muscle's own length and velocity, which follow from the
+    measured force and a tendon's stiffness.
+    """
     curves = run(f"muscle-like/{study}", runs).dataset().curves
     own = [of_the_muscle(one.columns, one.columns["force"], stiffness) for one in curves]
-    columns = {name: np.concatenate([x[name][one.training] for x, one in zip(own, curves, strict=True)]) for name in own[0]}
+    columns = {
+        name: np.concatenate([x[name][one.training] for x, one in zip(own, curves, strict=True)])
+        for name in own[0]
+    }
     formula = literature.get("muscle_like")
     fit = formula.fit(columns, columns["force"], advice=False)
     return lambda given: formula.predict(fit.parameters, given)
 
 
-def held_out(study: str, runs: Path, predicted: Predict, shortest: float = -np.inf) -> tuple[int, float, float]:
-    """Return samples, RMSE (N) and R² of predictions of a study's records, where they are held out and not shorter than `shortest`."""
+def held_out(
+    study: str, runs: Path, predicted: Predict, shortest: float = -np.inf
+) -> tuple[int, float, float]:
+    """Return samples, RMSE (N) and R² of predictions of a study's records, where they are held out
+    and not shorter than `shortest`.
+    """
     curves = run(f"muscle-like/{study}", runs).dataset().curves
     rows = [curve.held_out & (curve.columns["length"] >= shortest) for curve in curves]
-    found = np.concatenate([predicted(curve.columns)[own] for curve, own in zip(curves, rows, strict=True)])
-    force = np.concatenate([curve.columns["force"][own] for curve, own in zip(curves, rows, strict=True)])
+    found = np.concatenate(
+        [predicted(curve.columns)[own] for curve, own in zip(curves, rows, strict=True)]
+    )
+    force = np.concatenate(
+        [curve.columns["force"][own] for curve, own in zip(curves, rows, strict=True)]
+    )
     return len(force), rms(found - force), r2(force, found)
 
 
 def outlook(runs: Path) -> Table:
-    """Return how H's model does at controlled valves, behind a tendon, and on a joint whose motion does not repeat."""
+    """Return how H's model does at controlled valves, behind a tendon, and on a joint whose motion
+    does not repeat.
+    """
     closed, valves, tendon = "muscle-like-16cm", "muscle-like-valves", "muscle-like-tendon"
     before = muscle_like(closed, runs)
     (record,) = run(f"muscle-like/{valves}", runs).dataset().curves
     common = float(record.columns["length"].min())
-    alone, both = (tendon_found(tendon, runs, one) for one in (lambda _stiffness: before, partial(muscle_behind, tendon, runs)))
+    alone, both = (
+        tendon_found(tendon, runs, one)
+        for one in (lambda _stiffness: before, partial(muscle_behind, tendon, runs))
+    )
     known, found, together = (
         partial(behind_tendon, predicted=muscle, stiffness=stiffness)
-        for muscle, stiffness in ((before, TENDON), (before, alone), (muscle_behind(tendon, runs, both), both))
+        for muscle, stiffness in (
+            (before, TENDON),
+            (before, alone),
+            (muscle_behind(tendon, runs, both), both),
+        )
     )
     there = muscle_like(valves, runs)
     rows: list[tuple[Cell, ...]] = [
         ("closed valves: identified there", *held_out(closed, runs, before)),
         ("closed valves: identified at controlled valves", *held_out(closed, runs, there)),
-        ("closed valves, common lengths: identified there", *held_out(closed, runs, before, common)),
-        ("closed valves, common lengths: identified at controlled valves", *held_out(closed, runs, there, common)),
+        (
+            "closed valves, common lengths: identified there",
+            *held_out(closed, runs, before, common),
+        ),
+        (
+            "closed valves, common lengths: identified at controlled valves",
+            *held_out(closed, runs, there, common),
+        ),
         ("controlled valves: identified at closed valves", *held_out(valves, runs, before)),
         ("controlled valves: identified there", *held_out(valves, runs, there)),
         ("behind a tendon: the muscle alone", *held_out(tendon, runs, before)),
         ("behind a tendon: muscle and known tendon", *held_out(tendon, runs, known)),
         ("behind a tendon: muscle, and a tendon found there", *held_out(tendon, runs, found)),
         ("behind a tendon: both identified there", *held_out(tendon, runs, together)),
-        ("behind a tendon: identified there, as a muscle", *held_out(tendon, runs, muscle_like(tendon, runs))),
+        (
+            "behind a tendon: identified there, as a muscle",
+            *held_out(tendon, runs, muscle_like(tendon, runs)),
+        ),
     ]
     for muscle, _, measured, predicted in joint_forces(runs, "random"):
-        rows.append((f"joint, random: {muscle}", len(measured), rms(predicted - measured), r2(measured, predicted)))
+        rows.append(
+            (
+                f"joint, random: {muscle}",
+                len(measured),
+                rms(predicted - measured),
+                r2(measured, predicted),
+            )
+        )
     joint = scores(run("muscle-like/muscle-like-joint-random", runs))
-    for model, words in (("mapmore", "difference of both"), ("identified_here", "the same, identified from its first half")):
+    for model, words in (
+        ("mapmore", "difference of both"),
+        ("identified_here", "the same, identified from its first half"),
+    ):
         rows.append((f"joint, random: {words}", joint[model].n, joint[model].rmse, joint[model].r2))
     heads = ("record: model", "samples", "RMSE [N] .3g", "R² .4f")
-    notes = (f"Stiffness of the tendon: {TENDON / 1e3:.0f} N/mm; found {alone / 1e3:.1f}, with the muscle {both / 1e3:.1f}.",)
-    return Table.of("outlook", "H's model where H leaves it to others (simulated)", heads, rows, *notes)
+    notes = (
+        f"Stiffness of the tendon: {TENDON / 1e3:.0f} N/mm; found {alone / 1e3:.1f}, with the "
+        f"muscle {both / 1e3:.1f}.",
+    )
+    return Table.of(
+        "outlook", "H's model where H leaves it to others (simulated)", heads, rows, *notes
+    )
 
 
-# Both models as one unit --------------------------------------------------------------------------------------------------------------
+# Both models as one unit
+# --------------------------------------------------------------------------------------------------
 
 STEP = 0.01
 """Of the record and of the units, s."""
@@ -142,14 +210,21 @@ def random_joint() -> tuple[Joint, Columns]:
     assert table.dtype.names
     assert isinstance(spec.muscle, McKibben)
     assert isinstance(spec.experiment, Antagonists)
-    return Joint(spec.muscle, spec.hysteresis, spec.experiment), {name: table[name] for name in table.dtype.names}
+    return Joint(spec.muscle, spec.hysteresis, spec.experiment), {
+        name: table[name] for name in table.dtype.names
+    }
 
 
 def actuators(runs: Path, samples: int | None = None) -> Table:
-    """Return how the joint moves that two exported actuators turn: beside both models one after the other, and beside the rig."""
+    """Return how the joint moves that two exported actuators turn: beside both models one after the
+    other, and beside the rig.
+    """
     joint, record = random_joint()
     names = (("16cm-formula", "joint-valve-flexor"), ("22cm-formula", "joint-valve-extensor"))
-    forces, pressures = ([run(f"muscle-like/muscle-like-{pair[part]}", runs).model() for pair in names] for part in (0, 1))
+    forces, pressures = (
+        [run(f"muscle-like/muscle-like-{pair[part]}", runs).model() for pair in names]
+        for part in (0, 1)
+    )
     pairs = list(zip(forces, pressures, strict=True))
     record = {name: column[:samples] for name, column in record.items()}
     found = turned(joint, pairs, [record["U_1"], record["U_2"]], STEP)
@@ -161,13 +236,25 @@ def actuators(runs: Path, samples: int | None = None) -> Table:
 
     for which, muscle in ((1, "flexor"), (2, "extensor")):
         force, pair = found[f"force_{which}"], pairs[which - 1]
-        apart = float(np.max(np.abs(force - chained(pair, found, which, STEP))) / np.median(np.abs(force)))
+        apart = float(
+            np.max(np.abs(force - chained(pair, found, which, STEP))) / np.median(np.abs(force))
+        )
         rows.append((f"{muscle}'s force [N]", apart, *beside(record[f"F_{which}"], force)))
     angle, length = np.degrees(found["angle"]), 1e-3 * record["l_1"]
     true = np.degrees((float(joint.elongation(0, np.asarray(0.0))) - length) / joint.setup.radius)
     rows.append(("angle [deg]", None, *beside(true, angle)))
-    heads = ("of the joint", "unit beside both `predict`, relative .1e", "RMSE beside the rig .3g", "R² .4f")
-    return Table.of("actuators", "A joint that two exported actuators turn, second half of the record", heads, rows)
+    heads = (
+        "of the joint",
+        "unit beside both `predict`, relative .1e",
+        "RMSE beside the rig .3g",
+        "R² .4f",
+    )
+    return Table.of(
+        "actuators",
+        "A joint that two exported actuators turn, second half of the record",
+        heads,
+        rows,
+    )
 
 
 RECORDS = {"staircase": "repeating_take1_20s", "sweep": "sweep_take1_15s"}
@@ -175,27 +262,46 @@ SENSORS = {"MPR": "mpr_sensor_kPa", "VEAB": "veab_sensor_kPa"}
 
 
 def regulators(_runs: Path) -> Table:
-    """Return how well a lag is the pressure behind a measured regulator without a muscle; the second half of each record is held out."""
-    folder = Path(os.environ.get("MAPMORE_DATA") or DOCS.parents[1] / "shared" / "data") / "regulator_only"
+    """Return how well a lag is the pressure behind a measured regulator without a muscle; the
+    second half of each record is held out.
+    """
+    folder = (
+        Path(os.environ.get("MAPMORE_DATA") or DOCS.parents[1] / "shared" / "data")
+        / "regulator_only"
+    )
     known = {"time": {"unit": "s"}, "command": {"unit": "kPa"}, "pressure": {"unit": "kPa"}}
-    settings = {"dictionary": [{"slow": {"of": ["command"]}}], "resample": "10 ms", "split": {"validate": {"last": 0.5}}}
+    settings = {
+        "dictionary": [{"slow": {"of": ["command"]}}],
+        "resample": "10 ms",
+        "split": {"validate": {"last": 0.5}},
+    }
     rows: list[tuple[Cell, ...]] = []
     for record, file in RECORDS.items():
         table = np.genfromtxt(folder / f"{file}.csv", delimiter=",", names=True)
         for sensor, column in SENSORS.items():
             frame = {"time": table["t_s"], "command": table["cmd_kPa"], "pressure": table[column]}
             columns = {name: {"column": name, **unit} for name, unit in known.items()}
-            found = mapmore_cli.fit(frame, columns=columns, target={"column": "pressure"}, validate={"simple": False}, **settings)
-            error = [100 * found.scores.of_model(split=split)["nrmse"] for split in ("train", "validate")]
+            found = mapmore_cli.fit(
+                frame,
+                columns=columns,
+                target={"column": "pressure"},
+                validate={"simple": False},
+                **settings,
+            )
+            error = [
+                100 * found.scores.of_model(split=split)["nrmse"] for split in ("train", "validate")
+            ]
             rows.append((f"{record}, {sensor} sensor", found.equations[0].text, *error))
     heads = ("record", "pressure [kPa]", "training NRMSE [%] .3g", "held-out NRMSE [%] .3g")
     return Table.of("regulators", "A lag behind a measured regulator", heads, rows)
 
 
-# W ------------------------------------------------------------------------------------------------------------------------------------
+# W
+# --------------------------------------------------------------------------------------------------
 
 WRIST = Wrist(
-    length=0.23, radius=0.015, inertia=0.01, damping=0.05, middle=0.06, pressure=400.0, highest=700.0, reach=1.0,
+    length=0.23, radius=0.015, inertia=0.01, damping=0.05, middle=0.06, pressure=400.0,
+        highest=700.0, reach=1.0,
     period=0.01, step=0.001, kp=100.0, ki=500.0,
 )  # fmt: skip
 REGULATOR = Regulator(1.0, 0.0, 0.02, 50 * KPA, 800 * KPA, 1e-8, 1e-8, 0.3)
@@ -203,14 +309,27 @@ AIR, RUBBER = Air(1.4, 0.5, 2e-5), Rubber(80.0, 0.02)
 SECONDS, SETTLED = 6.0, 2.0
 """How long the course is, and what is left out of the errors at its beginning."""
 
-MODELS = ("chou_hannaford", "tondu_lopez_fixed_area", "tondu_lopez_corrected_fixed_area", "kerscher", "sarosi", "mapmore")
+MODELS = (
+    "chou_hannaford",
+    "tondu_lopez_fixed_area",
+    "tondu_lopez_corrected_fixed_area",
+    "kerscher",
+    "sarosi",
+    "mapmore",
+)
 
 
 def course(seconds: float) -> Array:
-    """Return angles to follow, rad: sines of 20 degrees at 0.5 Hz and 6 degrees at 1.1 Hz, which grow over the first second."""
+    """Return angles to follow, rad: sines of 20 degrees at 0.5 Hz and 6 degrees at 1.1 Hz, which
+    grow over the first second.
+    """
     time = np.arange(0.0, seconds, WRIST.period)
     growing = np.clip(time, 0.0, 1.0) ** 2 * (3 - 2 * np.clip(time, 0.0, 1.0))
-    return np.asarray(np.radians(growing * (20 * np.sin(2 * np.pi * 0.5 * time) + 6 * np.sin(2 * np.pi * 1.1 * time))))
+    return np.asarray(
+        np.radians(
+            growing * (20 * np.sin(2 * np.pi * 0.5 * time) + 6 * np.sin(2 * np.pi * 1.1 * time))
+        )
+    )
 
 
 def force_of(name: str, runs: Path) -> Force:
@@ -220,14 +339,22 @@ def force_of(name: str, runs: Path) -> Force:
         model = files.model()
         return lambda pressure, strain: predict(model, {"pressure": pressure, "strain": strain})
     fit, formula = files.validation().formulas[name], literature.get(name)
-    return lambda pressure, strain: formula.predict(fit.parameters, {"pressure": pressure, "strain": strain})
+    return lambda pressure, strain: formula.predict(
+        fit.parameters, {"pressure": pressure, "strain": strain}
+    )
 
 
 def rig_muscles(friction: float = 1.0) -> RigMuscles:
-    """Return the muscles of datasets/wrist, full of air, behind regulators; with so much of their friction."""
+    """Return the muscles of datasets/wrist, full of air, behind regulators; with so much of their
+    friction.
+    """
     spec = load_as(DATASETS / "wrist" / "contraction_table.yaml", SimulationSpec).spec
     assert isinstance(spec.muscle, McKibben)
-    found = replace(spec.hysteresis, base=friction * spec.hysteresis.base, per_pressure=friction * spec.hysteresis.per_pressure)
+    found = replace(
+        spec.hysteresis,
+        base=friction * spec.hysteresis.base,
+        per_pressure=friction * spec.hysteresis.per_pressure,
+    )
     return RigMuscles(ClosedMuscle(spec.muscle, found, RUBBER, AIR), REGULATOR, WRIST)
 
 
@@ -243,7 +370,12 @@ def _loop(name: str | None, runs: Path, gains: float) -> tuple[Wrist, Force | No
     """Return the loop, a model's force, the course, and what the model feeds forward."""
     wrist, reference = replace(WRIST, kp=gains * WRIST.kp, ki=gains * WRIST.ki), course(SECONDS)
     force = None if name is None else force_of(name, runs)
-    return wrist, force, reference, np.zeros(len(reference)) if force is None else wrist.feed(force, reference)
+    return (
+        wrist,
+        force,
+        reference,
+        np.zeros(len(reference)) if force is None else wrist.feed(force, reference),
+    )
 
 
 def _error(one: Array, other: Array) -> float:
@@ -255,7 +387,9 @@ def foretold(name: str, runs: Path, gains: float = 1.0) -> float:
     """RMSE of the angle in the simulation by a model that is also fed forward, degrees."""
     wrist, force, reference, feed = _loop(name, runs, gains)
     assert force is not None
-    return _error(followed(wrist, ModelMuscles(force, lag(), wrist), reference, feed)["angle"], reference)
+    return _error(
+        followed(wrist, ModelMuscles(force, lag(), wrist), reference, feed)["angle"], reference
+    )
 
 
 def frictionless(name: str, runs: Path, gains: float = 1.0) -> float:
@@ -265,7 +399,9 @@ def frictionless(name: str, runs: Path, gains: float = 1.0) -> float:
 
 
 def loops(name: str | None, runs: Path, gains: float = 1.0) -> tuple[float | None, ...]:
-    """RMSE of the angle in the rig, in the simulation by the model that is fed forward, and between both, degrees."""
+    """RMSE of the angle in the rig, in the simulation by the model that is fed forward, and between
+    both, degrees.
+    """
     wrist, force, reference, feed = _loop(name, runs, gains)
     true = followed(wrist, rig_muscles(), reference, feed)["angle"]
     if force is None:
@@ -276,12 +412,32 @@ def loops(name: str | None, runs: Path, gains: float = 1.0) -> tuple[float | Non
 
 def wrist_loop(runs: Path) -> Table:
     """Return errors of the loop on the rig, and what simulations by the fitted models foretell."""
-    rows: list[tuple[Cell, ...]] = [(name or "nothing", *loops(name, runs), *loops(name, runs, gains=2.0)[:2]) for name in (*MODELS, None)]
-    rows.append(("sarosi, on a rig without friction", frictionless("sarosi", runs), None, None, frictionless("sarosi", runs, 2.0), None))
-    heads = ("rig: RMSE", "foretold: RMSE", "rig and foretold apart", "rig at twice the gains: RMSE", "foretold at twice the gains: RMSE")
+    rows: list[tuple[Cell, ...]] = [
+        (name or "nothing", *loops(name, runs), *loops(name, runs, gains=2.0)[:2])
+        for name in (*MODELS, None)
+    ]
+    rows.append(
+        (
+            "sarosi, on a rig without friction",
+            frictionless("sarosi", runs),
+            None,
+            None,
+            frictionless("sarosi", runs, 2.0),
+            None,
+        )
+    )
+    heads = (
+        "rig: RMSE",
+        "foretold: RMSE",
+        "rig and foretold apart",
+        "rig at twice the gains: RMSE",
+        "foretold at twice the gains: RMSE",
+    )
     columns = ("fed forward", *(f"{head} [deg] .3g" for head in heads))
     notes = (f"Lag of the regulator by least squares: {1e3 * lag():.0f} ms.",)
-    return Table.of("wrist-loop", "W's muscles on a wrist in a closed loop (simulated)", columns, rows, *notes)
+    return Table.of(
+        "wrist-loop", "W's muscles on a wrist in a closed loop (simulated)", columns, rows, *notes
+    )
 
 
 if __name__ == "__main__":

@@ -1,7 +1,9 @@
-"""What the scripts beside this file have in common: shipped runs brought up to date, published tables, and the tables of pages.
+"""What the scripts beside this file have in common: shipped runs brought up to date, published
+tables, and the tables of pages.
 
-A table of a page stands between `<!-- table NAME -->` and `<!-- end -->`. After `<!-- table NAME 3 -->` it is in `tables/PAGE/NAME.csv`:
-the page has its last three rows and a link, the site all of it.
+A table of a page stands between `<!-- table NAME -->` and `<!-- end -->`. After `<!-- table NAME 3
+-->` it is in `tables/PAGE/NAME.csv`: the page has its last three rows and a link, the site all of
+it.
 """
 
 from __future__ import annotations
@@ -56,7 +58,11 @@ def run(config: str, runs: Path, *overrides: str, until: str = "validate") -> Ru
 
 def scores(files: RunFiles, split: str = "validate") -> dict[str, Score]:
     """Return the pooled rows of a run, by model."""
-    return {row.model: row for row in files.validation().scores if (row.split, row.curve) == (split, "all")}
+    return {
+        row.model: row
+        for row in files.validation().scores
+        if (row.split, row.curve) == (split, "all")
+    }
 
 
 def own(files: RunFiles, split: str = "validate") -> Score:
@@ -91,7 +97,9 @@ def write_tables(page: Path, found: Mapping[str, Callable[[], Table]]) -> None:
         if name not in found:
             return match[0]
         table = found[name]()
-        return f"{head}\n{to_markdown(table, str) if kept is None else _excerpt(table, int(kept), page.stem, name)}{end}"
+        if kept is None:
+            return f"{head}\n{to_markdown(table, str)}{end}"
+        return f"{head}\n{_excerpt(table, int(kept), page.stem, name)}{end}"
 
     page.write_text(BLOCK.sub(block, page.read_text(encoding="utf-8")), encoding="utf-8")
 
@@ -102,15 +110,28 @@ def of_campaign(name: str) -> Callable[[Path], Table]:
 
 
 def write_page(page: str, tables: Mapping[str, Callable[[Path], Table]]) -> None:
-    """Write the tables of a page, or those of them that the command line names behind the folder of runs."""
+    """Write the tables of a page, or those of them that the command line names behind the folder of
+    runs.
+    """
     runs, *names = sys.argv[1:]
-    write_tables(DOCS / page, {name: partial(table, Path(runs)) for name, table in tables.items() if name in (names or tables)})
+    write_tables(
+        DOCS / page,
+        {
+            name: partial(table, Path(runs))
+            for name, table in tables.items()
+            if name in (names or tables)
+        },
+    )
 
 
 def _excerpt(table: Table, kept: int, page: str, name: str) -> str:
     """Write a table into its file; return its last rows, its notes and a link to the file."""
     write_rows(DOCS / "tables" / page / f"{name}.csv", [table.headings, *table.shown])
-    text = to_markdown(replace(table, rows=table.rows[-kept:]), str) if kept else "\n\n".join([f"**{table.title}**", *table.notes]) + "\n"
+    text = (
+        to_markdown(replace(table, rows=table.rows[-kept:]), str)
+        if kept
+        else "\n\n".join([f"**{table.title}**", *table.notes]) + "\n"
+    )
     return f"{text}\n[All {len(table.rows)} rows](tables/{page}/{name}.csv)\n"
 
 
@@ -127,8 +148,14 @@ def read_rows(page: Path, name: str) -> list[list[str]]:
     if path.exists():
         with path.open(encoding="utf-8", newline="") as file:
             return list(csv.reader(file))
-    (block,) = (found[4] for found in BLOCK.finditer(page.read_text(encoding="utf-8")) if found[2] == name)
-    lines = [[cell.strip() for cell in line.strip("|").split("|")] for line in block.splitlines() if line.startswith("|")]
+    (block,) = (
+        found[4] for found in BLOCK.finditer(page.read_text(encoding="utf-8")) if found[2] == name
+    )
+    lines = [
+        [cell.strip() for cell in line.strip("|").split("|")]
+        for line in block.splitlines()
+        if line.startswith("|")
+    ]
     return [lines[0], *lines[2:]]
 
 
@@ -142,6 +169,10 @@ def in_full(text: str, page: str) -> str:
         table = Table(match[2], "", tuple(map(Column, headings)), tuple(map(tuple, rows)))
         shown = to_markdown(table, str).replace("****\n\n", "")
         head, tail = '<details markdown="1"><summary>', f"</summary>\n\n{shown}\n[CSV]"
-        return re.sub(r"\[(All \d+ rows)\](\(.*?\))", lambda link: f"{head}{link[1]}{tail}{link[2]}\n\n</details>\n", match[0])
+        return re.sub(
+            r"\[(All \d+ rows)\](\(.*?\))",
+            lambda link: f"{head}{link[1]}{tail}{link[2]}\n\n</details>\n",
+            match[0],
+        )
 
     return BLOCK.sub(whole, text)

@@ -42,13 +42,17 @@ FESTO = (
     *OVER_STRAIN[:2],
     "dictionary=[{polynomial: {of: [strain], order: 2}}]",
     "fit={max_terms: 3}",
-    "data.levels={of: pressure, at: [100, 140, 180, 220, 260, 300, 350, 400, 450, 500, 550, 600], within: 4}",
+    "data.levels={of: pressure, at: [100, 140, 180, 220, 260, 300, 350, 400, 450, 500, 550, "
+    "600], within: 4}",
 )
 LEVELS: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "pgm, pressures": ("pgm/pgm_force", OVER_STRAIN),
     "datasheet, pressures": ("festo/festo_datasheet", OVER_STRAIN),
     "bellows, strains": ("bellows/bellows_strain", ("model={type: mapmore}",)),
-    **{f"Festo {cm} cm, pressures": (f"festo/festo_10mm_{cm}cm_strain", FESTO) for cm in (10, 20, 30)},
+    **{
+        f"Festo {cm} cm, pressures": (f"festo/festo_10mm_{cm}cm_strain", FESTO)
+        for cm in (10, 20, 30)
+    },
 }
 """Studies with their overrides: the levels of one quantity."""
 
@@ -58,7 +62,9 @@ WANTED = (0.03, 0.05, 0.08, 0.12)
 
 @dataclass(frozen=True)
 class Campaign:
-    """Levels in the order of their measuring, with the error of the model of the first k, k from `START` on, as parts of the largest."""
+    """Levels in the order of their measuring, with the error of the model of the first k, k from
+    `START` on, as parts of the largest.
+    """
 
     order: tuple[float, ...]
     errors: Array
@@ -71,17 +77,29 @@ START = 3
 def study(name: str, runs: Path) -> tuple[ModelChoices, Dataset]:
     """Return a study whose samples all train."""
     config, overrides = LEVELS[name]
-    loaded = load(CONFIGS / f"{config}.yaml", (f"name=plan-{name.split(',')[0].replace(' ', '-')}", "data.split={}", *overrides))
-    return model_choices(loaded.spec), read_dataset(bring_up_to_date(loaded, runs, "ingest").run_dir / "ingest.h5")
+    loaded = load(
+        CONFIGS / f"{config}.yaml",
+        (f"name=plan-{name.split(',')[0].replace(' ', '-')}", "data.split={}", *overrides),
+    )
+    return model_choices(loaded.spec), read_dataset(
+        bring_up_to_date(loaded, runs, "ingest").run_dir / "ingest.h5"
+    )
 
 
 def trained_on(dataset: Dataset, at: Sequence[float]) -> Dataset:
     """Return the dataset with only these levels for training."""
-    return replace(dataset, curves=tuple(replace(c, held_out=np.full(c.size, c.level not in at)) for c in dataset.curves))
+    return replace(
+        dataset,
+        curves=tuple(
+            replace(c, held_out=np.full(c.size, c.level not in at)) for c in dataset.curves
+        ),
+    )
 
 
 def error_of(choices: ModelChoices, dataset: Dataset, at: Sequence[float]) -> float:
-    """RMS over all levels of the error of a model of some, each level counting alike, as a part of the largest |target|."""
+    """RMS over all levels of the error of a model of some, each level counting alike, as a part of
+    the largest |target|.
+    """
     return float(np.sqrt(np.mean([np.mean(e**2) for e in misses(choices, dataset, at)])))
 
 
@@ -89,10 +107,14 @@ def misses(choices: ModelChoices, dataset: Dataset, at: Sequence[float]) -> list
     """Errors at every level of a model of some, as parts of the largest |target|."""
     model = refitted(choices, trained_on(dataset, at))
     largest = max(float(np.abs(c.columns[dataset.target]).max()) for c in dataset.curves)
-    return [(forecast(model, c).values - c.columns[dataset.target]) / largest for c in dataset.curves]
+    return [
+        (forecast(model, c).values - c.columns[dataset.target]) / largest for c in dataset.curves
+    ]
 
 
-def campaign(choices: ModelChoices, dataset: Dataset, choose: Callable[[list[float], list[float]], float]) -> Campaign:
+def campaign(
+    choices: ModelChoices, dataset: Dataset, choose: Callable[[list[float], list[float]], float]
+) -> Campaign:
     """Measure level after level, from the outer ones and the one nearest their middle on."""
     every = sorted({c.level for c in dataset.curves if c.level is not None})
     order = [every[0], every[-1], nearest(every[1:-1], (every[0] + every[-1]) / 2)]
@@ -123,7 +145,9 @@ def quiet(_what: str, _done: int, _of: int) -> None:
 
 @cache
 def of_levels_by(name: str, runs: Path) -> Mapping[str, Campaign]:
-    """Return the campaigns of one study, by the way in which levels are chosen; of random ones the medians."""
+    """Return the campaigns of one study, by the way in which levels are chosen; of random ones the
+    medians.
+    """
     choices, dataset = study(name, runs)
 
     def best(known: list[float], rest: list[float]) -> float:
@@ -132,9 +156,13 @@ def of_levels_by(name: str, runs: Path) -> Mapping[str, Campaign]:
     drawn = []
     for seed in range(DRAWS):
         rng = np.random.default_rng(seed)
-        drawn.append(campaign(choices, dataset, lambda _known, rest, rng=rng: float(rng.choice(rest))))  # type: ignore[misc]
+        drawn.append(
+            campaign(choices, dataset, lambda _known, rest, rng=rng: float(rng.choice(rest)))
+        )  # type: ignore[misc]
     return {
-        "equal": campaign(choices, dataset, lambda known, rest: in_gap(known, rest, np.diff(known))),
+        "equal": campaign(
+            choices, dataset, lambda known, rest: in_gap(known, rest, np.diff(known))
+        ),
         "random": Campaign((), np.median([one.errors for one in drawn], axis=0)),
         "oracle": campaign(choices, dataset, best),
     }
@@ -146,16 +174,32 @@ def levels_table(runs: Path) -> Table:
     for name in LEVELS:
         found = of_levels_by(name, runs)
         counts = range(START + 1, START + len(found["equal"].errors))
-        rows += [(name, k, *(100 * float(one.errors[k - START]) for one in found.values())) for k in counts]
-    ratio = np.array([row[3:] for row in rows], dtype=float) / np.array([[row[2]] for row in rows], dtype=float)
+        rows += [
+            (name, k, *(100 * float(one.errors[k - START]) for one in found.values()))
+            for k in counts
+        ]
+    ratio = np.array([row[3:] for row in rows], dtype=float) / np.array(
+        [[row[2]] for row in rows], dtype=float
+    )
     mean = np.exp(np.log(ratio).mean(axis=0))
     columns = ("map", "levels", *(f"{one} [%] .2f" for one in ("equal", "random", "oracle")))
-    note = f"Geometric mean of the ratio to equal distances: random {mean[0]:.2f}, oracle {mean[1]:.2f}."
-    return Table.of("levels", "RMS error over all levels, in per cent of the largest force, after so many levels", columns, rows, note)
+    note = (
+        f"Geometric mean of the ratio to equal distances: random {mean[0]:.2f}, oracle "
+        f"{mean[1]:.2f}."
+    )
+    return Table.of(
+        "levels",
+        "RMS error over all levels, in per cent of the largest force, after so many levels",
+        columns,
+        rows,
+        note,
+    )
 
 
 def stopping_table(runs: Path) -> Table:
-    """How often a campaign by equal distances that stops by its half width had reached what was wanted."""
+    """How often a campaign by equal distances that stops by its half width had reached what was
+    wanted.
+    """
     rows: list[tuple[Cell, ...]] = []
     for wanted in WANTED:
         stopped = reached = 0
@@ -165,7 +209,9 @@ def stopping_table(runs: Path) -> Table:
             for k in range(START, len(order) + 1):
                 known = sorted(order[:k])
                 data = trained_on(dataset, known)
-                left_out = replace(residuals(choices, data, {}, quiet, refitted(choices, data)), repeats=(1,) * k)
+                left_out = replace(
+                    residuals(choices, data, {}, quiet, refitted(choices, data)), repeats=(1,) * k
+                )
                 if refusal(left_out) is not None:
                     continue
                 middles = (np.array(known[1:]) + np.array(known[:-1])) / 2
@@ -176,13 +222,21 @@ def stopping_table(runs: Path) -> Table:
                     break
         rows.append((100 * wanted, len(LEVELS), stopped, reached))
     columns = ("wanted [%] .0f", "campaigns", "stopped", "reached")
-    return Table.of("stopping", "Campaigns that stop where the widest half width is the wanted one", columns, rows)
+    return Table.of(
+        "stopping",
+        "Campaigns that stop where the widest half width is the wanted one",
+        columns,
+        rows,
+    )
 
 
-# Maps ---------------------------------------------------------------------------------------------------------------------------------
+# Maps
+# --------------------------------------------------------------------------------------------------
 
 POOL, SIZES, STARTS, KNOWN = 60, (8, 10, 12, 18), 6, 12
-"""Points of a map that can be measured, how many are, from how many starts, and of how many the oracle knows what they are worth."""
+"""Points of a map that can be measured, how many are, from how many starts, and of how many the
+oracle knows what they are worth.
+"""
 
 
 @cache
@@ -220,9 +274,15 @@ def map_error(committee: Committee, pool: Measured) -> float:
 def start_of(pool: Measured, seed: int) -> list[int]:
     """Five points: the corners and the middle, or by chance."""
     if seed:
-        return [int(one) for one in np.random.default_rng(seed).choice(len(pool.y), 5, replace=False)]
+        return [
+            int(one) for one in np.random.default_rng(seed).choice(len(pool.y), 5, replace=False)
+        ]
     spots = [(0, 0), (1, 0), (0, 1), (1, 1), (0.5, 0.5)]
-    return list(dict.fromkeys(int(np.argmin(np.sum((pool.scaled(pool.x) - spot) ** 2, axis=1))) for spot in spots))
+    return list(
+        dict.fromkeys(
+            int(np.argmin(np.sum((pool.scaled(pool.x) - spot) ** 2, axis=1))) for spot in spots
+        )
+    )
 
 
 def points_by(name: str, runs: Path, way: str, seed: int = 0) -> dict[int, float]:
@@ -237,10 +297,19 @@ def points_by(name: str, runs: Path, way: str, seed: int = 0) -> dict[int, float
         if way == "plan":
             worth = committee_of(name, runs, taken).score[rest]
         elif way == "equal":
-            worth = np.min(np.sum((scaled[rest][:, None] - scaled[taken][None]) ** 2, axis=2), axis=1)
+            worth = np.min(
+                np.sum((scaled[rest][:, None] - scaled[taken][None]) ** 2, axis=2), axis=1
+            )
         else:
             rest = rng.choice(rest, 1 if way == "random" else min(KNOWN, len(rest)), replace=False)
-            worth = np.array([0.0 if way == "random" else -map_error(committee_of(name, runs, [*taken, one]), pool) for one in rest])
+            worth = np.array(
+                [
+                    0.0
+                    if way == "random"
+                    else -map_error(committee_of(name, runs, [*taken, one]), pool)
+                    for one in rest
+                ]
+            )
         taken.append(int(rest[np.argmax(worth)]))
     return found
 
@@ -257,17 +326,36 @@ def maps_table(runs: Path) -> Table:
         errors = np.array([[[one[size] for one in ways] for size in SIZES] for ways in found])
         logs[number] = np.median(np.log(errors / errors[:, :, 1:2]), axis=0)
         middle = 100 * np.median(errors, axis=0)
-        rows += [(name.split(",")[0], size, *map(float, row)) for size, row in zip(SIZES, middle, strict=True)]
+        rows += [
+            (name.split(",")[0], size, *map(float, row))
+            for size, row in zip(SIZES, middle, strict=True)
+        ]
     columns = ("map", "points", *(f"{one} [%] .2f" for one in WAYS))
     means = np.exp(logs.mean(axis=0))
-    told = [f"{way} {', '.join(f'{one:.2f}' for one in means[:, WAYS.index(way)])}" for way in ("plan", "random", "oracle")]
-    note = f"Ratio to equal distances, median over the starts, geometric mean over the maps, at {SIZES} points: {'; '.join(told)}."
-    return Table.of("maps", "RMS error over the map, in per cent of the largest force, after so many points", columns, rows, note)
+    told = [
+        f"{way} {', '.join(f'{one:.2f}' for one in means[:, WAYS.index(way)])}"
+        for way in ("plan", "random", "oracle")
+    ]
+    note = (
+        "Ratio to equal distances, median over the starts, geometric mean over the maps, at "
+        f"{SIZES} points: {'; '.join(told)}."
+    )
+    return Table.of(
+        "maps",
+        "RMS error over the map, in per cent of the largest force, after so many points",
+        columns,
+        rows,
+        note,
+    )
 
 
 def tables(runs: Path) -> Mapping[str, Callable[[], Table]]:
     """Every table of the page."""
-    return {"levels": lambda: levels_table(runs), "stopping": lambda: stopping_table(runs), "maps": lambda: maps_table(runs)}
+    return {
+        "levels": lambda: levels_table(runs),
+        "stopping": lambda: stopping_table(runs),
+        "maps": lambda: maps_table(runs),
+    }
 
 
 if __name__ == "__main__":

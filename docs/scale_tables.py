@@ -1,7 +1,8 @@
-"""Write the table of docs/scale.md: `python docs/scale_tables.py`; with a folder of runs, its finished runs are recorded first.
+"""Write the table of docs/scale.md: `python docs/scale_tables.py`; with a folder of runs, its
+finished runs are recorded first.
 
-The runs of a campaign are replayed: the seconds, files and megabytes of real ones, over and over, on so many workers that share one client
-and one file system.
+The runs of a campaign are replayed: the seconds, files and megabytes of real ones, over and over,
+on so many workers that share one client and one file system.
 """
 
 from __future__ import annotations
@@ -33,7 +34,9 @@ FILES_PER_SECOND, MEGABYTES_PER_SECOND = 1_000.0, 500.0
 
 @dataclass(frozen=True)
 class Load:
-    """What a run asks for: seconds of the client, of a worker, and of the file system before and after."""
+    """What a run asks for: seconds of the client, of a worker, and of the file system before and
+    after.
+    """
 
     client: float
     reading: float
@@ -43,7 +46,9 @@ class Load:
 
 @dataclass(frozen=True)
 class Bounds:
-    """What a campaign takes at least, in seconds, because of each of what it shares; and of its longest run."""
+    """What a campaign takes at least, in seconds, because of each of what it shares; and of its
+    longest run.
+    """
 
     client: float
     files: float
@@ -58,7 +63,12 @@ class Bounds:
     @property
     def limit(self) -> str:
         """What that is."""
-        named = {self.client: "client and scheduler", self.files: "file system", self.longest: "longest run", self.workers: "workers"}
+        named = {
+            self.client: "client and scheduler",
+            self.files: "file system",
+            self.longest: "longest run",
+            self.workers: "workers",
+        }
         return named[self.least]
 
 
@@ -77,9 +87,13 @@ READ, WORK, WRITE = range(3)
 
 
 def simulated(loads: Sequence[Load], workers: int) -> float:
-    """Seconds until the last run is done: the client sends one run after the other, in order, and the file system serves one at a time."""
+    """Seconds until the last run is done: the client sends one run after the other, in order, and
+    the file system serves one at a time.
+    """
     sent = _sums(load.client for load in loads)
-    events: list[tuple[float, int, int]] = []  # when, what, which run; equal times in the order of the campaign
+    events: list[
+        tuple[float, int, int]
+    ] = []  # when, what, which run; equal times in the order of the campaign
     free = [0.0] * min(workers, len(loads))
     disk, end, nexts = 0.0, 0.0, iter(range(len(loads)))
 
@@ -121,7 +135,8 @@ def recorded() -> list[Load]:
             client=client,
             reading=float(row["read_MB"]) / MEGABYTES_PER_SECOND,
             working=float(row["seconds"]),
-            writing=float(row["files"]) / FILES_PER_SECOND + float(row["written_MB"]) / MEGABYTES_PER_SECOND,
+            writing=float(row["files"]) / FILES_PER_SECOND
+            + float(row["written_MB"]) / MEGABYTES_PER_SECOND,
         )
         for row in _rows(RECORDED)
     ]
@@ -141,7 +156,18 @@ def limits() -> Table:
         alone = simulated(loads, 1)
         for workers in WORKERS:
             least, took = bounds(loads, workers), simulated(loads, workers)
-            rows.append((f"{count} on {workers}", least.client, least.files, least.workers, least.longest, least.limit, took, alone / took))
+            rows.append(
+                (
+                    f"{count} on {workers}",
+                    least.client,
+                    least.files,
+                    least.workers,
+                    least.longest,
+                    least.limit,
+                    took,
+                    alone / took,
+                )
+            )
     columns = (
         "runs on workers",
         "client [s] .1f",
@@ -152,14 +178,25 @@ def limits() -> Table:
         "simulated [s] .1f",
         "times faster than one worker .3g",
     )
-    return Table.of("limits", "What a campaign takes at least because of each, and in the simulation", columns, rows)
+    return Table.of(
+        "limits",
+        "What a campaign takes at least because of each, and in the simulation",
+        columns,
+        rows,
+    )
 
 
 def record(runs: Path) -> None:
-    """Write what the finished runs of a folder took, and what the client and a Dask scheduler take for one."""
+    """Write what the finished runs of a folder took, and what the client and a Dask scheduler take
+    for one.
+    """
     rows = [row for record in sorted(runs.glob("*/run.json")) if (row := _recorded(record.parent))]
     _write(RECORDED, ["run", "seconds", "files", "read_MB", "written_MB"], rows)
-    _write(COSTS, ["what", "seconds"], [("spec", f"{_seconds_of_a_spec():.4f}"), ("task", f"{_seconds_of_a_task():.4f}")])
+    _write(
+        COSTS,
+        ["what", "seconds"],
+        [("spec", f"{_seconds_of_a_spec():.4f}"), ("task", f"{_seconds_of_a_task():.4f}")],
+    )
 
 
 def _recorded(folder: Path) -> tuple[object, ...] | None:
@@ -170,7 +207,13 @@ def _recorded(folder: Path) -> tuple[object, ...] | None:
     files = [path for part in parts for path in part.rglob("*") if path.is_file()]
     read = sum(stamp["size"] for stamp in stages["ingest"]["inputs"].values())
     seconds = sum(stage["seconds"] for stage in stages.values())
-    return folder.name, f"{seconds:.1f}", len(files), f"{read / 1e6:.2f}", f"{sum(path.stat().st_size for path in files) / 1e6:.2f}"
+    return (
+        folder.name,
+        f"{seconds:.1f}",
+        len(files),
+        f"{read / 1e6:.2f}",
+        f"{sum(path.stat().st_size for path in files) / 1e6:.2f}",
+    )
 
 
 def _write(path: Path, header: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
@@ -189,10 +232,17 @@ def _seconds_of_a_spec(times: int = 20) -> float:
 
 
 def _seconds_of_a_task(tasks: int = 1_000) -> float:
-    """Processor time of a client, a scheduler and two workers in one process, for a task that does nothing."""
+    """Processor time of a client, a scheduler and two workers in one process, for a task that does
+    nothing.
+    """
     from distributed import Client, LocalCluster
 
-    with LocalCluster(n_workers=2, threads_per_worker=1, processes=False, dashboard_address=None) as cluster, Client(cluster) as client:
+    with (
+        LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=False, dashboard_address=None
+        ) as cluster,
+        Client(cluster) as client,
+    ):
         client.gather(client.map(abs, range(10), pure=False))
         started = time.process_time()
         client.gather([client.submit(abs, number, pure=False) for number in range(tasks)])

@@ -1,6 +1,8 @@
-"""Write the table of docs/search.md from runs, which are brought up to date first: `python docs/search_tables.py RUNS [ROW ...]`.
+"""Write the table of docs/search.md from runs, which are brought up to date first: `python
+docs/search_tables.py RUNS [ROW ...]`.
 
-Names of rows behind `RUNS` make these anew, and leave the others as they are. Each row is written as soon as it is made.
+Names of rows behind `RUNS` make these anew, and leave the others as they are. Each row is written
+as soon as it is made.
 
 The measured recordings must be there (docs/data.md), and scikit-learn (extra `baselines`).
 """
@@ -24,7 +26,15 @@ from mapmore_cli.reporting.table import Cell, Table
 from mapmore_cli.storage.run_folder import RunFiles
 
 PAGE = DOCS / "search.md"
-BARE = ("dictionary=null", "segment=null", "fit=null", "fuse=null", "report=null", "model={type: auto}", "validate.simple=true")
+BARE = (
+    "dictionary=null",
+    "segment=null",
+    "fit=null",
+    "fuse=null",
+    "report=null",
+    "model={type: auto}",
+    "validate.simple=true",
+)
 """What leaves `data`, `split` and `target` of a study."""
 
 OF_FORCE = (*BASELINES, "sarosi", "sarosi_hinged", "kerscher", "polynomial_5")
@@ -39,7 +49,9 @@ SLACK, NEAR = 1.01, 1.2
 
 
 class Set(NamedTuple):
-    """A study, what it is compared with, and what it holds out: its own split, another one in sight, and one made after the list."""
+    """A study, what it is compared with, and what it holds out: its own split, another one in
+    sight, and one made after the list.
+    """
 
     study: str
     rivals: tuple[str, ...]
@@ -50,14 +62,37 @@ class Set(NamedTuple):
 
 
 SETS = {
-    "festo_datasheet": Set("festo/festo_datasheet", OF_FORCE, "{pressure: [100, 400]}", "{pressure: [100, 500]}"),
+    "festo_datasheet": Set(
+        "festo/festo_datasheet", OF_FORCE, "{pressure: [100, 400]}", "{pressure: [100, 500]}"
+    ),
     "pgm_force": Set("pgm/pgm_force", OF_FORCE, "{pressure: [50, 250]}", "{pressure: [50, 100]}"),
-    "festo_10mm_10cm_pressure": Set("festo/festo_10mm_10cm_pressure", OF_FORCE, "", "{pressure: {between: [[113, 173], [318, 378]]}}"),
-    "festo_10mm_20cm_pressure": Set("festo/festo_10mm_20cm_pressure", OF_FORCE, "", "{pressure: {between: [[137, 197], [527, 587]]}}"),
-    "festo_10mm_30cm_pressure": Set("festo/festo_10mm_30cm_pressure", OF_FORCE, "", "{pressure: {between: [[296, 356], [463, 523]]}}"),
-    "festo_10mm_10cm_strain": Set("festo/festo_10mm_10cm_strain", OF_FORCE, "", "{strain: {between: [[0.03, 0.05]]}}"),
-    "festo_10mm_20cm_strain": Set("festo/festo_10mm_20cm_strain", OF_FORCE, "", "{strain: {between: [[0.03, 0.05]]}}"),
-    "bellows_strain": Set("bellows/bellows_strain", OF_FORCE, "", '{strain: ["8.33 %", "33.33 %", "41.67 %"]}'),
+    "festo_10mm_10cm_pressure": Set(
+        "festo/festo_10mm_10cm_pressure",
+        OF_FORCE,
+        "",
+        "{pressure: {between: [[113, 173], [318, 378]]}}",
+    ),
+    "festo_10mm_20cm_pressure": Set(
+        "festo/festo_10mm_20cm_pressure",
+        OF_FORCE,
+        "",
+        "{pressure: {between: [[137, 197], [527, 587]]}}",
+    ),
+    "festo_10mm_30cm_pressure": Set(
+        "festo/festo_10mm_30cm_pressure",
+        OF_FORCE,
+        "",
+        "{pressure: {between: [[296, 356], [463, 523]]}}",
+    ),
+    "festo_10mm_10cm_strain": Set(
+        "festo/festo_10mm_10cm_strain", OF_FORCE, "", "{strain: {between: [[0.03, 0.05]]}}"
+    ),
+    "festo_10mm_20cm_strain": Set(
+        "festo/festo_10mm_20cm_strain", OF_FORCE, "", "{strain: {between: [[0.03, 0.05]]}}"
+    ),
+    "bellows_strain": Set(
+        "bellows/bellows_strain", OF_FORCE, "", '{strain: ["8.33 %", "33.33 %", "41.67 %"]}'
+    ),
     "festo_20mm": Set(
         "../docs/search/festo_20mm",
         OF_FORCE,
@@ -70,12 +105,32 @@ SETS = {
         "{pressure: [300, 500]}",
         "{length: {between: [[233 mm, 298 mm], [509 mm, 574 mm]]}}",
     ),
-    "printed_cylinder": Set("../docs/search/printed_cylinder", LEARNERS, "{pressure: [2 bar, 6 bar]}", "{pressure: [2 bar, 4 bar]}"),
-    "textile_arm": Set(
-        "../docs/search/textile_arm", LEARNERS, "{files: [1009_data_collect_2.txt.gz]}", "{time: {between: [[28.6 s, 48.8 s]]}}"
+    "printed_cylinder": Set(
+        "../docs/search/printed_cylinder",
+        LEARNERS,
+        "{pressure: [2 bar, 6 bar]}",
+        "{pressure: [2 bar, 4 bar]}",
     ),
-    "coiled_loops": Set("coiled/coiled_loops", LEARNERS, "", "{time: {between: [[6.9 s, 27.2 s]]}}", ("data.derive=null",)),
-    "coiled_steps": Set("coiled/coiled_steps", LEARNERS, "", "{time: {between: [[6.3 s, 10.8 s]]}}", ("data.derive=null",)),
+    "textile_arm": Set(
+        "../docs/search/textile_arm",
+        LEARNERS,
+        "{files: [1009_data_collect_2.txt.gz]}",
+        "{time: {between: [[28.6 s, 48.8 s]]}}",
+    ),
+    "coiled_loops": Set(
+        "coiled/coiled_loops",
+        LEARNERS,
+        "",
+        "{time: {between: [[6.9 s, 27.2 s]]}}",
+        ("data.derive=null",),
+    ),
+    "coiled_steps": Set(
+        "coiled/coiled_steps",
+        LEARNERS,
+        "",
+        "{time: {between: [[6.3 s, 10.8 s]]}}",
+        ("data.derive=null",),
+    ),
     "cascaded_tanks": Set(
         "identification/cascaded_tanks",
         LEARNERS,
@@ -83,14 +138,27 @@ SETS = {
         "{time: {between: [[1340 s, 2567 s]]}}",
         own="{last: 0.3}",
     ),
-    "buck": Set("identification/buck", LEARNERS, "{files: [buck_id.csv]}", "{time: {between: [[0.004 s, 0.007 s]]}}"),
-    "motor_generator": Set("identification/motor_generator", LEARNERS, "", "{time: {between: [[224710 s, 324610 s]]}}"),
-    "emps": Set("identification/emps", LEARNERS, "{time: {between: [[5 s, 8 s], [15 s, 18 s]]}}", "{time: {between: [[7.6 s, 20 s]]}}"),
+    "buck": Set(
+        "identification/buck",
+        LEARNERS,
+        "{files: [buck_id.csv]}",
+        "{time: {between: [[0.004 s, 0.007 s]]}}",
+    ),
+    "motor_generator": Set(
+        "identification/motor_generator", LEARNERS, "", "{time: {between: [[224710 s, 324610 s]]}}"
+    ),
+    "emps": Set(
+        "identification/emps",
+        LEARNERS,
+        "{time: {between: [[5 s, 8 s], [15 s, 18 s]]}}",
+        "{time: {between: [[7.6 s, 20 s]]}}",
+    ),
     "antagonist_pam": Set(
         "identification/antagonist_pam",
         LEARNERS,
         "{last: 0.3}",
-        "{time: {between: [[1.17 s, 2.07 s], [6.71 s, 7.61 s], [12.2 s, 13.1 s], [15.5 s, 16.4 s]]}}",
+        "{time: {between: [[1.17 s, 2.07 s], [6.71 s, 7.61 s], [12.2 s, 13.1 s], [15.5 s, "
+        "16.4 s]]}}",
     ),
     "mr_damper": Set(
         "identification/mr_damper",
@@ -99,13 +167,19 @@ SETS = {
         "{time: {between: [[1.35 s, 2.1 s], [6.2 s, 6.95 s], [9.33 s, 10.1 s], [11.9 s, 12.7 s]]}}",
     ),
     "pwm_finger": Set(
-        "../docs/search/pwm_finger", LEARNERS, "{files: [flex_60_q.csv, flex_180_q.csv]}", "{files: [flex_20_q.csv, flex_60_q.csv]}"
+        "../docs/search/pwm_finger",
+        LEARNERS,
+        "{files: [flex_60_q.csv, flex_180_q.csv]}",
+        "{files: [flex_20_q.csv, flex_60_q.csv]}",
     ),
     "bender": Set("../docs/search/bender", LEARNERS, "", "{time: {between: [[108 s, 163 s]]}}"),
-    "single_bellows": Set("../docs/search/single_bellows", LEARNERS, "", "{time: {between: [[116 s, 179 s]]}}"),
+    "single_bellows": Set(
+        "../docs/search/single_bellows", LEARNERS, "", "{time: {between: [[116 s, 179 s]]}}"
+    ),
 }
-"""Measured sets. The splits in `new` hold out the same kind of thing elsewhere: places, levels or files drawn by one seed (20261125),
-before any of them was run. The one other inner strain of the 10 mm muscles needed no drawing."""
+"""Measured sets. The splits in `new` hold out the same kind of thing elsewhere: places, levels or
+files drawn by one seed (20261125), before any of them was run. The one other inner strain of the 10
+mm muscles needed no drawing."""
 
 ROWS = {
     **{name: (one, one.own, "yes") for name, one in SETS.items()},
@@ -115,35 +189,82 @@ ROWS = {
 
 
 def row(name: str, runs: Path) -> tuple[Cell, ...]:
-    """Return the found structure and its held-out error in per cent, beside the best black box and the best simple model or formula."""
+    """Return the found structure and its held-out error in per cent, beside the best black box and
+    the best simple model or formula.
+    """
     one, split, in_sight = ROWS[name]
     folder = f"name={name.replace(', ', '.').replace(' ', '_')}"
     held_out = (f"data.split={{validate: {split}}}",) if split else ()
-    files = run(one.study, runs, folder, *one.changes, *held_out, *BARE, f"validate.against=[{', '.join(one.rivals)}]")
+    files = run(
+        one.study,
+        runs,
+        folder,
+        *one.changes,
+        *held_out,
+        *BARE,
+        f"validate.against=[{', '.join(one.rivals)}]",
+    )
     search = read_search(files.folder / SEARCH)
     errors = {model: 100 * score.nrmse for model, score in scores(files).items()}
     box = min((model for model in BASELINES if model in errors), key=lambda model: errors[model])
-    simple = min((model for model in errors if model not in (*BASELINES, OWN, "repeatability")), key=lambda model: errors[model])
+    simple = min(
+        (model for model in errors if model not in (*BASELINES, OWN, "repeatability")),
+        key=lambda model: errors[model],
+    )
     best = min(errors[box], errors[simple])
     kind = "table" if search.rule.startswith("the fewest") else "recording"
     told = "" if errors[OWN] <= WORSE * best else "yes" if says_so(files) else "no"
     seconds = round(sum(tried.seconds for tried in search.tried))
-    shown = (search.found.words, search.found.parameters, errors[OWN], errors[box], box, errors[simple], simple, errors[OWN] / best)
+    shown = (
+        search.found.words,
+        search.found.parameters,
+        errors[OWN],
+        errors[box],
+        box,
+        errors[simple],
+        simple,
+        errors[OWN] / best,
+    )
     return (name, kind, in_sight, *shown, seconds, told)
 
 
 def says_so(files: RunFiles) -> bool:
-    """Whether the first lines of the page of a study that names no competitors say that another model errs less: verdict or note."""
+    """Whether the first lines of the page of a study that names no competitors say that another
+    model errs less: verdict or note.
+    """
     found = read_search(files.folder / SEARCH)
-    rows: list[Score] = [one for one in files.validation().scores if one.model in {OWN, *SIMPLE, formula_beside(found)}]
-    return "is worse" in verdict(rows, OWN, Quantity(rows[0].target, "")) or any("errs" in note for note in found.notes)
+    rows: list[Score] = [
+        one
+        for one in files.validation().scores
+        if one.model in {OWN, *SIMPLE, formula_beside(found)}
+    ]
+    return "is worse" in verdict(rows, OWN, Quantity(rows[0].target, "")) or any(
+        "errs" in note for note in found.notes
+    )
 
 
 def table(runs: Path, name: str) -> Table:
     """Return the table with one row made anew."""
-    heads = ("study", "kind", "in sight", "structure found", "parameters .0f", "found [%] .3g", "best black box [%] .3g", "which")
-    rest = ("best simple model [%] .3g", "its name", "found / better of both .2f", "work [s] .0f", "told on its page")
-    kept = {cells[0]: tuple(map(_number, cells)) for cells in read_rows(PAGE, "search")[1:]} | {name: row(name, runs)}
+    heads = (
+        "study",
+        "kind",
+        "in sight",
+        "structure found",
+        "parameters .0f",
+        "found [%] .3g",
+        "best black box [%] .3g",
+        "which",
+    )
+    rest = (
+        "best simple model [%] .3g",
+        "its name",
+        "found / better of both .2f",
+        "work [s] .0f",
+        "told on its page",
+    )
+    kept = {cells[0]: tuple(map(_number, cells)) for cells in read_rows(PAGE, "search")[1:]} | {
+        name: row(name, runs)
+    }
     rows = [kept[one] for one in ROWS if one in kept]
     return Table.of("search", "NRMSE on the held-out data", (*heads, *rest), rows, *summary(rows))
 
@@ -157,17 +278,31 @@ def _number(cell: str) -> Cell:
 
 
 def summary(rows: list[tuple[Cell, ...]]) -> list[str]:
-    """Return how often what was found is as good as black box and simple model, for tables and recordings, in sight and new."""
+    """Return how often what was found is as good as black box and simple model, for tables and
+    recordings, in sight and new.
+    """
     told = []
     for kind in ("table", "recording"):
         for in_sight, words in (("yes", "splits that were in sight"), ("no", "new splits")):
-            ratios = np.array([one[10] for one in rows if one[1:3] == (kind, in_sight)], dtype=float)
+            ratios = np.array(
+                [one[10] for one in rows if one[1:3] == (kind, in_sight)], dtype=float
+            )
             if len(ratios):
                 good, near = np.mean(ratios <= SLACK), np.mean(ratios <= NEAR)
-                mean = f"geometric mean {np.exp(np.mean(np.log(ratios))):.2f}, worst {ratios.max():.2f}"
-                told.append(f"{len(ratios)} {kind}s, {words}: as good as both in {good:.0%}, within {NEAR:g} times in {near:.0%}; {mean}.")
+                mean = (
+                    f"geometric mean {np.exp(np.mean(np.log(ratios))):.2f}, worst "
+                    f"{ratios.max():.2f}"
+                )
+                told.append(
+                    f"{len(ratios)} {kind}s, {words}: as good as both in {good:.0%}, within "
+                    f"{NEAR:g} times in {near:.0%}; {mean}."
+                )
     far = [one[12] for one in rows if one[12]]
-    return [*told, f"Above {WORSE:g} times the better of both: {len(far)}, of which {far.count('yes')} say so on their page."]
+    return [
+        *told,
+        f"Above {WORSE:g} times the better of both: {len(far)}, of which {far.count('yes')} "
+        "say so on their page.",
+    ]
 
 
 if __name__ == "__main__":

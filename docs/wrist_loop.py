@@ -1,4 +1,6 @@
-"""Two muscles turn a wrist in a closed loop, for the page on W: of the rig, or of a fitted model behind a lag."""
+"""Two muscles turn a wrist in a closed loop, for the page on W: of the rig, or of a fitted model
+behind a lag.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,9 @@ KPA = 1e3
 
 @dataclass(frozen=True)
 class Wrist:
-    """The hand on its pulley, and the loop: pressures `p0 +- dp`, dp fed forward and by a PI controller."""
+    """The hand on its pulley, and the loop: pressures `p0 +- dp`, dp fed forward and by a PI
+    controller.
+    """
 
     length: float  # of both muscles, m
     radius: float  # of the pulley, m
@@ -43,7 +47,8 @@ class Wrist:
         return np.asarray(self.middle + self.radius / self.length * np.multiply.outer(SIGNS, angle))
 
     def feed(self, force: Force, reference: Array) -> Array:
-        """Pressure dp that a model needs along a course of angles `(n,)`, kPa, `(n,)`: of several the least, where none the nearest.
+        """Pressure dp that a model needs along a course of angles `(n,)`, kPa, `(n,)`: of several
+        the least, where none the nearest.
 
         `r (F(p0 + dp, e_1) - F(p0 - dp, e_2)) = J a'' + d a'`.
         """
@@ -52,12 +57,20 @@ class Wrist:
         reach = min(self.pressure, self.highest - self.pressure)
         tried = np.linspace(-reach, reach, 301)
         found = []
-        for (first, second), wanted in zip(self.strains(reference).T.tolist(), torque.tolist(), strict=True):
-            pulls = force(self.pressure + tried, np.full(301, first)) - force(self.pressure - tried, np.full(301, second))
+        for (first, second), wanted in zip(
+            self.strains(reference).T.tolist(), torque.tolist(), strict=True
+        ):
+            pulls = force(self.pressure + tried, np.full(301, first)) - force(
+                self.pressure - tried, np.full(301, second)
+            )
             missing = self.radius * pulls - wanted
             k = np.flatnonzero(missing[:-1] * missing[1:] <= 0)
-            roots = tried[k] - missing[k] * (tried[k + 1] - tried[k]) / (missing[k + 1] - missing[k])
-            found.append(roots[np.argmin(np.abs(roots))] if len(roots) else tried[np.argmin(np.abs(missing))])
+            roots = tried[k] - missing[k] * (tried[k + 1] - tried[k]) / (
+                missing[k + 1] - missing[k]
+            )
+            found.append(
+                roots[np.argmin(np.abs(roots))] if len(roots) else tried[np.argmin(np.abs(missing))]
+            )
         return np.array(found)
 
 
@@ -70,9 +83,13 @@ class RigMuscles:
 
     def pulls(self, strains: Array, rates: Array, asked: Array, step: float) -> Array:
         """Return the pulls, N, `(2,)`, of now; then the states go on by a step."""
-        found = [self.muscle.pull(own, float(e)) for own, e in zip(self.states, strains, strict=True)]
+        found = [
+            self.muscle.pull(own, float(e)) for own, e in zip(self.states, strains, strict=True)
+        ]
         for i, own in enumerate(self.states):
-            self.states[i] = own + step * self.muscle.rates(own, float(strains[i]), float(rates[i]), self.regulator, float(asked[i]) * KPA)
+            self.states[i] = own + step * self.muscle.rates(
+                own, float(strains[i]), float(rates[i]), self.regulator, float(asked[i]) * KPA
+            )
         return np.array(found)
 
     @property
@@ -94,8 +111,12 @@ class ModelMuscles:
         return found
 
 
-def followed(wrist: Wrist, muscles: RigMuscles | ModelMuscles, reference: Array, feed: Array) -> Columns:
-    """`angle` (rad), what is `asked` of the flexor and its `pressure` (kPa), `(n,)` each, at the samples of the loop; from rest at zero."""
+def followed(
+    wrist: Wrist, muscles: RigMuscles | ModelMuscles, reference: Array, feed: Array
+) -> Columns:
+    """`angle` (rad), what is `asked` of the flexor and its `pressure` (kPa), `(n,)` each, at the
+    samples of the loop; from rest at zero.
+    """
     angle = rate = total = 0.0
     found = {name: np.empty(len(reference)) for name in ("angle", "asked", "pressure")}
     for k, (aim, fed) in enumerate(zip(reference.tolist(), feed.tolist(), strict=True)):
@@ -103,11 +124,19 @@ def followed(wrist: Wrist, muscles: RigMuscles | ModelMuscles, reference: Array,
         wanted = wrist.pressure + SIGNS * (fed + wrist.kp * error + wrist.ki * total)
         asked = np.clip(wanted, 0.0, wrist.highest)
         total += wrist.period * error * bool((asked == wanted).all())
-        found["angle"][k], found["asked"][k], found["pressure"][k] = angle, asked[0], muscles.pressures[0]
+        found["angle"][k], found["asked"][k], found["pressure"][k] = (
+            angle,
+            asked[0],
+            muscles.pressures[0],
+        )
         for _ in range(round(wrist.period / wrist.step)):
             strains, rates = wrist.strains(angle), wrist.radius / wrist.length * SIGNS * rate
             pulls = muscles.pulls(strains, rates, asked, wrist.step)
-            rate += wrist.step / wrist.inertia * (wrist.radius * (pulls[0] - pulls[1]) - wrist.damping * rate)
+            rate += (
+                wrist.step
+                / wrist.inertia
+                * (wrist.radius * (pulls[0] - pulls[1]) - wrist.damping * rate)
+            )
             angle += wrist.step * rate
             if abs(angle) > wrist.reach:  # a stop
                 angle, rate = float(np.sign(angle)) * wrist.reach, 0.0
@@ -115,7 +144,9 @@ def followed(wrist: Wrist, muscles: RigMuscles | ModelMuscles, reference: Array,
 
 
 def lag_of(asked: Array, pressure: Array, period: float) -> float:
-    """Time constant (s) of the lag that follows from what was asked for to the pressure with the least squares."""
+    """Time constant (s) of the lag that follows from what was asked for to the pressure with the
+    least squares.
+    """
 
     def error(lag: float) -> float:
         memory = np.exp(-period / lag)

@@ -21,7 +21,9 @@ __version__ = "0.1.0"
 
 
 def __getattr__(name: str) -> Any:
-    """Load the interface when something of it is first asked for, so that the command line starts without NumPy."""
+    """Load the interface when something of it is first asked for, so that the command line starts
+    without NumPy.
+    """
     if name not in __all__:
         raise AttributeError(f"module 'mapmore_cli' has no attribute '{name}'")
     return getattr(import_module("mapmore_cli.api"), name)

@@ -1,4 +1,6 @@
-"""`python -m mapmore_cli`, and the command `mapmore`: nothing is imported before Ctrl-C is listened to."""
+"""`python -m mapmore_cli`, and the command `mapmore`: nothing is imported before Ctrl-C is listened
+to.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,9 @@ def main() -> None:
         _hold_standard_streams()
         from mapmore_cli.domain.processors import THREADS
 
-        os.environ |= dict.fromkeys(THREADS, "1")  # as in a stage; a process with threads cannot be copied
+        os.environ |= dict.fromkeys(
+            THREADS, "1"
+        )  # as in a stage; a process with threads cannot be copied
 
         from mapmore_cli.cli.app import main as run
 
@@ -25,14 +29,24 @@ def main() -> None:
 
 
 def _hold_standard_streams() -> None:
-    """Where one is closed, no file takes its number: reading stdin and writing stdout then fail, and messages go nowhere."""
-    for number, name, way in ((0, "stdin", os.O_WRONLY), (1, "stdout", os.O_RDONLY), (2, "stderr", os.O_WRONLY)):
+    """Where one is closed, no file takes its number: reading stdin and writing stdout then fail,
+    and messages go nowhere.
+    """
+    for number, name, way in (
+        (0, "stdin", os.O_WRONLY),
+        (1, "stdout", os.O_RDONLY),
+        (2, "stderr", os.O_WRONLY),
+    ):
         if getattr(sys, name) is None:
             nowhere = os.open(os.devnull, way)
             if nowhere != number:
                 os.dup2(nowhere, number)
                 os.close(nowhere)
-            setattr(sys, name, open(number, "w" if number else "r", encoding="utf-8", errors="replace"))  # noqa: SIM115, PTH123 - open to the end
+            setattr(
+                sys,
+                name,
+                open(number, "w" if number else "r", encoding="utf-8", errors="replace"),  # noqa: SIM115, PTH123
+            )
 
 
 if __name__ == "__main__":  # the worker processes of `batch` import this module again

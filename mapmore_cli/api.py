@@ -2,8 +2,9 @@
 
     import mapmore_cli as mm
 
-`fit` makes a model of arrays, of data frames or of files; `run` does what `mapmore run` does; `FROLS` is the regression engine as an
-estimator. Nothing is written but by `Fitted.save`, `Fitted.to_yaml` and `run`.
+`fit` makes a model of arrays, of data frames or of files; `run` does what `mapmore run` does;
+`FROLS` is the regression engine as an estimator. Nothing is written but by `Fitted.save`,
+`Fitted.to_yaml` and `run`.
 """
 
 from __future__ import annotations
@@ -29,7 +30,14 @@ from mapmore_cli.domain.given import labels_of
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.scores import RUN_PAGE, ScoreTable
 from mapmore_cli.modelling.frols.estimator import FROLS
-from mapmore_cli.pipeline.notebooks import LoadedModel, canonical_columns, columns_in, quantities_of, source_of, write_frames
+from mapmore_cli.pipeline.notebooks import (
+    LoadedModel,
+    canonical_columns,
+    columns_in,
+    quantities_of,
+    source_of,
+    write_frames,
+)
 from mapmore_cli.pipeline.records import reading_of
 from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.reporting.score_tables import score_table
@@ -59,7 +67,8 @@ _SHOWN = 8
 
 
 class Scores(tuple[Mapping[str, Any], ...]):
-    """The rows of `scores.json`, each a mapping as `{"model": "mapmore", "split": "validate", "nrmse": 0.01, ...}`.
+    """The rows of `scores.json`, each a mapping as `{"model": "mapmore", "split": "validate",
+    "nrmse": 0.01, ...}`.
 
     It prints as the table of the pooled rows.
     """
@@ -74,7 +83,9 @@ class Scores(tuple[Mapping[str, Any], ...]):
         return found
 
     def __repr__(self) -> str:
-        return to_text(score_table(self.table.scores, self.table.units, failed=self.table.failed)).rstrip()
+        return to_text(
+            score_table(self.table.scores, self.table.units, failed=self.table.failed)
+        ).rstrip()
 
     def _repr_html_(self) -> str:
         return to_html(score_table(self.table.scores, self.table.units, failed=self.table.failed))
@@ -89,9 +100,11 @@ class Scores(tuple[Mapping[str, Any], ...]):
 
 @dataclass(frozen=True)
 class Study:
-    """Hold what `fit` was given: the spec as a `document`, the `frames` in memory, and the folder at which paths start.
+    """Hold what `fit` was given: the spec as a `document`, the `frames` in memory, and the folder
+    at which paths start.
 
-    There are no frames where files are read. With `check`, an error of `mapmore check` ends the fit.
+    There are no frames where files are read. With `check`, an error of `mapmore check` ends the
+    fit.
     """
 
     document: Mapping[str, Any]
@@ -106,14 +119,35 @@ class Study:
         return found
 
     def loaded(self, place: Path, changes: Mapping[str, Any] | None = None) -> LoadedSpec:
-        """Return the spec written to the file `place`, so that it runs there; frames are written to a folder beside it."""
+        """Return the spec written to the file `place`, so that it runs there; frames are written to
+        a folder beside it.
+        """
         document = {"schema_version": 1, **self.document}
         if self.frames:
-            written = write_frames(self.frames, self.columns, self.document.get("units", {}), place.parent / f"{place.stem}_data")
+            written = write_frames(
+                self.frames,
+                self.columns,
+                self.document.get("units", {}),
+                place.parent / f"{place.stem}_data",
+            )
             files = [os.path.relpath(path, self.folder) for path in written["files"]]
             document["data"] = {**document["data"], **written, "files": files}
-        load_text(dump(escaped(document)), _HERE, self.folder)  # mistakes are told without naming a file that nobody wrote
-        write_text(place, dump(escaped(moved(document, [Kind(ExperimentSpec)], self.folder.resolve(), place.parent.resolve()))))
+        load_text(
+            dump(escaped(document)), _HERE, self.folder
+        )  # mistakes are told without naming a file that nobody wrote
+        write_text(
+            place,
+            dump(
+                escaped(
+                    moved(
+                        document,
+                        [Kind(ExperimentSpec)],
+                        self.folder.resolve(),
+                        place.parent.resolve(),
+                    )
+                )
+            ),
+        )
         return load(place, as_overrides(changes or {}))
 
     def fitted(self, changes: Mapping[str, Any] | None = None) -> Fitted:
@@ -122,23 +156,35 @@ class Study:
         with TemporaryDirectory(prefix="mapmore-") as place:
             loaded = self.loaded(Path(place) / "spec.yaml", changes)
             try:
-                outcome = bring_up_to_date(loaded, Path(place) / "runs", "validate", warn=told.append, check=self.check)
+                outcome = bring_up_to_date(
+                    loaded, Path(place) / "runs", "validate", warn=told.append, check=self.check
+                )
             except MapmoreError as error:
-                error.message = re.sub(rf"{re.escape(str(loaded.path))}(:\d+)*", _HERE, error.message)
+                error.message = re.sub(
+                    rf"{re.escape(str(loaded.path))}(:\d+)*", _HERE, error.message
+                )
                 raise
             run = RunFiles(outcome.run_dir)
             table = run.scores()
             file, doubts = (outcome.run_dir / MODEL).read_bytes(), sentences(outcome.run_dir)
             return Fitted(
-                run.model(), Scores.of(table), study=self, spec=loaded.spec, file=file, warnings=(*table.warnings, *told), doubts=doubts
+                run.model(),
+                Scores.of(table),
+                study=self,
+                spec=loaded.spec,
+                file=file,
+                warnings=(*table.warnings, *told),
+                doubts=doubts,
             )
 
 
 @dataclass(frozen=True, repr=False)
 class Fitted(LoadedModel):
-    """A model with its scores and the spec that made it. Call it with the inputs, in the model's units.
+    """A model with its scores and the spec that made it. Call it with the inputs, in the model's
+    units.
 
-    For intervals, also those of a plot, it is fitted again without each curve, unless the spec asked for them already.
+    For intervals, also those of a plot, it is fitted again without each curve, unless the spec
+    asked for them already.
 
     Attributes
     ----------
@@ -160,20 +206,30 @@ class Fitted(LoadedModel):
     doubts: tuple[str, ...] = field(default=(), kw_only=True)
 
     def __repr__(self) -> str:
-        return "\n".join([super().__repr__(), repr(self.scores), *(f"warning: {warning}" for warning in self.warnings)])
+        return "\n".join(
+            [
+                super().__repr__(),
+                repr(self.scores),
+                *(f"warning: {warning}" for warning in self.warnings),
+            ]
+        )
 
     def _repr_html_(self) -> str:
-        equations = [f"<li><code>{escape(one.id)} = {escape(one.text)}</code></li>" for one in self.equations]
+        equations = [
+            f"<li><code>{escape(one.id)} = {escape(one.text)}</code></li>" for one in self.equations
+        ]
         more = f"<p>... {len(equations)} equations in all</p>" if len(equations) > _SHOWN else ""
         told = "".join(f"<p>warning: {escape(warning)}</p>" for warning in self.warnings)
         scores = self.scores._repr_html_()
-        return f"<p>{escape(super().__repr__())}</p>{scores}<ul>{''.join(equations[:_SHOWN])}</ul>{more}{told}"
+        head = f"<p>{escape(super().__repr__())}</p>{scores}"
+        return f"{head}<ul>{''.join(equations[:_SHOWN])}</ul>{more}{told}"
 
     def predict(self, frame: Any) -> Array:
-        """Return the output at the rows of a frame, (n,), in the model's unit; NaN where an input is not finite.
+        """Return the output at the rows of a frame, (n,), in the model's unit; NaN where an input
+        is not finite.
 
-        Columns are found as in the fit (name, unit, scale, offset), else by their canonical names in the model's units. The rows of a
-        model with memory are one recording.
+        Columns are found as in the fit (name, unit, scale, offset), else by their canonical names
+        in the model's units. The rows of a model with memory are one recording.
 
         Raises
         ------
@@ -182,25 +238,41 @@ class Fitted(LoadedModel):
         """
         source = {name: source_of(entry) for name, entry in self.study.columns.items()}
         names = {*source, *map(str, labels_of(frame) or ())}
-        known = {name for name in names if columns_in(frame, name) or columns_in(frame, source.get(name, name))}
-        given = known if "time" in known else {*known, *(signal.name for signal in self.model.signals)}
+        known = {
+            name
+            for name in names
+            if columns_in(frame, name) or columns_in(frame, source.get(name, name))
+        }
+        given = (
+            known if "time" in known else {*known, *(signal.name for signal in self.model.signals)}
+        )
         reading = reading_of(self.model, given)
         wanted = tuple(dict.fromkeys((*reading.columns, *reading.outputs)))
-        columns = {name: column.model_copy(update={"column": source[name]}) for name, column in self.spec.data.columns.items()}
+        columns = {
+            name: column.model_copy(update={"column": source[name]})
+            for name, column in self.spec.data.columns.items()
+        }
         return self(**quantities_of(frame, wanted, columns, self.units))
 
     @cached_property
     def _with_intervals(self) -> Model:
-        return self.model if self.model.left_out is not None else self.study.fitted({"validate.intervals": True}).model
+        return (
+            self.model
+            if self.model.left_out is not None
+            else self.study.fitted({"validate.intervals": True}).model
+        )
 
     def save(self, path: str | Path) -> Path:
-        """Write the `model.h5` that `load_model`, `mapmore predict` and `mapmore export` read; its path. Raises `WriteError`."""
+        """Write the `model.h5` that `load_model`, `mapmore predict` and `mapmore export` read; its
+        path. Raises `WriteError`.
+        """
         place = Path(path)
         write_bytes(place, self.file)
         return place
 
     def to_yaml(self, path: str | Path) -> Path:
-        """Write the spec, and frames as recordings into the folder `<stem>_data` beside it: `mapmore run` makes the same of them.
+        """Write the spec, and frames as recordings into the folder `<stem>_data` beside it:
+        `mapmore run` makes the same of them.
 
         Returns the path of the spec. Raises `WriteError`.
         """
@@ -217,14 +289,17 @@ def fit(frame: Any, **sections: Any) -> Fitted:
     Parameters
     ----------
     frame
-        A mapping of arrays, a data frame (pandas, polars, pyarrow, ...), the path of a file, or a list of these, each one recording.
-        Labels are taken as they are: `column: 2` is the column labelled 2; where no label is a number, the third. No index is
-        looked at. Masked values, None and `pd.NA` are missing. Arrays with units (pint, astropy, xarray) are converted. `time` may
-        be dates or durations. Text, true and false, and complex numbers are refused. So does a model read what it is called with.
+        A mapping of arrays, a data frame (pandas, polars, pyarrow, ...), the path of a file, or a
+        list of these, each one recording. Labels are taken as they are: `column: 2` is the column
+        labelled 2; where no label is a number, the third. No index is looked at. Masked values,
+        None and `pd.NA` are missing. Arrays with units (pint, astropy, xarray) are converted.
+        `time` may be dates or durations. Text, true and false, and complex numbers are refused. So
+        does a model read what it is called with.
     sections
-        The keys of a spec (`target`, `segment`, `dictionary`, ...; docs/spec.md), and those of its section `data` (`columns`, `levels`,
-        `split`, ...). Without `columns`, the columns of a frame have canonical names. `target` is `static` where nothing is said.
-        With `check=False`, what `mapmore check` calls an error is a warning, and does not end the fit.
+        The keys of a spec (`target`, `segment`, `dictionary`, ...; docs/spec.md), and those of its
+        section `data` (`columns`, `levels`, `split`, ...). Without `columns`, the columns of a
+        frame have canonical names. `target` is `static` where nothing is said. With `check=False`,
+        what `mapmore check` calls an error is a warning, and does not end the fit.
 
     Raises
     ------
@@ -237,10 +312,12 @@ def fit(frame: Any, **sections: Any) -> Fitted:
     --------
     >>> import numpy as np
     >>> import mapmore_cli as mm
-    >>> bar, eps = (grid.ravel() for grid in np.meshgrid([0.8, 1.5, 2.0, 2.5, 3.5], np.linspace(0, 0.2, 40), indexing="ij"))
+    >>> bar, eps = (grid.ravel() for grid in np.meshgrid([0.8, 1.5, 2.0, 2.5, 3.5], np.linspace(0,
+    0.2, 40), indexing="ij"))
     >>> newton = 330 * bar * (1 - 3.2 * eps) ** 2 - 70 + 40 * np.exp(-eps / 0.02)
     >>> m = mm.fit({"P [bar]": bar, "eps": eps, "F": newton}, target="static",
-    ...     columns={"pressure": {"column": "P [bar]", "unit": "bar"}, "strain": {"column": "eps"}, "force": {"column": "F"}},
+    ...     columns={"pressure": {"column": "P [bar]", "unit": "bar"}, "strain": {"column": "eps"},
+    "force": {"column": "F"}},
     ...     levels={"of": "pressure", "at": "auto"}, split={"validate": {"pressure": [200]}},
     ...     segment={"strain": {"method": "even", "count": 4}},
     ...     dictionary=[{"polynomial": {"of": ["strain"], "order": 4}}],
@@ -257,11 +334,17 @@ def fit(frame: Any, **sections: Any) -> Fitted:
     100.0
     """
     target, check = sections.pop("target", "static"), bool(sections.pop("check", True))
-    data = {**sections.pop("data", {}), **{key: sections.pop(key) for key in list(sections) if key in _OF_DATA}}
+    data = {
+        **sections.pop("data", {}),
+        **{key: sections.pop(key) for key in list(sections) if key in _OF_DATA},
+    }
     given = list(frame) if isinstance(frame, list | tuple) else [frame]
     frames = tuple(one for one in given if labels_of(one) is not None)
     if not given or 0 < len(frames) < len(given):
-        raise SpecError("fit: frames and files are mixed" if given else "fit: there are no frames", "give frames alone, or paths alone")
+        raise SpecError(
+            "fit: frames and files are mixed" if given else "fit: there are no frames",
+            "give frames alone, or paths alone",
+        )
     if frames and "columns" not in data:
         data["columns"] = canonical_columns(frames[0])
     if not frames:
@@ -275,10 +358,18 @@ def fit(frame: Any, **sections: Any) -> Fitted:
 
 
 def _reader_of(path: Any) -> str:
-    """Return the reader of files that end so; `csv` for other names. Raises `SpecError` for what is no path."""
+    """Return the reader of files that end so; `csv` for other names. Raises `SpecError` for what is
+    no path.
+    """
     if not isinstance(path, str | Path):
-        raise SpecError(f"fit: {type(path).__name__} is no table", "give a mapping of arrays, a data frame, or the path of a file")
-    return next((name for name, reader in READERS.items() if suffix_of(Path(path)) in reader.suffixes), "csv")
+        raise SpecError(
+            f"fit: {type(path).__name__} is no table",
+            "give a mapping of arrays, a data frame, or the path of a file",
+        )
+    return next(
+        (name for name, reader in READERS.items() if suffix_of(Path(path)) in reader.suffixes),
+        "csv",
+    )
 
 
 @dataclass(frozen=True, repr=False)
@@ -294,7 +385,8 @@ class Run:
     stages
         `done` or `up-to-date` by stage.
     missed
-        Sentences about `validate.require` limits that are missed: the command ends with 6 where there are any.
+        Sentences about `validate.require` limits that are missed: the command ends with 6 where
+        there are any.
     """
 
     name: str
@@ -312,7 +404,10 @@ class Run:
     def _repr_html_(self) -> str:
         missed = "".join(f"<p>{escape(sentence)}</p>" for sentence in self.missed)
         page = escape(str(self.page))
-        return f'<p>{escape(self.name)}: <a href="{page}">{page}</a></p>{self.scores._repr_html_()}{missed}'
+        return (
+            f"<p>{escape(self.name)}: <a "
+            f'href="{page}">{page}</a></p>{self.scores._repr_html_()}{missed}'
+        )
 
 
 def run(
@@ -323,7 +418,8 @@ def run(
     check: bool = True,
     settings: Mapping[str, Any] | None = None,
 ) -> Run:
-    """Do what `mapmore run` does with a spec, in the folder `runs`; `settings` are those of `--set`, as `{"fit.max_terms": 2}`.
+    """Do what `mapmore run` does with a spec, in the folder `runs`; `settings` are those of
+    `--set`, as `{"fit.max_terms": 2}`.
 
     Without `check`, it goes on where `mapmore check` finds errors.
 
@@ -338,11 +434,22 @@ def run(
         warnings.warn(warning, stacklevel=2)
     scores = Scores.of(found.table)
     model = LoadedModel(RunFiles(found.run_dir).model(), scores)
-    return Run(found.name, found.run_dir, found.stages, model, scores, found.run_dir / RUN_PAGE, found.missed, found.warnings)
+    return Run(
+        found.name,
+        found.run_dir,
+        found.stages,
+        model,
+        scores,
+        found.run_dir / RUN_PAGE,
+        found.missed,
+        found.warnings,
+    )
 
 
 def plain_values(value: Any) -> Any:
-    """Return the value as YAML holds it: lists for tuples and arrays, numbers for NumPy's scalars, text for paths."""
+    """Return the value as YAML holds it: lists for tuples and arrays, numbers for NumPy's scalars,
+    text for paths.
+    """
     if isinstance(value, Mapping):
         return {str(key): plain_values(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
@@ -353,14 +460,16 @@ def plain_values(value: Any) -> Any:
 
 
 def load_model(path: str | Path, *, unverified: bool = False) -> LoadedModel:
-    """Read a `model.h5` as a function of keyword arrays: `load_model("model.h5")(pressure=[100, 200], strain=0.1)`.
+    """Read a `model.h5` as a function of keyword arrays: `load_model("model.h5")(pressure=[100,
+    200], strain=0.1)`.
 
     Warns (UserWarning) where nothing shows that the file is as it was written.
 
     Raises
     ------
     mapmore_cli.domain.errors.DataError
-        The file is missing, damaged or no valid model, or its checksum does not match (but not where it may be `unverified`).
+        The file is missing, damaged or no valid model, or its checksum does not match (but not
+        where it may be `unverified`).
     """
     model = read_model(Path(path), lambda message: warnings.warn(message, stacklevel=4), unverified)
     return LoadedModel(model, scores_beside(Path(path)))

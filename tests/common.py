@@ -14,13 +14,24 @@ from mapmore_cli.domain.recording import Curve, Dataset, Quantity
 def curve_of(columns: Columns, held_out: BoolArray | None = None, name: str = "a") -> Curve:
     """One recording, all of which trains if nothing is said."""
     n = len(next(iter(columns.values())))
-    return Curve(name, None, dict(columns), np.zeros(n, dtype=bool) if held_out is None else held_out, (name,))
+    return Curve(
+        name,
+        None,
+        dict(columns),
+        np.zeros(n, dtype=bool) if held_out is None else held_out,
+        (name,),
+    )
 
 
 def dataset_of(*recordings: Columns, held_out: Array | None = None, output: str = "y") -> Dataset:
     """Recordings without levels, in quantities without units."""
-    curves = [curve_of(columns, held_out, chr(ord("a") + number)) for number, columns in enumerate(recordings)]
-    return Dataset(output, None, {name: Quantity(name, "1") for name in recordings[0]}, (), tuple(curves))
+    curves = [
+        curve_of(columns, held_out, chr(ord("a") + number))
+        for number, columns in enumerate(recordings)
+    ]
+    return Dataset(
+        output, None, {name: Quantity(name, "1") for name in recordings[0]}, (), tuple(curves)
+    )
 
 
 def peak_memory(work: Callable[[], object]) -> int:

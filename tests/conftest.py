@@ -13,7 +13,9 @@ from hypothesis import settings
 from mapmore_cli.domain import processors
 
 # Examples of a property that asks for no number of its own; `make test-all` takes the third profile
-settings.register_profile("ci", derandomize=True, deadline=None, max_examples=50)  # a change fails for what it does, not for the draw
+settings.register_profile(
+    "ci", derandomize=True, deadline=None, max_examples=50
+)  # a change fails for what it does, not for the draw
 settings.register_profile("search", deadline=None, max_examples=50)
 settings.register_profile("all", deadline=None, max_examples=200)
 settings.load_profile("ci" if os.environ.get("CI") else "search")
@@ -23,7 +25,9 @@ PROJECT = Path(__file__).resolve().parent.parent
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collection() -> Generator[None, object, object]:
-    """What collecting makes stays to the end: let the garbage collector not look through it again and again, and less often afterwards."""
+    """What collecting makes stays to the end: let the garbage collector not look through it again
+    and again, and less often afterwards.
+    """
     gc.disable()
     try:
         return (yield)
@@ -35,7 +39,9 @@ def pytest_collection() -> Generator[None, object, object]:
 
 @pytest.fixture(scope="session", autouse=True)
 def no_power_cut() -> Iterator[None]:
-    """Nothing that a test writes has to outlive a power cut, and waiting for the disk takes as long as the work itself."""
+    """Nothing that a test writes has to outlive a power cut, and waiting for the disk takes as long
+    as the work itself.
+    """
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(os, "fsync", lambda _file: None)
         yield
@@ -43,7 +49,9 @@ def no_power_cut() -> Iterator[None]:
 
 @pytest.fixture(scope="session", autouse=True)
 def no_copies() -> Iterator[None]:
-    """Work of this process is done in it, where a test may count and replace; commands in processes of their own share it out."""
+    """Work of this process is done in it, where a test may count and replace; commands in processes
+    of their own share it out.
+    """
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(processors, "free_processors", lambda: 1)
         yield
@@ -51,7 +59,9 @@ def no_copies() -> Iterator[None]:
 
 @pytest.fixture
 def fewer_families(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A search without the families that take long; their candidates are made in `test_search_families`."""
+    """A search without the families that take long; their candidates are made in
+    `test_search_families`.
+    """
     search_only(monkeypatch, "tables", "feedback")
 
 
@@ -69,7 +79,9 @@ def search_only(monkeypatch: pytest.MonkeyPatch, *names: str) -> None:
 
 @pytest.fixture(scope="session")
 def measured_data() -> Path:
-    """Folder of the measured recordings, which are not part of the project; see docs/data.md for where to get them."""
+    """Folder of the measured recordings, which are not part of the project; see docs/data.md for
+    where to get them.
+    """
     root = Path(os.environ.get("MAPMORE_DATA") or PROJECT.parent / "shared" / "data").absolute()
     if not root.is_dir():
         pytest.skip(f"no measured recordings in {root}; set MAPMORE_DATA to their folder")

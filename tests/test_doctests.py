@@ -10,14 +10,25 @@ import pytest
 
 import mapmore_cli
 
-MODULES = [module.name for module in pkgutil.walk_packages(mapmore_cli.__path__, "mapmore_cli.") if "__main__" not in module.name]
+MODULES = [
+    module.name
+    for module in pkgutil.walk_packages(mapmore_cli.__path__, "mapmore_cli.")
+    if "__main__" not in module.name
+]
 
 
 def with_examples() -> list[str]:
     """Modules whose docstrings have examples that can run."""
     finder = doctest.DocTestFinder(exclude_empty=True)
-    found = {name: [one for test in finder.find(importlib.import_module(name)) for one in test.examples] for name in MODULES}
-    return [name for name, examples in found.items() if any(doctest.SKIP not in one.options for one in examples)]
+    found = {
+        name: [one for test in finder.find(importlib.import_module(name)) for one in test.examples]
+        for name in MODULES
+    }
+    return [
+        name
+        for name, examples in found.items()
+        if any(doctest.SKIP not in one.options for one in examples)
+    ]
 
 
 EXAMPLES = with_examples()
@@ -29,6 +40,8 @@ def test_there_are_examples() -> None:
 
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_the_examples_are_true(name: str) -> None:
-    result = doctest.testmod(importlib.import_module(name), optionflags=doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS)
+    result = doctest.testmod(
+        importlib.import_module(name), optionflags=doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS
+    )
     assert result.attempted > 0
     assert result.failed == 0

@@ -1,4 +1,6 @@
-"""Every example of the gallery runs and makes its picture; the site builds, with every link checked."""
+"""Every example of the gallery runs and makes its picture; the site builds, with every link
+checked.
+"""
 
 from __future__ import annotations
 
@@ -24,8 +26,13 @@ CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
 SCRIPTS = [path.stem for path in sorted(GALLERY.glob("*.py")) if path.stem != "muscle"]
 
 
-@pytest.mark.parametrize("name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.long) for name in SCRIPTS])
-def test_an_example_makes_its_picture(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    "name",
+    [name if name in QUICK else pytest.param(name, marks=pytest.mark.long) for name in SCRIPTS],
+)
+def test_an_example_makes_its_picture(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.syspath_prepend(str(GALLERY))
     monkeypatch.setattr(sys, "argv", [name, str(tmp_path / "picture.svg")])
     runpy.run_path(str(GALLERY / f"{name}.py"))
@@ -33,17 +40,27 @@ def test_an_example_makes_its_picture(name: str, tmp_path: Path, monkeypatch: py
     assert "<svg" in (tmp_path / "picture.svg").read_text()
 
 
-def test_the_notebook_goes_from_a_frame_to_an_exported_table(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every cell runs, and the table that it reads back is the model on the held-out recording, but for the grid."""
+def test_the_notebook_goes_from_a_frame_to_an_exported_table(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Every cell runs, and the table that it reads back is the model on the held-out recording, but
+    for the grid.
+    """
     monkeypatch.syspath_prepend(str(ROOT / "docs"))
     notebook = importlib.import_module("notebook")
     nbformat.validate(nbformat.read(notebook.NOTEBOOK, as_version=4))
     cells, names = notebook.executed()
-    assert not any(output for cell in json.loads(notebook.NOTEBOOK.read_text())["cells"] for output in cell.get("outputs", []))
+    assert not any(
+        output
+        for cell in json.loads(notebook.NOTEBOOK.read_text())["cells"]
+        for output in cell.get("outputs", [])
+    )
     assert sum(bool(cell.get("outputs")) for cell in cells) >= 6
     assert names["within"].mean() > 0.5
     assert 0 < names["difference"] < 0.005 * np.ptp(names["predicted"])
-    by_model = {row["model"]: row["nrmse"] for row in names["model"].scores if row["split"] == "validate"}
+    by_model = {
+        row["model"]: row["nrmse"] for row in names["model"].scores if row["split"] == "validate"
+    }
     assert by_model["mapmore"] == min(by_model.values()) < 0.015
 
 
@@ -56,18 +73,45 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of the site, built with every link checked."""
     pytest.importorskip("mkdocs")
     folder = tmp_path_factory.mktemp("site")
-    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "-q", "-f", "docs/site/mkdocs.yml", "-d", str(folder)]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, env={**os.environ, "NO_MKDOCS_2_WARNING": "1"})
+    command = [
+        sys.executable,
+        "-m",
+        "mkdocs",
+        "build",
+        "--strict",
+        "-q",
+        "-f",
+        "docs/site/mkdocs.yml",
+        "-d",
+        str(folder),
+    ]
+    done = subprocess.run(
+        command,
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        env={**os.environ, "NO_MKDOCS_2_WARNING": "1"},
+    )
     assert done.returncode == 0, done.stderr
     return folder
 
 
 @pytest.mark.long
 def test_the_site_has_its_pages_and_every_local_link_its_target(site: Path) -> None:
-    for page in ("index", "notebook", "cookbook", "python", "commands", "gallery/index", "gallery/bands"):
+    for page in (
+        "index",
+        "notebook",
+        "cookbook",
+        "python",
+        "commands",
+        "gallery/index",
+        "gallery/bands",
+    ):
         assert (site / f"{page}.html").is_file()
     for page in site.rglob("*.html"):
-        for target in re.findall(r'(?:href|src)="([^"#:?]+)[^":]*"', page.read_text(encoding="utf-8")):
+        for target in re.findall(
+            r'(?:href|src)="([^"#:?]+)[^":]*"', page.read_text(encoding="utf-8")
+        ):
             assert page.name == "404.html" or (page.parent / target).exists(), (page.name, target)
 
 
@@ -75,9 +119,22 @@ def test_the_site_has_its_pages_and_every_local_link_its_target(site: Path) -> N
 @pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium on this machine")
 def test_every_page_opens_in_a_browser(site: Path) -> None:
     """It shows its text, and its console has nothing to say."""
-    options = ["--headless", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr", "--virtual-time-budget=1500", "--dump-dom"]
+    options = [
+        "--headless",
+        "--no-sandbox",
+        "--disable-gpu",
+        "--enable-logging=stderr",
+        "--virtual-time-budget=1500",
+        "--dump-dom",
+    ]
     for page in sorted(site.rglob("*.html")):
-        done = subprocess.run([str(CHROMIUM), *options, page.as_uri()], capture_output=True, text=True, timeout=120, check=True)
+        done = subprocess.run(
+            [str(CHROMIUM), *options, page.as_uri()],
+            capture_output=True,
+            text=True,
+            timeout=120,
+            check=True,
+        )
         assert "<article" in done.stdout, page.name
         assert "CONSOLE" not in done.stderr, (page.name, done.stderr)
 
@@ -85,7 +142,9 @@ def test_every_page_opens_in_a_browser(site: Path) -> None:
 @pytest.mark.long
 def test_every_question_of_the_cookbook_is_within_two_clicks_of_the_start(site: Path) -> None:
     """A click follows a link of the page's own text, not of the menu."""
-    questions = re.findall(r"^## (.+)$", (ROOT / "docs" / "cookbook.md").read_text(encoding="utf-8"), re.MULTILINE)
+    questions = re.findall(
+        r"^## (.+)$", (ROOT / "docs" / "cookbook.md").read_text(encoding="utf-8"), re.MULTILINE
+    )
     assert len(questions) >= 12
     start = site / "index.html"
     once = links(start)
@@ -100,4 +159,6 @@ def links(page: Path) -> set[tuple[Path, str]]:
     """Return the pages and anchors that the text of a page links to."""
     _, _, text = page.read_text(encoding="utf-8").partition("<article")
     found = re.findall(r'href="([^"#:]*\.html)?#?([^"]*)"', text.partition("</article>")[0])
-    return {((page.parent / target).resolve() if target else page, anchor) for target, anchor in found}
+    return {
+        ((page.parent / target).resolve() if target else page, anchor) for target, anchor in found
+    }

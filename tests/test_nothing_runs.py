@@ -15,8 +15,26 @@ ALLOWED: frozenset[str] = frozenset()
 """Places, as `study/a.py:12`; there is none."""
 
 CALLS = {"exec", "eval", "compile", "__import__", "execfile"}
-MODULES = {"pickle", "cPickle", "marshal", "shelve", "dill", "cloudpickle", "joblib", "code", "runpy", "imp"}
-ATTRIBUTES = {("os", "system"), ("os", "popen"), ("pty", "spawn"), ("importlib", "reload"), ("builtins", "exec"), ("builtins", "eval")}
+MODULES = {
+    "pickle",
+    "cPickle",
+    "marshal",
+    "shelve",
+    "dill",
+    "cloudpickle",
+    "joblib",
+    "code",
+    "runpy",
+    "imp",
+}
+ATTRIBUTES = {
+    ("os", "system"),
+    ("os", "popen"),
+    ("pty", "spawn"),
+    ("importlib", "reload"),
+    ("builtins", "exec"),
+    ("builtins", "eval"),
+}
 OWN = ("__name__", "__package__", "formulas.__name__", "modelling.__name__")
 """How the name of a module begins that is loaded by its name: with that of a package of ours."""
 
@@ -25,7 +43,9 @@ LIBRARIES = {"storage/tables/__init__.py"}
 
 
 def is_own(argument: ast.expr) -> bool:
-    """Whether the name of a module is a constant, or begins with the name of one of our packages and a dot."""
+    """Whether the name of a module is a constant, or begins with the name of one of our packages
+    and a dot.
+    """
     match argument:
         case ast.Constant(str()):
             return True
@@ -56,7 +76,9 @@ def faults(tree: ast.AST, file: str) -> Iterator[str]:
                 continue
             case ast.keyword("shell") | ast.keyword("allow_pickle", ast.Constant(True)):
                 found = str(node.arg)
-            case ast.Call(ast.Name("import_module") | ast.Attribute(_, "import_module"), [argument, *_]):
+            case ast.Call(
+                ast.Name("import_module") | ast.Attribute(_, "import_module"), [argument, *_]
+            ):
                 found = "" if is_own(argument) or file in LIBRARIES else "import_module"
             case ast.Attribute(ast.Name("yaml"), "load" | "unsafe_load" | "full_load" as name):
                 found = f"yaml.{name}"
@@ -64,26 +86,60 @@ def faults(tree: ast.AST, file: str) -> Iterator[str]:
             yield f"{file}:{getattr(node, 'lineno', 0)} {found}"
 
 
-@pytest.mark.parametrize("folder", sorted({path.parent for path in PACKAGE.rglob("*.py")}), ids=lambda path: str(path.relative_to(PACKAGE)))
+@pytest.mark.parametrize(
+    "folder",
+    sorted({path.parent for path in PACKAGE.rglob("*.py")}),
+    ids=lambda path: str(path.relative_to(PACKAGE)),
+)
 def test_the_package_runs_no_text(folder: Path) -> None:
     files = {str(path.relative_to(PACKAGE)): path for path in folder.glob("*.py")}
-    found = [one for name, path in files.items() for one in faults(ast.parse(path.read_text()), name)]
+    found = [
+        one for name, path in files.items() for one in faults(ast.parse(path.read_text()), name)
+    ]
     assert [one for one in found if one.split()[0] not in ALLOWED] == []
 
 
 @pytest.mark.parametrize(
     "text",
     [
-        *("exec(a)", "eval(a)", "compile(a, '', 'exec')", "f = eval", "__import__(a)", "import pickle", "from pickle import load"),
-        *("import os; os.system(a)", "from os import system", "run(a, shell=True)", "run(a, shell=b)", "np.load(a, allow_pickle=True)"),
-        *("importlib.import_module(a)", "import_module(f'{a}.b')", "import_module('x' + a)", "import marshal", "yaml.load(a)"),
+        *(
+            "exec(a)",
+            "eval(a)",
+            "compile(a, '', 'exec')",
+            "f = eval",
+            "__import__(a)",
+            "import pickle",
+            "from pickle import load",
+        ),
+        *(
+            "import os; os.system(a)",
+            "from os import system",
+            "run(a, shell=True)",
+            "run(a, shell=b)",
+            "np.load(a, allow_pickle=True)",
+        ),
+        *(
+            "importlib.import_module(a)",
+            "import_module(f'{a}.b')",
+            "import_module('x' + a)",
+            "import marshal",
+            "yaml.load(a)",
+        ),
     ],
 )
 def test_what_would_be_found(text: str) -> None:
     assert [*faults(ast.parse(text), "a.py")]
 
 
-@pytest.mark.parametrize("text", ["re.compile(a)", "terms.compiled(a)", "import_module(f'{__name__}.{a}')", "run(a, shell=False)"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "re.compile(a)",
+        "terms.compiled(a)",
+        "import_module(f'{__name__}.{a}')",
+        "run(a, shell=False)",
+    ],
+)
 def test_what_is_harmless(text: str) -> None:
     assert not [*faults(ast.parse(text), "a.py")]
 

@@ -20,7 +20,9 @@ class Here:
     def __exit__(self, *_: object) -> None:
         pass
 
-    def each(self, function: Callable[[Any], Any], jobs: Sequence[Any]) -> Iterator[tuple[int, Any]]:
+    def each(
+        self, function: Callable[[Any], Any], jobs: Sequence[Any]
+    ) -> Iterator[tuple[int, Any]]:
         for number, job in enumerate(jobs):
             try:
                 yield number, function(job)

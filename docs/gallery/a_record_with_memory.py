@@ -12,8 +12,15 @@ slow = np.zeros_like(pressure)
 for k in range(1, len(time)):
     slow[k] = slow[k - 1] + 0.1 / 2.0 * (pressure[k - 1] - slow[k - 1])
 record = {"time": time, "pressure": pressure, "displacement": 0.05 * pressure + 0.03 * slow}
-dictionary = [{"slow": {"of": ["pressure"], "tau": [0.5, 1, 2, 4]}}, {"polynomial": {"of": ["pressure"], "order": 1}}]
-study = {"target": {"column": "displacement"}, "units": {"displacement": "mm"}, "split": {"validate": {"last": 0.5}}}
+dictionary = [
+    {"slow": {"of": ["pressure"], "tau": [0.5, 1, 2, 4]}},
+    {"polynomial": {"of": ["pressure"], "order": 1}},
+]
+study = {
+    "target": {"column": "displacement"},
+    "units": {"displacement": "mm"},
+    "split": {"validate": {"last": 0.5}},
+}
 model = mm.fit(record, dictionary=dictionary, fit={"max_terms": 3}, **study)
 figure, axes = plt.subplots(layout="constrained")
 axes.plot(time, record["displacement"], "k", label="measured")

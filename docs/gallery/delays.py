@@ -1,4 +1,6 @@
-"""A linear process found from its record: terms, and the free run over data that it has not seen."""
+"""A linear process found from its record: terms, and the free run over data that it has not
+seen.
+"""
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -12,9 +14,20 @@ for k in range(2, 400):
     y[k] = 0.7 * y[k - 1] - 0.2 * y[k - 2] + 0.5 * u[k - 1] + 0.1 * u[k - 2] ** 2
 record = {"time": np.arange(400.0), "voltage": u, "force": y}
 terms = [{"lags": {"of": ["force", "voltage"], "steps": [1, 2], "order": 2}}]
-columns = {"time": {"column": "time"}, "voltage": {"column": "voltage"}, "force": {"column": "force"}}
+columns = {
+    "time": {"column": "time"},
+    "voltage": {"column": "voltage"},
+    "force": {"column": "force"},
+}
 split = {"validate": {"last": 0.25}}
-model = mm.fit(record, columns=columns, target={"column": "force"}, split=split, dictionary=terms, fit={"max_terms": 4, "tolerance": 0})
+model = mm.fit(
+    record,
+    columns=columns,
+    target={"column": "force"},
+    split=split,
+    dictionary=terms,
+    fit={"max_terms": 4, "tolerance": 0},
+)
 print(model.equations[0].text)
 figure, axes = plt.subplots(layout="constrained")
 axes.plot(y[-100:], "k", label="measured")

@@ -4,7 +4,9 @@ from muscle import STUDY, recording, save
 
 import mapmore_cli as mm
 
-model = mm.fit(recording([80, 150, 200, 250, 350]), split={"validate": {"pressure": [200]}}, **STUDY)
+model = mm.fit(
+    recording([80, 150, 200, 250, 350]), split={"validate": {"pressure": [200]}}, **STUDY
+)
 print(model.scores)
 axes = model.plot()
 save(axes.figure, "first_model")

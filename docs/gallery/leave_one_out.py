@@ -5,8 +5,14 @@ from muscle import STUDY, recording, save
 
 import mapmore_cli as mm
 
-model = mm.fit(recording([80, 120, 160, 200, 250, 300, 350]), split={"leave_one_level_out": True}, **STUDY)
-rows = [row for row in model.scores if (row["model"], row["split"]) == ("mapmore", "validate") and row["curve"] != "all"]
+model = mm.fit(
+    recording([80, 120, 160, 200, 250, 300, 350]), split={"leave_one_level_out": True}, **STUDY
+)
+rows = [
+    row
+    for row in model.scores
+    if (row["model"], row["split"]) == ("mapmore", "validate") and row["curve"] != "all"
+]
 figure, axes = plt.subplots(layout="constrained")
 axes.bar([row["curve"].removeprefix("pressure=") for row in rows], [row["rmse"] for row in rows])
 axes.set(xlabel="pressure left out [kPa]", ylabel="RMSE there [N]")

@@ -1,4 +1,6 @@
-"""The exported Python file in a simulation of one's own: a weight of 12 kg on the muscle, and a step of pressure."""
+"""The exported Python file in a simulation of one's own: a weight of 12 kg on the muscle, and a
+step of pressure.
+"""
 
 from typing import Any
 

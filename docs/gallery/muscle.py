@@ -1,4 +1,6 @@
-"""The synthetic muscle of the gallery: static force over pressure (kPa) and strain, with noise and a fixed seed."""
+"""The synthetic muscle of the gallery: static force over pressure (kPa) and strain, with noise and
+a fixed seed.
+"""
 
 from __future__ import annotations
 
@@ -10,13 +12,23 @@ from matplotlib.figure import Figure, SubFigure
 
 def force(pressure: np.ndarray, strain: np.ndarray) -> np.ndarray:
     """Pull in N: a braided muscle that is stiff while it is crimped."""
-    return np.asarray(3.3 * np.maximum(pressure - 25, 0) * (1 - 3.2 * strain) ** 2 - 30 + 60 * np.exp(-strain / 0.02))
+    return np.asarray(
+        3.3 * np.maximum(pressure - 25, 0) * (1 - 3.2 * strain) ** 2
+        - 30
+        + 60 * np.exp(-strain / 0.02)
+    )
 
 
-def recording(levels: list[float], noise: float = 2.0, count: int = 60, seed: int = 1) -> dict[str, np.ndarray]:
+def recording(
+    levels: list[float], noise: float = 2.0, count: int = 60, seed: int = 1
+) -> dict[str, np.ndarray]:
     """Return a table of strain sweeps at some pressures."""
-    pressure, strain = (grid.ravel() for grid in np.meshgrid(levels, np.linspace(0, 0.22, count), indexing="ij"))
-    measured = force(pressure, strain) + noise * np.random.default_rng(seed).normal(size=len(strain))
+    pressure, strain = (
+        grid.ravel() for grid in np.meshgrid(levels, np.linspace(0, 0.22, count), indexing="ij")
+    )
+    measured = force(pressure, strain) + noise * np.random.default_rng(seed).normal(
+        size=len(strain)
+    )
     return {"pressure": pressure, "strain": strain, "force": measured}
 
 

@@ -5,7 +5,11 @@ from muscle import STUDY, recording, save
 import mapmore_cli as mm
 
 table = recording([80, 150, 250, 350])
-log = {"P (psi)": table["pressure"] / 6.894757, "stroke %": 100 * table["strain"], "lbf": table["force"] / 4.448222}
+log = {
+    "P (psi)": table["pressure"] / 6.894757,
+    "stroke %": 100 * table["strain"],
+    "lbf": table["force"] / 4.448222,
+}
 columns = {
     "pressure": {"column": "P (psi)", "unit": "psi"},
     "strain": {"column": "stroke %", "unit": "%"},

@@ -1,4 +1,6 @@
-"""What every model is compared with: planes, quadratics and cubics in its own inputs, its backbone, and formulas."""
+"""What every model is compared with: planes, quadratics and cubics in its own inputs, its backbone,
+and formulas.
+"""
 
 import matplotlib.pyplot as plt
 from muscle import STUDY, recording, save
@@ -7,8 +9,18 @@ import mapmore_cli as mm
 
 split = {"validate": {"pressure": [200]}}
 against = {"against": ["sarosi", "tondu_lopez"]}
-model = mm.fit(recording([80, 150, 200, 250, 350]), split=split, model={"backbone": "sarosi_hinged"}, validate=against, **STUDY)
-rows = sorted((r["rmse"], r["model"]) for r in model.scores if r["split"] == "validate" and r["curve"] == "all")
+model = mm.fit(
+    recording([80, 150, 200, 250, 350]),
+    split=split,
+    model={"backbone": "sarosi_hinged"},
+    validate=against,
+    **STUDY,
+)
+rows = sorted(
+    (r["rmse"], r["model"])
+    for r in model.scores
+    if r["split"] == "validate" and r["curve"] == "all"
+)
 figure, axes = plt.subplots(layout="constrained")
 axes.barh([name for _, name in rows], [error for error, _ in rows])
 axes.set(xlabel="RMSE on held-out data [N]")

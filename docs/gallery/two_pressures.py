@@ -1,4 +1,6 @@
-"""Two pressures are enough for a model between them; a formula as backbone says how the force runs there."""
+"""Two pressures are enough for a model between them; a formula as backbone says how the force runs
+there.
+"""
 
 import matplotlib.pyplot as plt
 import numpy as np

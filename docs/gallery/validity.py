@@ -7,7 +7,10 @@ from muscle import STUDY, recording, save
 import mapmore_cli as mm
 
 table = recording([80, 150, 250, 350])
-table = {name: values[table["strain"] < 0.05 + table["pressure"] / 2200] for name, values in table.items()}
+table = {
+    name: values[table["strain"] < 0.05 + table["pressure"] / 2200]
+    for name, values in table.items()
+}
 model = mm.fit(table, **STUDY)
 pressure, strain = np.meshgrid(np.linspace(50, 400, 71), np.linspace(0, 0.25, 51), indexing="ij")
 valid = ~model.outside_range(pressure=pressure, strain=strain)

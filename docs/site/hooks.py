@@ -26,14 +26,23 @@ def picture(script: Path) -> Path:
     place = PICTURES / f"{script.stem}.svg"
     if not place.is_file() or place.stat().st_mtime < script.stat().st_mtime:
         PICTURES.mkdir(parents=True, exist_ok=True)
-        subprocess.run([sys.executable, script.name, str(place)], cwd=GALLERY, check=True, env={**os.environ, "MPLBACKEND": "agg"})
+        subprocess.run(
+            [sys.executable, script.name, str(place)],
+            cwd=GALLERY,
+            check=True,
+            env={**os.environ, "MPLBACKEND": "agg"},
+        )
     return place
 
 
 def notebook() -> str:
-    """Return the executed notebook as a page; an interpreter of its own runs it, so that nothing here is changed by it."""
+    """Return the executed notebook as a page; an interpreter of its own runs it, so that nothing
+    here is changed by it.
+    """
     code = "import sys, notebook; sys.stdout.buffer.write(notebook.markdown().encode())"
-    return subprocess.run([sys.executable, "-c", code], cwd=DOCS, check=True, stdout=subprocess.PIPE).stdout.decode()
+    return subprocess.run(
+        [sys.executable, "-c", code], cwd=DOCS, check=True, stdout=subprocess.PIPE
+    ).stdout.decode()
 
 
 def commands() -> str:
@@ -69,9 +78,16 @@ def on_files(files: Any, config: Any) -> Any:
     for script in scripts():
         about = ast.get_docstring(ast.parse(script.read_text(encoding="utf-8"))) or script.stem
         title = script.stem.replace("_", " ").capitalize()
-        text = f"# {title}\n\n{about}\n\n![{about}]({script.stem}.svg)\n\n```python\n{script.read_text(encoding='utf-8')}```\n"
+        text = (
+            f"# {title}\n\n{about}\n\n![{about}]({script.stem}.svg)\n\n```python\n"
+            f"{script.read_text(encoding='utf-8')}```\n"
+        )
         files.append(File.generated(config, f"gallery/{script.stem}.md", content=text))
-        files.append(File.generated(config, f"gallery/{script.stem}.svg", content=picture(script).read_bytes()))
+        files.append(
+            File.generated(
+                config, f"gallery/{script.stem}.svg", content=picture(script).read_bytes()
+            )
+        )
         index += [
             "<div markdown>",
             "",
@@ -89,7 +105,9 @@ def on_files(files: Any, config: Any) -> Any:
 
 
 def on_page_markdown(markdown: str, page: Any, **_rest: Any) -> str:
-    """Return the text of a page with its tables in full, and with the references that are made from the code."""
+    """Return the text of a page with its tables in full, and with the references that are made from
+    the code.
+    """
     sys.path.append(str(DOCS))
     from pages import in_full
 
@@ -98,7 +116,11 @@ def on_page_markdown(markdown: str, page: Any, **_rest: Any) -> str:
     from mapmore_cli.storage.artefacts.schema import described
 
     made = {"keys": keys, "formulas": formulas, "files": described}
-    return re.sub(r"<!-- made: (\w+) -->", lambda match: made[match[1]](), in_full(markdown, page.file.src_path))
+    return re.sub(
+        r"<!-- made: (\w+) -->",
+        lambda match: made[match[1]](),
+        in_full(markdown, page.file.src_path),
+    )
 
 
 SHIM = "https://unpkg.com/iframe-worker/shim"
@@ -111,5 +133,7 @@ def on_post_page(output: str, page: Any, **_rest: Any) -> str:
 
 
 def on_post_template(output_content: str, **_rest: Any) -> str:
-    """Return a page that has no source, as that of links that lead nowhere, with the same change."""
+    """Return a page that has no source, as that of links that lead nowhere, with the same
+    change.
+    """
     return output_content.replace(SHIM, "worker.js")

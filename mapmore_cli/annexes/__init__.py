@@ -1,1 +1,3 @@
-"""Parts that a study can do without: each adds its commands, kinds and figures as a plug-in does."""
+"""Parts that a study can do without: each adds its commands, kinds and figures as a plug-in
+does.
+"""

@@ -1,1 +1,3 @@
-"""The rules of `mapmore check`, which every run applies as well: what the data say about themselves and about their spec."""
+"""The rules of `mapmore check`, which every run applies as well: what the data say about themselves
+and about their spec.
+"""

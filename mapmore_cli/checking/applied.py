@@ -6,7 +6,17 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
-from mapmore_cli.checking.rules import Issue, Rule, Subject, curves, labels, odd_values, pairs, samples, units
+from mapmore_cli.checking.rules import (
+    Issue,
+    Rule,
+    Subject,
+    curves,
+    labels,
+    odd_values,
+    pairs,
+    samples,
+    units,
+)
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.ingestion.dataset import build_dataset
@@ -15,38 +25,80 @@ from mapmore_cli.spec.loader import LoadedSpec
 from mapmore_cli.spec.sections.data import Split
 
 OF_RECORDINGS: tuple[Rule, ...] = (
-    *(units.strain_in_per_cent, units.pressure_in_pascals, units.pressure_in_bar, units.pull_of_the_bore),
-    *(units.unit_in_the_name, units.unit_line, samples.constant, samples.same_signal, samples.clipped, samples.cycles_of_noise),
+    *(
+        units.strain_in_per_cent,
+        units.pressure_in_pascals,
+        units.pressure_in_bar,
+        units.pull_of_the_bore,
+    ),
+    *(
+        units.unit_in_the_name,
+        units.unit_line,
+        samples.constant,
+        samples.same_signal,
+        samples.clipped,
+        samples.cycles_of_noise,
+    ),
     *(samples.force_never_pulls, samples.recorded_twice, labels.formulas_in_labels),
     *(odd_values.spikes_in, odd_values.below_vacuum, pairs.computed_from, pairs.untold_difference),
 )
-"""Rules that need the recordings alone, so that they can say why no curves could be made of them."""
+"""Rules that need the recordings alone, so that they can say why no curves could be made of them.
+"""
 
 OF_CURVES: tuple[Rule, ...] = (curves.few_samples, curves.segments, curves.even_steps)
 """Rules that need the curves."""
 
 OF_CHECK: tuple[Rule, ...] = (
-    *(units.time_in_milliseconds, curves.wrong_way_round, samples.unsettled, samples.slack_foot, curves.single_valued),
+    *(
+        units.time_in_milliseconds,
+        curves.wrong_way_round,
+        samples.unsettled,
+        samples.slack_foot,
+        curves.single_valued,
+    ),
     *(curves.loops_apart, curves.beyond_training, samples.many_dropped, samples.offset),
 )
-"""Rules that `check` alone applies: hints, and what a run tells by itself as it reads and scores."""
+"""Rules that `check` alone applies: hints, and what a run tells by itself as it reads and scores.
+"""
 
 
-def issues_of(loaded: LoadedSpec, dataset: Dataset, *, curves: bool = True, hints: bool = False) -> list[Issue]:
-    """Return what the rules say of a dataset, or of its recordings alone; of hints, only where they are asked for."""
+def issues_of(
+    loaded: LoadedSpec, dataset: Dataset, *, curves: bool = True, hints: bool = False
+) -> list[Issue]:
+    """Return what the rules say of a dataset, or of its recordings alone; of hints, only where they
+    are asked for.
+    """
     units = slice_of(loaded.spec).units
-    subject = Subject(loaded.spec, loaded.where, dataset.recordings, units, loaded.folder, dataset if curves else None)
-    rules = (*OF_RECORDINGS, *(OF_CURVES if curves else ()), *(OF_CHECK if curves and hints else ()))
+    subject = Subject(
+        loaded.spec,
+        loaded.where,
+        dataset.recordings,
+        units,
+        loaded.folder,
+        dataset if curves else None,
+    )
+    rules = (
+        *OF_RECORDINGS,
+        *(OF_CURVES if curves else ()),
+        *(OF_CHECK if curves and hints else ()),
+    )
     found = [issue for rule in rules for issue in rule(subject)]
     return [issue for issue in found if hints or issue.severity != "hint"]
 
 
 def issues_without_curves(loaded: LoadedSpec) -> list[Issue]:
-    """Return what the rules say of recordings of which no curves can be made; nothing where they cannot be read either.
+    """Return what the rules say of recordings of which no curves can be made; nothing where they
+    cannot be read either.
 
     That strain is in per cent is why no sample was at its level.
     """
-    bare: dict[str, Any] = {"derive": {}, "keep": [], "cycles": None, "levels": None, "split": Split()}
+    bare: dict[str, Any] = {
+        "derive": {},
+        "keep": [],
+        "cycles": None,
+        "levels": None,
+        "split": Split(),
+    }
     bare |= {"missing": "drop", "repeated_time": "average"}
     part = slice_of(loaded.spec)
     with suppress(SpecError, DataError):

@@ -1,4 +1,6 @@
-"""What the numbers of recordings show: slack, rest, memory, one signal in two units, what was set, and levels that tell of each other."""
+"""What the numbers of recordings show: slack, rest, memory, one signal in two units, what was set,
+and levels that tell of each other.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,9 @@ BEND = 3.0  # times the slope of the foot, which the force must rise by beyond i
 
 @dataclass(frozen=True)
 class Foot:
-    """Threshold pressures `(m,)` at the strains `(m,)` that have a foot, in the units of the samples."""
+    """Threshold pressures `(m,)` at the strains `(m,)` that have a foot, in the units of the
+    samples.
+    """
 
     strain: Array
     threshold: Array
@@ -36,36 +40,55 @@ class Foot:
 def slack_foot(pressure: Array, strain: Array, force: Array) -> Foot | None:
     """Find the slack foot of samples `(n,)` at many pressures; None where there is none.
 
-    Samples are grouped by strain and averaged in bins of pressure. A group has a foot where the force stays within 5 % of its largest value
-    from the lowest pressure over at least 15 % of the range, and rises three times as steeply beyond. (A plain formula that is linear
-    in pressure crosses this band at a constant slope.) There is a foot where two groups have one and the threshold rises with strain.
+    Samples are grouped by strain and averaged in bins of pressure. A group has a foot where the
+    force stays within 5 % of its largest value from the lowest pressure over at least 15 % of the
+    range, and rises three times as steeply beyond. (A plain formula that is linear in pressure
+    crosses this band at a constant slope.) There is a foot where two groups have one and the
+    threshold rises with strain.
     """
     span, full = float(np.ptp(pressure)), float(np.max(np.abs(force), initial=0.0))
     if not span or not full:
         return None
     found = []
     for middle, members in _groups(strain):
-        p, means = bin_means((pressure[members] - pressure.min()) / span, {"f": force[members] / full}, np.linspace(0, 1, BINS + 1))
+        p, means = bin_means(
+            (pressure[members] - pressure.min()) / span,
+            {"f": force[members] / full},
+            np.linspace(0, 1, BINS + 1),
+        )
         end = _end_of_foot(p, means["f"])
         if end is not None:
             found.append((middle, pressure.min() + span * end))
     if len(found) < 2:
         return None
     at, threshold = np.array(found).T
-    return Foot(at, threshold) if threshold[-1] > threshold[0] and correlation(at, threshold) > 0 else None
+    return (
+        Foot(at, threshold)
+        if threshold[-1] > threshold[0] and correlation(at, threshold) > 0
+        else None
+    )
 
 
 def _groups(strain: Array) -> list[tuple[float, IntArray]]:
-    """Return the middle of each group of strains in ascending order, with the rows that belong to it."""
+    """Return the middle of each group of strains in ascending order, with the rows that belong to
+    it.
+    """
     low, span = float(strain.min()), float(np.ptp(strain)) or 1.0
-    place = np.round((strain - low) / span * 200).astype(int)  # strains within half a per cent of the range are one
+    place = np.round((strain - low) / span * 200).astype(
+        int
+    )  # strains within half a per cent of the range are one
     if len(np.unique(place)) > GROUPS:
         place = np.minimum((strain - low) / span * GROUPS, GROUPS - 1).astype(int)
-    return [(float(np.median(strain[place == group])), np.flatnonzero(place == group)) for group in np.unique(place)]
+    return [
+        (float(np.median(strain[place == group])), np.flatnonzero(place == group))
+        for group in np.unique(place)
+    ]
 
 
 def _end_of_foot(p: Array, f: Array) -> float | None:
-    """Pressure at which the foot ends, given the binned force of one group; both relative to their ranges."""
+    """Pressure at which the foot ends, given the binned force of one group; both relative to their
+    ranges.
+    """
     taut = np.flatnonzero(np.abs(f) > SLACK)
     if len(p) < FEWEST_BINS or not taut.size:
         return None
@@ -87,8 +110,9 @@ MIDDLE = (0.1, 0.9)  # of the pressure range
 class Settling:
     """How a pressure settles.
 
-    A sample counts as settled below the rate `limit` per second, a round number, found in a `window` in s. That is a `share` of all
-    samples, and `share_between` of those in the middle of the pressure range: staircases rest there, and sweeps do not.
+    A sample counts as settled below the rate `limit` per second, a round number, found in a
+    `window` in s. That is a `share` of all samples, and `share_between` of those in the middle of
+    the pressure range: staircases rest there, and sweeps do not.
     """
 
     limit: float
@@ -98,11 +122,16 @@ class Settling:
 
 
 def settling(recordings: Sequence[Recording], unit: str = "s") -> Settling | None:
-    """Find which share of the samples is settled, of recordings with a pressure and a time in `unit`.
+    """Find which share of the samples is settled, of recordings with a pressure and a time in
+    `unit`.
 
     None where the pressure does not move, or the time stamps do not let a rate be found.
     """
-    records = [(convert(one.columns["time"], unit, "s"), one.columns["pressure"]) for one in recordings if one.rows_kept]
+    records = [
+        (convert(one.columns["time"], unit, "s"), one.columns["pressure"])
+        for one in recordings
+        if one.rows_kept
+    ]
     pressures = np.concatenate([pressure for _, pressure in records])
     steps = np.concatenate([np.diff(time) for time, _ in records])
     if not np.ptp(pressures) or not (steps > 0).any() or (steps < 0).any():
@@ -110,13 +139,17 @@ def settling(recordings: Sequence[Recording], unit: str = "s") -> Settling | Non
     window = max(SHORTEST, two_digits(SAMPLES * float(np.mean(steps))))
     limit = two_digits(SLOW * float(np.ptp(pressures)))
     try:
-        rates = np.concatenate([rate(time, pressure, window, order=2) for time, pressure in records])
+        rates = np.concatenate(
+            [rate(time, pressure, window, order=2) for time, pressure in records]
+        )
     except DataError:  # gaps that are wider than the window
         return None
     settled = np.abs(rates) < limit
     low, high = (pressures.min() + place * np.ptp(pressures) for place in MIDDLE)
     between = settled[(pressures > low) & (pressures < high)]
-    return Settling(limit, float(np.mean(settled)), float(np.mean(between)) if between.size else 0.0, window)
+    return Settling(
+        limit, float(np.mean(settled)), float(np.mean(between)) if between.size else 0.0, window
+    )
 
 
 def two_digits(value: float) -> float:
@@ -124,7 +157,8 @@ def two_digits(value: float) -> float:
     return float(f"{round(value, 1 - math.floor(math.log10(value))):.6g}")
 
 
-# What is remembered ----------------------------------------------------------------------------------------------------------
+# What is remembered
+# --------------------------------------------------------------------------------------------------
 
 KNOTS = 12  # of the curve over the input of now
 DELAYS, LAGS = (1, 2), (4, 16, 64)  # samples
@@ -136,17 +170,21 @@ THERE_AND_BACK = 1.9  # ranges that an input travels at least
 
 @dataclass(frozen=True)
 class Remembered:
-    """Errors of a response, relative to its standard deviation: `now` by the input of the same sample, `before` by earlier ones as well."""
+    """Errors of a response, relative to its standard deviation: `now` by the input of the same
+    sample, `before` by earlier ones as well.
+    """
 
     now: float
     before: float
 
 
 def remembered(drive: Sequence[Array], response: Sequence[Array]) -> Remembered | None:
-    """How much better earlier samples of an input tell the response; the arrays `(n,)` are those of each record, in order.
+    """How much better earlier samples of an input tell the response; the arrays `(n,)` are those of
+    each record, in order.
 
-    Two least-squares fits: a curve of 12 pieces over the input of now, and the same with the input delayed and followed slowly. None where
-    the input does not go there and back: nothing then tells the two from each other.
+    Two least-squares fits: a curve of 12 pieces over the input of now, and the same with the input
+    delayed and followed slowly. None where the input does not go there and back: nothing then tells
+    the two from each other.
     """
     drive, response = scaled(_thinned(drive)), _thinned(response)
     if sum(float(np.abs(np.diff(u)).sum()) for u in drive) < THERE_AND_BACK:
@@ -155,18 +193,24 @@ def remembered(drive: Sequence[Array], response: Sequence[Array]) -> Remembered 
     knots = np.unique(np.quantile(now, np.linspace(0, 1, KNOTS + 1)))
     hats = np.column_stack([np.interp(now, knots, row) for row in np.eye(len(knots))])
     past = np.concatenate([_earlier(u) for u in drive])
-    return Remembered(_left_over(hats, response), _left_over(np.column_stack([hats, past]), response))
+    return Remembered(
+        _left_over(hats, response), _left_over(np.column_stack([hats, past]), response)
+    )
 
 
 def untold(drives: Sequence[Sequence[Array]], response: Sequence[Array]) -> float:
-    """Return the RMSE, relative to its spread, of a response by several inputs now and before; the arrays `(n,)` are those of each record.
+    """Return the RMSE, relative to its spread, of a response by several inputs now and before; the
+    arrays `(n,)` are those of each record.
 
-    Least squares on the inputs, their squares, delayed and slowly followed copies. 1 where the lengths of columns differ.
+    Least squares on the inputs, their squares, delayed and slowly followed copies. 1 where the
+    lengths of columns differ.
     """
     if any([len(one) for one in drive] != [len(one) for one in response] for drive in drives):
         return 1.0  # one of them lacks values
     inputs = [_thinned(scaled(drive)) for drive in drives]
-    columns = [np.concatenate([np.column_stack([u, u**2, _earlier(u)]) for u in drive]) for drive in inputs]
+    columns = [
+        np.concatenate([np.column_stack([u, u**2, _earlier(u)]) for u in drive]) for drive in inputs
+    ]
     return _left_over(np.column_stack([np.ones(len(columns[0])), *columns]), _thinned(response))
 
 
@@ -189,7 +233,8 @@ def _earlier(u: Array) -> Array:
 
 
 def _left_over(columns: Array, response: Sequence[Array]) -> float:
-    """Return the RMSE, relative to its spread, of a ridge regression that has learnt from every second tenth of each record, on the others.
+    """Return the RMSE, relative to its spread, of a ridge regression that has learnt from every
+    second tenth of each record, on the others.
 
     1 where these are none.
     """
@@ -198,18 +243,24 @@ def _left_over(columns: Array, response: Sequence[Array]) -> float:
     if learn.all() or not learn.any():
         return 1.0
     gram = columns[learn].T @ columns[learn]
-    weights = np.linalg.solve(gram + RIDGE * np.trace(gram) / len(gram) * np.eye(len(gram)), columns[learn].T @ y[learn])
-    return float(np.sqrt(np.mean((y[~learn] - columns[~learn] @ weights) ** 2))) / (float(np.std(y[~learn])) or 1.0)
+    weights = np.linalg.solve(
+        gram + RIDGE * np.trace(gram) / len(gram) * np.eye(len(gram)), columns[learn].T @ y[learn]
+    )
+    return float(np.sqrt(np.mean((y[~learn] - columns[~learn] @ weights) ** 2))) / (
+        float(np.std(y[~learn])) or 1.0
+    )
 
 
-# One signal in two units ------------------------------------------------------------------------------------------------------
+# One signal in two units
+# --------------------------------------------------------------------------------------------------
 
 SAME = 0.9999  # correlation, from which two columns are one signal
 FEWEST_SAME = 30  # samples, below which a straight line may be chance
 
 
 def same_signals(columns: Sequence[Array]) -> list[list[int]]:
-    """Return the places of columns `(n,)` that are one another times a constant, plus one, a list for each repeated signal.
+    """Return the places of columns `(n,)` that are one another times a constant, plus one, a list
+    for each repeated signal.
 
     Columns of different lengths, as where one lacks values, are not compared.
     """
@@ -219,16 +270,25 @@ def same_signals(columns: Sequence[Array]) -> list[list[int]]:
             continue
         every = -(-len(column) // MOST_SHOWN)
         same = [one for one in families if len(columns[one[0]]) == len(column)]
-        alike = [one for one in same if abs(correlation(columns[one[0]][::every], column[::every])) >= SAME]
+        alike = [
+            one
+            for one in same
+            if abs(correlation(columns[one[0]][::every], column[::every])) >= SAME
+        ]
         alike[0].append(place) if alike else families.append([place])
     return [family for family in families if len(family) > 1]
 
 
-TOGETHER, FARTHEST = 0.9, 30  # correlation of a command with what it commands, and samples that this may lag behind
+TOGETHER, FARTHEST = (
+    0.9,
+    30,
+)  # correlation of a command with what it commands, and samples that this may lag behind
 
 
 def leads(first: Array, second: Array) -> bool:
-    """Return True where the second column `(n,)` repeats the first one later: a command, and what was measured of it."""
+    """Return True where the second column `(n,)` repeats the first one later: a command, and what
+    was measured of it.
+    """
     n = len(first)
     if n != len(second) or n < 4 * FARTHEST or not np.ptp(first) or not np.ptp(second):
         return False
@@ -238,20 +298,28 @@ def leads(first: Array, second: Array) -> bool:
     return bool(np.max(alike) > TOGETHER and int(np.argmax(alike)) > FARTHEST)
 
 
-# What was set ----------------------------------------------------------------------------------------------------------------
+# What was set
+# --------------------------------------------------------------------------------------------------
 
-EVEN = 0.8  # of the steps from sample to sample, that are one step up or down where a quantity was set
+EVEN = (
+    0.8  # of the steps from sample to sample, that are one step up or down where a quantity was set
+)
 ALIKE = 0.02  # of the step, that these may differ
 
 
 def force_set(recordings: Sequence[Recording], position: str) -> float | None:
-    """Return the step by which the force was set while the position was measured; None elsewhere."""
-    step, other = (set_in_steps([one.columns[name] for one in recordings]) for name in ("force", position))
+    """Return the step by which the force was set while the position was measured; None
+    elsewhere.
+    """
+    step, other = (
+        set_in_steps([one.columns[name] for one in recordings]) for name in ("force", position)
+    )
     return step if other is None else None
 
 
 def set_in_steps(records: Sequence[Array]) -> float | None:
-    """Return the step by which a quantity was set from sample to sample, given `(n,)` of each recording; None where it was measured.
+    """Return the step by which a quantity was set from sample to sample, given `(n,)` of each
+    recording; None where it was measured.
 
     A logger's resolution makes values even as well, but not the way from one sample to the next.
     """
@@ -264,41 +332,59 @@ def set_in_steps(records: Sequence[Array]) -> float | None:
 
 
 def beyond(values: Array, training: Array, margin: float) -> BoolArray:
-    """Return which values `(n,)` lie outside of the range of the training ones, by more than this share of it."""
+    """Return which values `(n,)` lie outside of the range of the training ones, by more than this
+    share of it.
+    """
     off = margin * float(np.ptp(training))
     outside: BoolArray = (values < training.min() - off) | (values > training.max() + off)
     return outside
 
 
-# Levels that tell of each other ----------------------------------------------------------------------------------------------
+# Levels that tell of each other
+# ----------------------------------------------------------------------------------------------
 
 PLACES = 100  # along a curve, at which levels are compared
 FEWEST_LEVELS = 4
-TELLS = 0.5  # times the error of the mean of all other levels, that the neighbours leave at most where they tell of a level
+# times the error of the mean of all other levels, that the neighbours leave at most where they tell
+# of a level
+TELLS = 0.5
 
 
 @dataclass(frozen=True)
 class Neighbourhood:
-    """RMSE at inner levels of what lies between their two `neighbours`, and of the mean of all `others`, by the largest value."""
+    """RMSE at inner levels of what lies between their two `neighbours`, and of the mean of all
+    `others`, by the largest value.
+    """
 
     neighbours: float
     others: float
 
     @property
     def tells(self) -> bool:
-        """True where a level follows from its neighbours, as models that go from curve to curve have it."""
+        """True where a level follows from its neighbours, as models that go from curve to curve
+        have it.
+        """
         return self.neighbours <= TELLS * self.others
 
     def __str__(self) -> str:
-        return f"an error of {self.neighbours:.0%} of the largest, and {self.others:.0%} by the mean of all others"
+        return (
+            f"an error of {self.neighbours:.0%} of the largest, and {self.others:.0%} by the "
+            "mean of all others"
+        )
 
 
 def neighbourhood(curves: Sequence[Curve], along: str, target: str) -> Neighbourhood | None:
-    """Leave each inner level out, and see what the curves at the others say of its target over `along`; None with fewer than four levels.
+    """Leave each inner level out, and see what the curves at the others say of its target over
+    `along`; None with fewer than four levels.
 
-    Each curve is averaged in 100 bins and interpolated between them, and held beyond its ends; there is no model in it.
+    Each curve is averaged in 100 bins and interpolated between them, and held beyond its ends;
+    there is no model in it.
     """
-    found = {curve.level: _course(curve.columns[along], curve.columns[target]) for curve in curves if curve.level is not None}
+    found = {
+        curve.level: _course(curve.columns[along], curve.columns[target])
+        for curve in curves
+        if curve.level is not None
+    }
     levels = sorted(found)
     largest = max((float(np.abs(y).max()) for _, y in found.values()), default=0.0)
     if len(levels) < FEWEST_LEVELS or not largest:
@@ -320,7 +406,8 @@ def _course(x: Array, y: Array) -> tuple[Array, Array]:
     return places, means["y"]
 
 
-# Single samples ----------------------------------------------------------------------------------------------------------------
+# Single samples
+# --------------------------------------------------------------------------------------------------
 
 FEWEST_IN_A_ROW = 30  # samples: a table of fewer has no neighbours
 AROUND = 12  # samples on each side, whose scatter a spike stands out of
@@ -331,10 +418,12 @@ FAR_OUT = 0.2  # of the range of all other samples
 
 
 def spikes(values: Array) -> IntArray:
-    """Return the numbers of the samples of a record, `(n,)`, that stand alone far from their neighbours.
+    """Return the numbers of the samples of a record, `(n,)`, that stand alone far from their
+    neighbours.
 
-    Such a sample lies to one side of both neighbours, which agree, ten times further than the scatter around it, and at least twice as far
-    as the record changes from one sample to the next anywhere else: steps, and signals of two values, have no such sample.
+    Such a sample lies to one side of both neighbours, which agree, ten times further than the
+    scatter around it, and at least twice as far as the record changes from one sample to the next
+    anywhere else: steps, and signals of two values, have no such sample.
     """
     if len(values) < FEWEST_IN_A_ROW:
         return np.zeros(0, dtype=np.int64)
@@ -355,11 +444,16 @@ def spikes(values: Array) -> IntArray:
     usual = max(JUMPS * float(np.abs(steps[others]).max(initial=0.0)), FAR_OUT * span)
     beside = np.isin(lone, [lone - 1, lone + 1])
     high = lone[(height[lone - 1] > usual) & ~beside]
-    return np.array([one for one in high if height[one - 1] > STANDS_OUT * _scatter(values, rest, one)], dtype=np.int64)
+    return np.array(
+        [one for one in high if height[one - 1] > STANDS_OUT * _scatter(values, rest, one)],
+        dtype=np.int64,
+    )
 
 
 def _scatter(values: Array, rest: BoolArray, place: int) -> float:
-    """Return the standard deviation, by the median, of the samples around one about a line through their neighbours."""
+    """Return the standard deviation, by the median, of the samples around one about a line through
+    their neighbours.
+    """
     near = np.arange(max(0, place - AROUND), min(len(values), place + AROUND + 1))
     around = values[near[rest[near]]]
     if len(around) < AROUND:

@@ -1,4 +1,6 @@
-"""What the rules found in a run: told by every command that brings it up to date, and kept in its folder."""
+"""What the rules found in a run: told by every command that brings it up to date, and kept in its
+folder.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,9 @@ if TYPE_CHECKING:
     from mapmore_cli.spec.loader import LoadedSpec
 
 Severity = Literal["error", "warning", "hint"]
-"""An error makes the study wrong or impossible, a warning probably wrong; a hint says what could be better."""
+"""An error makes the study wrong or impossible, a warning probably wrong; a hint says what could be
+better.
+"""
 
 Cause = Literal["spec", "data"]
 """What has to be mended."""
@@ -27,10 +31,12 @@ Cause = Literal["spec", "data"]
 
 @dataclass(frozen=True)
 class Issue:
-    """One thing that a user should look at: its `message` says what is wrong, its `remedy` what to do.
+    """One thing that a user should look at: its `message` says what is wrong, its `remedy` what to
+    do.
 
-    `id` is the rule's name for it, which stays the same from release to release; `place` is a `file:line:column` of the spec, or the
-    recording; `cause` is what has to be mended, and decides the exit code of an error.
+    `id` is the rule's name for it, which stays the same from release to release; `place` is a
+    `file:line:column` of the spec, or the recording; `cause` is what has to be mended, and decides
+    the exit code of an error.
     """
 
     severity: Severity
@@ -42,7 +48,9 @@ class Issue:
 
     @property
     def sentence(self) -> str:
-        """What a run says of it. The place is left out: lines of a spec move, and a run is still up to date then."""
+        """What a run says of it. The place is left out: lines of a spec move, and a run is still up
+        to date then.
+        """
         return f"{self.message}; {self.remedy} [{self.id}]"
 
 
@@ -52,7 +60,9 @@ def is_for_the_spec(errors: Iterable[Issue]) -> bool:
 
 
 def refusal(issues: Iterable[Issue]) -> SpecError | DataError | None:
-    """Return the error that ends a run: every issue that is one, with its place and its remedy; None without errors."""
+    """Return the error that ends a run: every issue that is one, with its place and its remedy;
+    None without errors.
+    """
     errors = [issue for issue in issues if issue.severity == "error"]
     if not errors:
         return None
@@ -60,7 +70,9 @@ def refusal(issues: Iterable[Issue]) -> SpecError | DataError | None:
     lines = [f"{issue.place}: {issue.message} [{issue.id}]\n  {issue.remedy}" for issue in before]
     message = "\n".join([*lines, f"{last.place}: {last.message} [{last.id}]"])
     kind = SpecError if is_for_the_spec(errors) else DataError
-    return kind(message, f"{last.remedy}; or go on as it is with --no-check (`check=False` in Python)")
+    return kind(
+        message, f"{last.remedy}; or go on as it is with --no-check (`check=False` in Python)"
+    )
 
 
 FINDINGS = "check.json"
@@ -73,7 +85,9 @@ _KEPT = TypeAdapter(tuple[Issue, ...])
 
 
 def mark_of(loaded: LoadedSpec, ingested: str) -> str:
-    """Return what findings depend on, as one text: the rules, the spec, and the fingerprint of its ingested data."""
+    """Return what findings depend on, as one text: the rules, the spec, and the fingerprint of its
+    ingested data.
+    """
     return hashlib.sha256(f"{REVISION} {ingested} {loaded.resolved}".encode()).hexdigest()
 
 

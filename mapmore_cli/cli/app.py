@@ -1,7 +1,7 @@
 """The `mapmore` command: its subcommands in the order of the work, and where every error ends.
 
-Nothing heavy is imported here or in the modules of the commands. Only the command of the line is imported, and it imports what it needs
-when it runs.
+Nothing heavy is imported here or in the modules of the commands. Only the command of the line is
+imported, and it imports what it needs when it runs.
 """
 
 from __future__ import annotations
@@ -20,8 +20,22 @@ from mapmore_cli.cli import console
 
 MODULES = {
     **dict.fromkeys(("ingest", "segment", "fit", "fuse", "validate", "report", "run"), "pipeline"),
-    **{"batch": "batch", "tune": "tune", "plan": "tune", "predict": "predict", "adapt": "predict", "invert": "predict"},
-    **{"freeze": "compare", "compare": "compare", "export": "files", "figure": "files", "paper": "batch", "simulate": "files"},
+    **{
+        "batch": "batch",
+        "tune": "tune",
+        "plan": "tune",
+        "predict": "predict",
+        "adapt": "predict",
+        "invert": "predict",
+    },
+    **{
+        "freeze": "compare",
+        "compare": "compare",
+        "export": "files",
+        "figure": "files",
+        "paper": "batch",
+        "simulate": "files",
+    },
     **{"show": "files", "init": "init", "example": "files", "check": "init", "schema": "files"},
 }
 """The module of `cli/` that has the function of each command, which bears its name."""
@@ -31,7 +45,9 @@ AS_JSON = "mapmore.json"
 
 
 class _Lazily(Mapping[str, Any]):
-    """The commands by name. A command's module is imported, and its arguments are built, when it is asked for."""
+    """The commands by name. A command's module is imported, and its arguments are built, when it is
+    asked for.
+    """
 
     def __init__(self) -> None:
         self._built: dict[str, Any] = {}
@@ -51,13 +67,17 @@ class _Lazily(Mapping[str, Any]):
 
 
 class Commands(TyperGroup):
-    """The group of subcommands: turns errors into exit codes, and takes `--debug`, `--env` and `--tables` anywhere on the line."""
+    """The group of subcommands: turns errors into exit codes, and takes `--debug`, `--env` and
+    `--tables` anywhere on the line.
+    """
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(**{**settings, "commands": _Lazily()})
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Move `--debug`, `--env NAME` and `--tables DIR` to the front, so that they can be added at the end of a line that failed."""
+        """Move `--debug`, `--env NAME` and `--tables DIR` to the front, so that they can be added
+        at the end of a line that failed.
+        """
         ctx.meta[AS_JSON] = "--json" in args
         if "--debug" in args:
             args = ["--debug", *(arg for arg in args if arg != "--debug")]
@@ -68,19 +88,33 @@ class Commands(TyperGroup):
         return super().parse_args(ctx, args)
 
     def invoke(self, ctx: Any) -> Any:
-        """Run the command and flush what it printed, so that a broken pipe shows here and not at exit."""
-        # The base of BadParameter is the usage error of the click that this Typer uses, its own copy or the package.
-        typers_own: tuple[type[BaseException], ...] = (typer.Exit, typer.Abort, *typer.BadParameter.__bases__)
+        """Run the command and flush what it printed, so that a broken pipe shows here and not at
+        exit.
+        """
+        # The base of BadParameter is the usage error of the click that this Typer uses, its own
+        # copy or the package.
+        typers_own: tuple[type[BaseException], ...] = (
+            typer.Exit,
+            typer.Abort,
+            *typer.BadParameter.__bases__,
+        )
         try:
             super().invoke(ctx)
             sys.stdout.flush()
         except typers_own:
             raise
         except (Exception, KeyboardInterrupt) as error:
-            raise typer.Exit(console.settle(error, debug=ctx.params["debug"], as_json=ctx.meta[AS_JSON])) from error
+            raise typer.Exit(
+                console.settle(error, debug=ctx.params["debug"], as_json=ctx.meta[AS_JSON])
+            ) from error
 
 
-app = typer.Typer(cls=Commands, no_args_is_help=True, rich_markup_mode=None, context_settings={"help_option_names": ["-h", "--help"]})
+app = typer.Typer(
+    cls=Commands,
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
 
 
 def _print_version(wanted: bool) -> None:
@@ -92,7 +126,9 @@ def _print_version(wanted: bool) -> None:
 
 
 def _read_more(option: str, what: str, variable: str, separator: str, help: str) -> Any:
-    """Return an option that lets specs read more, in this process and those that it starts: they take it from an environment variable."""
+    """Return an option that lets specs read more, in this process and those that it starts: they
+    take it from an environment variable.
+    """
 
     def add(values: list[str]) -> list[str]:
         if values:
@@ -104,21 +140,42 @@ def _read_more(option: str, what: str, variable: str, separator: str, help: str)
 
 @app.callback()
 def _common(
-    version: Annotated[bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")] = False,
-    debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error (anywhere on the line).")] = False,
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", callback=_print_version, is_eager=True, help="Print the version."
+        ),
+    ] = False,
+    debug: Annotated[
+        bool, typer.Option("--debug", help="Show the traceback of an error (anywhere on the line).")
+    ] = False,
     env: Annotated[
-        list[str], _read_more("--env", "NAME", "MAPMORE_ENV", ",", "Let specs read this environment variable too.")
+        list[str],
+        _read_more(
+            "--env", "NAME", "MAPMORE_ENV", ",", "Let specs read this environment variable too."
+        ),
     ] = console.NONE,
     tables: Annotated[
-        list[str], _read_more("--tables", "DIR", "MAPMORE_TABLES", os.pathsep, "Let `report.published.tables` lie below this folder too.")
+        list[str],
+        _read_more(
+            "--tables",
+            "DIR",
+            "MAPMORE_TABLES",
+            os.pathsep,
+            "Let `report.published.tables` lie below this folder too.",
+        ),
     ] = console.NONE,
 ) -> None:
-    """Models of soft fluidic muscles from measured curves: one spec, one command, a validated model and a page to look at."""
+    """Models of soft fluidic muscles from measured curves: one spec, one command, a validated model
+    and a page to look at.
+    """
 
 
 def main() -> None:
     """Run the installed command and of `python -m mapmore_cli`."""
-    cast(io.TextIOWrapper, sys.stdout).reconfigure(errors="replace")  # a terminal without ² and – still shows the table
+    cast(io.TextIOWrapper, sys.stdout).reconfigure(
+        errors="replace"
+    )  # a terminal without ² and – still shows the table
     try:
         app(prog_name="mapmore")
     except (OSError, MemoryError) as error:  # outside of a command, as where --help is printed

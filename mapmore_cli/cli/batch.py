@@ -1,4 +1,6 @@
-"""Many runs at once: `mapmore batch`, with one table of their scores; `mapmore paper`, beside published tables and figures."""
+"""Many runs at once: `mapmore batch`, with one table of their scores; `mapmore paper`, beside
+published tables and figures.
+"""
 
 from __future__ import annotations
 
@@ -25,14 +27,27 @@ if TYPE_CHECKING:
 
 
 def batch(
-    configs: Annotated[list[Path], typer.Argument(metavar="CONFIG...", help="Experiment specs or campaigns (YAML).")],
+    configs: Annotated[
+        list[Path],
+        typer.Argument(metavar="CONFIG...", help="Experiment specs or campaigns (YAML)."),
+    ],
     runs: console.Runs = console.RUNS,
-    jobs: Annotated[int, typer.Option("--jobs", "-j", metavar="N", min=1, help="Runs at a time.")] = os.cpu_count() or 1,
+    jobs: Annotated[
+        int, typer.Option("--jobs", "-j", metavar="N", min=1, help="Runs at a time.")
+    ] = os.cpu_count() or 1,
     cluster: Annotated[
-        str | None, typer.Option("--cluster", metavar="ADDRESS", help="Scheduler of a Dask cluster to run on, as tcp://host:8786.")
+        str | None,
+        typer.Option(
+            "--cluster",
+            metavar="ADDRESS",
+            help="Scheduler of a Dask cluster to run on, as tcp://host:8786.",
+        ),
     ] = None,
     cluster_file: Annotated[
-        Path | None, typer.Option("--cluster-file", metavar="FILE", help="The same, by the file that the scheduler wrote.")
+        Path | None,
+        typer.Option(
+            "--cluster-file", metavar="FILE", help="The same, by the file that the scheduler wrote."
+        ),
     ] = None,
     overrides: console.Overrides = console.NONE,
     force: console.Force = False,
@@ -45,11 +60,18 @@ def batch(
 ) -> None:
     """Run several specs, or the runs of campaigns, at a time.
 
-    One that fails does not stop the rest; the exit code is the highest of all. A campaign gets a page of its own.
+    One that fails does not stop the rest; the exit code is the highest of all. A campaign gets a
+    page of its own.
     """
     from mapmore_cli.annexes.campaigns.batch import Job, planned, run_all
     from mapmore_cli.annexes.campaigns.cluster import ClusterWorkers
-    from mapmore_cli.annexes.campaigns.page import expanded, refuse_foreign_folders, run_names, specs_of, write_page
+    from mapmore_cli.annexes.campaigns.page import (
+        expanded,
+        refuse_foreign_folders,
+        run_names,
+        specs_of,
+        write_page,
+    )
     from mapmore_cli.annexes.campaigns.processes import LocalWorkers
     from mapmore_cli.cli.views import page_lines
 
@@ -60,7 +82,10 @@ def batch(
     names = run_names(entries, campaigns, specs)
     refuse_foreign_folders(campaigns, runs)
     jobs_of = partial(Job, runs=runs, force=force, rehash=rehash, check=not no_check)
-    wanted = [jobs_of(entry.config, overrides=entry.overrides, campaign=entry.campaign) for entry in entries]
+    wanted = [
+        jobs_of(entry.config, overrides=entry.overrides, campaign=entry.campaign)
+        for entry in entries
+    ]
     todo = planned(wanted, specs)
     results: dict[int, Result] = {}
     with Reporter(quiet) as reporter:
@@ -69,19 +94,42 @@ def batch(
             reporter.warn(RunWarning.of(names[number], message))
 
         local = cluster is None and cluster_file is None
-        workers = LocalWorkers(jobs, tell) if local else ClusterWorkers(cluster, cluster_file, runs, tell, reporter.say, reporter.warn)
-        with closing(run_all(todo if local else [job.elsewhere() for job in todo], workers)) as ended:
+        workers = (
+            LocalWorkers(jobs, tell)
+            if local
+            else ClusterWorkers(cluster, cluster_file, runs, tell, reporter.say, reporter.warn)
+        )
+        with closing(
+            run_all(todo if local else [job.elsewhere() for job in todo], workers)
+        ) as ended:
             for number, result in ended:
-                results[number] = result if isinstance(result, BaseException) else replace(result, run_dir=runs / result.name)
+                results[number] = (
+                    result
+                    if isinstance(result, BaseException)
+                    else replace(result, run_dir=runs / result.name)
+                )
                 _tell(reporter, names[number], result, f"{len(results)} of {len(todo)}")
     ordered = {name: results[number] for number, name in enumerate(names)}
-    pages = [write_page(one.campaign, {names[number]: results[number] for number in one.jobs}, runs) for one in campaigns]
+    pages = [
+        write_page(one.campaign, {names[number]: results[number] for number in one.jobs}, runs)
+        for one in campaigns
+    ]
     taken = {names[number] for one in campaigns for number in one.jobs}
     alone = {name: result for name, result in ordered.items() if name not in taken}
-    tables = [table for _, of_page in pages for table in of_page] + ([_joint_table(alone)] if alone else [])
-    lines = [line for run in ordered.values() if not isinstance(run, BaseException) for line in page_lines(run.run_dir)]
+    tables = [table for _, of_page in pages for table in of_page] + (
+        [_joint_table(alone)] if alone else []
+    )
+    lines = [
+        line
+        for run in ordered.values()
+        if not isinstance(run, BaseException)
+        for line in page_lines(run.run_dir)
+    ]
     lines += [f"campaign page: {path}" for path, _ in pages]
-    documents = [_document(entry.config, name, ordered[name]) for entry, name in zip(entries, names, strict=True)]
+    documents = [
+        _document(entry.config, name, ordered[name])
+        for entry, name in zip(entries, names, strict=True)
+    ]
     console.print_view(console.View({"runs": documents}, tuple(tables), tuple(lines)), as_json)
     console.write_ci_files(junit, summary, ordered, tables)
     if code := max(map(_code, ordered.values())):
@@ -111,12 +159,19 @@ def _document(config: Path, name: str, result: Result) -> dict[str, Any]:
     head: dict[str, Any] = {"config": str(config), "name": name, "exit_code": _code(result)}
     if isinstance(result, BaseException):
         return {**head, "error": console.error_document(result)}
-    run = {"run_dir": str(result.run_dir), "stages": result.stages, "missed": result.missed, "warnings": result.warnings}
+    run = {
+        "run_dir": str(result.run_dir),
+        "stages": result.stages,
+        "missed": result.missed,
+        "warnings": result.warnings,
+    }
     return {**head, **run, **of_scores(result.table).document}
 
 
 def _joint_table(results: Mapping[str, Result]) -> Table:
-    """NRMSE of every run and model, beside what a publication reports for the held-out rows; one row that says so for a failed run."""
+    """NRMSE of every run and model, beside what a publication reports for the held-out rows; one
+    row that says so for a failed run.
+    """
     from mapmore_cli.reporting.table import Cell, Column, Table
 
     rows: list[tuple[Cell, ...]] = []
@@ -125,10 +180,26 @@ def _joint_table(results: Mapping[str, Result]) -> Table:
             rows.append((name, None, "failed", None, None))
             continue
         published = run.published.nrmse if run.published else {}
-        for score in sorted((s for s in run.table.scores if s.curve == "all"), key=lambda s: s.split != "validate"):
+        for score in sorted(
+            (s for s in run.table.scores if s.curve == "all"), key=lambda s: s.split != "validate"
+        ):
             printed = published.get(score.model) if score.split == "validate" else None
-            rows.append((name, score.model, score.split, 100 * score.nrmse, None if printed is None else 100 * printed))
-    columns = (Column("run"), Column("model"), Column("data"), Column("NRMSE", "%", ".2f"), Column("published NRMSE", "%", ".3g"))
+            rows.append(
+                (
+                    name,
+                    score.model,
+                    score.split,
+                    100 * score.nrmse,
+                    None if printed is None else 100 * printed,
+                )
+            )
+    columns = (
+        Column("run"),
+        Column("model"),
+        Column("data"),
+        Column("NRMSE", "%", ".2f"),
+        Column("published NRMSE", "%", ".3g"),
+    )
     return Table("batch", "NRMSE of every run, all curves pooled", columns, tuple(rows))
 
 
@@ -136,7 +207,10 @@ def paper(
     configs: Annotated[list[Path], typer.Argument(metavar="CONFIG...", help="Papers (YAML).")],
     runs: console.Runs = console.RUNS,
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", metavar="FILE", help="The page; DIR/paper.html of the runs by default.")
+        Path | None,
+        typer.Option(
+            "--out", "-o", metavar="FILE", help="The page; DIR/paper.html of the runs by default."
+        ),
     ] = None,
     as_json: console.AsJson = False,
     quiet: console.Quiet = False,
@@ -146,7 +220,13 @@ def paper(
     Brings the runs of each paper up to date, judges by the rules of the file, and writes one page.
     The exit code is the highest of the runs.
     """
-    from mapmore_cli.annexes.paper.paper import compare_paper, counts, overview, page, verdicts_table
+    from mapmore_cli.annexes.paper.paper import (
+        compare_paper,
+        counts,
+        overview,
+        page,
+        verdicts_table,
+    )
     from mapmore_cli.spec.campaign import load_paper
 
     loaded = [load_paper(config) for config in configs]
@@ -160,15 +240,25 @@ def paper(
     documents = [
         {
             "paper": one.loaded.spec.paper,
-            "counts": {kind: {"agree": agree, "compared": every} for kind, (agree, every) in counts(one.compared).items()},
+            "counts": {
+                kind: {"agree": agree, "compared": every}
+                for kind, (agree, every) in counts(one.compared).items()
+            },
             "items": [
-                {**console.picked(result.item, "id", "status", "place"), "verdicts": result.verdicts, "failed": result.failed or None}
+                {
+                    **console.picked(result.item, "id", "status", "place"),
+                    "verdicts": result.verdicts,
+                    "failed": result.failed or None,
+                }
                 for result in one.results
             ],
         }
         for one in found
     ]
     tables = (overview(found), verdicts_table(found))
-    console.print_view(console.View({"papers": documents, "page": str(target)}, tables, (f"page: {target}",)), as_json)
+    console.print_view(
+        console.View({"papers": documents, "page": str(target)}, tables, (f"page: {target}",)),
+        as_json,
+    )
     if code := max(code for _, code in ended):
         raise typer.Exit(code)

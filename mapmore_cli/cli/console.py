@@ -1,4 +1,6 @@
-"""What commands share: results on stdout as tables or as one JSON document, files beside them, errors with their codes, and options."""
+"""What commands share: results on stdout as tables or as one JSON document, files beside them,
+errors with their codes, and options.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mapmore_cli.domain.errors import LimitMissed, MapmoreError, Stopped, UsageError, WriteError, explained, told
+from mapmore_cli.domain.errors import (
+    LimitMissed,
+    MapmoreError,
+    Stopped,
+    UsageError,
+    WriteError,
+    explained,
+    told,
+)
 from mapmore_cli.domain.foreign import printable
 from mapmore_cli.storage.atomic import write_bytes, write_text
 
@@ -26,33 +36,71 @@ if TYPE_CHECKING:
     from mapmore_cli.reporting.figures.drawing import Drawing
     from mapmore_cli.reporting.table import Table
 
-# Options ------------------------------------------------------------------------------------------------------------------------------
+# Options
+# --------------------------------------------------------------------------------------------------
 
 Config = Annotated[Path, typer.Argument(metavar="CONFIG", help="The experiment spec (YAML).")]
 ModelFile = Annotated[Path, typer.Argument(metavar="MODEL", help="A model.h5.")]
-RunOrName = Annotated[Path, typer.Argument(metavar="RUN", help="A run folder, or the name of a run.")]
-Runs = Annotated[Path, typer.Option("--runs", metavar="DIR", help="Folder of the runs.")]
-Archive = Annotated[Path, typer.Option("--archive", metavar="DIR", help="Folder of the frozen models.")]
-Overrides = Annotated[
-    list[str], typer.Option("--set", metavar="KEY=VALUE", help="Replace one value of the spec, as fit.max_terms=2. Repeatable.")
+RunOrName = Annotated[
+    Path, typer.Argument(metavar="RUN", help="A run folder, or the name of a run.")
 ]
-Force = Annotated[bool, typer.Option("--force", help="Redo the stages even if they are up to date.")]
-Rehash = Annotated[bool, typer.Option("--rehash", help="Read every recording again to see whether it changed.")]
-NoCheck = Annotated[bool, typer.Option("--no-check", help="Go on where `mapmore check` finds errors.")]
-Explain = Annotated[bool, typer.Option("--explain", help="Say which stages would run, and why; do nothing.")]
+Runs = Annotated[Path, typer.Option("--runs", metavar="DIR", help="Folder of the runs.")]
+Archive = Annotated[
+    Path, typer.Option("--archive", metavar="DIR", help="Folder of the frozen models.")
+]
+Overrides = Annotated[
+    list[str],
+    typer.Option(
+        "--set",
+        metavar="KEY=VALUE",
+        help="Replace one value of the spec, as fit.max_terms=2. Repeatable.",
+    ),
+]
+Force = Annotated[
+    bool, typer.Option("--force", help="Redo the stages even if they are up to date.")
+]
+Rehash = Annotated[
+    bool, typer.Option("--rehash", help="Read every recording again to see whether it changed.")
+]
+NoCheck = Annotated[
+    bool, typer.Option("--no-check", help="Go on where `mapmore check` finds errors.")
+]
+Explain = Annotated[
+    bool, typer.Option("--explain", help="Say which stages would run, and why; do nothing.")
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document instead of tables.")]
-Unverified = Annotated[bool, typer.Option("--unverified", help="Read a file although its values are not those that were written.")]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress and no warnings on stderr.")]
+Unverified = Annotated[
+    bool,
+    typer.Option(
+        "--unverified", help="Read a file although its values are not those that were written."
+    ),
+]
+Quiet = Annotated[
+    bool, typer.Option("--quiet", "-q", help="No progress and no warnings on stderr.")
+]
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Also say how long each step took.")]
-Junit = Annotated[Path | None, typer.Option("--junit", metavar="FILE", help="Also write how the runs ended, as JUnit XML.")]
-Summary = Annotated[Path | None, typer.Option("--summary", metavar="FILE", help="Also write a summary with the score tables (Markdown).")]
+Junit = Annotated[
+    Path | None,
+    typer.Option("--junit", metavar="FILE", help="Also write how the runs ended, as JUnit XML."),
+]
+Summary = Annotated[
+    Path | None,
+    typer.Option(
+        "--summary", metavar="FILE", help="Also write a summary with the score tables (Markdown)."
+    ),
+]
 Outputs = Annotated[
     list[Path],
     typer.Option(
-        "--output", "-o", metavar="FILE", help="Also write the figure (.svg .pdf .png .pgf) or the table (.csv .tex). Repeatable."
+        "--output",
+        "-o",
+        metavar="FILE",
+        help="Also write the figure (.svg .pdf .png .pgf) or the table (.csv .tex). Repeatable.",
     ),
 ]
-OutputOrStdout = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="Where to write; - is stdout.")]
+OutputOrStdout = Annotated[
+    Path, typer.Option("--output", "-o", metavar="FILE", help="Where to write; - is stdout.")
+]
 
 RUNS, ARCHIVE, STANDARD = Path("runs"), Path("archive"), Path("-")
 """Defaults of `Runs`, of `Archive`, and of what may be stdin or stdout."""
@@ -60,7 +108,8 @@ RUNS, ARCHIVE, STANDARD = Path("runs"), Path("archive"), Path("-")
 NONE: list[Any] = []
 """Default of options that can be repeated; Typer makes a new list of what the user gives."""
 
-# Results ------------------------------------------------------------------------------------------------------------------------------
+# Results
+# --------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -100,23 +149,30 @@ def print_document(document: Mapping[str, Any]) -> None:
 
 
 def _plain(value: Any) -> Any:
-    """Rebuild a document from what JSON knows: arrays and tuples become lists, non-finite numbers None."""
+    """Rebuild a document from what JSON knows: arrays and tuples become lists, non-finite numbers
+    None.
+    """
     if isinstance(value, Mapping):
         return {str(key): _plain(item) for key, item in value.items()}
-    if hasattr(value, "tolist"):  # NumPy arrays and scalars, without importing NumPy for documents that have none
+    if hasattr(
+        value, "tolist"
+    ):  # NumPy arrays and scalars, without importing NumPy for documents that have none
         return _plain(value.tolist())
     if isinstance(value, (list, tuple)):
         return [_plain(item) for item in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-# Files beside them --------------------------------------------------------------------------------------------------------------------
+# Files beside them
+# --------------------------------------------------------------------------------------------------
 
 FIGURE_FILES, TABLE_FILES = ("svg", "pdf", "png", "pgf"), ("csv", "tex")
 
 
 def refuse_endings(
-    paths: Sequence[Path], endings: Sequence[str] = (*FIGURE_FILES, *TABLE_FILES), what: str = "neither a figure nor a table ends so"
+    paths: Sequence[Path],
+    endings: Sequence[str] = (*FIGURE_FILES, *TABLE_FILES),
+    what: str = "neither a figure nor a table ends so",
 ) -> None:
     """Refuse files that have another ending, before anything is computed; `what` says why."""
     for path in paths:
@@ -125,7 +181,9 @@ def refuse_endings(
 
 
 def write_results(paths: Sequence[Path], table: Table, found: Tuning | Plan) -> None:
-    """Write the table to each of the files, or where it ends as a figure does, a drawing of what was `found`."""
+    """Write the table to each of the files, or where it ends as a figure does, a drawing of what
+    was `found`.
+    """
     from mapmore_cli.reporting.table import to_csv, to_latex
 
     for path in paths:
@@ -143,11 +201,17 @@ def write_figure(path: Path, drawing: Drawing) -> None:
     from mapmore_cli.reporting.figures.style import figure_style
 
     with figure_style():
-        write_bytes(path, WRITERS[path.suffix.removeprefix(".")](compose(drawing), drawing.name, drawing.alt))
+        write_bytes(
+            path,
+            WRITERS[path.suffix.removeprefix(".")](compose(drawing), drawing.name, drawing.alt),
+        )
 
 
 def write_ci_files(
-    junit: Path | None, summary: Path | None, ended: Mapping[str, Finished | BaseException], tables: Sequence[Table] = ()
+    junit: Path | None,
+    summary: Path | None,
+    ended: Mapping[str, Finished | BaseException],
+    tables: Sequence[Table] = (),
 ) -> None:
     """Write how runs ended for machines, and a summary for people, where they are asked for."""
     if junit is None and summary is None:
@@ -166,23 +230,32 @@ def write_ci_files(
         write_text(summary, to_summary(reports, tables))
 
 
-# Errors -------------------------------------------------------------------------------------------------------------------------------
+# Errors
+# --------------------------------------------------------------------------------------------------
 
 INTERNAL_FAULT = 1
 INTERRUPTED = 130  # 128 + SIGINT, as shells report it
 BROKEN_PIPE = 141  # 128 + SIGPIPE
 
 _STDOUT = {
-    errno.ENOSPC: ("stdout: cannot be written (no space left on device)", "make room, or write elsewhere"),
-    errno.EBADF: ("stdout: cannot be written (it is closed)", "do not close it; `-q` and `> /dev/null` keep quiet"),
+    errno.ENOSPC: (
+        "stdout: cannot be written (no space left on device)",
+        "make room, or write elsewhere",
+    ),
+    errno.EBADF: (
+        "stdout: cannot be written (it is closed)",
+        "do not close it; `-q` and `> /dev/null` keep quiet",
+    ),
 }
 """What is told where stdout fails; files are storage's to explain."""
 
 
 def settle(error: BaseException, debug: bool, as_json: bool) -> int:
-    """Say on stderr what went wrong, and return the exit code; the traceback is for `--debug` alone.
+    """Say on stderr what went wrong, and return the exit code; the traceback is for `--debug`
+    alone.
 
-    With `--json` the error is the document on stdout too, unless that has been printed: a missed limit stands in it.
+    With `--json` the error is the document on stdout too, unless that has been printed: a missed
+    limit stands in it.
     """
     if isinstance(error, BrokenPipeError):
         _silence_stdout()

@@ -1,4 +1,6 @@
-"""`mapmore init`: a first spec for recordings that nobody has described yet. `mapmore check`: is a spec right, and do its data fit?"""
+"""`mapmore init`: a first spec for recordings that nobody has described yet. `mapmore check`: is a
+spec right, and do its data fit?
+"""
 
 from __future__ import annotations
 
@@ -21,25 +23,58 @@ if TYPE_CHECKING:
 
 
 def init(
-    path: Annotated[Path, typer.Argument(metavar="PATH", help="A recording, or a folder of recordings.")],
+    path: Annotated[
+        Path, typer.Argument(metavar="PATH", help="A recording, or a folder of recordings.")
+    ],
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="FILE", help="Where to write; NAME.yaml here by default, - for stdout.")
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="FILE",
+            help="Where to write; NAME.yaml here by default, - for stdout.",
+        ),
     ] = None,
     name: Annotated[str | None, typer.Option(metavar="NAME", help="Name of the study.")] = None,
-    length: Annotated[str | None, typer.Option(metavar="LENGTH", help="Of the muscle, as 88mm: makes a strain of a displacement.")] = None,
-    columns: Annotated[str | None, typer.Option(metavar="LIST", help='What the columns are, as "time:ms,_,pressure:bar,force:N".')] = None,
-    target: Annotated[str | None, typer.Option(metavar="NAME", help="The quantity to predict.")] = None,
-    hold: Annotated[str | None, typer.Option(metavar="NAME", help="What was held, or none.")] = None,
-    group: Annotated[str | None, typer.Option(metavar="NAME", help="What names tell apart, as specimen: one study of groups.")] = None,
-    budget: Annotated[str, typer.Option(metavar="TIME", help="Computing time for the search of each model, as 60s.")] = "20s",
-    yes: Annotated[bool, typer.Option("--yes", "-y", help="Ask nothing: guess, and mark what is not sure.")] = False,
+    length: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LENGTH", help="Of the muscle, as 88mm: makes a strain of a displacement."
+        ),
+    ] = None,
+    columns: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LIST", help='What the columns are, as "time:ms,_,pressure:bar,force:N".'
+        ),
+    ] = None,
+    target: Annotated[
+        str | None, typer.Option(metavar="NAME", help="The quantity to predict.")
+    ] = None,
+    hold: Annotated[
+        str | None, typer.Option(metavar="NAME", help="What was held, or none.")
+    ] = None,
+    group: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME", help="What names tell apart, as specimen: one study of groups."
+        ),
+    ] = None,
+    budget: Annotated[
+        str,
+        typer.Option(metavar="TIME", help="Computing time for the search of each model, as 60s."),
+    ] = "20s",
+    yes: Annotated[
+        bool, typer.Option("--yes", "-y", help="Ask nothing: guess, and mark what is not sure.")
+    ] = False,
     force: Annotated[bool, typer.Option("--force", help="Replace specs that exist.")] = False,
     quiet: console.Quiet = False,
 ) -> None:
     """Start a spec from recordings.
 
-    Columns, units, levels and load cycles are guessed, and every guess says why; the structure of the model is searched on training
-    data. A folder with recordings of several studies gives a spec for each; with -o, one for the largest.
+    Columns, units, levels and load cycles are guessed, and every guess says why; the structure of
+    the model is searched on training data. A folder with recordings of several studies gives a spec
+    for each; with -o, one for the largest.
     """
     from mapmore_cli.annexes.drafting.answers import Answers, read_columns
     from mapmore_cli.annexes.drafting.draft import guesses_page
@@ -48,7 +83,10 @@ def init(
 
     _check_name(name)
     if group is not None and not (group.isascii() and group.isidentifier()):
-        raise UsageError(f"--group: {group!r} is no name of a quantity", "say what the names of files tell apart, as specimen, or none")
+        raise UsageError(
+            f"--group: {group!r} is no name of a quantity",
+            "say what the names of files tell apart, as specimen, or none",
+        )
     answers = Answers(
         {} if columns is None else read_columns(columns),
         target,
@@ -77,7 +115,9 @@ def init(
 
 
 def ask(question: Question) -> str:
-    """Print a question with its options, the likeliest first, and return the first answer that can be; at the end of input, none."""
+    """Print a question with its options, the likeliest first, and return the first answer that can
+    be; at the end of input, none.
+    """
     from rich.console import Console
     from rich.markup import escape
 
@@ -87,7 +127,11 @@ def ask(question: Question) -> str:
         terminal.print(f"  {number} [bold]{escape(option.text)}[/bold]  {option.course}")
         terminal.print(f"    [dim]{escape(option.why)}[/dim]")
     while True:
-        terminal.print(f"[dim]Enter for 1{', else ' + escape(question.form) if question.form else ''}[/dim] > ", end="")
+        terminal.print(
+            "[dim]Enter for "
+            f"1{', else ' + escape(question.form) if question.form else ''}[/dim] > ",
+            end="",
+        )
         try:
             reply = input()
         except EOFError:
@@ -107,7 +151,9 @@ def _given(option: str, text: str, unit: str, example: str) -> float:
     try:
         value = parse_quantity(text, unit)
     except SpecError as fault:
-        raise UsageError(f"{option}: {fault.message}", fault.remedy or f"write it as {example}") from fault
+        raise UsageError(
+            f"{option}: {fault.message}", fault.remedy or f"write it as {example}"
+        ) from fault
     if not 0 < value < math.inf:
         raise UsageError(f"{option}: {text} is not positive", f"write it as {example}")
     return value
@@ -121,11 +167,16 @@ def _check_name(name: str | None) -> None:
     try:
         TypeAdapter(Name | None).validate_python(name)
     except ValidationError as fault:
-        raise UsageError(f"--name: {name!r} is no name for a study", "use letters, digits, `.`, `_` and `-`, as bench-2") from fault
+        raise UsageError(
+            f"--name: {name!r} is no name for a study",
+            "use letters, digits, `.`, `_` and `-`, as bench-2",
+        ) from fault
 
 
 def _write(texts: dict[Path, str], force: bool) -> None:
-    """Write every file that does not exist yet, or all with `force`, and print their paths; then refuse where one was there."""
+    """Write every file that does not exist yet, or all with `force`, and print their paths; then
+    refuse where one was there.
+    """
     taken = [path for path in texts if path.exists() and not force]
     for path, text in texts.items():
         if path not in taken:
@@ -133,13 +184,21 @@ def _write(texts: dict[Path, str], force: bool) -> None:
             print(path)
     if taken:
         told = ", ".join(map(str, taken))
-        raise WriteError(f"{told}: exists already", "say --force to replace it, or -o to write elsewhere; others were written")
+        raise WriteError(
+            f"{told}: exists already",
+            "say --force to replace it, or -o to write elsewhere; others were written",
+        )
 
 
 def check(
-    config: Annotated[Path, typer.Argument(metavar="CONFIG", help="Experiment spec or campaign (YAML).")],
+    config: Annotated[
+        Path, typer.Argument(metavar="CONFIG", help="Experiment spec or campaign (YAML).")
+    ],
     overrides: console.Overrides = console.NONE,
-    confirm: Annotated[bool, typer.Option("--confirm", help="Take the guesses marked CHECK as right: remove the mark.")] = False,
+    confirm: Annotated[
+        bool,
+        typer.Option("--confirm", help="Take the guesses marked CHECK as right: remove the mark."),
+    ] = False,
     runs: console.Runs = console.RUNS,
     as_json: console.AsJson = False,
     quiet: console.Quiet = False,
@@ -156,12 +215,19 @@ def check(
     with Reporter(quiet) as reporter:
 
         def inspected(loaded: LoadedSpec, before: Inspection | None = None) -> Inspection:
-            return inspect(loaded, runs / loaded.spec.name, reporter.progress, reporter.warn, before)
+            return inspect(
+                loaded, runs / loaded.spec.name, reporter.progress, reporter.warn, before
+            )
 
         if not campaigns:
             loaded = load(entries[0].config, entries[0].overrides)
             inspection = inspected(loaded)
-            console.print_view(of_inspection(inspection, loaded.spec.unconfirmed).under({"name": loaded.spec.name}), as_json)
+            console.print_view(
+                of_inspection(inspection, loaded.spec.unconfirmed).under(
+                    {"name": loaded.spec.name}
+                ),
+                as_json,
+            )
             if inspection.verdict is not None:  # its issues stand in the document
                 print(console.message(inspection.verdict), file=sys.stderr)
                 raise typer.Exit(console.exit_code(inspection.verdict))
@@ -174,7 +240,14 @@ def check(
                 results[run] = before = inspected(load(entry.config, entry.overrides), before)
             except MapmoreError as fault:
                 results[run] = fault
-    console.print_view(of_campaign(results).under({"campaign": campaigns[0].campaign.campaign}), as_json)
-    verdicts = [result if isinstance(result, MapmoreError) else result.verdict for result in results.values()]
-    if code := max((console.exit_code(verdict) for verdict in verdicts if verdict is not None), default=0):
+    console.print_view(
+        of_campaign(results).under({"campaign": campaigns[0].campaign.campaign}), as_json
+    )
+    verdicts = [
+        result if isinstance(result, MapmoreError) else result.verdict
+        for result in results.values()
+    ]
+    if code := max(
+        (console.exit_code(verdict) for verdict in verdicts if verdict is not None), default=0
+    ):
         raise typer.Exit(code)

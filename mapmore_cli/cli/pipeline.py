@@ -1,4 +1,6 @@
-"""`ingest`, `segment`, `fit`, `fuse`, `validate`, `report`, and `run`, which is all of them: make-like commands over one spec."""
+"""`ingest`, `segment`, `fit`, `fuse`, `validate`, `report`, and `run`, which is all of them:
+make-like commands over one spec.
+"""
 
 from __future__ import annotations
 
@@ -60,7 +62,12 @@ def run(
     rehash: console.Rehash = False,
     no_check: console.NoCheck = False,
     explain: console.Explain = False,
-    print_spec: Annotated[bool, typer.Option("--print-spec", help="Print the spec with its defaults filled in; do nothing.")] = False,
+    print_spec: Annotated[
+        bool,
+        typer.Option(
+            "--print-spec", help="Print the spec with its defaults filled in; do nothing."
+        ),
+    ] = False,
     junit: console.Junit = None,
     summary: console.Summary = None,
     as_json: console.AsJson = False,
@@ -77,7 +84,9 @@ def run(
         _explain(loaded, runs, "report", reporter, as_json, force, rehash)
     else:
         try:
-            _bring_up_to_date(loaded, runs, "run", reporter, as_json, force, rehash, not no_check, junit, summary)
+            _bring_up_to_date(
+                loaded, runs, "run", reporter, as_json, force, rehash, not no_check, junit, summary
+            )
         except LimitMissed:  # which the files tell already
             raise
         except Exception as error:
@@ -85,7 +94,15 @@ def run(
             raise
 
 
-def _explain(loaded: LoadedSpec, runs: Path, until: str, reporter: Reporter, as_json: bool, force: bool, rehash: bool) -> None:
+def _explain(
+    loaded: LoadedSpec,
+    runs: Path,
+    until: str,
+    reporter: Reporter,
+    as_json: bool,
+    force: bool,
+    rehash: bool,
+) -> None:
     """Print which stages would run, and why; null in the document is a stage that is up to date."""
     from mapmore_cli.pipeline.runner import explain
     from mapmore_cli.reporting.table import Column, Table
@@ -94,7 +111,9 @@ def _explain(loaded: LoadedSpec, runs: Path, until: str, reporter: Reporter, as_
         reasons = explain(loaded, runs, until, force=force, rehash=rehash, warn=reporter.warn)
     rows = tuple((stage, reason or "up-to-date") for stage, reason in reasons)
     table = Table("stages", loaded.spec.name, (Column("stage"), Column("would run because")), rows)
-    console.print_view(console.View({"name": loaded.spec.name, "stages": dict(reasons)}, (table,)), as_json)
+    console.print_view(
+        console.View({"name": loaded.spec.name, "stages": dict(reasons)}, (table,)), as_json
+    )
 
 
 def _bring_up_to_date(
@@ -109,7 +128,9 @@ def _bring_up_to_date(
     junit: Path | None = None,
     summary: Path | None = None,
 ) -> None:
-    """Do what is stale, print what the command is for, and then fail where the spec's limits are missed."""
+    """Do what is stale, print what the command is for, and then fail where the spec's limits are
+    missed.
+    """
     from mapmore_cli.annexes.campaigns.batch import Finished
     from mapmore_cli.annexes.search.stage import SEARCH, read_search
     from mapmore_cli.cli.compared import search_document
@@ -128,14 +149,31 @@ def _bring_up_to_date(
 
         listeners = reporter.listeners
         listeners["warn"] = warn
-        outcome = bring_up_to_date(loaded, runs, until, force=force, rehash=rehash, check=check, **listeners)
+        outcome = bring_up_to_date(
+            loaded, runs, until, force=force, rehash=rehash, check=check, **listeners
+        )
         if questions:
-            guesses = "1 guess of the spec is" if len(questions) == 1 else f"{len(questions)} guesses of the spec are"
-            warn(f"{guesses} not confirmed: see `mapmore check {loaded.path}`, and `--confirm` there where all are right")
-        found = Finished.of(loaded, outcome, warnings, started) if command in ("validate", "run") else None
+            guesses = (
+                "1 guess of the spec is"
+                if len(questions) == 1
+                else f"{len(questions)} guesses of the spec are"
+            )
+            warn(
+                f"{guesses} not confirmed: see `mapmore check {loaded.path}`, and `--confirm` "
+                "there where all are right"
+            )
+        found = (
+            Finished.of(loaded, outcome, warnings, started)
+            if command in ("validate", "run")
+            else None
+        )
         for message in () if found is None else found.table.warnings:
             reporter.warn(message)
-    head: dict[str, Any] = {"name": outcome.name, "run_dir": str(outcome.run_dir), "stages": outcome.stages}
+    head: dict[str, Any] = {
+        "name": outcome.name,
+        "run_dir": str(outcome.run_dir),
+        "stages": outcome.stages,
+    }
     if "search" in outcome.stages:
         head["search"] = search_document(read_search(outcome.run_dir / SEARCH))
     if found is None:
@@ -144,7 +182,11 @@ def _bring_up_to_date(
     scores = of_scores(found.table, found.published)
     told = {"missed": found.missed, "warnings": found.warnings, "unconfirmed": questions}
     lines = page_lines(outcome.run_dir) if command == "run" else ()
-    console.print_view(console.View({**head, **scores.document, **told}, scores.tables, lines), as_json)
+    console.print_view(
+        console.View({**head, **scores.document, **told}, scores.tables, lines), as_json
+    )
     console.write_ci_files(junit, summary, {found.name: found}, scores.tables)
     if found.missed:
-        raise LimitMissed("; ".join(found.missed), "the results are complete; see validate.require in the spec")
+        raise LimitMissed(
+            "; ".join(found.missed), "the results are complete; see validate.require in the spec"
+        )

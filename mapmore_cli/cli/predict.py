@@ -1,4 +1,6 @@
-"""`mapmore predict`, `invert` and `adapt`: a model on a table or on a grid, inverted, or for one specimen."""
+"""`mapmore predict`, `invert` and `adapt`: a model on a table or on a grid, inverted, or for one
+specimen.
+"""
 
 from __future__ import annotations
 
@@ -26,37 +28,66 @@ def predict(
     model_file: console.ModelFile,
     table: Annotated[
         Path | None,
-        typer.Argument(metavar="[TABLE]", help="A CSV table with the model's inputs by name, in its units; - is stdin."),
+        typer.Argument(
+            metavar="[TABLE]",
+            help="A CSV table with the model's inputs by name, in its units; - is stdin.",
+        ),
     ] = None,
     output: console.OutputOrStdout = console.STANDARD,
     grid: Annotated[
-        str | None, typer.Option(metavar="AXES", help="Make a lookup table instead: pressure=0:600:25,strain=0:0.25:0.01.")
+        str | None,
+        typer.Option(
+            metavar="AXES",
+            help="Make a lookup table instead: pressure=0:600:25,strain=0:0.25:0.01.",
+        ),
     ] = None,
     given: Annotated[
-        list[str], typer.Option("--set", metavar="NAME=VALUE", help="An input that is the same in every row, as length=250 mm. Repeatable.")
+        list[str],
+        typer.Option(
+            "--set",
+            metavar="NAME=VALUE",
+            help="An input that is the same in every row, as length=250 mm. Repeatable.",
+        ),
     ] = console.NONE,
-    derivatives: Annotated[bool, typer.Option("--derivatives", help="Add the derivative for every input, <output>_by_<input>.")] = False,
-    interval: Annotated[float | None, typer.Option(metavar="LEVEL", help="Add <output>_low and <output>_high, as for 0.95.")] = None,
+    derivatives: Annotated[
+        bool,
+        typer.Option(
+            "--derivatives", help="Add the derivative for every input, <output>_by_<input>."
+        ),
+    ] = False,
+    interval: Annotated[
+        float | None,
+        typer.Option(metavar="LEVEL", help="Add <output>_low and <output>_high, as for 0.95."),
+    ] = None,
     turned_for: Annotated[
-        str | None, typer.Option("--as", metavar="INPUT", help="Invert the model for an input, as the force of a model of the strain.")
+        str | None,
+        typer.Option(
+            "--as",
+            metavar="INPUT",
+            help="Invert the model for an input, as the force of a model of the strain.",
+        ),
     ] = None,
     unverified: console.Unverified = False,
     quiet: console.Quiet = False,
 ) -> None:
     """Evaluate a model on a table.
 
-    Every column is kept; <output>_predicted and outside_range (true or false) are added, row for row.
+    Every column is kept; <output>_predicted and outside_range (true or false) are added, row for
+    row.
 
-    Tables may be larger than memory, and gzipped where the name ends in .gz. Where an input is empty, so is the prediction.
+    Tables may be larger than memory, and gzipped where the name ends in .gz. Where an input is
+    empty, so is the prediction.
 
-    An interval holds a sample of a new curve with that probability, within the training range. It is made from left-out data: the spec of
-    the model needs `validate: {intervals: true}`.
+    An interval holds a sample of a new curve with that probability, within the training range. It
+    is made from left-out data: the spec of the model needs `validate: {intervals: true}`.
 
-    With --as force, a model of the strain gives the force at the strain of each row: force_predicted. Where no force of the training range
-    makes that strain, it is the nearest one that does, and outside_range is true.
+    With --as force, a model of the strain gives the force at the strain of each row:
+    force_predicted. Where no force of the training range makes that strain, it is the nearest one
+    that does, and outside_range is true.
 
-    A model with memory needs the column time (in s), and the measured output where it goes on from that: it runs free from the first rows
-    of every recording, and starts anew where the column recording changes, where time is set back, and after gaps.
+    A model with memory needs the column time (in s), and the measured output where it goes on from
+    that: it runs free from the first rows of every recording, and starts anew where the column
+    recording changes, where time is set back, and after gaps.
     """
     from mapmore_cli.modelling.kinds import runs_over_time
     from mapmore_cli.pipeline.predict import predicted_lines
@@ -64,9 +95,15 @@ def predict(
     from mapmore_cli.storage.artefacts import read_model
 
     if (table is None) == (grid is None):
-        raise UsageError("give either a TABLE or --grid", "as in: mapmore predict model.h5 measured.csv -o predicted.csv")
+        raise UsageError(
+            "give either a TABLE or --grid",
+            "as in: mapmore predict model.h5 measured.csv -o predicted.csv",
+        )
     if turned_for is not None and (grid is not None or derivatives or interval is not None):
-        raise UsageError("--as goes with a TABLE, and has no derivatives or intervals", "leave --grid, --derivatives and --interval out")
+        raise UsageError(
+            "--as goes with a TABLE, and has no derivatives or intervals",
+            "leave --grid, --derivatives and --interval out",
+        )
     with Reporter(quiet) as reporter:
         model = read_model(model_file, reporter.warn, unverified)
         constants = _constants_of(model, given)
@@ -76,17 +113,35 @@ def predict(
                 remedy = f"give a TABLE of recordings with the columns {columns}"
                 raise UsageError("--grid: this model has memory, and a grid has no time", remedy)
             axes = ",".join([grid, *(f"{name}={value!r}" for name, value in constants.items())])
-            lines, label, constants = grid_lines(axes, [quantity.name for quantity in model.inputs]), "--grid", {}
+            lines, label, constants = (
+                grid_lines(axes, [quantity.name for quantity in model.inputs]),
+                "--grid",
+                {},
+            )
         else:
             assert table is not None
-            lines, label = _opened(table, lambda read, size: reporter.progress("MB read", read // MEGABYTE, -(-size // MEGABYTE)))
+            lines, label = _opened(
+                table,
+                lambda read, size: reporter.progress(
+                    "MB read", read // MEGABYTE, -(-size // MEGABYTE)
+                ),
+            )
         added = predicted_lines(
-            model, lines, label, warn=reporter.warn, derivatives=derivatives, interval=interval, turned_for=turned_for, constants=constants
+            model,
+            lines,
+            label,
+            warn=reporter.warn,
+            derivatives=derivatives,
+            interval=interval,
+            turned_for=turned_for,
+            constants=constants,
         )
         _write_lines(added, output)
 
 
-def _opened(table: Path, told: Callable[[int, int], None] = lambda _read, _size: None) -> tuple[Iterator[str], str]:
+def _opened(
+    table: Path, told: Callable[[int, int], None] = lambda _read, _size: None
+) -> tuple[Iterator[str], str]:
     """Return the lines of a table or of stdin, and what messages call it."""
     from mapmore_cli.storage.tables.lines import as_text, lines_of
 
@@ -95,12 +150,17 @@ def _opened(table: Path, told: Callable[[int, int], None] = lambda _read, _size:
     try:
         os.read(0, 0)
     except OSError as fault:  # closed, or a folder
-        raise UsageError(f"stdin: cannot be read ({os.strerror(fault.errno or 0)})", "pipe a table into it, or name a file") from fault
+        raise UsageError(
+            f"stdin: cannot be read ({os.strerror(fault.errno or 0)})",
+            "pipe a table into it, or name a file",
+        ) from fault
     return as_text(sys.stdin.buffer), "stdin"
 
 
 def _constants_of(model: Model, given: Sequence[str]) -> dict[str, float]:
-    """Return the inputs that `--set` gives, in the model's units; raises UsageError for what is no input or no number."""
+    """Return the inputs that `--set` gives, in the model's units; raises UsageError for what is no
+    input or no number.
+    """
     from mapmore_cli.spec.units import parse_quantity
 
     units = {quantity.name: quantity.unit for quantity in model.inputs}
@@ -108,11 +168,16 @@ def _constants_of(model: Model, given: Sequence[str]) -> dict[str, float]:
     for text in given:
         name, _, value = (part.strip() for part in text.partition("="))
         if name not in units:
-            raise UsageError(f"--set {text}: the model has no input '{name}'", f"it has {', '.join(units)}")
+            raise UsageError(
+                f"--set {text}: the model has no input '{name}'", f"it has {', '.join(units)}"
+            )
         try:
             found[name] = parse_quantity(value, units[name])
         except MapmoreError as fault:
-            raise UsageError(f"--set {text}: {fault}", f"write, for example, `--set {name}=0.25` in {units[name]}") from fault
+            raise UsageError(
+                f"--set {text}: {fault}",
+                f"write, for example, `--set {name}=0.25` in {units[name]}",
+            ) from fault
     return found
 
 
@@ -121,48 +186,75 @@ def _write_lines(lines: Iterator[str], output: Path) -> None:
     from mapmore_cli.storage.tables.lines import TEXT_ERRORS, replaced
 
     if output == console.STANDARD:
-        cast(io.TextIOWrapper, sys.stdout).reconfigure(encoding="utf-8", errors=TEXT_ERRORS, newline="")
+        cast(io.TextIOWrapper, sys.stdout).reconfigure(
+            encoding="utf-8", errors=TEXT_ERRORS, newline=""
+        )
     with nullcontext(sys.stdout) if output == console.STANDARD else replaced(output) as stream:
         stream.writelines(lines)
 
 
 def invert(
     model_file: Annotated[Path, typer.Argument(metavar="MODEL", help="A model.h5 without memory.")],
-    table: Annotated[Path, typer.Argument(metavar="TABLE", help="A CSV table of the wanted output and the other inputs; - is stdin.")],
-    name: Annotated[str, typer.Option("--for", metavar="INPUT", help="The input to solve for, as pressure.")],
-    rule: Annotated[str, typer.Option(help="Of several: lowest, or nearest to that of the row before.")] = "lowest",
+    table: Annotated[
+        Path,
+        typer.Argument(
+            metavar="TABLE",
+            help="A CSV table of the wanted output and the other inputs; - is stdin.",
+        ),
+    ],
+    name: Annotated[
+        str, typer.Option("--for", metavar="INPUT", help="The input to solve for, as pressure.")
+    ],
+    rule: Annotated[
+        str, typer.Option(help="Of several: lowest, or nearest to that of the row before.")
+    ] = "lowest",
     output: console.OutputOrStdout = console.STANDARD,
     quiet: console.Quiet = False,
 ) -> None:
     """Find the input for a wanted output.
 
-    <input>_found, <input>_solutions (all of them) and <input>_status (none, one, several or flat) are added, row for row.
+    <input>_found, <input>_solutions (all of them) and <input>_status (none, one, several or flat)
+    are added, row for row.
 
-    Solutions are looked for within the training range. A flat one fills a range, as where a muscle is slack: its low end counts.
+    Solutions are looked for within the training range. A flat one fills a range, as where a muscle
+    is slack: its low end counts.
     """
     from mapmore_cli.pipeline.predict import inverted_lines
     from mapmore_cli.storage.artefacts import read_model
 
     with Reporter(quiet) as reporter:
-        _write_lines(inverted_lines(read_model(model_file, reporter.warn), *_opened(table), name, rule), output)
+        _write_lines(
+            inverted_lines(read_model(model_file, reporter.warn), *_opened(table), name, rule),
+            output,
+        )
 
 
 def adapt(
     model_file: Annotated[Path, typer.Argument(metavar="MODEL", help="A model.h5 of a family.")],
     table: Annotated[
-        Path | None, typer.Argument(metavar="[TABLE]", help="A CSV table of a few measured points: pressure, strain and force.")
+        Path | None,
+        typer.Argument(
+            metavar="[TABLE]",
+            help="A CSV table of a few measured points: pressure, strain and force.",
+        ),
     ] = None,
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="The model to write.")] = Path("adapted.h5"),
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="FILE", help="The model to write.")
+    ] = Path("adapted.h5"),
     given: Annotated[
-        list[str], typer.Option("--set", metavar="NAME=VALUE", help="What specimens differ in, as length=250 mm.")
+        list[str],
+        typer.Option(
+            "--set", metavar="NAME=VALUE", help="What specimens differ in, as length=250 mm."
+        ),
     ] = console.NONE,
     as_json: console.AsJson = False,
     quiet: console.Quiet = False,
 ) -> None:
     """Adapt a family's model to a specimen by few points.
 
-    The specimen's force and strain each get a scale, with a prior of 1 +- 15 %. The model that is written is of pressure and strain, and
-    serves wherever a model does. Without a TABLE, it is that of the dimension alone. Its intervals stay those of the family.
+    The specimen's force and strain each get a scale, with a prior of 1 +- 15 %. The model that is
+    written is of pressure and strain, and serves wherever a model does. Without a TABLE, it is that
+    of the dimension alone. Its intervals stay those of the family.
     """
     from mapmore_cli.pipeline.predict import adapt, dimension_of
     from mapmore_cli.reporting.table import Column, Table
@@ -178,6 +270,12 @@ def adapt(
     assert fit is not None
     rows = tuple((name, fit.parameters[name], fit.errors[name]) for name in fit.parameters)
     columns = (Column("scale"), Column("value"), Column("standard error"))
-    document = {"model": str(output), "parameters": fit.parameters, "errors": fit.errors, "samples": fit.samples, "notes": model.notes}
+    document = {
+        "model": str(output),
+        "parameters": fit.parameters,
+        "errors": fit.errors,
+        "samples": fit.samples,
+        "notes": model.notes,
+    }
     scales = Table("adapted", f"{model.name}, adapted", columns, rows, model.notes)
     console.print_view(console.View(document, (scales,), (f"model: {output}",)), as_json)

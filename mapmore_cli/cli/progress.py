@@ -30,7 +30,8 @@ LINE_EVERY = 5.0
 class Reporter:
     """Voice of a command on stderr, silent with `quiet`; use it as a context manager.
 
-    A progress bar where stderr is a terminal, plain lines elsewhere, and neither before `PATIENCE` seconds have passed.
+    A progress bar where stderr is a terminal, plain lines elsewhere, and neither before `PATIENCE`
+    seconds have passed.
     """
 
     def __init__(self, quiet: bool = False, verbose: bool = False) -> None:
@@ -39,7 +40,10 @@ class Reporter:
         self._quiet = quiet
         self._verbose = verbose
         self._bar: Progress | None = None
-        self._task, self._due = "", 0.0  # what is in progress, and the time of its next sign of life
+        self._task, self._due = (
+            "",
+            0.0,
+        )  # what is in progress, and the time of its next sign of life
         self._stage: tuple[str, float] | None = None
         self._cleanup = ExitStack()
         self._warnings: dict[str, list[str]] = {}
@@ -50,7 +54,12 @@ class Reporter:
             warnings.simplefilter("ignore")
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None) -> None:
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        where: TracebackType | None,
+    ) -> None:
         self._end_task()
         if error is None:
             self._end_stage()
@@ -68,8 +77,12 @@ class Reporter:
             self.complain(message)
 
     def warn(self, message: str) -> None:
-        """Keep a warning for the end of the work, when it is told once, with the runs that it concerns."""
-        run, text = (message.run, message.message) if isinstance(message, RunWarning) else ("", message)
+        """Keep a warning for the end of the work, when it is told once, with the runs that it
+        concerns.
+        """
+        run, text = (
+            (message.run, message.message) if isinstance(message, RunWarning) else ("", message)
+        )
         runs = self._warnings.setdefault(text, [])
         if run not in runs:
             runs.append(run)
@@ -115,7 +128,8 @@ class Reporter:
             from rich.console import Console
             from rich.progress import Progress
 
-            # Drawn by hand, at most ten times a second: no thread of Rich's competes with the computation.
+            # Drawn by hand, at most ten times a second: no thread of Rich's competes with the
+            # computation.
             self._bar = Progress(console=Console(stderr=True), transient=True, auto_refresh=False)
             self._bar.start()
             self._bar.add_task(what)

@@ -1,4 +1,6 @@
-"""By training data that were left out: `mapmore tune`, which setting or structure is best; `mapmore plan`, what to measure next."""
+"""By training data that were left out: `mapmore tune`, which setting or structure is best; `mapmore
+plan`, what to measure next.
+"""
 
 from __future__ import annotations
 
@@ -17,9 +19,18 @@ def tune(
     config: console.Config,
     over: Annotated[
         list[str],
-        typer.Option("--over", metavar="KEY=V1,V2,...", help="A setting with the values to try, as fit.max_terms=2,4,8. Repeatable."),
+        typer.Option(
+            "--over",
+            metavar="KEY=V1,V2,...",
+            help="A setting with the values to try, as fit.max_terms=2,4,8. Repeatable.",
+        ),
     ] = console.NONE,
-    budget: Annotated[str | None, typer.Option("--budget", metavar="TIME", help="Time of a search, which is without --over; 60s.")] = None,
+    budget: Annotated[
+        str | None,
+        typer.Option(
+            "--budget", metavar="TIME", help="Time of a search, which is without --over; 60s."
+        ),
+    ] = None,
     output: console.Outputs = console.NONE,
     runs: console.Runs = console.RUNS,
     overrides: console.Overrides = console.NONE,
@@ -30,8 +41,8 @@ def tune(
 
     With --over the best setting is named; without, the structure of the model is searched.
 
-    Every combination is fitted without a level (or a block) of the training data and judged on it; held-out data are not used.
-    The one that is named is the simplest that is as good as the best.
+    Every combination is fitted without a level (or a block) of the training data and judged on it;
+    held-out data are not used. The one that is named is the simplest that is as good as the best.
     """
     from mapmore_cli.annexes.planning import planning
     from mapmore_cli.cli import compared
@@ -39,7 +50,9 @@ def tune(
 
     console.refuse_endings(output)
     if over and budget is not None:
-        raise UsageError("--budget is the time of a search, and --over tries what it names", "give one of both")
+        raise UsageError(
+            "--budget is the time of a search, and --over tries what it names", "give one of both"
+        )
     if not over:
         console.refuse_endings(output, console.TABLE_FILES, "a search has no figure")
     wanted = _values_of(over)
@@ -58,14 +71,28 @@ def tune(
 def plan(
     config: console.Config,
     points: Annotated[
-        int | None, typer.Option("--points", metavar="N", min=1, max=100, help="Choose N points of the map in place of a level.")
+        int | None,
+        typer.Option(
+            "--points",
+            metavar="N",
+            min=1,
+            max=100,
+            help="Choose N points of the map in place of a level.",
+        ),
     ] = None,
     until: Annotated[
         str | None,
-        typer.Option("--until", metavar="SIZE", help="Also say how many more are likely needed for that half width, as 2%."),
+        typer.Option(
+            "--until",
+            metavar="SIZE",
+            help="Also say how many more are likely needed for that half width, as 2%.",
+        ),
     ] = None,
     cost: Annotated[
-        str | None, typer.Option("--cost", metavar="NAME=PRICE,...", help="What a change costs, as pressure=1,strain=20.")
+        str | None,
+        typer.Option(
+            "--cost", metavar="NAME=PRICE,...", help="What a change costs, as pressure=1,strain=20."
+        ),
     ] = None,
     output: console.Outputs = console.NONE,
     runs: console.Runs = console.RUNS,
@@ -75,8 +102,9 @@ def plan(
 ) -> None:
     """Say what to measure next, where the model is least sure.
 
-    With levels, the next lies in the middle of the widest gap. Without levels, or with --points, several models stand in a committee, and
-    points go where these disagree and data are far. Held-out values are not used. Per cent are of the largest |target|.
+    With levels, the next lies in the middle of the widest gap. Without levels, or with --points,
+    several models stand in a committee, and points go where these disagree and data are far.
+    Held-out values are not used. Per cent are of the largest |target|.
     """
     from mapmore_cli.annexes.planning import planning
     from mapmore_cli.cli.compared import of_plan
@@ -85,14 +113,23 @@ def plan(
     console.refuse_endings(output)
     prices = _prices_of(cost)
     with Reporter(quiet) as reporter:
-        found = planning.plan(load(config, overrides), runs, points=points, until=until, prices=prices, **reporter.listeners)
+        found = planning.plan(
+            load(config, overrides),
+            runs,
+            points=points,
+            until=until,
+            prices=prices,
+            **reporter.listeners,
+        )
     view = of_plan(found)
     console.write_results(output, view.tables[0], found)
     console.print_view(view, as_json)
 
 
 def _values_of(over: Sequence[str]) -> dict[str, list[Any]]:
-    """Return the values of every setting: `fit.max_terms=2,4,8`, each of them YAML; raises UsageError for another form, or no value."""
+    """Return the values of every setting: `fit.max_terms=2,4,8`, each of them YAML; raises
+    UsageError for another form, or no value.
+    """
     from mapmore_cli.spec.diagnostics import Mistake
     from mapmore_cli.spec.tree import SourceText, plain
     from mapmore_cli.spec.yaml_loader import parse
@@ -103,19 +140,31 @@ def _values_of(over: Sequence[str]) -> dict[str, list[Any]]:
         key, _, listed = text.partition("=")
         problems: list[Mistake] = []
         try:
-            values = plain(parse(SourceText(f"--over {text}", Path(), f"[{listed}]", numbered=False), problems))
+            values = plain(
+                parse(SourceText(f"--over {text}", Path(), f"[{listed}]", numbered=False), problems)
+            )
         except SpecError as fault:
             raise UsageError(f"--over {text}: {fault.message}", example) from fault
-        if problems or not all(key.strip().split(".")) or not values or not isinstance(values, list):
+        if (
+            problems
+            or not all(key.strip().split("."))
+            or not values
+            or not isinstance(values, list)
+        ):
             raise UsageError(f"--over {text}: not of the form KEY=V1,V2,...", example)
         if key.strip() in found:
-            raise UsageError(f"--over {key.strip()} is given twice", "name all its values at once, with commas between")
+            raise UsageError(
+                f"--over {key.strip()} is given twice",
+                "name all its values at once, with commas between",
+            )
         found[key.strip()] = values
     return found
 
 
 def _prices_of(text: str | None) -> dict[str, float]:
-    """Return the price of each quantity, `pressure=1,strain=20`; raises UsageError for what is none."""
+    """Return the price of each quantity, `pressure=1,strain=20`; raises UsageError for what is
+    none.
+    """
     found: dict[str, float] = {}
     for part in text.split(",") if text else []:
         name, _, price = (piece.strip() for piece in part.partition("="))
@@ -124,5 +173,8 @@ def _prices_of(text: str | None) -> dict[str, float]:
         except ValueError:
             found[name] = -1.0
         if not 0 < found[name] < float("inf"):
-            raise UsageError(f"--cost {part.strip()}: is no price", "write, for example, `--cost pressure=1,strain=20`")
+            raise UsageError(
+                f"--cost {part.strip()}: is no price",
+                "write, for example, `--cost pressure=1,strain=20`",
+            )
     return found

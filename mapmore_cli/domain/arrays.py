@@ -60,7 +60,9 @@ def in_blocks(*columns: Any, overlap: int = 0) -> Iterator[tuple[Any, ...]]:
 
 
 def give_back(column: Any) -> None:
-    """Let go of the memory that a column mapped from a file takes; its values are read from the file again where they are needed."""
+    """Let go of the memory that a column mapped from a file takes; its values are read from the
+    file again where they are needed.
+    """
     owner = column
     while isinstance(owner, np.ndarray):
         owner = owner.base

@@ -2,9 +2,10 @@
 
     z_s: Annotated[float, Interval(ge=0, le=0.5)] = 0.25
 
-Type and default are the field's own, bounds are `annotated_types`, a unit is an `InUnit`, the text stands in the docstring of the class.
-The spec validates these classes, and its JSON schema and `docs/spec.md` come from them. What pydantic asks of a type it asks by the names
-of methods, so that nothing of it is imported here.
+Type and default are the field's own, bounds are `annotated_types`, a unit is an `InUnit`, the text
+stands in the docstring of the class. The spec validates these classes, and its JSON schema and
+`docs/spec.md` come from them. What pydantic asks of a type it asks by the names of methods, so that
+nothing of it is imported here.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
+from inspect import cleandoc
 from typing import Annotated, Any, ClassVar, Literal, TypeVar, get_args, get_origin
 
 from annotated_types import Ge, Gt, Interval, MaxLen
@@ -21,10 +23,21 @@ from mapmore_cli.domain.foreign import is_one_line
 S = TypeVar("S")
 
 
-class Settings:
-    """Base of the dataclasses whose fields are keys of a section: the section is strict, and knows no other keys."""
+def prose(docstring: str | None) -> str:
+    """Return the text of a docstring with each paragraph and each item of a list in one line."""
+    return re.sub(r"(?<=\S)\n +(?=\S)|(?<=\S)\n(?![\s-])", " ", cleandoc(docstring or ""))
 
-    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True, "allow_inf_nan": False}
+
+class Settings:
+    """Base of the dataclasses whose fields are keys of a section: the section is strict, and knows
+    no other keys.
+    """
+
+    __pydantic_config__: ClassVar[dict[str, Any]] = {
+        "extra": "forbid",
+        "strict": True,
+        "allow_inf_nan": False,
+    }
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Any:
@@ -38,7 +51,9 @@ class Settings:
 
 
 class Contradiction(ValueError):
-    """Settings that do not fit each other; shown at the first key of `near` that the section has, else at the section."""
+    """Settings that do not fit each other; shown at the first key of `near` that the section has,
+    else at the section.
+    """
 
     def __init__(self, message: str, remedy: str, *near: str) -> None:
         super().__init__(message)
@@ -47,11 +62,16 @@ class Contradiction(ValueError):
 
 def taken(of: type[S], settings: Any, **own: Any) -> S:
     """Return an `of` with the fields that it shares with `settings`, and with its `own`."""
-    shared = {field.name: getattr(settings, field.name) for field in fields(of) if hasattr(settings, field.name)}  # type: ignore[arg-type]
+    shared = {
+        field.name: getattr(settings, field.name)
+        for field in fields(of)
+        if hasattr(settings, field.name)
+    }  # type: ignore[arg-type]
     return of(**{**shared, **own})
 
 
-# Either of several forms --------------------------------------------------------------------------------------------------------------
+# Either of several forms
+# --------------------------------------------------------------------------------------------------
 
 
 _SHAPES: tuple[tuple[Any, str], ...] = (
@@ -74,15 +94,18 @@ def _shape_of(type_: Any) -> str:
         return _shape_of(arguments[0])
     if origin is Literal:
         return shape(arguments[0])
-    return next((name for types, name in _SHAPES if issubclass(origin or type_, types)), "<a mapping>")
+    return next(
+        (name for types, name in _SHAPES if issubclass(origin or type_, types)), "<a mapping>"
+    )
 
 
 @dataclass(frozen=True)
 class Either:
-    """Marks a union whose member is told by the shape of the value, so that a mistake gives one message and not one for each member.
+    """Marks a union whose member is told by the shape of the value, so that a mistake gives one
+    message and not one for each member.
 
-    Of two mappings, the member with the key `key` is the one whose value has it. With `word`, that word alone is text: anything else is
-    told as the other member that it should be.
+    Of two mappings, the member with the key `key` is the one whose value has it. With `word`, that
+    word alone is text: anything else is told as the other member that it should be.
     """
 
     key: str | None = None
@@ -90,7 +113,9 @@ class Either:
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
         """Return the members by their tags, and what tells the tag of a value."""
-        choices = {self._tag(member): handler.generate_schema(member) for member in get_args(source)}
+        choices = {
+            self._tag(member): handler.generate_schema(member) for member in get_args(source)
+        }
         return {"type": "tagged-union", "choices": choices, "discriminator": self._told}
 
     def _tag(self, member: Any) -> str:
@@ -100,8 +125,14 @@ class Either:
     def _told(self, value: Any) -> str:
         if self.word is not None:
             return "<text>" if value == self.word else "<a number>"
-        has = self.key is not None and (self.key in value if isinstance(value, Mapping) else hasattr(value, self.key))
-        return f"<a mapping with `{self.key}`>" if has and shape(value) == "<a mapping>" else shape(value)
+        has = self.key is not None and (
+            self.key in value if isinstance(value, Mapping) else hasattr(value, self.key)
+        )
+        return (
+            f"<a mapping with `{self.key}`>"
+            if has and shape(value) == "<a mapping>"
+            else shape(value)
+        )
 
 
 @dataclass(frozen=True)
@@ -118,13 +149,19 @@ Pair = Annotated[tuple[float, float], ListToo()]
 
 @dataclass(frozen=True)
 class After:
-    """Marks a value that a function checks or converts after the marks before it; what the function returns is kept."""
+    """Marks a value that a function checks or converts after the marks before it; what the function
+    returns is kept.
+    """
 
     function: Callable[[Any], Any]
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
         """Return the value's schema, and the function behind it."""
-        return {"type": "function-after", "function": {"type": "no-info", "function": self.function}, "schema": handler(source)}
+        return {
+            "type": "function-after",
+            "function": {"type": "no-info", "function": self.function},
+            "schema": handler(source),
+        }
 
 
 @dataclass(frozen=True)
@@ -143,7 +180,9 @@ class Matching:
 
 @dataclass(frozen=True)
 class Checked:
-    """Marks a stored value: `holds` is true of each that a file may hold; `words` say what is wrong with any other."""
+    """Marks a stored value: `holds` is true of each that a file may hold; `words` say what is wrong
+    with any other.
+    """
 
     words: str
     holds: Callable[[Any], Any]
@@ -177,17 +216,22 @@ TermName = Annotated[
 ]
 Label = Annotated[
     str,
-    Checked('is no name: it is not one line of 1000 characters, or has one of " ` $ < > \\', is_label),
+    Checked(
+        'is no name: it is not one line of 1000 characters, or has one of " ` $ < > \\', is_label
+    ),
 ]
 """The name of a curve, a file or a unit: letters of any script."""
 
 
-# Numbers with units -------------------------------------------------------------------------------------------------------------------
+# Numbers with units
+# --------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class InUnit:
-    """Marks a number that may be written with a unit; `unit` says which one the loader converts it to, given `spec.fields.Surroundings`."""
+    """Marks a number that may be written with a unit; `unit` says which one the loader converts it
+    to, given `spec.fields.Surroundings`.
+    """
 
     unit: Callable[[Any], str | None]
 
@@ -228,6 +272,14 @@ class Joining(Settings):
     """How segment functions are joined, as the spec says it and the model keeps it (M2 eq 9-11)."""
 
     transition: Annotated[Transition, "`linear`, `quadratic` or `cubic`"] = "linear"
-    z_s: Annotated[float, Interval(ge=0, le=0.5), "half-width of a transition zone, as a fraction of the segment"] = 0.25
-    levels: Annotated[Literal["linear", "pchip"], "interpolation between curves, `linear` or `pchip`"] = "linear"
-    hold: Annotated[Hold, "`samples` where segment functions are held beyond theirs, or `none`"] = "samples"
+    z_s: Annotated[
+        float,
+        Interval(ge=0, le=0.5),
+        "half-width of a transition zone, as a fraction of the segment",
+    ] = 0.25
+    levels: Annotated[
+        Literal["linear", "pchip"], "interpolation between curves, `linear` or `pchip`"
+    ] = "linear"
+    hold: Annotated[Hold, "`samples` where segment functions are held beyond theirs, or `none`"] = (
+        "samples"
+    )

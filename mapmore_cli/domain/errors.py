@@ -1,7 +1,8 @@
-"""One error class for each way in which a command can end, with its exit code; and warnings of other runs.
+"""One error class for each way in which a command can end, with its exit code; and warnings of
+other runs.
 
-Scripts rely on the codes (docs/reference.md, "Exit codes"); the command line turns a `MapmoreError` into its message and its code, and
-anything else into an internal fault.
+Scripts rely on the codes (docs/reference.md, "Exit codes"); the command line turns a `MapmoreError`
+into its message and its code, and anything else into an internal fault.
 """
 
 from __future__ import annotations
@@ -9,7 +10,17 @@ from __future__ import annotations
 import errno
 from signal import Signals
 
-_PATHS = (errno.ENAMETOOLONG, errno.ELOOP, errno.ENOTDIR, errno.EISDIR, errno.ENOENT, errno.EINVAL, errno.ENXIO, errno.EIO, errno.ESRCH)
+_PATHS = (
+    errno.ENAMETOOLONG,
+    errno.ELOOP,
+    errno.ENOTDIR,
+    errno.EISDIR,
+    errno.ENOENT,
+    errno.EINVAL,
+    errno.ENXIO,
+    errno.EIO,
+    errno.ESRCH,
+)
 """What the file system says of paths that lead to nothing readable."""
 
 _NO_MEMORY = ("annot allocate memory", "failed to map segment")
@@ -34,7 +45,8 @@ class MapmoreError(Exception):
 
 
 def explained(error: BaseException) -> BaseException:
-    """Return the error itself; for a file or folder that may not be read, wherever that turned out, the one that says so.
+    """Return the error itself; for a file or folder that may not be read, wherever that turned out,
+    the one that says so.
 
     An interruption within a function in C may come as a SystemError: then it is the interruption.
     """
@@ -42,12 +54,22 @@ def explained(error: BaseException) -> BaseException:
         return error.__cause__
     said = [str(one) for one in (error, error.__cause__) if isinstance(one, OSError | ImportError)]
     if isinstance(error, MemoryError) or any(sign in text for sign in _NO_MEMORY for text in said):
-        return MapmoreError("there is too little memory for this", "close other programs, or take fewer or shorter recordings")
+        return MapmoreError(
+            "there is too little memory for this",
+            "close other programs, or take fewer or shorter recordings",
+        )
     if isinstance(error, PermissionError) and error.filename is not None:
-        return DataError(f"{error.filename}: cannot be read (permission denied)", "change its permissions, or leave it out")
+        return DataError(
+            f"{error.filename}: cannot be read (permission denied)",
+            "change its permissions, or leave it out",
+        )
     if isinstance(error, OSError) and error.filename is not None and error.errno in _PATHS:
         name = str(error.filename)
-        return DataError(f"{name if len(name) < 200 else f'{name[:100]}...'}: {(error.strerror or 'is no path').lower()}", "check the path")
+        return DataError(
+            f"{name if len(name) < 200 else f'{name[:100]}...'}: "
+            f"{(error.strerror or 'is no path').lower()}",
+            "check the path",
+        )
     return error
 
 
@@ -56,7 +78,10 @@ def told(error: BaseException) -> str:
     error = explained(error)
     if isinstance(error, MapmoreError):
         return str(error)
-    return f"internal fault: {f'{type(error).__name__}: {error}'.splitlines()[0]}; run again with --debug to see where"
+    return (
+        f"internal fault: {f'{type(error).__name__}: {error}'.splitlines()[0]}; run again "
+        "with --debug to see where"
+    )
 
 
 class UsageError(MapmoreError):
@@ -96,7 +121,9 @@ class WriteError(MapmoreError):
 
 
 class Stopped(KeyboardInterrupt):
-    """The process was asked to end, by the signal `number`; the exit code is the one that shells report, 128 + number."""
+    """The process was asked to end, by the signal `number`; the exit code is the one that shells
+    report, 128 + number.
+    """
 
     def __init__(self, number: int) -> None:
         super().__init__(f"ended by {Signals(number).name}")
@@ -104,14 +131,18 @@ class Stopped(KeyboardInterrupt):
 
 
 class RunWarning(str):
-    """A warning about another run than the one that was asked for: the text says which, `run` and `message` hold the two apart."""
+    """A warning about another run than the one that was asked for: the text says which, `run` and
+    `message` hold the two apart.
+    """
 
     run: str
     message: str
 
     @classmethod
     def of(cls, run: str, message: str) -> RunWarning:
-        """Return the warning of a run; where it is about yet another one already, it stays as it is."""
+        """Return the warning of a run; where it is about yet another one already, it stays as it
+        is.
+        """
         if isinstance(message, RunWarning):
             return message
         warning = cls(f"{run}: {message}")

@@ -1,4 +1,6 @@
-"""What fitting finds out: scalings, FROLS selections, segment fits, fits of formulas, models with memory and how they were found."""
+"""What fitting finds out: scalings, FROLS selections, segment fits, fits of formulas, models with
+memory and how they were found.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,16 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mapmore_cli.domain.arrays import ASCENDING, Array, BoolArray, IntArray, Number, Numbers, Ranges, Span
+from mapmore_cli.domain.arrays import (
+    ASCENDING,
+    Array,
+    BoolArray,
+    IntArray,
+    Number,
+    Numbers,
+    Ranges,
+    Span,
+)
 from mapmore_cli.domain.declared import Checked, Count, Label, QuantityName, TermName, one_of
 
 Boundaries = Annotated[Numbers, ASCENDING]
@@ -19,14 +30,18 @@ Step = Annotated[Number, Checked("is not above 0", lambda step: step > 0)]
 
 @dataclass(frozen=True)
 class Scaling:
-    """Elementwise linear scaling `z_j = slope_j x_j + intercept_j`, `y = y_slope y_scaled + y_intercept` (M2 eq 8).
+    """Elementwise linear scaling `z_j = slope_j x_j + intercept_j`, `y = y_slope y_scaled +
+    y_intercept` (M2 eq 8).
 
-    `placement` has one word for each variable, as `left,right`; `-` where the rule places no origin.
+    `placement` has one word for each variable, as `left,right`; `-` where the rule places no
+    origin.
     """
 
     rule: Annotated[Label, "`unit_square`, `max_abs`, `none` or `range`"]
     placement: Annotated[Label, "where the origin lies, as `left`"]
-    variables: Annotated[tuple[QuantityName, ...], "(v) inputs, in the order of slope and intercept"]
+    variables: Annotated[
+        tuple[QuantityName, ...], "(v) inputs, in the order of slope and intercept"
+    ]
     slope: Annotated[Numbers, "(v) slope of each input", "[slopes]"]
     intercept: Annotated[Numbers, "(v) intercept of each input"]
     y_slope: Annotated[Number, "slope of the output", "[target]"]
@@ -35,10 +50,12 @@ class Scaling:
 
 @dataclass(frozen=True, repr=False)
 class Selection:
-    """Everything that FROLS found out about one segment (M2 eq 2-7): k terms chosen of M candidates, in scaled coordinates.
+    """Everything that FROLS found out about one segment (M2 eq 2-7): k terms chosen of M
+    candidates, in scaled coordinates.
 
-    `candidates` are the names of the dictionary's M columns, where they were given; they are not stored. `stop` is `tolerance`,
-    `max_terms`, `no_gain`, `rank`, `bic`, `aicc`, `press`, `free_run`, or `pruned` (from more terms to `max_terms`).
+    `candidates` are the names of the dictionary's M columns, where they were given; they are not
+    stored. `stop` is `tolerance`, `max_terms`, `no_gain`, `rank`, `bic`, `aicc`, `press`,
+    `free_run`, or `pruned` (from more terms to `max_terms`).
     """
 
     chosen: Annotated[IntArray, "(k) candidates in the order of selection, from 0", "-"]
@@ -47,9 +64,19 @@ class Selection:
     theta: Annotated[Array, "(k) coefficients of the original regressors, A theta = g"]
     theta_error: Annotated[Array, "(k) standard errors of theta; NaN without a degree of freedom"]
     a: Annotated[Array, "(k, k) unit upper triangular A, P_chosen = Q A"]
-    g_all: Annotated[Array, "(k, M) g of every candidate at every iteration; NaN where already chosen or excluded"]
-    err_all: Annotated[Array, "(k, M) err of every candidate at every iteration; NaN where already chosen or excluded"]
-    runner_up: Annotated[IntArray, "(k) second best candidate of each iteration, from 0; -1 where there was none", "-"]
+    g_all: Annotated[
+        Array,
+        "(k, M) g of every candidate at every iteration; NaN where already chosen or excluded",
+    ]
+    err_all: Annotated[
+        Array,
+        "(k, M) err of every candidate at every iteration; NaN where already chosen or excluded",
+    ]
+    runner_up: Annotated[
+        IntArray,
+        "(k) second best candidate of each iteration, from 0; -1 where there was none",
+        "-",
+    ]
     tied: Annotated[IntArray, "(k) other candidates within 1e-9 of the winner's err"]
     condition: Annotated[float, "2-norm condition number of the chosen regressors"]
     sse: Annotated[float, "residual sum of squares, uncentred"]
@@ -60,22 +87,36 @@ class Selection:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The chosen terms, in the order of selection; `p3` for column 3 where columns have no names."""
-        return tuple(self.candidates[i] if self.candidates else f"p{i}" for i in self.chosen.tolist())
+        """The chosen terms, in the order of selection; `p3` for column 3 where columns have no
+        names.
+        """
+        return tuple(
+            self.candidates[i] if self.candidates else f"p{i}" for i in self.chosen.tolist()
+        )
 
     def predict(self, P: ArrayLike) -> Array:
-        """Return the model's output at every row of a dictionary `P` with the same columns, (n,)."""
+        """Return the model's output at every row of a dictionary `P` with the same columns,
+        (n,).
+        """
         predicted: Array = np.asarray(P, dtype=np.float64)[:, self.chosen] @ self.theta
         return predicted
 
     def table(self) -> list[dict[str, Any]]:
-        """Return a row for each term, in the order of selection: `{"term", "coefficient", "standard_error", "err"}`."""
+        """Return a row for each term, in the order of selection: `{"term", "coefficient",
+        "standard_error", "err"}`.
+        """
         columns = (self.names, self.theta.tolist(), self.theta_error.tolist(), self.err.tolist())
-        return [dict(zip(("term", "coefficient", "standard_error", "err"), row, strict=True)) for row in zip(*columns, strict=True)]
+        return [
+            dict(zip(("term", "coefficient", "standard_error", "err"), row, strict=True))
+            for row in zip(*columns, strict=True)
+        ]
 
     def __repr__(self) -> str:
         """Return the model as one reads it, with the share of `y'y` that each term explains."""
-        terms = (f"{row['coefficient']:.6g}" + ("" if row["term"] == "1" else f"*{row['term']}") for row in self.table())
+        terms = (
+            f"{row['coefficient']:.6g}" + ("" if row["term"] == "1" else f"*{row['term']}")
+            for row in self.table()
+        )
         model = " + ".join(terms).replace("+ -", "- ") or "0"
         shares = ", ".join(f"{100 * row['err']:.4g} %" for row in self.table()) or "none"
         return f"Selection({model}; ERR {shares}; stop: {self.stop})"
@@ -98,7 +139,11 @@ class SegmentedCurve:
     curve: Annotated[Label, "identifier of the curve"]
     level: Annotated[Number | None, "value of the level quantity", "[level]"]
     variables: Annotated[tuple[QuantityName, ...], "(p) segmented variables"]
-    boundaries: Annotated[tuple[Boundaries, ...], "(p) segment locations of each variable, both ends included", "[variables.*]"]
+    boundaries: Annotated[
+        tuple[Boundaries, ...],
+        "(p) segment locations of each variable, both ends included",
+        "[variables.*]",
+    ]
     limits: Annotated[Ranges, "least and greatest training value of each input", "[*]"]
     segments: Annotated[tuple[Segment, ...], "segments of the curve"]
 
@@ -126,20 +171,31 @@ class Optimum:
 
     parameters: Annotated[Mapping[QuantityName, float], "its parameters", "those of the formula"]
     sse: Annotated[float, "its residual sum of squares", "[target]^2"]
-    held_out_rmse: Annotated[float, "its error on the validation data; NaN where nobody has asked", "[target]"] = math.nan
+    held_out_rmse: Annotated[
+        float, "its error on the validation data; NaN where nobody has asked", "[target]"
+    ] = math.nan
 
 
 @dataclass(frozen=True)
 class FormulaFit:
     """A literature model fitted to training data.
 
-    `method` is `linear least squares`, `variable projection` or `levenberg_marquardt`. Training data hardly tell which of the
-    `rivals` is right; the least error comes first. `definition` is the formula itself, where a spec defines it.
+    `method` is `linear least squares`, `variable projection` or `levenberg_marquardt`. Training
+    data hardly tell which of the `rivals` is right; the least error comes first. `definition` is
+    the formula itself, where a spec defines it.
     """
 
     name: Annotated[Label, "name of the formula"]
-    parameters: Annotated[Mapping[QuantityName, float], "fitted parameters; NaN where the fit failed", "those of the formula"]
-    errors: Annotated[Mapping[QuantityName, float], "standard errors of the parameters; NaN where unknown", "those of the formula"]
+    parameters: Annotated[
+        Mapping[QuantityName, float],
+        "fitted parameters; NaN where the fit failed",
+        "those of the formula",
+    ]
+    errors: Annotated[
+        Mapping[QuantityName, float],
+        "standard errors of the parameters; NaN where unknown",
+        "those of the formula",
+    ]
     status: Annotated[
         str,
         "`converged`, `at_bound`, `rank_deficient`, `stopped_by_limit` or `failed`",
@@ -165,7 +221,8 @@ class FormulaFit:
         return self.status == "failed"
 
 
-# Models with memory -----------------------------------------------------------------------------------------------------------------
+# Models with memory
+# --------------------------------------------------------------------------------------------------
 
 PIECE = "memory"
 """What tables and equations call the model with memory, where others have segments."""
@@ -175,13 +232,18 @@ PIECE = "memory"
 class StateSet:
     """States with memory, and everything that their values on a new recording depend on.
 
-    Widths of `play`, `stop` and `saturate` are fractions of `ranges`. Scaled states are clipped `margin` beyond [0, 1].
+    Widths of `play`, `stop` and `saturate` are fractions of `ranges`. Scaled states are clipped
+    `margin` beyond [0, 1].
     """
 
-    names: Annotated[tuple[TermName, ...], "(s) as `pressure`, `force[k-1]`, `slow(play(pressure, 0.16), 0.3)`"]
+    names: Annotated[
+        tuple[TermName, ...], "(s) as `pressure`, `force[k-1]`, `slow(play(pressure, 0.16), 0.3)`"
+    ]
     step: Annotated[Step, "time between samples", "s"]
     ranges: Annotated[
-        Mapping[TermName, Span], "training range of each source of `play`, `stop` and `saturate`, by its name", "that of the source"
+        Mapping[TermName, Span],
+        "training range of each source of `play`, `stop` and `saturate`, by its name",
+        "that of the source",
     ]
     resonances: Annotated[
         Mapping[TermName, tuple[Number, Number]],
@@ -189,10 +251,19 @@ class StateSet:
         "Hz, 1",
     ]
     low: Annotated[
-        Numbers, "(s or 0) least training value of each state, scaled to 0; empty where states are not scaled", "that of the state"
+        Numbers,
+        "(s or 0) least training value of each state, scaled to 0; empty where states are not "
+        "scaled",
+        "that of the state",
     ]
-    high: Annotated[Numbers, "(s or 0) greatest training value of each state, scaled to 1; empty likewise", "that of the state"]
-    margin: Annotated[Number, "how far beyond its training range a scaled state may go, as a fraction of it"]
+    high: Annotated[
+        Numbers,
+        "(s or 0) greatest training value of each state, scaled to 1; empty likewise",
+        "that of the state",
+    ]
+    margin: Annotated[
+        Number, "how far beyond its training range a scaled state may go, as a fraction of it"
+    ]
 
     @property
     def scaled(self) -> bool:
@@ -204,27 +275,47 @@ class StateSet:
 class MemoryModel:
     """`output[k] = constant + sum_j theta_j D_j(states[k])`.
 
-    A free run that leaves `limits` a hundredfold has diverged. It begins with `measured` outputs, at the `steady` one of the first inputs,
-    or with `identified` ones (`start`).
+    A free run that leaves `limits` a hundredfold has diverged. It begins with `measured` outputs,
+    at the `steady` one of the first inputs, or with `identified` ones (`start`).
     """
 
     output: Annotated[QuantityName, "the quantity whose delays are fed back"]
     states: Annotated[StateSet, "states with memory"]
     terms: Annotated[tuple[TermName, ...], "(k) the terms D_j, in the order of selection"]
-    theta: Annotated[Numbers, "(k) coefficients of the terms, of states scaled as `states` says", "those of the terms"]
-    theta_error: Annotated[Array, "(k) standard errors of theta; NaN without a degree of freedom", "those of the terms"]
+    theta: Annotated[
+        Numbers,
+        "(k) coefficients of the terms, of states scaled as `states` says",
+        "those of the terms",
+    ]
+    theta_error: Annotated[
+        Array, "(k) standard errors of theta; NaN without a degree of freedom", "those of the terms"
+    ]
     constant: Annotated[Number, "the constant", "[target]"]
     limits: Annotated[Span, "least and greatest training output", "[target]"]
-    start: Annotated[str, "how free runs begin", one_of("measured", "steady", "identified")] = "measured"
+    start: Annotated[str, "how free runs begin", one_of("measured", "steady", "identified")] = (
+        "measured"
+    )
 
     @property
     def scaling(self) -> Scaling:
-        """The scaling of the states, as that of a segment's variables; the constant is its intercept of y."""
+        """The scaling of the states, as that of a segment's variables; the constant is its
+        intercept of y.
+        """
         states = self.states
         width = states.high - states.low if states.scaled else np.ones(len(states.names))
-        slope = np.divide(1.0, width, out=np.zeros(len(width)), where=width > 0)  # a state that stood still in training is zero
+        slope = np.divide(
+            1.0, width, out=np.zeros(len(width)), where=width > 0
+        )  # a state that stood still in training is zero
         low = states.low if states.scaled else np.zeros(len(width))
-        return Scaling("range" if states.scaled else "none", "-", states.names, slope, -low * slope, 1.0, self.constant)
+        return Scaling(
+            "range" if states.scaled else "none",
+            "-",
+            states.names,
+            slope,
+            -low * slope,
+            1.0,
+            self.constant,
+        )
 
 
 @dataclass(frozen=True)
@@ -251,22 +342,33 @@ class Identified:
 class MemoryFit:
     """A model with memory, and how its k terms were chosen of M candidates.
 
-    Where terms were pruned, the ERR of `selection` are those among the terms kept, and NaN in the tables for all others.
+    Where terms were pruned, the ERR of `selection` are those among the terms kept, and NaN in the
+    tables for all others.
     """
 
     model: Annotated[MemoryModel, "the model"]
     candidates: Annotated[tuple[TermName, ...], "(M) names of all M dictionary terms"]
     selection: Annotated[Selection, "how the terms were found; after pruning, among those kept"]
-    ridge: Annotated[float, "ridge as a fraction of the variance of a standardised candidate; 0 for none"]
+    ridge: Annotated[
+        float, "ridge as a fraction of the variance of a standardised candidate; 0 for none"
+    ]
     forward: Annotated[IntArray, "candidates chosen before pruning, in their order, from 0", "-"]
-    substitutes: Annotated[IntArray, "(k or 0) candidate that would best replace each term, -1 for none; empty without a ridge", "-"]
+    substitutes: Annotated[
+        IntArray,
+        "(k or 0) candidate that would best replace each term, -1 for none; empty without a ridge",
+        "-",
+    ]
     shares: Annotated[Array, "(k or 0) its gain over the term's own; empty without a ridge"]
     held_out: Annotated[
         Array | None,
-        "free-run RMSE of the models of 1, 2, ... terms over the last training samples, fitted to the others; inf where diverged",
+        "free-run RMSE of the models of 1, 2, ... terms over the last training samples, "
+        "fitted to the others; inf where diverged",
         "[target]",
     ] = None
-    identified: Annotated[Identified | None, "the numbers of operators that the dictionary left open, where it left any"] = None
+    identified: Annotated[
+        Identified | None,
+        "the numbers of operators that the dictionary left open, where it left any",
+    ] = None
 
     @property
     def piece(self) -> SegmentFit:

@@ -1,7 +1,8 @@
-"""Text of a stranger within another language: terminals, CSV, C, Python, TeX and XML. Every writer of files takes it from here.
+"""Text of a stranger within another language: terminals, CSV, C, Python, TeX and XML. Every writer
+of files takes it from here.
 
-The rule is an alphabet, not a list of dangerous words: what is outside of a small alphabet is escaped, and the alphabet has no character
-that could end a comment, a string or a line.
+The rule is an alphabet, not a list of dangerous words: what is outside of a small alphabet is
+escaped, and the alphabet has no character that could end a comment, a string or a line.
 """
 
 from __future__ import annotations
@@ -14,7 +15,9 @@ from collections.abc import Collection, Iterable
 from itertools import accumulate, count
 
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
-"""What a terminal obeys instead of showing it, all but tabs and line feeds; and marks that turn the order of letters."""
+"""What a terminal obeys instead of showing it, all but tabs and line feeds; and marks that turn the
+order of letters.
+"""
 
 _BROKEN = re.compile(rf"{_CONTROL.pattern}|[\t\n\ud800-\udfff]")
 
@@ -22,18 +25,24 @@ _FORMULA = ("=", "+", "-", "@")
 """How cells begin that a spreadsheet computes."""
 
 PLAIN = frozenset(string.ascii_letters + string.digits + " .,:;=+-_()[]<>/^|%'")
-"""What stands in comments as it is: no double quotes, backslashes, asterisks, question marks, number signs, dollars or line ends."""
+"""What stands in comments as it is: no double quotes, backslashes, asterisks, question marks,
+number signs, dollars or line ends.
+"""
 
 _C_WORDS = (
-    "auto break case char const continue default do double else enum extern float for goto if inline int long "
-    "register restrict return short signed sizeof static struct switch typedef union unsigned void volatile while main"
+    "auto break case char const continue default do double else enum extern float for goto if "
+    "inline int long "
+    "register restrict return short signed sizeof static struct switch typedef union unsigned "
+    "void volatile while main"
 )
 WORDS = frozenset((*_C_WORDS.split(), *keyword.kwlist, "__debug__"))
 """Words that C or Python keep for themselves."""
 
 
 def printable(text: str) -> str:
-    """Return the text with its control characters as escapes: `\\x1b` for the one that begins commands to a terminal."""
+    """Return the text with its control characters as escapes: `\\x1b` for the one that begins
+    commands to a terminal.
+    """
     return _CONTROL.sub(lambda match: match[0].encode("unicode_escape").decode("ascii"), text)
 
 
@@ -43,31 +52,55 @@ def is_one_line(text: str) -> bool:
 
 
 def csv_cell(text: str) -> str:
-    """Return the text as a cell of a CSV table, on one line; one that a spreadsheet would compute begins with an apostrophe."""
+    """Return the text as a cell of a CSV table, on one line; one that a spreadsheet would compute
+    begins with an apostrophe.
+    """
     text = _BROKEN.sub(" ", text)
     return f"'{text}" if text.lstrip().startswith(_FORMULA) else text
 
 
 def plain(text: str) -> str:
-    """Return the text in the alphabet `PLAIN`, on one line; any other character is its number in braces, as `{2A}`."""
+    """Return the text in the alphabet `PLAIN`, on one line; any other character is its number in
+    braces, as `{2A}`.
+    """
     return "".join(char if char in PLAIN else f"{{{ord(char):X}}}" for char in text)
 
 
 def c_comment(*lines: str) -> list[str]:
-    """Return a comment in C; without an asterisk within, nothing ends it early, and without a backslash no line goes on."""
+    """Return a comment in C; without an asterisk within, nothing ends it early, and without a
+    backslash no line goes on.
+    """
     if len(lines) == 1:
         return [f"/* {plain(lines[0])} */"]
-    return [*(f"{' *' if i else '/*'} {plain(line)}".rstrip() for i, line in enumerate(lines)), " */"]
+    return [
+        *(f"{' *' if i else '/*'} {plain(line)}".rstrip() for i, line in enumerate(lines)),
+        " */",
+    ]
 
 
 def c_string(text: str) -> str:
-    """Return the text as a string in C; other bytes than those of `PLAIN` are octal escapes, so that there are no trigraphs."""
-    return '"' + "".join(chr(byte) if chr(byte) in PLAIN else f"\\{byte:03o}" for byte in text.encode(errors="surrogatepass")) + '"'
+    """Return the text as a string in C; other bytes than those of `PLAIN` are octal escapes, so
+    that there are no trigraphs.
+    """
+    return (
+        '"'
+        + "".join(
+            chr(byte) if chr(byte) in PLAIN else f"\\{byte:03o}"
+            for byte in text.encode(errors="surrogatepass")
+        )
+        + '"'
+    )
 
 
 def docstring(*lines: str) -> list[str]:
-    """Return a docstring in Python; without quotes and backslashes within, nothing ends it early."""
-    return ['"""' + plain(lines[0]) + '"""'] if len(lines) == 1 else ['"""' + plain(lines[0]), *map(plain, lines[1:]), '"""']
+    """Return a docstring in Python; without quotes and backslashes within, nothing ends it
+    early.
+    """
+    return (
+        ['"""' + plain(lines[0]) + '"""']
+        if len(lines) == 1
+        else ['"""' + plain(lines[0]), *map(plain, lines[1:]), '"""']
+    )
 
 
 def tex_comment(*lines: str) -> list[str]:
@@ -76,14 +109,24 @@ def tex_comment(*lines: str) -> list[str]:
 
 
 def xml_text(text: str, kept: str = "") -> str:
-    """Return the text without what XML cannot hold, not even escaped: only printable characters stay, and those `kept`."""
-    return text.translate({ord(char): f"{{{ord(char):X}}}" for char in set(text) if not char.isprintable() and char not in kept})
+    """Return the text without what XML cannot hold, not even escaped: only printable characters
+    stay, and those `kept`.
+    """
+    return text.translate(
+        {
+            ord(char): f"{{{ord(char):X}}}"
+            for char in set(text)
+            if not char.isprintable() and char not in kept
+        }
+    )
 
 
 def identifiers(names: Iterable[str], taken: Collection[str] = ()) -> list[str]:
-    """Return an identifier for every name, for C and Python: each another one, even without regard to case, and none that is `taken`.
+    """Return an identifier for every name, for C and Python: each another one, even without regard
+    to case, and none that is `taken`.
 
-    A name stays as it is where it can; else it gets a number behind it. Other characters than ASCII letters and digits become `_`.
+    A name stays as it is where it can; else it gets a number behind it. Other characters than ASCII
+    letters and digits become `_`.
     """
     wanted = [re.sub(r"[^A-Za-z0-9_]", "_", name) or "_" for name in names]
     wanted = [f"_{name}" if name[0].isdigit() else name for name in wanted]
@@ -108,7 +151,14 @@ _TEX_SYMBOLS = {
     **{"−": "-", "±": r"\pm", "×": r"\times", "·": r"\cdot", "⋅": r"\cdot", "°": r"^\circ"},
     **{"µ": r"\mu", "≤": r"\leq", "≥": r"\geq", "≈": r"\approx", "√": r"\surd", "∞": r"\infty"},
 }
-_TEX_NAMES = {"\\": "backslash", "^": "asciicircum", "~": "asciitilde", "<": "less", ">": "greater", "|": "bar"}
+_TEX_NAMES = {
+    "\\": "backslash",
+    "^": "asciicircum",
+    "~": "asciitilde",
+    "<": "less",
+    ">": "greater",
+    "|": "bar",
+}
 _TEX = str.maketrans(
     {char: rf"\ensuremath{{{symbol}}}" for char, symbol in _TEX_SYMBOLS.items()}
     | {char: rf"\text{name}{{}}" for char, name in _TEX_NAMES.items()}
@@ -129,17 +179,25 @@ def _printed(text: str) -> str:
 
 
 _FORMULA_COMMANDS = (
-    "alpha beta gamma delta epsilon varepsilon zeta eta theta vartheta iota kappa lambda mu nu xi pi rho sigma tau upsilon phi varphi chi "
-    "psi omega Gamma Delta Theta Lambda Xi Pi Sigma Upsilon Phi Psi Omega mathrm mathit mathbf mathsf frac sqrt dot ddot hat bar tilde vec "
-    "overline cdot times circ pm leq geq approx infty partial nabla sum int left right degree prime langle rangle quad"
+    "alpha beta gamma delta epsilon varepsilon zeta eta theta vartheta iota kappa lambda mu "
+    "nu xi pi rho sigma tau upsilon phi varphi chi "
+    "psi omega Gamma Delta Theta Lambda Xi Pi Sigma Upsilon Phi Psi Omega mathrm mathit "
+    "mathbf mathsf frac sqrt dot ddot hat bar tilde vec "
+    "overline cdot times circ pm leq geq approx infty partial nabla sum int left right degree "
+    "prime langle rangle quad"
 )
 _LETTERS = r"[A-Za-z0-9 .,:;=+\-()\[\]<>/|'!*]"
-_IN_FORMULA = re.compile(rf"(?:{_LETTERS}|[{{}}_]|\^(?!\^)|\\[,;: ]|\\(?:{_FORMULA_COMMANDS.replace(' ', '|')})(?![A-Za-z]))*")
+_IN_FORMULA = re.compile(
+    rf"(?:{_LETTERS}|[{{}}_]|\^(?!\^)|\\[,;: "
+    rf"]|\\(?:{_FORMULA_COMMANDS.replace(' ', '|')})(?![A-Za-z]))*"
+)
 _FORMULAS = re.compile(r"(?<!\\)\$((?:[^$\\]|\\.)*)\$")
 
 
 def tex_label(text: str) -> str:
-    """Return LaTeX source for a label with formulas between dollars, of symbols and a few commands; any other is printed as it stands."""
+    """Return LaTeX source for a label with formulas between dollars, of symbols and a few commands;
+    any other is printed as it stands.
+    """
     text, found, end = _printed(text), "", 0
     for match in _FORMULAS.finditer(text):
         if _IN_FORMULA.fullmatch(match[1]) and _is_balanced(match[1]):

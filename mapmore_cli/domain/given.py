@@ -1,4 +1,5 @@
-"""The one door for arrays and tables that others made: NumPy, pandas, polars, pyarrow, xarray, pint, lists and numbers.
+"""The one door for arrays and tables that others made: NumPy, pandas, polars, pyarrow, xarray,
+pint, lists and numbers.
 
 No library of them is imported: what they have in common is asked for by its name.
 """
@@ -17,7 +18,9 @@ from mapmore_cli.domain.errors import DataError, MapmoreError
 
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 ABSENT = ("NoneType", "NAType", "NaTType", "MaskedConstant")
-"""Types of what stands for a missing value, by their names: None, `pd.NA`, `pd.NaT`, `np.ma.masked`."""
+"""Types of what stands for a missing value, by their names: None, `pd.NA`, `pd.NaT`,
+`np.ma.masked`.
+"""
 
 
 @dataclass(frozen=True)
@@ -25,8 +28,10 @@ class Door:
     """How numbers are read of what users give.
 
     - `convert`: brings numbers in a unit, which is given as text, to the wanted unit.
-    - `cell`: reads the number in a text, a date or a duration, as in a cell of a file. Without it they are refused.
-    - `clock`: whether dates and durations are wanted. They are seconds (since 1970), as `convert` gets them.
+    - `cell`: reads the number in a text, a date or a duration, as in a cell of a file. Without it
+      they are refused.
+    - `clock`: whether dates and durations are wanted. They are seconds (since 1970), as `convert`
+      gets them.
     """
 
     convert: Callable[[Array, str], Array]
@@ -34,16 +39,20 @@ class Door:
     clock: bool = False
 
     def numbers(self, values: Any, what: str, axis: str = "row") -> Array:
-        """Return values that messages call `what` as numbers, in their shape. Missing ones (masked, None, NA, NaT) are NaN.
+        """Return values that messages call `what` as numbers, in their shape. Missing ones (masked,
+        None, NA, NaT) are NaN.
 
-        Raises DataError for anything else: text, true and false, complex numbers, dates that are no clock, units that do not fit.
+        Raises DataError for anything else: text, true and false, complex numbers, dates that are no
+        clock, units that do not fit.
         """
         try:
             return np.asarray(self._read(values, what, axis), dtype=np.float64)
         except (MapmoreError, TypeError, ValueError) as fault:
             told = str(getattr(fault, "message", fault))
             said = told if told.startswith(what) else f"{what}: {told}"
-            raise DataError(said, getattr(fault, "remedy", "give numbers; None where one is missing")) from fault
+            raise DataError(
+                said, getattr(fault, "remedy", "give numbers; None where one is missing")
+            ) from fault
 
     def _read(self, values: Any, what: str, axis: str) -> Any:
         if type(values).__name__ in ABSENT:
@@ -51,7 +60,10 @@ class Door:
         if isinstance(values, list | tuple):
             plain = (int, float)  # at once: they are many
             numbered = enumerate(values)
-            return [one if type(one) in plain else self.numbers(one, f"{what}, {axis} {i}", "column") for i, one in numbered]
+            return [
+                one if type(one) in plain else self.numbers(one, f"{what}, {axis} {i}", "column")
+                for i, one in numbered
+            ]
         if self.clock and isinstance(values, datetime):
             values = (values if values.tzinfo else values.replace(tzinfo=UTC)) - EPOCH
         if self.clock and isinstance(values, timedelta):
@@ -69,11 +81,15 @@ class Door:
         array, masked = np.asarray(values), np.ma.isMA(values) and np.ma.getmaskarray(values)
         kind = array.dtype.kind
         if kind in "OUT" and array.ndim:
-            return self._read(np.where(masked, np.array(None), array.astype(object)).tolist(), what, axis)
+            return self._read(
+                np.where(masked, np.array(None), array.astype(object)).tolist(), what, axis
+            )
         if kind == "O":
             return float(values)
         if kind in "mM":
-            array = self._seconds((array - np.datetime64(0, "s") if kind == "M" else array) / np.timedelta64(1, "s"))
+            array = self._seconds(
+                (array - np.datetime64(0, "s") if kind == "M" else array) / np.timedelta64(1, "s")
+            )
         elif kind not in "iuf":
             words = {"b": "true and false are not numbers", "c": "Complex data not supported"}
             raise ValueError(words.get(kind, f"'{values!s:.40}' is not a number"))
@@ -86,7 +102,9 @@ class Door:
 
 
 def in_unit(values: Any) -> tuple[str | None, Any]:
-    """Return the unit that an array carries, None for a plain one, and its numbers: of pint, astropy, unyt; of `attrs` in xarray."""
+    """Return the unit that an array carries, None for a plain one, and its numbers: of pint,
+    astropy, unyt; of `attrs` in xarray.
+    """
     for unit, bare in (("units", "magnitude"), ("unit", "value"), ("units", "value")):
         if hasattr(type(values), unit) and hasattr(type(values), bare):
             return str(getattr(values, unit)).replace(" ** ", "**"), getattr(values, bare)
@@ -97,17 +115,25 @@ def in_unit(values: Any) -> tuple[str | None, Any]:
 def labels_of(table: Any) -> tuple[Hashable, ...] | None:
     """Return the labels of a table's columns, as they are; None for what is no table of columns.
 
-    Tables are mappings of arrays, structured arrays, data frames with `columns`, pyarrow's with `column_names`, and datasets of
-    xarray. Raises DataError for a table that is not computed yet, and for labels of several levels.
+    Tables are mappings of arrays, structured arrays, data frames with `columns`, pyarrow's with
+    `column_names`, and datasets of xarray. Raises DataError for a table that is not computed yet,
+    and for labels of several levels.
     """
     if hasattr(type(table), "collect"):
-        raise DataError("the frame is lazy: it holds no values yet", "call .collect(), and give what that returns")
+        raise DataError(
+            "the frame is lazy: it holds no values yet",
+            "call .collect(), and give what that returns",
+        )
     names: Any = getattr(getattr(table, "dtype", None), "names", None)
     if isinstance(table, Mapping):
         names = getattr(table, "variables", table)
     else:
-        names = getattr(table, "column_names" if hasattr(type(table), "column_names") else "columns", names)
+        names = getattr(
+            table, "column_names" if hasattr(type(table), "column_names") else "columns", names
+        )
     if getattr(names, "nlevels", 1) > 1:
         remedy = 'join the levels: `df.columns = ["_".join(map(str, one)) for one in df.columns]`'
-        raise DataError("the columns of the frame have labels of several levels (a MultiIndex)", remedy)
+        raise DataError(
+            "the columns of the frame have labels of several levels (a MultiIndex)", remedy
+        )
     return None if names is None else tuple(names)

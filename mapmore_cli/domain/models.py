@@ -8,12 +8,22 @@ from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
 from mapmore_cli.domain.arrays import ASCENDING, Array, IntArray, Number, Numbers, Ranges, Span
-from mapmore_cli.domain.declared import Beyond, Count, Joining, Label, QuantityName, TermName, one_of
+from mapmore_cli.domain.declared import (
+    Beyond,
+    Count,
+    Joining,
+    Label,
+    QuantityName,
+    TermName,
+    one_of,
+)
 from mapmore_cli.domain.fits import Boundaries, FormulaFit, MemoryModel, Scaling, Step
 from mapmore_cli.domain.recording import Quantity, Signal
 
 Side = Beyond | Number
-"""Behaviour beyond one limit: `continue`, `continue_linear`, `saturate`, `zero`, or a value (M2 eq 12)."""
+"""Behaviour beyond one limit: `continue`, `continue_linear`, `saturate`, `zero`, or a value (M2 eq
+12).
+"""
 
 
 @dataclass(frozen=True)
@@ -31,9 +41,9 @@ class SegmentFunction:
     samples: Annotated[Count, "samples fitted to"]
     condition: Annotated[float, "2-norm condition number of the chosen regressors"]
     stop: Annotated[Label, "why selection stopped"]
-    limits: Annotated[Ranges, "least and greatest training value of each segmented variable in the segment", "[*]"] = field(
-        default_factory=dict
-    )
+    limits: Annotated[
+        Ranges, "least and greatest training value of each segmented variable in the segment", "[*]"
+    ] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -42,31 +52,45 @@ class CurveFunction:
 
     curve: Annotated[Label, "identifier of the curve"]
     level: Annotated[Number | None, "value of the level quantity", "[level]"]
-    boundaries: Annotated[tuple[Boundaries, ...], "(p) segment locations of each segmented variable, both ends included", "[variables.*]"]
+    boundaries: Annotated[
+        tuple[Boundaries, ...],
+        "(p) segment locations of each segmented variable, both ends included",
+        "[variables.*]",
+    ]
     limits: Annotated[Ranges, "least and greatest training value of each input", "[*]"]
     segments: Annotated[tuple[SegmentFunction, ...], "segment functions"]
-    threshold: Annotated[Number | None, "threshold along the aligned variable, where there is one", "[aligned]"] = None
+    threshold: Annotated[
+        Number | None, "threshold along the aligned variable, where there is one", "[aligned]"
+    ] = None
 
 
 @dataclass(frozen=True, kw_only=True)
 class Fusion(Joining):
     """How the pieces are joined (M2 eq 9-12).
 
-    `hold: samples` holds a segment function beyond its samples by more than `z_s` of their width, as far as transition zones reach there;
-    `none` leaves it as it is (M2 eq 9-11 to the letter). An input that `domain` (M2 eq 12 as printed) lacks has each curve's own limits.
+    `hold: samples` holds a segment function beyond its samples by more than `z_s` of their width,
+    as far as transition zones reach there; `none` leaves it as it is (M2 eq 9-11 to the letter). An
+    input that `domain` (M2 eq 12 as printed) lacks has each curve's own limits.
 
-    `shrink` is the share g of the pieces on a backbone that is carried to the middle between two levels: `g + (1 - g)(1 - 2t)^2` at the
-    place t between them.
+    `shrink` is the share g of the pieces on a backbone that is carried to the middle between two
+    levels: `g + (1 - g)(1 - 2t)^2` at the place t between them.
     """
 
     extrapolation: Annotated[
-        Mapping[QuantityName, tuple[Side, Side]], "behaviour below and above the limits of each input: a word, or the value it takes"
+        Mapping[QuantityName, tuple[Side, Side]],
+        "behaviour below and above the limits of each input: a word, or the value it takes",
     ]
-    aligned: Annotated[QuantityName | None, "variable along which curves are aligned at their thresholds"] = None
-    shrink: Annotated[Number, "share of the pieces on a backbone that is carried to the middle between two levels"] = 1.0
-    domain: Annotated[Ranges, "limits of the whole training domain, for inputs that extrapolation acts on there", "[*]"] = field(
-        default_factory=dict
-    )
+    aligned: Annotated[
+        QuantityName | None, "variable along which curves are aligned at their thresholds"
+    ] = None
+    shrink: Annotated[
+        Number, "share of the pieces on a backbone that is carried to the middle between two levels"
+    ] = 1.0
+    domain: Annotated[
+        Ranges,
+        "limits of the whole training domain, for inputs that extrapolation acts on there",
+        "[*]",
+    ] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -91,14 +115,17 @@ class CurveRange:
 
 
 class Body:
-    """Base of what a model consists of, by its kind: `modelling.kinds` says what each kind can do."""
+    """Base of what a model consists of, by its kind: `modelling.kinds` says what each kind can
+    do.
+    """
 
 
 @dataclass(frozen=True, eq=False)  # equal to itself alone: arrays have no hash
 class Pieces(Body):
     """MAPMORE: `output = backbone + sum_i f_i prod_j w_ij` (M2 eq 9).
 
-    `level` is None where all curves are pooled. Curves have no segments where the residual on the backbone was dropped.
+    `level` is None where all curves are pooled. Curves have no segments where the residual on the
+    backbone was dropped.
     """
 
     level: Annotated[QuantityName | None, "the input that is constant within a curve"]
@@ -106,7 +133,9 @@ class Pieces(Body):
     curves: Annotated[tuple[CurveFunction, ...], "training curves"]
     fusion: Annotated[Fusion, "how the pieces are joined"]
     backbone: Annotated[FormulaFit | None, "formula that the pieces are added to"] = None
-    cross_validation: Annotated[tuple[FoldError, ...], "errors that decided for or against the pieces on the backbone"] = ()
+    cross_validation: Annotated[
+        tuple[FoldError, ...], "errors that decided for or against the pieces on the backbone"
+    ] = ()
 
     @property
     def ranges(self) -> tuple[CurveRange, ...]:
@@ -150,7 +179,8 @@ class Memory(Body):
         return (self.model,)
 
 
-# Models of motion (P) --------------------------------------------------------------------------------------------------------------
+# Models of motion (P)
+# --------------------------------------------------------------------------------------------------
 
 HARD, CARRIED, BUMPLESS = "hard", "carried", "bumpless"
 """How a model changes from section to section."""
@@ -164,17 +194,25 @@ ALL, RISE, FALL = "all", "rise", "fall"
 
 @dataclass(frozen=True)
 class MotionSection:
-    """A linear section: `x1[k+1] = x2[k]`, `x2[k+1] = P1 x1[k] + P2 x2[k] + sum_m w_m d_m[k]`, output x1 (P eq 10, in discrete time).
+    """A linear section: `x1[k+1] = x2[k]`, `x2[k+1] = P1 x1[k] + P2 x2[k] + sum_m w_m d_m[k]`,
+    output x1 (P eq 10, in discrete time).
 
-    `x2` is the output one sample ahead. The drives d are the model's; the first is the input, so that `w_1` is P3.
+    `x2` is the output one sample ahead. The drives d are the model's; the first is the input, so
+    that `w_1` is P3.
     """
 
     id: Annotated[Label, "identifier of the section, as `2` or `rise 2`"]
     place: Annotated[int, "place along the input, from 1", "-"]
-    direction: Annotated[str, "direction of the input in which it holds: `all`, `rise` or `fall`", one_of(ALL, RISE, FALL)]
+    direction: Annotated[
+        str,
+        "direction of the input in which it holds: `all`, `rise` or `fall`",
+        one_of(ALL, RISE, FALL),
+    ]
     p1: Annotated[Number, "P1"]
     p2: Annotated[Number, "P2"]
-    weights: Annotated[Numbers, "(m) weights of the drives; the first is P3", "[target] over the unit of the drive"]
+    weights: Annotated[
+        Numbers, "(m) weights of the drives; the first is P3", "[target] over the unit of the drive"
+    ]
 
     @property
     def p3(self) -> float:
@@ -203,8 +241,9 @@ class MotionSection:
 class Motion:
     """Sections along an input (P eq 14-17).
 
-    With `hard` switching every section runs on the whole input and the active one's output is taken; `bumpless` sections are `carried` ones
-    whose steady outputs meet at their boundaries. Without bumpless switching `dead_band` is 0: the input then falls unless it rises.
+    With `hard` switching every section runs on the whole input and the active one's output is
+    taken; `bumpless` sections are `carried` ones whose steady outputs meet at their boundaries.
+    Without bumpless switching `dead_band` is 0: the input then falls unless it rises.
     """
 
     input: Annotated[QuantityName, "the input"]
@@ -215,13 +254,22 @@ class Motion:
         "`hard`: sections run side by side; `carried`, `bumpless`: they share one state",
         one_of(HARD, CARRIED, BUMPLESS),
     ]
-    boundaries: Annotated[tuple[Number, ...], "inputs at which sections meet, ascending", "that of the input", ASCENDING]
+    boundaries: Annotated[
+        tuple[Number, ...],
+        "inputs at which sections meet, ascending",
+        "that of the input",
+        ASCENDING,
+    ]
     directed: Annotated[bool, "1 where sections differ between a rising and a falling input"]
-    dead_band: Annotated[Number, "how far the input turns back before its direction changes", "that of the input"]
+    dead_band: Annotated[
+        Number, "how far the input turns back before its direction changes", "that of the input"
+    ]
     drives: Annotated[tuple[TermName, ...], "(m) terms that drive every section, the input first"]
     sections: Annotated[tuple[MotionSection, ...], "in order along the input, `rise` before `fall`"]
     limits: Annotated[Span, "least and greatest training input", "that of the input"]
-    start: Annotated[str, "a run begins at `rest` under its first input, or at `zero`", one_of(REST, ZERO)] = REST
+    start: Annotated[
+        str, "a run begins at `rest` under its first input, or at `zero`", one_of(REST, ZERO)
+    ] = REST
 
 
 @dataclass(frozen=True)
@@ -241,7 +289,9 @@ class MotionFit:
 
     model: Annotated[Motion, "the model"]
     solver: Annotated[Label, "name of the solver"]
-    searches: Annotated[tuple[SectionSearch, ...], "the search of each section, in the order of sections"]
+    searches: Annotated[
+        tuple[SectionSearch, ...], "the search of each section, in the order of sections"
+    ]
     notes: Annotated[tuple[str, ...], "remarks for the reader"] = ()
 
 
@@ -253,20 +303,23 @@ class StateSpace(Body):
     ranges: Annotated[tuple[CurveRange, ...], "training range of each curve"]
 
 
-# Sums and the whole ----------------------------------------------------------------------------------------------------------------
+# Sums and the whole
+# --------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class Part:
     """A model in a sum.
 
-    An input may be the output of another model, as the pressure behind a valve: that of a part in `fed`, by its name.
+    An input may be the output of another model, as the pressure behind a valve: that of a part in
+    `fed`, by its name.
     """
 
     model: Annotated[Model, "the model"]
     sign: Annotated[Number, "+1 or -1: how its output counts"] = 1.0
     inputs: Annotated[
-        Mapping[QuantityName, TermName], "its inputs that have another name in the sum, as expressions of the sum's inputs"
+        Mapping[QuantityName, TermName],
+        "its inputs that have another name in the sum, as expressions of the sum's inputs",
     ] = field(default_factory=dict)
     fed: Annotated[tuple[Part, ...], "models whose outputs are inputs of this one"] = ()
 
@@ -285,7 +338,9 @@ class Sum(Body):
     @property
     def memories(self) -> tuple[MemoryModel, ...]:
         """The summands that have memory, and what feeds them."""
-        return tuple(memory for part in self.parts for model in part.models for memory in model.memories)
+        return tuple(
+            memory for part in self.parts for model in part.models for memory in model.memories
+        )
 
 
 LeftOutKind = Literal["levels", "recordings", "blocks", "specimens"]
@@ -294,36 +349,54 @@ LeftOutKind = Literal["levels", "recordings", "blocks", "specimens"]
 
 @dataclass(frozen=True)
 class LeftOut:
-    """How models of the rest missed each part of the training data that was left out of them: what intervals are made of.
+    """How models of the rest missed each part of the training data that was left out of them: what
+    intervals are made of.
 
     Of levels, those between two others are left out.
     """
 
-    kind: Annotated[LeftOutKind, "`levels`, `recordings`, `blocks` or `specimens`: what was left out in turn"]
+    kind: Annotated[
+        LeftOutKind, "`levels`, `recordings`, `blocks` or `specimens`: what was left out in turn"
+    ]
     curves: Annotated[Count, "levels, recordings or blocks that train"]
     parts: Annotated[tuple[Label, ...], "(parts) names of the parts"]
     samples: Annotated[IntArray, "(parts) samples of each"]
     offset: Annotated[Numbers, "(parts) mean of measured minus predicted over each", "[target]"]
     scatter: Annotated[Numbers, "(parts) standard deviation about the offset", "[target]"]
-    sizes: Annotated[Numbers, "(parts, shares) quantiles of the absolute residuals of each at even shares from 0 to 1", "[target]"]
-    places: Annotated[tuple[Number, ...], "(levels) levels that train", "that of the level", ASCENDING] = ()
+    sizes: Annotated[
+        Numbers,
+        "(parts, shares) quantiles of the absolute residuals of each at even shares from 0 to 1",
+        "[target]",
+    ]
+    places: Annotated[
+        tuple[Number, ...], "(levels) levels that train", "that of the level", ASCENDING
+    ] = ()
     repeats: Annotated[tuple[Count, ...], "(levels) recordings at each"] = ()
     largest: Annotated[Number, "largest absolute training target", "[target]"] = 0.0
     residual: Annotated[Number, "root mean square training residual", "[target]"] = 0.0
-    astray: Annotated[Number, "how far left-out predictions lie beyond the training target, as a share of its range"] = 0.0
+    astray: Annotated[
+        Number,
+        "how far left-out predictions lie beyond the training target, as a share of its range",
+    ] = 0.0
 
 
 @dataclass(frozen=True)
 class Model:
-    """A model that predicts without any other file: what all kinds have in common, and the body of one kind."""
+    """A model that predicts without any other file: what all kinds have in common, and the body of
+    one kind.
+    """
 
     name: Annotated[Label, "name of the run"]
     output: Annotated[Quantity, "predicted quantity"]
     inputs: Annotated[tuple[Quantity, ...], "quantities that the model needs"]
     body: Annotated[Body, "what the model consists of"]
-    signals: Annotated[tuple[Signal, ...], "inputs that follow from others over time, each after those"] = ()
+    signals: Annotated[
+        tuple[Signal, ...], "inputs that follow from others over time, each after those"
+    ] = ()
     notes: Annotated[tuple[str, ...], "remarks for the reader"] = ()
-    left_out: Annotated[LeftOut | None, "what intervals are made of, where the spec asked for them"] = None
+    left_out: Annotated[
+        LeftOut | None, "what intervals are made of, where the spec asked for them"
+    ] = None
 
     @property
     def pieces(self) -> Pieces | None:

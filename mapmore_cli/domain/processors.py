@@ -1,6 +1,8 @@
-"""The processors of this machine: the threads that libraries start, and work that is shared out to copies of this process.
+"""The processors of this machine: the threads that libraries start, and work that is shared out to
+copies of this process.
 
-Only what tries many settings is shared out (`tune`), where two processors take about half the time. A run has one process.
+Only what tries many settings is shared out (`tune`), where two processors take about half the time.
+A run has one process.
 """
 
 from __future__ import annotations
@@ -39,11 +41,13 @@ def shared_out(
 ) -> list[R]:
     """`[work(item) for item in items]`, each item done by the process that is free first.
 
-    The others are forks: copies that have the items already. What they return must be picklable, and whatever else they change is lost.
-    What a copy does not deliver, for whatever reason, is done here, so that an error is raised as without copies.
+    The others are forks: copies that have the items already. What they return must be picklable,
+    and whatever else they change is lost. What a copy does not deliver, for whatever reason, is
+    done here, so that an error is raised as without copies.
 
     - `progress`: is told how many items are in work or done, of how many.
-    - `processes`: how many there are with this one; by default as many as this machine has for them (`free_processors`).
+    - `processes`: how many there are with this one; by default as many as this machine has for them
+      (`free_processors`).
     """
     count = max(1, min(len(items), free_processors() if processes is None else processes))
     with TemporaryFile(buffering=0) as queue:
@@ -68,10 +72,12 @@ def _drawn(queue: FileIO) -> Iterator[int]:
 
 
 def free_processors() -> int:
-    """How many processes work may be shared out to: one where copies are not safe, or where all processors are at work already.
+    """How many processes work may be shared out to: one where copies are not safe, or where all
+    processors are at work already.
 
-    A fork of a process with threads may hang, and on macOS a fork without them too: only Linux has copies, of a process with one thread.
-    A copy, a worker of a campaign, and a process that has some at work make none.
+    A fork of a process with threads may hang, and on macOS a fork without them too: only Linux has
+    copies, of a process with one thread. A copy, a worker of a campaign, and a process that has
+    some at work make none.
     """
     if sys.platform != "linux" or _threads() != 1:
         return 1
@@ -90,14 +96,20 @@ def _threads() -> int | None:
 
 @contextmanager
 def _copy(work: Callable[[T], R], items: Sequence[T], share: Iterable[int]) -> Iterator[Connection]:
-    """Set a fork to work on a share, and say where it tells what came of it; what is left of it ends with the context."""
+    """Set a fork to work on a share, and say where it tells what came of it; what is left of it
+    ends with the context.
+    """
     from multiprocessing import get_context
 
     fork = get_context("fork")
     receiver, sender = fork.Pipe(duplex=False)
-    process = fork.Process(target=_deliver, args=(work, items, share, sender, os.getpid()), daemon=True)
+    process = fork.Process(
+        target=_deliver, args=(work, items, share, sender, os.getpid()), daemon=True
+    )
     with receiver:
-        heard = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # Ctrl-C is for the process that waits
+        heard = signal.pthread_sigmask(
+            signal.SIG_BLOCK, {signal.SIGINT}
+        )  # Ctrl-C is for the process that waits
         try:
             with sender, suppress(OSError):  # no room for a process: nothing is delivered
                 process.start()
@@ -111,8 +123,16 @@ def _copy(work: Callable[[T], R], items: Sequence[T], share: Iterable[int]) -> I
                 process.join()
 
 
-def _deliver(work: Callable[[T], R], items: Sequence[T], share: Iterable[int], sender: Connection, parent: int) -> None:
-    """Do the work of a fork. It ends without a word and without what others are to do at the end."""
+def _deliver(
+    work: Callable[[T], R],
+    items: Sequence[T],
+    share: Iterable[int],
+    sender: Connection,
+    parent: int,
+) -> None:
+    """Do the work of a fork. It ends without a word and without what others are to do at the
+    end.
+    """
     with suppress(BaseException):
         killed_with(parent)
         sender.send({number: work(items[number]) for number in share})
@@ -120,7 +140,9 @@ def _deliver(work: Callable[[T], R], items: Sequence[T], share: Iterable[int], s
 
 
 def killed_with(parent: int) -> None:
-    """Have this process killed by the system when its parent ends, in whatever way, where the system is Linux."""
+    """Have this process killed by the system when its parent ends, in whatever way, where the
+    system is Linux.
+    """
     if sys.platform == "linux":
         import ctypes
 

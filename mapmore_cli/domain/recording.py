@@ -16,7 +16,8 @@ STATIC_FORCE, DAMPING = "static_force", "damping"
 """What a static model says of a step response, and what it leaves (M2 eq 1)."""
 
 DIRECTION = "direction"
-"""The quantity that tells rise (+1) from fall (-1), by the name that formulas and segments know it."""
+"""The quantity that tells rise (+1) from fall (-1), by the name that formulas and segments know it.
+"""
 
 
 @dataclass(frozen=True)
@@ -43,8 +44,8 @@ class BaseUnits:
 class Recording:
     """One source file as read, in the units of the model.
 
-    `dropped` counts the samples that `columns` lacks by reason: without resampling, `rows_read == rows_kept + sum(dropped.values())`. `log`
-    names the log that was cut at gaps.
+    `dropped` counts the samples that `columns` lacks by reason: without resampling, `rows_read ==
+    rows_kept + sum(dropped.values())`. `log` names the log that was cut at gaps.
     """
 
     id: Annotated[Label, "identifier of the recording"]
@@ -52,12 +53,16 @@ class Recording:
     columns: Annotated[Columns, "(n) samples that were kept", "[*]"]
     rows_read: Annotated[Count, "samples in the source file"]
     dropped: Annotated[Mapping[str, Count], "samples left out, by reason", "1"]
-    log: Annotated[Label, "identifier of the log that this is a piece of; empty where it is the whole log"] = ""
+    log: Annotated[
+        Label, "identifier of the log that this is a piece of; empty where it is the whole log"
+    ] = ""
 
     @property
     def name(self) -> str:
         """How messages call it: the file, and the id where that says more, as of a sheet."""
-        by_file = re.fullmatch(rf"(.*-)?{re.escape(self.id)}(\.\w+)*", self.source.replace("/", "-"))
+        by_file = re.fullmatch(
+            rf"(.*-)?{re.escape(self.id)}(\.\w+)*", self.source.replace("/", "-")
+        )
         return self.source if by_file else f"{self.source} ({self.id})"
 
     @property
@@ -70,20 +75,31 @@ class Recording:
 class Curve:
     """Samples at one value of the level quantity, or of one recording.
 
-    `level` is None without levels, and `id` then that of the recording. `at_rest` is None where nothing is said of plateaus, `origin`
-    where it is not known; the samples of one recording are in order of time.
+    `level` is None without levels, and `id` then that of the recording. `at_rest` is None where
+    nothing is said of plateaus, `origin` where it is not known; the samples of one recording are in
+    order of time.
     """
 
     id: Annotated[Label, "identifier of the curve, as `pressure=150`"]
     level: Annotated[Number | None, "value of the level quantity", "[level]"]
     columns: Annotated[Columns, "(n) samples, row for row", "[*]"]
     held_out: Annotated[BoolArray, "(n) 1 where a sample belongs to the validation data", "1"]
-    recordings: Annotated[tuple[Label, ...], "identifiers of the recordings that the samples come from"]
-    at_rest: Annotated[BoolArray | None, "(n) 1 on the plateau of a step response, where a sample is scored but does not train", "1"] = None
-    origin: Annotated[IntArray | None, "(n) number of each sample's recording among `recordings`, from 0", "-"] = None
-    measured: Annotated[Ranges, "range of each quantity over the training recordings, where samples are branches", "[*]"] = field(
-        default_factory=dict
-    )
+    recordings: Annotated[
+        tuple[Label, ...], "identifiers of the recordings that the samples come from"
+    ]
+    at_rest: Annotated[
+        BoolArray | None,
+        "(n) 1 on the plateau of a step response, where a sample is scored but does not train",
+        "1",
+    ] = None
+    origin: Annotated[
+        IntArray | None, "(n) number of each sample's recording among `recordings`, from 0", "-"
+    ] = None
+    measured: Annotated[
+        Ranges,
+        "range of each quantity over the training recordings, where samples are branches",
+        "[*]",
+    ] = field(default_factory=dict)
 
     @property
     def size(self) -> int:
@@ -144,7 +160,8 @@ class Dataset:
 class Signal:
     """An input that follows from another one over time.
 
-    A rate is `factor` times the derivative by the time in seconds, where the time comes in units of so many `seconds`.
+    A rate is `factor` times the derivative by the time in seconds, where the time comes in units of
+    so many `seconds`.
     """
 
     name: Annotated[QuantityName, "name of the input"]
@@ -154,4 +171,6 @@ class Signal:
     order: Annotated[Count, "order of the polynomials of a rate; 0 for a direction"] = 0
     factor: Annotated[Number, "unit of the quantity per second, in the unit of the rate"] = 1.0
     seconds: Annotated[Number, "seconds in one unit of the time", "s"] = 1.0
-    dead_band: Annotated[Number, "rate up to which the last direction holds; 0 for a rate", "that of the rate"] = 0.0
+    dead_band: Annotated[
+        Number, "rate up to which the last direction holds; 0 for a rate", "that of the rate"
+    ] = 0.0

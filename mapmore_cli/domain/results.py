@@ -28,27 +28,36 @@ class PiecesFit:
 class FitResult:
     """What was fitted, with every intermediate result of the selection of terms.
 
-    `body` is of the kind's own type (`modelling.kinds`), fitted to what `backbone` leaves where there is one.
+    `body` is of the kind's own type (`modelling.kinds`), fitted to what `backbone` leaves where
+    there is one.
     """
 
     body: Annotated[Any, "what was fitted; absent where models are only added up"]
     backbone: Annotated[FormulaFit | None, "formula whose residual was fitted"] = None
     notes: Annotated[tuple[str, ...], "remarks for the reader"] = ()
-    max_terms: Annotated[Count, "number of terms that left-out training data chose; 0 where the spec says it", "-"] = 0
+    max_terms: Annotated[
+        Count, "number of terms that left-out training data chose; 0 where the spec says it", "-"
+    ] = 0
 
     @property
     def pieces(self) -> tuple[SegmentFit, ...]:
-        """Everything that terms were chosen for: the segments, or the model with memory as one piece."""
+        """Everything that terms were chosen for: the segments, or the model with memory as one
+        piece.
+        """
         return self.segments if self.memory is None else (self.memory.piece,)
 
     @property
     def constant_alone(self) -> tuple[str, ...]:
         """A note where no term but the constant was chosen."""
-        if self.backbone is not None or {term for piece in self.pieces for term in piece.terms} != {"1"}:
+        if self.backbone is not None or {term for piece in self.pieces for term in piece.terms} != {
+            "1"
+        }:
             return ()
         left = max(piece.selection.sse / piece.selection.yy for piece in self.pieces)
         share = f"all but {left:.2g} of the sum of squares"
-        return (f"the constant alone is the model: it explains {share}, and nothing of what changes",)
+        return (
+            f"the constant alone is the model: it explains {share}, and nothing of what changes",
+        )
 
     @property
     def segments(self) -> tuple[SegmentFit, ...]:
@@ -75,18 +84,24 @@ class FitResult:
 class Validation:
     """Predictions of the run's own model (`mapmore`) and of its competitors, and their scores.
 
-    `predictions[model][c]` is `(n_c,)`, row for row of the dataset's curve number c. `formulas` and `motions` are the fits behind
-    competitors.
+    `predictions[model][c]` is `(n_c,)`, row for row of the dataset's curve number c. `formulas` and
+    `motions` are the fits behind competitors.
     """
 
-    predictions: Annotated[Mapping[Label, tuple[Array, ...]], "by model, then by curve of the dataset, row for row", "[target]"]
+    predictions: Annotated[
+        Mapping[Label, tuple[Array, ...]],
+        "by model, then by curve of the dataset, row for row",
+        "[target]",
+    ]
     formulas: Annotated[Mapping[Label, FormulaFit], "literature models that were fitted"]
     scores: Annotated[tuple[Score, ...], "score table"]
     units: Annotated[Mapping[Label, Label], "unit of every target"]
-    motions: Annotated[Mapping[Label, MotionFit], "models of motion among the competitors, and how they were found"] = field(
-        default_factory=dict
-    )
-    warnings: Annotated[tuple[str, ...], "what must be known of the run's own model before its scores are read"] = ()
+    motions: Annotated[
+        Mapping[Label, MotionFit], "models of motion among the competitors, and how they were found"
+    ] = field(default_factory=dict)
+    warnings: Annotated[
+        tuple[str, ...], "what must be known of the run's own model before its scores are read"
+    ] = ()
 
     @property
     def table(self) -> ScoreTable:
@@ -97,7 +112,9 @@ class Validation:
 
 @dataclass(frozen=True)
 class Run:
-    """Predictions (n,), empty (NaN) before there is history and from a sample at which the run left all bounds to the end of its piece."""
+    """Predictions (n,), empty (NaN) before there is history and from a sample at which the run left
+    all bounds to the end of its piece.
+    """
 
     values: Array
     diverged: tuple[int, ...] = ()  # rows of such samples
@@ -107,10 +124,19 @@ class Run:
 class Forecast:
     """Predictions of the samples of a curve, (n,) each."""
 
-    values: Array  # the model's prediction, in free run where it has memory; NaN before there is history, and from where a run diverged
-    ready: BoolArray  # samples with enough history to be predicted; what is NaN among them has diverged
-    one_step: Array | None = None  # prediction of every sample from the measured past; None for a model without memory
-    half: Array | None = None  # half of the width of the interval, NaN where there is none; None for a model without intervals
+    # the model's prediction, in free run where it has memory; NaN before there is history, and from
+    # where a run diverged
+    values: Array
+    # samples with enough history to be predicted; what is NaN among them has diverged
+    ready: BoolArray
+    one_step: Array | None = (
+        None  # prediction of every sample from the measured past; None for a model without memory
+    )
+    half: Array | None = (
+        # half of the width of the interval, NaN where there is none; None for a model without
+        # intervals
+        None
+    )
 
     @classmethod
     def of(cls, values: Array) -> Forecast:
@@ -134,10 +160,19 @@ class Tried:
     words: str  # what it is called
     sections: Mapping[str, Any]  # of a spec that make it, by their names
     parameters: int = 0  # free numbers of its model of all training data
-    errors: tuple[float, ...] = ()  # RMSE on each fold of a model without it, as a fraction of `Search.scale`; empty where a fit failed
+    errors: tuple[
+        float, ...
+        # RMSE on each fold of a model without it, as a fraction of `Search.scale`; empty where a
+        # fit
+        # failed
+    ] = ()
     error: float = math.nan  # their root mean square
-    parts: float = math.nan  # the same over left-out levels or recordings; NaN where there are too few of them
-    excess: float = math.nan  # mean over all folds of the logarithm of the error over that of the best structure
+    parts: float = (
+        math.nan
+    )  # the same over left-out levels or recordings; NaN where there are too few of them
+    excess: float = (
+        math.nan
+    )  # mean over all folds of the logarithm of the error over that of the best structure
     spread: float = math.nan  # standard error of that mean
     seconds: float = 0.0  # that it took
     failure: str = ""  # why a fit failed
@@ -167,7 +202,9 @@ class Search:
 
 @dataclass(frozen=True)
 class Candidate:
-    """A measurement that could be made; half widths are those of the 95 % interval, in the target's unit, NaN where unknown."""
+    """A measurement that could be made; half widths are those of the 95 % interval, in the target's
+    unit, NaN where unknown.
+    """
 
     at: Mapping[str, float]  # values of the quantities to set, by name, in the model's units
     kind: Literal["between", "point"]  # `between` two levels, or a `point` of a map
@@ -180,7 +217,9 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Until:
-    """The forecast of how many more measurements are needed for a `wanted` half width, in the target's unit."""
+    """The forecast of how many more measurements are needed for a `wanted` half width, in the
+    target's unit.
+    """
 
     wanted: float
     widest: float  # half width now

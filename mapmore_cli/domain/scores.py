@@ -14,16 +14,23 @@ OWN = "mapmore"
 """Name of the run's own model in its scores, and of the needed static model in a composite."""
 
 REPEATABILITY = "repeatability"
-"""Name of the rows that say how far repeated measurements lie apart: the floor of every model's error, and no model itself."""
+"""Name of the rows that say how far repeated measurements lie apart: the floor of every model's
+error, and no model itself.
+"""
 
 
 BASELINES: Mapping[str, str] = MappingProxyType(
-    {"gaussian_process": "Gaussian process", "gradient_boosting": "Gradient boosting", "mlp": "Neural network"}
+    {
+        "gaussian_process": "Gaussian process",
+        "gradient_boosting": "Gradient boosting",
+        "mlp": "Neural network",
+    }
 )
 """Competitors that are black boxes of scikit-learn: their names, and their titles."""
 
 SIMPLE: Mapping[str, str] = MappingProxyType(
-    {name: name.capitalize() for name in ("plane", "quadratic", "cubic", "backbone")} | {"arx": "ARX"}
+    {name: name.capitalize() for name in ("plane", "quadratic", "cubic", "backbone")}
+    | {"arx": "ARX"}
 )
 """Competitors that need no muscle, likewise; every validation has those that its model allows."""
 
@@ -32,12 +39,14 @@ SIMPLE: Mapping[str, str] = MappingProxyType(
 class Score:
     """One row of the score table.
 
-    `nrmse = rmse / normaliser` is a fraction; `normaliser` is the number and `normaliser_name` says what it is, as
-    `max|force| over validate`. `rmse`, `normaliser` and `max_abs_error` carry the target's unit. `rrse` is the root relative squared
-    error, of a free run where the model has memory; `rrse_one_step` then that of predictions from the measured past, else NaN.
-    `r_uncentred` is the correlation about zero, `sum y yhat / sqrt(sum y^2 sum yhat^2)`, which W prints. `interval_coverage` and
-    `interval_half_width` are of the run's own model on held-out rows, where the spec asks for intervals. `nrmse_range` divides by the
-    range of the samples that the normaliser is of: it tells more of a target that lies far from zero.
+    `nrmse = rmse / normaliser` is a fraction; `normaliser` is the number and `normaliser_name` says
+    what it is, as `max|force| over validate`. `rmse`, `normaliser` and `max_abs_error` carry the
+    target's unit. `rrse` is the root relative squared error, of a free run where the model has
+    memory; `rrse_one_step` then that of predictions from the measured past, else NaN. `r_uncentred`
+    is the correlation about zero, `sum y yhat / sqrt(sum y^2 sum yhat^2)`, which W prints.
+    `interval_coverage` and `interval_half_width` are of the run's own model on held-out rows, where
+    the spec asks for intervals. `nrmse_range` divides by the range of the samples that the
+    normaliser is of: it tells more of a target that lies far from zero.
     """
 
     model: Annotated[Label, "`mapmore`, or the name of a literature model"]
@@ -53,10 +62,18 @@ class Score:
     max_abs_error_fs: Annotated[float, "greatest absolute error as a fraction of the normaliser"]
     r2: Annotated[float, "coefficient of determination"]
     rrse: Annotated[float, "root relative squared error"] = math.nan
-    rrse_one_step: Annotated[float, "the same of predictions from the measured past; NaN without memory"] = math.nan
-    r_uncentred: Annotated[float, "correlation of measured and predicted about zero, W's index"] = math.nan
-    interval_coverage: Annotated[float, "share of the samples within their 95 % interval; NaN without intervals"] = math.nan
-    interval_half_width: Annotated[float, "half of the width of that interval, the median over the samples", "[target]"] = math.nan
+    rrse_one_step: Annotated[
+        float, "the same of predictions from the measured past; NaN without memory"
+    ] = math.nan
+    r_uncentred: Annotated[float, "correlation of measured and predicted about zero, W's index"] = (
+        math.nan
+    )
+    interval_coverage: Annotated[
+        float, "share of the samples within their 95 % interval; NaN without intervals"
+    ] = math.nan
+    interval_half_width: Annotated[
+        float, "half of the width of that interval, the median over the samples", "[target]"
+    ] = math.nan
     nrmse_range: Annotated[float, "rmse / range of the measured target, a fraction"] = math.nan
 
     @property
@@ -69,8 +86,14 @@ FAR_FROM_ZERO = 3.0
 """A target lies far from zero where its mean is more than so many times its range."""
 
 
-NUMBERS = {name: hint for name, hint in get_type_hints(Score, include_extras=True).items() if hint.__origin__ in (int, float)}
-METRICS: Mapping[str, str] = MappingProxyType({name: hint.__metadata__[0] for name, hint in NUMBERS.items()})
+NUMBERS = {
+    name: hint
+    for name, hint in get_type_hints(Score, include_extras=True).items()
+    if hint.__origin__ in (int, float)
+}
+METRICS: Mapping[str, str] = MappingProxyType(
+    {name: hint.__metadata__[0] for name, hint in NUMBERS.items()}
+)
 """What the numbers of a score row mean."""
 
 AT_LEAST = frozenset({"r2", "n", "interval_coverage"})
@@ -95,20 +118,29 @@ class Limit:
     @property
     def sentence(self) -> str:
         """The value beside its limit."""
-        return f"{self.metric} of {self.model} on the {self.split} rows is {self.value:.6g}; the limit is {self.limit:g}"
+        return (
+            f"{self.metric} of {self.model} on the {self.split} rows is {self.value:.6g}; the "
+            f"limit is {self.limit:g}"
+        )
 
 
 @dataclass(frozen=True)
 class Published:
-    """Numbers of a publication by model, all of held-out data; shown beside ours and used in no computation."""
+    """Numbers of a publication by model, all of held-out data; shown beside ours and used in no
+    computation.
+    """
 
     source: str
     nrmse: Mapping[str, float] = field(default_factory=dict)  # fractions
     rmse: Mapping[str, float] = field(default_factory=dict)  # in the target's unit
-    rmse_at_least: Mapping[str, float] = field(default_factory=dict)  # where only a lower bound was printed
+    rmse_at_least: Mapping[str, float] = field(
+        default_factory=dict
+    )  # where only a lower bound was printed
 
     def shown_rmse(self, model: str) -> float | str | None:
-        """Return the RMSE as a cell of a table: a bound is told as one, and None where nothing was printed."""
+        """Return the RMSE as a cell of a table: a bound is told as one, and None where nothing was
+        printed.
+        """
         if model in self.rmse_at_least:
             return f">= {self.rmse_at_least[model]:.3g}"
         return self.rmse.get(model)
@@ -116,7 +148,9 @@ class Published:
 
 @dataclass(frozen=True)
 class ScoreTable:
-    """What a validation says in numbers: the rows, the unit of every target, models without scores, and what must be known before."""
+    """What a validation says in numbers: the rows, the unit of every target, models without scores,
+    and what must be known before.
+    """
 
     scores: tuple[Score, ...]
     units: Mapping[str, str]
@@ -125,7 +159,9 @@ class ScoreTable:
 
 
 def deciding(scores: Iterable[Score]) -> list[Score]:
-    """Return the rows that decide: all curves pooled, of the held-out data where there are any, else of the training data."""
+    """Return the rows that decide: all curves pooled, of the held-out data where there are any,
+    else of the training data.
+    """
     pooled = [score for score in scores if score.curve == "all"]
     held_out = [score for score in pooled if score.split == "validate"]
     return held_out or pooled
@@ -137,7 +173,9 @@ class Trial:
 
     settings: Mapping[str, Any]
     parameters: int = 0  # free numbers of its model of all training data
-    errors: tuple[float, ...] = ()  # NRMSE on each fold of a model without it; empty where a fit failed
+    errors: tuple[
+        float, ...
+    ] = ()  # NRMSE on each fold of a model without it; empty where a fit failed
     error: float = math.nan  # their geometric mean
     excess: float = math.nan  # mean over the folds of ln(error / that of the best combination)
     spread: float = math.nan  # standard error of that mean
@@ -172,4 +210,6 @@ FIGURES = {
     "terms": "terms",
     "convergence": "nrmse",
 }
-"""The figures in their order, with the section of the page that each stands in. A figure `NAME` is drawn by `reporting/figures/NAME.py`."""
+"""The figures in their order, with the section of the page that each stands in. A figure `NAME` is
+drawn by `reporting/figures/NAME.py`.
+"""

@@ -1,4 +1,6 @@
-"""What a model is compared with: formulas, other runs, and sums of a static and a damping formula."""
+"""What a model is compared with: formulas, other runs, and sums of a static and a damping
+formula.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +38,9 @@ Forecasts = tuple[Forecast, ...]
 
 @dataclass(frozen=True)
 class Rival:
-    """A competitor with what it says of every curve; `formulas` are the fits behind it by the name they are shown under."""
+    """A competitor with what it says of every curve; `formulas` are the fits behind it by the name
+    they are shown under.
+    """
 
     name: str
     forecasts: Forecasts
@@ -51,10 +55,12 @@ class Rival:
 
 @dataclass(frozen=True)
 class Contest:
-    """The data and the other runs of a comparison: `model` is the run's own, `static_run` the needed run of the static force.
+    """The data and the other runs of a comparison: `model` is the run's own, `static_run` the
+    needed run of the static force.
 
-    `lengths` are the muscle's `length` and `diameter` (m); `spec_dir` is the folder that paths of frozen models start at. Where the dataset
-    is a fold of a cross-validation, `refit` makes the model of another run anew on its training samples.
+    `lengths` are the muscle's `length` and `diameter` (m); `spec_dir` is the folder that paths of
+    frozen models start at. Where the dataset is a fold of a cross-validation, `refit` makes the
+    model of another run anew on its training samples.
     """
 
     dataset: Dataset
@@ -68,15 +74,20 @@ class Contest:
     def rival(self, competitor: str | Competitor) -> Rival:
         """Fit a competitor to the same training data and predict every sample.
 
-        Raises SpecError, DataError where another run is of other quantities, or a formula lacks what it is fitted to.
+        Raises SpecError, DataError where another run is of other quantities, or a formula lacks
+        what it is fitted to.
         """
         if isinstance(competitor, str):
             competitor = Competitor(model=competitor)
         if competitor.run is not None or competitor.set is not None:
             folder = self.needed[competitor.run or competitor.label]
-            return Rival(competitor.label, self._of_run(folder), motion=RunFiles(folder).fit().motion)
+            return Rival(
+                competitor.label, self._of_run(folder), motion=RunFiles(folder).fit().motion
+            )
         if competitor.is_file:
-            return Rival(competitor.label, self._of_model(read_model(self.spec_dir / str(competitor.model))))
+            return Rival(
+                competitor.label, self._of_model(read_model(self.spec_dir / str(competitor.model)))
+            )
         if competitor.static is not None:
             return self._composite(competitor)
         if competitor.sum is not None:
@@ -87,20 +98,42 @@ class Contest:
         if competitor.model in BASELINES:
             from mapmore_cli.fitting.baselines import predictions
 
-            return Rival(competitor.label, _forecasts(predictions(competitor.model, self.dataset, self.model)))
-        found = self._fitted(competitor.model, self.dataset.curves, self.dataset.target, competitor.method, competitor.starts)
+            return Rival(
+                competitor.label,
+                _forecasts(predictions(competitor.model, self.dataset, self.model)),
+            )
+        found = self._fitted(
+            competitor.model,
+            self.dataset.curves,
+            self.dataset.target,
+            competitor.method,
+            competitor.starts,
+        )
         fit = self._with_held_out(found)
-        return Rival(competitor.label, _forecasts(_predicted(fit, self.dataset.curves)), {competitor.label: fit})
+        return Rival(
+            competitor.label,
+            _forecasts(_predicted(fit, self.dataset.curves)),
+            {competitor.label: fit},
+        )
 
     def simple_beside(self, named: Collection[str]) -> tuple[str, ...]:
         """Return the simple competitors that the model allows and that are not `named` already.
 
-        They are polynomials of its inputs, its backbone where it is more than that, and an ARX where it runs over time.
+        They are polynomials of its inputs, its backbone where it is more than that, and an ARX
+        where it runs over time.
         """
-        coefficients = {name: comb(len(self._inputs) + degree, degree) for name, degree in simple.DEGREES.items() if self._inputs}
+        coefficients = {
+            name: comb(len(self._inputs) + degree, degree)
+            for name, degree in simple.DEGREES.items()
+            if self._inputs
+        }
         samples = sum(int(curve.training.sum()) for curve in self.dataset.curves)
         polynomials = [name for name, count in coefficients.items() if count < samples]
-        beside = self._backbone is not None and not isinstance(self.model.body, Formula) and self._backbone.name not in named
+        beside = (
+            self._backbone is not None
+            and not isinstance(self.model.body, Formula)
+            and self._backbone.name not in named
+        )
         backbone = ["backbone"] if beside else []
         found = (*polynomials, *backbone, *(["arx"] if runs_over_time(self.model) else []))
         return tuple(name for name in found if name not in named)
@@ -110,15 +143,21 @@ class Contest:
         if name == "arx":
             found = simple.arx(self.dataset, self._inputs)
         elif name == "backbone":
-            found = None if self._backbone is None else _predicted(self._backbone, self.dataset.curves)
+            found = (
+                None if self._backbone is None else _predicted(self._backbone, self.dataset.curves)
+            )
         else:
             found = simple.polynomial(simple.DEGREES[name], self.dataset, self._inputs)
         return found or [np.full(curve.size, np.nan) for curve in self.dataset.curves]
 
     @property
     def _inputs(self) -> list[str]:
-        """What the scored quantity is predicted from: the model's inputs, and its output where it is inverted."""
-        return [q.name for q in (self.model.output, *self.model.inputs) if q.name != self.dataset.target]
+        """What the scored quantity is predicted from: the model's inputs, and its output where it
+        is inverted.
+        """
+        return [
+            q.name for q in (self.model.output, *self.model.inputs) if q.name != self.dataset.target
+        ]
 
     @property
     def _backbone(self) -> FormulaFit | None:
@@ -128,7 +167,10 @@ class Contest:
 
     def _with_held_out(self, fit: FormulaFit) -> FormulaFit:
         """Return the fit with the held-out error of each of its rivals."""
-        formula, held_out = literature.of(fit), pooled([(curve, curve.held_out) for curve in self.dataset.curves])
+        formula, held_out = (
+            literature.of(fit),
+            pooled([(curve, curve.held_out) for curve in self.dataset.curves]),
+        )
         measured = held_out[self.dataset.target]
         if not len(measured):
             return fit
@@ -140,7 +182,9 @@ class Contest:
         return replace(fit, rivals=tuple(scored(rival) for rival in fit.rivals))
 
     def _of_run(self, run_dir: Path) -> Forecasts:
-        return self._of_model(RunFiles(run_dir).model() if self.refit is None else self.refit(run_dir, self.dataset))
+        return self._of_model(
+            RunFiles(run_dir).model() if self.refit is None else self.refit(run_dir, self.dataset)
+        )
 
     def _of_model(self, other: Model) -> Forecasts:
         quantities, target = self.dataset.quantities, self.dataset.target
@@ -148,7 +192,8 @@ class Contest:
         if target not in (q.name for q in (other.output, *other.inputs)) or differing:
             what = ", ".join(differing) or other.output.name
             raise SpecError(
-                f"validate.against: the model of {other.name} is of other quantities or units ({what})",
+                f"validate.against: the model of {other.name} is of other quantities or units "
+                f"({what})",
                 "compare runs of the same quantities in the same units",
             )
         return tuple(forecast(other, curve, target) for curve in self.dataset.curves)
@@ -162,9 +207,11 @@ class Contest:
         return Rival(competitor.label, _forecasts(values), {competitor.label: fit})
 
     def _composite(self, competitor: Competitor) -> Rival:
-        """Return a static formula fitted to the static run's training data, and a damping formula fitted to what it leaves here.
+        """Return a static formula fitted to the static run's training data, and a damping formula
+        fitted to what it leaves here.
 
-        Against a damping model, the sum is treated as the measured force is: less the study's static force, less its mean on the plateau.
+        Against a damping model, the sum is treated as the measured force is: less the study's
+        static force, less its mean on the plateau.
         """
         assert competitor.static is not None
         assert competitor.damping is not None
@@ -174,15 +221,29 @@ class Contest:
             static = [forecast(self._static_model, curve).values for curve in curves]
         else:
             training = self._static_dataset
-            fits["static"] = fit_formula(competitor.static, training.curves, training.target, competitor.method, self.lengths)
+            fits["static"] = fit_formula(
+                competitor.static, training.curves, training.target, competitor.method, self.lengths
+            )
             static = _predicted(fits["static"], curves)
-        left = [damping_component(c.columns[force] - s, c) for c, s in zip(curves, static, strict=True)]
-        leaving = [replace(c, columns={**c.columns, DAMPING: rest}) for c, rest in zip(curves, left, strict=True)]
+        left = [
+            damping_component(c.columns[force] - s, c) for c, s in zip(curves, static, strict=True)
+        ]
+        leaving = [
+            replace(c, columns={**c.columns, DAMPING: rest})
+            for c, rest in zip(curves, left, strict=True)
+        ]
         fits["damping"] = self._fitted(competitor.damping, leaving, DAMPING, competitor.method)
         total = [s + d for s, d in zip(static, _predicted(fits["damping"], curves), strict=True)]
         if self.dataset.target == DAMPING:
-            total = [damping_component(y - c.columns[STATIC_FORCE], c) for y, c in zip(total, curves, strict=True)]
-        return Rival(competitor.label, _forecasts(total), {f"{competitor.label} ({part})": fit for part, fit in fits.items()})
+            total = [
+                damping_component(y - c.columns[STATIC_FORCE], c)
+                for y, c in zip(total, curves, strict=True)
+            ]
+        return Rival(
+            competitor.label,
+            _forecasts(total),
+            {f"{competitor.label} ({part})": fit for part, fit in fits.items()},
+        )
 
     def _fitted(
         self,
@@ -197,7 +258,10 @@ class Contest:
             return fit_formula(name, curves, target, method, self.lengths, starts)
         length = self.lengths["length"]
         if length is None:
-            raise SpecError(f"validate.against: {name} needs the length of the muscle", "add `length: 88 mm` to `muscle`")
+            raise SpecError(
+                f"validate.against: {name} needs the length of the muscle",
+                "add `length: 88 mm` to `muscle`",
+            )
         return formula.fit_cycles(pooled_training(self._static_dataset.curves), length)
 
     @property
@@ -215,7 +279,10 @@ class Contest:
     @property
     def _static_folder(self) -> Path:
         if self.static_run is None:
-            raise SpecError("validate.against: a competitor is fitted to the data of a static run", "add `needs: {static: my-static.yaml}`")
+            raise SpecError(
+                "validate.against: a competitor is fitted to the data of a static run",
+                "add `needs: {static: my-static.yaml}`",
+            )
         return self.static_run
 
 

@@ -1,4 +1,6 @@
-"""Models made anew on part of the training data: folds that are left out in turn, the errors there, and the number of terms by them."""
+"""Models made anew on part of the training data: folds that are left out in turn, the errors there,
+and the number of terms by them.
+"""
 
 from __future__ import annotations
 
@@ -24,12 +26,16 @@ from mapmore_cli.modelling.validation.metrics import divisor
 from mapmore_cli.modelling.validation.significance import geometric_mean, simplest_of
 
 FEWEST_INNER = 3
-"""Inner training levels from which on levels are left out; with fewer, blocks are: a standard error of one or two folds says nothing."""
+"""Inner training levels from which on levels are left out; with fewer, blocks are: a standard error
+of one or two folds says nothing.
+"""
 
 
 @dataclass(frozen=True)
 class Folds:
-    """What all combinations are tried on: a `dataset` of training samples alone, and what every fold leaves out of each curve."""
+    """What all combinations are tried on: a `dataset` of training samples alone, and what every
+    fold leaves out of each curve.
+    """
 
     dataset: Dataset
     masks: Sequence[tuple[BoolArray, ...]]
@@ -40,7 +46,12 @@ class Folds:
 
 def training_only(dataset: Dataset) -> Dataset:
     """Return the dataset without its held-out samples; curves that have no others are left out."""
-    return replace(dataset, curves=tuple(kept(curve, ~curve.held_out) for curve in dataset.curves if curve.training.any()))
+    return replace(
+        dataset,
+        curves=tuple(
+            kept(curve, ~curve.held_out) for curve in dataset.curves if curve.training.any()
+        ),
+    )
 
 
 def kept(curve: Curve, rows: BoolArray) -> Curve:
@@ -59,11 +70,14 @@ def kept(curve: Curve, rows: BoolArray) -> Curve:
     )
 
 
-def folds_of(dataset: Dataset, choices: ModelChoices, normaliser: str, by_level: bool = False) -> Folds:
-    """Return the folds of training samples alone: inner levels where there are enough of them, else blocks.
+def folds_of(
+    dataset: Dataset, choices: ModelChoices, normaliser: str, by_level: bool = False
+) -> Folds:
+    """Return the folds of training samples alone: inner levels where there are enough of them, else
+    blocks.
 
-    Where the study holds levels out (`by_level`), training levels are left out also of pooled curves, and the outer ones where there are
-    fewer than three inner ones.
+    Where the study holds levels out (`by_level`), training levels are left out also of pooled
+    curves, and the outer ones where there are fewer than three inner ones.
 
     Raises DataError where there are too few samples to leave a block out.
     """
@@ -73,29 +87,51 @@ def folds_of(dataset: Dataset, choices: ModelChoices, normaliser: str, by_level:
         level = dataset.level
     inner = levels[1:-1] if len(levels) >= FEWEST_INNER + 2 or not by_level else levels
     if level is not None and len(inner) >= FEWEST_INNER:
-        folds: list[tuple[BoolArray, ...]] = [tuple(curve.training & (curve.level == value) for curve in dataset.curves) for value in inner]
-        left_out = f"each of the {len(inner)} {'inner ' if len(inner) < len(levels) else ''}training levels of {level}"
+        folds: list[tuple[BoolArray, ...]] = [
+            tuple(curve.training & (curve.level == value) for curve in dataset.curves)
+            for value in inner
+        ]
+        left_out = (
+            f"each of the {len(inner)} {'inner ' if len(inner) < len(levels) else ''}training "
+            f"levels of {level}"
+        )
     else:
-        along = None if choices.over_time else next((name for name in choices.segment if name in dataset.quantities), None)
+        along = (
+            None
+            if choices.over_time
+            else next((name for name in choices.segment if name in dataset.quantities), None)
+        )
         blocks = [_blocks(curve, along) for curve in dataset.curves]
         folds = [tuple(of[number] for of in blocks) for number in range(BLOCKS)]
-        left_out = f"each of {BLOCKS} contiguous blocks of the training samples of every {'curve' if along else 'recording'}"
+        left_out = (
+            f"each of {BLOCKS} contiguous blocks of the training samples of every "
+            f"{'curve' if along else 'recording'}"
+        )
         if any(not any(mask.any() for mask in fold) for fold in folds):
-            raise DataError(f"no curve has {BLOCKS} training samples: no block can be left out", "keep more samples")
+            raise DataError(
+                f"no curve has {BLOCKS} training samples: no block can be left out",
+                "keep more samples",
+            )
     scale = divisor(dataset, normaliser)
     return Folds(dataset, folds, left_out, scale.value, scale.name)
 
 
 def _blocks(curve: Curve, along: str | None) -> list[BoolArray]:
-    """Contiguous blocks of the training samples: along a quantity, or of each recording in the order of time."""
+    """Contiguous blocks of the training samples: along a quantity, or of each recording in the
+    order of time.
+    """
     if along is not None:
         rows = np.flatnonzero(curve.training)
-        return contiguous([rows[np.argsort(curve.columns[along][rows], kind="stable")]], BLOCKS, curve.size)
+        return contiguous(
+            [rows[np.argsort(curve.columns[along][rows], kind="stable")]], BLOCKS, curve.size
+        )
     return contiguous([log[curve.training[log]] for log in curve.logs], BLOCKS, curve.size)
 
 
 def contiguous(parts: Sequence[IntArray], count: int, size: int, times: int = 1) -> list[BoolArray]:
-    """Masks (size,) of the first, second, ... of `count` contiguous blocks of each part, `times` over."""
+    """Masks (size,) of the first, second, ... of `count` contiguous blocks of each part, `times`
+    over.
+    """
     split = [np.array_split(part, count * times) for part in parts]
     masks = []
     for number in range(count):
@@ -109,20 +145,37 @@ Missed = tuple[Curve, BoolArray, Forecast]
 """A curve, its samples that were left out of a fit, (n,), and what that model says of the curve."""
 
 
-def left_out_of(dataset: Dataset, masks: Sequence[BoolArray], remade: Callable[[Dataset], Model]) -> list[Missed]:
-    """Return every curve of which samples are left out, with what a model says that is `remade` without them. Raises as the fit does."""
-    curves = tuple(replace(curve, held_out=curve.held_out | out) for curve, out in zip(dataset.curves, masks, strict=True))
+def left_out_of(
+    dataset: Dataset, masks: Sequence[BoolArray], remade: Callable[[Dataset], Model]
+) -> list[Missed]:
+    """Return every curve of which samples are left out, with what a model says that is `remade`
+    without them. Raises as the fit does.
+    """
+    curves = tuple(
+        replace(curve, held_out=curve.held_out | out)
+        for curve, out in zip(dataset.curves, masks, strict=True)
+    )
     model = remade(replace(dataset, curves=curves))
-    return [(curve, out, forecast(model, curve)) for curve, out in zip(curves, masks, strict=True) if out.any()]
+    return [
+        (curve, out, forecast(model, curve))
+        for curve, out in zip(curves, masks, strict=True)
+        if out.any()
+    ]
 
 
-def errors_of(choices: ModelChoices, folds: Folds, remade: Callable[[ModelChoices, Dataset], Model]) -> list[float]:
-    """NRMSE on each fold, of models that are `remade` without it; infinite where nothing finite was predicted. Raises as the fits do."""
+def errors_of(
+    choices: ModelChoices, folds: Folds, remade: Callable[[ModelChoices, Dataset], Model]
+) -> list[float]:
+    """NRMSE on each fold, of models that are `remade` without it; infinite where nothing finite was
+    predicted. Raises as the fits do.
+    """
     found = []
     target = folds.dataset.target
     for masks in folds.masks:
         every = left_out_of(folds.dataset, masks, partial(remade, choices))
-        errors = np.concatenate([(said.values - curve.columns[target])[out & said.ready] for curve, out, said in every])
+        errors = np.concatenate(
+            [(said.values - curve.columns[target])[out & said.ready] for curve, out, said in every]
+        )
         error = float(np.sqrt(np.mean(errors**2))) / folds.scale if len(errors) else float("inf")
         found.append(error if np.isfinite(error) else float("inf"))
     return found
@@ -141,7 +194,11 @@ class Size:
     notes: tuple[str, ...] = ()
 
 
-def size_of(part: FitChoices, dataset: Dataset, progress: Callable[[int, int], None] = lambda _done, _total: None) -> Size:
+def size_of(
+    part: FitChoices,
+    dataset: Dataset,
+    progress: Callable[[int, int], None] = lambda _done, _total: None,
+) -> Size:
     """Choose the number of terms where the spec leaves it to left-out training data.
 
     Raises FitError where no number of terms can be fitted without some of the data.
@@ -160,22 +217,43 @@ def size_of(part: FitChoices, dataset: Dataset, progress: Callable[[int, int], N
         progress(number + 1, len(sizes))
     finite = {terms: errors for terms, errors in known.items() if np.isfinite(errors).all()}
     if not finite:
-        raise FitError(f"fit.max_terms: auto: no number of terms can be fitted without some of the data: {failure}", "give a number")
+        raise FitError(
+            "fit.max_terms: auto: no number of terms can be fitted without some of the data: "
+            f"{failure}",
+            "give a number",
+        )
     tried = list(finite)
     rank = simplest_of(tried, np.array([finite[terms] for terms in tried]))
     chosen, best = tried[rank.chosen], tried[rank.best]
     errors = ", ".join(f"{terms}: {100 * geometric_mean(finite[terms]):.3g}" for terms in tried)
     within = "the best" if chosen == best else f"within one standard error of the best, {best}"
-    note = f"at most {chosen} term(s): {within}; left out in turn: {folds.left_out}; NRMSE in % by number of terms: {errors}"
+    note = (
+        f"at most {chosen} term(s): {within}; left out in turn: {folds.left_out}; NRMSE in % "
+        f"by number of terms: {errors}"
+    )
     return Size(chosen, (note,))
 
 
 def _trial(part: FitChoices, dataset: Dataset) -> ModelChoices:
-    """Return the choices of a whole model; a backbone that is to be chosen as well is chosen once, with the usual number of terms."""
+    """Return the choices of a whole model; a backbone that is to be chosen as well is chosen once,
+    with the usual number of terms.
+    """
     model = part.model
     if model.backbone == AUTO:
         model = replace(model, backbone=backbone_name(part, dataset))
-    return ModelChoices(part.levels, part.segment, part.dictionary, model, part.fit, part.lengths, None, "trial", part.joined, (), ())
+    return ModelChoices(
+        part.levels,
+        part.segment,
+        part.dictionary,
+        model,
+        part.fit,
+        part.lengths,
+        None,
+        "trial",
+        part.joined,
+        (),
+        (),
+    )
 
 
 def _sizes(part: FitChoices) -> list[int]:
@@ -186,9 +264,13 @@ def _sizes(part: FitChoices) -> list[int]:
     return [terms for terms in IN_A_SEGMENT if terms <= candidates] or [1]
 
 
-def refitted(choices: ModelChoices, dataset: Dataset, model_of: Callable[[str], Model] = added_up) -> Model:
-    """Return the model of the training samples of a dataset, made in one go, its number of terms included where left-out data choose it.
+def refitted(
+    choices: ModelChoices, dataset: Dataset, model_of: Callable[[str], Model] = added_up
+) -> Model:
+    """Return the model of the training samples of a dataset, made in one go, its number of terms
+    included where left-out data choose it.
 
-    `model_of` gives the models that a sum adds up, by the path of their spec; raises SpecError where it is needed and not given.
+    `model_of` gives the models that a sum adds up, by the path of their spec; raises SpecError
+    where it is needed and not given.
     """
     return refit(with_terms(choices, size_of(choices, dataset).terms), dataset, model_of)

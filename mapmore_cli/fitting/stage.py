@@ -17,7 +17,9 @@ Progress = Callable[[str, int, int], None]
 
 @dataclass(frozen=True)
 class Variation:
-    """The spec of a run with other settings, `overrides` as those of `--set`: a run of its own, `<name of the run>.<name>`."""
+    """The spec of a run with other settings, `overrides` as those of `--set`: a run of its own,
+    `<name of the run>.<name>`.
+    """
 
     name: str
     overrides: tuple[str, ...]
@@ -25,7 +27,9 @@ class Variation:
 
 @dataclass(frozen=True)
 class Compared:
-    """The run of another spec that this one is compared with: its model is read as it is, and made only where there is none."""
+    """The run of another spec that this one is compared with: its model is read as it is, and made
+    only where there is none.
+    """
 
     path: str
 
@@ -34,10 +38,12 @@ class Compared:
 class Workspace:
     """Where a stage works.
 
-    `run_dir` holds the committed outputs of the stages before; a stage writes its own into `out` under their final names, and the
-    runner swaps them in whole. `spec_dir` is the folder of the spec, from which the recordings are found. `needed` has the run folders of
-    the runs that the stage needs, by their path in the spec, or the name of a variation. `spec_text` is the spec with its defaults filled
-    in, as the report shows it; `searched` where the structure in it was found by a search.
+    `run_dir` holds the committed outputs of the stages before; a stage writes its own into `out`
+    under their final names, and the runner swaps them in whole. `spec_dir` is the folder of the
+    spec, from which the recordings are found. `needed` has the run folders of the runs that the
+    stage needs, by their path in the spec, or the name of a variation. `spec_text` is the spec with
+    its defaults filled in, as the report shows it; `searched` where the structure in it was found
+    by a search.
     """
 
     run_dir: Path
@@ -64,12 +70,16 @@ class Stage:
     """One step of the pipeline.
 
     - `name`: `ingest`, `segment`, ...
-    - `revision`: raised when the stage's numbers or its file change: results of older revisions are then stale.
+    - `revision`: raised when the stage's numbers or its file change: results of older revisions are
+      then stale.
     - `outputs`: files or folders that it writes, relative to the run folder.
-    - `reads`: the stage's slice of the spec: a frozen dataclass or a pydantic model, dumped to JSON for the fingerprint.
+    - `reads`: the stage's slice of the spec: a frozen dataclass or a pydantic model, dumped to JSON
+      for the fingerprint.
     - `run`: does the work, given the slice.
-    - `sources`: files outside of the run folder that it reads (recordings), given the spec and its folder.
-    - `needs`: runs whose models it reads: those of the specs at some paths, which it is built on; those that it is compared with; and
+    - `sources`: files outside of the run folder that it reads (recordings), given the spec and its
+      folder.
+    - `needs`: runs whose models it reads: those of the specs at some paths, which it is built on;
+      those that it is compared with; and
       variations of the spec itself.
     """
 

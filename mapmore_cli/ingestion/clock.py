@@ -1,4 +1,6 @@
-"""Time stamps: resets, repeated stamps, gaps, even time steps and second logs. What is wrong is reported, and mended only as told."""
+"""Time stamps: resets, repeated stamps, gaps, even time steps and second logs. What is wrong is
+reported, and mended only as told.
+"""
 
 from __future__ import annotations
 
@@ -19,23 +21,31 @@ from mapmore_cli.spec.sections.logs import Join
 from mapmore_cli.spec.units import convert
 
 MOST_GLITCHES = 0.01  # of the samples; a clock that was set back loses more
-CONSPICUOUS = 10  # times the usual step: a gap that is worth a warning where the spec does not say what a gap is
+# times the usual step: a gap that is worth a warning where the spec does not say what a gap is
+CONSPICUOUS = 10
 
 MOST_SAMPLES, MOST_TIMES = 10_000_000, 100
-"""Samples of a resampled recording, and how many times those that were measured: beyond both, a slip of the pen would fill the memory."""
+"""Samples of a resampled recording, and how many times those that were measured: beyond both, a
+slip of the pen would fill the memory.
+"""
 
 
 def clocked(samples: Samples, data: Data, units: Mapping[str, str]) -> list[Samples]:
-    """Return the samples in order of time: cut where the clock was set back and at gaps, and on even steps, as the spec says.
+    """Return the samples in order of time: cut where the clock was set back and at gaps, and on
+    even steps, as the spec says.
 
-    A piece that is shorter than a time step of `resample` is left without samples. Raises DataError for what the spec does not mend.
+    A piece that is shorter than a time step of `resample` is left without samples. Raises DataError
+    for what the spec does not mend.
     """
     if "time" not in samples.columns:
         return [samples]
     unit = units["time"]
     samples = without_glitches(samples, data.glitches)
     split = data.gaps is not None and data.gaps.action == "split"
-    ordered = [in_time_order(run, data.repeated_time, unit) for run in (_cut_at_resets(samples, unit) if split else [samples])]
+    ordered = [
+        in_time_order(run, data.repeated_time, unit)
+        for run in (_cut_at_resets(samples, unit) if split else [samples])
+    ]
     found = [piece for run in ordered for piece in _at_gaps(run, data, unit)]
     if data.resample is not None:
         step = convert(data.resample, "s", unit)
@@ -44,7 +54,9 @@ def clocked(samples: Samples, data: Data, units: Mapping[str, str]) -> list[Samp
 
 
 def without_glitches(samples: Samples, rule: str) -> Samples:
-    """Leave out the fewest samples without which the stamps never decrease, where the spec says `drop`; where many would go, none."""
+    """Leave out the fewest samples without which the stamps never decrease, where the spec says
+    `drop`; where many would go, none.
+    """
     time = samples.columns["time"]
     if rule != "drop" or not len(sampling.find_resets(time)):
         return samples
@@ -60,10 +72,16 @@ def in_time_order(samples: Samples, repeated: str, unit: str) -> Samples:
         at = int(resets[0]) + 1
         turns = [convert(turn, "s", unit) for turn in (*TURNS, 2.0**32 * 1e-6, 2.0**32 * 1e-3)]
         turned = going_on(time[at - 1 : at + 1], turns)[1]
-        anew = f"The clock begins anew at {turned:.9g} {unit}: `unwrap: true` at `time` makes it go on. " if turned else ""
+        anew = (
+            f"The clock begins anew at {turned:.9g} {unit}: `unwrap: true` at `time` makes it "
+            "go on. "
+            if turned
+            else ""
+        )
         raise DataError(
             f"{samples.at(at)}: time runs backwards, from {time[at - 1]:.9g} to {time[at]:.9g}",
-            f"{anew}Sort the file by time; where single stamps are wrong, `glitches: drop` leaves them out; where the clock was set back, "
+            f"{anew}Sort the file by time; where single stamps are wrong, `glitches: drop` "
+            "leaves them out; where the clock was set back, "
             "`gaps: {longer_than: ..., action: split}` splits the recording.",
         )
     repeats = sampling.find_repeats(time)
@@ -71,7 +89,9 @@ def in_time_order(samples: Samples, repeated: str, unit: str) -> Samples:
         return samples
     if repeated == "error":
         at = int(repeats[0]) + 1
-        what = f"{samples.at(at)}: the time {time[at]:.9g} stands twice ({len(repeats)} stamps repeat)"
+        what = (
+            f"{samples.at(at)}: the time {time[at]:.9g} stands twice ({len(repeats)} stamps repeat)"
+        )
         raise DataError(what, "Set `repeated_time: average` or `repeated_time: spread`.")
     if repeated == "spread":
         return samples.with_columns({"time": sampling.spread_repeated(time)})
@@ -87,27 +107,46 @@ def _cut_at_resets(samples: Samples, unit: str) -> list[Samples]:
         return [samples]
     at = int(resets[0]) + 1
     again = f", and {len(resets) - 1} times more" if len(resets) > 1 else ""
-    note = f"{samples.at(at)}: the clock was set back, from {time[at - 1]:.9g} to {time[at]:.9g} {unit}{again}: split"
+    note = (
+        f"{samples.at(at)}: the clock was set back, from {time[at - 1]:.9g} to {time[at]:.9g} "
+        f"{unit}{again}: split"
+    )
     return replace(samples, notes=(*samples.notes, note)).cut(sampling.pieces(samples.size, resets))
 
 
 def _at_gaps(samples: Samples, data: Data, unit: str) -> list[Samples]:
     time = samples.columns["time"]
-    limit = CONSPICUOUS * sampling.typical_step(time) if data.gaps is None else convert(data.gaps.longer_than, "s", unit)
+    limit = (
+        CONSPICUOUS * sampling.typical_step(time)
+        if data.gaps is None
+        else convert(data.gaps.longer_than, "s", unit)
+    )
     gaps = sampling.find_gaps(time, limit)
     if not len(gaps):
         return [samples]
     longest = int(np.argmax(gaps.lengths))
     which = "a gap" if len(gaps) == 1 else f"the first of {len(gaps)} gaps"
     found = (
-        f"{samples.at(int(gaps.after[0]))}: {which} longer than {limit:.4g} {unit} follows; the longest takes {gaps.lengths[longest]:.4g} "
-        f"{unit}, after {samples.place} {samples.rows[gaps.after[longest]]}; about {gaps.samples_missing} samples are missing"
+        f"{samples.at(int(gaps.after[0]))}: {which} longer than {limit:.4g} {unit} follows; "
+        f"the longest takes {gaps.lengths[longest]:.4g} "
+        f"{unit}, after {samples.place} {samples.rows[gaps.after[longest]]}; about "
+        f"{gaps.samples_missing} samples are missing"
     )
     if data.gaps is None:
-        return [replace(samples, doubts=(*samples.doubts, f"{found}; say in `gaps` what to do about it"))]
+        return [
+            replace(
+                samples, doubts=(*samples.doubts, f"{found}; say in `gaps` what to do about it")
+            )
+        ]
     if data.gaps.action == "error":
-        raise DataError(found, "Say `gaps: {longer_than: ..., action: split}` to make a recording of each piece, or raise `longer_than`.")
-    return replace(samples, notes=(*samples.notes, f"{found}: split")).cut(sampling.pieces(samples.size, gaps.after))
+        raise DataError(
+            found,
+            "Say `gaps: {longer_than: ..., action: split}` to make a recording of each piece, "
+            "or raise `longer_than`.",
+        )
+    return replace(samples, notes=(*samples.notes, f"{found}: split")).cut(
+        sampling.pieces(samples.size, gaps.after)
+    )
 
 
 def _resampled(samples: Samples, step: float) -> Samples:
@@ -117,20 +156,32 @@ def _resampled(samples: Samples, step: float) -> Samples:
     if wanted > max(MOST_SAMPLES, MOST_TIMES * samples.size):
         raise DataError(
             f"{samples.label}: `resample` would make {wanted:.3g} samples of {samples.size}",
-            f"write a longer time step; {np.ptp(time) / samples.size:.3g} would keep the number of samples",
+            f"write a longer time step; {np.ptp(time) / samples.size:.3g} would keep the "
+            "number of samples",
         )
     stamps, columns = sampling.resample(time, samples.columns, step)
     rows = samples.rows[(np.searchsorted(time, stamps, side="right") - 1).clip(0)]
     if len(stamps):
-        return replace(samples, rows=rows, columns={**columns, "time": stamps}, merged=samples.size - len(stamps))
-    return samples.keep(np.zeros(samples.size, dtype=np.bool_), "piece shorter than a step of `resample`")
+        return replace(
+            samples,
+            rows=rows,
+            columns={**columns, "time": stamps},
+            merged=samples.size - len(stamps),
+        )
+    return samples.keep(
+        np.zeros(samples.size, dtype=np.bool_), "piece shorter than a step of `resample`"
+    )
 
 
-# Second logs ----------------------------------------------------------------------------------------------------------------------------
+# Second logs
+# --------------------------------------------------------------------------------------------------
 
 
-def with_joined(tables: Sequence[Samples], source: Source, data: Data, units: Mapping[str, str], meter: Meter) -> list[Samples]:
-    """Return the recordings of a file with the quantities of the logs that are joined to it, NaN where those have no value.
+def with_joined(
+    tables: Sequence[Samples], source: Source, data: Data, units: Mapping[str, str], meter: Meter
+) -> list[Samples]:
+    """Return the recordings of a file with the quantities of the logs that are joined to it, NaN
+    where those have no value.
 
     Raises DataError for logs that do not fit: a different number of recordings or rows.
     """
@@ -138,19 +189,29 @@ def with_joined(tables: Sequence[Samples], source: Source, data: Data, units: Ma
     for join, log in zip(data.join, source.joined, strict=True):
         others = _read(log, join, data, units, meter)
         if len(others) not in (1, len(found)):
-            what = f"{log.name}: holds {len(others)} recordings, but {source.name} holds {len(found)}"
+            what = (
+                f"{log.name}: holds {len(others)} recordings, but {source.name} holds {len(found)}"
+            )
             raise DataError(what, "Join a file that holds as many, or one.")
         pairs = zip(found, others if len(others) > 1 else others * len(found), strict=True)
         both = _by_row if join.on == "row" else _by_time
-        found = [replace(both(first, second, join, units), doubts=(*first.doubts, *second.doubts)) for first, second in pairs]
+        found = [
+            replace(both(first, second, join, units), doubts=(*first.doubts, *second.doubts))
+            for first, second in pairs
+        ]
     return found
 
 
-def _read(log: Log, join: Join, data: Data, units: Mapping[str, str], meter: Meter) -> list[Samples]:
+def _read(
+    log: Log, join: Join, data: Data, units: Mapping[str, str], meter: Meter
+) -> list[Samples]:
     tables = read_tables(log, join, data.missing_rule, units, meter)
     if join.on == "row":
         return tables
-    whole = [without_glitches(without_missing(samples, join, data.missing_rule.action), data.glitches) for samples in tables]
+    whole = [
+        without_glitches(without_missing(samples, join, data.missing_rule.action), data.glitches)
+        for samples in tables
+    ]
     return [in_time_order(samples, data.repeated_time, units["time"]) for samples in whole]
 
 
@@ -162,52 +223,88 @@ def _by_row(first: Samples, second: Samples, join: Join, _units: Mapping[str, st
 
 
 def _by_time(first: Samples, second: Samples, join: Join, units: Mapping[str, str]) -> Samples:
-    shift, note = (convert(join.shift, "s", units["time"]), "") if join.shift != "auto" else _found_shift(first, second, join, units)
+    shift, note = (
+        (convert(join.shift, "s", units["time"]), "")
+        if join.shift != "auto"
+        else _found_shift(first, second, join, units)
+    )
     max_gap = None if join.max_gap is None else convert(join.max_gap, "s", units["time"])
     stamps, time = first.columns["time"], second.columns["time"] + shift
-    columns = {name: sampling.align(stamps, time, second.columns[name], max_gap) for name in join.quantities}
+    columns = {
+        name: sampling.align(stamps, time, second.columns[name], max_gap)
+        for name in join.quantities
+    }
     if np.isnan(columns[join.quantities[0]]).all():
         raise DataError(
-            f"{second.label}: no sample at the time of {first.label}: with its shift it runs from {time[0]:g} to {time[-1]:g} "
+            f"{second.label}: no sample at the time of {first.label}: with its shift it runs "
+            f"from {time[0]:g} to {time[-1]:g} "
             f"{units['time']}, the first log from {np.nanmin(stamps):g} to {np.nanmax(stamps):g}",
             "Look at `shift`, which is added to the time of the second log, and at `max_gap`.",
         )
     return replace(first.with_columns(columns), notes=(*first.notes, *([note] if note else [])))
 
 
-def _found_shift(first: Samples, second: Samples, join: Join, units: Mapping[str, str]) -> tuple[float, str]:
+def _found_shift(
+    first: Samples, second: Samples, join: Join, units: Mapping[str, str]
+) -> tuple[float, str]:
     """Return the shift in the model's unit of time, and a note that says how sure it is.
 
-    Two records of one unit are taken to rise together; of different units, one may fall while the other rises.
+    Two records of one unit are taken to rise together; of different units, one may fall while the
+    other rises.
 
-    Raises DataError where nothing changes, where noise would do as well, and where another shift is nearly as good.
+    Raises DataError where nothing changes, where noise would do as well, and where another shift is
+    nearly as good.
     """
     match = join.match
     assert match is not None
     time, values = _in_order(first, match.first)
     within = None if match.within is None else convert(match.within, "s", units["time"])
     same_sign = units[match.first] == units[match.second]
-    found = find_shift(time, values, second.columns["time"], second.columns[match.second], within, same_sign=same_sign)
+    found = find_shift(
+        time,
+        values,
+        second.columns["time"],
+        second.columns[match.second],
+        within,
+        same_sign=same_sign,
+    )
     pair = f"{match.second} of {second.label} and {match.first} of {first.label}"
     others = "name other quantities in `match`, or write the shift, as `shift: -40.2 s`"
     if found is None:
-        raise DataError(f"no shift can be found from {pair}: nothing changes in one of them", others)
+        raise DataError(
+            f"no shift can be found from {pair}: nothing changes in one of them", others
+        )
     # one digit more than is sure
     value = f"{found.value:.{max(0, 1 - math.floor(math.log10(found.half_width)))}f}"
     best = f"{value} {units['time']} (correlation of their changes {found.correlation:.3f})"
     if found.lost_in_noise:
-        raise DataError(f"no shift can be found from {pair}: the best, {best}, is no better than noise", others)
+        raise DataError(
+            f"no shift can be found from {pair}: the best, {best}, is no better than noise", others
+        )
     if found.ambiguous:
         assert found.rival is not None
-        halfway = (abs(found.value) + abs(found.rival)) / 2  # an example of a limit that leaves one of the two
+        halfway = (
+            abs(found.value) + abs(found.rival)
+        ) / 2  # an example of a limit that leaves one of the two
         raise DataError(
-            f"the shift is ambiguous by {pair}: {found.rival:.6g} {units['time']} ({found.next_best:.3f}) is nearly as good as {best}",
-            f"say in `match` within which time the shift lies, as `within: {halfway:.3g} {units['time']}`, {others}",
+            f"the shift is ambiguous by {pair}: {found.rival:.6g} {units['time']} "
+            f"({found.next_best:.3f}) is nearly as good as {best}",
+            f"say in `match` within which time the shift lies, as `within: {halfway:.3g} "
+            f"{units['time']}`, {others}",
         )
-    lag = "" if same_sign else f"; where {match.second} lags behind {match.first} by nature, that is part of it"
-    next_best = "no other shift comes near" if math.isinf(found.ratio) else f"{found.ratio:.2f} times that of the next best shift"
+    lag = (
+        ""
+        if same_sign
+        else f"; where {match.second} lags behind {match.first} by nature, that is part of it"
+    )
+    next_best = (
+        "no other shift comes near"
+        if math.isinf(found.ratio)
+        else f"{found.ratio:.2f} times that of the next best shift"
+    )
     return found.value, (
-        f"{second.label}: shift {value} ± {found.half_width:.2g} {units['time']}, found from {match.second} and {match.first} "
+        f"{second.label}: shift {value} ± {found.half_width:.2g} {units['time']}, found from "
+        f"{match.second} and {match.first} "
         f"(correlation of their changes {found.correlation:.3f}, {next_best}){lag}"
     )
 
@@ -221,8 +318,10 @@ def _in_order(samples: Samples, name: str) -> tuple[Array, Array]:
     if (steps < 0).any():
         at = int(np.argmax(steps < 0)) + 1
         raise DataError(
-            f"{samples.at(int(there[at]))}: time runs backwards, so that no shift of a second log can be found",
-            "sort the file by time, cut it where the clock was set back, or write the shift itself, as `shift: -40.2 s`",
+            f"{samples.at(int(there[at]))}: time runs backwards, so that no shift of a second "
+            "log can be found",
+            "sort the file by time, cut it where the clock was set back, or write the shift "
+            "itself, as `shift: -40.2 s`",
         )
     new = np.concatenate([[True], steps > 0]) if len(time) else np.zeros(0, dtype=np.bool_)
     return time[new], values[new]

@@ -1,4 +1,6 @@
-"""From recordings to curves: samples sorted by level, their branches joined where cycles were run."""
+"""From recordings to curves: samples sorted by level, their branches joined where cycles were
+run.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,13 @@ from mapmore_cli.domain.recording import DAMPING, STATIC_FORCE, Curve, Quantity,
 from mapmore_cli.ingestion.samples import located
 from mapmore_cli.modelling.kinds import outside_range, predict
 from mapmore_cli.modelling.signals.cycles import split_cycles
-from mapmore_cli.modelling.signals.plateau import default_within, find_levels, find_plateau, match_levels, without_steady_state
+from mapmore_cli.modelling.signals.plateau import (
+    default_within,
+    find_levels,
+    find_plateau,
+    match_levels,
+    without_steady_state,
+)
 from mapmore_cli.spec.sections.data import STEP_OF, STEP_PRESSURE, Cycles, Levels
 from mapmore_cli.spec.units import convert
 from mapmore_cli.storage.run_folder import RunFiles
@@ -29,7 +37,9 @@ PLATEAU = "plateau"
 """1 on the plateau of a step response, else 0."""
 
 MOSTLY = 0.9
-"""Share of a plateau that must be out of range for a warning: noise takes half of a plateau at the highest level beyond it."""
+"""Share of a plateau that must be out of range for a warning: noise takes half of a plateau at the
+highest level beyond it.
+"""
 
 Plateau = Literal["auto"] | tuple[float, float]
 
@@ -49,9 +59,14 @@ def with_plateau(recording: Recording, plateau: Plateau, units: Mapping[str, str
         start, end = plateau
     on: BoolArray = (seconds >= start) & (seconds <= end)
     if not on.any():
-        what = f"no sample from {start:g} s to {end:g} s, where the spec puts the plateau; the recording runs from"
+        what = (
+            f"no sample from {start:g} s to {end:g} s, where the spec puts the plateau; the "
+            "recording runs from"
+        )
         place = f"{seconds[0]:g} s to {seconds[-1]:g} s"
-        raise DataError(f"{recording.name}: {what} {place}", "give another `plateau`, or write `plateau: auto`")
+        raise DataError(
+            f"{recording.name}: {what} {place}", "give another `plateau`, or write `plateau: auto`"
+        )
     step = np.full(len(on), columns[STEP_OF][on].mean())
     return replace(recording, columns={**columns, PLATEAU: on.astype(float), STEP_PRESSURE: step})
 
@@ -59,44 +74,61 @@ def with_plateau(recording: Recording, plateau: Plateau, units: Mapping[str, str
 def static_model(run_dir: Path, force: Quantity, units: Mapping[str, str]) -> Model:
     """Return the static model that a spec needs.
 
-    Raises SpecError where it is of another quantity or unit, or has an input that the recordings lack or hold in another unit.
+    Raises SpecError where it is of another quantity or unit, or has an input that the recordings
+    lack or hold in another unit.
     """
     model = RunFiles(run_dir).model()
     if model.output != force:
         found = f"{model.output.name} in {model.output.unit}"
-        raise SpecError(f"needs.static: the model of {model.name} is of {found}, not of {force.name} in {force.unit}", "need another run")
+        raise SpecError(
+            f"needs.static: the model of {model.name} is of {found}, not of {force.name} in "
+            f"{force.unit}",
+            "need another run",
+        )
     for quantity in model.inputs:
         if units.get(quantity.name) != quantity.unit:
             have = f"in {units[quantity.name]}" if quantity.name in units else "not at all"
             raise SpecError(
-                f"needs.static: the model of {model.name} is a function of {quantity.name} in {quantity.unit}; this study has it {have}",
+                f"needs.static: the model of {model.name} is a function of {quantity.name} in "
+                f"{quantity.unit}; this study has it {have}",
                 f"declare the column, or set `units: {{{quantity.name}: {quantity.unit}}}`",
             )
     return model
 
 
-def with_damping(recording: Recording, force: str, static: Model, warn: Callable[[str], None]) -> Recording:
-    """Return the recording with `static_force` F_s and `damping` `F_d = F - F_s`, less its mean over the plateau (M2 eq 1)."""
+def with_damping(
+    recording: Recording, force: str, static: Model, warn: Callable[[str], None]
+) -> Recording:
+    """Return the recording with `static_force` F_s and `damping` `F_d = F - F_s`, less its mean
+    over the plateau (M2 eq 1).
+    """
     columns = recording.columns
     static_force = predict(static, columns)
     beyond = outside_range(static, columns)
     on = columns[PLATEAU] == 1.0
     if beyond[on].mean() > MOSTLY:
-        warn(f"{recording.name}: the plateau is outside the range that the static model {static.name} was trained on")
+        warn(
+            f"{recording.name}: the plateau is outside the range that the static model "
+            f"{static.name} was trained on"
+        )
     damping = without_steady_state(columns[force] - static_force, on)
     return replace(recording, columns={**columns, STATIC_FORCE: static_force, DAMPING: damping})
 
 
 CLOSE, MEANT = 0.01, 0.25
-"""Of the smallest distance between levels, within which a value names one of them: of those that the spec gives, and of those found."""
+"""Of the smallest distance between levels, within which a value names one of them: of those that
+the spec gives, and of those found.
+"""
 
 
 @dataclass(frozen=True)
 class LevelSet:
-    """The values `(m,)`, ascending, at which the quantity `of` was held, and how far a sample may be from one.
+    """The values `(m,)`, ascending, at which the quantity `of` was held, and how far a sample may
+    be from one.
 
-    `scatter` is `(m,)`, the standard deviation of the samples at each level; None before they are known. `found` is True where the data
-    told the levels (`at: auto`), `nominal` where its level is the value of a sample.
+    `scatter` is `(m,)`, the standard deviation of the samples at each level; None before they are
+    known. `found` is True where the data told the levels (`at: auto`), `nominal` where its level is
+    the value of a sample.
     """
 
     of: str
@@ -112,24 +144,37 @@ class LevelSet:
         return np.where(index >= 0, self.at[index], np.nan)
 
     def named(self, value: float) -> float | None:
-        """Return the level that a user means by `value`; None where it is further off than 1 % of the distance of levels and their scatter.
+        """Return the level that a user means by `value`; None where it is further off than 1 % of
+        the distance of levels and their scatter.
 
-        Any sample belongs to a level, but 171 is no name for the level 150. Where levels were found, nobody knows their digits: 500 is the
-        level 504, and a name reaches a quarter of the distance of levels, so that no other is as near.
+        Any sample belongs to a level, but 171 is no name for the level 150. Where levels were
+        found, nobody knows their digits: 500 is the level 504, and a name reaches a quarter of the
+        distance of levels, so that no other is as near.
         """
         place = int(np.argmin(np.abs(self.at - value)))
         distance = 2 * default_within(self.at) if len(self.at) > 1 else abs(float(self.at[0]))
-        reach = max((MEANT if self.found else CLOSE) * distance, 0.0 if self.scatter is None else float(self.scatter[place]))
-        return float(self.at[place]) if abs(self.at[place] - value) <= reach * (1 + 1e-9) + 1e-12 * abs(value) else None
+        reach = max(
+            (MEANT if self.found else CLOSE) * distance,
+            0.0 if self.scatter is None else float(self.scatter[place]),
+        )
+        return (
+            float(self.at[place])
+            if abs(self.at[place] - value) <= reach * (1 + 1e-9) + 1e-12 * abs(value)
+            else None
+        )
 
     def describe(self) -> str:
         """Name the levels in one line."""
-        return f"levels of {self.of}: {', '.join(f'{value:g}' for value in self.at)} (within {self.within:g})"
+        return (
+            f"levels of {self.of}: {', '.join(f'{value:g}' for value in self.at)} (within "
+            f"{self.within:g})"
+        )
 
 
 @dataclass(frozen=True)
 class Part:
-    """Samples of one recording at one level, `(n,)` each; `position` runs from 0 to 1 in the order of the log of that number.
+    """Samples of one recording at one level, `(n,)` each; `position` runs from 0 to 1 in the order
+    of the log of that number.
 
     `measured` is the range of each quantity where the samples are branches resampled.
     """
@@ -148,12 +193,17 @@ class Part:
 
 
 def level_set(levels: Levels, recordings: Sequence[Recording]) -> LevelSet:
-    """Return the levels that the spec gives, or those at which its quantity dwells in the recordings taken together."""
+    """Return the levels that the spec gives, or those at which its quantity dwells in the
+    recordings taken together.
+    """
     of = levels.of
     if levels.at == "auto":
         at = find_levels(joined([recording.columns[of] for recording in recordings]))
         if not at.size:
-            raise DataError(f"levels: {of} is nowhere held constant, so no levels can be found", "Give them, as `at: [80, 150]`.")
+            raise DataError(
+                f"levels: {of} is nowhere held constant, so no levels can be found",
+                "Give them, as `at: [80, 150]`.",
+            )
     else:
         at = np.sort(np.array(levels.at, dtype=float)) + 0.0  # no -0 in curve ids
     within = levels.within if levels.within is not None else default_within(at)
@@ -166,22 +216,41 @@ def with_scatter(levels: LevelSet, parts: Sequence[Part]) -> LevelSet:
     def deviation(level: float) -> float:
         columns = [part.columns[levels.of] for part in parts if part.level == level]
         size = sum(map(len, columns))
-        mean = sum(float(block.sum()) for column in columns for (block,) in in_blocks(column)) / size
-        return math.sqrt(sum(float(((block - mean) ** 2).sum()) for column in columns for (block,) in in_blocks(column)) / size)
+        mean = (
+            sum(float(block.sum()) for column in columns for (block,) in in_blocks(column)) / size
+        )
+        return math.sqrt(
+            sum(
+                float(((block - mean) ** 2).sum())
+                for column in columns
+                for (block,) in in_blocks(column)
+            )
+            / size
+        )
 
     return replace(levels, scatter=np.array([deviation(level) for level in levels.at]))
 
 
-def cut_by_level(logs: Sequence[Sequence[Recording]], levels: LevelSet | None) -> tuple[list[Recording], list[Part]]:
-    """Return the recordings without the samples that are at no level, and their parts, each in the order of the levels.
+def cut_by_level(
+    logs: Sequence[Sequence[Recording]], levels: LevelSet | None
+) -> tuple[list[Recording], list[Part]]:
+    """Return the recordings without the samples that are at no level, and their parts, each in the
+    order of the levels.
 
-    A log is the pieces of one recording in order of time. Without levels every piece is one part. Raises DataError for a level that no
-    sample is at.
+    A log is the pieces of one recording in order of time. Without levels every piece is one part.
+    Raises DataError for a level that no sample is at.
     """
-    placed = [(piece, place, number) for number, log in enumerate(logs) for piece, place in zip(log, _places(log), strict=True)]
+    placed = [
+        (piece, place, number)
+        for number, log in enumerate(logs)
+        for piece, place in zip(log, _places(log), strict=True)
+    ]
     recordings = [recording for recording, _, _ in placed]
     if levels is None:
-        return recordings, [Part(recording, None, recording.columns, place, number) for recording, place, number in placed]
+        return recordings, [
+            Part(recording, None, recording.columns, place, number)
+            for recording, place, number in placed
+        ]
     pairs = [_cut(recording, place, number, levels) for recording, place, number in placed]
     parts = [part for _, cut in pairs for part in cut]
     empty = [level for level in levels.at if not any(part.level == level for part in parts)]
@@ -189,21 +258,36 @@ def cut_by_level(logs: Sequence[Sequence[Recording]], levels: LevelSet | None) -
         values = np.concatenate([recording.columns[levels.of] for recording in recordings])
         raise DataError(
             f"levels: no sample is within {levels.within:g} of {levels.of}={empty[0]:g}",
-            f"{levels.of} runs from {values.min():g} to {values.max():g}; give other levels or a wider `within`.",
+            f"{levels.of} runs from {values.min():g} to {values.max():g}; give other levels "
+            "or a wider `within`.",
         )
     return [recording for recording, _ in pairs], parts
 
 
-def _cut(recording: Recording, place: Array, log: int, levels: LevelSet) -> tuple[Recording, list[Part]]:
+def _cut(
+    recording: Recording, place: Array, log: int, levels: LevelSet
+) -> tuple[Recording, list[Part]]:
     level = by_blocks(levels.match, recording.columns[levels.of])
     at_one = by_blocks(np.isfinite, level)
     at_none = int(np.count_nonzero(~at_one))
     reason = f"no level within {levels.within:g} of {levels.of}"
     columns = {name: chosen(values, at_one) for name, values in recording.columns.items()}
-    kept = replace(recording, columns=columns, dropped={**recording.dropped, reason: at_none} if at_none else recording.dropped)
-    masks = [(float(value), by_blocks(partial(np.equal, value), level)) for value in np.unique(levels.at)]
+    kept = replace(
+        recording,
+        columns=columns,
+        dropped={**recording.dropped, reason: at_none} if at_none else recording.dropped,
+    )
+    masks = [
+        (float(value), by_blocks(partial(np.equal, value), level)) for value in np.unique(levels.at)
+    ]
     return kept, [
-        Part(kept, value, {name: chosen(values, mask) for name, values in recording.columns.items()}, chosen(place, mask), log)
+        Part(
+            kept,
+            value,
+            {name: chosen(values, mask) for name, values in recording.columns.items()},
+            chosen(place, mask),
+            log,
+        )
         for value, mask in masks
         if mask.any()
     ]
@@ -222,32 +306,61 @@ def _places(log: Sequence[Recording]) -> list[Array]:
 
 
 def join_branches(part: Part, cycles: Cycles, target: str) -> Part:
-    """Replace the load cycles of a part by their static and hysteresis components on common values of `cycles.over` (M1 IV.A).
+    """Replace the load cycles of a part by their static and hysteresis components on common values
+    of `cycles.over` (M1 IV.A).
 
-    Every quantity becomes the mean of its branches; `hysteresis` is added for the target. Time has no meaning afterwards.
+    Every quantity becomes the mean of its branches; `hysteresis` is added for the target. Time has
+    no meaning afterwards.
     """
     over = cycles.over
-    where = part.recording.name if part.level is None else f"{part.recording.name}, level {part.level:g}"
+    where = (
+        part.recording.name
+        if part.level is None
+        else f"{part.recording.name}, level {part.level:g}"
+    )
     others = {name: values for name, values in part.columns.items() if name not in (over, "time")}
     with located(f"{where} ({part.size} samples)"):
         branches = split_cycles(part.columns[over], others, cycles.samples)
     columns = {over: branches.over, **branches.static(), "hysteresis": branches.hysteresis(target)}
-    measured = {name: (float(x.min()), float(x.max())) for name, x in part.columns.items() if name in columns}
-    return Part(part.recording, part.level, columns, np.linspace(0, 1, cycles.samples), part.log, measured)
+    measured = {
+        name: (float(x.min()), float(x.max()))
+        for name, x in part.columns.items()
+        if name in columns
+    }
+    return Part(
+        part.recording, part.level, columns, np.linspace(0, 1, cycles.samples), part.log, measured
+    )
 
 
-def joined_curves(parts: Sequence[Part], held_out: Sequence[BoolArray], levels: LevelSet | None) -> tuple[Curve, ...]:
-    """Join the parts at one level, in the order of the levels; without levels every recording is a curve."""
+def joined_curves(
+    parts: Sequence[Part], held_out: Sequence[BoolArray], levels: LevelSet | None
+) -> tuple[Curve, ...]:
+    """Join the parts at one level, in the order of the levels; without levels every recording is a
+    curve.
+    """
     groups: dict[str, list[int]] = {}
-    for number, part in sorted(enumerate(parts), key=lambda pair: 0.0 if pair[1].level is None else pair[1].level):
-        key = part.recording.id if levels is None or part.level is None else f"{levels.of}={part.level:g}"
+    for number, part in sorted(
+        enumerate(parts), key=lambda pair: 0.0 if pair[1].level is None else pair[1].level
+    ):
+        key = (
+            part.recording.id
+            if levels is None or part.level is None
+            else f"{levels.of}={part.level:g}"
+        )
         groups.setdefault(key, []).append(number)
     nominal = levels.of if levels is not None and levels.nominal else None
-    return tuple(_joined(key, [parts[i] for i in group], [held_out[i] for i in group], nominal) for key, group in groups.items())
+    return tuple(
+        _joined(key, [parts[i] for i in group], [held_out[i] for i in group], nominal)
+        for key, group in groups.items()
+    )
 
 
-def _joined(key: str, parts: Sequence[Part], masks: Sequence[BoolArray], nominal: str | None) -> Curve:
-    """Return the curve of some parts; the value of their level takes the place of what was measured of the quantity `nominal`."""
+def _joined(
+    key: str, parts: Sequence[Part], masks: Sequence[BoolArray], nominal: str | None
+) -> Curve:
+    """Return the curve of some parts; the value of their level takes the place of what was measured
+    of the quantity `nominal`.
+    """
     columns = dict(parts[0].columns)
     if len(parts) > 1:  # else the samples themselves: a long recording is not copied without need
         columns = {name: joined([part.columns[name] for part in parts]) for name in columns}
@@ -260,10 +373,13 @@ def _joined(key: str, parts: Sequence[Part], masks: Sequence[BoolArray], nominal
     training = [part.measured for part, mask in zip(parts, masks, strict=True) if not mask.all()]
     measured = {name: known for name, known in united(training).items() if name != nominal}
     names = tuple(part.recording.id for part in parts)
-    return Curve(key, parts[0].level, columns, np.concatenate(masks), names, at_rest, origin, measured)
+    return Curve(
+        key, parts[0].level, columns, np.concatenate(masks), names, at_rest, origin, measured
+    )
 
 
-# Offsets of groups: what a specimen or a session adds to the target, whatever the inputs --------------------------------------------------
+# Offsets of groups: what a specimen or a session adds to the target, whatever the inputs
+# --------------------------------------------------
 
 ORDER = 3
 """Of the polynomial of all inputs that groups have in common."""
@@ -277,14 +393,18 @@ TOLD_APART = 1e-6
 
 @dataclass(frozen=True)
 class Offsets:
-    """What is taken off the target, by the value of the quantity that tells groups apart; their mean is zero."""
+    """What is taken off the target, by the value of the quantity that tells groups apart; their
+    mean is zero.
+    """
 
     of: str
     by_group: dict[float, float]
     unknown: tuple[float, ...]
 
     def taken_off(self, curve: Curve, target: str) -> Curve:
-        """Return the curve without the offsets of its samples' groups; those of unknown groups stay."""
+        """Return the curve without the offsets of its samples' groups; those of unknown groups
+        stay.
+        """
         offset = np.zeros(curve.size)
         for value, found in self.by_group.items():
             offset[curve.columns[self.of] == value] = found
@@ -293,15 +413,22 @@ class Offsets:
     def describe(self, target: str, unit: str) -> str:
         """Return the offsets in words, for the page."""
         each = ", ".join(f"{value:g}: {found:+.4g}" for value, found in self.by_group.items())
-        rest = f"; none is known of {', '.join(f'{value:g}' for value in self.unknown)}, held out whole" if self.unknown else ""
+        rest = (
+            f"; none is known of {', '.join(f'{value:g}' for value in self.unknown)}, held "
+            "out whole"
+            if self.unknown
+            else ""
+        )
         return f"offsets of {self.of} [{unit}] taken off {target}: {each}{rest}"
 
 
 def offsets_of(curves: Sequence[Curve], of: str, target: str) -> Offsets:
-    """Estimate the offset `b_g` of each group on training samples: `y = p(x) + b_g`, with `sum_g b_g = 0`.
+    """Estimate the offset `b_g` of each group on training samples: `y = p(x) + b_g`, with `sum_g
+    b_g = 0`.
 
-    `p` is a polynomial of order 3 of all quantities that vary within a group. This is the analysis of covariance: groups are compared at
-    equal inputs, so that one that was measured at other strains is not taken for one with an offset.
+    `p` is a polynomial of order 3 of all quantities that vary within a group. This is the analysis
+    of covariance: groups are compared at equal inputs, so that one that was measured at other
+    strains is not taken for one with an offset.
 
     Raises
     ------
@@ -310,7 +437,9 @@ def offsets_of(curves: Sequence[Curve], of: str, target: str) -> Offsets:
     """
     group, y, inputs = _training(curves, of, target)
     values = np.unique(group)
-    names = [name for name in inputs if any(np.ptp(inputs[name][group == value]) > 0 for value in values)]
+    names = [
+        name for name in inputs if any(np.ptp(inputs[name][group == value]) > 0 for value in values)
+    ]
     regressors = _polynomial([inputs[name] for name in names], len(y))
     # the last group is minus the sum of the others: their mean is zero
     coded = 1.0 * (group[:, None] == values[:-1]) - 1.0 * (group == values[-1])[:, None]
@@ -320,7 +449,8 @@ def offsets_of(curves: Sequence[Curve], of: str, target: str) -> Offsets:
     sizes = np.linalg.svd(left, compute_uv=False)
     if len(sizes) and sizes[-1] < TOLD_APART * np.linalg.norm(coded):
         raise DataError(
-            f"groups: offsets of {of} cannot be told from what {', '.join(names)} do: no two groups were measured at like inputs",
+            f"groups: offsets of {of} cannot be told from what {', '.join(names)} do: no two "
+            "groups were measured at like inputs",
             "leave `offset` out, or add recordings of each group at inputs of another",
         )
     found = np.linalg.lstsq(left, y - common @ (common.T @ y), rcond=None)[0]
@@ -329,14 +459,25 @@ def offsets_of(curves: Sequence[Curve], of: str, target: str) -> Offsets:
     return Offsets(of, known, tuple(value for value in every.tolist() if value not in known))
 
 
-def _training(curves: Sequence[Curve], of: str, target: str) -> tuple[Array, Array, dict[str, Array]]:
-    """Return groups, the target and all other quantities of an even share of the training samples, (n,) each."""
-    columns = {name: np.concatenate([curve.columns[name][curve.training] for curve in curves]) for name in curves[0].columns}
+def _training(
+    curves: Sequence[Curve], of: str, target: str
+) -> tuple[Array, Array, dict[str, Array]]:
+    """Return groups, the target and all other quantities of an even share of the training samples,
+    (n,) each.
+    """
+    columns = {
+        name: np.concatenate([curve.columns[name][curve.training] for curve in curves])
+        for name in curves[0].columns
+    }
     step = -(-len(columns[target]) // MOST_SAMPLES)
     columns = {name: values[::step] for name, values in columns.items()}
     usable = np.logical_and.reduce([np.isfinite(values) for values in columns.values()])
     columns = {name: values[usable] for name, values in columns.items()}
-    return columns.pop(of), columns.pop(target), {name: values for name, values in columns.items() if name != "time"}
+    return (
+        columns.pop(of),
+        columns.pop(target),
+        {name: values for name, values in columns.items() if name != "time"},
+    )
 
 
 def _polynomial(inputs: Sequence[Array], size: int) -> Array:
@@ -344,5 +485,7 @@ def _polynomial(inputs: Sequence[Array], size: int) -> Array:
     scaled = [2 * (x - x.min()) / np.ptp(x) - 1 for x in inputs]
     products = [np.ones(size)]
     for order in range(1, ORDER + 1):
-        products += [np.prod(factors, axis=0) for factors in combinations_with_replacement(scaled, order)]
+        products += [
+            np.prod(factors, axis=0) for factors in combinations_with_replacement(scaled, order)
+        ]
     return np.stack(products, axis=1)

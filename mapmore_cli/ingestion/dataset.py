@@ -1,4 +1,6 @@
-"""From files to a dataset: read, cleaned, converted to the model's units, sorted into curves, and parted into training and validation."""
+"""From files to a dataset: read, cleaned, converted to the model's units, sorted into curves, and
+parted into training and validation.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,14 @@ from mapmore_cli.ingestion.curves import (
     with_scatter,
 )
 from mapmore_cli.ingestion.files import IngestSlice, Meter, Source, find_sources, relative_name
-from mapmore_cli.ingestion.samples import Samples, derived, kept, located, read_tables, without_missing
+from mapmore_cli.ingestion.samples import (
+    Samples,
+    derived,
+    kept,
+    located,
+    read_tables,
+    without_missing,
+)
 from mapmore_cli.modelling.signals.cycles import last_cycles
 from mapmore_cli.spec.sections.data import Between, Data, Holdout
 from mapmore_cli.spec.sections.logs import FileEntry
@@ -49,7 +58,8 @@ def build_dataset(
 ) -> Dataset:
     """Read all recordings and sort their samples into curves; writes nothing.
 
-    `static_run` is the run whose model leaves the damping force; without it, the measured quantity itself is the target.
+    `static_run` is the run whose model leaves the damping force; without it, the measured quantity
+    itself is the target.
 
     Raises
     ------
@@ -68,12 +78,18 @@ def build_dataset(
         for samples in with_joined(tables, source, data, units, meter):
             logs.append(_mended(samples, source, data, units, notes, warnings))
     if data.plateau is not None:
-        static = None if static_run is None else static_model(static_run, Quantity(target, units[target]), units)
+        static = (
+            None
+            if static_run is None
+            else static_model(static_run, Quantity(target, units[target]), units)
+        )
         logs = [[with_plateau(piece, data.plateau, slice_.units) for piece in log] for log in logs]
         if static is not None:
             logs = [[with_damping(piece, target, static, warn) for piece in log] for log in logs]
         units[PLATEAU] = "1"
-    levels = level_set(data.levels, [piece for log in logs for piece in log]) if data.levels else None
+    levels = (
+        level_set(data.levels, [piece for log in logs for piece in log]) if data.levels else None
+    )
     recordings, parts = cut_by_level(logs, levels)
     levels = None if levels is None else with_scatter(levels, parts)
     for warning in (*warnings, *(told for recording in recordings for told in _losses(recording))):
@@ -104,32 +120,55 @@ def build_dataset(
 
 
 def _check(data: Data) -> None:
-    """Refuse constants that not every recording has, or that are columns or derived as well, and an order of time that is given up."""
+    """Refuse constants that not every recording has, or that are columns or derived as well, and an
+    order of time that is given up.
+    """
     constants = [set(entry.set) if isinstance(entry, FileEntry) else set() for entry in data.files]
     for name in sorted(set().union(*constants)):
         if name in data.measured or name in data.derive:
-            raise SpecError(f"files: '{name}' is set for a file and measured or derived as well", "Keep one of both.")
+            raise SpecError(
+                f"files: '{name}' is set for a file and measured or derived as well",
+                "Keep one of both.",
+            )
         if not all(name in given for given in constants):
-            raise SpecError(f"files: '{name}' is set for some entries only", "Set it for every entry of `files`.")
+            raise SpecError(
+                f"files: '{name}' is set for some entries only",
+                "Set it for every entry of `files`.",
+            )
     for key in ("last", "last_cycles"):
         if data.cycles and data.split.hold_out and getattr(data.split.hold_out, key) is not None:
-            what = f"split.validate: `{key}` needs samples in the order of time, which `cycles` gives up"
+            what = (
+                f"split.validate: `{key}` needs samples in the order of time, which `cycles` "
+                "gives up"
+            )
             raise SpecError(what, "Hold out levels or files.")
 
 
 def _mended(
-    samples: Samples, source: Source, data: Data, units: Mapping[str, str], notes: list[str], warnings: list[str]
+    samples: Samples,
+    source: Source,
+    data: Data,
+    units: Mapping[str, str],
+    notes: list[str],
+    warnings: list[str],
 ) -> list[Recording]:
-    """Return the pieces of a log in order of time, a single one where it has no gaps; what was found in it is added to notes and warnings.
+    """Return the pieces of a log in order of time, a single one where it has no gaps; what was
+    found in it is added to notes and warnings.
 
-    In this order: missing values, constants, time stamps and gaps, even time steps, derived quantities, conditions to keep samples.
+    In this order: missing values, constants, time stamps and gaps, even time steps, derived
+    quantities, conditions to keep samples.
     """
     samples = without_missing(samples, data, data.missing_rule.action)
     constants = {
-        name: counted(partial(np.full_like, fill_value=value, dtype=float), samples.size) for name, value in source.constants.items()
+        name: counted(partial(np.full_like, fill_value=value, dtype=float), samples.size)
+        for name, value in source.constants.items()
     }
     whole = clocked(samples.with_columns(constants), data, units)
-    finished = [kept(derived(piece, data.derive, units), (*data.keep, *source.keep), units) for piece in whole if piece.size]
+    finished = [
+        kept(derived(piece, data.derive, units), (*data.keep, *source.keep), units)
+        for piece in whole
+        if piece.size
+    ]
     left = [piece for piece in finished if piece.size]
     if not left:
         (finished or whole)[0].some()
@@ -140,7 +179,9 @@ def _mended(
     notes += [note for piece in whole for note in piece.notes]
     warnings += [doubt for piece in whole for doubt in piece.doubts]
     if lost := len(whole) - len(left):
-        warnings.append(f"{samples.label}: {lost} of {len(whole)} pieces between gaps have no sample left")
+        warnings.append(
+            f"{samples.label}: {lost} of {len(whole)} pieces between gaps have no sample left"
+        )
     return [
         Recording(
             name,
@@ -161,10 +202,16 @@ def _losses(recording: Recording) -> Iterator[str]:
         left = f"only {kept} of {kept + lost} samples are left ({reasons})"
         yield f"{recording.name}: {left if lost else f'holds only {kept} samples'}"
     elif kept < (1 - MUCH) * (kept + lost):
-        yield f"{recording.name}: {lost / (kept + lost):.0%} of {kept + lost} samples left out ({reasons})"
+        yield (
+            f"{recording.name}: {lost / (kept + lost):.0%} of {kept + lost} samples left out "
+            f"({reasons})"
+        )
 
 
-LEAST, MOST = 1e-30, 1e30  # largest value of a quantity: powers and squares of others leave the range of numbers
+LEAST, MOST = (
+    1e-30,
+    1e30,
+)  # largest value of a quantity: powers and squares of others leave the range of numbers
 
 
 def _check_sizes(samples: Samples, units: Mapping[str, str]) -> None:
@@ -173,15 +220,25 @@ def _check_sizes(samples: Samples, units: Mapping[str, str]) -> None:
         largest = max(float(np.max(column)), -float(np.min(column)))
         if largest > MOST or 0 < largest < LEAST:
             size = f"the largest {name} is {largest:.3g} {units.get(name, '')}".rstrip()
-            remedy = "mend its `unit`, `scale` or expression, or say what stands for a missing value (`missing`)"
-            raise DataError(f"{samples.label}: {size}, and only {LEAST:g} to {MOST:g} can be computed with", remedy)
+            remedy = (
+                "mend its `unit`, `scale` or expression, or say what stands for a missing "
+                "value (`missing`)"
+            )
+            raise DataError(
+                f"{samples.label}: {size}, and only {LEAST:g} to {MOST:g} can be computed with",
+                remedy,
+            )
 
 
-# Which samples validate -----------------------------------------------------------------------------------------------------------------
+# Which samples validate
+# --------------------------------------------------------------------------------------------------
 
 
-def held_out(parts: Sequence[Part], choice: Holdout | None, levels: LevelSet | None, folder: Path) -> list[BoolArray]:
-    """Return for each part which of its samples are held out, (n,); where several conditions are given, all must hold.
+def held_out(
+    parts: Sequence[Part], choice: Holdout | None, levels: LevelSet | None, folder: Path
+) -> list[BoolArray]:
+    """Return for each part which of its samples are held out, (n,); where several conditions are
+    given, all must hold.
 
     Raises DataError where a condition matches nothing, or where nothing is left to train on.
     """
@@ -189,41 +246,70 @@ def held_out(parts: Sequence[Part], choice: Holdout | None, levels: LevelSet | N
         return [np.zeros(part.size, dtype=np.bool_) for part in parts]
     held = np.logical_and.reduce([*_conditions(parts, choice, levels, folder)])
     if not held.any():
-        raise DataError("split.validate: no sample fulfils all conditions", _levels_and_recordings(parts, levels))
+        raise DataError(
+            "split.validate: no sample fulfils all conditions",
+            _levels_and_recordings(parts, levels),
+        )
     if held.all():
-        raise DataError("split.validate: all samples are held out, none is left to train on", _levels_and_recordings(parts, levels))
+        raise DataError(
+            "split.validate: all samples are held out, none is left to train on",
+            _levels_and_recordings(parts, levels),
+        )
     return np.split(held, np.cumsum([part.size for part in parts])[:-1])
 
 
-def _conditions(parts: Sequence[Part], choice: Holdout, levels: LevelSet | None, folder: Path) -> Iterator[BoolArray]:
+def _conditions(
+    parts: Sequence[Part], choice: Holdout, levels: LevelSet | None, folder: Path
+) -> Iterator[BoolArray]:
     """Yield for each condition which samples fulfil it, (n,) over all parts in a row."""
 
     def is_named(source: str, pattern: str) -> bool:
-        return fnmatchcase(source, relative_name(folder / pattern, folder)) or fnmatchcase(PurePosixPath(source).name, pattern)
+        return fnmatchcase(source, relative_name(folder / pattern, folder)) or fnmatchcase(
+            PurePosixPath(source).name, pattern
+        )
 
     sizes = [part.size for part in parts]
     if choice.files is not None:
-        yield np.repeat(_matching("files", choice.files, [part.recording.source for part in parts], is_named), sizes)
+        yield np.repeat(
+            _matching("files", choice.files, [part.recording.source for part in parts], is_named),
+            sizes,
+        )
     if choice.recordings is not None:
-        yield np.repeat(_matching("recordings", choice.recordings, [part.recording.id for part in parts], fnmatchcase), sizes)
+        yield np.repeat(
+            _matching(
+                "recordings", choice.recordings, [part.recording.id for part in parts], fnmatchcase
+            ),
+            sizes,
+        )
     for name, values in choice.quantities.items():
         if levels is not None and name == levels.of and not isinstance(values, Between):
             yield np.repeat(_at_levels(parts, values, levels), sizes)
         else:
             yield _within(parts, name, values)
     if choice.last is not None:
-        yield np.concatenate([by_blocks(partial(np.less, 1 - choice.last), part.position) for part in parts])
+        yield np.concatenate(
+            [by_blocks(partial(np.less, 1 - choice.last), part.position) for part in parts]
+        )
     if choice.last_cycles is not None and choice.of is not None:
         yield _last_cycles(parts, choice.of, choice.last_cycles)
-    if choice.fraction is not None:  # the nearest whole number of samples, drawn without replacement
-        drawn = np.random.default_rng(choice.seed or 0).permutation(sum(sizes))[: round(choice.fraction * sum(sizes))]
+    if (
+        choice.fraction is not None
+    ):  # the nearest whole number of samples, drawn without replacement
+        drawn = np.random.default_rng(choice.seed or 0).permutation(sum(sizes))[
+            : round(choice.fraction * sum(sizes))
+        ]
         yield np.isin(np.arange(sum(sizes)), drawn)
 
 
-def _matching(kind: str, patterns: Sequence[str], names: Sequence[str], matches: Callable[[str, str], bool]) -> list[bool]:
+def _matching(
+    kind: str, patterns: Sequence[str], names: Sequence[str], matches: Callable[[str, str], bool]
+) -> list[bool]:
     for pattern in patterns:
         if not any(matches(name, pattern) for name in names):
-            raise DataError(f"split.validate.{kind}: '{pattern}' matches nothing", f"The data have: {', '.join(dict.fromkeys(names))}.")
+            raise DataError(
+                f"split.validate.{kind}: '{pattern}' matches nothing",
+                f"The data have: {', '.join(dict.fromkeys(names))}.",
+            )
     return [any(matches(name, pattern) for pattern in patterns) for name in names]
 
 
@@ -231,34 +317,59 @@ def _at_levels(parts: Sequence[Part], values: Sequence[float], levels: LevelSet)
     held = [levels.named(value) for value in values]
     for value, level in zip(values, held, strict=True):
         if level is None:
-            raise DataError(f"split.validate: there is no level {levels.of}={value:g}", _levels_and_recordings(parts, levels))
+            raise DataError(
+                f"split.validate: there is no level {levels.of}={value:g}",
+                _levels_and_recordings(parts, levels),
+            )
     return [part.level in held for part in parts]
 
 
 def _within(parts: Sequence[Part], name: str, choice: Sequence[float] | Between) -> BoolArray:
-    """Hold out the samples whose quantity is in one of the intervals, or has one of the values, of which each has to be found somewhere."""
+    """Hold out the samples whose quantity is in one of the intervals, or has one of the values, of
+    which each has to be found somewhere.
+    """
     if isinstance(choice, Between):
-        wanted = [(low, high, f"no sample has {name} between {low:g} and {high:g}") for low, high in choice.between]
+        wanted = [
+            (low, high, f"no sample has {name} between {low:g} and {high:g}")
+            for low, high in choice.between
+        ]
     else:
         reach = [1e-12 + 1e-9 * abs(value) for value in choice]
-        wanted = [(value - r, value + r, f"{name} is nowhere {value:g}") for value, r in zip(choice, reach, strict=True)]
+        wanted = [
+            (value - r, value + r, f"{name} is nowhere {value:g}")
+            for value, r in zip(choice, reach, strict=True)
+        ]
     masks = []
     for low, high, complaint in wanted:
-        hits = [by_blocks(lambda x, low=low, high=high: (x >= low) & (x <= high), part.columns[name]) for part in parts]
+        hits = [
+            by_blocks(lambda x, low=low, high=high: (x >= low) & (x <= high), part.columns[name])
+            for part in parts
+        ]
         masks.append(np.concatenate(hits))
         if not masks[-1].any():
-            least, most = min(part.columns[name].min() for part in parts), max(part.columns[name].max() for part in parts)
-            remedy = f"{name} runs from {least:g} to {most:g}; give an interval: `{name}: {{between: ...}}`"
+            least, most = (
+                min(part.columns[name].min() for part in parts),
+                max(part.columns[name].max() for part in parts),
+            )
+            remedy = (
+                f"{name} runs from {least:g} to {most:g}; give an interval: `{name}: "
+                f"{{between: ...}}`"
+            )
             raise DataError(f"split.validate: {complaint}", remedy)
     held: BoolArray = np.any(masks, axis=0)
     return held
 
 
 def _last_cycles(parts: Sequence[Part], of: str, share: float) -> BoolArray:
-    """Hold out the last cycles of each log, whose pieces and levels are taken together in the order of time."""
+    """Hold out the last cycles of each log, whose pieces and levels are taken together in the order
+    of time.
+    """
     sources = {part.log: part.recording.name for part in reversed(parts)}
     log = np.repeat([part.log for part in parts], [part.size for part in parts])
-    position, values = (np.concatenate(columns) for columns in zip(*((part.position, part.columns[of]) for part in parts), strict=True))
+    position, values = (
+        np.concatenate(columns)
+        for columns in zip(*((part.position, part.columns[of]) for part in parts), strict=True)
+    )
     held = np.zeros(len(log), dtype=np.bool_)
     for number in dict.fromkeys(part.log for part in parts):
         members = np.flatnonzero(log == number)
@@ -270,14 +381,27 @@ def _last_cycles(parts: Sequence[Part], of: str, share: float) -> BoolArray:
 
 def meant_levels(choice: Holdout | None, levels: LevelSet | None) -> list[str]:
     """Return a note for every level that `validate` names by another number than was measured."""
-    if choice is None or levels is None or not isinstance(values := choice.quantities.get(levels.of), list):
+    if (
+        choice is None
+        or levels is None
+        or not isinstance(values := choice.quantities.get(levels.of), list)
+    ):
         return []
     named = ((f"{value:g}", levels.named(value)) for value in values)
     return [
-        f"split.validate: {levels.of} {value} is taken as the level {at:g}" for value, at in named if at is not None and f"{at:g}" != value
+        f"split.validate: {levels.of} {value} is taken as the level {at:g}"
+        for value, at in named
+        if at is not None and f"{at:g}" != value
     ]
 
 
 def _levels_and_recordings(parts: Sequence[Part], levels: LevelSet | None) -> str:
-    have = "" if levels is None else f"{levels.of} levels {', '.join(f'{level:g}' for level in levels.at)} and "
-    return f"The data have {have}recordings {', '.join(dict.fromkeys(part.recording.id for part in parts))}."
+    have = (
+        ""
+        if levels is None
+        else f"{levels.of} levels {', '.join(f'{level:g}' for level in levels.at)} and "
+    )
+    return (
+        f"The data have {have}recordings "
+        f"{', '.join(dict.fromkeys(part.recording.id for part in parts))}."
+    )

@@ -1,4 +1,6 @@
-"""What ingest depends on: its slice of the spec, the files that its globs name, and how far their reading has come."""
+"""What ingest depends on: its slice of the spec, the files that its globs name, and how far their
+reading has come.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,8 @@ Component = Literal["static", "hysteresis", "damping"]
 
 @dataclass(frozen=True)
 class IngestSlice:
-    """What ingest depends on: the quantity that is `measured`, its `component` to model, and the model's unit of every quantity.
+    """What ingest depends on: the quantity that is `measured`, its `component` to model, and the
+    model's unit of every quantity.
 
     `static` is the spec of the run whose model leaves the damping force.
     """
@@ -38,11 +41,21 @@ class IngestSlice:
 
 def slice_of(spec: ExperimentSpec) -> IngestSlice:
     """Return the part of the spec that ingest reads; cross-validation is no business of its."""
-    split = spec.data.split.model_copy(update={"leave_one_level_out": False, "leave_one_group_out": False})
+    split = spec.data.split.model_copy(
+        update={"leave_one_level_out": False, "leave_one_group_out": False}
+    )
     groups = spec.data.groups if spec.data.groups is not None and spec.data.groups.offset else None
-    component: Component = "hysteresis" if spec.target == "hysteresis" else "damping" if spec.target == "damping" else "static"
+    component: Component = (
+        "hysteresis"
+        if spec.target == "hysteresis"
+        else "damping"
+        if spec.target == "damping"
+        else "static"
+    )
     return IngestSlice(
-        data=spec.data.model_copy(update={"split": split, "groups": groups, "derive": derivations_of(spec)}),
+        data=spec.data.model_copy(
+            update={"split": split, "groups": groups, "derive": derivations_of(spec)}
+        ),
         measured=spec.target_quantity,
         component=component,
         units=units_of(spec),
@@ -52,7 +65,9 @@ def slice_of(spec: ExperimentSpec) -> IngestSlice:
 
 @dataclass(frozen=True)
 class Log:
-    """A file to read, its name relative to the spec's folder, and the sheet of it where its entry names one."""
+    """A file to read, its name relative to the spec's folder, and the sheet of it where its entry
+    names one.
+    """
 
     path: Path
     name: str
@@ -61,7 +76,9 @@ class Log:
 
 @dataclass(frozen=True)
 class Source(Log):
-    """A file of `data.files`: its recording's id, quantities that no column of it holds, what is kept of it, and the logs joined to it."""
+    """A file of `data.files`: its recording's id, quantities that no column of it holds, what is
+    kept of it, and the logs joined to it.
+    """
 
     id: str
     constants: Mapping[str, float]
@@ -73,50 +90,80 @@ Entries = Sequence[str | FileEntry]
 
 
 def find_sources(entries: Entries, folder: Path, joins: Sequence[Join] = ()) -> tuple[Source, ...]:
-    """Return the files of `data.files` in the order of the entries, those of one glob sorted by path, each with its joined logs.
+    """Return the files of `data.files` in the order of the entries, those of one glob sorted by
+    path, each with its joined logs.
 
-    Raises DataError where a glob finds nothing, a file is named twice, or joined logs cannot be paired; SpecError where recordings
-    share an id.
+    Raises DataError where a glob finds nothing, a file is named twice, or joined logs cannot be
+    paired; SpecError where recordings share an id.
     """
     found = _found(entries, folder)
-    ids = [entry.id or automatic for (_, entry), automatic in zip(found, _automatic([log for log, _ in found]), strict=True)]
+    ids = [
+        entry.id or automatic
+        for (_, entry), automatic in zip(found, _automatic([log for log, _ in found]), strict=True)
+    ]
     for name in ids:
         if ids.count(name) > 1:
-            raise SpecError(f"files: {ids.count(name)} recordings have the id '{name}'", "Give each an `id` of its own.")
+            raise SpecError(
+                f"files: {ids.count(name)} recordings have the id '{name}'",
+                "Give each an `id` of its own.",
+            )
     logs = [_paired(join, len(found), folder) for join in joins]
     return tuple(
-        Source(log.path, log.name, log.sheet, ids[i], entry.set, entry.keep, tuple(joined[i] for joined in logs))
+        Source(
+            log.path,
+            log.name,
+            log.sheet,
+            ids[i],
+            entry.set,
+            entry.keep,
+            tuple(joined[i] for joined in logs),
+        )
         for i, (log, entry) in enumerate(found)
     )
 
 
 def _found(entries: Entries, folder: Path) -> list[tuple[Log, FileEntry]]:
-    """Every file with the entry that names it; sheets that entries name one by one are files of their own."""
+    """Every file with the entry that names it; sheets that entries name one by one are files of
+    their own.
+    """
     found: dict[tuple[str, str | None], tuple[Log, FileEntry]] = {}
     for entry in (FileEntry(path=entry) if isinstance(entry, str) else entry for entry in entries):
         paths = expand(entry.path, folder)
         if entry.id is not None and len(paths) > 1:
-            raise SpecError(f"files: id '{entry.id}' is given to {len(paths)} files ({entry.path})", "Name a single file, or drop the id.")
+            raise SpecError(
+                f"files: id '{entry.id}' is given to {len(paths)} files ({entry.path})",
+                "Name a single file, or drop the id.",
+            )
         for path in paths:
             name = relative_name(path, folder)
             if (name, entry.sheet) in found:
                 before = found[name, entry.sheet][1].path
                 which = f"{name}:{entry.sheet}" if entry.sheet else name
-                raise DataError(f"{which}: named twice, by '{before}' and '{entry.path}'", "make the patterns of `files` disjoint")
+                raise DataError(
+                    f"{which}: named twice, by '{before}' and '{entry.path}'",
+                    "make the patterns of `files` disjoint",
+                )
             found[name, entry.sheet] = (Log(path, name, entry.sheet), entry)
     return list(found.values())
 
 
 def _automatic(logs: Sequence[Log]) -> list[str]:
-    """Ids after the files; where one is read sheet by sheet, with the sheet behind it, as `book[Run1]`."""
+    """Ids after the files; where one is read sheet by sheet, with the sheet behind it, as
+    `book[Run1]`.
+    """
     names = list(dict.fromkeys(log.name for log in logs))
     ids = dict(zip(names, unique_ids(names), strict=True))
     several = {name for name in names if sum(log.name == name for log in logs) > 1}
-    return [f"{ids[log.name]}[{log.sheet}]" if log.name in several and log.sheet else ids[log.name] for log in logs]
+    return [
+        f"{ids[log.name]}[{log.sheet}]" if log.name in several and log.sheet else ids[log.name]
+        for log in logs
+    ]
 
 
 def _paired(join: Join, count: int, folder: Path) -> list[Log]:
-    """Return the log to join to each of `count` files: the same for all, or one for each, in order."""
+    """Return the log to join to each of `count` files: the same for all, or one for each, in
+    order.
+    """
     logs = [log for log, _ in _found(join.files, folder)]
     if len(logs) not in (1, count):
         names = ", ".join(log.name for log in logs[:4])
@@ -128,23 +175,36 @@ def _paired(join: Join, count: int, folder: Path) -> list[Log]:
 def expand(pattern: str, folder: Path) -> list[Path]:
     """Return the files that a glob names, sorted by POSIX path; relative ones start at `folder`.
 
-    A path that exists as it is written is taken literally, brackets and all. Raises DataError for a folder, or where nothing matches.
+    A path that exists as it is written is taken literally, brackets and all. Raises DataError for a
+    folder, or where nothing matches.
     """
     literal = folder / pattern
     if literal.is_dir():
-        raise DataError(f"{pattern}: is a folder", f"Name the files in it, as `{pattern.rstrip('/')}/*.csv`.")
+        raise DataError(
+            f"{pattern}: is a folder", f"Name the files in it, as `{pattern.rstrip('/')}/*.csv`."
+        )
     files = []
-    for path in sorted({literal} if literal.is_file() else {*_matches(pattern, folder)}, key=lambda path: relative_name(path, folder)):
+    for path in sorted(
+        {literal} if literal.is_file() else {*_matches(pattern, folder)},
+        key=lambda path: relative_name(path, folder),
+    ):
         if path.is_dir():
             continue
         name = relative_name(path, folder)
         if not path.exists():
-            raise DataError(f"{name}: is a link that leads nowhere", "mend the link, or leave it out of `files`")
+            raise DataError(
+                f"{name}: is a link that leads nowhere", "mend the link, or leave it out of `files`"
+            )
         if not path.is_file():
             raise DataError(f"{name}: is no regular file", "name files that hold recordings")
         if not is_label(name):
-            raise DataError(f'the name {name!r} is not one line of valid text without " ` $ < > \\', "rename the file")
-        if path.stat().st_size == 0:  # as all files below /proc say of themselves, which may never end
+            raise DataError(
+                f'the name {name!r} is not one line of valid text without " ` $ < > \\',
+                "rename the file",
+            )
+        if (
+            path.stat().st_size == 0
+        ):  # as all files below /proc say of themselves, which may never end
             raise DataError(f"{name}: is empty", "leave it out of `files`, or get it again")
         files.append(path)
     if not files:
@@ -153,7 +213,9 @@ def expand(pattern: str, folder: Path) -> list[Path]:
 
 
 def _matches(pattern: str, folder: Path) -> Iterator[Path]:
-    """Everything that a glob names. `**` enters each folder once, by whatever links it is reached: links may lead back up."""
+    """Everything that a glob names. `**` enters each folder once, by whatever links it is reached:
+    links may lead back up.
+    """
     parts = PurePath(pattern).parts
     if "**" not in parts:
         yield from (folder / name for name in glob.glob(pattern, root_dir=folder))  # noqa: PTH207 - Path.glob refuses ".."
@@ -188,12 +250,17 @@ def relative_name(path: Path, folder: Path) -> str:
 
 
 def unique_ids(sources: Sequence[str]) -> list[str]:
-    """Name recordings after their files, without `.gz` and the format's suffix; with parent folders where names repeat."""
+    """Name recordings after their files, without `.gz` and the format's suffix; with parent folders
+    where names repeat.
+    """
     parts = [PurePosixPath(_without_suffix(source)).parts for source in sources]
     depth = [1] * len(parts)
     while True:
         ids = ["-".join(part[-n:]) for part, n in zip(parts, depth, strict=True)]
-        longer = [min(n + 1, len(part)) if ids.count(name) > 1 else n for name, part, n in zip(ids, parts, depth, strict=True)]
+        longer = [
+            min(n + 1, len(part)) if ids.count(name) > 1 else n
+            for name, part, n in zip(ids, parts, depth, strict=True)
+        ]
         if longer == depth:
             return ids
         depth = longer
@@ -202,7 +269,10 @@ def unique_ids(sources: Sequence[str]) -> list[str]:
 def _without_suffix(source: str) -> str:
     stem = source.removesuffix(".gz")
     suffixes = [suffix for reader in READERS.values() for suffix in reader.suffixes]
-    return next((stem.removesuffix(suffix) for suffix in suffixes if stem.endswith(suffix)), stem) or source
+    return (
+        next((stem.removesuffix(suffix) for suffix in suffixes if stem.endswith(suffix)), stem)
+        or source
+    )
 
 
 SHOWN = 4  # names listed in a message
@@ -218,18 +288,24 @@ def _what_exists(path: Path) -> str:
     if not names:
         return f"The folder {folder} is empty."
     shown = difflib.get_close_matches(path.name, names, n=SHOWN, cutoff=0.5) or names[:SHOWN]
-    return f"The folder {folder} has: {', '.join(shown)}{', ...' if len(shown) < len(names) else ''}"
+    return (
+        f"The folder {folder} has: {', '.join(shown)}{', ...' if len(shown) < len(names) else ''}"
+    )
 
 
 MEGABYTE = 10**6
 
 
 class Meter:
-    """Counts the bytes of all logs of a study, joined ones each time that they are read, and tells `progress`."""
+    """Counts the bytes of all logs of a study, joined ones each time that they are read, and tells
+    `progress`.
+    """
 
     def __init__(self, sources: Sequence[Source], progress: Progress) -> None:
         self._progress = progress
-        self._total = sum(log.path.stat().st_size for source in sources for log in (source, *source.joined))
+        self._total = sum(
+            log.path.stat().st_size for source in sources for log in (source, *source.joined)
+        )
         self._before = 0
 
     def within(self, log: Log) -> Callable[[int], None]:

@@ -26,7 +26,9 @@ from mapmore_cli.storage.tables import RawTable, TableRequest, read_with
 from mapmore_cli.storage.tables.cells import shortened
 
 TURNS = (3600.0, 86400.0)
-"""Where clocks begin anew, in s: those that show minutes after an hour, those that tell the time of day at midnight."""
+"""Where clocks begin anew, in s: those that show minutes after an hour, those that tell the time of
+day at midnight.
+"""
 
 NEAR_TURN = 0.9
 """Of a turn, that such a clock goes back at least: it may have rested there."""
@@ -49,30 +51,49 @@ class Samples(RawTable):
         """Return the samples where `mask`, the others noted under `reason`."""
         if mask.all():
             return self
-        rows = joined([self.left_out.get(reason, np.zeros(0, dtype=np.int64)), chosen(self.rows, ~mask)])
+        rows = joined(
+            [self.left_out.get(reason, np.zeros(0, dtype=np.int64)), chosen(self.rows, ~mask)]
+        )
         columns = {name: chosen(values, mask) for name, values in self.columns.items()}
-        return replace(self, columns=columns, rows=chosen(self.rows, mask), left_out={**self.left_out, reason: rows})
+        return replace(
+            self,
+            columns=columns,
+            rows=chosen(self.rows, mask),
+            left_out={**self.left_out, reason: rows},
+        )
 
     def some(self) -> Samples:
         """Return the samples; DataError where none is left."""
         if self.size:
             return self
         losses = "; ".join(f"{len(rows)}: {reason}" for reason, rows in self.left_out.items())
-        raise DataError(f"{self.label}: no sample is left ({losses})", "Loosen `keep` or `missing`, or leave the file out.")
+        raise DataError(
+            f"{self.label}: no sample is left ({losses})",
+            "Loosen `keep` or `missing`, or leave the file out.",
+        )
 
     def with_columns(self, columns: Mapping[str, Array]) -> Samples:
         """Return the samples with quantities added or replaced."""
         return replace(self, columns={**self.columns, **columns})
 
     def cut(self, parts: Sequence[slice]) -> list[Samples]:
-        """Return the samples of each part; what was left out before belongs to the part that it stands in, remarks to the first."""
-        owners = {reason: np.searchsorted(self.rows[[part.start for part in parts[1:]]], rows) for reason, rows in self.left_out.items()}
+        """Return the samples of each part; what was left out before belongs to the part that it
+        stands in, remarks to the first.
+        """
+        owners = {
+            reason: np.searchsorted(self.rows[[part.start for part in parts[1:]]], rows)
+            for reason, rows in self.left_out.items()
+        }
         return [
             replace(
                 self,
                 rows=self.rows[part],
                 columns={name: values[part] for name, values in self.columns.items()},
-                left_out={reason: rows[owners[reason] == i] for reason, rows in self.left_out.items() if (owners[reason] == i).any()},
+                left_out={
+                    reason: rows[owners[reason] == i]
+                    for reason, rows in self.left_out.items()
+                    if (owners[reason] == i).any()
+                },
                 notes=() if i else self.notes,
                 doubts=() if i else self.doubts,
             )
@@ -89,10 +110,13 @@ def located(label: str) -> Iterator[None]:
         raise DataError(f"{label}: {error.message}", error.remedy) from error
 
 
-def read_tables(log: Log, table: Logs, missing: MissingRule, units: Mapping[str, str], meter: Meter) -> list[Samples]:
+def read_tables(
+    log: Log, table: Logs, missing: MissingRule, units: Mapping[str, str], meter: Meter
+) -> list[Samples]:
     """Return the samples of each recording in a file, NaN where a value is missing.
 
-    Where missing values are dropped, records that break off are such values as well. Raises DataError for what cannot be read.
+    Where missing values are dropped, records that break off are such values as well. Raises
+    DataError for what cannot be read.
     """
     request = TableRequest(
         label=log.name,
@@ -112,21 +136,36 @@ def read_tables(log: Log, table: Logs, missing: MissingRule, units: Mapping[str,
         format=table.columns["time"].format if "time" in table.columns else None,
         second=_second(table, units),
     )
-    return [_in_model_units(raw, table, missing.numbers, units) for raw in read_with(READERS[table.reader], log.path, request)]
+    return [
+        _in_model_units(raw, table, missing.numbers, units)
+        for raw in read_with(READERS[table.reader], log.path, request)
+    ]
 
 
 def _second(table: Logs, units: Mapping[str, str]) -> float:
     """Return what a second is in the unit of the column of the time; 1 without one."""
-    return convert(1.0, "s", table.columns["time"].unit or units["time"]) if "time" in table.columns else 1.0
+    return (
+        convert(1.0, "s", table.columns["time"].unit or units["time"])
+        if "time" in table.columns
+        else 1.0
+    )
 
 
-def _in_model_units(raw: RawTable, table: Logs, missing: Sequence[float], units: Mapping[str, str]) -> Samples:
-    """Return `value * scale + offset` in the model's unit, less its mean at rest; NaN for the numbers that stand for `missing` values."""
+def _in_model_units(
+    raw: RawTable, table: Logs, missing: Sequence[float], units: Mapping[str, str]
+) -> Samples:
+    """Return `value * scale + offset` in the model's unit, less its mean at rest; NaN for the
+    numbers that stand for `missing` values.
+    """
     doubts = [*raw.doubts, *_against_the_file(raw, table, units)]
     taken, second = slice(None, None, table.every), _second(table, units)
     columns: dict[str, Array] = {}
     for name, column in table.columns.items():
-        as_is = not missing and (column.scale, column.offset) == (1.0, 0.0) and column.unit in (None, units[name])
+        as_is = (
+            not missing
+            and (column.scale, column.offset) == (1.0, 0.0)
+            and column.unit in (None, units[name])
+        )
         values = raw.columns[column.column]
         if column.unwrap is True:
             values, known = values.copy(), np.isfinite(values)
@@ -134,7 +173,13 @@ def _in_model_units(raw: RawTable, table: Logs, missing: Sequence[float], units:
         elif column.unwrap is not None:
             values = unwrapped(values, column.unwrap)
         values = values[taken]
-        columns[name] = values if as_is else by_blocks(partial(_converted, column=column, missing=missing, unit=units[name]), values)
+        columns[name] = (
+            values
+            if as_is
+            else by_blocks(
+                partial(_converted, column=column, missing=missing, unit=units[name]), values
+            )
+        )
     if table.sample_time is not None:
         step = convert(table.sample_time, "s", units["time"])
         columns["time"] = counted(lambda rows: table.every * rows * step, len(raw.rows[taken]))
@@ -144,13 +189,17 @@ def _in_model_units(raw: RawTable, table: Logs, missing: Sequence[float], units:
             since = time - next(iter(time[np.isfinite(time)]), np.nan)
             resting = np.isfinite(values) & (since <= convert(column.rest, "s", units["time"]))
             if not resting.any():
-                raise DataError(f"{raw.label}: {name} has no value in the first {column.rest:g} s", "Lengthen `rest`, or mend the file.")
+                raise DataError(
+                    f"{raw.label}: {name} has no value in the first {column.rest:g} s",
+                    "Lengthen `rest`, or mend the file.",
+                )
             columns[name] = by_blocks(partial(np.add, -float(values[resting].mean())), values)
     return Samples(columns, raw.rows[taken], raw.label, raw.place, raw.element, tuple(doubts))
 
 
 def _against_the_file(raw: RawTable, table: Logs, units: Mapping[str, str]) -> Iterator[str]:
-    """Yield doubts about what the spec says of columns that the file says something of; DataError where both cannot be true.
+    """Yield doubts about what the spec says of columns that the file says something of; DataError
+    where both cannot be true.
 
     A `scale` in the spec is believed, but for a sign.
     """
@@ -160,20 +209,38 @@ def _against_the_file(raw: RawTable, table: Logs, units: Mapping[str, str]) -> I
             continue
         scales = "scale" in column.model_fields_set and column.scale != -1.0
         if scales and told.is_scaled and column.scale != 1.0:
-            yield f"{what} is scaled as the file says, and `scale: {column.scale:g}` scales it again"
+            yield (
+                f"{what} is scaled as the file says, and `scale: {column.scale:g}` scales it again"
+            )
         declared = column.unit or units[name]
-        free = column.unit is None and (name == "input" or (units[name] == "1" and not is_canonical(name)))
-        if not told.unit.strip() or scales or free:  # nobody says what a command, or a quantity of one's own, is in
+        free = column.unit is None and (
+            name == "input" or (units[name] == "1" and not is_canonical(name))
+        )
+        if (
+            not told.unit.strip() or scales or free
+        ):  # nobody says what a command, or a quantity of one's own, is in
             continue
         unit = unit_of_file(told.unit, declared)
         if unit is None:
             yield f"{what} is in '{shortened(told.unit)}', says the file, and is read in {declared}"
         elif not is_same(unit, declared):
-            remedy = f"say `unit: {unit}`, or by `scale` how the numbers become {declared}; `scale: 1` where the file is wrong"
-            raise DataError(f"{what} is in {unit}, says the file, but is read as {name} in {declared}", remedy)
+            remedy = (
+                f"say `unit: {unit}`, or by `scale` how the numbers become {declared}; "
+                "`scale: 1` where the file is wrong"
+            )
+            raise DataError(
+                f"{what} is in {unit}, says the file, but is read as {name} in {declared}", remedy
+            )
     step = next((told.step for told in raw.noted.values() if told.step), None)
-    if step and table.sample_time is not None and not isclose(step, table.sample_time, rel_tol=1e-3):
-        what = f"{raw.label}: the file says one sample every {step:.9g} s, and the spec every {table.sample_time:.9g} s"
+    if (
+        step
+        and table.sample_time is not None
+        and not isclose(step, table.sample_time, rel_tol=1e-3)
+    ):
+        what = (
+            f"{raw.label}: the file says one sample every {step:.9g} s, and the spec every "
+            f"{table.sample_time:.9g} s"
+        )
         if step != 1.0:
             raise DataError(what, f"say `sample_time: {step:.9g} s`")
         yield f"{what}, which is believed: LabVIEW notes 1 s where nobody says"
@@ -188,39 +255,68 @@ def _converted(values: Array, column: SourceColumn, missing: Sequence[float], un
 
 
 def unwrapped(values: Array, period: float) -> Array:
-    """Return the numbers of an encoder that begins anew at a `period` as if it went on; what is missing stays so."""
+    """Return the numbers of an encoder that begins anew at a `period` as if it went on; what is
+    missing stays so.
+    """
     found, known = values.copy(), np.isfinite(values)
     found[known] = np.unwrap(values[known], period=period)
     return found
 
 
 def going_on(time: Array, turns: Sequence[float]) -> Array:
-    """Return what has to be added to the stamps of a clock, (n,), where it begins anew at one of some `turns`."""
+    """Return what has to be added to the stamps of a clock, (n,), where it begins anew at one of
+    some `turns`.
+    """
     before, steps = time[:-1], np.diff(time)
-    added = np.sum([turn * ((steps <= -NEAR_TURN * turn) & (before <= turn)) for turn in turns], axis=0)
+    added = np.sum(
+        [turn * ((steps <= -NEAR_TURN * turn) & (before <= turn)) for turn in turns], axis=0
+    )
     return np.concatenate([[0.0], np.cumsum(added)])[: len(time)]
 
 
 def without_missing(samples: Samples, table: Logs, missing: str) -> Samples:
-    """Treat NaN and infinity as the spec says: an error, or samples to leave out. DataError where none is left."""
-    complete = by_blocks(lambda *columns: np.logical_and.reduce([np.isfinite(values) for values in columns]), *samples.columns.values())
+    """Treat NaN and infinity as the spec says: an error, or samples to leave out. DataError where
+    none is left.
+    """
+    complete = by_blocks(
+        lambda *columns: np.logical_and.reduce([np.isfinite(values) for values in columns]),
+        *samples.columns.values(),
+    )
     if missing == "error" and not complete.all():
         sample = int(np.argmin(complete))
-        name = next(name for name, values in samples.columns.items() if not np.isfinite(values[sample]))
+        name = next(
+            name for name, values in samples.columns.items() if not np.isfinite(values[sample])
+        )
         place = f", column {table.columns[name].column}" if name in table.columns else ""
         raise DataError(
             f"{samples.at(sample)}{place}: the value of {name} is missing",
-            f"Set `missing: drop` to leave out such samples ({np.count_nonzero(~complete)} of {len(complete)} in this file).",
+            f"Set `missing: drop` to leave out such samples ({np.count_nonzero(~complete)} of "
+            f"{len(complete)} in this file).",
         )
     return samples.keep(complete, "missing value").some()
 
 
-def derived(samples: Samples, derive: Mapping[str, str | Rate | Direction], units: Mapping[str, str]) -> Samples:
-    """Add the quantities of `derive`, each after those that it depends on. Raises DataError for a value that is not finite."""
-    expressions = {name: terms.parse(rule) for name, rule in derive.items() if isinstance(rule, str)}
-    signals = {name: signal_of(name, rule, units) for name, rule in derive.items() if not isinstance(rule, str)}
-    needs = {name: {signals[name].of} if name in signals else set(expressions[name].names) for name in derive}
-    for name in (name for name in graphlib.TopologicalSorter(needs).static_order() if name in derive):
+def derived(
+    samples: Samples, derive: Mapping[str, str | Rate | Direction], units: Mapping[str, str]
+) -> Samples:
+    """Add the quantities of `derive`, each after those that it depends on. Raises DataError for a
+    value that is not finite.
+    """
+    expressions = {
+        name: terms.parse(rule) for name, rule in derive.items() if isinstance(rule, str)
+    }
+    signals = {
+        name: signal_of(name, rule, units)
+        for name, rule in derive.items()
+        if not isinstance(rule, str)
+    }
+    needs = {
+        name: {signals[name].of} if name in signals else set(expressions[name].names)
+        for name in derive
+    }
+    for name in (
+        name for name in graphlib.TopologicalSorter(needs).static_order() if name in derive
+    ):
         if name in signals:
             with located(samples.label):
                 values = signal_values(signals[name], samples.columns)
@@ -229,29 +325,43 @@ def derived(samples: Samples, derive: Mapping[str, str | Rate | Direction], unit
         finite = by_blocks(np.isfinite, values)
         if not finite.all():
             at = int(np.argmin(finite))
-            raise DataError(f"{samples.at(at)}: derive.{name} gives {values[at]}", "Mend the expression or the data.")
+            raise DataError(
+                f"{samples.at(at)}: derive.{name} gives {values[at]}",
+                "Mend the expression or the data.",
+            )
         samples = samples.with_columns({name: values})
     return samples
 
 
 def _evaluated(expression: terms.Expression, samples: Samples) -> Array:
-    names = [name for name in samples.columns if name in expression.names] or list(samples.columns)[:1]
+    names = [name for name in samples.columns if name in expression.names] or list(samples.columns)[
+        :1
+    ]
     columns = [samples.columns[name] for name in names]
-    values: Array = by_blocks(lambda *part: terms.evaluate(expression, dict(zip(names, part, strict=True)), len(part[0])), *columns)
+    values: Array = by_blocks(
+        lambda *part: terms.evaluate(expression, dict(zip(names, part, strict=True)), len(part[0])),
+        *columns,
+    )
     return values
 
 
 def kept(samples: Samples, conditions: Sequence[Keep], units: Mapping[str, str]) -> Samples:
-    """Return the samples that fulfil all conditions, the others noted under the first that they do not."""
+    """Return the samples that fulfil all conditions, the others noted under the first that they do
+    not.
+    """
     for condition in conditions:
         name = condition.quantity
-        fulfils, reason = _condition(condition, name, "" if units[name] == "1" else f" {units[name]}")
+        fulfils, reason = _condition(
+            condition, name, "" if units[name] == "1" else f" {units[name]}"
+        )
         samples = samples.keep(by_blocks(fulfils, samples.columns[name]), reason)
     return samples
 
 
 def _condition(condition: Keep, name: str, unit: str) -> tuple[Callable[[Array], BoolArray], str]:
-    """Return what is to hold for the values of a quantity, and the reason to leave out those for which it does not."""
+    """Return what is to hold for the values of a quantity, and the reason to leave out those for
+    which it does not.
+    """
     if (limit := condition.abs_below) is not None:
         return lambda values: np.abs(values) < limit, f"|{name}| >= {limit:g}{unit}"
     if (limit := condition.below) is not None:
@@ -260,6 +370,12 @@ def _condition(condition: Keep, name: str, unit: str) -> tuple[Callable[[Array],
         return lambda values: values > limit, f"{name} <= {limit:g}{unit}"
     if condition.outside is not None:
         low, high = condition.outside
-        return lambda values: (values < low) | (values > high), f"{name} from {low:g} to {high:g}{unit}"
+        return (
+            lambda values: (values < low) | (values > high),
+            f"{name} from {low:g} to {high:g}{unit}",
+        )
     low, high = condition.between or (-np.inf, np.inf)
-    return lambda values: (values >= low) & (values <= high), f"{name} outside {low:g} to {high:g}{unit}"
+    return (
+        lambda values: (values >= low) & (values <= high),
+        f"{name} outside {low:g} to {high:g}{unit}",
+    )

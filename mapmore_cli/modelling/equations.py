@@ -1,4 +1,6 @@
-"""Sums of terms as equations that a person reads: scaled inputs have short names, and numbers as few digits as do."""
+"""Sums of terms as equations that a person reads: scaled inputs have short names, and numbers as
+few digits as do.
+"""
 
 from __future__ import annotations
 
@@ -35,13 +37,22 @@ TOLERANCE = 5e-4
 
 
 FAR, FARTHEST = 7.0, 600.0
-"""How far from zero the greatest exponent of an exponential may lie; beyond the second, floats end."""
+"""How far from zero the greatest exponent of an exponential may lie; beyond the second, floats end.
+"""
 
 
-def equation(name: str, terms: Sequence[str], theta: Array, scaling: Scaling, limits: Ranges, units: Mapping[str, float]) -> Equation:
+def equation(
+    name: str,
+    terms: Sequence[str],
+    theta: Array,
+    scaling: Scaling,
+    limits: Ranges,
+    units: Mapping[str, float],
+) -> Equation:
     """Return `y_slope sum_k theta_k D_k + y_intercept` (M2 eq 8) as text and as LaTeX.
 
-    Numbers have the fewest digits with which it errs by less than a thousandth of its range over the `limits` of quantities or states.
+    Numbers have the fewest digits with which it errs by less than a thousandth of its range over
+    the `limits` of quantities or states.
     """
     whole, where = summed(terms, theta, scaling, units)
     u = np.random.default_rng(0).uniform(size=(200, len(scaling.variables)))
@@ -51,13 +62,21 @@ def equation(name: str, terms: Sequence[str], theta: Array, scaling: Scaling, li
         at[one] = (low + (high - low) * part) / units.get(state(one).quantity, 1.0)
 
     def value(digits: int) -> Array:
-        known = {short: evaluate(parse(to_text(line, digits)), at, len(u)) for short, line in where.items()}
+        known = {
+            short: evaluate(parse(to_text(line, digits)), at, len(u))
+            for short, line in where.items()
+        }
         own = [evaluate(parse(to_text(term, digits)), {**at, **known}, len(u)) for term in parts]
-        return np.asarray(np.sum(own, axis=0))  # term by term: the whole may be longer than an expression that is read
+        return np.asarray(
+            np.sum(own, axis=0)
+        )  # term by term: the whole may be longer than an expression that is read
 
     with np.errstate(all="ignore"):  # a term may be undefined somewhere in the ranges
         known = {**at, **{short: evaluate(line, at, len(u)) for short, line in where.items()}}
-        parts = [_balanced(term, known, len(u)) for term in (whole.terms if isinstance(whole, Sum) else (whole,))]
+        parts = [
+            _balanced(term, known, len(u))
+            for term in (whole.terms if isinstance(whole, Sum) else (whole,))
+        ]
         whole = add(*parts)
         exact = value(17)
         error = TOLERANCE * (np.ptp(exact) or np.abs(exact).max())
@@ -70,7 +89,9 @@ def equation(name: str, terms: Sequence[str], theta: Array, scaling: Scaling, li
 
 
 def _balanced(term: Expression, at: Columns, n: int) -> Expression:
-    """Return a term of which no exponential is so small or large that its coefficient has to make up for it."""
+    """Return a term of which no exponential is so small or large that its coefficient has to make
+    up for it.
+    """
     factors: list[Expression] = []
     for factor in term.factors if isinstance(term, Product) else (term,):
         if isinstance(factor, Call) and factor.function == "exp":
@@ -83,19 +104,30 @@ def _balanced(term: Expression, at: Columns, n: int) -> Expression:
     return multiply(*factors)
 
 
-def summed(terms: Sequence[str], theta: Array, scaling: Scaling, units: Mapping[str, float]) -> tuple[Expression, dict[str, Expression]]:
-    """Return a sum of terms, and what the names of its scaled inputs mean: `pressure` is `p`, `strain_rate` `sr`, `voltage[k-16]` `v16`.
+def summed(
+    terms: Sequence[str], theta: Array, scaling: Scaling, units: Mapping[str, float]
+) -> tuple[Expression, dict[str, Expression]]:
+    """Return a sum of terms, and what the names of its scaled inputs mean: `pressure` is `p`,
+    `strain_rate` `sr`, `voltage[k-16]` `v16`.
 
-    `units` says how many of the model's units one unit of a quantity is, where it is to be in another: states are proportional to it. A
-    product of quantities that are scaled without an offset keeps its form, with one coefficient in front, as M2's table 5 prints them.
+    `units` says how many of the model's units one unit of a quantity is, where it is to be in
+    another: states are proportional to it. A product of quantities that are scaled without an
+    offset keeps its form, with one coefficient in front, as M2's table 5 prints them.
     """
     trees, weights = list(map(parse, terms)), (scaling.y_slope * theta).tolist()
     degrees = list(map(exponents, trees))
-    numbers = zip(scaling.variables, scaling.slope.tolist(), scaling.intercept.tolist(), strict=True)
-    lines = {name: (slope * units.get(state(name).quantity, 1.0), intercept) for name, slope, intercept in numbers}
+    numbers = zip(
+        scaling.variables, scaling.slope.tolist(), scaling.intercept.tolist(), strict=True
+    )
+    lines = {
+        name: (slope * units.get(state(name).quantity, 1.0), intercept)
+        for name, slope, intercept in numbers
+    }
     if None not in degrees and not scaling.intercept.any():
         for place, own in enumerate(degrees):
-            weights[place] *= math.prod(lines[name][0] ** degree for name, degree in (own or {}).items())
+            weights[place] *= math.prod(
+                lines[name][0] ** degree for name, degree in (own or {}).items()
+            )
         lines = {}
     short, where = dict[str, Expression](), dict[str, Expression]()
     placed = dict(zip(scaling.variables, scaling.placement.split(","), strict=False))
@@ -106,9 +138,21 @@ def summed(terms: Sequence[str], theta: Array, scaling: Scaling, units: Mapping[
             fresh += str(found.steps) if isinstance(found, Lagged) else ""
             while fresh in {*where, *scaling.variables, *FUNCTIONS}:
                 fresh += "_"
-            bent = sum(1 if own is None else -1 for tree, own in zip(trees, degrees, strict=True) if name in tree.names)
-            shift = 1.0 if placed.get(name) == "right" and bent > 0 else 0.0  # most of its terms are shorter where it begins at zero
-            short[name], where[fresh] = Name(fresh) - shift, affine(Name(name), slope, intercept + shift)
-    parts = (multiply(Number(weight), substitute(tree, short)) for weight, tree in zip(weights, trees, strict=True))
+            bent = sum(
+                1 if own is None else -1
+                for tree, own in zip(trees, degrees, strict=True)
+                if name in tree.names
+            )
+            shift = (
+                1.0 if placed.get(name) == "right" and bent > 0 else 0.0
+            )  # most of its terms are shorter where it begins at zero
+            short[name], where[fresh] = (
+                Name(fresh) - shift,
+                affine(Name(name), slope, intercept + shift),
+            )
+    parts = (
+        multiply(Number(weight), substitute(tree, short))
+        for weight, tree in zip(weights, trees, strict=True)
+    )
     whole = add(Number(scaling.y_intercept), *parts)
     return whole, {name: line for name, line in where.items() if name in whole.names}

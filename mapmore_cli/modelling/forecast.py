@@ -14,9 +14,11 @@ from mapmore_cli.modelling.memory.records import AtSample
 
 
 def forecast(model: Model, curve: Curve, target: str | None = None) -> Forecast:
-    """Predict every sample of a curve, recording by recording; raises as `predict`, naming the recording.
+    """Predict every sample of a curve, recording by recording; raises as `predict`, naming the
+    recording.
 
-    Where the `target` is not what the model predicts but one of its inputs, the model is inverted for it (`inverse.solve_for_input`).
+    Where the `target` is not what the model predicts but one of its inputs, the model is inverted
+    for it (`inverse.solve_for_input`).
     """
     if target is not None and target != model.output.name:
         return Forecast.of(solve_for_input(model, curve.columns, target).values)
@@ -29,5 +31,7 @@ def forecast(model: Model, curve: Curve, target: str | None = None) -> Forecast:
             one_step[rows] = one_step_ahead(model, columns)
             values[rows] = simulate(model, columns).values
         except AtSample as error:
-            raise DataError(f"{model.name} on {curve.recordings[log]}: {error.message}", error.remedy) from error
+            raise DataError(
+                f"{model.name} on {curve.recordings[log]}: {error.message}", error.remedy
+            ) from error
     return Forecast(values, np.isfinite(one_step), one_step)

@@ -1,8 +1,10 @@
-"""Find the input for a wanted output, as the pressure for a force at a strain: every solution within the training range.
+"""Find the input for a wanted output, as the pressure for a force at a strain: every solution
+within the training range.
 
-The map is not monotone everywhere (measured muscles: on up to a tenth of the grid), so that there may be none, one, several, or a range of
-them where a slack muscle gives the same force at every pressure. Between knots (levels, boundaries, limits) and the places where the slope
-changes its sign the map is monotone, and each part holds at most one solution, which bisection finds.
+The map is not monotone everywhere (measured muscles: on up to a tenth of the grid), so that there
+may be none, one, several, or a range of them where a slack muscle gives the same force at every
+pressure. Between knots (levels, boundaries, limits) and the places where the slope changes its sign
+the map is monotone, and each part holds at most one solution, which bisection finds.
 """
 
 from __future__ import annotations
@@ -20,25 +22,37 @@ from mapmore_cli.modelling.program.model import program_of, with_slopes
 from mapmore_cli.modelling.program.values import evaluator
 
 LOWEST, NEAREST = "lowest", "nearest"
-"""Rules that pick one of several solutions: the lowest, or the one that is nearest to that of the row before."""
+"""Rules that pick one of several solutions: the lowest, or the one that is nearest to that of the
+row before.
+"""
 
 NONE, ONE, SEVERAL, FLAT = "none", "one", "several", "flat"
 """How many solutions there are; `flat` where they fill a range, of which the low end counts."""
 
 SCAN, PARTS = 2, 96
-"""The slope is looked at in so many parts of every interval between knots at least, and in so many parts of all of them together."""
+"""The slope is looked at in so many parts of every interval between knots at least, and in so many
+parts of all of them together.
+"""
 
 SPLITS, STEEP = 6, 3.0
-"""A part is divided so many times at most, as long as an end is steeper than so many times its secant: it may turn twice there."""
+"""A part is divided so many times at most, as long as an end is steeper than so many times its
+secant: it may turn twice there.
+"""
 
-CHUNK, BISECTIONS = 500, 50  # rows that are scanned at a time; bisections that halve an interval down to rounding
+CHUNK, BISECTIONS = (
+    500,
+    50,
+)  # rows that are scanned at a time; bisections that halve an interval down to rounding
 SAME = 1e-9  # fraction of the span of outputs in a scan below which a difference counts as zero
-REACHED = 1e-6  # fraction of the wanted output: a bisection that ends farther away has found a jump, no solution
+# fraction of the wanted output: a bisection that ends farther away has found a jump, no solution
+REACHED = 1e-6
 
 
 @dataclass(frozen=True)
 class Inverse:
-    """Solutions of n rows, row by row: `values` and `rows` (m,) of all, ascending in each row; `status` and `picked` (n,), NaN for none."""
+    """Solutions of n rows, row by row: `values` and `rows` (m,) of all, ascending in each row;
+    `status` and `picked` (n,), NaN for none.
+    """
 
     values: Array
     rows: IntArray
@@ -48,14 +62,17 @@ class Inverse:
 
 @dataclass(frozen=True)
 class SolvedInput:
-    """An input as a function of the output: its `values` at n rows, and where they are `solved` for, `(n,)` each."""
+    """An input as a function of the output: its `values` at n rows, and where they are `solved`
+    for, `(n,)` each.
+    """
 
     values: Array
     solved: BoolArray
 
 
 def invert(model: Model, wanted: Array, given: Columns, name: str, rule: str = LOWEST) -> Inverse:
-    """Return every value of the input `name` at which the model gives the `wanted` output, (n,), at the `given` other inputs, (n,) each.
+    """Return every value of the input `name` at which the model gives the `wanted` output, (n,), at
+    the `given` other inputs, (n,) each.
 
     Raises UsageError for an unknown input or rule; DataError for a model with memory.
     """
@@ -63,36 +80,53 @@ def invert(model: Model, wanted: Array, given: Columns, name: str, rule: str = L
         raise UsageError(f"there is no rule '{rule}'", f"take {LOWEST} or {NEAREST}")
     values, rows, flat, _ = _solutions(model, wanted, given, name)
     counts = np.bincount(rows, minlength=len(wanted))
-    status = tuple(FLAT if is_flat else (NONE, ONE, SEVERAL)[min(count, 2)] for is_flat, count in zip(flat, counts.tolist(), strict=True))
+    status = tuple(
+        FLAT if is_flat else (NONE, ONE, SEVERAL)[min(count, 2)]
+        for is_flat, count in zip(flat, counts.tolist(), strict=True)
+    )
     return Inverse(values, rows, status, _picked(values, rows, len(wanted), rule))
 
 
 def solve_for_input(model: Model, columns: Columns, name: str) -> SolvedInput:
-    """Return the input `name` as a function of the model's output and its other inputs, as the force at a strain of a model of the strain.
+    """Return the input `name` as a function of the model's output and its other inputs, as the
+    force at a strain of a model of the strain.
 
-    At every row of the `columns`, the output and all inputs but `name`, `(n,)` each, it is the lowest solution within the training range,
-    or, where there is none, the place that comes nearest to the output: a strain that no force of the range makes has the force at the end
-    of the range. NaN where a column is. Raises UsageError, DataError as `invert`.
+    At every row of the `columns`, the output and all inputs but `name`, `(n,)` each, it is the
+    lowest solution within the training range, or, where there is none, the place that comes nearest
+    to the output: a strain that no force of the range makes has the force at the end of the range.
+    NaN where a column is. Raises UsageError, DataError as `invert`.
     """
     needed = [model.output.name, *(one for one in _inputs(model, name) if one != name)]
     known = np.flatnonzero(np.logical_and.reduce([np.isfinite(columns[one]) for one in needed]))
     given = {one: np.asarray(columns[one], dtype=np.float64)[known] for one in needed}
     lowest, rows, _, nearest = _solutions(model, given.pop(model.output.name), given, name)
     picked = _picked(lowest, rows, len(known), LOWEST)
-    values, solved = np.full(len(columns[needed[0]]), np.nan), np.zeros(len(columns[needed[0]]), dtype=np.bool_)
+    values, solved = (
+        np.full(len(columns[needed[0]]), np.nan),
+        np.zeros(len(columns[needed[0]]), dtype=np.bool_),
+    )
     solved[known] = np.isfinite(picked)
     values[known] = np.where(np.isfinite(picked), picked, nearest)
     return SolvedInput(values, solved)
 
 
-def _solutions(model: Model, wanted: Array, given: Columns, name: str) -> tuple[Array, IntArray, BoolArray, Array]:
+def _solutions(
+    model: Model, wanted: Array, given: Columns, name: str
+) -> tuple[Array, IntArray, BoolArray, Array]:
     """Return `_Line.solutions` of all rows, made for some rows at a time."""
     names, program = _inputs(model, name), program_of(model)
     slopes, value, ends = evaluator(with_slopes(program)), evaluator(program), knots(model, name)
     found = []
     for start in range(0, max(len(wanted), 1), CHUNK):
         part = slice(start, start + CHUNK)
-        line = _Line(value, slopes, name, names, wanted[part], {one: np.asarray(x, dtype=np.float64)[part] for one, x in given.items()})
+        line = _Line(
+            value,
+            slopes,
+            name,
+            names,
+            wanted[part],
+            {one: np.asarray(x, dtype=np.float64)[part] for one, x in given.items()},
+        )
         values, rows, *of_rows = line.solutions(line.with_turning_points(ends))
         found.append((values, rows + start, *of_rows))
     values, rows, flat, nearest = map(np.concatenate, zip(*found, strict=True))
@@ -107,13 +141,19 @@ def _inputs(model: Model, name: str) -> list[str]:
 
 
 def knots(model: Model, name: str) -> Array:
-    """Return ascending values of an input between which the model is smooth along it, and the ends of its training range.
+    """Return ascending values of an input between which the model is smooth along it, and the ends
+    of its training range.
 
     Raises UsageError where the range is not known, as of an input that a sum renames.
     """
-    found = np.unique([place for place in program_of(model).knots.get(name, ()) if np.isfinite(place)])
+    found = np.unique(
+        [place for place in program_of(model).knots.get(name, ()) if np.isfinite(place)]
+    )
     if len(found) < 2:
-        raise UsageError(f"the training range of '{name}' is not known", "invert for an input that was varied in training")
+        raise UsageError(
+            f"the training range of '{name}' is not known",
+            "invert for an input that was varied in training",
+        )
     return found
 
 
@@ -124,7 +164,9 @@ def parts_between(knots: Array) -> int:
 
 @dataclass(frozen=True)
 class _Line:
-    """The model along one input at each of n rows; x are values of the input in some of the rows, (m,) each."""
+    """The model along one input at each of n rows; x are values of the input in some of the rows,
+    (m,) each.
+    """
 
     value: Callable[[Columns], list[Array]]
     slopes: Callable[[Columns], list[Array]]
@@ -146,22 +188,40 @@ class _Line:
         return {name: x if name == self.name else self.given[name][rows] for name in self.names}
 
     def with_turning_points(self, knots: Array) -> Array:
-        """Return the ends of the monotone parts, (n, e), ascending in every row, with repetitions."""
+        """Return the ends of the monotone parts, (n, e), ascending in every row, with
+        repetitions.
+        """
         n = len(self.wanted)
-        inner = [np.linspace(low, high, parts_between(knots) + 1)[:-1] for low, high in pairwise(knots.tolist())]
+        inner = [
+            np.linspace(low, high, parts_between(knots) + 1)[:-1]
+            for low, high in pairwise(knots.tolist())
+        ]
         places = np.concatenate([*inner, knots[-1:]])
         rows = np.repeat(np.arange(n), len(places) - 1)
-        turns, of = self._turning_points(np.tile(places[:-1], n), np.tile(places[1:], n), rows, SPLITS)
+        turns, of = self._turning_points(
+            np.tile(places[:-1], n), np.tile(places[1:], n), rows, SPLITS
+        )
         order = np.argsort(of, kind="stable")
         counts = np.bincount(of, minlength=n)
         more = np.full((n, counts.max(initial=0)), places[-1])
-        more[of[order], np.arange(len(of)) - np.repeat(np.cumsum(counts) - counts, counts)] = turns[order]
-        beside = [np.nextafter(knots[:-1], np.inf), np.nextafter(knots[1:], -np.inf)]  # the map may jump at a knot
+        more[of[order], np.arange(len(of)) - np.repeat(np.cumsum(counts) - counts, counts)] = turns[
+            order
+        ]
+        beside = [
+            np.nextafter(knots[:-1], np.inf),
+            np.nextafter(knots[1:], -np.inf),
+        ]  # the map may jump at a knot
         fixed = np.concatenate([places, *beside])
-        return np.sort(np.concatenate([np.broadcast_to(fixed, (n, len(fixed))), more], axis=1), axis=1)
+        return np.sort(
+            np.concatenate([np.broadcast_to(fixed, (n, len(fixed))), more], axis=1), axis=1
+        )
 
-    def _turning_points(self, low: Array, high: Array, rows: IntArray, splits: int) -> tuple[Array, IntArray]:
-        """Return turning points within parts of some rows, with the middles of parts that were divided, and their rows."""
+    def _turning_points(
+        self, low: Array, high: Array, rows: IntArray, splits: int
+    ) -> tuple[Array, IntArray]:
+        """Return turning points within parts of some rows, with the middles of parts that were
+        divided, and their rows.
+        """
         start, end = np.nextafter(low, np.inf), np.nextafter(high, -np.inf)
         (left, slope_left), (right, slope_right) = self.both(start, rows), self.both(end, rows)
         turned = np.sign(slope_left) * np.sign(slope_right) < 0
@@ -172,48 +232,80 @@ class _Line:
             at = _bisected(lambda x, which: self.both(x, own[which])[1], start[turned], end[turned])
             value, flat = self.missing(at, own), np.zeros(len(at))
             before = may_turn_twice(left[turned], value, slope_left[turned], flat, at - low[turned])
-            after = may_turn_twice(value, right[turned], flat, slope_right[turned], high[turned] - at)
+            after = may_turn_twice(
+                value, right[turned], flat, slope_right[turned], high[turned] - at
+            )
             middle[turned], closer[turned] = at, before | after
         found, where = middle[turned | closer], rows[turned | closer]
         if splits == 0 or not closer.any():
             return middle[turned], rows[turned]
-        halves = (np.concatenate([low[closer], middle[closer]]), np.concatenate([middle[closer], high[closer]]), np.tile(rows[closer], 2))
+        halves = (
+            np.concatenate([low[closer], middle[closer]]),
+            np.concatenate([middle[closer], high[closer]]),
+            np.tile(rows[closer], 2),
+        )
         more, own = self._turning_points(*halves, splits - 1)
         return np.concatenate([found, more]), np.concatenate([where, own])
 
     def solutions(self, edges: Array) -> tuple[Array, IntArray, BoolArray, Array]:
-        """Return the solutions in monotone parts between `edges`, (n, e), and their rows, (m,) each, ascending.
+        """Return the solutions in monotone parts between `edges`, (n, e), and their rows, (m,)
+        each, ascending.
 
-        Then of each row, (n,): whether they fill a range, and the edge whose output is nearest to the wanted one.
+        Then of each row, (n,): whether they fill a range, and the edge whose output is nearest to
+        the wanted one.
         """
         n = len(edges)
         row = np.broadcast_to(np.arange(n)[:, None], edges.shape)
         missing = self.missing(edges.ravel(), row.ravel()).reshape(edges.shape)
         nearest = edges[np.arange(n), np.argmin(np.abs(missing), axis=1)]
-        near = SAME * np.maximum(np.ptp(missing, axis=1, keepdims=True), np.abs(self.wanted)[:, None])
+        near = SAME * np.maximum(
+            np.ptp(missing, axis=1, keepdims=True), np.abs(self.wanted)[:, None]
+        )
         hit, width = np.abs(missing) <= near, np.diff(edges, axis=1)
-        flat = (hit[:, :-1] & hit[:, 1:] & (width > SAME * np.ptp(edges, axis=1, keepdims=True))).any(axis=1)
+        flat = (
+            hit[:, :-1] & hit[:, 1:] & (width > SAME * np.ptp(edges, axis=1, keepdims=True))
+        ).any(axis=1)
         first = hit & ~np.concatenate([np.zeros((n, 1), dtype=np.bool_), hit[:, :-1]], axis=1)
-        crosses = (np.sign(missing[:, :-1]) * np.sign(missing[:, 1:]) < 0) & ~hit[:, :-1] & ~hit[:, 1:] & (width > 0)
+        crosses = (
+            (np.sign(missing[:, :-1]) * np.sign(missing[:, 1:]) < 0)
+            & ~hit[:, :-1]
+            & ~hit[:, 1:]
+            & (width > 0)
+        )
         where = row[:, :-1][crosses]
-        crossed = _bisected(lambda x, which: self.missing(x, where[which]), edges[:, :-1][crosses], edges[:, 1:][crosses])
+        crossed = _bisected(
+            lambda x, which: self.missing(x, where[which]),
+            edges[:, :-1][crosses],
+            edges[:, 1:][crosses],
+        )
         # where the map jumps across the wanted output, there is no solution
-        real = np.abs(self.missing(crossed, where)) <= np.maximum(REACHED * np.abs(self.wanted[where]), near[where, 0])
-        values, rows = np.concatenate([edges[first], crossed[real]]), np.concatenate([row[first], where[real]])
+        real = np.abs(self.missing(crossed, where)) <= np.maximum(
+            REACHED * np.abs(self.wanted[where]), near[where, 0]
+        )
+        values, rows = (
+            np.concatenate([edges[first], crossed[real]]),
+            np.concatenate([row[first], where[real]]),
+        )
         order = np.lexsort([values, rows])
         return values[order], rows[order], flat, nearest
 
 
-def may_turn_twice(left: Array, right: Array, slope_left: Array, slope_right: Array, width: Array) -> BoolArray:
-    """Return True where a part may turn twice and come to zero in between, (m,), given its ends' values and slopes.
+def may_turn_twice(
+    left: Array, right: Array, slope_left: Array, slope_right: Array, width: Array
+) -> BoolArray:
+    """Return True where a part may turn twice and come to zero in between, (m,), given its ends'
+    values and slopes.
 
-    A cubic is monotone if its slopes at both ends are at most three times the secant's (Fritsch and Carlson 1980). It strays from its
-    ends by less than the steeper of these slopes would.
+    A cubic is monotone if its slopes at both ends are at most three times the secant's (Fritsch and
+    Carlson 1980). It strays from its ends by less than the steeper of these slopes would.
     """
     reach = np.maximum(np.abs(slope_left), np.abs(slope_right)) * width
     rise = right - left
     bends = (reach > STEEP * np.abs(rise)) | (rise * (slope_left + slope_right) < 0)
-    nearer, farther = np.minimum(np.abs(left), np.abs(right)), np.maximum(np.abs(left), np.abs(right))
+    nearer, farther = (
+        np.minimum(np.abs(left), np.abs(right)),
+        np.maximum(np.abs(left), np.abs(right)),
+    )
     return np.asarray(bends & (reach > SAME * farther) & (nearer <= reach))
 
 

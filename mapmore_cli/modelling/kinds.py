@@ -1,7 +1,8 @@
 """What every kind of model can do, and where a model was trained.
 
-A kind is a folder of `modelling/` with a `KIND`, which says its name, and a file `model.py`, which holds its verbs. Nothing else
-lists it. The verbs are imported when a model of the kind is there: a table needs nothing of motion.
+A kind is a folder of `modelling/` with a `KIND`, which says its name, and a file `model.py`, which
+holds its verbs. Nothing else lists it. The verbs are imported when a model of the kind is there: a
+table needs nothing of motion.
 """
 
 from __future__ import annotations
@@ -27,18 +28,22 @@ from mapmore_cli.modelling.expressions import ExpressionError
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of model: its name in files and on pages, the types of its models and of its fits, and the folder with its verbs.
+    """A kind of model: its name in files and on pages, the types of its models and of its fits, and
+    the folder with its verbs.
 
     `model.py` in the folder has these functions of a `model`.
 
-    - `simulate(model, columns)`: the `Run` at every row, NaN where an input is NaN or there is no history.
-    - `equations(model, units)`: the model in physical units, given how many of the model's units one unit of a quantity is.
+    - `simulate(model, columns)`: the `Run` at every row, NaN where an input is NaN or there is no
+      history.
+    - `equations(model, units)`: the model in physical units, given how many of the model's units
+      one unit of a quantity is.
     - `parameters(model)`: how many numbers the fit was free to choose.
     - `write(m, model, inputs)`: the model as statements of the writer `m`; its output.
 
-    Some have others: `one_step(model, columns)`, the prediction of every row from the measured past, (n,); `fed_back(model)`, the measured
-    outputs that a run begins from; `outside_range(model, columns)`, (n,), for a body without `ranges`; `faults(model)`, why a stored one
-    is refused (`soundness`).
+    Some have others: `one_step(model, columns)`, the prediction of every row from the measured
+    past, (n,); `fed_back(model)`, the measured outputs that a run begins from;
+    `outside_range(model, columns)`, (n,), for a body without `ranges`; `faults(model)`, why a
+    stored one is refused (`soundness`).
     """
 
     name: str
@@ -54,7 +59,11 @@ class Kind:
 @cache
 def kinds() -> tuple[Kind, ...]:
     """Return every kind, in the order of their names."""
-    folders = [import_module(f"{modelling.__name__}.{one.name}") for one in pkgutil.iter_modules(modelling.__path__) if one.ispkg]
+    folders = [
+        import_module(f"{modelling.__name__}.{one.name}")
+        for one in pkgutil.iter_modules(modelling.__path__)
+        if one.ispkg
+    ]
     found = [folder.KIND for folder in folders if hasattr(folder, "KIND")]
     return tuple(sorted(found, key=lambda kind: kind.name))
 
@@ -70,36 +79,48 @@ def predict(model: Model, columns: Columns) -> Array:
 
 
 def simulate(model: Model, columns: Columns) -> Run:
-    """Output of the model at every row, (n,), NaN where an input is NaN; and the rows at which a free run diverges.
+    """Output of the model at every row, (n,), NaN where an input is NaN; and the rows at which a
+    free run diverges.
 
-    A model with memory runs free along one recording: it has no prediction before there is history, and starts anew after rows with a NaN.
+    A model with memory runs free along one recording: it has no prediction before there is history,
+    and starts anew after rows with a NaN.
 
-    - `columns`: the model's inputs by name, each (n,), in the model's units; with memory also `time`, and the output where it is fed back.
+    - `columns`: the model's inputs by name, each (n,), in the model's units; with memory also
+      `time`, and the output where it is fed back.
 
-    Raises KeyError where an input is missing; DataError where a free run has nothing to begin from, or samples are not at the model's time
-    steps.
+    Raises KeyError where an input is missing; DataError where a free run has nothing to begin from,
+    or samples are not at the model's time steps.
     """
     found: Run = kind_of(model).verb("simulate")(model, columns)
     return found
 
 
 def outside_range(model: Model, columns: Columns) -> BoolArray:
-    """Return True where an input lies beyond the training range, of any summand where the model is a sum, (n,)."""
+    """Return True where an input lies beyond the training range, of any summand where the model is
+    a sum, (n,).
+    """
     found: BoolArray = kind_of(model).verb("outside_range", _outside)(model, columns)
     return found
 
 
 @contextmanager
 def numbers_in_reach(model: Model) -> Iterator[None]:
-    """Raise DataError for a model whose coefficients multiply to what is no number, as in a file that somebody changed."""
+    """Raise DataError for a model whose coefficients multiply to what is no number, as in a file
+    that somebody changed.
+    """
     try:
         with np.errstate(over="ignore"):  # infinity is no number
             yield
     except ExpressionError as fault:
-        raise DataError(f"the model {model.name} cannot be written out: {fault.message}", "make it anew by its spec") from fault
+        raise DataError(
+            f"the model {model.name} cannot be written out: {fault.message}",
+            "make it anew by its spec",
+        ) from fault
 
 
-def equations(model: Model, units: Mapping[str, float] = MappingProxyType({})) -> tuple[Equation, ...]:
+def equations(
+    model: Model, units: Mapping[str, float] = MappingProxyType({})
+) -> tuple[Equation, ...]:
     """Return the model as equations, in its units or in others: of a sum, those of each summand.
 
     Raises DataError where a coefficient is too large to be a number.
@@ -110,7 +131,9 @@ def equations(model: Model, units: Mapping[str, float] = MappingProxyType({})) -
 
 
 def parameters(model: Model) -> int:
-    """Return the number of free parameters: coefficients of terms and parameters of formulas, in a sum of all parts."""
+    """Return the number of free parameters: coefficients of terms and parameters of formulas, in a
+    sum of all parts.
+    """
     found: int = kind_of(model).verb("parameters")(model)
     return found
 
@@ -135,11 +158,15 @@ def fed_back(model: Model) -> tuple[str, ...]:
 
 
 OUTSIDE_TOLERANCE = 1e-9
-"""Inputs within this fraction of a range beyond its end still count as inside: the end itself must not be flagged by rounding."""
+"""Inputs within this fraction of a range beyond its end still count as inside: the end itself must
+not be flagged by rounding.
+"""
 
 
 class InputRange(NamedTuple):
-    """Training range of one input: `low` to `high`, (L,) each; linear between `levels`, (L,), of the input `at` where that is not None."""
+    """Training range of one input: `low` to `high`, (L,) each; linear between `levels`, (L,), of
+    the input `at` where that is not None.
+    """
 
     name: str
     at: str | None
@@ -149,13 +176,19 @@ class InputRange(NamedTuple):
 
 
 def limits(ranges: Sequence[CurveRange], level: str | None) -> Iterator[InputRange]:
-    """Yield the training range of every input, the level first: its own is that of its levels, (1,) each.
+    """Yield the training range of every input, the level first: its own is that of its levels, (1,)
+    each.
 
-    That of any other input is interpolated linearly between the curves, since each curve has its own (free strain grows with pressure).
+    That of any other input is interpolated linearly between the curves, since each curve has its
+    own (free strain grows with pressure).
     """
     if not ranges:
         return
-    levels = np.array([one.level for one in ranges], dtype=np.float64) if level is not None else np.empty(0)
+    levels = (
+        np.array([one.level for one in ranges], dtype=np.float64)
+        if level is not None
+        else np.empty(0)
+    )
     if level is not None:
         yield InputRange(level, None, levels, levels[:1], levels[-1:])
     for name in ranges[0].limits:
@@ -168,7 +201,11 @@ def _outside(model: Model, columns: Columns) -> BoolArray:
     found = np.zeros(len(next(iter(columns.values()))), dtype=np.bool_)
     for name, at, levels, *ends in limits(model.body.ranges, model.level):  # type: ignore[attr-defined]  # sums have another verb
         if name in columns:
-            low, high = (end[:1] if at is None else np.interp(columns[at], levels, end) for end in ends)
-            margin = OUTSIDE_TOLERANCE * np.maximum(high - low, np.maximum(np.abs(low), np.abs(high)))
+            low, high = (
+                end[:1] if at is None else np.interp(columns[at], levels, end) for end in ends
+            )
+            margin = OUTSIDE_TOLERANCE * np.maximum(
+                high - low, np.maximum(np.abs(low), np.abs(high))
+            )
             found |= (columns[name] < low - margin) | (columns[name] > high + margin)
     return found

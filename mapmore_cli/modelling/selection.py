@@ -10,9 +10,13 @@ from annotated_types import Interval
 from mapmore_cli.domain.declared import Contradiction, Either, InUnit, OfHeld, Settings
 
 AUTO = "auto"  # what left-out training data choose: a backbone, or a number of terms
-USUAL_TERMS = 3  # terms at most where their number is not chosen yet: cuts that fits decide, and a backbone, are chosen with so many
+# terms at most where their number is not chosen yet: cuts that fits decide, and a backbone, are
+# chosen with so many
+USUAL_TERMS = 3
 LEAST_RIDGE = 1e-9  # a smaller ridge, but for zero, would drown in the rounding of the Gram matrix
-FORWARD = 3  # terms chosen forward for each that is kept, where pruning follows and nothing else is said
+FORWARD = (
+    3  # terms chosen forward for each that is kept, where pruning follows and nothing else is said
+)
 
 Start = Literal["measured", "steady", "identified"]
 """How free runs begin."""
@@ -25,17 +29,23 @@ Stop = Literal["tolerance", "bic", "aicc", "press", "free_run"]
 class Fit(Settings):
     """Term selection (M2 eq 2-7): how inputs are scaled, how many terms at most, and when to stop.
 
-    - `scaling` is `none` with memory, `max_abs` for damping, else `unit_square`. `range` brings states to [0, 1] and clips them `margin`
+    - `scaling` is `none` with memory, `max_abs` for damping, else `unit_square`. `range` brings
+      states to [0, 1] and clips them `margin`
       beyond.
     - `train_level` restricts the pieces to one training level, as M2 does (`highest`).
-    - `tolerance` ends the choice where no larger fraction of the squares of the target is left; of those about its mean where the
+    - `tolerance` ends the choice where no larger fraction of the squares of the target is left; of
+      those about its mean where the
       dictionary has a constant. It ends no other `stop` rule.
-    - `max_terms: auto` takes the least number of terms within one standard error of the best on left-out training data.
-    - A `ridge`, a fraction of a candidate's variance or `auto`, selects `forward` terms (three times `max_terms`) and prunes them.
-    - With delays of the output: `criterion: free_run` refines the coefficients on the simulation error. `stop: free_run` chooses the
-      number of terms on the last quarter of each training recording. `select: free_run` tries the best candidates of every step in free
-      run.
-    - `start` of free runs: the first outputs `measured`, the `steady` output of the first inputs, or first outputs `identified` from the
+    - `max_terms: auto` takes the least number of terms within one standard error of the best on
+      left-out training data.
+    - A `ridge`, a fraction of a candidate's variance or `auto`, selects `forward` terms (three
+      times `max_terms`) and prunes them.
+    - With delays of the output: `criterion: free_run` refines the coefficients on the simulation
+      error. `stop: free_run` chooses the
+      number of terms on the last quarter of each training recording. `select: free_run` tries the
+      best candidates of every step in free run.
+    - `start` of free runs: the first outputs `measured`, the `steady` output of the first inputs,
+      or first outputs `identified` from the
       first twentieth of the run.
     """
 
@@ -59,23 +69,35 @@ class Fit(Settings):
     @property
     def forward_terms(self) -> int:
         """Terms that are chosen before pruning, where there is a ridge."""
-        return max(self.most_terms, FORWARD * self.most_terms if self.forward is None else self.forward)
+        return max(
+            self.most_terms, FORWARD * self.most_terms if self.forward is None else self.forward
+        )
 
     def __post_init__(self) -> None:
         """Refuse two choosers of the number of terms, and a ridge that is lost in rounding."""
         if self.max_terms == AUTO and self.stop == "free_run":
             remedy = "give `max_terms` a number, or take another `stop`"
-            raise Contradiction("`max_terms: auto` and `stop: free_run` both choose the number of terms", remedy, "max_terms", "stop")
+            raise Contradiction(
+                "`max_terms: auto` and `stop: free_run` both choose the number of terms",
+                remedy,
+                "max_terms",
+                "stop",
+            )
         if isinstance(self.ridge, float) and 0 < self.ridge < LEAST_RIDGE:
-            raise Contradiction(f"a ridge of {self.ridge:g} is lost in rounding", f"write {LEAST_RIDGE:g} or more, 0 or `auto`", "ridge")
+            raise Contradiction(
+                f"a ridge of {self.ridge:g} is lost in rounding",
+                f"write {LEAST_RIDGE:g} or more, 0 or `auto`",
+                "ridge",
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
 class MemoryRecipe(Fit):
     """The choices of a model with memory: those of `Fit`, and what they act on.
 
-    With a ridge candidates are centred and divided by their standard deviations, and the model has a constant of its own; without, a
-    constant is a candidate like any other. `tolerance` is as in `Fit`; with a ridge it is a fraction of the variance.
+    With a ridge candidates are centred and divided by their standard deviations, and the model has
+    a constant of its own; without, a constant is a candidate like any other. `tolerance` is as in
+    `Fit`; with a ridge it is a fraction of the variance.
 
     - `target`: the output.
     - `dictionary`: candidate terms as text, products of names of states.

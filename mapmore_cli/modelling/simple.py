@@ -1,4 +1,5 @@
-"""Competitors that need no muscle: polynomials in a model's own inputs, and a linear model of the next output (ARX) in free run.
+"""Competitors that need no muscle: polynomials in a model's own inputs, and a linear model of the
+next output (ARX) in free run.
 
 A reviewer asks for them first: whatever a study models, a plane through its inputs costs nothing.
 """
@@ -14,7 +15,11 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.recording import Curve, Dataset
 
-DEGREES = {"plane": 1, "quadratic": 2, "cubic": 3}  # total degree of each polynomial, every monomial up to it included
+DEGREES = {
+    "plane": 1,
+    "quadratic": 2,
+    "cubic": 3,
+}  # total degree of each polynomial, every monomial up to it included
 ORDERS = (1, 2, 4, 8)  # samples that an ARX looks back; the free run on training data chooses
 MOST_ROWS = 50_000  # training rows that a fit takes, an even share
 LARGEST = 1e3  # times the largest measured output, from which a free run has diverged
@@ -23,8 +28,9 @@ LARGEST = 1e3  # times the largest measured output, from which a free run has di
 def polynomial(degree: int, dataset: Dataset, names: Sequence[str]) -> list[Array] | None:
     """Least-squares polynomial in the quantities `names`, of every curve: (n_c,) each.
 
-    Inputs are scaled to [-1, 1] on the training samples; where these leave coefficients open, the solution of least norm is taken. None
-    where there are fewer training samples than coefficients, or no inputs.
+    Inputs are scaled to [-1, 1] on the training samples; where these leave coefficients open, the
+    solution of least norm is taken. None where there are fewer training samples than coefficients,
+    or no inputs.
     """
     if not names:
         return None
@@ -40,20 +46,27 @@ def polynomial(degree: int, dataset: Dataset, names: Sequence[str]) -> list[Arra
     low, high = x.min(axis=0), x.max(axis=0)
     middle, half = (low + high) / 2, np.where(high > low, (high - low) / 2, 1.0)
     theta = np.linalg.lstsq(_monomials((x - middle) / half, degree), y, rcond=None)[0]
-    return [_monomials((_table(curve, names) - middle) / half, degree) @ theta for curve in dataset.curves]
+    return [
+        _monomials((_table(curve, names) - middle) / half, degree) @ theta
+        for curve in dataset.curves
+    ]
 
 
 def arx(dataset: Dataset, names: Sequence[str]) -> list[Array] | None:
     """Free run of `y[k] = c + sum a_i y[k-i] + sum b_j u[k-j]` along every recording, (n_c,) each.
 
-    It starts from the first measured output, at rest. Least squares on one step fits it; of `ORDERS`, the one whose free run errs least on
-    the training samples is taken. None where none of them runs without diverging.
+    It starts from the first measured output, at rest. Least squares on one step fits it; of
+    `ORDERS`, the one whose free run errs least on the training samples is taken. None where none of
+    them runs without diverging.
     """
     best, least = None, np.inf
     for order in ORDERS:
         if (theta := _one_step_fit(dataset, names, order)) is not None:
             found = [_run(curve, dataset.target, names, order, theta) for curve in dataset.curves]
-            errors = [(said - curve.columns[dataset.target])[curve.training] for said, curve in zip(found, dataset.curves, strict=True)]
+            errors = [
+                (said - curve.columns[dataset.target])[curve.training]
+                for said, curve in zip(found, dataset.curves, strict=True)
+            ]
             error = float(np.sum(np.concatenate(errors) ** 2))
             if error < least:
                 best, least = found, error
@@ -66,19 +79,31 @@ def _table(curve: Curve, names: Sequence[str]) -> Array:
 
 def _share(rows: Array) -> Array:
     """At most `MOST_ROWS` rows, evenly spread."""
-    return rows if len(rows) <= MOST_ROWS else rows[np.linspace(0, len(rows) - 1, MOST_ROWS).round().astype(int)]
+    return (
+        rows
+        if len(rows) <= MOST_ROWS
+        else rows[np.linspace(0, len(rows) - 1, MOST_ROWS).round().astype(int)]
+    )
 
 
 def _monomials(x: Array, degree: int) -> Array:
     """Every monomial of the columns of `x`, (n, m), of total degree up to `degree`."""
-    places = (of for total in range(degree + 1) for of in combinations_with_replacement(range(x.shape[1]), total))
+    places = (
+        of
+        for total in range(degree + 1)
+        for of in combinations_with_replacement(range(x.shape[1]), total)
+    )
     return np.column_stack([np.prod(x[:, list(of)], axis=1) for of in places])
 
 
 def _past(values: Array, order: int, first: int) -> Array:
-    """Return the values `first` to `order` samples before each, (n, order - first + 1); the first one stands for what was before it."""
+    """Return the values `first` to `order` samples before each, (n, order - first + 1); the first
+    one stands for what was before it.
+    """
     places = np.arange(len(values))
-    return np.column_stack([values[np.maximum(places - step, 0)] for step in range(first, order + 1)])
+    return np.column_stack(
+        [values[np.maximum(places - step, 0)] for step in range(first, order + 1)]
+    )
 
 
 def _one_step_fit(dataset: Dataset, names: Sequence[str], order: int) -> Array | None:
@@ -87,7 +112,11 @@ def _one_step_fit(dataset: Dataset, names: Sequence[str], order: int) -> Array |
     for curve in dataset.curves:
         y = curve.columns[dataset.target]
         for rows in curve.logs:
-            columns = [np.ones((len(rows), 1)), _past(y[rows], order, 1), *(_past(curve.columns[name][rows], order, 0) for name in names)]
+            columns = [
+                np.ones((len(rows), 1)),
+                _past(y[rows], order, 1),
+                *(_past(curve.columns[name][rows], order, 0) for name in names),
+            ]
             train = curve.training[rows] & (np.arange(len(rows)) >= order)
             tables.append(np.hstack(columns)[train])
             outputs.append(y[rows][train])
@@ -110,7 +139,8 @@ def _run(curve: Curve, target: str, names: Sequence[str], order: int, theta: Arr
     for rows in curve.logs:
         inputs = [_past(curve.columns[name][rows], order, 0) for name in names]
         drive = theta[0] + (np.hstack(inputs) @ b if inputs else np.zeros(len(rows)))
-        # At rest at the first output before the record: what earlier outputs add to the samples 0, 1, ... of the filter
+        # At rest at the first output before the record: what earlier outputs add to the samples 0,
+        # 1, ... of the filter
         past = np.array([a[step:].sum() * y[rows[0]] for step in range(order)])
         with np.errstate(over="ignore", invalid="ignore"):
             values, _ = lfilter([1.0], np.concatenate([[1.0], -a]), drive, zi=past)

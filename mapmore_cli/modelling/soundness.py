@@ -48,7 +48,10 @@ def _every(model: Model) -> Iterator[Model]:
 def _try(model: Model) -> None:
     """Do with a model what commands do; an answer that explains itself is one."""
     asked = (*model.inputs, model.output)
-    names = [one.name for one in asked] + [*kinds.fed_back(model), *(one.of for one in model.signals)]
+    names = [one.name for one in asked] + [
+        *kinds.fed_back(model),
+        *(one.of for one in model.signals),
+    ]
     columns = dict.fromkeys(names, np.linspace(0.0, 1.0, ROWS))
     timed = {**columns, "time": np.arange(1.0 * ROWS)}
     kinds.equations(model)

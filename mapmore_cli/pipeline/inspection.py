@@ -24,7 +24,9 @@ ORDER = ("error", "warning", "hint")
 
 @dataclass(frozen=True)
 class Inspection:
-    """The curves, unless none could be made, all issues, the worst first, and what the data were read by, from which folder."""
+    """The curves, unless none could be made, all issues, the worst first, and what the data were
+    read by, from which folder.
+    """
 
     dataset: Dataset | None
     issues: tuple[Issue, ...]
@@ -32,12 +34,17 @@ class Inspection:
 
     @property
     def verdict(self) -> MapmoreError | None:
-        """The error to end with, None without errors: the spec is to be mended before the data are looked at again."""
+        """The error to end with, None without errors: the spec is to be mended before the data are
+        looked at again.
+        """
         errors = [issue for issue in self.issues if issue.severity == "error"]
         if not errors:
             return None
         kind = SpecError if is_for_the_spec(errors) else DataError
-        return kind(f"{len(errors)} error{'s' if len(errors) > 1 else ''}: {', '.join(dict.fromkeys(issue.id for issue in errors))}")
+        return kind(
+            f"{len(errors)} error{'s' if len(errors) > 1 else ''}: "
+            f"{', '.join(dict.fromkeys(issue.id for issue in errors))}"
+        )
 
 
 def inspect(
@@ -47,15 +54,17 @@ def inspect(
     warn: Callable[[str], None] = lambda _: None,
     before: Inspection | None = None,
 ) -> Inspection:
-    """Apply every rule; writes nothing. Data that the inspection `before` read in the same way are not read again.
+    """Apply every rule; writes nothing. Data that the inspection `before` read in the same way are
+    not read again.
 
-    Where the curves cannot be made, the recordings alone are looked at. What the search in `run_dir` noted is told again, as that a black
-    box errs less.
+    Where the curves cannot be made, the recordings alone are looked at. What the search in
+    `run_dir` noted is told again, as that a black box errs less.
 
     Raises
     ------
     SpecError, DataError
-        What is wrong with a spec that this one builds on; what made the curves impossible, where no rule has anything to add.
+        What is wrong with a spec that this one builds on; what made the curves impossible, where no
+        rule has anything to add.
     """
     needed = {run.key: run.loaded for stage in pipeline() for run in needed_runs(stage, loaded, ())}
     part = slice_of(loaded.spec)
@@ -70,22 +79,50 @@ def inspect(
             return _sorted(None, [*found, _no_curves(fault, loaded)], read_by)
         raise
     issues = issues_of(loaded, dataset, hints=True)
-    for key, other in needed.items():  # what would end a run that this one needs, or is compared with, would end both
+    for (
+        key,
+        other,
+    ) in (
+        needed.items()
+    ):  # what would end a run that this one needs, or is compared with, would end both
         try:
-            found = issues_of(other, dataset if slice_of(other.spec) == part else build_dataset(slice_of(other.spec), other.folder))
+            found = issues_of(
+                other,
+                dataset
+                if slice_of(other.spec) == part
+                else build_dataset(slice_of(other.spec), other.folder),
+            )
         except (SpecError, DataError) as fault:
             found = [_no_curves(fault, other)]
-        issues += [replace(issue, message=f"in `{key}`: {issue.message}") for issue in found if issue.severity == "error"]
+        issues += [
+            replace(issue, message=f"in `{key}`: {issue.message}")
+            for issue in found
+            if issue.severity == "error"
+        ]
     if run_dir is not None and loaded.spec.model.type == AUTO and (run_dir / SEARCH).is_file():
         remedy = "its table of what was tried is on the page of the run"
-        issues += [Issue("hint", "structure", loaded.where("model"), note, remedy) for note in read_search(run_dir / SEARCH).notes]
+        issues += [
+            Issue("hint", "structure", loaded.where("model"), note, remedy)
+            for note in read_search(run_dir / SEARCH).notes
+        ]
     return _sorted(dataset, issues, read_by)
 
 
 def _no_curves(fault: SpecError | DataError, loaded: LoadedSpec) -> Issue:
     cause: Cause = "spec" if isinstance(fault, SpecError) else "data"
-    return Issue("error", "no-curves", loaded.where("data"), fault.message, fault.remedy or "mend the other issues first", cause)
+    return Issue(
+        "error",
+        "no-curves",
+        loaded.where("data"),
+        fault.message,
+        fault.remedy or "mend the other issues first",
+        cause,
+    )
 
 
-def _sorted(dataset: Dataset | None, issues: Iterable[Issue], read_by: tuple[IngestSlice, Path]) -> Inspection:
-    return Inspection(dataset, tuple(sorted(issues, key=lambda issue: ORDER.index(issue.severity))), read_by)
+def _sorted(
+    dataset: Dataset | None, issues: Iterable[Issue], read_by: tuple[IngestSlice, Path]
+) -> Inspection:
+    return Inspection(
+        dataset, tuple(sorted(issues, key=lambda issue: ORDER.index(issue.severity))), read_by
+    )

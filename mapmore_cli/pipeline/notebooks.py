@@ -1,4 +1,6 @@
-"""For notebooks and scripts: a model as a function, and tables in memory (mappings of arrays, data frames) as the files that are read."""
+"""For notebooks and scripts: a model as a function, and tables in memory (mappings of arrays, data
+frames) as the files that are read.
+"""
 
 from __future__ import annotations
 
@@ -37,9 +39,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class LoadedModel:
-    """Callable with one keyword for every input, in the model's units; with `time`, rates and directions may be left out.
+    """Callable with one keyword for every input, in the model's units; with `time`, rates and
+    directions may be left out.
 
-    A model with memory takes one recording: its `time` in s, and the measured output where it goes on from that.
+    A model with memory takes one recording: its `time` in s, and the measured output where it goes
+    on from that.
 
     Examples
     --------
@@ -53,7 +57,10 @@ class LoadedModel:
 
     def __repr__(self) -> str:
         """Return a line: what the model predicts, from what."""
-        inputs = ", ".join(f"{quantity.name} [{quantity.unit}]" for quantity in self.inputs) or "its own past"
+        inputs = (
+            ", ".join(f"{quantity.name} [{quantity.unit}]" for quantity in self.inputs)
+            or "its own past"
+        )
         return f"<model {self.model.name}: {self.output.name} [{self.output.unit}] of {inputs}>"
 
     @property
@@ -77,23 +84,31 @@ class LoadedModel:
         return model_equations(self.model)
 
     def __call__(self, **columns: ArrayLike) -> Array:
-        """Output at the inputs, which are broadcast against each other; NaN where an input is not finite.
+        """Output at the inputs, which are broadcast against each other; NaN where an input is not
+        finite.
 
-        With `time`, the inputs are samples of one recording, from which the model's rates and directions follow, and along which a model
-        with memory runs (NaN before there is history). Warns (UserWarning) where points lie outside of the training range. Raises
-        `TypeError` for an input that is missing or that the model does not have.
+        With `time`, the inputs are samples of one recording, from which the model's rates and
+        directions follow, and along which a model with memory runs (NaN before there is history).
+        Warns (UserWarning) where points lie outside of the training range. Raises `TypeError` for
+        an input that is missing or that the model does not have.
         """
         flat, shape = self._flattened(columns)
         outside = int(outside_range(self.model, flat).sum())
         if outside:
-            warnings.warn(f"{outside} of {prod(shape)} point(s) lie outside of the training range of {self.model.name}", stacklevel=2)
+            warnings.warn(
+                f"{outside} of {prod(shape)} point(s) lie outside of the training range of "
+                f"{self.model.name}",
+                stacklevel=2,
+            )
         return predict(self.model, flat).reshape(shape)
 
     def plot(self, ax: Axes | None = None, interval: float | None = None) -> Axes:
-        """Draw the model over its training range, a line for every training curve; on `ax`, or on a new figure.
+        """Draw the model over its training range, a line for every training curve; on `ax`, or on a
+        new figure.
 
-        With `interval`, as 0.95, bands that hold a sample of a new curve with that probability. Raises `TypeError` for a model that runs
-        along recordings: call it with one, and draw that; `DataError` as `interval` does.
+        With `interval`, as 0.95, bands that hold a sample of a new curve with that probability.
+        Raises `TypeError` for a model that runs along recordings: call it with one, and draw that;
+        `DataError` as `interval` does.
         """
         if ax is None:
             import matplotlib.pyplot as plt
@@ -114,30 +129,41 @@ class LoadedModel:
         return outside_range(self.model, flat).reshape(shape)
 
     def interval(self, level: float = 0.95, **columns: ArrayLike) -> tuple[Array, Array]:
-        """Low and high end that hold a sample of a new curve with the probability `level`, in the shape of the output.
+        """Low and high end that hold a sample of a new curve with the probability `level`, in the
+        shape of the output.
 
-        They are NaN outside of the training range. Raises `DataError` for a model whose spec has no `validate: {intervals: true}`.
+        They are NaN outside of the training range. Raises `DataError` for a model whose spec has no
+        `validate: {intervals: true}`.
         """
         flat, shape = self._flattened(columns)
         low, high = interval(self._with_intervals, flat, level)
         return low.reshape(shape), high.reshape(shape)
 
     def derivatives(self, **columns: ArrayLike) -> dict[str, Array]:
-        """Return derivative of the output for every input by its name, in the shape of the output; not for models with memory."""
+        """Return derivative of the output for every input by its name, in the shape of the output;
+        not for models with memory.
+        """
         flat, shape = self._flattened(columns)
         return {name: slope.reshape(shape) for name, slope in slopes(self.model, flat).items()}
 
-    def invert(self, name: str, wanted: ArrayLike | None = None, rule: str = LOWEST, **given: ArrayLike) -> Inverse:
-        """Every value of the input `name` within its training range for a `wanted` output at the other inputs, row by row.
+    def invert(
+        self, name: str, wanted: ArrayLike | None = None, rule: str = LOWEST, **given: ArrayLike
+    ) -> Inverse:
+        """Every value of the input `name` within its training range for a `wanted` output at the
+        other inputs, row by row.
 
-        The wanted output may go by its name: `invert("pressure", force=100, strain=0.1)`. `lowest` picks the lowest solution, `nearest`
-        the one nearest to that of the row before. Not for models with memory.
+        The wanted output may go by its name: `invert("pressure", force=100, strain=0.1)`. `lowest`
+        picks the lowest solution, `nearest` the one nearest to that of the row before. Not for
+        models with memory.
         """
         if wanted is None:
             if self.output.name not in given:
                 raise TypeError(f"no wanted output: give `{self.output.name}`")
             wanted = given.pop(self.output.name)
-        arrays = [self._given(self.output.name, wanted), *(self._given(key, values) for key, values in given.items())]
+        arrays = [
+            self._given(self.output.name, wanted),
+            *(self._given(key, values) for key, values in given.items()),
+        ]
         target, *others = (array.ravel() for array in np.broadcast_arrays(*arrays))
         return invert(self.model, target, dict(zip(given, others, strict=True)), name, rule)
 
@@ -145,30 +171,44 @@ class LoadedModel:
         return given_numbers(values, f"`{name}`", name, self.units.get(name) or default_unit(name))
 
     def _flattened(self, columns: dict[str, ArrayLike]) -> tuple[dict[str, Array], tuple[int, ...]]:
-        given = columns if "time" in columns else [*columns, *(signal.name for signal in self.model.signals)]
+        given = (
+            columns
+            if "time" in columns
+            else [*columns, *(signal.name for signal in self.model.signals)]
+        )
         reading = reading_of(self.model, given)
         needed = list(dict.fromkeys((*reading.columns, *reading.outputs)))
         signals = self.model.signals
-        spare = {"time", *(signal.of for signal in signals)} if signals else set[str]()  # what given rates and directions follow from
+        spare = (
+            {"time", *(signal.of for signal in signals)} if signals else set[str]()
+        )  # what given rates and directions follow from
         if not set(needed) <= set(columns) <= {*needed, *spare}:
-            raise TypeError(f"this model is a function of {', '.join(needed)}; got {', '.join(columns) or 'nothing'}")
+            raise TypeError(
+                f"this model is a function of {', '.join(needed)}; got "
+                f"{', '.join(columns) or 'nothing'}"
+            )
         arrays = np.broadcast_arrays(*(self._given(name, columns[name]) for name in needed))
         flat = {name: array.ravel() for name, array in zip(needed, arrays, strict=True)}
         return with_signals(reading.signals, flat), arrays[0].shape
 
 
-# Tables -------------------------------------------------------------------------------------------------------------------------------
+# Tables
+# --------------------------------------------------------------------------------------------------
 
 Column = str | int
 
 
 def columns_in(frame: Any, column: Column) -> list[Hashable]:
-    """Return the labels that a column of the spec means; none where there is no such column, several where it is not clear.
+    """Return the labels that a column of the spec means; none where there is no such column,
+    several where it is not clear.
 
-    The label itself comes first. Text means the label that is written so, too. A number is a place, from 0, where no label is a number.
+    The label itself comes first. Text means the label that is written so, too. A number is a place,
+    from 0, where no label is a number.
     """
     labels = labels_of(frame) or ()
-    found: list[Hashable] = [label for label in labels if type(label) is not bool and label == column]
+    found: list[Hashable] = [
+        label for label in labels if type(label) is not bool and label == column
+    ]
     if isinstance(column, str):
         return found or [label for label in labels if str(label) == column]
     numbered = any(isinstance(label, Integral) for label in labels)
@@ -176,20 +216,29 @@ def columns_in(frame: Any, column: Column) -> list[Hashable]:
 
 
 def canonical_columns(frame: Any) -> dict[str, dict[str, str]]:
-    """Return the section `columns` of a frame whose columns have canonical names; raises `SpecError` where none has."""
+    """Return the section `columns` of a frame whose columns have canonical names; raises
+    `SpecError` where none has.
+    """
     names = tuple(map(str, labels_of(frame) or ()))
     found = {name: {"column": name} for name in names if is_canonical(name)}
     if not found:
         known = known_names("", names, "The frame has")
         raise SpecError(
-            "columns: no column of the frame has a canonical name", f'say which is which: columns={{"force": {{"column": "F"}}}}. {known}'
+            "columns: no column of the frame has a canonical name",
+            f'say which is which: columns={{"force": {{"column": "F"}}}}. {known}',
         )
     return found
 
 
-def column_of(frame: Any, column: Column, label: str, name: str, unit: str, layout: str | None = None) -> Array:
+def column_of(
+    frame: Any, column: Column, label: str, name: str, unit: str, layout: str | None = None
+) -> Array:
     """One column as numbers of the quantity `name` in a `unit`, (n,). Raises `DataError`."""
-    labels, found, what = labels_of(frame) or (), columns_in(frame, column), f"{label}: column '{column}'"
+    labels, found, what = (
+        labels_of(frame) or (),
+        columns_in(frame, column),
+        f"{label}: column '{column}'",
+    )
     if not found:
         known = known_names(str(column), tuple(map(str, labels)), "The frame has")
         raise DataError(f"{label}: there is no column '{column}'", known)
@@ -197,12 +246,15 @@ def column_of(frame: Any, column: Column, label: str, name: str, unit: str, layo
         raise DataError(f"{what} is there more than once", "give every column a name of its own")
     values = given_numbers(frame[found[0]], what, name, unit, layout)
     if values.ndim != 1:
-        raise DataError(f"{what} has the shape {values.shape}", "give one-dimensional arrays of one length")
+        raise DataError(
+            f"{what} has the shape {values.shape}", "give one-dimensional arrays of one length"
+        )
     return values
 
 
 def given_numbers(values: Any, what: str, name: str, unit: str, layout: str | None = None) -> Array:
-    """Return what a user gave for the quantity `name`, as numbers in a `unit`; `layout` is the format of stamps.
+    """Return what a user gave for the quantity `name`, as numbers in a `unit`; `layout` is the
+    format of stamps.
 
     Raises `DataError`, which begins with `what`.
     """
@@ -211,11 +263,15 @@ def given_numbers(values: Any, what: str, name: str, unit: str, layout: str | No
     return Door(lambda numbers, own: convert(numbers, own, unit), read, clock).numbers(values, what)
 
 
-def write_frames(frames: Sequence[Any], columns: Mapping[str, Any], units: Mapping[str, str], folder: Path) -> dict[str, Any]:
-    """Write the wanted columns of every frame to an HDF5 file of its own in `folder`; the keys of `data` that read them.
+def write_frames(
+    frames: Sequence[Any], columns: Mapping[str, Any], units: Mapping[str, str], folder: Path
+) -> dict[str, Any]:
+    """Write the wanted columns of every frame to an HDF5 file of its own in `folder`; the keys of
+    `data` that read them.
 
-    A file has one array for each quantity of `columns` (the section of the spec), unscaled; `units` is that section of the spec.
-    Raises `DataError` for columns that do not exist, are no numbers, or differ in length.
+    A file has one array for each quantity of `columns` (the section of the spec), unscaled; `units`
+    is that section of the spec. Raises `DataError` for columns that do not exist, are no numbers,
+    or differ in length.
     """
     paths = []
     for number, frame in enumerate(frames, start=1):
@@ -227,13 +283,19 @@ def write_frames(frames: Sequence[Any], columns: Mapping[str, Any], units: Mappi
             arrays[name] = column_of(frame, source_of(entry), label, name, unit, told.get("format"))
         lengths = {name: len(values) for name, values in arrays.items()}
         if len(set(lengths.values())) > 1:
-            raise DataError(f"{label}: columns of different length: {lengths}", "they do not belong to one recording")
+            raise DataError(
+                f"{label}: columns of different length: {lengths}",
+                "they do not belong to one recording",
+            )
         folder.mkdir(parents=True, exist_ok=True)
         paths.append(folder / f"recording_{number}.h5")
         with h5py.File(paths[-1], "w") as file:
             for name, values in arrays.items():
                 file.create_dataset(name, data=values, track_times=False)
-    read = {name: {**(entry if isinstance(entry, Mapping) else {}), "column": name} for name, entry in columns.items()}
+    read = {
+        name: {**(entry if isinstance(entry, Mapping) else {}), "column": name}
+        for name, entry in columns.items()
+    }
     read.get("time", {}).pop("format", None)  # what is written are numbers
     return {"files": [str(path) for path in paths], "reader": "hdf5", "columns": read}
 
@@ -242,20 +304,27 @@ def source_of(entry: Any) -> Column:
     """Return the column that an entry of `columns` names; raises `SpecError` for another form."""
     found = entry.get("column") if isinstance(entry, Mapping) else entry
     if not isinstance(found, str | int):
-        raise SpecError("columns: an entry names no column", 'write columns={"force": {"column": "F", "unit": "N"}}')
+        raise SpecError(
+            "columns: an entry names no column",
+            'write columns={"force": {"column": "F", "unit": "N"}}',
+        )
     return found
 
 
-def quantities_of(frame: Any, wanted: Sequence[str], columns: Mapping[str, SourceColumn], units: Mapping[str, str]) -> dict[str, Array]:
+def quantities_of(
+    frame: Any, wanted: Sequence[str], columns: Mapping[str, SourceColumn], units: Mapping[str, str]
+) -> dict[str, Array]:
     """Return the `wanted` quantities of a frame in the model's `units`, (n,) each.
 
-    A column is found by its name in `columns`, with unit, scale and offset; else by the canonical name, already in the model's unit; else
-    by its number in `columns`.
+    A column is found by its name in `columns`, with unit, scale and offset; else by the canonical
+    name, already in the model's unit; else by its number in `columns`.
     """
     found = {}
     for name in wanted:
         column, unit = columns.get(name), units.get(name) or default_unit(name)
-        numbered = column is not None and isinstance(column.column, int) and not columns_in(frame, name)
+        numbered = (
+            column is not None and isinstance(column.column, int) and not columns_in(frame, name)
+        )
         if column is not None and (numbered or columns_in(frame, str(column.column))):
             own = column.unit or unit
             values = column_of(frame, column.column, "the frame", name, own, column.format)

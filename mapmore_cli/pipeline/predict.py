@@ -1,4 +1,6 @@
-"""Predictions for a table of any length, row for row; every byte of the table is kept as it is. And a family's model for one specimen."""
+"""Predictions for a table of any length, row for row; every byte of the table is kept as it is. And
+a family's model for one specimen.
+"""
 
 from __future__ import annotations
 
@@ -37,10 +39,21 @@ class Extra:
 
     def names(self, model: Model) -> tuple[str, ...]:
         """Return the columns."""
-        of_level = () if self.level is None else (f"{model.output.name}_low", f"{model.output.name}_high")
-        return (*of_level, *(f"{model.output.name}_by_{quantity.name}" for quantity in model.inputs if self.derivatives))
+        of_level = (
+            () if self.level is None else (f"{model.output.name}_low", f"{model.output.name}_high")
+        )
+        return (
+            *of_level,
+            *(
+                f"{model.output.name}_by_{quantity.name}"
+                for quantity in model.inputs
+                if self.derivatives
+            ),
+        )
 
-    def of(self, model: Model, inputs: Columns, predicted: Array, outside: BoolArray) -> Iterator[Array]:
+    def of(
+        self, model: Model, inputs: Columns, predicted: Array, outside: BoolArray
+    ) -> Iterator[Array]:
         """Yield their numbers, (n,) each."""
         if self.level is not None:
             yield from ends(predicted, outside, half_widths_of(model, inputs, self.level))
@@ -61,70 +74,106 @@ def predicted_lines(
 ) -> Iterator[str]:
     """Yield the lines of a CSV table with `<output>_predicted` and `outside_range` added to each.
 
-    The header holds canonical names; the numbers are in the model's units. The prediction has 12 significant digits; `outside_range` is
-    `true` or `false`. Both are empty where an input is empty or not finite. Blank lines stay as they are. `label` names the table in
-    messages; `chunk` has no influence on the result.
+    The header holds canonical names; the numbers are in the model's units. The prediction has 12
+    significant digits; `outside_range` is `true` or `false`. Both are empty where an input is empty
+    or not finite. Blank lines stay as they are. `label` names the table in messages; `chunk` has no
+    influence on the result.
 
-    - `turned_for`: an input that the model is inverted for, as the force of a model of the strain: the table has the output in its place,
-      the column is `<input>_predicted`, and rows without a solution in the training range are outside of it.
-    - `interval`: as 0.95, adds `<output>_low` and `<output>_high`, empty outside of the training range.
+    - `turned_for`: an input that the model is inverted for, as the force of a model of the strain:
+      the table has the output in its place,
+      the column is `<input>_predicted`, and rows without a solution in the training range are
+      outside of it.
+    - `interval`: as 0.95, adds `<output>_low` and `<output>_high`, empty outside of the training
+      range.
     - `derivatives`: adds one column for every input, `<output>_by_<input>`.
     - `constants`: adds inputs that are the same in every row.
 
-    Rates and directions that the table lacks follow from its `time`, recording by recording: one ends where the column `recording`
-    changes or time is set back, and after a gap all starts anew. A model with memory runs along each recording in the same way, from the
-    first measured outputs where it feeds its output back; there is no prediction before there is history, and from where the run diverges,
-    which `warn` is told. One recording is in memory at a time.
+    Rates and directions that the table lacks follow from its `time`, recording by recording: one
+    ends where the column `recording` changes or time is set back, and after a gap all starts anew.
+    A model with memory runs along each recording in the same way, from the first measured outputs
+    where it feeds its output back; there is no prediction before there is history, and from where
+    the run diverges, which `warn` is told. One recording is in memory at a time.
 
-    Raises DataError where the table is empty, lacks an input, already has one of the added columns, or has a field that is not a number;
-    where a model with memory has nothing to go on from, or rows are not at its time steps; where the model holds nothing to make intervals
-    from. Raises UsageError for an interval that there is none of, or a model that cannot be inverted for that input.
+    Raises DataError where the table is empty, lacks an input, already has one of the added columns,
+    or has a field that is not a number; where a model with memory has nothing to go on from, or
+    rows are not at its time steps; where the model holds nothing to make intervals from. Raises
+    UsageError for an interval that there is none of, or a model that cannot be inverted for that
+    input.
     """
     if interval is not None and (why := refusal(checked(model, interval))) is not None:
         warn(f"{model.name}: {why}")
     extra = Extra(interval, derivatives)
     table = Sheet(lines, label, _named(model), constants)
-    reading = reading_of(model, table.names) if turned_for is None else _reading_turned(model, turned_for)
+    reading = (
+        reading_of(model, table.names) if turned_for is None else _reading_turned(model, turned_for)
+    )
     added = (f"{turned_for or model.output.name}_predicted", FLAG, *extra.names(model))
     places = table.places(dict.fromkeys((*reading.columns, *reading.outputs)), added)
     yield from table.extended([table.header], [",".join(added)])
     predicted = beyond = 0
-    for block in recordings(table.rows, table.names) if reading.over_time else _chunks(table.rows, chunk):
-        cells, diverged = _added_cells(model, reading, table.values(block, places), block, label, extra)
+    for block in (
+        recordings(table.rows, table.names) if reading.over_time else _chunks(table.rows, chunk)
+    ):
+        cells, diverged = _added_cells(
+            model, reading, table.values(block, places), block, label, extra
+        )
         for start in diverged:
-            warn(f"{label}:row {block[start].line}: the free run diverges; there is no prediction until it starts anew")
+            warn(
+                f"{label}:row {block[start].line}: the free run diverges; there is no "
+                "prediction until it starts anew"
+            )
         predicted += sum(not own.startswith(",") for own in cells)
         beyond += sum(own.split(",", 2)[1] == "true" for own in cells)
         yield from table.extended(block, cells)
     if predicted and beyond == predicted:
-        warn(f"{label}: every row lies outside of the training range; the model expects {_named(model)}")
+        warn(
+            f"{label}: every row lies outside of the training range; the model expects "
+            f"{_named(model)}"
+        )
 
 
-def inverted_lines(model: Model, lines: Iterable[str], label: str, name: str, rule: str = LOWEST) -> Iterator[str]:
-    """Yield the lines of a CSV table with `<name>_found`, `<name>_solutions` and `<name>_status` added.
+def inverted_lines(
+    model: Model, lines: Iterable[str], label: str, name: str, rule: str = LOWEST
+) -> Iterator[str]:
+    """Yield the lines of a CSV table with `<name>_found`, `<name>_solutions` and `<name>_status`
+    added.
 
-    The table has the wanted output by its name, and every input but `name`. `solutions` are all there are within the training range,
-    ascending, with a space between; `found` is the one that the rule picks; the status is `none`, `one`, `several` or `flat`. Rows with an
-    empty number have none of them. The whole table is in memory, since the rule `nearest` goes from row to row.
+    The table has the wanted output by its name, and every input but `name`. `solutions` are all
+    there are within the training range, ascending, with a space between; `found` is the one that
+    the rule picks; the status is `none`, `one`, `several` or `flat`. Rows with an empty number have
+    none of them. The whole table is in memory, since the rule `nearest` goes from row to row.
 
-    Raises UsageError for an input that the model has not, a rule that there is none of, or a model with memory; DataError where the table
-    is empty, lacks a column, has one of the added ones already, or a field that is no number.
+    Raises UsageError for an input that the model has not, a rule that there is none of, or a model
+    with memory; DataError where the table is empty, lacks a column, has one of the added ones
+    already, or a field that is no number.
     """
     if runs_over_time(model):
-        raise UsageError("this model has memory: the input for an output depends on what was before", "invert a static model")
-    needed = [model.output.name, *(quantity.name for quantity in model.inputs if quantity.name != name)]
+        raise UsageError(
+            "this model has memory: the input for an output depends on what was before",
+            "invert a static model",
+        )
+    needed = [
+        model.output.name,
+        *(quantity.name for quantity in model.inputs if quantity.name != name),
+    ]
     table = Sheet(lines, label, ", ".join(needed))
     added = [f"{name}_found", f"{name}_solutions", f"{name}_status"]
     places = table.places(needed, added)
     block = list(table.rows)
     columns = table.values(block, places)
-    known = np.flatnonzero(np.logical_and.reduce([np.isfinite(values) for values in columns.values()]))
+    known = np.flatnonzero(
+        np.logical_and.reduce([np.isfinite(values) for values in columns.values()])
+    )
     cells = [",,"] * len(block)
     if len(known):
         given = {column: values[known] for column, values in columns.items()}
         inverse = invert(model, given.pop(model.output.name), given, name, rule)
-        solutions = np.split(inverse.values, np.searchsorted(inverse.rows, np.arange(1, len(known))))
-        for place, picked, every, status in zip(known.tolist(), inverse.picked, solutions, inverse.status, strict=True):
+        solutions = np.split(
+            inverse.values, np.searchsorted(inverse.rows, np.arange(1, len(known)))
+        )
+        for place, picked, every, status in zip(
+            known.tolist(), inverse.picked, solutions, inverse.status, strict=True
+        ):
             cells[place] = ",".join([_digits(picked), " ".join(map(_digits, every)), status])
     yield from table.extended([table.header, *block], [",".join(added), *cells])
 
@@ -146,22 +195,38 @@ def _chunks(rows: Iterator[Row], size: int) -> Iterator[list[Row]]:
 
 def _named(model: Model) -> str:
     reading = reading_of(model, [signal.name for signal in model.signals])
-    units = {quantity.name: quantity.unit for quantity in (*model.inputs, model.output)} | {"time": "s"}
-    return ", ".join(f"{name} [{units.get(name, model.output.unit)}]" for name in (*reading.columns, *reading.outputs))
+    units = {quantity.name: quantity.unit for quantity in (*model.inputs, model.output)} | {
+        "time": "s"
+    }
+    return ", ".join(
+        f"{name} [{units.get(name, model.output.unit)}]"
+        for name in (*reading.columns, *reading.outputs)
+    )
 
 
 def _added_cells(
-    model: Model, reading: Reading, columns: dict[str, Array], block: Sequence[Row], label: str, extra: Extra
+    model: Model,
+    reading: Reading,
+    columns: dict[str, Array],
+    block: Sequence[Row],
+    label: str,
+    extra: Extra,
 ) -> tuple[list[str], list[int]]:
     """Return the new fields of every row of a block, and the rows at which a free run diverges."""
-    known = np.flatnonzero(np.logical_and.reduce([np.isfinite(columns[name]) for name in reading.columns]))
+    known = np.flatnonzero(
+        np.logical_and.reduce([np.isfinite(columns[name]) for name in reading.columns])
+    )
     added = ["," + "," * len(extra.names(model))] * len(block)
     if not len(known):
         return added, []
     try:
-        numbers, outside, diverged = _evaluated(model, reading, {name: x[known] for name, x in columns.items()}, known, extra)
+        numbers, outside, diverged = _evaluated(
+            model, reading, {name: x[known] for name, x in columns.items()}, known, extra
+        )
     except AtSample as error:
-        raise DataError(f"{label}:row {block[error.sample].line}: {error.fault}", error.remedy) from error
+        raise DataError(
+            f"{label}:row {block[error.sample].line}: {error.fault}", error.remedy
+        ) from error
     for i, flag, (value, *more) in zip(known, outside, numbers, strict=True):
         added[i] = ",".join([_digits(value), "true" if flag else "false", *map(_digits, more)])
     return added, diverged
@@ -174,13 +239,17 @@ def _digits(value: float) -> str:
 def _evaluated(
     model: Model, reading: Reading, columns: dict[str, Array], rows: IntArray, extra: Extra
 ) -> tuple[Array, BoolArray, list[int]]:
-    """Return prediction and what else is wanted of complete rows, (n, m), their flags, (n,), and the rows at which a free run diverges.
+    """Return prediction and what else is wanted of complete rows, (n, m), their flags, (n,), and
+    the rows at which a free run diverges.
 
-    Those of a recording go stretch by stretch where signals follow from others. `rows` are the numbers by which rows are told.
+    Those of a recording go stretch by stretch where signals follow from others. `rows` are the
+    numbers by which rows are told.
     """
     if reading.turned_for is not None:
         found = solve_for_input(model, columns, reading.turned_for)
-        outside = outside_range(model, {**columns, reading.turned_for: found.values}) | ~found.solved
+        outside = (
+            outside_range(model, {**columns, reading.turned_for: found.values}) | ~found.solved
+        )
         return found.values[:, None], outside, []
     numbers = np.full((len(rows), 1 + len(extra.names(model))), np.nan)
     outside, diverged = np.zeros(len(rows), dtype=bool), list[int]()
@@ -189,28 +258,41 @@ def _evaluated(
             inputs = with_signals(reading.signals, {name: x[part] for name, x in columns.items()})
         except DataError:  # too few samples for the window of a rate
             continue
-        with np.errstate(all="ignore"), numbered(rows[part]):  # far outside of the range a term may overflow; the flag says so
+        with (
+            np.errstate(all="ignore"),
+            numbered(rows[part]),
+        ):  # far outside of the range a term may overflow; the flag says so
             run = simulate(model, inputs)
             outside[part] = outside_range(model, inputs)
-            numbers[part] = np.column_stack([run.values, *extra.of(model, inputs, run.values, outside[part])])
+            numbers[part] = np.column_stack(
+                [run.values, *extra.of(model, inputs, run.values, outside[part])]
+            )
         diverged += rows[part][list(run.diverged)].tolist()
     return numbers, outside, diverged
 
 
-def adapt(model: Model, lines: Iterable[str] | None, label: str, constants: Mapping[str, float]) -> Model:
-    """Return a model of pressure and strain for one specimen of the family; without `lines`, by its dimension alone.
+def adapt(
+    model: Model, lines: Iterable[str] | None, label: str, constants: Mapping[str, float]
+) -> Model:
+    """Return a model of pressure and strain for one specimen of the family; without `lines`, by its
+    dimension alone.
 
-    `lines` are those of a CSV table with pressure, strain and the output in the model's units; `constants` give what specimens differ in.
-    Rows with an empty field are left out. The intervals stay those of the family, and a note says so.
+    `lines` are those of a CSV table with pressure, strain and the output in the model's units;
+    `constants` give what specimens differ in. Rows with an empty field are left out. The intervals
+    stay those of the family, and a note says so.
 
-    Raises UsageError for a model that is no family, or without its dimension; DataError where the table is empty or lacks a column.
+    Raises UsageError for a model that is no family, or without its dimension; DataError where the
+    table is empty or lacks a column.
     """
     of = dimension_of(model)
     assert isinstance(model.body, Formula)
     low, high = model.body.ranges[0].limits[of]
     if set(constants) != {of}:
         unit = next(quantity.unit for quantity in model.inputs if quantity.name == of)
-        remedy = f"give it as `--set {of}={(low + high) / 2:.3g}`, in {unit}; the family goes from {low:g} to {high:g}"
+        remedy = (
+            f"give it as `--set {of}={(low + high) / 2:.3g}`, in {unit}; the family goes from "
+            f"{low:g} to {high:g}"
+        )
         raise UsageError(f"adapt needs the {of} of the specimen, and nothing else", remedy)
     names = ("pressure", "strain", model.output.name)
     columns = {name: np.empty(0) for name in names}
@@ -224,14 +306,22 @@ def adapt(model: Model, lines: Iterable[str] | None, label: str, constants: Mapp
         columns = {name: values[known] for name, values in columns.items()}
     target = columns.pop(model.output.name)
     fit = adapted(model.body.fit, columns, target, constants[of])
-    ranges = tuple(replace(one, limits={name: ends for name, ends in one.limits.items() if name != of}) for one in model.body.ranges)
+    ranges = tuple(
+        replace(one, limits={name: ends for name, ends in one.limits.items() if name != of})
+        for one in model.body.ranges
+    )
     inputs = tuple(quantity for quantity in model.inputs if quantity.name != of)
     notes = [*fit.notes]
     if not low <= constants[of] <= high:
         notes.append(f"{of} {constants[of]:g} lies outside of the family's {low:g} to {high:g}")
     if model.left_out is not None:
-        notes.append(f"its intervals are those of the family, by {model.left_out.curves} specimens, whatever was measured of this one")
-    return replace(model, inputs=inputs, body=replace(model.body, fit=fit, ranges=ranges), notes=tuple(notes))
+        notes.append(
+            f"its intervals are those of the family, by {model.left_out.curves} specimens, "
+            "whatever was measured of this one"
+        )
+    return replace(
+        model, inputs=inputs, body=replace(model.body, fit=fit, ranges=ranges), notes=tuple(notes)
+    )
 
 
 def dimension_of(model: Model) -> str:
@@ -239,7 +329,9 @@ def dimension_of(model: Model) -> str:
     if isinstance(model.body, Formula) and is_family(model.body.fit.definition):
         return family_of(model.body.fit.definition).settings.of
     raise UsageError(
-        f"the model {model.name} is of one muscle, and adapt needs that of a family, which is learnt from several",
-        "give each muscle's files what it differs in, as `set: {rest_length: 83 mm}`, and write `model: {family: {of: rest_length}}`; "
+        f"the model {model.name} is of one muscle, and adapt needs that of a family, which is "
+        "learnt from several",
+        "give each muscle's files what it differs in, as `set: {rest_length: 83 mm}`, and "
+        "write `model: {family: {of: rest_length}}`; "
         "or fit this muscle by itself: `mapmore init` with its files",
     )

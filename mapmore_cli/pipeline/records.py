@@ -1,4 +1,6 @@
-"""What is predicted for: a CSV table record by record, with its text as it stands, or the points of a grid; and what has to be known."""
+"""What is predicted for: a CSV table record by record, with its text as it stands, or the points of
+a grid; and what has to be known.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,9 @@ GAP = 10
 
 
 def recordings(rows: Iterator[Row], names: Sequence[str]) -> Iterator[list[Row]]:
-    """Yield the rows of one recording at a time: it ends where the column `recording` changes, or where time is set back."""
+    """Yield the rows of one recording at a time: it ends where the column `recording` changes, or
+    where time is set back.
+    """
     mark = names.index(RECORDING) if RECORDING in names else None
     clock = names.index("time")
     block: list[Row] = []
@@ -55,7 +59,9 @@ def _time(cell: str) -> float:
 
 
 def stretches(time: Array) -> list[slice]:
-    """Return the parts of a recording between its gaps, by its finite times, (n,) and never decreasing."""
+    """Return the parts of a recording between its gaps, by its finite times, (n,) and never
+    decreasing.
+    """
     if len(time) < 2:
         return [slice(0, len(time))]
     return pieces(len(time), find_gaps(time, GAP * typical_step(time)).after)
@@ -67,9 +73,11 @@ class Reading:
 
     - `columns`: quantities without which a row has no prediction.
     - `signals`: quantities that follow from the columns over time.
-    - `outputs`: measured outputs that a model with memory goes on from; they may be empty once it runs.
+    - `outputs`: measured outputs that a model with memory goes on from; they may be empty once it
+      runs.
     - `over_time`: whether rows belong to recordings, and `time` is among the columns.
-    - `turned_for`: the input that the model is inverted for, where it is; the output is read in its place.
+    - `turned_for`: the input that the model is inverted for, where it is; the output is read in its
+      place.
     """
 
     columns: tuple[str, ...]
@@ -80,17 +88,23 @@ class Reading:
 
 
 def reading_of(model: Model, given: Collection[str]) -> Reading:
-    """Every input by its own name where it is `given`, else by the signal that it is; `time` where there are signals or memory."""
+    """Every input by its own name where it is `given`, else by the signal that it is; `time` where
+    there are signals or memory.
+    """
     signals = tuple(signal for signal in model.signals if signal.name not in given)
     over_time = bool(signals) or runs_over_time(model)
     wanted = [quantity.name for quantity in model.inputs] + [signal.of for signal in signals]
     derived = {signal.name for signal in signals}
-    columns = dict.fromkeys(name for name in (["time"] if over_time else []) + wanted if name not in derived)
+    columns = dict.fromkeys(
+        name for name in (["time"] if over_time else []) + wanted if name not in derived
+    )
     return Reading(tuple(columns), signals, fed_back(model), over_time)
 
 
 class Row(NamedTuple):
-    """A record of the table: its text without the line end, the line end, its fields, and the line that it ends on."""
+    """A record of the table: its text without the line end, the line end, its fields, and the line
+    that it ends on.
+    """
 
     text: str
     end: str
@@ -112,14 +126,22 @@ def records(lines: Iterable[str], label: str) -> Iterator[Row]:
 
 
 class Sheet:
-    """A table with a header of quantities in the model's units, whose `rows` are read as they are asked for; `label` is for messages.
+    """A table with a header of quantities in the model's units, whose `rows` are read as they are
+    asked for; `label` is for messages.
 
     `constants` become columns that have one value in every row.
 
-    Raises DataError where there is no header, `expected` says what it has to name, or where the table has a column of the constants.
+    Raises DataError where there is no header, `expected` says what it has to name, or where the
+    table has a column of the constants.
     """
 
-    def __init__(self, lines: Iterable[str], label: str, expected: str, constants: Mapping[str, float] | None = None) -> None:
+    def __init__(
+        self,
+        lines: Iterable[str],
+        label: str,
+        expected: str,
+        constants: Mapping[str, float] | None = None,
+    ) -> None:
         self.label, self.expected = label, expected
         self._readers: dict[str, CellReader] = {}
         rows = records(lines, label)
@@ -128,20 +150,30 @@ class Sheet:
             raise self.empty()
         more = constants or {}
         if there := next((name for name in more if name in map(str.strip, header.cells)), None):
-            raise DataError(f"{label}: already has a column {there}", "leave out `--set`, or remove the column")
+            raise DataError(
+                f"{label}: already has a column {there}", "leave out `--set`, or remove the column"
+            )
         self.header = header.with_cells([*more])
         self.names = [cell.strip() for cell in self.header.cells]
-        self.rows = (row.with_cells(list(map(repr, more.values()))) for row in rows) if more else rows
+        self.rows = (
+            (row.with_cells(list(map(repr, more.values()))) for row in rows) if more else rows
+        )
 
     def empty(self) -> DataError:
         """Return what is told of a table without rows."""
-        return DataError(f"{self.label}: the table is empty", f"its first line has to name {self.expected}")
+        return DataError(
+            f"{self.label}: the table is empty", f"its first line has to name {self.expected}"
+        )
 
     def places(self, wanted: Iterable[str], added: Sequence[str] = ()) -> dict[str, int]:
-        """Return where the `wanted` columns are; raises DataError where one is missing, or the table has one of those that are `added`."""
+        """Return where the `wanted` columns are; raises DataError where one is missing, or the
+        table has one of those that are `added`.
+        """
         if there := next((name for name in added if name in self.names), None):
             raise DataError(f"{self.label}: already has a column {there}", "rename or remove it")
-        found = locate_columns(TableRequest(self.label, tuple(wanted), header=True), self.names, len(self.names))
+        found = locate_columns(
+            TableRequest(self.label, tuple(wanted), header=True), self.names, len(self.names)
+        )
         return {str(name): place for name, place in found.items()}
 
     def is_blank(self, row: Row) -> bool:
@@ -149,14 +181,22 @@ class Sheet:
         return not row.text.strip() and len(self.names) > 1
 
     def values(self, block: Sequence[Row], places: Mapping[str, int]) -> dict[str, Array]:
-        """Return the columns of some rows, (n,) each, NaN where a field is empty; raises DataError for a field that is not a number."""
-        columns = [(name, place, np.full(len(block), np.nan), self._reader(name)) for name, place in places.items()]
+        """Return the columns of some rows, (n,) each, NaN where a field is empty; raises DataError
+        for a field that is not a number.
+        """
+        columns = [
+            (name, place, np.full(len(block), np.nan), self._reader(name))
+            for name, place in places.items()
+        ]
         for i, row in enumerate(block):
             if self.is_blank(row):
                 continue
             cells = row.cells if row.text.strip() else [""]
             if len(cells) != len(self.names):
-                what = f"{self.label}:row {row.line}: has {len(cells)} fields, the header has {len(self.names)}"
+                what = (
+                    f"{self.label}:row {row.line}: has {len(cells)} fields, the header has "
+                    f"{len(self.names)}"
+                )
                 raise DataError(what, "mend or remove the line")
             for name, place, values, read in columns:
                 try:
@@ -171,7 +211,9 @@ class Sheet:
         return self._readers.setdefault(name, CellReader(clock=name == "time", usual=usual))
 
     def extended(self, block: Sequence[Row], added: Sequence[str]) -> Iterator[str]:
-        """Yield the lines of some rows with the text that is `added` to each; blank ones stay as they are."""
+        """Yield the lines of some rows with the text that is `added` to each; blank ones stay as
+        they are.
+        """
         for row, more in zip(block, added, strict=True):
             yield row.text + row.end if self.is_blank(row) else f"{row.text},{more}{row.end}"
 
@@ -182,13 +224,18 @@ MOST_POINTS = 10_000_000
 
 
 def grid_lines(text: str, inputs: Sequence[str]) -> Iterator[str]:
-    """Return the header and the points of a grid, the last input of `text` varying fastest; both ends are included.
+    """Return the header and the points of a grid, the last input of `text` varying fastest; both
+    ends are included.
 
-    Raises UsageError where `text` is malformed, names an input twice or one that the model has not, leaves one out, or has a step that does
-    not lead from the first value to the last.
+    Raises UsageError where `text` is malformed, names an input twice or one that the model has not,
+    leaves one out, or has a step that does not lead from the first value to the last.
     """
     axes = _axes(text, inputs)
-    return (",".join(point) + "\n" for points in ([tuple(axes)], product(*axes.values())) for point in points)
+    return (
+        ",".join(point) + "\n"
+        for points in ([tuple(axes)], product(*axes.values()))
+        for point in points
+    )
 
 
 def grid_axes(text: str, inputs: Sequence[str]) -> dict[str, list[float]]:
@@ -208,25 +255,41 @@ def _axes(text: str, inputs: Sequence[str]) -> dict[str, list[str]]:
     if unknown := next((name for name in axes if name not in inputs), None):
         near = difflib.get_close_matches(unknown, inputs, n=1)
         hint = f"did you mean '{near[0]}'? " if near else ""
-        raise UsageError(f"--grid: the model has no input '{unknown}'", f"{hint}it has {', '.join(inputs)}")
+        raise UsageError(
+            f"--grid: the model has no input '{unknown}'", f"{hint}it has {', '.join(inputs)}"
+        )
     if missing := [name for name in inputs if name not in axes]:
         raise UsageError(f"--grid: no values for {', '.join(missing)}", EXAMPLE)
     points = math.prod(map(len, axes.values()))
     if points > MOST_POINTS:
-        raise UsageError(f"--grid: asks for {points} points, more than {MOST_POINTS}", "choose larger steps, or predict a table")
+        raise UsageError(
+            f"--grid: asks for {points} points, more than {MOST_POINTS}",
+            "choose larger steps, or predict a table",
+        )
     return axes
 
 
 def _values(part: str, text: str) -> list[float]:
     numbers = [number for piece in text.split(":") if (number := number_of(piece)) is not None]
-    if len(numbers) not in (1, 3) or len(numbers) != text.count(":") + 1 or not all(map(math.isfinite, numbers)):
+    if (
+        len(numbers) not in (1, 3)
+        or len(numbers) != text.count(":") + 1
+        or not all(map(math.isfinite, numbers))
+    ):
         raise UsageError(f"--grid: cannot read '{part}'", EXAMPLE)
     if len(numbers) == 1:
         return numbers
     first, last, step = numbers
     steps = (last - first) / step if step else math.nan
     if not 0 <= steps <= MOST_POINTS:
-        raise UsageError(f"--grid: '{part}' does not lead from {first:g} to {last:g} in at most {MOST_POINTS} steps", EXAMPLE)
+        raise UsageError(
+            f"--grid: '{part}' does not lead from {first:g} to {last:g} in at most "
+            f"{MOST_POINTS} steps",
+            EXAMPLE,
+        )
     if abs(steps - round(steps)) > 1e-6:
-        raise UsageError(f"--grid: {last:g} is not a whole number of steps of {step:g} from {first:g}", "choose another step or last value")
+        raise UsageError(
+            f"--grid: {last:g} is not a whole number of steps of {step:g} from {first:g}",
+            "choose another step or last value",
+        )
     return [first + i * step for i in range(round(steps))] + [last]

@@ -22,21 +22,26 @@ if TYPE_CHECKING:
 METRES_PER_INCH = 0.0254
 
 TABLES = "MAPMORE_TABLES"
-"""The variable that lists folders, beside that of the spec, in which published tables may lie; `--tables` adds to it."""
+"""The variable that lists folders, beside that of the spec, in which published tables may lie;
+`--tables` adds to it.
+"""
 
 LARGEST_TABLE = 100_000
 """Bytes of a published table."""
 
 
 LEFT_OUT = (
-    "Every {0} is left out in turn: the validation scores are those of models of the other {0}s at the one left out. The saved model, "
+    "Every {0} is left out in turn: the validation scores are those of models of the other "
+    "{0}s at the one left out. The saved model, "
     "and the training scores, are of all data."
 )
 
 
 @dataclass(frozen=True)
 class Slice:
-    """What the report shows beyond the results: everything else in the resolved spec makes an earlier stage stale."""
+    """What the report shows beyond the results: everything else in the resolved spec makes an
+    earlier stage stale.
+    """
 
     name: str
     muscle: Muscle
@@ -49,18 +54,30 @@ class Slice:
 def reads(spec: ExperimentSpec) -> Slice:
     """Return the stage's slice of the spec."""
     split = spec.data.split
-    left_out = "level" if split.leave_one_level_out else "group" if split.leave_one_group_out else ""
+    left_out = (
+        "level" if split.leave_one_level_out else "group" if split.leave_one_group_out else ""
+    )
     return Slice(spec.name, spec.muscle, spec.validation, spec.report, left_out, spec.unconfirmed)
 
 
 def run(part: Slice, workspace: Workspace) -> None:
-    """Collect the results of the run and write the page, with what was tried where the structure was searched."""
+    """Collect the results of the run and write the page, with what was tried where the structure
+    was searched.
+    """
     from mapmore_cli.annexes.search.stage import SEARCH, read_search
     from mapmore_cli.reporting.report import write_report
 
-    tables = tuple(published_table(workspace.spec_dir / path) for path in part.report.published.tables) if part.report.published else ()
+    tables = (
+        tuple(published_table(workspace.spec_dir / path) for path in part.report.published.tables)
+        if part.report.published
+        else ()
+    )
     search = read_search(workspace.run_dir / SEARCH) if workspace.searched else None
-    inputs = replace(collected(part, workspace.run_dir, workspace.spec_text), published_tables=tables, search=search)
+    inputs = replace(
+        collected(part, workspace.run_dir, workspace.spec_text),
+        published_tables=tables,
+        search=search,
+    )
     for warning in faults_of(inputs.style):
         workspace.warn(warning)
     write_report(inputs, workspace.out / "report", part.report.figures, part.report.formats)
@@ -69,18 +86,34 @@ def run(part: Slice, workspace: Workspace) -> None:
 def sources(spec: ExperimentSpec, folder: Path) -> list[Path]:
     """Return the tables of a publication.
 
-    Raises SpecError where one is missing, is no CSV file, or lies neither below the spec's folder nor below one of `--tables`: a page shows
-    it whole.
+    Raises SpecError where one is missing, is no CSV file, or lies neither below the spec's folder
+    nor below one of `--tables`: a page shows it whole.
     """
-    paths = [folder / path for path in spec.report.published.tables] if spec.report.published else []
-    allowed = [folder, *(Path(place) for place in os.environ.get(TABLES, "").split(os.pathsep) if place)]
+    paths = (
+        [folder / path for path in spec.report.published.tables] if spec.report.published else []
+    )
+    allowed = [
+        folder,
+        *(Path(place) for place in os.environ.get(TABLES, "").split(os.pathsep) if place),
+    ]
     for path in paths:
         if not path.is_file():
-            raise SpecError(f"report.published.tables: {path}: no such file", "give a CSV file with a line of headings")
-        if path.suffix != ".csv" or not any(path.resolve().is_relative_to(place.resolve()) for place in allowed):
-            raise SpecError(f"report.published.tables: {path}: is no CSV file below the folder of the spec", "see `--tables`")
+            raise SpecError(
+                f"report.published.tables: {path}: no such file",
+                "give a CSV file with a line of headings",
+            )
+        if path.suffix != ".csv" or not any(
+            path.resolve().is_relative_to(place.resolve()) for place in allowed
+        ):
+            raise SpecError(
+                f"report.published.tables: {path}: is no CSV file below the folder of the spec",
+                "see `--tables`",
+            )
         if path.stat().st_size > LARGEST_TABLE:
-            raise SpecError(f"report.published.tables: {path}: larger than {LARGEST_TABLE // 1000} kB", "give the table of a publication")
+            raise SpecError(
+                f"report.published.tables: {path}: larger than {LARGEST_TABLE // 1000} kB",
+                "give the table of a publication",
+            )
     return paths
 
 
@@ -97,13 +130,29 @@ def published_table(path: Path) -> Table:
         with path.open(newline="", encoding="utf-8") as lines:
             header, *rows = list(csv.reader(lines))
     except (OSError, UnicodeDecodeError, ValueError) as fault:
-        raise SpecError(f"report.published.tables: {path} cannot be read ({fault})", "give a CSV file with a line of headings") from fault
-    uneven = next((number for number, row in enumerate(rows, start=2) if len(row) != len(header)), None)
+        raise SpecError(
+            f"report.published.tables: {path} cannot be read ({fault})",
+            "give a CSV file with a line of headings",
+        ) from fault
+    uneven = next(
+        (number for number, row in enumerate(rows, start=2) if len(row) != len(header)), None
+    )
     if not all(is_one_line(cell) for row in (header, *rows) for cell in row):
-        raise SpecError(f"report.published.tables: {path}: has cells with control characters or several lines", "mend the table")
+        raise SpecError(
+            f"report.published.tables: {path}: has cells with control characters or several lines",
+            "mend the table",
+        )
     if uneven is not None:
-        raise SpecError(f"report.published.tables: {path}: line {uneven} has not {len(header)} cells", "mend the line")
-    return Table(f"published_{path.stem}", f"Published: {path.stem}", tuple(map(Column, header)), tuple(tuple(row) for row in rows))
+        raise SpecError(
+            f"report.published.tables: {path}: line {uneven} has not {len(header)} cells",
+            "mend the line",
+        )
+    return Table(
+        f"published_{path.stem}",
+        f"Published: {path.stem}",
+        tuple(map(Column, header)),
+        tuple(tuple(row) for row in rows),
+    )
 
 
 def collected(part: Slice, run_dir: Path, spec_text: str = "") -> ReportInputs:
@@ -119,7 +168,11 @@ def collected(part: Slice, run_dir: Path, spec_text: str = "") -> ReportInputs:
     if turned is not None:
         dataset = replace(dataset, target=turned)
     muscle = {"name": part.muscle.name, "kind": part.muscle.kind}
-    muscle |= {key: f"{value * 1000:g} mm" for key, value in part.muscle.lengths.items() if value is not None}
+    muscle |= {
+        key: f"{value * 1000:g} mm"
+        for key, value in part.muscle.lengths.items()
+        if value is not None
+    }
     return ReportInputs(
         name=part.name,
         muscle={key: word for key, word in muscle.items() if word is not None},
@@ -137,14 +190,26 @@ def collected(part: Slice, run_dir: Path, spec_text: str = "") -> ReportInputs:
         doubts=sentences(run_dir),
         notes=(
             *([LEFT_OUT.format(part.left_out)] if part.left_out else []),
-            *([f"The model predicts {model.output.name}; it is inverted, and scored as {turned}."] if turned is not None else []),
+            *(
+                [f"The model predicts {model.output.name}; it is inverted, and scored as {turned}."]
+                if turned is not None
+                else []
+            ),
         ),
-        style=FigureStyle(style.width / METRES_PER_INCH, style.font, style.size, style.labels, tuple(style.palette)),
+        style=FigureStyle(
+            style.width / METRES_PER_INCH,
+            style.font,
+            style.size,
+            style.labels,
+            tuple(style.palette),
+        ),
     )
 
 
 def faults_of(style: FigureStyle) -> list[str]:
-    """Warnings about a font that this machine does not have; SpecError where the formula in a label is wrong."""
+    """Warnings about a font that this machine does not have; SpecError where the formula in a label
+    is wrong.
+    """
     if style.font is None and not style.labels:
         return []
     from mapmore_cli.reporting.figures.style import has_font, wrong_formula
@@ -152,9 +217,14 @@ def faults_of(style: FigureStyle) -> list[str]:
     for quantity, label in style.labels.items():
         if fault := wrong_formula(label):
             remedy = "mend the formula between the dollars, or remove the dollars"
-            raise SpecError(f"report.style.labels.{quantity}: {label!r} cannot be set ({fault})", remedy)
+            raise SpecError(
+                f"report.style.labels.{quantity}: {label!r} cannot be set ({fault})", remedy
+            )
     if style.font is not None and not has_font(style.font):
-        return [f"report.style.font: {style.font!r} is not installed here; PDF and PNG figures are set in another font"]
+        return [
+            f"report.style.font: {style.font!r} is not installed here; PDF and PNG figures "
+            "are set in another font"
+        ]
     return []
 
 
@@ -171,14 +241,15 @@ def drawn_figure(
     looks: Sequence[str] = (),
     models: Sequence[str] = (),
 ) -> tuple[bytes, str | None]:
-    """Draw a figure of a run as a file: all of it, or the panel of one curve (or model) as wide as the spec says, with its numbers as CSV.
+    """Draw a figure of a run as a file: all of it, or the panel of one curve (or model) as wide as
+    the spec says, with its numbers as CSV.
 
     - `warn`: is told of a font that this machine does not have.
     - `looks`: values that replace those of the run's spec, as `report.style.width=120 mm`.
     - `models`: the competitors that are drawn beside the run's own model; all where none is named.
 
-    Raises DataError where the folder holds no finished run; UsageError where there is no such panel or model (the message names those that
-    there are), or `looks` are about anything else.
+    Raises DataError where the folder holds no finished run; UsageError where there is no such panel
+    or model (the message names those that there are), or `looks` are about anything else.
     """
     from mapmore_cli.reporting.figures.drawing import WRITERS, compose, drawings, panel_of
     from mapmore_cli.reporting.figures.style import figure_style
@@ -186,15 +257,25 @@ def drawn_figure(
     from mapmore_cli.spec.loader import load
 
     if not (run_dir / VALIDATION).is_file():
-        raise DataError(f"{run_dir}: holds no finished run", "give a folder that `mapmore run` wrote, as runs/NAME")
+        raise DataError(
+            f"{run_dir}: holds no finished run",
+            "give a folder that `mapmore run` wrote, as runs/NAME",
+        )
     if other := next((one for one in looks if not one.startswith(LOOKS)), None):
-        raise UsageError(f"--set {other}: changes more than looks", f"set a key of {LOOKS.rstrip('.')}, or run the study anew")
+        raise UsageError(
+            f"--set {other}: changes more than looks",
+            f"set a key of {LOOKS.rstrip('.')}, or run the study anew",
+        )
     inputs = collected(reads(load(run_dir / "experiment.yaml", looks).spec), run_dir)
     for warning in faults_of(inputs.style):
         warn(warning)
     inputs = inputs.beside(models) if models else inputs
     with figure_style(inputs.style):
-        drawing, panel = (next(iter(drawings(name, inputs)), None), None) if key is None else panel_of(name, inputs, key)
+        drawing, panel = (
+            (next(iter(drawings(name, inputs)), None), None)
+            if key is None
+            else panel_of(name, inputs, key)
+        )
         if drawing is None:
             raise UsageError(f"{run_dir}: has nothing to draw as {name!r}", "choose another figure")
         written = WRITERS[suffix](compose(drawing, inputs.style, panel), drawing.name, drawing.alt)
@@ -202,17 +283,29 @@ def drawn_figure(
 
 
 def _in_units(model: Model, units: Mapping[str, str]) -> dict[str, tuple[Equation, ...]]:
-    """Return the equations in other units of some quantities, and of the rates that follow from these."""
+    """Return the equations in other units of some quantities, and of the rates that follow from
+    these.
+    """
     from mapmore_cli.modelling.kinds import equations as model_equations
     from mapmore_cli.spec.units import convert, default_unit
 
     if not units:
         return {}
     rates = {signal.name: signal.of for signal in model.signals if signal.kind == "rate"}
-    known = {**{quantity.name: quantity.unit for quantity in model.inputs if quantity.name not in rates}, **units}
+    known = {
+        **{quantity.name: quantity.unit for quantity in model.inputs if quantity.name not in rates},
+        **units,
+    }
     named = {quantity.name: default_unit(quantity.name, known, rates) for quantity in model.inputs}
-    factors = {quantity.name: convert(1.0, named[quantity.name], quantity.unit) for quantity in model.inputs}
-    changed = {quantity.name: factors[quantity.name] for quantity in model.inputs if named[quantity.name] != quantity.unit}
+    factors = {
+        quantity.name: convert(1.0, named[quantity.name], quantity.unit)
+        for quantity in model.inputs
+    }
+    changed = {
+        quantity.name: factors[quantity.name]
+        for quantity in model.inputs
+        if named[quantity.name] != quantity.unit
+    }
     words = ", ".join(f"{name} in {named[name]}" for name in changed)
     return {words: model_equations(model, changed)} if changed else {}
 

@@ -1,4 +1,6 @@
-"""One stage made and committed: its outputs beside the old ones, moved in whole, then its entry in `run.json`."""
+"""One stage made and committed: its outputs beside the old ones, moved in whole, then its entry in
+`run.json`.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,15 @@ from mapmore_cli.fitting.stage import Progress, Warn, Workspace
 from mapmore_cli.pipeline.staleness import Plan
 from mapmore_cli.storage.atomic import link_or_copy, refusals_told
 from mapmore_cli.storage.run_folder import stage_folder, swap_in
-from mapmore_cli.storage.run_record import Origin, StageRecord, load_records, save_records, stamps_of, take_stamp, tool_versions
+from mapmore_cli.storage.run_record import (
+    Origin,
+    StageRecord,
+    load_records,
+    save_records,
+    stamps_of,
+    take_stamp,
+    tool_versions,
+)
 
 if TYPE_CHECKING:
     from threadpoolctl import ThreadpoolController
@@ -27,7 +37,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class StageMaker:
-    """Makes the stages of a run; those that the run in the folder `like` has made from the same are taken over."""
+    """Makes the stages of a run; those that the run in the folder `like` has made from the same are
+    taken over.
+    """
 
     loaded: LoadedSpec
     run_dir: Path
@@ -37,17 +49,34 @@ class StageMaker:
     like: Path | None = None
     searched: bool = False
 
-    def make(self, plan: Plan, why: str, needed: Mapping[str, Path], records: Mapping[str, StageRecord]) -> dict[str, StageRecord]:
-        """Run one stage and commit it; the records with its entry. `needed` are the folders of the runs whose models it needs."""
+    def make(
+        self, plan: Plan, why: str, needed: Mapping[str, Path], records: Mapping[str, StageRecord]
+    ) -> dict[str, StageRecord]:
+        """Run one stage and commit it; the records with its entry. `needed` are the folders of the
+        runs whose models it needs.
+        """
         started, stage = time.perf_counter(), plan.stage
         with refusals_told(self.run_dir), stage_folder(self.run_dir, stage.name) as out:
             if not self._taken_over(plan, out):
                 with _one_blas_thread():
                     where = (self.run_dir, out, self.loaded.folder)
-                    stage.run(plan.part, Workspace(*where, self.progress, self.warn, needed, self.loaded.resolved, self.searched))
+                    stage.run(
+                        plan.part,
+                        Workspace(
+                            *where,
+                            self.progress,
+                            self.warn,
+                            needed,
+                            self.loaded.resolved,
+                            self.searched,
+                        ),
+                    )
             written = {path.name for path in out.iterdir()}
             if written != set(stage.outputs):  # the stage itself is wrong
-                raise RuntimeError(f"stage {stage.name} wrote {sorted(written)} and declares {sorted(stage.outputs)}")
+                raise RuntimeError(
+                    f"stage {stage.name} wrote {sorted(written)} and declares "
+                    f"{sorted(stage.outputs)}"
+                )
             outputs = stamps_of(out, stage.outputs)
             swap_in(out, self.run_dir, stage.outputs)
             seconds = round(time.perf_counter() - started, 3)
@@ -59,7 +88,8 @@ class StageMaker:
     def _taken_over(self, plan: Plan, out: Path) -> bool:
         """Put the files that another run made from the same into `out`; False where it has none.
 
-        They are linked where the file system can, as files of runs are replaced and never written into, and hashed before they count.
+        They are linked where the file system can, as files of runs are replaced and never written
+        into, and hashed before they count.
         """
         if self.like is None:
             return False
@@ -71,7 +101,9 @@ class StageMaker:
         for name, stamp in known.outputs.items():
             with suppress(OSError):
                 link_or_copy(self.like / name, out / name)
-            if not (out / name).is_file() or take_stamp(out / name).sha256 != stamp.sha256:  # replaced meanwhile
+            if (
+                not (out / name).is_file() or take_stamp(out / name).sha256 != stamp.sha256
+            ):  # replaced meanwhile
                 for left in out.iterdir():
                     left.unlink()
                 return False
@@ -80,9 +112,11 @@ class StageMaker:
 
 @contextmanager
 def _one_blas_thread() -> Iterator[None]:
-    """Hold BLAS to one thread: the same sums on every machine, and no fight between runs for the processors.
+    """Hold BLAS to one thread: the same sums on every machine, and no fight between runs for the
+    processors.
 
-    A library that is loaded already is told so. One that a stage loads, as SciPy's, reads it in the environment when it starts.
+    A library that is loaded already is told so. One that a stage loads, as SciPy's, reads it in the
+    environment when it starts.
     """
     with variables_set(dict.fromkeys(THREADS, "1")):
         loaded = "scipy.linalg" in sys.modules or "scipy.special" in sys.modules
@@ -105,7 +139,9 @@ def variables_set(variables: Mapping[str, str]) -> Iterator[None]:
 
 @cache
 def _thread_pools(_with_scipy: bool) -> ThreadpoolController:
-    """Return the libraries with threads loaded; looked for when SciPy's has come too, else once: it takes longer than a small stage."""
+    """Return the libraries with threads loaded; looked for when SciPy's has come too, else once: it
+    takes longer than a small stage.
+    """
     import numpy  # noqa: F401 - has one of them
     from threadpoolctl import ThreadpoolController
 

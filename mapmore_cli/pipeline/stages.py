@@ -1,4 +1,6 @@
-"""The first four stages: recordings to curves, curves to segments, segments to fits, fits to a model that stands alone."""
+"""The first four stages: recordings to curves, curves to segments, segments to fits, fits to a
+model that stands alone.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,8 @@ from mapmore_cli.spec.sections.dictionary import DictionaryEntry
 from mapmore_cli.spec.sections.model import ModelChoice
 from mapmore_cli.storage.run_folder import DATASET, FIT, MODEL, SEGMENTATION, RunFiles
 
-# Ingest: `ingest.h5` ------------------------------------------------------------------------------------------------------------------
+# Ingest: `ingest.h5`
+# --------------------------------------------------------------------------------------------------
 
 
 def ingest(part: IngestSlice, workspace: Workspace) -> None:
@@ -42,7 +45,13 @@ def ingest(part: IngestSlice, workspace: Workspace) -> None:
 
     static_run = workspace.needed[part.static] if part.static is not None else None
     with spooling_in(workspace.out):
-        dataset = build_dataset(part, workspace.spec_dir, static_run=static_run, progress=workspace.progress, warn=workspace.warn)
+        dataset = build_dataset(
+            part,
+            workspace.spec_dir,
+            static_run=static_run,
+            progress=workspace.progress,
+            warn=workspace.warn,
+        )
         write_dataset(workspace.out / DATASET, dataset)
 
 
@@ -57,10 +66,19 @@ def static_run(spec: ExperimentSpec) -> list[str]:
     return [spec.needs.static] if spec.target == "damping" and spec.needs.static is not None else []
 
 
-INGEST = Stage(name="ingest", revision=5, outputs=(DATASET,), reads=slice_of, run=ingest, sources=recordings, needs=static_run)
+INGEST = Stage(
+    name="ingest",
+    revision=5,
+    outputs=(DATASET,),
+    reads=slice_of,
+    run=ingest,
+    sources=recordings,
+    needs=static_run,
+)
 
 
-# Segment: `segment.h5` ----------------------------------------------------------------------------------------------------------------
+# Segment: `segment.h5`
+# --------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -74,7 +92,9 @@ class Trial:
 
 @dataclass(frozen=True)
 class Slice:
-    """What the segments depend on; `trial` is None where no boundary is placed by trying out fits."""
+    """What the segments depend on; `trial` is None where no boundary is placed by trying out
+    fits.
+    """
 
     levels: Levels | None
     segment: SegmentSection
@@ -90,58 +110,87 @@ def segment_slice(spec: ExperimentSpec) -> Slice:
 
 
 def segment(part: Slice, workspace: Workspace) -> None:
-    """Cut every training curve over its own range; what is fitted there is what the backbone leaves."""
+    """Cut every training curve over its own range; what is fitted there is what the backbone
+    leaves.
+    """
     from mapmore_cli.fitting.kinds.pieces import segmented
     from mapmore_cli.storage.artefacts import units_of, write_segmentation
 
     dataset = workspace.files.dataset()
     trial = part.trial or Trial([], ModelChoice(), Fit(train_level=part.train_level))
-    segmentation = segmented(dataset, part.levels, part.segment, trial.dictionary, trial.model.backbone, trial.fit)
+    segmentation = segmented(
+        dataset, part.levels, part.segment, trial.dictionary, trial.model.backbone, trial.fit
+    )
     for curve in segmentation:
         for name, boundaries in zip(curve.variables, curve.boundaries, strict=True):
             cut = part.segment[name]
             wanted = cut.count if isinstance(cut, Cuts) else None
             if isinstance(cut, Cuts) and wanted is not None and len(boundaries) <= wanted:
                 why = ": neighbours with too few samples are joined" if cut.joins else ""
-                workspace.warn(f"curve {curve.curve}: {len(boundaries) - 1} segment(s) along {name} instead of {wanted}{why}")
+                workspace.warn(
+                    f"curve {curve.curve}: {len(boundaries) - 1} segment(s) along {name} "
+                    f"instead of {wanted}{why}"
+                )
     write_segmentation(workspace.out / SEGMENTATION, segmentation, units_of(dataset))
 
 
-SEGMENT = Stage(name="segment", revision=6, outputs=(SEGMENTATION,), reads=segment_slice, run=segment)
+SEGMENT = Stage(
+    name="segment", revision=6, outputs=(SEGMENTATION,), reads=segment_slice, run=segment
+)
 
 
-# Fit: `fit.h5` ------------------------------------------------------------------------------------------------------------------------
+# Fit: `fit.h5`
+# --------------------------------------------------------------------------------------------------
 
 
 def fit_choices(spec: ExperimentSpec) -> FitChoices:
     """Return what the fit depends on."""
     spec = with_definitions(spec)
     joining = spec.fuse if AUTO in (spec.model.backbone, spec.fit.max_terms) else None
-    return FitChoices(spec.data.levels, spec.segment, spec.dictionary, spec.model, spec.fit, lengths_of(spec), joining)
+    return FitChoices(
+        spec.data.levels,
+        spec.segment,
+        spec.dictionary,
+        spec.model,
+        spec.fit,
+        lengths_of(spec),
+        joining,
+    )
 
 
 def fit(part: FitChoices, workspace: Workspace) -> None:
-    """Fit what the kind of model asks for: every segment, one model with memory, a formula, or nothing where models are added up."""
+    """Fit what the kind of model asks for: every segment, one model with memory, a formula, or
+    nothing where models are added up.
+    """
     from mapmore_cli.fitting.refitting import size_of
     from mapmore_cli.storage.artefacts import units_of, write_fit
 
     dataset = workspace.files.dataset()
-    size = size_of(part, dataset, lambda done, total: workspace.progress("numbers of terms", done, total))
-    result = kinds.fit(with_terms(part, size.terms), Given(dataset, workspace.files.segmentation(), progress=workspace.progress))
+    size = size_of(
+        part, dataset, lambda done, total: workspace.progress("numbers of terms", done, total)
+    )
+    result = kinds.fit(
+        with_terms(part, size.terms),
+        Given(dataset, workspace.files.segmentation(), progress=workspace.progress),
+    )
     alone = result.constant_alone
     for note in alone:
         workspace.warn(note)
     result = replace(result, notes=(*size.notes, *alone, *result.notes), max_terms=size.terms)
     for piece in result.pieces:
         if piece.selection.tied.any():
-            workspace.warn(f"segment {piece.id}: candidates tie within 1e-9; the first of the dictionary was taken")
+            workspace.warn(
+                f"segment {piece.id}: candidates tie within 1e-9; the first of the dictionary "
+                "was taken"
+            )
     write_fit(workspace.out / FIT, result, units_of(dataset))
 
 
 FITTING = Stage(name="fit", revision=10, outputs=(FIT,), reads=fit_choices, run=fit)
 
 
-# Fuse: `model.h5` ---------------------------------------------------------------------------------------------------------------------
+# Fuse: `model.h5`
+# --------------------------------------------------------------------------------------------------
 
 
 def fuse(part: ModelChoices, workspace: Workspace) -> None:
@@ -152,9 +201,16 @@ def fuse(part: ModelChoices, workspace: Workspace) -> None:
     files = workspace.files
     dataset, result = files.dataset(), files.fit()
     chosen = with_terms(part, result.max_terms) if part.fit.max_terms == AUTO else part
-    given = Given(dataset, files.segmentation(), lambda path: RunFiles(workspace.needed[path]).model(), workspace.progress)
+    given = Given(
+        dataset,
+        files.segmentation(),
+        lambda path: RunFiles(workspace.needed[path]).model(),
+        workspace.progress,
+    )
     model = kinds.build(chosen, given, result)
-    model = replace(model, signals=needed_signals(part.signals, [quantity.name for quantity in model.inputs]))
+    model = replace(
+        model, signals=needed_signals(part.signals, [quantity.name for quantity in model.inputs])
+    )
     for note in model.notes:
         workspace.warn(note)
     if part.intervals:
@@ -169,10 +225,14 @@ def fuse(part: ModelChoices, workspace: Workspace) -> None:
 
 
 def _provenance(part: ModelChoices) -> dict[str, str]:
-    """Return what made the model, for a reader who has nothing but the file: versions, and the spec's sections that decide about it."""
+    """Return what made the model, for a reader who has nothing but the file: versions, and the
+    spec's sections that decide about it.
+    """
     from mapmore_cli.storage.run_record import tool_versions
 
     return {**tool_versions(), "spec": json.dumps(plain(part), indent=1)}
 
 
-FUSE = Stage(name="fuse", revision=10, outputs=(MODEL,), reads=model_choices, run=fuse, needs=summands)
+FUSE = Stage(
+    name="fuse", revision=10, outputs=(MODEL,), reads=model_choices, run=fuse, needs=summands
+)

@@ -30,9 +30,10 @@ if TYPE_CHECKING:
 class Slice:
     """What the scores depend on beyond the model.
 
-    `target` is what is scored, `seen_as` the same where it is not what the model predicts, so that this is inverted. `static` is the spec
-    of the needed static run, `lengths` are the muscle's in m, `cycles_of` is the quantity whose cycles are held out,
-    and `folds` has the choices that models are made by where every level is left out in turn.
+    `target` is what is scored, `seen_as` the same where it is not what the model predicts, so that
+    this is inverted. `static` is the spec of the needed static run, `lengths` are the muscle's in
+    m, `cycles_of` is the quantity whose cycles are held out, and `folds` has the choices that
+    models are made by where every level is left out in turn.
     """
 
     target: str
@@ -49,7 +50,9 @@ class Slice:
 
 
 def reads(spec: ExperimentSpec) -> Slice:
-    """Return the stage's slice of the spec; what only composites and load-cycle formulas need is in it where they may stand."""
+    """Return the stage's slice of the spec; what only composites and load-cycle formulas need is in
+    it where they may stand.
+    """
     spec = with_definitions(spec)
     target = spec.target if isinstance(spec.target, str) else spec.target.column
     moving = target in ("damping", "dynamic")
@@ -62,7 +65,9 @@ def reads(spec: ExperimentSpec) -> Slice:
         lengths=spec.muscle.lengths,
         normaliser=spec.validation.normaliser,
         cycles_of=spec.data.split.hold_out.of if spec.data.split.hold_out is not None else None,
-        folds=model_choices(spec) if spec.data.split.leave_one_level_out or spec.data.split.leave_one_group_out else None,
+        folds=model_choices(spec)
+        if spec.data.split.leave_one_level_out or spec.data.split.leave_one_group_out
+        else None,
         groups=spec.data.groups.of if spec.data.groups is not None else None,
         without_groups=spec.data.split.leave_one_group_out,
     )
@@ -82,23 +87,45 @@ def run(part: Slice, workspace: Workspace) -> None:
     measured, model = workspace.files.dataset(), workspace.files.model()
     dataset = measured if part.seen_as is None else scored_as(part.seen_as, measured, model)
     static_run = workspace.needed[part.static] if part.static is not None else None
-    contest = Contest(dataset, model, workspace.needed, static_run, part.lengths, workspace.spec_dir)
+    contest = Contest(
+        dataset, model, workspace.needed, static_run, part.lengths, workspace.spec_dir
+    )
     rivals = _rivals(contest, part, workspace)
     own = tuple(forecast(model, curve, dataset.target) for curve in dataset.curves)
     if model.left_out is not None and part.seen_as is None:
-        own = tuple(_with_interval(model, curve, found) for curve, found in zip(dataset.curves, own, strict=True))
+        own = tuple(
+            _with_interval(model, curve, found)
+            for curve, found in zip(dataset.curves, own, strict=True)
+        )
     forecasts = {OWN: own, **{one.name: one.forecasts for one in rivals}}
     for one in rivals:
-        for told in (told for name, fit in one.formulas.items() for told in rival_minima(name, fit, dataset.unit(dataset.target))):
+        for told in (
+            told
+            for name, fit in one.formulas.items()
+            for told in rival_minima(name, fit, dataset.unit(dataset.target))
+        ):
             workspace.warn(told)
     for name, found in forecasts.items():
         _told_of_diverged(name, found, dataset, workspace.warn)
-    judged = [(dataset, {name: found for name, found in forecasts.items() if name not in {one.name for one in rivals if one.failed}})]
+    judged = [
+        (
+            dataset,
+            {
+                name: found
+                for name, found in forecasts.items()
+                if name not in {one.name for one in rivals if one.failed}
+            },
+        )
+    ]
     if part.folds is not None:
         judged.append(_left_out(part.folds, contest, part, workspace, measured.target))
     scale = divisor(judged[-1][0], part.normaliser)
     scores = [row for rows_of, said in judged for row in _scores(part, said, rows_of, scale)]
-    inputs = [quantity.name for quantity in (model.output, *model.inputs) if quantity.name != dataset.target]
+    inputs = [
+        quantity.name
+        for quantity in (model.output, *model.inputs)
+        if quantity.name != dataset.target
+    ]
     scores += _floor(part, inputs, dataset, scale)
     formulas = {name: fit for one in rivals for name, fit in one.formulas.items()}
     motions = {one.name: one.motion for one in rivals if one.motion is not None}
@@ -111,20 +138,31 @@ def run(part: Slice, workspace: Workspace) -> None:
 
 
 def _with_interval(model: Model, curve: Curve, found: Forecast) -> Forecast:
-    """Add the half widths of the intervals to what a model says of the held-out samples of a curve."""
+    """Add the half widths of the intervals to what a model says of the held-out samples of a
+    curve.
+    """
     from mapmore_cli.modelling.kinds import outside_range
     from mapmore_cli.modelling.validation.intervals import INTERVAL, half_widths_of
 
     half = half_widths_of(model, curve.columns, INTERVAL)
-    return replace(found, half=np.where(curve.held_out & ~outside_range(model, curve.columns), half, np.nan))
+    return replace(
+        found, half=np.where(curve.held_out & ~outside_range(model, curve.columns), half, np.nan)
+    )
 
 
 def scored_as(name: str, dataset: Dataset, model: Model) -> Dataset:
-    """Return the dataset with an input of the model as what is measured and scored; SpecError where the model has no such input."""
+    """Return the dataset with an input of the model as what is measured and scored; SpecError where
+    the model has no such input.
+    """
     inputs = [quantity.name for quantity in model.inputs]
     if name not in inputs:
-        remedy = f"the model is a function of {', '.join(inputs)}: name one of these, or put `{name}` into the dictionary"
-        raise SpecError(f"validate.as: the model of {model.output.name} cannot be inverted for `{name}`", remedy)
+        remedy = (
+            f"the model is a function of {', '.join(inputs)}: name one of these, or put "
+            f"`{name}` into the dictionary"
+        )
+        raise SpecError(
+            f"validate.as: the model of {model.output.name} cannot be inverted for `{name}`", remedy
+        )
     return replace(dataset, target=name)
 
 
@@ -146,39 +184,65 @@ def _rivals(contest: Contest, part: Slice, workspace: Workspace) -> list[Rival]:
 def _left_out(
     choices: ModelChoices, contest: Contest, part: Slice, workspace: Workspace, fitted_to: str
 ) -> tuple[Dataset, dict[str, Forecasts]]:
-    """Return the dataset with all samples held out, and what models of the other levels say of them."""
+    """Return the dataset with all samples held out, and what models of the other levels say of
+    them.
+    """
     from mapmore_cli.fitting.left_out import left_out
 
     def compare(fold: Contest) -> tuple[dict[str, Forecasts], list[str]]:
         warnings: list[str] = []
         quiet = replace(workspace, progress=lambda _what, _done, _total: None, warn=warnings.append)
-        return {one.name: one.forecasts for one in _rivals(fold, part, quiet) if not one.failed}, warnings
+        return {
+            one.name: one.forecasts for one in _rivals(fold, part, quiet) if not one.failed
+        }, warnings
 
-    whole, said, warnings = left_out(choices, contest, compare, workspace.progress, fitted_to, part.groups if part.without_groups else None)
+    whole, said, warnings = left_out(
+        choices,
+        contest,
+        compare,
+        workspace.progress,
+        fitted_to,
+        part.groups if part.without_groups else None,
+    )
     for warning in warnings:
         workspace.warn(warning)
     return whole, said
 
 
-def _scores(part: Slice, said: Mapping[str, Forecasts], dataset: Dataset, scale: Normaliser) -> Iterator[Score]:
+def _scores(
+    part: Slice, said: Mapping[str, Forecasts], dataset: Dataset, scale: Normaliser
+) -> Iterator[Score]:
     from mapmore_cli.modelling.validation.metrics import on_common_rows, score_rows
 
     for name, found in on_common_rows(said).items():
         yield from score_rows(name, part.target, found, dataset, scale, group=part.groups)
 
 
-def _told_of_diverged(name: str, forecasts: Sequence[Forecast], dataset: Dataset, warn: Callable[[str], None]) -> None:
+def _told_of_diverged(
+    name: str, forecasts: Sequence[Forecast], dataset: Dataset, warn: Callable[[str], None]
+) -> None:
     """Say where free runs left all bounds: their scores are empty."""
     for curve, found in zip(dataset.curves, forecasts, strict=True):
         for row in found.diverged:
             log = next(number for number, rows in enumerate(curve.logs) if row in rows)
             at = f"sample {int(np.searchsorted(curve.logs[log], row))}"
-            when = f" ({curve.columns['time'][row]:g} {dataset.unit('time')})" if "time" in curve.columns else ""
-            warn(f"{name}: its free run diverges on {curve.recordings[log]} at {at}{when}; it has no scores there")
+            when = (
+                f" ({curve.columns['time'][row]:g} {dataset.unit('time')})"
+                if "time" in curve.columns
+                else ""
+            )
+            warn(
+                f"{name}: its free run diverges on {curve.recordings[log]} at {at}{when}; it "
+                "has no scores there"
+            )
 
 
-def _floor(part: Slice, inputs: Sequence[str], dataset: Dataset, scale: Normaliser) -> Iterator[Score]:
-    """Rows of the repeatability: of held-out cycles, or where measurements at one level, coordinate and direction were repeated."""
+def _floor(
+    part: Slice, inputs: Sequence[str], dataset: Dataset, scale: Normaliser
+) -> Iterator[Score]:
+    """Rows of the repeatability: of held-out cycles, or where measurements at one level, coordinate
+    and direction were repeated.
+    """
     from mapmore_cli.domain.results import Forecast
     from mapmore_cli.domain.scores import REPEATABILITY
     from mapmore_cli.modelling.validation.metrics import score_rows
@@ -187,7 +251,12 @@ def _floor(part: Slice, inputs: Sequence[str], dataset: Dataset, scale: Normalis
     if part.cycles_of is not None:
         others = repeated_cycles(dataset.curves, dataset.target, part.cycles_of, dataset.logs)
     else:
-        others = repeats(dataset.curves, dataset.target, [name for name in inputs if name != dataset.level], dataset.logs)
+        others = repeats(
+            dataset.curves,
+            dataset.target,
+            [name for name in inputs if name != dataset.level],
+            dataset.logs,
+        )
     if others is not None:
         known = [Forecast(values, np.isfinite(values)) for values in others]
         yield from score_rows(REPEATABILITY, part.target, known, dataset, scale, partial=True)
@@ -199,11 +268,16 @@ def limits(require: Mapping[str, float], scores: Sequence[Score]) -> tuple[Limit
     They hold on the pooled validation rows, or on the training rows where nothing is held out.
     """
     row = deciding(score for score in scores if score.model == OWN)[0]
-    return tuple(Limit(metric, row.model, row.split, float(getattr(row, metric)), limit) for metric, limit in require.items())
+    return tuple(
+        Limit(metric, row.model, row.split, float(getattr(row, metric)), limit)
+        for metric, limit in require.items()
+    )
 
 
 def needs(spec: ExperimentSpec) -> list[Need]:
-    """Return the runs that this one is compared with, its own variations among them, and the static run that composites are fitted to."""
+    """Return the runs that this one is compared with, its own variations among them, and the static
+    run that composites are fitted to.
+    """
     static = reads(spec).static
     competitors = [c for c in spec.validation.against if isinstance(c, Competitor)]
     runs = [c.run for c in competitors if c.run is not None]
@@ -221,11 +295,20 @@ def sources(spec: ExperimentSpec, folder: Path) -> list[Path]:
     paths = [folder / str(competitor.model) for competitor in frozen]
     for competitor, path in zip(frozen, paths, strict=True):
         if not path.is_file():
-            remedy = "freeze one with `mapmore freeze RUN --tag TAG`; paths start at the folder of the spec"
+            remedy = (
+                "freeze one with `mapmore freeze RUN --tag TAG`; paths start at the folder of "
+                "the spec"
+            )
             raise SpecError(f"validate.against: there is no model {competitor.model}", remedy)
     return paths
 
 
 STAGE = Stage(
-    name="validate", revision=9, outputs=(VALIDATION, "scores.csv", "scores.json"), reads=reads, run=run, sources=sources, needs=needs
+    name="validate",
+    revision=9,
+    outputs=(VALIDATION, "scores.csv", "scores.json"),
+    reads=reads,
+    run=run,
+    sources=sources,
+    needs=needs,
 )

@@ -1,4 +1,6 @@
-"""What machines that run tests and people who read their summaries want of runs: JUnit XML, and Markdown."""
+"""What machines that run tests and people who read their summaries want of runs: JUnit XML, and
+Markdown.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,9 @@ from mapmore_cli.reporting.table import Table, markdown_text, to_markdown
 
 @dataclass(frozen=True)
 class RunReport:
-    """How a run ended: `failure` says why it did not end well; `limits` are those that its scores were held to."""
+    """How a run ended: `failure` says why it did not end well; `limits` are those that its scores
+    were held to.
+    """
 
     name: str
     seconds: float = 0.0
@@ -27,22 +31,35 @@ class RunReport:
 
 
 def to_junit(runs: Sequence[RunReport]) -> str:
-    """Return a test suite in which every run is a test case, and every limit of `validate.require` another one."""
+    """Return a test suite in which every run is a test case, and every limit of `validate.require`
+    another one.
+    """
     cases = [case for run in runs for case in _cases(run)]
-    failures, errors = (sum(case.find(kind) is not None for case in cases) for kind in ("failure", "error"))
+    failures, errors = (
+        sum(case.find(kind) is not None for case in cases) for kind in ("failure", "error")
+    )
     seconds = sum(run.seconds for run in runs)
-    counts = {"tests": str(len(cases)), "failures": str(failures), "errors": str(errors), "time": f"{seconds:.3f}"}
+    counts = {
+        "tests": str(len(cases)),
+        "failures": str(failures),
+        "errors": str(errors),
+        "time": f"{seconds:.3f}",
+    }
     suites = ET.Element("testsuites", counts)
     suite = ET.SubElement(suites, "testsuite", {"name": "mapmore", **counts, "skipped": "0"})
     suite.extend(cases)
     ET.indent(suites)
-    return '<?xml version="1.0" encoding="utf-8"?>\n' + ET.tostring(suites, encoding="unicode") + "\n"
+    return (
+        '<?xml version="1.0" encoding="utf-8"?>\n' + ET.tostring(suites, encoding="unicode") + "\n"
+    )
 
 
 def _cases(run: RunReport) -> list[ET.Element]:
     ended = _case(run.name, "run", run.seconds)
     if run.failure is not None:
-        ET.SubElement(ended, "error", {"message": _xml(run.failure.splitlines()[0])}).text = _xml(run.failure)
+        ET.SubElement(ended, "error", {"message": _xml(run.failure.splitlines()[0])}).text = _xml(
+            run.failure
+        )
     if run.warnings:
         ET.SubElement(ended, "system-err").text = _xml("\n".join(run.warnings))
     cases = [ended]
@@ -55,12 +72,18 @@ def _cases(run: RunReport) -> list[ET.Element]:
 
 
 def _case(run: str, name: str, seconds: float) -> ET.Element:
-    return ET.Element("testcase", {"classname": f"mapmore.{_xml(run)}", "name": name, "time": f"{seconds:.3f}"})
+    return ET.Element(
+        "testcase", {"classname": f"mapmore.{_xml(run)}", "name": name, "time": f"{seconds:.3f}"}
+    )
 
 
 def _xml(text: str) -> str:
     """Return the text without the characters that XML 1.0 cannot hold."""
-    return "".join(c for c in text if c in "\t\n" or "\x20" <= c <= "\ud7ff" or "\ue000" <= c <= "\ufffd" or c > "\uffff")
+    return "".join(
+        c
+        for c in text
+        if c in "\t\n" or "\x20" <= c <= "\ud7ff" or "\ue000" <= c <= "\ufffd" or c > "\uffff"
+    )
 
 
 def to_summary(runs: Sequence[RunReport], tables: Sequence[Table]) -> str:
@@ -68,6 +91,11 @@ def to_summary(runs: Sequence[RunReport], tables: Sequence[Table]) -> str:
     bad = [run for run in runs if run.failure is not None or run.missed]
     lines = [f"## mapmore: {len(runs) - len(bad)} of {len(runs)} runs in order", ""]
     for run in bad:
-        reasons = [run.failure] if run.failure is not None else [limit.sentence for limit in run.missed]
-        lines += [f"- **{markdown_text(run.name)}**: {markdown_text(' '.join(reason.split()))}" for reason in reasons]
+        reasons = (
+            [run.failure] if run.failure is not None else [limit.sentence for limit in run.missed]
+        )
+        lines += [
+            f"- **{markdown_text(run.name)}**: {markdown_text(' '.join(reason.split()))}"
+            for reason in reasons
+        ]
     return "\n".join([*lines, *([""] if bad else []), *(to_markdown(table) for table in tables)])

@@ -28,7 +28,8 @@ MOST_LINES = 7
 """Lines that can be told apart in one panel."""
 
 FAR_OFF = 10.0
-"""Times the error of the run's own model, from which on a model does not set the scale of a figure."""
+"""Times the error of the run's own model, from which on a model does not set the scale of a figure.
+"""
 
 
 SINGLE = 3.5
@@ -40,7 +41,8 @@ class FigureStyle:
     """How figures look.
 
     - `width`: inches of a panel that stands by itself.
-    - `font`, `size`: name of the font (None: the sans-serif one of the machine), and points of the axis labels.
+    - `font`, `size`: name of the font (None: the sans-serif one of the machine), and points of the
+      axis labels.
     - `labels`: axis labels by quantity, unit included; formulas may stand between dollars.
     - `palette`: colours of the models, that of the run's own first.
     """
@@ -52,11 +54,16 @@ class FigureStyle:
     palette: tuple[str, ...] = ()
 
     def axis_label(self, quantity: Quantity, prefix: str = "") -> str:
-        """`Pressure (kPa)`; `(–)` where there is no dimension; the user's own words where there are any."""
+        """`Pressure (kPa)`; `(–)` where there is no dimension; the user's own words where there are
+        any.
+        """
         if quantity.name in self.labels:
             return f"{prefix} {self.labels[quantity.name]}".strip()
         words = f"{prefix} {quantity.name}".strip().replace("_", " ")
-        return f"{words[:1].upper()}{words[1:]} ({'–' if quantity.unit in ('', '1') else quantity.unit})"
+        return (
+            f"{words[:1].upper()}{words[1:]} "
+            f"({'–' if quantity.unit in ('', '1') else quantity.unit})"
+        )
 
     def is_own_label(self, label: str) -> bool:
         """Whether a label has the user's own words, in which formulas may stand between dollars."""
@@ -65,9 +72,11 @@ class FigureStyle:
 
 @dataclass(frozen=True)
 class ReportInputs:
-    """Everything that the report shows; no number is computed from it that is not a summary of what is here.
+    """Everything that the report shows; no number is computed from it that is not a summary of what
+    is here.
 
-    - `muscle`: labels of the muscle as the spec gives them (`name`, `kind`, `length`, ...), ready to print.
+    - `muscle`: labels of the muscle as the spec gives them (`name`, `kind`, `length`, ...), ready
+      to print.
     - `spec_text`: the resolved spec.
     - `provenance`: versions, hashes and the like, in the order in which to print them.
     - `other_equations`: the equations in other units, by the words that name these.
@@ -75,7 +84,8 @@ class ReportInputs:
     - `published_tables`: tables of a publication, as they were transcribed.
     - `unconfirmed`: guesses of the spec that nobody has confirmed.
     - `doubts`: what the rules of `check` say of the data.
-    - `asked`: ids of the curves and recordings that alone are to be drawn; empty for some that stand for all.
+    - `asked`: ids of the curves and recordings that alone are to be drawn; empty for some that
+      stand for all.
     - `search`: the structures that were tried, where the spec left the structure to a search.
     """
 
@@ -119,34 +129,53 @@ class ReportInputs:
         return self.models[0]
 
     def beside(self, names: Sequence[str]) -> ReportInputs:
-        """Return the inputs with these models beside the run's own, in this order. Raises UsageError for one that the run has not."""
+        """Return the inputs with these models beside the run's own, in this order. Raises
+        UsageError for one that the run has not.
+        """
         for name in names:
             if name not in self.models:
-                raise UsageError(f"the run compares no model called {name!r}", f"choose of {', '.join(self.models[1:])}")
+                raise UsageError(
+                    f"the run compares no model called {name!r}",
+                    f"choose of {', '.join(self.models[1:])}",
+                )
         kept = dict.fromkeys((self.own, *names))
-        scores = tuple(row for row in self.validation.scores if row.model in kept or row.model == REPEATABILITY)
+        scores = tuple(
+            row for row in self.validation.scores if row.model in kept or row.model == REPEATABILITY
+        )
         predictions = {name: self.validation.predictions[name] for name in kept}
-        return replace(self, validation=replace(self.validation, predictions=predictions, scores=scores))
+        return replace(
+            self, validation=replace(self.validation, predictions=predictions, scores=scores)
+        )
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """The models that figures draw lines of: those shown, or the run's own and the best of the others where they are too many."""
+        """The models that figures draw lines of: those shown, or the run's own and the best of the
+        others where they are too many.
+        """
         if len(self.shown) <= MOST_LINES:
             return self.shown
         errors = self.pooled_errors
-        best = sorted(self.shown[1:], key=lambda model: errors.get(model, math.inf))[: MOST_LINES - 1]
+        best = sorted(self.shown[1:], key=lambda model: errors.get(model, math.inf))[
+            : MOST_LINES - 1
+        ]
         return (self.own, *(model for model in self.shown if model in best))
 
     @property
     def shown(self) -> tuple[str, ...]:
         """The models that figures show: of the simple competitors, the best alone."""
         errors = self.pooled_errors
-        best = min((model for model in self.models if model in SIMPLE), key=lambda model: errors.get(model, math.inf), default=None)
+        best = min(
+            (model for model in self.models if model in SIMPLE),
+            key=lambda model: errors.get(model, math.inf),
+            default=None,
+        )
         return tuple(model for model in self.models if model not in SIMPLE or model == best)
 
     @property
     def far_off(self) -> tuple[str, ...]:
-        """The models beside which the run's own could not be seen, if figures were scaled to hold them."""
+        """The models beside which the run's own could not be seen, if figures were scaled to hold
+        them.
+        """
         errors = self.pooled_errors
         limit = FAR_OFF * errors.get(self.own, math.inf)
         return tuple(model for model in self.models if errors.get(model, 0.0) > limit > 0)
@@ -154,11 +183,17 @@ class ReportInputs:
     @property
     def pooled_errors(self) -> dict[str, float]:
         """RMSE of every model that has one, of the held-out data where there are any."""
-        return {score.model: score.rmse for score in deciding(self.validation.scores) if math.isfinite(score.rmse)}
+        return {
+            score.model: score.rmse
+            for score in deciding(self.validation.scores)
+            if math.isfinite(score.rmse)
+        }
 
     @property
     def failed(self) -> tuple[str, ...]:
-        """Names of the competitors that could not be fitted: they have no predictions and no scores."""
+        """Names of the competitors that could not be fitted: they have no predictions and no
+        scores.
+        """
         scored = {row.model for row in self.validation.scores}
         return tuple(name for name in self.models if name not in scored)
 
@@ -179,22 +214,34 @@ class ReportInputs:
 
     @property
     def start(self) -> str | None:
-        """How free runs of a model with memory begin, in a sentence; None where its output is not fed back."""
+        """How free runs of a model with memory begin, in a sentence; None where its output is not
+        fed back.
+        """
         memory = self.fit.memory
-        return None if memory is None or not fed_back_states(memory.model.states, memory.model.output) else started(memory.model)
+        return (
+            None
+            if memory is None or not fed_back_states(memory.model.states, memory.model.output)
+            else started(memory.model)
+        )
 
     @property
     def left_out(self) -> LeftOut | None:
-        """What intervals are made of; None where there are none, or where the model is shown as one of another quantity than its output."""
+        """What intervals are made of; None where there are none, or where the model is shown as one
+        of another quantity than its output.
+        """
         return self.model.left_out if self.target == self.model.output else None
 
     def interval(self, number: int) -> tuple[Array, Array] | None:
-        """Return ends of the run's own intervals along a curve of the dataset, (n,) each; None where the model has none."""
+        """Return ends of the run's own intervals along a curve of the dataset, (n,) each; None
+        where the model has none.
+        """
         if self.left_out is None:
             return None
         columns = self.dataset.curves[number].columns
         half = half_widths_of(self.model, columns, INTERVAL)
-        return ends(self.validation.predictions[self.own][number], outside_range(self.model, columns), half)
+        return ends(
+            self.validation.predictions[self.own][number], outside_range(self.model, columns), half
+        )
 
     @property
     def motions(self) -> dict[str, MotionFit]:
@@ -215,43 +262,77 @@ class ReportInputs:
 
     @property
     def in_curve(self) -> Quantity:
-        """The quantity that the target is drawn over: what the model goes along, but its output where it is inverted."""
+        """The quantity that the target is drawn over: what the model goes along, but its output
+        where it is inverted.
+        """
         return self.model.output if self.turned else self.along
 
     @property
     def along(self) -> Quantity:
-        """The quantity of the model that varies within a curve: the first segmented one, else the input of which a curve covers most.
+        """The quantity of the model that varies within a curve: the first segmented one, else the
+        input of which a curve covers most.
 
         Of a model without inputs, any measured quantity.
         """
         inputs = [quantity.name for quantity in self.model.inputs]
-        measured = [name for name in self.dataset.quantities if name not in ("time", self.dataset.target)]
-        free = [name for name in inputs if name != self.model.level] or inputs or measured or [self.dataset.target]
+        measured = [
+            name for name in self.dataset.quantities if name not in ("time", self.dataset.target)
+        ]
+        free = (
+            [name for name in inputs if name != self.model.level]
+            or inputs
+            or measured
+            or [self.dataset.target]
+        )
         pieces = self.model.pieces
-        name = pieces.variables[0] if pieces is not None and pieces.variables else max(free, key=self._covered)
+        name = (
+            pieces.variables[0]
+            if pieces is not None and pieces.variables
+            else max(free, key=self._covered)
+        )
         return self.dataset.quantities[name]
 
     def _covered(self, name: str) -> float:
-        """How much of the range of a quantity one curve covers, in the mean: little of what is held, if not quite, within each."""
-        columns = [curve.columns[name] for curve in self.dataset.curves if curve.size and name in curve.columns]
+        """How much of the range of a quantity one curve covers, in the mean: little of what is
+        held, if not quite, within each.
+        """
+        columns = [
+            curve.columns[name]
+            for curve in self.dataset.curves
+            if curve.size and name in curve.columns
+        ]
         if not columns:
             return 0.0
         whole = float(np.ptp([end for column in columns for end in (column.min(), column.max())]))
-        return round(float(np.mean([np.ptp(column) for column in columns])) / whole, 2) if whole > 0 else 0.0
+        return (
+            round(float(np.mean([np.ptp(column) for column in columns])) / whole, 2)
+            if whole > 0
+            else 0.0
+        )
 
     @property
     def all_notes(self) -> tuple[str, ...]:
         """Notes of the run and of every stage, each once."""
-        return tuple(dict.fromkeys((*self.notes, *self.dataset.notes, *self.model.notes, *self.fit.notes)))
+        return tuple(
+            dict.fromkeys((*self.notes, *self.dataset.notes, *self.model.notes, *self.fit.notes))
+        )
 
     def ids_of(self, words: str) -> frozenset[str]:
-        """Ids of the curve or the recordings that a user calls so: by id, level (`250`, `250 kPa`), or the log that was cut into pieces."""
-        curves = [curve.id for curve in self.dataset.curves if words in (curve.id, curve.id.partition("=")[2], self.curve_label(curve))]
+        """Ids of the curve or the recordings that a user calls so: by id, level (`250`, `250 kPa`),
+        or the log that was cut into pieces.
+        """
+        curves = [
+            curve.id
+            for curve in self.dataset.curves
+            if words in (curve.id, curve.id.partition("=")[2], self.curve_label(curve))
+        ]
         logs = [one.id for one in self.dataset.recordings if words in (one.id, one.log)]
         return frozenset((*curves, *logs))
 
     def curve_label(self, curve: Curve) -> str:
-        """Short name of a curve: its level with the unit (`150 kPa`, `strain 0.04`), else its id."""
+        """Short name of a curve: its level with the unit (`150 kPa`, `strain 0.04`), else its
+        id.
+        """
         level = self.dataset.level
         if curve.level is None or level is None:
             return curve.id

@@ -1,4 +1,6 @@
-"""What the report says in numbers about models with memory (states, and how nearly other terms would have served) and of motion."""
+"""What the report says in numbers about models with memory (states, and how nearly other terms
+would have served) and of motion.
+"""
 
 from __future__ import annotations
 
@@ -18,15 +20,25 @@ from mapmore_cli.reporting.table import MODEL, Cell, Column, Columns, Table
 
 
 def states_table(states: StateSet) -> Table:
-    """Everything that training found out about the states: the oscillators, the ranges of operators, the scales."""
+    """Everything that training found out about the states: the oscillators, the ranges of
+    operators, the scales.
+    """
     rows: list[tuple[Cell, ...]] = []
-    rows += [(name, "oscillator it drives", None, None, hertz, damping) for name, (hertz, damping) in states.resonances.items()]
-    rows += [(name, "training range, of which widths are parts", low, high, None, None) for name, (low, high) in states.ranges.items()]
+    rows += [
+        (name, "oscillator it drives", None, None, hertz, damping)
+        for name, (hertz, damping) in states.resonances.items()
+    ]
+    rows += [
+        (name, "training range, of which widths are parts", low, high, None, None)
+        for name, (low, high) in states.ranges.items()
+    ]
     notes = [f"Samples are {states.step:.6g} s apart."]
     if states.scaled:
         scales = zip(states.names, states.low.tolist(), states.high.tolist(), strict=True)
         rows += [(name, "scaled to [0, 1]", low, high, None, None) for name, low, high in scales]
-        notes.append(f"Scaled states are held once they are {states.margin:g} of their range beyond it.")
+        notes.append(
+            f"Scaled states are held once they are {states.margin:g} of their range beyond it."
+        )
     columns = ("state", "what", "from", "to", "frequency [Hz]", "damping ratio")
     return Table.of("states", "States with memory", columns, rows, *notes)
 
@@ -40,42 +52,81 @@ WHAT = {
 """Parts of the error in words."""
 
 ERROR_PARTS_NOTE = (
-    "Drift: the mean error of each cycle, and how far it moves from the first to the last. Of what is left, "
-    "the mean over cycles at the same place of the same stroke: shape as far as training left the same error, change where the loops are "
-    "no longer those of the training cycles. Rest: what another cycle does not repeat, noise included. Squares add up. "
+    "Drift: the mean error of each cycle, and how far it moves from the first to the last. Of "
+    "what is left, "
+    "the mean over cycles at the same place of the same stroke: shape as far as training left "
+    "the same error, change where the loops are "
+    "no longer those of the training cycles. Rest: what another cycle does not repeat, noise "
+    "included. Squares add up. "
 )
 
 
 def error_parts_table(inputs: ReportInputs) -> Table:
-    """Return what the errors of each model consist of, where the input goes in cycles; no rows where it does not."""
+    """Return what the errors of each model consist of, where the input goes in cycles; no rows
+    where it does not.
+    """
     dataset, unit = inputs.dataset, inputs.target.unit
     names = [quantity.name for quantity in inputs.model.inputs]
-    moving = [name for name in names if any(np.ptp(curve.columns[name]) > 0 for curve in dataset.curves)]
+    moving = [
+        name for name in names if any(np.ptp(curve.columns[name]) > 0 for curve in dataset.curves)
+    ]
     rows, told = list[tuple[Cell, ...]](), ""
-    if len(moving) == 1 and inputs.has_memory and all(curve.level is None for curve in dataset.curves):
+    if (
+        len(moving) == 1
+        and inputs.has_memory
+        and all(curve.level is None for curve in dataset.curves)
+    ):
         for model, predicted in inputs.validation.predictions.items():
-            for one in error_parts(dataset.curves, predicted, dataset.target, moving[0], dataset.logs):
+            for one in error_parts(
+                dataset.curves, predicted, dataset.target, moving[0], dataset.logs
+            ):
                 sizes = [one.rms[part] for part in PARTS]
                 travel = float(one.offsets[-1] - one.offsets[0])
-                rows.append((model, one.split, one.samples, len(one.offsets), math.hypot(*sizes), *sizes, travel, one.limit))
-                told = told if model != inputs.own else f"{inputs.own} is limited by {WHAT[one.limit]} on the {one.split} data."
+                rows.append(
+                    (
+                        model,
+                        one.split,
+                        one.samples,
+                        len(one.offsets),
+                        math.hypot(*sizes),
+                        *sizes,
+                        travel,
+                        one.limit,
+                    )
+                )
+                told = (
+                    told
+                    if model != inputs.own
+                    else f"{inputs.own} is limited by {WHAT[one.limit]} on the {one.split} data."
+                )
     numbers = (f"{name} [{unit}] .3g" for name in ("RMSE", *PARTS, "moves by"))
     columns: Columns = (MODEL, "data", "samples", "cycles", *numbers, "limited by")
-    return Table.of("error_parts", "What the errors consist of", columns, rows, ERROR_PARTS_NOTE + told)
+    return Table.of(
+        "error_parts", "What the errors consist of", columns, rows, ERROR_PARTS_NOTE + told
+    )
 
 
 def starts_table(inputs: ReportInputs) -> Table:
     """Errors of free runs over their first part and after it; no rows where nothing is fed back."""
     unit, curves, target = inputs.target.unit, inputs.dataset.curves, inputs.dataset.target
-    title, columns = "The beginning of free runs", (MODEL, "first samples", f"RMSE there [{unit}] .4g", f"RMSE after [{unit}] .4g")
+    title, columns = (
+        "The beginning of free runs",
+        (MODEL, "first samples", f"RMSE there [{unit}] .4g", f"RMSE after [{unit}] .4g"),
+    )
     if inputs.start is None:
         return Table.of("starts", title, columns, ())
     rows: list[tuple[Cell, ...]] = []
     for model, predicted in inputs.validation.predictions.items():
-        parts = [(values - curve.columns[target])[rows] for values, curve in zip(predicted, curves, strict=True) for rows in curve.logs]
+        parts = [
+            (values - curve.columns[target])[rows]
+            for values, curve in zip(predicted, curves, strict=True)
+            for rows in curve.logs
+        ]
         early = [part[: int(FIRST * len(part))] for part in parts]
         later = [part[int(FIRST * len(part)) :] for part in parts]
-        rows.append((model, sum(map(len, early)), *(_rms(np.concatenate(ones)) for ones in (early, later))))
+        rows.append(
+            (model, sum(map(len, early)), *(_rms(np.concatenate(ones)) for ones in (early, later)))
+        )
     note = f"{inputs.start} First samples: {FIRST:.0%} of each recording, training or held out."
     return Table.of("starts", title, columns, rows, note)
 
@@ -86,23 +137,43 @@ def _rms(errors: Array) -> float | None:
 
 
 def identified_table(fit: MemoryFit) -> Table:
-    """Return the numbers of operators that training found; no rows where the dictionary left none open."""
+    """Return the numbers of operators that training found; no rows where the dictionary left none
+    open.
+    """
     found, rows = fit.identified, list[tuple[Cell, ...]]()
     if found is not None:
-        cells = zip(found.names, found.numbers.tolist(), found.errors.tolist(), found.held.tolist(), strict=True)
-        rows += [(name, value, error if math.isfinite(error) else None, "yes" if held else "no") for name, value, error, held in cells]
+        cells = zip(
+            found.names,
+            found.numbers.tolist(),
+            found.errors.tolist(),
+            found.held.tolist(),
+            strict=True,
+        )
+        rows += [
+            (name, value, error if math.isfinite(error) else None, "yes" if held else "no")
+            for name, value, error, held in cells
+        ]
     columns = ("number", "value #.6g", "standard error .3g", "at a bound")
-    note = "Found with the coefficients in free run. A number at a bound of its search is not told by the data."
+    note = (
+        "Found with the coefficients in free run. A number at a bound of its search is not "
+        "told by the data."
+    )
     return Table.of("identified", "Numbers of operators that training found", columns, rows, note)
 
 
 def substitutes_table(fit: MemoryFit) -> Table:
-    """For every term the candidate that would serve best in its place, beside the other terms; no rows without a ridge."""
+    """For every term the candidate that would serve best in its place, beside the other terms; no
+    rows without a ridge.
+    """
     places = zip(fit.model.terms, fit.substitutes.tolist(), fit.shares.tolist(), strict=False)
-    rows = ((term, fit.candidates[place] if place >= 0 else None, 100 * share) for term, place, share in places)
+    rows = (
+        (term, fit.candidates[place] if place >= 0 else None, 100 * share)
+        for term, place, share in places
+    )
     columns = ("term", "best substitute", "its gain over the term's own [%] .1f")
     notes = (
-        "Gain: by how much the regularised error falls with the term, or with its substitute, beside all other terms. Near 100 %, the "
+        "Gain: by how much the regularised error falls with the term, or with its substitute, "
+        "beside all other terms. Near 100 %, the "
         "data do not tell the two apart, and another recording may choose the other.",
         f"{len(fit.forward)} terms were chosen forward, and pruned to {len(fit.model.terms)}.",
     )
@@ -110,35 +181,52 @@ def substitutes_table(fit: MemoryFit) -> Table:
 
 
 def sizes_table(fit: MemoryFit) -> Table:
-    """Return the error in free run of models of 1, 2, ... terms over training samples held out for that; no rows where none were."""
+    """Return the error in free run of models of 1, 2, ... terms over training samples held out for
+    that; no rows where none were.
+    """
     errors = [] if fit.held_out is None else fit.held_out.tolist()
-    rows = ((number, error if math.isfinite(error) else None) for number, error in enumerate(errors, 1))
+    rows = (
+        (number, error if math.isfinite(error) else None) for number, error in enumerate(errors, 1)
+    )
     title = "How many terms: error over the last quarter of the training samples"
     note = (
-        "Free runs of models fitted to the first three quarters of each recording's training samples. The model has the terms of the best "
+        "Free runs of models fitted to the first three quarters of each recording's training "
+        "samples. The model has the terms of the best "
         f"one, {len(fit.model.terms)}, fitted to all of them. A dash: the run diverges."
     )
     return Table.of("sizes", title, ("terms", "RMSE over the held-out end #.4g"), rows, note)
 
 
 def sections_table(fits: Mapping[str, MotionFit], unit: str) -> Table:
-    """Return the parameters of every section of every model, its poles, its gain, and how it was found; P table 1 has the first."""
+    """Return the parameters of every section of every model, its poles, its gain, and how it was
+    found; P table 1 has the first.
+    """
     drives = tuple(dict.fromkeys(text for fit in fits.values() for text in fit.model.drives[1:]))
     columns: Columns = (
         MODEL,
         *("section", "input", "P1 #.6g", "P2 #.6g", "P3 #.6g"),
         *(Column(f"weight of {text}", "", "#.6g") for text in drives),
-        *("largest pole .3f", f"steady output at its upper end [{unit}] .4g", f"RMSE of the search [{unit}] .3g", "samples"),
+        *(
+            "largest pole .3f",
+            f"steady output at its upper end [{unit}] .4g",
+            f"RMSE of the search [{unit}] .3g",
+            "samples",
+        ),
         *("solver", "iterations", "simulations"),
     )
     rows = (row for name, fit in fits.items() for row in _section_rows(name, fit, drives))
     notes = [
-        "x1[k+1] = x2[k], x2[k+1] = P1 x1[k] + P2 x2[k] + P3 u[k] + ..., the output is x1. Stable sections have poles below 1.",
-        *(f"Samples are {step:.6g} s apart." for step in {fit.model.step: None for fit in fits.values()}),
+        "x1[k+1] = x2[k], x2[k+1] = P1 x1[k] + P2 x2[k] + P3 u[k] + ..., the output is x1. "
+        "Stable sections have poles below 1.",
+        *(
+            f"Samples are {step:.6g} s apart."
+            for step in {fit.model.step: None for fit in fits.values()}
+        ),
     ]
     if any(fit.model.switching != HARD for fit in fits.values()):
         notes.append(
-            "With one shared state, the weights are those after the sections were joined; the RMSE is that of each section before."
+            "With one shared state, the weights are those after the sections were joined; the "
+            "RMSE is that of each section before."
         )
     return Table.of("sections", "Sections of the models of motion", columns, rows, *notes)
 
@@ -152,30 +240,57 @@ def _section_rows(name: str, fit: MotionFit, drives: tuple[str, ...]) -> Iterato
         steady = (section.p3 * end + constant) / (1.0 - section.p1 - section.p2)  # without load
         parameters = (section.p1, section.p2, section.p3, *(weights.get(text) for text in drives))
         found = (search.rmse, search.samples, solver, len(search.history) - 1, search.evaluations)
-        yield name, section.id, extent(motion.boundaries, section.place), *parameters, section.radius, steady, *found
+        yield (
+            name,
+            section.id,
+            extent(motion.boundaries, section.place),
+            *parameters,
+            section.radius,
+            steady,
+            *found,
+        )
 
 
 def waveforms_table(inputs: ReportInputs) -> Table:
-    """Errors of displacement and velocity over the last wavelength of every held-out recording, as P table 3 has them."""
+    """Errors of displacement and velocity over the last wavelength of every held-out recording, as
+    P table 3 has them.
+    """
     unit, motion = inputs.target.unit, next(iter(inputs.motions.values())).model
     rows: list[tuple[Cell, ...]] = []
     for number, curve in enumerate(inputs.dataset.curves):
         for log, samples in enumerate(curve.logs):
             if not curve.held_out[samples].all():
                 continue
-            u, measured = (curve.columns[name][samples] for name in (motion.input, inputs.dataset.target))
+            u, measured = (
+                curve.columns[name][samples] for name in (motion.input, inputs.dataset.target)
+            )
             for model in inputs.models:
                 predicted = inputs.validation.predictions[model][number][samples]
                 if np.isfinite(predicted).all() and len(samples) > 1:
                     e = motion_errors(measured, predicted, u, motion.step)
-                    numbers = (e.displacement_rmse, e.velocity_rmse, e.max_displacement, e.max_velocity, e.transient, e.samples)
+                    numbers = (
+                        e.displacement_rmse,
+                        e.velocity_rmse,
+                        e.max_displacement,
+                        e.max_velocity,
+                        e.transient,
+                        e.samples,
+                    )
                     rows.append((curve.recordings[log], model, *numbers))
     columns = (
-        *("recording", MODEL, f"RMSE [{unit}] .4g", f"velocity RMSE [{unit}/s] .4g", f"max error [{unit}] .4g"),
+        *(
+            "recording",
+            MODEL,
+            f"RMSE [{unit}] .4g",
+            f"velocity RMSE [{unit}/s] .4g",
+            f"max error [{unit}] .4g",
+        ),
         *(f"max velocity error [{unit}/s] .4g", f"max error before [{unit}] .4g", "samples"),
     )
     note = (
-        "Over the last wavelength of the input, so many samples; where it does not repeat itself, over all of them. Before: over the "
-        "wavelengths before, with the transient at the beginning. Velocities are central differences."
+        "Over the last wavelength of the input, so many samples; where it does not repeat "
+        "itself, over all of them. Before: over the "
+        "wavelengths before, with the transient at the beginning. Velocities are central "
+        "differences."
     )
     return Table.of("waveforms", "Errors over one wavelength", columns, rows, note)

@@ -1,4 +1,6 @@
-"""Writes a report: figures, tables, and one self-contained HTML page without scripts and network."""
+"""Writes a report: figures, tables, and one self-contained HTML page without scripts and
+network.
+"""
 
 from __future__ import annotations
 
@@ -10,11 +12,29 @@ from pathlib import Path
 from typing import Any
 
 from mapmore_cli.domain.scores import FIGURES
-from mapmore_cli.reporting.figures.drawing import SVG_PROLOGUE, WRITERS, Drawing, Panel, RenderedFigure, Values, compose, drawings, rendered
+from mapmore_cli.reporting.figures.drawing import (
+    SVG_PROLOGUE,
+    WRITERS,
+    Drawing,
+    Panel,
+    RenderedFigure,
+    Values,
+    compose,
+    drawings,
+    rendered,
+)
 from mapmore_cli.reporting.figures.style import figure_style
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.score_tables import verdict
-from mapmore_cli.reporting.table import SCREEN_SCALE, Table, csv_text, environment, number_text, to_csv, to_latex
+from mapmore_cli.reporting.table import (
+    SCREEN_SCALE,
+    Table,
+    csv_text,
+    environment,
+    number_text,
+    to_csv,
+    to_latex,
+)
 from mapmore_cli.reporting.tables import all_tables
 
 LONG_TABLE = 40
@@ -24,15 +44,23 @@ TABLE_FILES: Mapping[str, Callable[[Table], str]] = {"csv": to_csv, "tex": to_la
 """What is written of a table, by format."""
 
 PAPER = frozenset({"pdf", "png", "pgf"})
-"""Formats of figures for print: with one of these, every panel is a file of its own, beside the numbers that it was drawn from."""
+"""Formats of figures for print: with one of these, every panel is a file of its own, beside the
+numbers that it was drawn from.
+"""
 
 LONGEST_STEM = 80
 MOST_NUMBERS = 20_000
-"""Rows of a figure's numbers beside the page; longer ones are written on demand (`mapmore figure --data`)."""
+"""Rows of a figure's numbers beside the page; longer ones are written on demand (`mapmore figure
+--data`).
+"""
 
 
-def render_page(inputs: ReportInputs, tables: Sequence[Table], figures: Mapping[str, Sequence[RenderedFigure]]) -> str:
-    """Return the page, from the template `templates/page.html`, with `figures` by section; every text of the user's is escaped."""
+def render_page(
+    inputs: ReportInputs, tables: Sequence[Table], figures: Mapping[str, Sequence[RenderedFigure]]
+) -> str:
+    """Return the page, from the template `templates/page.html`, with `figures` by section; every
+    text of the user's is escaped.
+    """
     template = environment().get_template("page.html")
     return template.render(
         inputs=inputs,
@@ -46,20 +74,30 @@ def render_page(inputs: ReportInputs, tables: Sequence[Table], figures: Mapping[
 
 
 def render_campaign(
-    title: str, tables: Sequence[Table], figures: Sequence[RenderedFigure], pages: Mapping[str, str], failed: Mapping[str, str]
+    title: str,
+    tables: Sequence[Table],
+    figures: Sequence[RenderedFigure],
+    pages: Mapping[str, str],
+    failed: Mapping[str, str],
 ) -> str:
     """Return the page: `pages` are links by run, `failed` the messages of runs that did not end."""
     template = environment().get_template("campaign.html")
-    return template.render(title=title, tables=tables, figures=figures, scale=SCREEN_SCALE, pages=pages, failed=failed)
+    return template.render(
+        title=title, tables=tables, figures=figures, scale=SCREEN_SCALE, pages=pages, failed=failed
+    )
 
 
-def write_report(inputs: ReportInputs, out: Path, figures: Sequence[str], formats: Sequence[str]) -> None:
+def write_report(
+    inputs: ReportInputs, out: Path, figures: Sequence[str], formats: Sequence[str]
+) -> None:
     """Write the report into the folder `out`, byte for byte the same for the same inputs.
 
     - `figures`: names out of `domain.scores.FIGURES`.
-    - `formats`: `html`: index.html, with the figures in it; `svg`: a file for each figure; `csv`, `tex`: tables/*, and with a page `csv`
+    - `formats`: `html`: index.html, with the figures in it; `svg`: a file for each figure; `csv`,
+      `tex`: tables/*, and with a page `csv`
       of what each figure was drawn from, numbers/*; `pdf`, `png`, `pgf`:
-      panels/*, every panel of every figure in these formats (and as SVG where that is asked for too), and as CSV.
+      panels/*, every panel of every figure in these formats (and as SVG where that is asked for
+      too), and as CSV.
     """
     tables = all_tables(inputs)
     out.mkdir(parents=True, exist_ok=True)
@@ -69,7 +107,9 @@ def write_report(inputs: ReportInputs, out: Path, figures: Sequence[str], format
                 _write(out / "tables" / f"{table.name}.{suffix}", text_of(table))
     if set(formats) <= set(TABLE_FILES):
         return
-    drawn = [(name, drawing) for name in FIGURES if name in figures for drawing in drawings(name, inputs)]
+    drawn = [
+        (name, drawing) for name in FIGURES if name in figures for drawing in drawings(name, inputs)
+    ]
     if {"html", "svg"} & set(formats):
         sections: dict[str, list[RenderedFigure]] = {}
         for name, drawing in drawn:
@@ -82,25 +122,49 @@ def write_report(inputs: ReportInputs, out: Path, figures: Sequence[str], format
         if "html" in formats:
             _write(out / "index.html", render_page(inputs, tables, sections))
     if PAPER & set(formats):
-        _write_panels([(drawing, panel) for _, drawing in drawn for panel in drawing.panels], out / "panels", formats, inputs)
+        _write_panels(
+            [(drawing, panel) for _, drawing in drawn for panel in drawing.panels],
+            out / "panels",
+            formats,
+            inputs,
+        )
 
 
 def _with_numbers(figure: RenderedFigure, drawing: Drawing, out: Path) -> RenderedFigure:
-    """Write what a figure was drawn from beside the page, panel below panel, and return the figure with the name of the file."""
+    """Write what a figure was drawn from beside the page, panel below panel, and return the figure
+    with the name of the file.
+    """
     sizes = [len(next(iter(panel.data.values()), ())) for panel in drawing.panels]
     if not 0 < sum(sizes) <= MOST_NUMBERS:
         return figure
     headings = dict.fromkeys(heading for panel in drawing.panels for heading in panel.data)
-    table: dict[str, list[Any]] = {"panel": [panel.key for panel, size in zip(drawing.panels, sizes, strict=True) for _ in range(size)]}
+    table: dict[str, list[Any]] = {
+        "panel": [
+            panel.key
+            for panel, size in zip(drawing.panels, sizes, strict=True)
+            for _ in range(size)
+        ]
+    }
     for heading in headings:
         pairs = zip((panel.data.get(heading, ()) for panel in drawing.panels), sizes, strict=True)
-        table[heading] = [value for values, size in pairs for value in (values if len(values) else [math.nan] * size)]
+        table[heading] = [
+            value
+            for values, size in pairs
+            for value in (values if len(values) else [math.nan] * size)
+        ]
     _write(out / "numbers" / f"{drawing.name}.csv", data_csv(table))
     return replace(figure, numbers=f"numbers/{drawing.name}.csv")
 
 
-def _write_panels(panels: Sequence[tuple[Drawing, Panel]], folder: Path, formats: Sequence[str], inputs: ReportInputs) -> None:
-    """Write every panel as a file of its own in every format of figures that is asked for, and the numbers behind it."""
+def _write_panels(
+    panels: Sequence[tuple[Drawing, Panel]],
+    folder: Path,
+    formats: Sequence[str],
+    inputs: ReportInputs,
+) -> None:
+    """Write every panel as a file of its own in every format of figures that is asked for, and the
+    numbers behind it.
+    """
     folder.mkdir(exist_ok=True)
     for stem, (drawing, panel) in zip(_stems(panels), panels, strict=True):
         _write(folder / f"{stem}.csv", data_csv(panel.data))
@@ -112,7 +176,9 @@ def _write_panels(panels: Sequence[tuple[Drawing, Panel]], folder: Path, formats
 
 
 def _stems(panels: Sequence[tuple[Drawing, Panel]]) -> Iterator[str]:
-    """Yield a name for the files of every panel: of its figure and of what tells it from the others, in letters that any system takes."""
+    """Yield a name for the files of every panel: of its figure and of what tells it from the
+    others, in letters that any system takes.
+    """
     taken: set[str] = set()
     for drawing, panel in panels:
         words = re.sub(r"[^A-Za-z0-9=+-]+", "_", panel.key).strip("_")[:LONGEST_STEM]
@@ -125,8 +191,12 @@ def _stems(panels: Sequence[tuple[Drawing, Panel]]) -> Iterator[str]:
 
 
 def data_csv(data: Mapping[str, Values]) -> str:
-    """Return what a panel was drawn from, a column for each heading; 12 significant digits, an empty field where there is no number."""
-    columns = (values if isinstance(values, Sequence) else values.tolist() for values in data.values())
+    """Return what a panel was drawn from, a column for each heading; 12 significant digits, an
+    empty field where there is no number.
+    """
+    columns = (
+        values if isinstance(values, Sequence) else values.tolist() for values in data.values()
+    )
     return csv_text(data, zip(*(map(number_text, cells) for cells in columns), strict=True))
 
 

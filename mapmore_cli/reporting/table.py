@@ -1,4 +1,6 @@
-"""A table as data, its renderings (CSV, text, Markdown, LaTeX, HTML), and what all pages share: templates, names of models for people."""
+"""A table as data, its renderings (CSV, text, Markdown, LaTeX, HTML), and what all pages share:
+templates, names of models for people.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +36,8 @@ WRITTEN = re.compile(r"(.*?)(?: \[(.*?)\])?(?: (#?\.\d+\w))?", re.DOTALL)
 class Column:
     """A column: `unit` is empty where there is none to name, `spec` formats its floats for people.
 
-    Equations have two forms: as `text`, which LaTeX leaves out, and as LaTeX `source`, which LaTeX sets. A `model` is the name of one.
+    Equations have two forms: as `text`, which LaTeX leaves out, and as LaTeX `source`, which LaTeX
+    sets. A `model` is the name of one.
     """
 
     name: str
@@ -44,7 +47,9 @@ class Column:
 
     @classmethod
     def of(cls, text: str) -> Column:
-        """Return the column that is written as `RMSE [N] .3g`: its name, its unit and its format, of which both may be left out."""
+        """Return the column that is written as `RMSE [N] .3g`: its name, its unit and its format,
+        of which both may be left out.
+        """
         found = WRITTEN.fullmatch(text)
         assert found is not None
         name, unit, spec = found.groups()
@@ -78,14 +83,20 @@ class Table:
     notes: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, name: str, title: str, columns: Columns, rows: Iterable[Sequence[Cell]], *notes: str) -> Table:
+    def of(
+        cls, name: str, title: str, columns: Columns, rows: Iterable[Sequence[Cell]], *notes: str
+    ) -> Table:
         """Return a table; what users name is given as a column, not as the text of one."""
-        heads = tuple(Column.of(column) if isinstance(column, str) else column for column in columns)
+        heads = tuple(
+            Column.of(column) if isinstance(column, str) else column for column in columns
+        )
         return cls(name, title, heads, tuple(map(tuple, rows)), notes)
 
     def __post_init__(self) -> None:
         if any(len(row) != len(self.columns) for row in self.rows):
-            raise ValueError(f"table {self.name!r}: a row is not as long as the {len(self.columns)} columns")
+            raise ValueError(
+                f"table {self.name!r}: a row is not as long as the {len(self.columns)} columns"
+            )
 
     @property
     def headings(self) -> tuple[str, ...]:
@@ -95,12 +106,18 @@ class Table:
     @property
     def numeric(self) -> tuple[bool, ...]:
         """Which columns hold numbers, and are aligned to the right."""
-        return tuple(any(isinstance(row[j], int | float) for row in self.rows) for j in range(len(self.columns)))
+        return tuple(
+            any(isinstance(row[j], int | float) for row in self.rows)
+            for j in range(len(self.columns))
+        )
 
     @property
     def shown(self) -> tuple[tuple[str, ...], ...]:
         """Cells as people read them, row for row."""
-        return tuple(tuple(_show(cell, column) for cell, column in zip(row, self.columns, strict=True)) for row in self.rows)
+        return tuple(
+            tuple(_show(cell, column) for cell, column in zip(row, self.columns, strict=True))
+            for row in self.rows
+        )
 
 
 def _show(cell: Cell, column: Column) -> str:
@@ -110,8 +127,12 @@ def _show(cell: Cell, column: Column) -> str:
 
 
 def to_csv(table: Table) -> str:
-    """Comma-separated, units in the header, 12 significant digits, an empty field where there is no number."""
-    return csv_text(map(csv_cell, table.headings), ([number_text(cell) for cell in row] for row in table.rows))
+    """Comma-separated, units in the header, 12 significant digits, an empty field where there is no
+    number.
+    """
+    return csv_text(
+        map(csv_cell, table.headings), ([number_text(cell) for cell in row] for row in table.rows)
+    )
 
 
 def csv_text(headings: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
@@ -125,7 +146,13 @@ def number_text(cell: Cell) -> str:
     """Return a cell for CSV: numbers with 12 significant digits, nothing where there is none."""
     if cell is None or (isinstance(cell, float) and math.isnan(cell)):
         return ""
-    return format(cell, ".12g") if isinstance(cell, float) else csv_cell(cell) if isinstance(cell, str) else str(cell)
+    return (
+        format(cell, ".12g")
+        if isinstance(cell, float)
+        else csv_cell(cell)
+        if isinstance(cell, str)
+        else str(cell)
+    )
 
 
 def to_text(table: Table) -> str:
@@ -134,8 +161,14 @@ def to_text(table: Table) -> str:
     widths = [max(len(line[j]) for line in lines) for j in range(len(table.columns))]
     rule = tuple("-" * width for width in widths)
     sides = [str.rjust if number else str.ljust for number in table.numeric]
-    body = [[pad(text, width) for pad, text, width in zip(sides, line, widths, strict=True)] for line in (lines[0], rule, *lines[1:])]
-    return "\n".join([table.title, "", *("  ".join(line).rstrip() for line in body), *table.notes]) + "\n"
+    body = [
+        [pad(text, width) for pad, text, width in zip(sides, line, widths, strict=True)]
+        for line in (lines[0], rule, *lines[1:])
+    ]
+    return (
+        "\n".join([table.title, "", *("  ".join(line).rstrip() for line in body), *table.notes])
+        + "\n"
+    )
 
 
 _MARKUP = re.compile(
@@ -143,7 +176,8 @@ _MARKUP = re.compile(
     r"|(?<![A-Za-z0-9])_|_(?![A-Za-z0-9])"  # within a word it is itself
     r"|\](?=[(\[:])"  # the end of a link's or a picture's text
     r"|(?<=:)/(?=/)|(?<=www)\."  # addresses become links
-    r"|^(?:>|[-+](?=\s|$)|[#=-]+(?=\s|$))|(?<=^\d)[.)](?=\s)"  # headings, lists, quotations and rules
+    # headings, lists, quotations and rules
+    r"|^(?:>|[-+](?=\s|$)|[#=-]+(?=\s|$))|(?<=^\d)[.)](?=\s)"
 )
 
 
@@ -154,23 +188,50 @@ def markdown_text(text: str) -> str:
 
 
 def to_markdown(table: Table, text: Callable[[str], str] = markdown_text) -> str:
-    """Return a pipe table with its title in bold and its notes below; `text` writes each of their texts."""
+    """Return a pipe table with its title in bold and its notes below; `text` writes each of their
+    texts.
+    """
     rule = tuple("---:" if number else "---" for number in table.numeric)
     written = [tuple(map(text, line)) for line in (table.headings, *table.shown)]
     lines = [f"| {' | '.join(line)} |" for line in (written[0], rule, *written[1:])]
-    return "\n".join([f"**{text(table.title)}**", "", *lines, *(f"\n{text(note)}" for note in table.notes)]) + "\n"
+    return (
+        "\n".join(
+            [f"**{text(table.title)}**", "", *lines, *(f"\n{text(note)}" for note in table.notes)]
+        )
+        + "\n"
+    )
 
 
 def to_latex(table: Table) -> str:
-    """Return a `tabular` with booktabs rules, title and notes as comments, equations set; it needs `\\usepackage{booktabs}`."""
+    """Return a `tabular` with booktabs rules, title and notes as comments, equations set; it needs
+    `\\usepackage{booktabs}`.
+    """
     kept = [(j, column) for j, column in enumerate(table.columns) if column.form != "text"]
     sources = sum(column.form == "source" for _, column in kept)
     equation = rf"p{{{EQUATIONS / max(sources, 1):.3g}\linewidth}}"
-    align = "".join(equation if column.form == "source" else "r" if table.numeric[j] else "l" for j, column in kept)
-    head = [column.heading.replace("latex", "equation") if column.form == "source" else column.heading for _, column in kept]
-    rows = [[EQUATION.format(line[j]) if column.form == "source" else tex_text(line[j]) for j, column in kept] for line in table.shown]
+    align = "".join(
+        equation if column.form == "source" else "r" if table.numeric[j] else "l"
+        for j, column in kept
+    )
+    head = [
+        column.heading.replace("latex", "equation") if column.form == "source" else column.heading
+        for _, column in kept
+    ]
+    rows = [
+        [
+            EQUATION.format(line[j]) if column.form == "source" else tex_text(line[j])
+            for j, column in kept
+        ]
+        for line in table.shown
+    ]
     lines = [" & ".join(line) + r" \\" for line in (map(tex_text, head), *rows)]
-    frame = [*tex_comment(table.title, *table.notes), rf"\begin{{tabular}}{{{align}}}", r"\toprule", lines[0], r"\midrule"]
+    frame = [
+        *tex_comment(table.title, *table.notes),
+        rf"\begin{{tabular}}{{{align}}}",
+        r"\toprule",
+        lines[0],
+        r"\midrule",
+    ]
     return "\n".join([*frame, *lines[1:], r"\bottomrule", r"\end{tabular}"]) + "\n"
 
 
@@ -180,22 +241,40 @@ def to_html(table: Table, spoken: Callable[[str], str] = str) -> str:
     `spoken` gives the names of models, and those among the headings, as people write them.
     """
     kinds = [' class="number"' if number else "" for number in table.numeric]
-    head = "".join(f'<th scope="col"{kind}>{_html_heading(column, spoken)}</th>' for column, kind in zip(table.columns, kinds, strict=True))
+    head = "".join(
+        f'<th scope="col"{kind}>{_html_heading(column, spoken)}</th>'
+        for column, kind in zip(table.columns, kinds, strict=True)
+    )
     said = [spoken if column.form == "model" else str for column in table.columns]
-    body = "\n".join(_html_row(tuple(say(text) for say, text in zip(said, line, strict=True)), kinds) for line in table.shown)
-    return f"<table>\n<caption>{escape(table.title)}</caption>\n<thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n</tbody>\n</table>"
+    body = "\n".join(
+        _html_row(tuple(say(text) for say, text in zip(said, line, strict=True)), kinds)
+        for line in table.shown
+    )
+    return (
+        f"<table>\n<caption>{escape(table.title)}</caption>\n<thead><tr>{head}</tr></thead>\n"
+        f"<tbody>\n{body}\n</tbody>\n</table>"
+    )
 
 
 def _html_heading(column: Column, spoken: Callable[[str], str]) -> str:
-    """Return the heading, which may break after an underscore and before its unit, but not within that."""
+    """Return the heading, which may break after an underscore and before its unit, but not within
+    that.
+    """
     unit = column.heading.removeprefix(column.name).strip()
-    return escape(spoken(column.name)).replace("_", "_<wbr>") + (f' <span class="unit">{escape(unit)}</span>' if unit else "")
+    return escape(spoken(column.name)).replace("_", "_<wbr>") + (
+        f' <span class="unit">{escape(unit)}</span>' if unit else ""
+    )
 
 
 def _html_row(line: Sequence[str], kinds: Sequence[str]) -> str:
     cells = [f'<th scope="row"{kinds[0]}>{_html_text(line[0])}</th>']
-    long = [kind or (' class="long"' if len(text) > LONG_TEXT else "") for text, kind in zip(line, kinds, strict=True)]
-    cells += [f"<td{kind}>{_html_text(text)}</td>" for text, kind in zip(line[1:], long[1:], strict=True)]
+    long = [
+        kind or (' class="long"' if len(text) > LONG_TEXT else "")
+        for text, kind in zip(line, kinds, strict=True)
+    ]
+    cells += [
+        f"<td{kind}>{_html_text(text)}</td>" for text, kind in zip(line[1:], long[1:], strict=True)
+    ]
     return f"<tr>{''.join(cells)}</tr>"
 
 
@@ -212,22 +291,37 @@ OTHERS = {**BASELINES, **SIMPLE}
 
 @lru_cache(maxsize=10_000)
 def title_of(text: str) -> str:
-    """Return the title of the model or of the sum of models that a text names, `sarosi_hinged` as `Sárosi, hinged`; else the text."""
+    """Return the title of the model or of the sum of models that a text names, `sarosi_hinged` as
+    `Sárosi, hinged`; else the text.
+    """
     from mapmore_cli.modelling import literature  # a table by itself needs no formulas
 
     names = text.split("+")
-    found = [OTHERS.get(name) or (literature.get(name).title if name in literature.names() else "") for name in names]
+    found = [
+        OTHERS.get(name) or (literature.get(name).title if name in literature.names() else "")
+        for name in names
+    ]
     return text if "" in found else " + ".join(found)
 
 
 @cache
 def environment() -> Environment:
     """Return the templates of the package, with tables and figures as filters."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined  # tables and figures need none of it
+    from jinja2 import (
+        Environment,
+        PackageLoader,
+        StrictUndefined,
+    )  # tables and figures need none of it
     from markupsafe import Markup
 
     loader = PackageLoader("mapmore_cli.reporting")
-    templates = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    templates = Environment(
+        loader=loader,
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
     templates.filters["table"] = lambda table: Markup(to_html(table, title_of))
     templates.filters["svg"] = lambda figure: Markup(figure.svg)
     return templates

@@ -1,7 +1,8 @@
 """Files that name several studies.
 
-A campaign is one spec run in several variants, or several specs, with one page over all. A paper lists its equations, tables and figures,
-where each is here, and which numbers of ours stand beside the printed ones.
+A campaign is one spec run in several variants, or several specs, with one page over all. A paper
+lists its equations, tables and figures, where each is here, and which numbers of ours stand beside
+the printed ones.
 """
 
 # ruff: noqa: RUF012 (pydantic copies the default of a field for every instance)
@@ -28,7 +29,9 @@ from mapmore_cli.spec.yaml_loader import as_overrides, read_source
 
 
 class Variant(Section):
-    """One run of a campaign: a spec (the campaign's `base` by default), the run's `name`, and keys to `set` as `--set` does."""
+    """One run of a campaign: a spec (the campaign's `base` by default), the run's `name`, and keys
+    to `set` as `--set` does.
+    """
 
     base: SpecPath | None = None
     name: Name | None = None
@@ -37,7 +40,10 @@ class Variant(Section):
 
     def _contradictions(self) -> Iterator[ValueError]:
         if self.base is None and self.name is None:
-            yield Contradiction("a variant of the campaign's base needs a `name`", "add it: every run has a folder of its own")
+            yield Contradiction(
+                "a variant of the campaign's base needs a `name`",
+                "add it: every run has a folder of its own",
+            )
 
 
 class Campaign(Section):
@@ -49,16 +55,22 @@ class Campaign(Section):
     base: SpecPath | None = None
     runs: Annotated[list[Variant], Field(min_length=1)]
     relative_to: str | None = None  # the model that ratios are taken to
-    best_of: list[str] = []  # formulas of which the best in each run, picked afterwards, is compared with
+    best_of: list[
+        str
+    ] = []  # formulas of which the best in each run, picked afterwards, is compared with
 
     def _contradictions(self) -> Iterator[ValueError]:
         if self.base is None and any(run.base is None for run in self.runs):
-            yield Contradiction("a run has no spec", "give the campaign a `base`, or each run one", "runs")
+            yield Contradiction(
+                "a run has no spec", "give the campaign a `base`, or each run one", "runs"
+            )
 
 
 @dataclass(frozen=True)
 class Entry:
-    """A spec to run, with overrides as on the command line; `campaign` is the file that asks for it, where one does."""
+    """A spec to run, with overrides as on the command line; `campaign` is the file that asks for
+    it, where one does.
+    """
 
     config: Path
     overrides: tuple[str, ...]
@@ -75,16 +87,24 @@ def is_campaign(path: Path) -> bool:
 
 
 def load_campaign(path: Path) -> tuple[Campaign, tuple[Entry, ...]]:
-    """Read a campaign and the runs that it stands for; raises SpecError as `spec.loader.load` does."""
+    """Read a campaign and the runs that it stands for; raises SpecError as `spec.loader.load`
+    does.
+    """
     loaded = load_as(path, Campaign)
     entries = []
     for run in loaded.spec.runs:
         named = {} if run.name is None else {"name": run.name}
-        entries.append(Entry(loaded.folder / str(run.base or loaded.spec.base), as_overrides({**named, **run.set})))
+        entries.append(
+            Entry(
+                loaded.folder / str(run.base or loaded.spec.base),
+                as_overrides({**named, **run.set}),
+            )
+        )
     return loaded.spec, tuple(entries)
 
 
-# Papers -----------------------------------------------------------------------------------------------------------------------------
+# Papers
+# --------------------------------------------------------------------------------------------------
 
 _ID = re.compile(r"(equation|table|figure|text) (\d+)(?:([a-z])|(?: to (\d+)))?(?:, .*)?")
 
@@ -93,20 +113,27 @@ class Verdict(Section):
     """When a number of ours agrees with a printed one: exactly one of the keys."""
 
     within: Annotated[float, Gt(0)] | None = None  # the greatest distance, in the printed unit
-    factor: Annotated[float, Gt(1)] | None = None  # within which sizes are of each other, with one sign
-    order: list[str] | None = None  # the columns whose groups are ordered by the numbers, least first
+    factor: Annotated[float, Gt(1)] | None = (
+        None  # within which sizes are of each other, with one sign
+    )
+    order: list[str] | None = (
+        None  # the columns whose groups are ordered by the numbers, least first
+    )
     bound: Literal["at_least", "at_most"] | None = None  # what the printed number is to ours
     same: Literal[True] | None = None  # words
 
     def _contradictions(self) -> Iterator[ValueError]:
         if len(self.model_fields_set) != 1:
-            yield Contradiction("a verdict has one rule", "give `within`, `factor`, `order`, `bound` or `same`")
+            yield Contradiction(
+                "a verdict has one rule", "give `within`, `factor`, `order`, `bound` or `same`"
+            )
 
 
 class Ours(Section):
     """Rows of a table of a run: its scores, or any table of its page, by its name there.
 
-    Texts in `run` and `rows` may hold `{column}` of the printed row; printed rows that ask for the same rows take them in turn.
+    Texts in `run` and `rows` may hold `{column}` of the printed row; printed rows that ask for the
+    same rows take them in turn.
     """
 
     run: SpecPath
@@ -116,7 +143,9 @@ class Ours(Section):
 
 
 class Number(Section):
-    """Two numbers side by side, each a column or an expression of columns; names of columns of ours are written with underscores."""
+    """Two numbers side by side, each a column or an expression of columns; names of columns of ours
+    are written with underscores.
+    """
 
     name: str
     unit: str = ""
@@ -127,7 +156,9 @@ class Number(Section):
 
 
 class Comparison(Section):
-    """A published table beside ours, row by row. `where` keeps rows of it; `labels` are the columns that name a row."""
+    """A published table beside ours, row by row. `where` keeps rows of it; `labels` are the columns
+    that name a row.
+    """
 
     title: str
     published: str
@@ -164,10 +195,12 @@ class Drawn(Section):
 
 
 class Item(Section):
-    """An equation, a table, a figure or a passage of the paper, as `figure 3`, `equation 2 to 9` or `text 1, section IV.B`.
+    """An equation, a table, a figure or a passage of the paper, as `figure 3`, `equation 2 to 9` or
+    `text 1, section IV.B`.
 
-    `computed`: the program computes it; `compared`: our numbers stand beside it; `drawn`: our figure does; `told`: a page tells of it.
-    `place` lists files where it is, from the paper's `root`; after a `#` stand words that the file holds.
+    `computed`: the program computes it; `compared`: our numbers stand beside it; `drawn`: our
+    figure does; `told`: a page tells of it. `place` lists files where it is, from the paper's
+    `root`; after a `#` stand words that the file holds.
     """
 
     id: Annotated[str, Field(pattern=rf"^{_ID.pattern}$")]
@@ -212,7 +245,9 @@ LoadedPaper = Loaded[Paper]
 
 
 def load_paper(path: Path) -> LoadedPaper:
-    """Read a paper; raises SpecError for every mistake at once, also a numbered item that is not listed, and a place that is not there."""
+    """Read a paper; raises SpecError for every mistake at once, also a numbered item that is not
+    listed, and a place that is not there.
+    """
     return load_as(path, Paper, check=lambda paper: _findings(paper, path.parent))
 
 
@@ -221,12 +256,25 @@ def _findings(paper: Paper, folder: Path) -> Iterator[Finding]:
     for kind, count in paper.has.items():
         for number in range(1, count + 1):
             if (kind, number) not in listed:
-                yield Finding(("items",), f"{kind} {number} is not listed", "add an item with its status and its place", on_key=True)
+                yield Finding(
+                    ("items",),
+                    f"{kind} {number} is not listed",
+                    "add an item with its status and its place",
+                    on_key=True,
+                )
     for k, item in enumerate(paper.items):
         for j, place in enumerate(item.place):
             name, _, words = place.partition("#")
             file = folder / paper.root / name
             if not file.exists():
-                yield Finding(("items", k, "place", j), f"there is no {file}", "places start at the paper's `root`")
+                yield Finding(
+                    ("items", k, "place", j),
+                    f"there is no {file}",
+                    "places start at the paper's `root`",
+                )
             elif words and words not in file.read_text(encoding="utf-8"):
-                yield Finding(("items", k, "place", j), f"{name} does not hold {words!r}", "name words that stand there")
+                yield Finding(
+                    ("items", k, "place", j),
+                    f"{name} does not hold {words!r}",
+                    "name words that stand there",
+                )

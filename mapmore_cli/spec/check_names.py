@@ -1,4 +1,6 @@
-"""Checks of names and terms: they are of quantities of the study, and memory has the time it goes by and settings that act on it."""
+"""Checks of names and terms: they are of quantities of the study, and memory has the time it goes
+by and settings that act on it.
+"""
 
 from __future__ import annotations
 
@@ -38,10 +40,18 @@ DERIVED = ("damping", "hysteresis")
 """Targets that no column holds: nothing of them can be fed back."""
 
 
-def unknown_quantity(name: str, have: Sequence[str], loc: Loc, offset: int = 0, on_key: bool = False) -> Iterator[Finding]:
+def unknown_quantity(
+    name: str, have: Sequence[str], loc: Loc, offset: int = 0, on_key: bool = False
+) -> Iterator[Finding]:
     """Yield that a name is no quantity of the study, where it is none."""
     if name not in have:
-        yield Finding(loc, f"there is no quantity `{name}` in this study", did_you_mean(name, have), offset, on_key)
+        yield Finding(
+            loc,
+            f"there is no quantity `{name}` in this study",
+            did_you_mean(name, have),
+            offset,
+            on_key,
+        )
 
 
 def names(spec: ExperimentSpec) -> Iterator[Finding]:
@@ -57,7 +67,11 @@ def _uses(spec: ExperimentSpec) -> Iterator[tuple[Loc, str | None]]:
     for name, rule in data.derive.items():
         for key in ("rate_of", "direction_of"):
             yield ("data", "derive", name, key), getattr(rule, key, None)
-    files = [(("data", "files", i, "keep"), file.keep) for i, file in enumerate(data.files) if isinstance(file, FileEntry)]
+    files = [
+        (("data", "files", i, "keep"), file.keep)
+        for i, file in enumerate(data.files)
+        if isinstance(file, FileEntry)
+    ]
     for loc, conditions in [(("data", "keep"), data.keep), *files]:
         for i, condition in enumerate(conditions):
             yield (*loc, i, "quantity"), condition.quantity
@@ -80,12 +94,19 @@ def _uses(spec: ExperimentSpec) -> Iterator[tuple[Loc, str | None]]:
 
 
 def derived(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Check that derived quantities have names of their own, can be computed, and do not depend on themselves."""
+    """Check that derived quantities have names of their own, can be computed, and do not depend on
+    themselves.
+    """
     needs: dict[str, set[str]] = {}
     for name, rule in spec.data.derive.items():
         loc = ("data", "derive", name)
         if name in spec.data.measured:
-            yield Finding(loc, f"`{name}` is a column and derived as well", "give the column another name", on_key=True)
+            yield Finding(
+                loc,
+                f"`{name}` is a column and derived as well",
+                "give the column another name",
+                on_key=True,
+            )
         match rule:
             case Rate():
                 needs[name] = {rule.rate_of}
@@ -100,11 +121,18 @@ def derived(spec: ExperimentSpec) -> Iterator[Finding]:
         graphlib.TopologicalSorter(needs).prepare()
     except graphlib.CycleError as error:
         circle = [str(name) for name in error.args[1]]
-        yield Finding(("data", "derive", circle[0]), f"derived in a circle: {' <- '.join(circle)}", "break the circle", on_key=True)
+        yield Finding(
+            ("data", "derive", circle[0]),
+            f"derived in a circle: {' <- '.join(circle)}",
+            "break the circle",
+            on_key=True,
+        )
 
 
 def expression_findings(text: str, loc: Loc, have: Sequence[str]) -> Iterator[Finding]:
-    """Yield what is wrong with an expression of the quantities of a study, as they are at the same moment."""
+    """Yield what is wrong with an expression of the quantities of a study, as they are at the same
+    moment.
+    """
     try:
         names = parse(text).names
     except ExpressionError as error:
@@ -116,7 +144,9 @@ def expression_findings(text: str, loc: Loc, have: Sequence[str]) -> Iterator[Fi
         yield from unknown_quantity(quantity, have, loc, at)
         if name != quantity and quantity in have:
             remedy = "name the state in the `dictionary`, or derive rates by `rate_of`"
-            yield Finding(loc, f"`{name}` has memory, which derived quantities have not", remedy, offset=at)
+            yield Finding(
+                loc, f"`{name}` has memory, which derived quantities have not", remedy, offset=at
+            )
 
 
 def clocks(spec: ExperimentSpec) -> Iterator[Finding]:
@@ -133,25 +163,45 @@ def clocks(spec: ExperimentSpec) -> Iterator[Finding]:
             yield Finding(loc, "a join on time needs the time of the first log", NO_TIME)
         if join.match is not None and join.match.first not in (have := sorted(taken - {"time"})):
             remedy = did_you_mean(join.match.first, have) or f"name one of {', '.join(have)}"
-            yield Finding((*loc, "match", "first"), f"there is no quantity `{join.match.first}` in the first log", remedy)
+            yield Finding(
+                (*loc, "match", "first"),
+                f"there is no quantity `{join.match.first}` in the first log",
+                remedy,
+            )
         for name in join.quantities:
             if name in taken:
-                yield Finding((*loc, "columns", name), f"`{name}` is a column already", "give one of both another name", on_key=True)
+                yield Finding(
+                    (*loc, "columns", name),
+                    f"`{name}` is a column already",
+                    "give one of both another name",
+                    on_key=True,
+                )
         taken.update(join.quantities)
 
 
-# Terms -------------------------------------------------------------------------------------------------------------------------------
+# Terms
+# --------------------------------------------------------------------------------------------------
 
 
 def terms(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Require that every text of the dictionary is a term or the name of a state, of quantities of the study."""
+    """Require that every text of the dictionary is a term or the name of a state, of quantities of
+    the study.
+    """
     target = spec.target_quantity
     for loc, name, family in entries_of(spec.dictionary):
         for at, text, is_expression in texts_in(loc, family):
-            yield from _expression(text, at, spec) if is_expression else _state(text, at, spec, name, family)
+            yield from (
+                _expression(text, at, spec)
+                if is_expression
+                else _state(text, at, spec, name, family)
+            )
         if isinstance(family, Lags) and target in family.of and 0 in family.steps:
             remedy = f"{OF_NOTHING}: begin at 1, and give the inputs `lags` of their own"
-            yield Finding((*loc, "steps", family.steps.index(0)), f"step 0 of the target `{target}` is the target itself", remedy)
+            yield Finding(
+                (*loc, "steps", family.steps.index(0)),
+                f"step 0 of the target `{target}` is the target itself",
+                remedy,
+            )
         if isinstance(family, Products):
             yield from _partners(family, loc)
 
@@ -164,29 +214,50 @@ def _expression(text: str, loc: Loc, spec: ExperimentSpec) -> Iterator[Finding]:
         return
     found = []
     for one in map(state, sorted(term.names)):
-        found += [*unknown_quantity(one.quantity, spec.quantities, loc, _word(one.quantity, text)), *_of_target(one, text, loc, spec)]
+        found += [
+            *unknown_quantity(one.quantity, spec.quantities, loc, _word(one.quantity, text)),
+            *_of_target(one, text, loc, spec),
+        ]
     yield from found
     of_target = [name for name in term.names if state(name).quantity == spec.target_quantity]
     if of_target and not found:
-        from mapmore_cli.modelling.memory.feedback import parted  # takes long to load, and few specs need it
+        from mapmore_cli.modelling.memory.feedback import (
+            parted,
+        )  # takes long to load, and few specs need it
 
         yield from refused(loc, parted, term, of_target)
 
 
-def _state(text: str, loc: Loc, spec: ExperimentSpec, name: str, family: Family) -> Iterator[Finding]:
+def _state(
+    text: str, loc: Loc, spec: ExperimentSpec, name: str, family: Family
+) -> Iterator[Finding]:
     try:
         found = state(text)
     except ExpressionError as error:
         remedy = "name a quantity, or a state with memory, as `play(pressure, 0.16)`"
-        yield Finding(loc, f"not the name of a quantity or a state: {error.message}", remedy, offset=error.position)
+        yield Finding(
+            loc,
+            f"not the name of a quantity or a state: {error.message}",
+            remedy,
+            offset=error.position,
+        )
         return
     yield from unknown_quantity(found.quantity, spec.quantities, loc, _word(found.quantity, text))
     target = spec.target_quantity
     if not isinstance(family, Lags | Delays):
-        yield from _of_target(found if isinstance(family, Polynomial | Products | AlongRange) else Operated(name, found), text, loc, spec)
+        yield from _of_target(
+            found
+            if isinstance(family, Polynomial | Products | AlongRange)
+            else Operated(name, found),
+            text,
+            loc,
+            spec,
+        )
     elif spec.target not in DERIVED and found.quantity == target and isinstance(found, Lagged):
         remedy = f"name `{target}` itself: here it is delayed"
-        yield Finding(loc, f"`{text}` is of the target, and no quantity", remedy, offset=_word(target, text))
+        yield Finding(
+            loc, f"`{text}` is of the target, and no quantity", remedy, offset=_word(target, text)
+        )
     elif spec.target in DERIVED or not isinstance(found, Measured):
         yield from _of_target(found, text, loc, spec)
 
@@ -196,25 +267,41 @@ def _of_target(found: State, text: str, loc: Loc, spec: ExperimentSpec) -> Itera
     target, is_derived = spec.target_quantity, spec.target in DERIVED
     if found.quantity != target:
         return
-    from mapmore_cli.modelling.memory.feedback import looks_back  # takes long to load, and few specs need it
+    from mapmore_cli.modelling.memory.feedback import (
+        looks_back,
+    )  # takes long to load, and few specs need it
 
     if is_derived or isinstance(found, Measured):
         back = "" if is_derived else f", or let it look back, as `{target}[k-1]`"
-        yield Finding(loc, f"`{target}` is the target", f"{OF_NOTHING}: take it out{back}", offset=_word(target, text))
+        yield Finding(
+            loc,
+            f"`{target}` is the target",
+            f"{OF_NOTHING}: take it out{back}",
+            offset=_word(target, text),
+        )
     elif not looks_back(found):
-        what = f"`{found.name.partition('(')[0]}` works on `{target}` as it is now, which is the target"
+        what = (
+            f"`{found.name.partition('(')[0]}` works on `{target}` as it is now, which is the "
+            "target"
+        )
         remedy = f"let the operator look back: write `{target}[k-1]` in place of `{target}`"
         yield Finding(loc, what, remedy, offset=_word(target, text))
 
 
 def _partners(family: Products, loc: Loc) -> Iterator[Finding]:
-    """Require partners of products to be among their terms; only the fit knows what families within products will be called."""
+    """Require partners of products to be among their terms; only the fit knows what families within
+    products will be called.
+    """
     texts = [text for text in family.of if isinstance(text, str)]
     names = [_canonical(text) for text in texts]
     for place, partner in enumerate(family.partners or () if len(names) == len(family.of) else ()):
         if _canonical(partner) not in names:
             remedy = f"add it to `of`: there are {', '.join(texts)}"
-            yield Finding((*loc, "with", place), f"`{partner}` is none of the terms that are multiplied", remedy)
+            yield Finding(
+                (*loc, "with", place),
+                f"`{partner}` is none of the terms that are multiplied",
+                remedy,
+            )
 
 
 def _canonical(text: str) -> str:
@@ -231,11 +318,14 @@ def _word(name: str, text: str) -> int:
     return found.start() if found else 0
 
 
-# Memory ------------------------------------------------------------------------------------------------------------------------------
+# Memory
+# --------------------------------------------------------------------------------------------------
 
 
 def times(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Require the time, in seconds, of samples in their order beside their neighbours, where a model runs along recordings."""
+    """Require the time, in seconds, of samples in their order beside their neighbours, where a
+    model runs along recordings.
+    """
     if not spec.runs_over_time:
         return
     data = spec.data
@@ -247,12 +337,20 @@ def times(spec: ExperimentSpec) -> Iterator[Finding]:
     if "time" not in data.quantities:
         yield Finding(where, f"{who} needs the time", NO_TIME)
     elif default_unit("time", spec.units) != "s":
-        yield Finding("units.time:", f"{who} goes by the time in s", "remove it: columns are converted")
+        yield Finding(
+            "units.time:", f"{who} goes by the time in s", "remove it: columns are converted"
+        )
     if data.cycles is not None:
-        what = f"`cycles` puts samples in the order of `{data.cycles.over}`, and {who} goes by the time"
+        what = (
+            f"`cycles` puts samples in the order of `{data.cycles.over}`, and {who} goes by "
+            "the time"
+        )
         yield Finding("data.cycles:", what, "remove `cycles`")
     if data.split.hold_out is not None and data.split.hold_out.fraction is not None:
-        what = f"samples drawn at random are held out from between those that train, and {who} runs along all of them"
+        what = (
+            f"samples drawn at random are held out from between those that train, and {who} "
+            "runs along all of them"
+        )
         remedy = "hold out the end of every recording, as `last: 0.25`, or whole `recordings`"
         yield Finding("data.split.validate.fraction:", what, remedy)
 
@@ -267,8 +365,13 @@ def pieces(spec: ExperimentSpec) -> Iterator[Finding]:
             yield Finding(("segment", name), f"{ONE}: `{name}` cannot be cut", remedy, on_key=True)
     levels = spec.data.levels
     if levels is not None and levels.of not in spec.segment:
-        remedy = f"add `segment: {{{levels.of}: none}}`, and name `{levels.of}` in the terms where it matters"
-        yield Finding("data.levels:", f"{ONE}: it is not interpolated between levels of `{levels.of}`", remedy)
+        remedy = (
+            f"add `segment: {{{levels.of}: none}}`, and name `{levels.of}` in the terms where "
+            "it matters"
+        )
+        yield Finding(
+            "data.levels:", f"{ONE}: it is not interpolated between levels of `{levels.of}`", remedy
+        )
     for key in spec.fuse.changed:
         yield Finding(f"fuse.{key}:", f"{ONE}: there is nothing to join", f"remove `{key}`")
 
@@ -279,40 +382,85 @@ def settings(spec: ExperimentSpec) -> Iterator[Finding]:
         yield from _with_memory(spec.fit)
         yield from _in_free_run(spec)
     elif spec.model.type == "mapmore" and not remembers(spec.dictionary):
-        remedy = "remove it, or add a family with memory to the `dictionary`, as `lags`, `slow` or `play`"
+        remedy = (
+            "remove it, or add a family with memory to the `dictionary`, as `lags`, `slow` or "
+            "`play`"
+        )
         for key in spec.fit.changed:
             said = f"{key}: {getattr(spec.fit, key)}"
             if key in ("margin", "ridge", "forward"):
-                yield Finding(f"fit.{key}:", f"`{key}` belongs to terms with memory, and there are none", remedy)
-            elif said in ("scaling: range", "stop: free_run", "criterion: free_run", "select: free_run"):
-                yield Finding(f"fit.{key}", f"`{said}` belongs to terms with memory, and there are none", remedy)
+                yield Finding(
+                    f"fit.{key}:",
+                    f"`{key}` belongs to terms with memory, and there are none",
+                    remedy,
+                )
+            elif said in (
+                "scaling: range",
+                "stop: free_run",
+                "criterion: free_run",
+                "select: free_run",
+            ):
+                yield Finding(
+                    f"fit.{key}",
+                    f"`{said}` belongs to terms with memory, and there are none",
+                    remedy,
+                )
 
 
 def _with_memory(fit: Fit) -> Iterator[Finding]:
     if fit.scaling not in ("none", "range"):
-        yield Finding("fit.scaling", f"`{fit.scaling}` scales segments, and {ONE}", "write `none`, or `range`")
+        yield Finding(
+            "fit.scaling", f"`{fit.scaling}` scales segments, and {ONE}", "write `none`, or `range`"
+        )
     if "margin" in fit.changed and fit.scaling != "range":
-        yield Finding("fit.margin:", "`margin` clips states that are scaled", "add `scaling: range`, or remove it")
+        yield Finding(
+            "fit.margin:",
+            "`margin` clips states that are scaled",
+            "add `scaling: range`, or remove it",
+        )
     if fit.train_level != "all":
         yield Finding(
-            "fit.train_level:", f"{ONE}: it learns from all training levels", "remove it, or hold out the other levels by `split`"
+            "fit.train_level:",
+            f"{ONE}: it learns from all training levels",
+            "remove it, or hold out the other levels by `split`",
         )
     if fit.forward is None:
         return
     if fit.ridge == 0.0:
-        yield Finding("fit.forward:", "terms are pruned only where there is a ridge", "add `ridge: auto`, or remove `forward`")
+        yield Finding(
+            "fit.forward:",
+            "terms are pruned only where there is a ridge",
+            "add `ridge: auto`, or remove `forward`",
+        )
     elif fit.max_terms != AUTO and fit.forward < fit.most_terms:
-        remedy = f"write {fit.max_terms} or more, or remove it: three times `max_terms` are chosen then"
-        yield Finding("fit.forward", f"{fit.forward} terms cannot be pruned to `max_terms: {fit.max_terms}`", remedy)
+        remedy = (
+            f"write {fit.max_terms} or more, or remove it: three times `max_terms` are chosen then"
+        )
+        yield Finding(
+            "fit.forward",
+            f"{fit.forward} terms cannot be pruned to `max_terms: {fit.max_terms}`",
+            remedy,
+        )
 
 
 def _in_free_run(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Refuse free runs where the output is not fed back, since they are then as one step ahead; what chooses by them is of one mind."""
+    """Refuse free runs where the output is not fed back, since they are then as one step ahead;
+    what chooses by them is of one mind.
+    """
     fit, target = spec.fit, spec.target_quantity
     for key in ("criterion", "select", "start"):
-        if getattr(fit, key) not in ("one_step", "measured") and not feeds_back(spec.dictionary, target):
-            what = f"nothing of the output {target} is fed back: its free run is its prediction one step ahead"
-            yield Finding(f"fit.{key}:", what, f"remove `{key}`, or add delays, as `lags: {{of: [{target}], steps: [1, 2]}}`")
+        if getattr(fit, key) not in ("one_step", "measured") and not feeds_back(
+            spec.dictionary, target
+        ):
+            what = (
+                f"nothing of the output {target} is fed back: its free run is its prediction "
+                "one step ahead"
+            )
+            yield Finding(
+                f"fit.{key}:",
+                what,
+                f"remove `{key}`, or add delays, as `lags: {{of: [{target}], steps: [1, 2]}}`",
+            )
             return
     for key in ("criterion", "stop"):
         if fit.select == "free_run" and getattr(fit, key) != "free_run":

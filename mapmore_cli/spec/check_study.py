@@ -1,4 +1,6 @@
-"""Checks that the choices of an experiment fit each other: levels, hold-out, target, the kind of model, formulas, metrics, units."""
+"""Checks that the choices of an experiment fit each other: levels, hold-out, target, the kind of
+model, formulas, metrics, units.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +36,8 @@ MOTION = ("damping", "dynamic")
 """Targets that are made of a static and a damping part."""
 
 
-# Segments, levels and groups ---------------------------------------------------------------------------------------------------------
+# Segments, levels and groups
+# --------------------------------------------------------------------------------------------------
 
 
 def segments(spec: ExperimentSpec) -> Iterator[Finding]:
@@ -45,28 +48,67 @@ def segments(spec: ExperimentSpec) -> Iterator[Finding]:
         if name == spec.target_quantity:
             yield Finding(loc, f"`{name}` is the target", f"{OF_NOTHING}: take it out", on_key=True)
         if cut == "levels" and name != level:
-            yield Finding(loc, f"`{name}` has no levels", f"add `levels: {{of: {name}}}` to `data`, or cut it by `method: even`")
+            yield Finding(
+                loc,
+                f"`{name}` has no levels",
+                f"add `levels: {{of: {name}}}` to `data`, or cut it by `method: even`",
+            )
         if isinstance(cut, Cuts) and name == level:
-            remedy = f"remove it: `levels` segments `{name}` already; or write `{name}: none` to pool all levels"
-            yield Finding(loc, f"`{name}` is constant within a curve and cannot be cut", remedy, on_key=True)
-        if isinstance(cut, Cuts) and cut.method == "optimal" and not (spec.model.type == "mapmore" and spec.dictionary):
-            what = f"`optimal` places boundaries by fits of terms, and model `{spec.model.type}` has none"
+            remedy = (
+                f"remove it: `levels` segments `{name}` already; or write `{name}: none` to "
+                "pool all levels"
+            )
+            yield Finding(
+                loc, f"`{name}` is constant within a curve and cannot be cut", remedy, on_key=True
+            )
+        if (
+            isinstance(cut, Cuts)
+            and cut.method == "optimal"
+            and not (spec.model.type == "mapmore" and spec.dictionary)
+        ):
+            what = (
+                f"`optimal` places boundaries by fits of terms, and model `{spec.model.type}` "
+                "has none"
+            )
             yield Finding(loc, what, "use another `method`, or remove it", on_key=True)
         if isinstance(cut, CutByDirection) and name != DIRECTION:
-            yield Finding(loc, f"`{name}` has no rise and fall", f"call it `{DIRECTION}`", on_key=True)
+            yield Finding(
+                loc, f"`{name}` has no rise and fall", f"call it `{DIRECTION}`", on_key=True
+            )
         if isinstance(cut, CutByDirection) and name in spec.data.quantities:
-            remedy = f"derive it or cut by it: remove `{name}` from `data`, or write `{name}: {{method: breakpoints, at: [0]}}` here"
+            remedy = (
+                f"derive it or cut by it: remove `{name}` from `data`, or write `{name}: "
+                f"{{method: breakpoints, at: [0]}}` here"
+            )
             yield Finding(loc, f"`{name}` is a quantity of the data already", remedy, on_key=True)
 
 
 def left_out(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Require levels or groups that can be left out, and a model that can be fitted without them."""
+    """Require levels or groups that can be left out, and a model that can be fitted without
+    them.
+    """
     for key, given, what, example, instead in (
-        ("leave_one_level_out", spec.data.levels, "levels", "levels", "recordings, as `validate: {last: 0.5}`"),
-        ("leave_one_group_out", spec.data.groups, "groups", "groups: {of: specimen}", "one, as `validate: {specimen: [2]}`"),
+        (
+            "leave_one_level_out",
+            spec.data.levels,
+            "levels",
+            "levels",
+            "recordings, as `validate: {last: 0.5}`",
+        ),
+        (
+            "leave_one_group_out",
+            spec.data.groups,
+            "groups",
+            "groups: {of: specimen}",
+            "one, as `validate: {specimen: [2]}`",
+        ),
     ):
         if getattr(spec.data.split, key) and given is None:
-            yield Finding(f"data.split.{key}:", f"there are no {what} to leave out", f"add `{example}` to `data`")
+            yield Finding(
+                f"data.split.{key}:",
+                f"there are no {what} to leave out",
+                f"add `{example}` to `data`",
+            )
         elif getattr(spec.data.split, key) and (spec.has_memory or spec.model.type == "sum"):
             why = f"neither a model with memory nor a sum can be fitted without one of the {what}"
             yield Finding(f"data.split.{key}:", why, f"hold out {instead}")
@@ -84,31 +126,58 @@ def groups(spec: ExperimentSpec) -> Iterator[Finding]:
         why = "the offset of a group that is left out is not known"
         yield Finding("data.groups.offset:", why, "remove `offset` or `leave_one_group_out`")
     if of.offset and spec.target in DERIVED:
-        yield Finding("data.groups.offset:", f"the {spec.target} force is a difference, which no offset changes", "remove `offset`")
+        yield Finding(
+            "data.groups.offset:",
+            f"the {spec.target} force is a difference, which no offset changes",
+            "remove `offset`",
+        )
 
 
 def after_cycles(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Refuse what goes by the time of joined branches: their samples stand in the order of `cycles.over`."""
+    """Refuse what goes by the time of joined branches: their samples stand in the order of
+    `cycles.over`.
+    """
     cycles, hold_out = spec.data.cycles, spec.data.split.hold_out
     if cycles is None:
         return
     uses: list[Loc] = [("segment", "time")] if "time" in spec.segment else []
-    uses += [("data", "split", "validate", "time")] if hold_out is not None and "time" in hold_out.quantities else []
+    uses += (
+        [("data", "split", "validate", "time")]
+        if hold_out is not None and "time" in hold_out.quantities
+        else []
+    )
     for loc, _, family in entries_of(spec.dictionary):
         uses += [at for at, text, _ in texts_in(loc, family) if re.search(r"\btime\b", text)]
     for loc in uses:
-        what = f"`cycles` puts samples in the order of `{cycles.over}`: they have no `time` any more"
-        yield Finding(loc, what, f"name `{cycles.over}` or another quantity, or remove `cycles`", on_key=loc[-1] == "time")
+        what = (
+            f"`cycles` puts samples in the order of `{cycles.over}`: they have no `time` any more"
+        )
+        yield Finding(
+            loc,
+            what,
+            f"name `{cycles.over}` or another quantity, or remove `cycles`",
+            on_key=loc[-1] == "time",
+        )
 
 
 def joining(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Require something for what is set about the way between levels, or about a residual, to act on."""
+    """Require something for what is set about the way between levels, or about a residual, to act
+    on.
+    """
     pooled = spec.data.levels is None or spec.segment.get(spec.data.levels.of) == "none"
     for key in spec.fuse.changed:
         if key in ("levels", "align") and pooled:
-            yield Finding(f"fuse.{key}:", "there are no levels to interpolate between", f"remove `{key}`, or add `levels` to `data`")
+            yield Finding(
+                f"fuse.{key}:",
+                "there are no levels to interpolate between",
+                f"remove `{key}`, or add `levels` to `data`",
+            )
         if key == "shrink" and spec.model.backbone is None:
-            yield Finding("fuse.shrink:", "there is no residual to carry", "remove it, or give the `model` a `backbone`")
+            yield Finding(
+                "fuse.shrink:",
+                "there is no residual to carry",
+                "remove it, or give the `model` a `backbone`",
+            )
 
 
 def chosen_levels(spec: ExperimentSpec) -> Iterator[Finding]:
@@ -116,7 +185,9 @@ def chosen_levels(spec: ExperimentSpec) -> Iterator[Finding]:
     levels, hold_out, trains = spec.data.levels, spec.data.split.hold_out, spec.fit.train_level
     if levels is None:
         if trains != "all":
-            yield Finding("fit.train_level:", "there are no levels to choose from", "add `levels` to `data`")
+            yield Finding(
+                "fit.train_level:", "there are no levels to choose from", "add `levels` to `data`"
+            )
         return
     if isinstance(levels.at, str):
         return
@@ -127,19 +198,39 @@ def chosen_levels(spec: ExperimentSpec) -> Iterator[Finding]:
     reach = levels.within or (levels.spacing or 0) / 2
     for i, value in enumerate(values if isinstance(values, list) else ()):
         if min(abs(value - level) for level in levels.at) > reach:
-            yield Finding(("data", "split", "validate", levels.of, i), f"{value:g} is no level of `{levels.of}`", known)
+            yield Finding(
+                ("data", "split", "validate", levels.of, i),
+                f"{value:g} is no level of `{levels.of}`",
+                known,
+            )
 
 
-# Target and kind of model ------------------------------------------------------------------------------------------------------------
+# Target and kind of model
+# --------------------------------------------------------------------------------------------------
 
 
 def target(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Require what a target is made of: its quantity, load cycles, plateaus, the runs that it builds on."""
-    target, needs, plateau, have = spec.target_quantity, spec.needs, spec.data.plateau, spec.data.quantities
+    """Require what a target is made of: its quantity, load cycles, plateaus, the runs that it
+    builds on.
+    """
+    target, needs, plateau, have = (
+        spec.target_quantity,
+        spec.needs,
+        spec.data.plateau,
+        spec.data.quantities,
+    )
     if not isinstance(spec.target, TargetColumn) and target not in have:
-        yield Finding("target", f"target `{spec.target}` needs the quantity `{target}`", f"add `{target}` to `columns`")
+        yield Finding(
+            "target",
+            f"target `{spec.target}` needs the quantity `{target}`",
+            f"add `{target}` to `columns`",
+        )
     if spec.target == "hysteresis" and spec.data.cycles is None:
-        yield Finding("target", "target `hysteresis` needs load cycles", "add `cycles: {over: strain}` to `data`")
+        yield Finding(
+            "target",
+            "target `hysteresis` needs load cycles",
+            "add `cycles: {over: strain}` to `data`",
+        )
     if spec.target == "damping" and needs.static is None:
         yield Finding("target", "target `damping` needs a static model", STATIC_RUN)
     if spec.target == "damping" and plateau is None:
@@ -151,13 +242,23 @@ def target(spec: ExperimentSpec) -> Iterator[Finding]:
         yield Finding("target", f"the sum of two models needs {' and '.join(missing)}", remedy)
     for name in ("time", STEP_OF) if plateau is not None else ():
         if name not in have:
-            yield Finding("data.plateau:", f"`plateau` needs the quantity `{name}`", f"add `{name}` to `columns`")
+            yield Finding(
+                "data.plateau:",
+                f"`plateau` needs the quantity `{name}`",
+                f"add `{name}` to `columns`",
+            )
     if isinstance(plateau, tuple) and plateau[0] >= plateau[1]:
-        yield Finding("data.plateau", f"the plateau runs from {plateau[0]:g} s to {plateau[1]:g} s", "put the earlier time first")
+        yield Finding(
+            "data.plateau",
+            f"the plateau runs from {plateau[0]:g} s to {plateau[1]:g} s",
+            "put the earlier time first",
+        )
 
 
 def kind(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Require what the kind of model is made of, and a model that can be inverted where it is scored as one of its inputs."""
+    """Require what the kind of model is made of, and a model that can be inverted where it is
+    scored as one of its inputs.
+    """
     model, scored_as = spec.model, spec.validation.as_
     if model.family is not None:
         for name in ("pressure", "strain", model.family.of):
@@ -167,45 +268,87 @@ def kind(spec: ExperimentSpec) -> Iterator[Finding]:
     if model.backbone == AUTO and spec.has_memory:
         what = "`auto` chooses by left-out levels or blocks, and a model with memory has none"
         yield Finding("model.backbone", what, "name a formula, as `sarosi`")
-    elif model.backbone == AUTO and any(isinstance(cut, Cuts) and cut.method == "optimal" for cut in spec.segment.values()):
+    elif model.backbone == AUTO and any(
+        isinstance(cut, Cuts) and cut.method == "optimal" for cut in spec.segment.values()
+    ):
         what = "`auto` chooses for given segments, and `optimal` ones depend on the backbone"
         yield Finding("model.backbone", what, "name a formula, as `sarosi`, or cut `even`")
-    if scored_as is not None and (not isinstance(spec.target, TargetColumn) or scored_as == spec.target.column):
+    if scored_as is not None and (
+        not isinstance(spec.target, TargetColumn) or scored_as == spec.target.column
+    ):
         remedy = "set `target: {column: strain}`, or remove `as`"
-        yield Finding("validate.as", f"`{scored_as}` needs a model of another quantity to be inverted", remedy)
+        yield Finding(
+            "validate.as", f"`{scored_as}` needs a model of another quantity to be inverted", remedy
+        )
     elif scored_as is not None and (spec.has_memory or model.type != "mapmore"):
-        yield Finding("validate.as", "only a model of pieces can be inverted to be scored", "remove `as`")
+        yield Finding(
+            "validate.as", "only a model of pieces can be inverted to be scored", "remove `as`"
+        )
 
 
 def state_space(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Check a state-space model: what drives it is measured and is not its target, and its settings have something to act on."""
+    """Check a state-space model: what drives it is measured and is not its target, and its settings
+    have something to act on.
+    """
     model = spec.model
     if model.type != "state_space":
         return
     if not isinstance(spec.target, TargetColumn):
-        what = f"a state-space model predicts a measured quantity, not the component `{spec.target}`"
+        what = (
+            f"a state-space model predicts a measured quantity, not the component `{spec.target}`"
+        )
         yield Finding("target", what, "write `target: {column: displacement}`")
     for key, name in (("input", model.input), ("load", model.load)):
         if name is not None:
             yield from unknown_quantity(name, spec.data.quantities, ("model", key))
             if name == spec.target_quantity:
-                yield Finding(f"model.{key}", f"`{name}` is the target", "name the quantity that drives it, as a pressure or a voltage")
-    if not isinstance(model.sections, int) and any(after <= before for before, after in pairwise(model.sections)):
+                yield Finding(
+                    f"model.{key}",
+                    f"`{name}` is the target",
+                    "name the quantity that drives it, as a pressure or a voltage",
+                )
+    if not isinstance(model.sections, int) and any(
+        after <= before for before, after in pairwise(model.sections)
+    ):
         remedy = f"write `sections: {sorted(set(model.sections))}`"
-        yield Finding("model.sections", "the boundaries between the sections do not increase", remedy)
+        yield Finding(
+            "model.sections", "the boundaries between the sections do not increase", remedy
+        )
     if model.dead_band > 0 and not (model.direction and model.switching == "bumpless"):
-        what = "a dead band goes with `direction: true` and `switching: bumpless`; other switching goes by every change of the input"
+        what = (
+            "a dead band goes with `direction: true` and `switching: bumpless`; other "
+            "switching goes by every change of the input"
+        )
         yield Finding("model.dead_band:", what, "remove it")
     for key in ("bounds", "begin"):
         if getattr(model, key) is not None and model.solver != "swarm":
-            yield Finding(f"model.{key}:", f"`solver: {model.solver}` looks at all stable sections", f"remove `{key}`")
+            yield Finding(
+                f"model.{key}:",
+                f"`solver: {model.solver}` looks at all stable sections",
+                f"remove `{key}`",
+            )
     if model.mask != "input" and not model.direction:
-        yield Finding("model.mask:", "`mask` tells rise from fall, and sections have no direction", "add `direction: true`")
+        yield Finding(
+            "model.mask:",
+            "`mask` tells rise from fall, and sections have no direction",
+            "add `direction: true`",
+        )
     if model.polish and model.solver == "least_squares":
-        yield Finding("model.polish:", "`polish` goes on by least squares, which this solver is", "remove it")
-    if model.solver == "swarm" and (model.offset or model.load is not None or model.switching == "bumpless"):
-        what = "`solver: swarm` looks for P1, P2 and P3 alone, which an offset, a load or bumpless switching are not"
-        yield Finding("model.solver", what, "use `swarm_projected`, `differential_evolution` or `least_squares`")
+        yield Finding(
+            "model.polish:", "`polish` goes on by least squares, which this solver is", "remove it"
+        )
+    if model.solver == "swarm" and (
+        model.offset or model.load is not None or model.switching == "bumpless"
+    ):
+        what = (
+            "`solver: swarm` looks for P1, P2 and P3 alone, which an offset, a load or "
+            "bumpless switching are not"
+        )
+        yield Finding(
+            "model.solver",
+            what,
+            "use `swarm_projected`, `differential_evolution` or `least_squares`",
+        )
 
 
 def sums(spec: ExperimentSpec) -> Iterator[Finding]:
@@ -230,19 +373,29 @@ def _sum(spec: ExperimentSpec, parts: Sequence[Summand], loc: Loc) -> Iterator[F
         for name in part.inputs:
             if name not in formula.inputs:
                 remedy = did_you_mean(name, formula.inputs)
-                yield Finding((*loc, i, "inputs", name), f"`{part.formula}` has no input `{name}`", remedy, on_key=True)
+                yield Finding(
+                    (*loc, i, "inputs", name),
+                    f"`{part.formula}` has no input `{name}`",
+                    remedy,
+                    on_key=True,
+                )
         for name in formula.inputs:
             if name not in part.inputs and name not in spec.quantities:
                 remedy = f"say what it is here, as `inputs: {{{name}: my_{name}}}`"
-                yield Finding((*loc, i, "formula"), f"`{part.formula}` needs the quantity `{name}`", remedy)
+                yield Finding(
+                    (*loc, i, "formula"), f"`{part.formula}` needs the quantity `{name}`", remedy
+                )
     yield from refused(loc, refuse_shared_names, known)
 
 
-# Formulas and competitors ------------------------------------------------------------------------------------------------------------
+# Formulas and competitors
+# --------------------------------------------------------------------------------------------------
 
 
 def formula_called(spec: ExperimentSpec, name: str | None) -> LiteratureModel | None:
-    """Return a formula of the literature, or of the spec's own; None for another name, or where it cannot be read."""
+    """Return a formula of the literature, or of the spec's own; None for another name, or where it
+    cannot be read.
+    """
     if name in spec.own_formulas:
         try:
             return _defined(spec, spec.own_formulas[name])
@@ -252,25 +405,39 @@ def formula_called(spec: ExperimentSpec, name: str | None) -> LiteratureModel | 
 
 
 def _defined(spec: ExperimentSpec, one: OwnFormula) -> LiteratureModel:
-    units = {name: default_unit(name, spec.units) for name in (*spec.quantities, spec.target_quantity)}
+    units = {
+        name: default_unit(name, spec.units) for name in (*spec.quantities, spec.target_quantity)
+    }
     return formula_of(one.definition(units, units[spec.target_quantity]))
 
 
-def _unknown_formula(spec: ExperimentSpec, name: str | None, loc: Loc, others: Sequence[str] = ()) -> Iterator[Finding]:
-    if name is not None and name not in spec.own_formulas:  # what is wrong with one of its own is told where it is written
+def _unknown_formula(
+    spec: ExperimentSpec, name: str | None, loc: Loc, others: Sequence[str] = ()
+) -> Iterator[Finding]:
+    if (
+        name is not None and name not in spec.own_formulas
+    ):  # what is wrong with one of its own is told where it is written
         known = (*literature.names(), *spec.own_formulas, *others)
         yield Finding(loc, f"there is no literature model `{name}`", did_you_mean(name, known))
 
 
 def _rivals(spec: ExperimentSpec) -> list[tuple[Loc, Competitor]]:
     """Return the competitors with their places; a name alone is that of a model."""
-    against = (Competitor.model_construct(model=one) if isinstance(one, str) else one for one in spec.validation.against)
+    against = (
+        Competitor.model_construct(model=one) if isinstance(one, str) else one
+        for one in spec.validation.against
+    )
     return [(("validate", "against", i), one) for i, one in enumerate(against)]
 
 
 def _with_settings(spec: ExperimentSpec) -> list[tuple[str | None, ModelChoice | Competitor, Loc]]:
-    """Return the run's own model and its competitors: what formula each names, the settings, where they stand."""
-    return [(spec.model.name, spec.model, ("model",)), *((one.model, one, loc) for loc, one in _rivals(spec))]
+    """Return the run's own model and its competitors: what formula each names, the settings, where
+    they stand.
+    """
+    return [
+        (spec.model.name, spec.model, ("model",)),
+        *((one.model, one, loc) for loc, one in _rivals(spec)),
+    ]
 
 
 def formulas(spec: ExperimentSpec) -> Iterator[Finding]:
@@ -287,12 +454,19 @@ def formulas(spec: ExperimentSpec) -> Iterator[Finding]:
     for loc, name in uses:
         formula = formula_called(spec, name)
         if name is None or formula is None:
-            yield from _unknown_formula(spec, name, loc, (*BASELINES, *SIMPLE) if loc[0] == "validate" and loc[-1] == "model" else ())
+            yield from _unknown_formula(
+                spec,
+                name,
+                loc,
+                (*BASELINES, *SIMPLE) if loc[0] == "validate" and loc[-1] == "model" else (),
+            )
         else:
             yield from _needs(spec, name, formula, loc)
 
 
-def _needs(spec: ExperimentSpec, name: str, formula: LiteratureModel, loc: Loc) -> Iterator[Finding]:
+def _needs(
+    spec: ExperimentSpec, name: str, formula: LiteratureModel, loc: Loc
+) -> Iterator[Finding]:
     if loc == ("model", "name") and not formula.inputs:
         yield Finding(loc, f"`{name}` is no function of anything", "name it in `validate.against`")
     for dimension in formula.dimensions:
@@ -300,7 +474,11 @@ def _needs(spec: ExperimentSpec, name: str, formula: LiteratureModel, loc: Loc) 
             what = f"`{name}` has the {dimension} of the muscle, and is no backbone"
             yield Finding(loc, what, f"use `type: literature` with `{name}`")
         elif spec.muscle.lengths[dimension] is None:
-            yield Finding(loc, f"`{name}` needs the {dimension} of the muscle", f"add `{dimension}: 10 mm` (your number) to `muscle`")
+            yield Finding(
+                loc,
+                f"`{name}` needs the {dimension} of the muscle",
+                f"add `{dimension}: 10 mm` (your number) to `muscle`",
+            )
     for missing in formula.inputs:
         if missing not in spec.quantities:
             remedy = f"add `{missing}` to `columns` or `derive`, or leave `{name}` out"
@@ -308,27 +486,43 @@ def _needs(spec: ExperimentSpec, name: str, formula: LiteratureModel, loc: Loc) 
     if formula.fitted_to != literature.LOAD_CYCLES:
         return
     if loc[0] == "model":
-        yield Finding(loc, f"`{name}` is fitted to load cycles, not to a target", "name it in `validate.against`")
+        yield Finding(
+            loc,
+            f"`{name}` is fitted to load cycles, not to a target",
+            "name it in `validate.against`",
+        )
         return
     if spec.needs.static is None or spec.target not in MOTION:
         yield Finding(loc, f"`{name}` is fitted to the load cycles of a static run", STATIC_RUN)
     if spec.muscle.length is None:
-        yield Finding(loc, f"`{name}` needs the length of the muscle", "add `length: 88 mm` to `muscle`")
+        yield Finding(
+            loc, f"`{name}` needs the length of the muscle", "add `length: 88 mm` to `muscle`"
+        )
 
 
 def _other_rival(spec: ExperimentSpec, name: str, rival: Competitor, loc: Loc) -> Iterator[Finding]:
     if name == "backbone" and spec.model.backbone is None:
-        yield Finding(loc, "the model has no backbone", "give it one, as `model: {backbone: sarosi}`, or leave this out")
+        yield Finding(
+            loc,
+            "the model has no backbone",
+            "give it one, as `model: {backbone: sarosi}`, or leave this out",
+        )
     if name == "arx" and not spec.runs_over_time:
         yield Finding(loc, "`arx` runs along recordings, and the model does not", "leave it out")
     if name in BASELINES and find_spec("sklearn") is None:
-        yield Finding(loc, f"`{name}` needs scikit-learn, which is not installed", "install the extra: `pip install 'mapmore[baselines]'`")
+        yield Finding(
+            loc,
+            f"`{name}` needs scikit-learn, which is not installed",
+            "install the extra: `pip install 'mapmore[baselines]'`",
+        )
     if name in BASELINES and rival.method is not None:
         yield Finding((*loc, "method"), f"`{name}` has no `method`", "remove it", on_key=True)
 
 
 def competitors(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Require that formulas can be fitted in the way that is wanted, and competitors have names of their own and data to be fitted to."""
+    """Require that formulas can be fitted in the way that is wanted, and competitors have names of
+    their own and data to be fitted to.
+    """
     for name, settings, loc in _with_settings(spec):
         formula, starts = formula_called(spec, name), settings.starts
         if formula is not None and starts is not None:
@@ -336,23 +530,41 @@ def competitors(spec: ExperimentSpec) -> Iterator[Finding]:
     shown = [OWN, REPEATABILITY]
     for loc, rival in _rivals(spec):
         if rival.static is not None and spec.target not in MOTION:
-            yield Finding(loc, f"target `{spec.target}` has no static and damping parts", "give one `model`")
+            yield Finding(
+                loc, f"target `{spec.target}` has no static and damping parts", "give one `model`"
+            )
         elif rival.static is not None and spec.needs.static is None:
-            yield Finding(loc, "a static formula is fitted to the data of the static run", STATIC_RUN)
+            yield Finding(
+                loc, "a static formula is fitted to the data of the static run", STATIC_RUN
+            )
         if rival.label in shown:
-            yield Finding(loc, f"two models of the scores are named `{rival.label}`", "give this one a name: `{model: ..., as: NAME}`")
+            yield Finding(
+                loc,
+                f"two models of the scores are named `{rival.label}`",
+                "give this one a name: `{model: ..., as: NAME}`",
+            )
         shown.append(rival.label)
 
 
 def own_formulas(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Require that a formula of the spec's own has a name of its own, is an expression, and is linear in what has no bounds."""
+    """Require that a formula of the spec's own has a name of its own, is an expression, and is
+    linear in what has no bounds.
+    """
     taken = {*literature.names(), *BASELINES, *SIMPLE, OWN, REPEATABILITY, AUTO}
     for i, one in enumerate(spec.formulas):
         if isinstance(one, str):
-            yield Finding(("formulas", i), "this is no formula", "write `formulas: [my_formula.yaml]`, or the formula itself")
+            yield Finding(
+                ("formulas", i),
+                "this is no formula",
+                "write `formulas: [my_formula.yaml]`, or the formula itself",
+            )
             continue
         if one.name in taken:
-            yield Finding(("formulas", i, "name"), f"there is a model `{one.name}` already", "give this one another name")
+            yield Finding(
+                ("formulas", i, "name"),
+                f"there is a model `{one.name}` already",
+                "give this one another name",
+            )
         taken.add(one.name)
         loc = ("formulas", i, "expression")
         try:
@@ -362,26 +574,44 @@ def own_formulas(spec: ExperimentSpec) -> Iterator[Finding]:
         except SpecError as error:
             yield Finding(("formulas", i, "units"), error.message, error.remedy)
         except ValueError as error:
-            yield Finding(loc, str(error), "give `bounds` to every parameter in which it is not linear")
+            yield Finding(
+                loc, str(error), "give `bounds` to every parameter in which it is not linear"
+            )
         else:
             if not inputs:
-                yield Finding(loc, "the formula depends on no quantity", "name one, as `pressure`, that is no parameter")
+                yield Finding(
+                    loc,
+                    "the formula depends on no quantity",
+                    "name one, as `pressure`, that is no parameter",
+                )
             for state in (name for name in inputs if not name.isidentifier()):
-                yield Finding(loc, f"`{state}` is a state with memory", "a formula is of quantities; put states into the `dictionary`")
+                yield Finding(
+                    loc,
+                    f"`{state}` is a state with memory",
+                    "a formula is of quantities; put states into the `dictionary`",
+                )
 
 
-# Metrics and units -------------------------------------------------------------------------------------------------------------------
+# Metrics and units
+# --------------------------------------------------------------------------------------------------
 
 
 def metrics(spec: ExperimentSpec) -> Iterator[Finding]:
     """Require that limits are set on numbers of the score row."""
     for name in spec.validation.require:
         if name not in METRICS:
-            yield Finding(("validate", "require", name), f"there is no metric `{name}`", did_you_mean(name, METRICS), on_key=True)
+            yield Finding(
+                ("validate", "require", name),
+                f"there is no metric `{name}`",
+                did_you_mean(name, METRICS),
+                on_key=True,
+            )
 
 
 def units(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Require units that exist: the model's fit the canonical quantity, the columns' fit the model's."""
+    """Require units that exist: the model's fit the canonical quantity, the columns' fit the
+    model's.
+    """
     known = (*spec.data.quantities, *CANONICAL)
     wrong = []
     for name, unit in spec.units.items():
@@ -389,11 +619,16 @@ def units(spec: ExperimentSpec) -> Iterator[Finding]:
         found = _unit(("units", name), unit, default_unit(name) if is_canonical(name) else unit)
         wrong += [name] if found else []
         yield from found
-    tables: list[tuple[Loc, Logs]] = [(("data",), spec.data), *((("data", "join", i), join) for i, join in enumerate(spec.data.join))]
+    tables: list[tuple[Loc, Logs]] = [
+        (("data",), spec.data),
+        *((("data", "join", i), join) for i, join in enumerate(spec.data.join)),
+    ]
     for loc, table in tables:
         for name, column in table.columns.items():
             if column.unit is not None and name not in wrong:
-                yield from _unit((*loc, "columns", name, "unit"), column.unit, default_unit(name, spec.units))
+                yield from _unit(
+                    (*loc, "columns", name, "unit"), column.unit, default_unit(name, spec.units)
+                )
 
 
 def _unit(loc: Loc, unit: str, wanted: str) -> list[Finding]:

@@ -32,8 +32,9 @@ class Mistake:
 class Finding:
     """A mistake named by its way through the spec rather than by its place in a file.
 
-    The way is keys and list indices, or a text as `data.cycles`. `data.cycles:` and `on_key` put the mistake on the key in place of its
-    value. `offset` is the place within a text value, as of a syntax error in an expression.
+    The way is keys and list indices, or a text as `data.cycles`. `data.cycles:` and `on_key` put
+    the mistake on the key in place of its value. `offset` is the place within a text value, as of a
+    syntax error in an expression.
     """
 
     way: Loc | str
@@ -49,9 +50,15 @@ class Finding:
 
 
 def locate(finding: Finding, root: Node) -> Mistake:
-    """Return the finding with its place; a value that the sources do not hold is placed at its nearest ancestor."""
+    """Return the finding with its place; a value that the sources do not hold is placed at its
+    nearest ancestor.
+    """
     node = nearest(root, finding.loc)
-    on_key = finding.on_key or not finding.loc or (isinstance(finding.way, str) and finding.way.endswith(":"))
+    on_key = (
+        finding.on_key
+        or not finding.loc
+        or (isinstance(finding.way, str) and finding.way.endswith(":"))
+    )
     at = node.start if on_key else node.at
     if finding.offset and isinstance(node.value, str):
         written = _line(at)[at.column - 1 :]
@@ -71,7 +78,9 @@ def refused(way: Loc | str, attempt: Callable[..., object], *arguments: Any) -> 
 
 
 def did_you_mean(word: str, known: Iterable[str], otherwise: str = "known are") -> str | None:
-    """`did you mean ...?` for a near miss, else the list of what is known; None where nothing is."""
+    """`did you mean ...?` for a near miss, else the list of what is known; None where nothing
+    is.
+    """
     words = list(dict.fromkeys(known))
     lower = {candidate.casefold(): candidate for candidate in words}
     near = get_close_matches(word[:_WIDEST].casefold(), lower, n=1, cutoff=0.6)
@@ -85,10 +94,18 @@ def raise_if_any(problems: Sequence[Mistake]) -> None:
     if not problems:
         return
     sources = list(dict.fromkeys(problem.at.source for problem in problems))
-    ordered = sorted(problems, key=lambda problem: (sources.index(problem.at.source), problem.at.line, problem.at.column))
+    ordered = sorted(
+        problems,
+        key=lambda problem: (sources.index(problem.at.source), problem.at.line, problem.at.column),
+    )
     blocks = [_block(problem) for problem in dict.fromkeys(ordered)]
     if len(blocks) > _MOST:
-        blocks = [*blocks[:_MOST], f"... and {'at least ' if len(blocks) >= MOST_ERRORS else ''}{len(blocks) - _MOST} more mistakes"]
+        blocks = [
+            *blocks[:_MOST],
+            "... and "
+            f"{'at least ' if len(blocks) >= MOST_ERRORS else ''}{len(blocks) - _MOST} more "
+            "mistakes",
+        ]
     raise SpecError("\n\n".join(blocks))
 
 
@@ -102,7 +119,9 @@ def _block(problem: Mistake) -> str:
     lines = [f"{at}: {problem.message}"]
     if at.source.numbered and line.strip():
         start = max(0, at.column - 1 - _WIDEST // 2) if len(line) > _WIDEST else 0
-        shown = "".join(char if char.isprintable() else " " for char in line[start : start + _WIDEST])
+        shown = "".join(
+            char if char.isprintable() else " " for char in line[start : start + _WIDEST]
+        )
         lines += [f"{at.line:6d} | {shown}", f"{'|':>8} {' ' * (at.column - 1 - start)}^"]
     return "\n".join(lines if problem.remedy is None else [*lines, f"  {problem.remedy}"])
 
@@ -113,7 +132,8 @@ def _line(at: Position) -> str:
     return lines[at.line - 1] if at.line <= len(lines) else ""
 
 
-# What pydantic finds -----------------------------------------------------------------------------------------------------------------
+# What pydantic finds
+# --------------------------------------------------------------------------------------------------
 
 Explained = tuple[str, str | None]
 """What is wrong, and what would be right."""
@@ -122,10 +142,17 @@ MOST_ERRORS = 200
 """Errors that are explained: a list of thousands of wrong values is one mistake."""
 
 _EXPECTED = {
-    **{"string_type": "text", "int_type": "a whole number", "int_from_float": "a whole number", "float_type": "a number"},
+    **{
+        "string_type": "text",
+        "int_type": "a whole number",
+        "int_from_float": "a whole number",
+        "float_type": "a number",
+    },
     **{"bool_type": "true or false", "list_type": "a list", "tuple_type": "a list"},
     **dict.fromkeys(("is_instance_of", "sequence_str"), "a list"),  # of a `Sequence`
-    **dict.fromkeys(("dict_type", "model_type", "model_attributes_type", "dataclass_type"), "a mapping"),
+    **dict.fromkeys(
+        ("dict_type", "model_type", "model_attributes_type", "dataclass_type"), "a mapping"
+    ),
 }
 _UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
 _BOUNDS = {
@@ -137,15 +164,27 @@ _BOUNDS = {
 
 
 def explain(error: ValidationError, root: Node, model: type[BaseModel]) -> list[Mistake]:
-    """One problem for each mistake that pydantic found in the tree: a key that is missing because it is misspelt is one mistake."""
+    """One problem for each mistake that pydantic found in the tree: a key that is missing because
+    it is misspelt is one mistake.
+    """
     errors = error.errors(include_url=False)[:MOST_ERRORS]
     unknown = [_split(details["loc"], root)[0] for details in errors if details["type"] in _UNKNOWN]
-    meant = {(loc[:-1], tuple(get_close_matches(str(loc[-1]), keys_at(model, loc[:-1]), n=1))) for loc in unknown}
-    return [_problem(details, root, model) for details in errors if _split(details["loc"], root) not in meant]
+    meant = {
+        (loc[:-1], tuple(get_close_matches(str(loc[-1]), keys_at(model, loc[:-1]), n=1)))
+        for loc in unknown
+    }
+    return [
+        _problem(details, root, model)
+        for details in errors
+        if _split(details["loc"], root) not in meant
+    ]
 
 
-def lost(error: ValidationError, root: Node, model: type[BaseModel]) -> Iterator[tuple[Loc, Loc | None]]:
-    """Yield the ways to what pydantic refused, values and incomplete sections, each with the way to what the spec lacks without it.
+def lost(
+    error: ValidationError, root: Node, model: type[BaseModel]
+) -> Iterator[tuple[Loc, Loc | None]]:
+    """Yield the ways to what pydantic refused, values and incomplete sections, each with the way to
+    what the spec lacks without it.
 
     For an unknown key that is the key meant; None where it is near to no key that the spec lacks.
     """
@@ -154,7 +193,11 @@ def lost(error: ValidationError, root: Node, model: type[BaseModel]) -> Iterator
         meant: Loc | None = loc
         if details["type"] in _UNKNOWN:
             near = get_close_matches(str(loc[-1]), keys_at(model, loc[:-1]), n=1)
-            meant = (*loc[:-1], near[0]) if near and nearest(root, loc[:-1]).child(near[0]) is None else None
+            meant = (
+                (*loc[:-1], near[0])
+                if near and nearest(root, loc[:-1]).child(near[0]) is None
+                else None
+            )
         yield loc, meant
 
 
@@ -162,17 +205,28 @@ def _problem(details: ErrorDetails, root: Node, model: type[BaseModel]) -> Mista
     loc, rest = _split(details["loc"], root)
     node = nearest(root, loc)
     name = f"`{_dotted(loc)}`" if loc else "the spec"
-    for depth, key in enumerate(loc):  # a key that would be a quantity, but whose value says that a near one is meant
+    for depth, key in enumerate(
+        loc
+    ):  # a key that would be a quantity, but whose value says that a near one is meant
         known = keys_at(model, loc[:depth])
-        if known and isinstance(key, str) and key not in known and get_close_matches(key, known, n=1, cutoff=0.75):
-            return Mistake(nearest(root, loc[: depth + 1]).start, *_unknown_key(loc[: depth + 1], known))
+        if (
+            known
+            and isinstance(key, str)
+            and key not in known
+            and get_close_matches(key, known, n=1, cutoff=0.75)
+        ):
+            return Mistake(
+                nearest(root, loc[: depth + 1]).start, *_unknown_key(loc[: depth + 1], known)
+            )
     match details["type"]:
         case kind if kind in _UNKNOWN:
             return Mistake(node.start, *_unknown_key(loc, keys_at(model, loc[:-1])))
         case "missing" if isinstance(rest[-1], int):
             return Mistake(node.at, f"{name} has too few values", "give two: `[low, high]`")
         case "missing":
-            return Mistake(node.start, f"{name} lacks the key `{rest[-1]}`", f"add `{rest[-1]}: ...`")
+            return Mistake(
+                node.start, f"{name} lacks the key `{rest[-1]}`", f"add `{rest[-1]}: ...`"
+            )
         case "value_error" if isinstance(found := details["ctx"]["error"], Contradiction):
             beside = [node.child(key) for key in found.near]
             at = next((child.start for child in beside if child is not None), node.start)
@@ -187,7 +241,9 @@ def _of_value(details: ErrorDetails, value: object, name: str) -> Explained:
     context: dict[str, Any] = details.get("ctx", {})
     kind, shown = details["type"], _shown(value)
     if kind in _EXPECTED or kind == "union_tag_invalid":
-        expected = _EXPECTED.get(kind) or " or ".join(re.findall(r"<([^>]*)>", context["expected_tags"]))
+        expected = _EXPECTED.get(kind) or " or ".join(
+            re.findall(r"<([^>]*)>", context["expected_tags"])
+        )
         return f"{name} should be {expected}, but is {shown}", _shape_remedy(expected, value)
     if kind in _BOUNDS:
         key, words = _BOUNDS[kind]
@@ -198,9 +254,15 @@ def _of_value(details: ErrorDetails, value: object, name: str) -> Explained:
             word = "" if isinstance(value, dict | list) else str(value)
             return f"{name} cannot be {shown}", did_you_mean(word, known, "possible are")
         case "string_pattern_mismatch":
-            return f"{name} cannot be {shown}", "start with a letter or digit, and go on with letters, digits, `.`, `_` and `-`"
+            return (
+                f"{name} cannot be {shown}",
+                "start with a letter or digit, and go on with letters, digits, `.`, `_` and `-`",
+            )
         case "string_too_long":
-            return f"{name} is too long: {len(str(value))} characters", f"use {context['max_length']} at most"
+            return (
+                f"{name} is too long: {len(str(value))} characters",
+                f"use {context['max_length']} at most",
+            )
         case "too_short":
             return f"{name} is empty", f"give at least {context['min_length']}"
         case "too_long":
@@ -213,7 +275,9 @@ def _of_value(details: ErrorDetails, value: object, name: str) -> Explained:
 
 
 def _split(loc: Loc, root: Node) -> tuple[tuple[str | int, ...], tuple[str | int, ...]]:
-    """Return the part of pydantic's way that the tree holds, and the rest: tags of unions, and the key that is missing."""
+    """Return the part of pydantic's way that the tree holds, and the rest: tags of unions, and the
+    key that is missing.
+    """
     node = root
     held: list[str | int] = []
     rest: list[str | int] = []
@@ -242,13 +306,23 @@ def _shown(value: object) -> str:
         return shape(value).strip("<>")
     text = str(value)
     text = text if len(text) <= 40 else text[:40] + "..."
-    return f"the text {text!r}" if isinstance(value, str) else text.lower() if isinstance(value, bool) else text
+    return (
+        f"the text {text!r}"
+        if isinstance(value, str)
+        else text.lower()
+        if isinstance(value, bool)
+        else text
+    )
 
 
 def _shape_remedy(expected: str, value: object) -> str | None:
     if expected == "text" and isinstance(value, bool | int | float):
         return "put it in quotes"
-    if "number" in expected and isinstance(value, str) and re.fullmatch(r"\s*[-+]?[0-9.]+([eE][-+]?[0-9]+)?\s*", value):
+    if (
+        "number" in expected
+        and isinstance(value, str)
+        and re.fullmatch(r"\s*[-+]?[0-9.]+([eE][-+]?[0-9]+)?\s*", value)
+    ):
         return "remove the quotes"
     if "a list" in expected and isinstance(value, str | int | float):
         return f"write `[{value}]`"

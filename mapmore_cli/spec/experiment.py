@@ -1,7 +1,7 @@
 """The experiment spec as a pydantic model: its sections, and what holds between them.
 
-Units: every number is already in the model's unit; the loader turns `250 kPa` into a number before validation (see `spec.fields`), in
-the unit that the field's mark names.
+Units: every number is already in the model's unit; the loader turns `250 kPa` into a number before
+validation (see `spec.fields`), in the unit that the field's mark names.
 """
 
 # ruff: noqa: RUF012 (pydantic copies the default of a field for every instance)
@@ -33,12 +33,21 @@ from mapmore_cli.spec.fields import (
 )
 from mapmore_cli.spec.sections.data import Data
 from mapmore_cli.spec.sections.dictionary import DictionaryEntry, remembers
-from mapmore_cli.spec.sections.model import FitMethod, ModelChoice, Needs, OwnFormula, Summands, refuse_mixed
+from mapmore_cli.spec.sections.model import (
+    FitMethod,
+    ModelChoice,
+    Needs,
+    OwnFormula,
+    Summands,
+    refuse_mixed,
+)
 
 
 @dataclass(frozen=True)
 class Muscle(Settings):
-    """What was measured, with dimensions in metres; recorded in the results, and used by formulas that need dimensions."""
+    """What was measured, with dimensions in metres; recorded in the results, and used by formulas
+    that need dimensions.
+    """
 
     name: str | None = None
     kind: str | None = None
@@ -58,7 +67,8 @@ class TargetColumn(Settings):
     column: str
 
 
-# What comes out -----------------------------------------------------------------------------------------------------------------------
+# What comes out
+# --------------------------------------------------------------------------------------------------
 
 
 OtherSettings = Annotated[dict[str, Any], SettingsOfSpec(lambda: ExperimentSpec)]
@@ -66,13 +76,17 @@ OtherSettings = Annotated[dict[str, Any], SettingsOfSpec(lambda: ExperimentSpec)
 
 
 class Competitor(Section):
-    """A competitor with settings of its own: a literature `model`, or that of another `run` (the path of its spec) or of this one, changed.
+    """A competitor with settings of its own: a literature `model`, or that of another `run` (the
+    path of its spec) or of this one, changed.
 
-    - `model` may be a frozen one (a path that ends in `.h5`), with `as`, or a black box: `gaussian_process`, `gradient_boosting`, `mlp`.
+    - `model` may be a frozen one (a path that ends in `.h5`), with `as`, or a black box:
+      `gaussian_process`, `gradient_boosting`, `mlp`.
     - `set` has keys of this spec with other values. The run is called `<name>.<as>`.
-    - `static` and `damping` name two formulas that are added up. `static: mapmore` is the static model that the spec needs.
+    - `static` and `damping` name two formulas that are added up. `static: mapmore` is the static
+      model that the spec needs.
     - `sum` adds formulas with signs and renamed inputs, and fits them together.
-    - `method` says how a formula is fitted; `starts` where `levenberg_marquardt` starts (`published`, `printed`).
+    - `method` says how a formula is fitted; `starts` where `levenberg_marquardt` starts
+      (`published`, `printed`).
     - `as` is the name in the scores.
     """
 
@@ -87,27 +101,55 @@ class Competitor(Section):
     as_: Name | None = Field(default=None, alias="as")
 
     def _contradictions(self) -> Iterator[ValueError]:
-        kinds = (self.model, self.run, self.set, self.sum, self.static if self.static is not None else self.damping)
+        kinds = (
+            self.model,
+            self.run,
+            self.set,
+            self.sum,
+            self.static if self.static is not None else self.damping,
+        )
         if len([kind for kind in kinds if kind is not None]) != 1:
             remedy = "give one of the five, as `{model: sarosi}`"
-            found = "a competitor is a `model`, a `run`, this spec with keys `set`, a `sum`, or `static` with `damping`"
+            found = (
+                "a competitor is a `model`, a `run`, this spec with keys `set`, a `sum`, or "
+                "`static` with `damping`"
+            )
             yield Contradiction(found, remedy, "model", "run", "set", "sum", "static")
         refuse_mixed(self.sum or ())
         if self.sum is not None and (self.as_ is None or self.sum[0].formula is None):
-            yield Contradiction("a sum as competitor is of formulas, and has a name", "add it, as `as: pair`", "sum")
+            yield Contradiction(
+                "a sum as competitor is of formulas, and has a name", "add it, as `as: pair`", "sum"
+            )
         if self.set is not None and self.as_ is None:
-            yield Contradiction("changed settings need a name", "add it, as `{set: {fit.max_terms: 1}, as: one_term}`", "set")
+            yield Contradiction(
+                "changed settings need a name",
+                "add it, as `{set: {fit.max_terms: 1}, as: one_term}`",
+                "set",
+            )
         if (self.static is None) != (self.damping is None):
-            remedy = "add the other, as `{static: sarosi, damping: reynolds}`; `damping: none` adds nothing"
-            yield Contradiction("a composite needs `static` and `damping`", remedy, "static", "damping")
+            remedy = (
+                "add the other, as `{static: sarosi, damping: reynolds}`; `damping: none` "
+                "adds nothing"
+            )
+            yield Contradiction(
+                "a composite needs `static` and `damping`", remedy, "static", "damping"
+            )
         if (self.run is not None or self.set is not None) and self.method is not None:
             yield Contradiction("another run has a fit of its own", "remove `method`", "method")
         if self.is_file and (self.as_ is None or self.method is not None):
             remedy = "write `{model: archive/NAME@TAG/model.h5, as: before}`"
-            yield Contradiction("a frozen model needs a name for its scores, and is not fitted", remedy, "as", "method", "model")
+            yield Contradiction(
+                "a frozen model needs a name for its scores, and is not fitted",
+                remedy,
+                "as",
+                "method",
+                "model",
+            )
         if self.starts is not None and (self.model is None or self.method != "levenberg_marquardt"):
             remedy = "write `{model: sarosi, method: levenberg_marquardt, starts: published}`"
-            yield Contradiction("`starts` goes with a `model` and `method: levenberg_marquardt`", remedy, "starts")
+            yield Contradiction(
+                "`starts` goes with a `model` and `method: levenberg_marquardt`", remedy, "starts"
+            )
 
     @property
     def is_file(self) -> bool:
@@ -122,13 +164,18 @@ class Competitor(Section):
 
 
 class Validate(Section):
-    """What the model is compared with, what errors are divided by, and the limits that its scores must keep.
+    """What the model is compared with, what errors are divided by, and the limits that its scores
+    must keep.
 
-    - `normaliser: max` is the largest absolute value of the measured target (M2 eq 13), `range` its extent.
-    - `intervals: true` fits the model anew without each part of the training data, for `predict --interval`.
-    - `simple` adds competitors that need no muscle: `plane`, `quadratic`, `cubic` in the model's inputs, the `backbone` alone, and `arx` in
+    - `normaliser: max` is the largest absolute value of the measured target (M2 eq 13), `range` its
+      extent.
+    - `intervals: true` fits the model anew without each part of the training data, for `predict
+      --interval`.
+    - `simple` adds competitors that need no muscle: `plane`, `quadratic`, `cubic` in the model's
+      inputs, the `backbone` alone, and `arx` in
       free run.
-    - `as: force` scores a model of the strain as one of the force, by inverting it. A competitor with another target, and this study's
+    - `as: force` scores a model of the strain as one of the force, by inverting it. A competitor
+      with another target, and this study's
       among its inputs, is inverted too.
     """
 
@@ -141,10 +188,11 @@ class Validate(Section):
 
 
 class PublishedScores(Section):
-    """Numbers of a publication to show beside ours, by model, all of held-out data. No computation uses them.
+    """Numbers of a publication to show beside ours, by model, all of held-out data. No computation
+    uses them.
 
-    `nrmse` are fractions, `rmse` in the target's unit; `rmse_at_least` are lower bounds, where no more was printed. `tables` are CSV files
-    that the page shows as they are.
+    `nrmse` are fractions, `rmse` in the target's unit; `rmse_at_least` are lower bounds, where no
+    more was printed. `tables` are CSV files that the page shows as they are.
     """
 
     source: str
@@ -160,10 +208,11 @@ class PublishedScores(Section):
 
 
 class Style(Section):
-    """How figures look: `width` of a panel that stands by itself, `font`, `size` of its labels in points (titles and ticks are 1 pt less).
+    """How figures look: `width` of a panel that stands by itself, `font`, `size` of its labels in
+    points (titles and ticks are 1 pt less).
 
-    `labels` are axis labels by quantity, with their unit; formulas may stand between dollars. `palette` are the colours of the models,
-    that of the run's own first.
+    `labels` are axis labels by quantity, with their unit; formulas may stand between dollars.
+    `palette` are the colours of the models, that of the run's own first.
     """
 
     width: Metres = 0.0889
@@ -174,32 +223,45 @@ class Style(Section):
 
 
 class Report(Section):
-    """Figures and files of the report; `units` are further units, by quantity, to print the equations in, as a publication does.
+    """Figures and files of the report; `units` are further units, by quantity, to print the
+    equations in, as a publication does.
 
-    `html` is the page, `svg` a file for each figure, `csv` and `tex` the tables. With `pdf`, `png` or `pgf`, every panel of every figure is
-    a file of its own in `panels/`, beside the numbers that it was drawn from.
+    `html` is the page, `svg` a file for each figure, `csv` and `tex` the tables. With `pdf`, `png`
+    or `pgf`, every panel of every figure is a file of its own in `panels/`, beside the numbers that
+    it was drawn from.
     """
 
     figures: list[Literal[tuple(FIGURES)]] = list(FIGURES)  # type: ignore[valid-type]
-    formats: list[Literal["html", "csv", "tex", "svg", "pdf", "png", "pgf"]] = ["html", "csv", "svg"]
+    formats: list[Literal["html", "csv", "tex", "svg", "pdf", "png", "pgf"]] = [
+        "html",
+        "csv",
+        "svg",
+    ]
     style: Style = Style()
     published: PublishedScores | None = None
     units: dict[Quantity, str] = {}
 
 
-# The whole -----------------------------------------------------------------------------------------------------------------------------
+# The whole
+# --------------------------------------------------------------------------------------------------
 
 
 def _given_memory(dictionary: Any) -> bool:
-    """Whether a dictionary that is not validated yet has terms with memory; False where its form is wrong, which is reported elsewhere."""
+    """Whether a dictionary that is not validated yet has terms with memory; False where its form is
+    wrong, which is reported elsewhere.
+    """
     try:
-        return isinstance(dictionary, list) and remembers([DictionaryEntry.model_validate(entry) for entry in dictionary])
+        return isinstance(dictionary, list) and remembers(
+            [DictionaryEntry.model_validate(entry) for entry in dictionary]
+        )
     except ValidationError:
         return False
 
 
 class ExperimentSpec(Section):
-    """One experiment: what was measured, how to cut it up, which terms may appear, how to join, what to compare with."""
+    """One experiment: what was measured, how to cut it up, which terms may appear, how to join,
+    what to compare with.
+    """
 
     schema_version: Literal[1] = 1
     name: Name
@@ -207,7 +269,9 @@ class ExperimentSpec(Section):
     units: dict[Quantity, str] = {}
     data: Data
     needs: Needs = Needs()
-    target: Annotated[Literal["static", "hysteresis", "damping", "dynamic"] | TargetColumn, Either()]
+    target: Annotated[
+        Literal["static", "hysteresis", "damping", "dynamic"] | TargetColumn, Either()
+    ]
     segment: dict[str, Segmented] = {}
     dictionary: list[DictionaryEntry] = []
     formulas: list[Annotated[SpecPath | OwnFormula, Either()]] = []
@@ -220,7 +284,9 @@ class ExperimentSpec(Section):
 
     @property
     def unconfirmed(self) -> tuple[str, ...]:
-        """The guesses of `init` that nobody has confirmed: the file's comments that begin with `CHECK`."""
+        """The guesses of `init` that nobody has confirmed: the file's comments that begin with
+        `CHECK`.
+        """
         return self._unconfirmed
 
     @model_validator(mode="before")
@@ -230,17 +296,32 @@ class ExperimentSpec(Section):
         if not isinstance(given, dict):
             return given
         if "campaign" in given:
-            raise Contradiction("this is a campaign of several runs, not an experiment", "run it with `mapmore batch`", "campaign")
-        target, dictionary, model, fit = given.get("target"), given.get("dictionary"), given.get("model"), given.get("fit", {})
+            raise Contradiction(
+                "this is a campaign of several runs, not an experiment",
+                "run it with `mapmore batch`",
+                "campaign",
+            )
+        target, dictionary, model, fit = (
+            given.get("target"),
+            given.get("dictionary"),
+            given.get("model"),
+            given.get("fit", {}),
+        )
         adds, chosen = target == "dynamic" and not dictionary, dict(given)
         if isinstance(model, dict) and (adds or model.get("sum") is not None):
             chosen["model"] = {"type": "sum", **model}
         elif model is None and (adds or dictionary is None):
             chosen["model"] = {"type": "sum" if adds else "auto"}
         if isinstance(fit, dict) and _given_memory(dictionary):
-            chosen["fit"] = {"scaling": "none", **fit}  # numbers of steps and widths in physical units stay readable
+            chosen["fit"] = {
+                "scaling": "none",
+                **fit,
+            }  # numbers of steps and widths in physical units stay readable
         elif isinstance(fit, dict) and target == "damping":
-            chosen["fit"] = {"scaling": "max_abs", **fit}  # pure products, which no shifted origin leaves so
+            chosen["fit"] = {
+                "scaling": "max_abs",
+                **fit,
+            }  # pure products, which no shifted origin leaves so
         return chosen
 
     @property
@@ -255,7 +336,9 @@ class ExperimentSpec(Section):
 
     @property
     def quantities(self) -> tuple[str, ...]:
-        """Every quantity of the study: of its data, and the `direction` where segments are cut by it."""
+        """Every quantity of the study: of its data, and the `direction` where segments are cut by
+        it.
+        """
         cut = [name for name, how in self.segment.items() if isinstance(how, CutByDirection)]
         return tuple(dict.fromkeys((*self.data.quantities, *cut)))
 
@@ -272,13 +355,33 @@ class ExperimentSpec(Section):
     @model_validator(mode="after")
     def _structured(self, info: ValidationInfo) -> ExperimentSpec:
         """Require a structure where none is searched, and none where one is."""
-        given = [name for name, empty in (("segment", {}), ("fit", Fit()), ("dictionary", [])) if getattr(self, name) != empty]
+        given = [
+            name
+            for name, empty in (("segment", {}), ("fit", Fit()), ("dictionary", []))
+            if getattr(self, name) != empty
+        ]
         if info.context is PARTIAL:
             return self
         if self.model.type == "auto" and given:
-            remedy = "remove it, or say the whole structure, as `dictionary: [{polynomial: {of: [strain], order: 4}}]`"
-            raise Contradiction(f"`{given[0]}` is part of the structure that `model: {{type: auto}}` searches", remedy, *given)
+            remedy = (
+                "remove it, or say the whole structure, as `dictionary: [{polynomial: {of: "
+                "[strain], order: 4}}]`"
+            )
+            raise Contradiction(
+                f"`{given[0]}` is part of the structure that `model: {{type: auto}}` searches",
+                remedy,
+                *given,
+            )
         if self.model.type == "mapmore" and not self.dictionary:
-            example = "`[{polynomial: {of: [strain], order: 4}}]`, or `model: {type: literature, name: sarosi}`"
-            raise Contradiction("there are no candidate terms", f"add a `dictionary`, as {example}", "dictionary", "model", "name")
+            example = (
+                "`[{polynomial: {of: [strain], order: 4}}]`, or `model: {type: literature, "
+                "name: sarosi}`"
+            )
+            raise Contradiction(
+                "there are no candidate terms",
+                f"add a `dictionary`, as {example}",
+                "dictionary",
+                "model",
+                "name",
+            )
         return self

@@ -1,4 +1,6 @@
-"""What the spec's models are made of: the strict base, numbers that may carry a unit, unions told apart by the shape of the YAML value."""
+"""What the spec's models are made of: the strict base, numbers that may carry a unit, unions told
+apart by the shape of the YAML value.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,9 @@ M = TypeVar("M")
 class Section(BaseModel):
     """Base of every part of a spec: strict, closed and immutable."""
 
-    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True, populate_by_name=True)
+    model_config = ConfigDict(
+        extra="forbid", strict=True, allow_inf_nan=False, frozen=True, populate_by_name=True
+    )
 
     def _contradictions(self) -> Iterator[ValueError]:
         """Yield what does not fit each other within the section; the first is told."""
@@ -38,10 +42,13 @@ class Section(BaseModel):
 
 
 PARTIAL = {"partial": True}
-"""Context of the validation of what is left of a spec without its faulty parts: what is required may be among them."""
+"""Context of the validation of what is left of a spec without its faulty parts: what is required
+may be among them.
+"""
 
 
-# Numbers with units ------------------------------------------------------------------------------------------------------------------
+# Numbers with units
+# --------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -52,7 +59,9 @@ class Surroundings:
     target: str  # the quantity that is modelled
     level: str | None = None  # the quantity that is constant within a curve
     key: str = ""  # the nearest key that the user chose, as `pressure` in `set: {pressure: 2 bar}`
-    siblings: Mapping[str, Any] = field(default_factory=dict)  # the section that the number stands in
+    siblings: Mapping[str, Any] = field(
+        default_factory=dict
+    )  # the section that the number stands in
 
     def unit_of(self, quantity: object) -> str | None:
         """Return the model's unit of a quantity; None where the spec does not name one."""
@@ -71,34 +80,43 @@ Metres = Annotated[float, Field(gt=0), InUnit(lambda _: "m")]
 SignedSeconds = Annotated[float, InUnit(lambda _: "s")]
 OfTarget = Annotated[float, InUnit(lambda around: around.unit_of(around.target))]
 InColumnUnit = Annotated[float, InUnit(_column_unit)]
-Metric = Annotated[float, InUnit(lambda around: around.unit_of(around.target) if around.key in OF_TARGET else "1")]
+Metric = Annotated[
+    float, InUnit(lambda around: around.unit_of(around.target) if around.key in OF_TARGET else "1")
+]
 Share = Annotated[float, InUnit(lambda _: "1")]
 
 Quantity = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$", max_length=100)]
 """The name of a quantity, as expressions spell it."""
 
 
-# Paths and settings -------------------------------------------------------------------------------------------------------------------
+# Paths and settings
+# --------------------------------------------------------------------------------------------------
 
 LONGEST_NAME, LONGEST_PATH = 255, 4000
 
 
 @dataclass(frozen=True)
 class RelativePath:
-    """Marks a path that starts at the folder of the file that it is written in; `bare` names without a folder stay as they are."""
+    """Marks a path that starts at the folder of the file that it is written in; `bare` names
+    without a folder stay as they are.
+    """
 
     bare: bool = False
 
 
 @dataclass(frozen=True)
 class SettingsOfSpec:
-    """Marks a mapping with keys of a whole spec, as `data.files`; `spec` names its model, which may be declared below the mark."""
+    """Marks a mapping with keys of a whole spec, as `data.files`; `spec` names its model, which may
+    be declared below the mark.
+    """
 
     spec: Callable[[], type[BaseModel]]
 
 
 def possible_path(path: str) -> str:
-    """Return a path that a file system can take; ValueError for one with a name of more than 255 bytes, or a zero byte."""
+    """Return a path that a file system can take; ValueError for one with a name of more than 255
+    bytes, or a zero byte.
+    """
     longest = max(path.split("/"), key=len)
     if len(path) > LONGEST_PATH or len(longest.encode()) > LONGEST_NAME:
         raise ValueError(f"no path is as long as {longest[:40]!r}..., {len(path)} characters")
@@ -108,18 +126,25 @@ def possible_path(path: str) -> str:
 
 
 SpecPath = Annotated[str, AfterValidator(possible_path), RelativePath()]
-"""The path of a file, or a glob; relative ones start at the folder of the file that they are written in."""
+"""The path of a file, or a glob; relative ones start at the folder of the file that they are
+written in.
+"""
 
 
-# Values as they are resolved ----------------------------------------------------------------------------------------------------------
+# Values as they are resolved
+# --------------------------------------------------------------------------------------------------
 
 
 def resolve(root: Node, model: type[BaseModel], problems: list[Mistake]) -> Node:
-    """Return the tree with every `250 kPa` replaced by a number, and every inherited relative path by one from the root's folder.
+    """Return the tree with every `250 kPa` replaced by a number, and every inherited relative path
+    by one from the root's folder.
 
-    A wrong unit is added to `problems`; the number is then NaN, which validation refuses at the same place.
+    A wrong unit is added to `problems`; the number is then NaN, which validation refuses at the
+    same place.
     """
-    return _Resolver(root.at.source.folder, problems).node(root, [Kind(model)], _surroundings(plain(root)))
+    return _Resolver(root.at.source.folder, problems).node(
+        root, [Kind(model)], _surroundings(plain(root))
+    )
 
 
 @dataclass(frozen=True)
@@ -128,26 +153,45 @@ class _Resolver:
     problems: list[Mistake]
 
     def node(self, node: Node, kinds: Sequence[Kind], around: Surroundings | None) -> Node:
-        """Return the same node, resolved, given what it may be; quantities stay as they are where nothing is known `around` them."""
+        """Return the same node, resolved, given what it may be; quantities stay as they are where
+        nothing is known `around` them.
+        """
         match node.value:
             case dict() as children:
                 inside = around and replace(around, siblings=plain(node))
-                return replace(node, value={key: self._under(key, child, kinds, inside) for key, child in children.items()})
+                return replace(
+                    node,
+                    value={
+                        key: self._under(key, child, kinds, inside)
+                        for key, child in children.items()
+                    },
+                )
             case list() as items:
-                return replace(node, value=[self._under(index, item, kinds, around) for index, item in enumerate(items)])
+                return replace(
+                    node,
+                    value=[
+                        self._under(index, item, kinds, around) for index, item in enumerate(items)
+                    ],
+                )
             case str() as text:
                 return replace(node, value=self._text(node, text, kinds, around))
             case _:
                 return node
 
-    def _under(self, step: str | int, child: Node, kinds: Sequence[Kind], around: Surroundings | None) -> Node:
-        if _mark(kinds, SettingsOfSpec):  # their quantities are resolved with the spec that they set
+    def _under(
+        self, step: str | int, child: Node, kinds: Sequence[Kind], around: Surroundings | None
+    ) -> Node:
+        if _mark(
+            kinds, SettingsOfSpec
+        ):  # their quantities are resolved with the spec that they set
             around = None
         elif around and isinstance(step, str) and any(is_free(kind, step) for kind in kinds):
             around = replace(around, key=step)
         return self.node(child, _under(kinds, step), around)
 
-    def _text(self, node: Node, text: str, kinds: Sequence[Kind], around: Surroundings | None) -> str | float:
+    def _text(
+        self, node: Node, text: str, kinds: Sequence[Kind], around: Surroundings | None
+    ) -> str | float:
         path, rule = _mark(kinds, RelativePath), _mark(kinds, InUnit)
         try:
             if path:
@@ -168,12 +212,19 @@ class _Resolver:
 
 
 def moved(document: Any, kinds: Sequence[Kind], folder: Path, to: Path) -> Any:
-    """Return the values of a spec in `folder`, for a file in the folder `to`: relative paths start there."""
+    """Return the values of a spec in `folder`, for a file in the folder `to`: relative paths start
+    there.
+    """
     match document:
         case dict():
-            return {key: moved(value, _under(kinds, key), folder, to) for key, value in document.items()}
+            return {
+                key: moved(value, _under(kinds, key), folder, to) for key, value in document.items()
+            }
         case list():
-            return [moved(value, _under(kinds, place), folder, to) for place, value in enumerate(document)]
+            return [
+                moved(value, _under(kinds, place), folder, to)
+                for place, value in enumerate(document)
+            ]
         case str() if path := _mark(kinds, RelativePath):
             return _from_folder(document, path, folder, to)
         case _:
@@ -181,7 +232,9 @@ def moved(document: Any, kinds: Sequence[Kind], folder: Path, to: Path) -> Any:
 
 
 def _under(kinds: Sequence[Kind], step: str | int) -> list[Kind]:
-    """Return what may stand under a key or list index; keys of settings, as `data.files`, lead from the root of a spec."""
+    """Return what may stand under a key or list index; keys of settings, as `data.files`, lead from
+    the root of a spec.
+    """
     settings = _mark(kinds, SettingsOfSpec)
     if settings is None:
         return [found for kind in kinds for found in below(kind, step)]
@@ -205,7 +258,10 @@ def _surroundings(root: Any) -> Surroundings:
     """Return what the root says about units and target, as far as it is well-formed."""
     units = {name: unit for name, unit in _mapping(root, "units").items() if isinstance(unit, str)}
     column = _mapping(root, "target").get("column")
-    derived = {name: _mapping(rule).get("rate_of") for name, rule in _mapping(root, "data", "derive").items()}
+    derived = {
+        name: _mapping(rule).get("rate_of")
+        for name, rule in _mapping(root, "data", "derive").items()
+    }
     rates = {name: of for name, of in derived.items() if isinstance(of, str)}
     level = _mapping(root, "data", "levels").get("of")
     return Surroundings(

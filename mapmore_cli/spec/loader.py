@@ -1,6 +1,8 @@
-"""From a YAML file to a validated spec that knows where each of its values was written, and makes sense as a whole.
+"""From a YAML file to a validated spec that knows where each of its values was written, and makes
+sense as a whole.
 
-A spec comes in layers: the file that it `extends`, the file itself, and each `--set key.path=value` on top.
+A spec comes in layers: the file that it `extends`, the file itself, and each `--set key.path=value`
+on top.
 """
 
 from __future__ import annotations
@@ -18,18 +20,63 @@ from pydantic import BaseModel, ValidationError
 
 from mapmore_cli.domain.errors import SpecError, UsageError
 from mapmore_cli.spec import check_names, check_study
-from mapmore_cli.spec.diagnostics import MOST_ERRORS, Finding, Mistake, explain, fail, locate, lost, raise_if_any
+from mapmore_cli.spec.diagnostics import (
+    MOST_ERRORS,
+    Finding,
+    Mistake,
+    explain,
+    fail,
+    locate,
+    lost,
+    raise_if_any,
+)
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.fields import PARTIAL, moved, possible_path, resolve
-from mapmore_cli.spec.tree import Kind, Loc, Node, SourceText, merged, nearest, plain, with_child, without
+from mapmore_cli.spec.tree import (
+    Kind,
+    Loc,
+    Node,
+    SourceText,
+    merged,
+    nearest,
+    plain,
+    with_child,
+    without,
+)
 from mapmore_cli.spec.units import default_unit, has_dimension
 from mapmore_cli.spec.yaml_loader import dump, escaped, expand, parse, read_source
 
 CHECKS = (
-    *(check_names.names, check_names.derived, check_names.clocks, check_names.terms, check_names.times, check_names.pieces),
-    *(check_names.settings, check_study.segments, check_study.left_out, check_study.groups, check_study.after_cycles),
-    *(check_study.joining, check_study.chosen_levels, check_study.target, check_study.kind, check_study.state_space, check_study.sums),
-    *(check_study.formulas, check_study.competitors, check_study.own_formulas, check_study.metrics, check_study.units),
+    *(
+        check_names.names,
+        check_names.derived,
+        check_names.clocks,
+        check_names.terms,
+        check_names.times,
+        check_names.pieces,
+    ),
+    *(
+        check_names.settings,
+        check_study.segments,
+        check_study.left_out,
+        check_study.groups,
+        check_study.after_cycles,
+    ),
+    *(
+        check_study.joining,
+        check_study.chosen_levels,
+        check_study.target,
+        check_study.kind,
+        check_study.state_space,
+        check_study.sums,
+    ),
+    *(
+        check_study.formulas,
+        check_study.competitors,
+        check_study.own_formulas,
+        check_study.metrics,
+        check_study.units,
+    ),
 )
 
 
@@ -59,25 +106,39 @@ class Loaded(Generic[M]):
 
     @cached_property
     def resolved(self) -> str:
-        """YAML with the defaults filled in and `extends`, variables and units resolved; it loads to an equal spec."""
+        """YAML with the defaults filled in and `extends`, variables and units resolved; it loads to
+        an equal spec.
+        """
         return dump(escaped(_document(self.spec)))
 
     def resolved_in(self, folder: Path, given_only: bool = False) -> str:
-        """Return the resolved spec for a file in another folder: relative paths start there, so that it runs again where it lies.
+        """Return the resolved spec for a file in another folder: relative paths start there, so
+        that it runs again where it lies.
 
-        With `given_only`, without the defaults, and with the line that tells editors the schema, where the spec has it.
+        With `given_only`, without the defaults, and with the line that tells editors the schema,
+        where the spec has it.
         """
         document = plain(self._root) if given_only else _document(self.spec)
-        text = dump(escaped(moved(document, [Kind(type(self.spec))], self.folder.resolve(), folder.resolve())))
+        text = dump(
+            escaped(
+                moved(document, [Kind(type(self.spec))], self.folder.resolve(), folder.resolve())
+            )
+        )
         first = self._root.at.source.text.partition("\n")[0]
         if not given_only or not first.startswith(MODELINE):
             return text
         schema = first.removeprefix(MODELINE).strip()
-        place = schema if "://" in schema else Path(os.path.relpath(self.folder / schema, folder)).as_posix()
+        place = (
+            schema
+            if "://" in schema
+            else Path(os.path.relpath(self.folder / schema, folder)).as_posix()
+        )
         return f"{MODELINE}{place}\n{text}"
 
     def where(self, *loc: str | int) -> str:
-        """`file:line:column` of a key or list item, or of the nearest section around it that the files hold."""
+        """`file:line:column` of a key or list item, or of the nearest section around it that the
+        files hold.
+        """
         return str(nearest(self._root, loc).start)
 
 
@@ -88,24 +149,34 @@ LoadedSpec = Loaded[ExperimentSpec]
 def load(path: Path, overrides: Sequence[str] = ()) -> LoadedSpec:
     """Read an experiment spec, with `key.path=value` overrides on top.
 
-    Raises SpecError for every mistake at once, each with its place, the source line, and what would be right; UsageError for an override
-    that is not of the form `key.path=value`.
+    Raises SpecError for every mistake at once, each with its place, the source line, and what would
+    be right; UsageError for an override that is not of the form `key.path=value`.
     """
     return load_as(path, ExperimentSpec, overrides, findings)
 
 
-def load_as(path: Path, model: type[M], overrides: Sequence[str] = (), check: Check[M] = lambda _: ()) -> Loaded[M]:
+def load_as(
+    path: Path, model: type[M], overrides: Sequence[str] = (), check: Check[M] = lambda _: ()
+) -> Loaded[M]:
     """Read a spec of any kind; raises as `load` does."""
     return _loaded(read_source(path), path, model, overrides, check)
 
 
 def load_text(text: str, name: str, folder: Path) -> LoadedSpec:
-    """Return an experiment spec as YAML that no file holds; messages call it `name`, paths start at `folder`. Raises as `load`."""
-    return _loaded(SourceText(name, folder, text, numbered=False), folder / name, ExperimentSpec, (), findings)
+    """Return an experiment spec as YAML that no file holds; messages call it `name`, paths start at
+    `folder`. Raises as `load`.
+    """
+    return _loaded(
+        SourceText(name, folder, text, numbered=False), folder / name, ExperimentSpec, (), findings
+    )
 
 
-def _loaded(source: SourceText, path: Path, model: type[M], overrides: Sequence[str], check: Check[M]) -> Loaded[M]:
-    """Return the spec in a text; raises all its mistakes at once, the later ones at a place being consequences of the first."""
+def _loaded(
+    source: SourceText, path: Path, model: type[M], overrides: Sequence[str], check: Check[M]
+) -> Loaded[M]:
+    """Return the spec in a text; raises all its mistakes at once, the later ones at a place being
+    consequences of the first.
+    """
     problems: list[Mistake] = []
     root = _with_overrides(_extended(source, path, problems), overrides, problems)
     if model is ExperimentSpec:
@@ -118,36 +189,52 @@ def _loaded(source: SourceText, path: Path, model: type[M], overrides: Sequence[
         later = [*explain(error, root, model), *_beyond(error, root, model, check)]
     known = {problem.at for problem in problems}
     raise_if_any([*problems, *(problem for problem in later if problem.at not in known)])
-    if isinstance(spec, ExperimentSpec) and path.is_file():  # else no file holds it, and no comments either
+    if (
+        isinstance(spec, ExperimentSpec) and path.is_file()
+    ):  # else no file holds it, and no comments either
         spec._unconfirmed = questions_in(path.read_text(encoding="utf-8-sig"))
     return Loaded(spec, path, path.parent, tuple(overrides), root)
 
 
 def _beyond(error: ValidationError, root: Node, model: type[M], check: Check[M]) -> list[Mistake]:
-    """Return what `check` finds in a spec without its parts of wrong form, so that all mistakes are seen at once."""
+    """Return what `check` finds in a spec without its parts of wrong form, so that all mistakes are
+    seen at once.
+    """
     if error.error_count() > MOST_ERRORS:
         return []
     sections = set[str | int]()
     while True:
-        for loc, meant in sorted(lost(error, root, model), key=lambda found: _last_items_first(found[0]), reverse=True):
+        for loc, meant in sorted(
+            lost(error, root, model), key=lambda found: _last_items_first(found[0]), reverse=True
+        ):
             if meant is not None and _echoes(meant):
                 return []
             root = without(root, loc)
             sections.add(loc[0])
         try:
             found = check(model.model_validate(plain(root), context=PARTIAL))
-            return [locate(finding, root) for finding in found if not ("dictionary" in sections and finding.loc[0] == "fit")]
+            return [
+                locate(finding, root)
+                for finding in found
+                if not ("dictionary" in sections and finding.loc[0] == "fit")
+            ]
         except ValidationError as still:  # what was left out was required: its section goes next
             error = still
 
 
 def _echoes(loc: Loc) -> bool:
-    """Return True where a loss would be missed elsewhere: a whole section, or a part of `data` that defines quantities or levels."""
-    return len(loc) < 2 or (loc[0] == "data" and (len(loc) < 4 or loc[1] in ("files", "levels", "split")))
+    """Return True where a loss would be missed elsewhere: a whole section, or a part of `data` that
+    defines quantities or levels.
+    """
+    return len(loc) < 2 or (
+        loc[0] == "data" and (len(loc) < 4 or loc[1] in ("files", "levels", "split"))
+    )
 
 
 def _last_items_first(loc: Loc) -> tuple[tuple[int, str], ...]:
-    """Sorts ways so that, in reverse, removing one list item leaves the numbers of those before it."""
+    """Sorts ways so that, in reverse, removing one list item leaves the numbers of those before
+    it.
+    """
     return tuple((step, "") if isinstance(step, int) else (0, step) for step in loc)
 
 
@@ -155,45 +242,64 @@ def _document(spec: BaseModel) -> Any:
     return spec.model_dump(mode="json", by_alias=True, exclude_none=True)
 
 
-# Open questions ----------------------------------------------------------------------------------------------------------------------
+# Open questions
+# --------------------------------------------------------------------------------------------------
 
 _QUESTION = re.compile(r"(?:^|(?<=\s))#[ \t]*CHECK:[ \t]*(?P<text>.*)$", re.MULTILINE)
 _KEY = re.compile(r"^[ \t]*(?:- )?\{?([A-Za-z_]\w*):", re.MULTILINE)
 
 
 def questions_in(text: str) -> tuple[str, ...]:
-    """Return the open questions of a spec: its comments that begin with `CHECK`, each after the key that it is about."""
+    """Return the open questions of a spec: its comments that begin with `CHECK`, each after the key
+    that it is about.
+    """
     found = []
-    for match in _QUESTION.finditer(text) if "CHECK" in text else ():  # which is looked for much faster
+    for match in (
+        _QUESTION.finditer(text) if "CHECK" in text else ()
+    ):  # which is looked for much faster
         words = [match["text"]]
         start = text.rfind("\n", 0, match.start()) + 1
         key = _KEY.search(text, start)  # of its line, or of the one that the comment stands above
         if not text[start : match.start()].strip():  # a comment above its line may go on
             below = text[match.end() + 1 :].splitlines()
-            after = takewhile(lambda line: line.lstrip().startswith("# ") and "CHECK:" not in line, below)
+            after = takewhile(
+                lambda line: line.lstrip().startswith("# ") and "CHECK:" not in line, below
+            )
             words += [line.strip().lstrip("# ") for line in after]
         found.append(" ".join([f"{key[1]}:" if key is not None else "", *words]).strip())
     return tuple(found)
 
 
 def confirmed(text: str) -> str:
-    """Return the text of a spec whose open questions are answered with yes: the comments stay, without `CHECK`."""
+    """Return the text of a spec whose open questions are answered with yes: the comments stay,
+    without `CHECK`.
+    """
     return _QUESTION.sub(lambda match: f"# {match['text']}", text)
 
 
-# Files -------------------------------------------------------------------------------------------------------------------------------
+# Files
+# --------------------------------------------------------------------------------------------------
 
 DEEPEST = 20
 """Files that may extend each other, one the next."""
 
 
-def _extended(source: SourceText, path: Path, problems: list[Mistake], heirs: tuple[Path, ...] = ()) -> Node:
-    """Return the tree of a text with everything that it inherits; `path` is where it lies, `heirs` extend it."""
+def _extended(
+    source: SourceText, path: Path, problems: list[Mistake], heirs: tuple[Path, ...] = ()
+) -> Node:
+    """Return the tree of a text with everything that it inherits; `path` is where it lies, `heirs`
+    extend it.
+    """
     root = parse(source, problems)
     if root.value is None:
-        raise SpecError(f"{source.name}: the file is empty", "a spec needs at least `name`, `data`, `target` and `dictionary`")
+        raise SpecError(
+            f"{source.name}: the file is empty",
+            "a spec needs at least `name`, `data`, `target` and `dictionary`",
+        )
     if not isinstance(root.value, dict):
-        fail(root.at, "the top level is no mapping", "write `key: value` lines, as `name: my-study`")
+        fail(
+            root.at, "the top level is no mapping", "write `key: value` lines, as `name: my-study`"
+        )
     own = without(root, ["extends"])
     reference = root.child("extends")
     if reference is None:
@@ -201,12 +307,20 @@ def _extended(source: SourceText, path: Path, problems: list[Mistake], heirs: tu
     if not isinstance(reference.value, str):
         fail(reference.at, "`extends` names no file", "write `extends: other.yaml`")
     if len(heirs) >= DEEPEST:
-        fail(reference.at, f"more than {DEEPEST} files extend each other", "extend the file at their beginning itself")
+        fail(
+            reference.at,
+            f"more than {DEEPEST} files extend each other",
+            "extend the file at their beginning itself",
+        )
     base = _file_at(reference, expand, path.parent, "write `extends: other.yaml`")
     chain = (*heirs, path.resolve())
     if base.resolve() in chain:
         circle = " -> ".join([heir.name for heir in chain] + [base.name])
-        fail(reference.at, f"the files extend each other in a circle: {circle}", "remove one `extends`")
+        fail(
+            reference.at,
+            f"the files extend each other in a circle: {circle}",
+            "remove one `extends`",
+        )
     return merged(_extended(read_source(base), base, problems, chain), own)
 
 
@@ -216,12 +330,18 @@ def _file_at(node: Node, spelt: Callable[[str], str], folder: Path, remedy: str)
     except ValueError as error:
         fail(node.at, str(error), remedy)
     if not path.is_file():
-        fail(node.at, f"there is no file {path}", "paths start at the folder of the file that they are written in")
+        fail(
+            node.at,
+            f"there is no file {path}",
+            "paths start at the folder of the file that they are written in",
+        )
     return path
 
 
 def _with_formulas(root: Node, problems: list[Mistake]) -> Node:
-    """Return the tree with the files of `formulas` read, each in the place of its path; a single one may stand without a list."""
+    """Return the tree with the files of `formulas` read, each in the place of its path; a single
+    one may stand without a list.
+    """
     listed = root.child("formulas")
     if listed is None:
         return root
@@ -229,14 +349,17 @@ def _with_formulas(root: Node, problems: list[Mistake]) -> Node:
     for entry in listed.value if isinstance(listed.value, list) else [listed]:
         formula = entry
         if isinstance(entry.value, str):
-            path = _file_at(entry, str, entry.at.source.folder, "write `formulas: [my_formula.yaml]`")
+            path = _file_at(
+                entry, str, entry.at.source.folder, "write `formulas: [my_formula.yaml]`"
+            )
             formula = parse(read_source(path), problems)
         read.append(formula)
     return with_child(root, "formulas", replace(listed, value=read))
 
 
 def _with_units(root: Node) -> Node:
-    """Return the tree whose `units` name the unit of every column that has no canonical name: a model is in the unit of its column.
+    """Return the tree whose `units` name the unit of every column that has no canonical name: a
+    model is in the unit of its column.
 
     Per cent and angles are plain numbers where `units` does not name them.
     """
@@ -245,33 +368,55 @@ def _with_units(root: Node) -> Node:
     if data is None or not isinstance(units.value, dict):
         return root
     joined = data.child("join")
-    tables = (data, *(joined.value if joined is not None and isinstance(joined.value, list) else ()))
+    tables = (
+        data,
+        *(joined.value if joined is not None and isinstance(joined.value, list) else ()),
+    )
     found = dict(units.value)
     for columns in (table.child("columns") for table in tables):
-        for name, column in columns.value.items() if columns is not None and isinstance(columns.value, dict) else ():
+        for name, column in (
+            columns.value.items() if columns is not None and isinstance(columns.value, dict) else ()
+        ):
             unit = column.child("unit")
-            if name not in found and default_unit(name) == "1" and unit is not None and has_dimension(str(unit.value)):
+            if (
+                name not in found
+                and default_unit(name) == "1"
+                and unit is not None
+                and has_dimension(str(unit.value))
+            ):
                 found[name] = unit
-    return with_child(root, "units", replace(units, value=found)) if len(found) > len(units.value) else root
+    return (
+        with_child(root, "units", replace(units, value=found))
+        if len(found) > len(units.value)
+        else root
+    )
 
 
-# Overrides ---------------------------------------------------------------------------------------------------------------------------
+# Overrides
+# --------------------------------------------------------------------------------------------------
 
 
 def _with_overrides(root: Node, overrides: Sequence[str], problems: list[Mistake]) -> Node:
-    """Return the tree with each `key.path=value` set, in this order; numbers count the items of a list from 0, and `null` removes a key."""
+    """Return the tree with each `key.path=value` set, in this order; numbers count the items of a
+    list from 0, and `null` removes a key.
+    """
     for override in overrides:
         path, equals, text = override.partition("=")
         steps = path.strip().split(".")
         if not equals or not all(steps):
-            raise UsageError(f"--set {override}: not of the form key.path=value", "write, for example, `--set fit.max_terms=2`")
+            raise UsageError(
+                f"--set {override}: not of the form key.path=value",
+                "write, for example, `--set fit.max_terms=2`",
+            )
         source = SourceText(f"--set {override}", root.at.source.folder, text, numbered=False)
         root = _set(root, steps, parse(source, problems))
     return root
 
 
 def _set(node: Node, steps: Sequence[str], value: Node) -> Node:
-    """Return the tree with a value at the end of `steps`; mappings on the way are made where there are none."""
+    """Return the tree with a value at the end of `steps`; mappings on the way are made where there
+    are none.
+    """
     if not steps:
         return replace(value, key_at=value.at)
     if len(steps) == 1 and value.value is None and isinstance(node.value, dict):
@@ -281,9 +426,17 @@ def _set(node: Node, steps: Sequence[str], value: Node) -> Node:
     step: str | int = steps[0]
     if not isinstance(node.value, dict):
         if not isinstance(node.value, list):
-            fail(value.at, f"`{step}` leads into a value that has no keys: {node.value!r}", "set the value itself")
+            fail(
+                value.at,
+                f"`{step}` leads into a value that has no keys: {node.value!r}",
+                "set the value itself",
+            )
         if not (steps[0].isdecimal() and int(step) < len(node.value)):
-            fail(value.at, f"there is no item `{step}` in a list of {len(node.value)}", "count the items from 0, or set the whole list")
+            fail(
+                value.at,
+                f"there is no item `{step}` in a list of {len(node.value)}",
+                "count the items from 0, or set the whole list",
+            )
         step = int(step)
     child = node.child(step) or Node(None, value.at, value.at)
     return with_child(node, step, _set(child, steps[1:], value))

@@ -1,6 +1,8 @@
-"""The JSON Schema of an experiment, with which editors complete and check a spec while it is typed, and the reference of its keys.
+"""The JSON Schema of an experiment, with which editors complete and check a spec while it is typed,
+and the reference of its keys.
 
-`mapmore schema` prints the schema, of which `make schema` writes the one in `configs/`; `mapmore schema keys` prints the reference.
+`mapmore schema` prints the schema, of which `make schema` writes the one in `configs/`; `mapmore
+schema keys` prints the reference.
 """
 
 from __future__ import annotations
@@ -11,6 +13,7 @@ from typing import Any
 
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 
+from mapmore_cli.domain.declared import prose
 from mapmore_cli.domain.scores import METRICS
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.fields import OF_TARGET
@@ -26,23 +29,42 @@ class _Untitled(GenerateJsonSchema):
 def _whole_schema() -> JsonSchemaValue:
     """Return the schema of a spec that inherits nothing, with `extends` first of its keys."""
     schema = ExperimentSpec.model_json_schema(schema_generator=_Untitled)
-    extends = {"type": "string", "description": "Another spec, from which this one inherits what it does not say itself."}
+    for section in schema["$defs"].values():
+        section["description"] = prose(section.get("description"))
+    extends = {
+        "type": "string",
+        "description": "Another spec, from which this one inherits what it does not say itself.",
+    }
     schema["properties"] = {"extends": extends, **schema["properties"]}
     return schema
 
 
 def json_schema() -> JsonSchemaValue:
-    """Return the schema (draft 2020-12) of what a file may say: numbers may carry units, and what is required may be inherited."""
+    """Return the schema (draft 2020-12) of what a file may say: numbers may carry units, and what
+    is required may be inherited.
+    """
     schema = _whole_schema()
     sections = schema["$defs"]
-    complete = {"required": schema.pop("required"), "properties": {"data": {"required": sections["Data"]["required"]}}}
-    for name in {*_inside(schema, sections, ("items", "prefixItems", "$defs", "default"))}:  # `extends` merges mappings, and no lists
+    complete = {
+        "required": schema.pop("required"),
+        "properties": {"data": {"required": sections["Data"]["required"]}},
+    }
+    for name in {
+        *_inside(schema, sections, ("items", "prefixItems", "$defs", "default"))
+    }:  # `extends` merges mappings, and no lists
         sections[name].pop("required", None)
-    return {"$schema": GenerateJsonSchema.schema_dialect, **schema, "if": {"required": ["extends"]}, "else": complete}
+    return {
+        "$schema": GenerateJsonSchema.schema_dialect,
+        **schema,
+        "if": {"required": ["extends"]},
+        "else": complete,
+    }
 
 
 def _inside(schema: Any, sections: dict[str, Any], skipped: Sequence[str]) -> Iterator[str]:
-    """Yield the sections that a schema names, from top to bottom and however often, each followed by those inside it."""
+    """Yield the sections that a schema names, from top to bottom and however often, each followed
+    by those inside it.
+    """
     if isinstance(schema, list):
         for item in schema:
             yield from _inside(item, sections, skipped)
@@ -50,31 +72,41 @@ def _inside(schema: Any, sections: dict[str, Any], skipped: Sequence[str]) -> It
         name = str(schema.get("$ref", "")).removeprefix("#/$defs/")
         if name in sections:
             yield name
-            others = {key: value for key, value in sections.items() if key != name}  # families lie within products
+            others = {
+                key: value for key, value in sections.items() if key != name
+            }  # families lie within products
             yield from _inside(sections[name], others, skipped)
         for key, value in schema.items():
             if key not in skipped:
                 yield from _inside(value, sections, skipped)
 
 
-# The reference of the keys ----------------------------------------------------------------------------------------------------------
+# The reference of the keys
+# --------------------------------------------------------------------------------------------------
 
 
 def reference() -> str:
-    """Return every section with its keys, values and defaults as Markdown, in the order of the pipeline, and the metrics of `require`."""
+    """Return every section with its keys, values and defaults as Markdown, in the order of the
+    pipeline, and the metrics of `require`.
+    """
     schema = _whole_schema()
     names = dict.fromkeys(_inside(schema, schema["$defs"], ("$defs", "default")))
     sections = {"Top level": schema, **{_heading(name): schema["$defs"][name] for name in names}}
-    tables = [_section(title, section) for title, section in sections.items() if "properties" in section]
+    tables = [
+        _section(title, section) for title, section in sections.items() if "properties" in section
+    ]
     units = {name: "the target" if name in OF_TARGET else "1" for name in METRICS}
-    return "\n".join([*tables, _METRICS]) + "".join(f"| `{name}` | {METRICS[name]} | {unit} |\n" for name, unit in units.items())
+    return "\n".join([*tables, _METRICS]) + "".join(
+        f"| `{name}` | {METRICS[name]} | {unit} |\n" for name, unit in units.items()
+    )
 
 
 _METRICS = """\
 ### Metrics
 
-What `validate.require` may limit, as `{nrmse: 0.05, r2: 0.9}`: `r2` and `n` from below, all others from above. A limit holds
-for the run's own model on the pooled validation rows, or on the training rows where nothing is held out.
+What `validate.require` may limit, as `{nrmse: 0.05, r2: 0.9}`: `r2` and `n` from below, all others
+from above. A limit holds for the run's own model on the pooled validation rows, or on the training
+rows where nothing is held out.
 
 | metric | meaning | in units of |
 |---|---|---|
@@ -84,15 +116,33 @@ for the run's own model on the pooled validation rows, or on the training rows w
 def _section(title: str, section: dict[str, Any]) -> str:
     required = section.get("required", [])
     keys = {key: value for key, value in section["properties"].items() if key != "schema_version"}
-    rows = [f"| `{key}` | {_values(value)} | {_default(value, key in required)} |" for key, value in keys.items()]
-    return "\n".join([f"### {title}", "", section.get("description", ""), "", "| key | value | default |", "|---|---|---|", *rows, ""])
+    rows = [
+        f"| `{key}` | {_values(value)} | {_default(value, key in required)} |"
+        for key, value in keys.items()
+    ]
+    return "\n".join(
+        [
+            f"### {title}",
+            "",
+            section.get("description", ""),
+            "",
+            "| key | value | default |",
+            "|---|---|---|",
+            *rows,
+            "",
+        ]
+    )
 
 
 def _values(value: dict[str, Any]) -> str:
     """Return what may stand at a key, in one cell."""
     for several in ("anyOf", "oneOf"):
         if several in value:
-            return " or ".join(dict.fromkeys(text for part in value[several] if (text := _values(part)) != "nothing"))
+            return " or ".join(
+                dict.fromkeys(
+                    text for part in value[several] if (text := _values(part)) != "nothing"
+                )
+            )
     if "$ref" in value:
         name = _heading(value["$ref"].rpartition("/")[2])
         return f"[{name}](#{name.lower().replace(' ', '-')})"
@@ -107,7 +157,13 @@ def _values(value: dict[str, Any]) -> str:
         return "with unit"
     signs = {"minimum": "≥", "exclusiveMinimum": ">", "maximum": "≤", "exclusiveMaximum": "<"}
     bounds = [f" {sign} {value[key]:g}" for key, sign in signs.items() if key in value]
-    words = {"string": "text", "number": "number", "integer": "whole number", "boolean": "`true` or `false`", "null": "nothing"}
+    words = {
+        "string": "text",
+        "number": "number",
+        "integer": "whole number",
+        "boolean": "`true` or `false`",
+        "null": "nothing",
+    }
     return "".join([words.get(value.get("type", ""), "value"), *bounds])
 
 
@@ -115,11 +171,20 @@ def _default(value: dict[str, Any], required: bool) -> str:
     if required:
         return "**required**"
     default = value.get("default")
-    return "" if default is None or isinstance(default, dict) else f"`{json.dumps(default, ensure_ascii=False)}`"
+    return (
+        ""
+        if default is None or isinstance(default, dict)
+        else f"`{json.dumps(default, ensure_ascii=False)}`"
+    )
 
 
 def _heading(name: str) -> str:
-    """Return `DictionaryEntry` as words; a class whose name occurs twice begins with its module (`...__data__Rate`)."""
+    """Return `DictionaryEntry` as words; a class whose name occurs twice begins with its module
+    (`...__data__Rate`).
+    """
     module, _, last = name.rpartition("__")
     words = module.rpartition("__")[2].capitalize() + last.replace("_", "")
-    return "".join(f" {letter.lower()}" if letter.isupper() and place else letter for place, letter in enumerate(words))
+    return "".join(
+        f" {letter.lower()}" if letter.isupper() and place else letter
+        for place, letter in enumerate(words)
+    )

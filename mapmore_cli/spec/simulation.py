@@ -40,19 +40,35 @@ class Sensors(Section):
 
 SENSED: dict[str, set[str]] = {
     "load_cycles": {"pressure", "strain", "force"},
-    **{kind: {"pressure", "strain", "force", "flow", "muscle_pressure"} for kind in ("step_responses", "perturbation")},
+    **{
+        kind: {"pressure", "strain", "force", "flow", "muscle_pressure"}
+        for kind in ("step_responses", "perturbation")
+    },
     "waveforms": {"pressure", "displacement", "load"},
     "contraction_table": {"pressure", "strain"},
-    **{kind: {"pressure", "length", "velocity", "force"} for kind in ("random_velocity", "antagonists")},
+    **{
+        kind: {"pressure", "length", "velocity", "force"}
+        for kind in ("random_velocity", "antagonists")
+    },
 }
 """What each experiment measures."""
 
 
-Experiment = LoadCycles | StepResponses | Perturbations | Waveforms | ContractionTable | RandomVelocity | Antagonists
+Experiment = (
+    LoadCycles
+    | StepResponses
+    | Perturbations
+    | Waveforms
+    | ContractionTable
+    | RandomVelocity
+    | Antagonists
+)
 
 
 class SimulationSpec(Section):
-    """One synthetic campaign; `mapmore simulate` writes `<output>_<pressure>.csv` for each pressure (or waveform) beside the spec."""
+    """One synthetic campaign; `mapmore simulate` writes `<output>_<pressure>.csv` for each pressure
+    (or waveform) beside the spec.
+    """
 
     schema_version: Literal[1] = 1
     name: Name
@@ -71,5 +87,7 @@ class SimulationSpec(Section):
             if sensor is not None and name not in SENSED[kind]:
                 having = " and ".join(other for other, names in SENSED.items() if name in names)
                 yield ValueError(f"`sensors.{name}` goes with {having}, and with these only")
-        if isinstance(self.experiment, Waveforms | RandomVelocity | Antagonists) and not isinstance(self.muscle, McKibben):
+        if isinstance(self.experiment, Waveforms | RandomVelocity | Antagonists) and not isinstance(
+            self.muscle, McKibben
+        ):
             yield ValueError(f"`type: {kind}` moves a muscle of `kind: mckibben`")

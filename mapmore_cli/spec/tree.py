@@ -1,4 +1,6 @@
-"""What was read from YAML, as a tree in which every value knows the place that it comes from, and what the models expect at a place."""
+"""What was read from YAML, as a tree in which every value knows the place that it comes from, and
+what the models expect at a place.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,9 @@ Loc = Sequence[str | int]
 
 @dataclass(frozen=True)
 class SourceText:
-    """A text that values are read from: a file, or one `--set` of the command line (which has no lines to number)."""
+    """A text that values are read from: a file, or one `--set` of the command line (which has no
+    lines to number).
+    """
 
     name: str
     folder: Path  # where relative paths start
@@ -37,7 +41,11 @@ class Position:
     column: int
 
     def __str__(self) -> str:
-        return f"{self.source.name}:{self.line}:{self.column}" if self.source.numbered else self.source.name
+        return (
+            f"{self.source.name}:{self.line}:{self.column}"
+            if self.source.numbered
+            else self.source.name
+        )
 
 
 @dataclass(frozen=True)
@@ -83,7 +91,9 @@ def nearest(root: Node, loc: Loc) -> Node:
 
 
 def merged(base: Node, over: Node) -> Node:
-    """`over` on top of `base`: mappings merge deeply, other values replace, and an empty one (`null`) removes what it stands on."""
+    """`over` on top of `base`: mappings merge deeply, other values replace, and an empty one
+    (`null`) removes what it stands on.
+    """
     if not (isinstance(base.value, dict) and isinstance(over.value, dict)):
         return over
     value = dict(base.value)
@@ -113,10 +123,13 @@ def with_child(node: Node, step: str | int, child: Node) -> Node:
     if isinstance(node.value, dict):
         return replace(node, value={**node.value, str(step): child})
     assert isinstance(node.value, list)
-    return replace(node, value=[child if i == step else other for i, other in enumerate(node.value)])
+    return replace(
+        node, value=[child if i == step else other for i, other in enumerate(node.value)]
+    )
 
 
-# What the models expect at a place ----------------------------------------------------------------------------------------------------
+# What the models expect at a place
+# --------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -146,7 +159,9 @@ def below(kind: Kind, step: str | int) -> tuple[Kind, ...]:
     """Return what may stand under a key or list index of a value of this kind."""
     if kind.is_section and isinstance(step, str):
         fields, others = fields_of(kind.type)
-        return kinds(fields[step]) if step in fields else kinds(others) if others is not None else ()
+        return (
+            kinds(fields[step]) if step in fields else kinds(others) if others is not None else ()
+        )
     arguments, container = get_args(kind.type), get_origin(kind.type)
     if container is dict and isinstance(step, str):
         return kinds(arguments[1])
@@ -158,7 +173,9 @@ def below(kind: Kind, step: str | int) -> tuple[Kind, ...]:
 
 
 def is_free(kind: Kind, key: str) -> bool:
-    """Return True where the user chose the key, as the name of a quantity, and it is no field of a section."""
+    """Return True where the user chose the key, as the name of a quantity, and it is no field of a
+    section.
+    """
     if not kind.is_section:
         return get_origin(kind.type) is dict
     fields, others = fields_of(kind.type)
@@ -170,14 +187,20 @@ def keys_at(model: type[BaseModel], loc: Loc) -> tuple[str, ...]:
     here: tuple[Kind, ...] = (Kind(model),)
     for step in loc:
         here = tuple(under for kind in here for under in below(kind, step))
-    return tuple(dict.fromkeys(key for kind in here if kind.is_section for key in fields_of(kind.type)[0]))
+    return tuple(
+        dict.fromkeys(key for kind in here if kind.is_section for key in fields_of(kind.type)[0])
+    )
 
 
 @functools.cache
 def fields_of(model: type[BaseModel | Settings]) -> tuple[dict[str, Any], Any]:
-    """Return annotations by YAML key, and the annotation of keys that are no field (None where there may be none)."""
+    """Return annotations by YAML key, and the annotation of keys that are no field (None where
+    there may be none).
+    """
     hints = get_type_hints(model, include_extras=True)
     if issubclass(model, Settings):
         return {field.name: hints[field.name] for field in dataclasses.fields(model)}, None  # type: ignore[arg-type]
     fields = {field.alias or name: hints[name] for name, field in model.model_fields.items()}
-    return fields, get_args(hints["__pydantic_extra__"])[1] if model.model_config.get("extra") == "allow" else None
+    return fields, get_args(hints["__pydantic_extra__"])[1] if model.model_config.get(
+        "extra"
+    ) == "allow" else None

@@ -1,7 +1,9 @@
-"""Units, at the spec's boundary only: inside, every array is in the model's unit and carries that unit's name.
+"""Units, at the spec's boundary only: inside, every array is in the model's unit and carries that
+unit's name.
 
-The units that loggers write every day are converted by a table of exact factors, which a test compares with pint. pint knows all others. It
-is imported for these alone: it takes 0.4 s of processor time to load, where a run that is up to date takes 0.6 s.
+The units that loggers write every day are converted by a table of exact factors, which a test
+compares with pint. pint knows all others. It is imported for these alone: it takes 0.4 s of
+processor time to load, where a run that is up to date takes 0.6 s.
 """
 
 from __future__ import annotations
@@ -22,19 +24,37 @@ from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.recording import BaseUnits
 
 CANONICAL: Mapping[str, str] = MappingProxyType(
-    {"time": "s", "pressure": "kPa", "strain": "1", "force": "N", "length": "m", "displacement": "m", "load": "N", "input": "V"}
+    {
+        "time": "s",
+        "pressure": "kPa",
+        "strain": "1",
+        "force": "N",
+        "length": "m",
+        "displacement": "m",
+        "load": "N",
+        "input": "V",
+    }
 )
 """The canonical quantities and their units in a model that says nothing else."""
 
 _NO_CHANGES: Mapping[str, str] = MappingProxyType({})
 _NAMED_DIMENSIONS = {
-    "s": "a time", "kPa": "a pressure", "N": "a force", "m": "a length", "V": "a voltage", "1": "a plain number",
-    "kg": "a mass", "1/s": "a rate", "kPa/s": "a pressure rate", "m/s": "a speed", "K": "a temperature", "A": "a current",
+    "s": "a time", "kPa": "a pressure", "N": "a force", "m": "a length", "V": "a voltage",
+        "1": "a plain number",
+    "kg": "a mass", "1/s": "a rate", "kPa/s": "a pressure rate", "m/s": "a speed",
+        "K": "a temperature", "A": "a current",
 }  # fmt: skip
 _EVERYDAY: Mapping[str, tuple[str, Fraction]] = {
     unit: (dimension, Fraction(factor))
     for dimension, factors in {
-        "pressure": {"Pa": "1", "hPa": "100", "kPa": "1000", "MPa": "1e6", "mbar": "100", "bar": "1e5"},
+        "pressure": {
+            "Pa": "1",
+            "hPa": "100",
+            "kPa": "1000",
+            "MPa": "1e6",
+            "mbar": "100",
+            "bar": "1e5",
+        },
         "length": {"m": "1", "cm": "0.01", "mm": "0.001", "um": "1e-6"},
         "time": {"s": "1", "ms": "0.001", "us": "1e-6", "ns": "1e-9", "min": "60", "h": "3600"},
         "force": {"N": "1", "mN": "0.001", "kN": "1000"},
@@ -51,27 +71,39 @@ _COMMON = [
     *(f"{unit}/s" for unit in ("1", "%", "mm", "m", "N", "V", "Pa", "kPa", "bar", "psi")),
 ]
 
-_QUANTITY = re.compile(r"([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?)(.*)", re.ASCII | re.DOTALL)  # one way to match
+_QUANTITY = re.compile(
+    r"([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?)(.*)", re.ASCII | re.DOTALL
+)  # one way to match
 _FACTOR = r"\(*(?:1|%|[^\W\d]\w*|°[CF])(?:(?:\^|\*\*)-?\d)?\)*"
 _UNIT = re.compile(rf"{_FACTOR}(?:(?:\s*[*/·]\s*|\s+){_FACTOR})*")
-_TORQUE = re.compile(r"\b([mk]?N)(m|mm|cm)\b")  # as everybody writes it; pint has a measure of yarn by this name
+_TORQUE = re.compile(
+    r"\b([mk]?N)(m|mm|cm)\b"
+)  # as everybody writes it; pint has a measure of yarn by this name
 _LONGEST_UNIT = 60
 _BASE = {
-    "kilogram": "kg", "meter": "m", "second": "s", "ampere": "A", "kelvin": "K", "mole": "mol", "candela": "cd", "radian": "rad",
+    "kilogram": "kg", "meter": "m", "second": "s", "ampere": "A", "kelvin": "K", "mole": "mol",
+        "candela": "cd", "radian": "rad",
 }  # fmt: skip
 
 
-def default_unit(name: str, changes: Mapping[str, str] = _NO_CHANGES, rates: Mapping[str, str] = _NO_CHANGES) -> str:
-    """Return the model's unit of a quantity: what `changes` (the spec's `units:`) says, else the canonical one, else `1`.
+def default_unit(
+    name: str, changes: Mapping[str, str] = _NO_CHANGES, rates: Mapping[str, str] = _NO_CHANGES
+) -> str:
+    """Return the model's unit of a quantity: what `changes` (the spec's `units:`) says, else the
+    canonical one, else `1`.
 
-    The rate of a quantity is in its unit per unit of time: `pressure_rate` in `kPa/s`, and so are `rates` by another name, given with the
-    quantity that each is the rate of; `step_pressure` is in the unit of the pressure.
+    The rate of a quantity is in its unit per unit of time: `pressure_rate` in `kPa/s`, and so are
+    `rates` by another name, given with the quantity that each is the rate of; `step_pressure` is in
+    the unit of the pressure.
     """
     if name in changes:
         return changes[name]
-    others = {key: of for key, of in rates.items() if key != name}  # a circle of rates is reported elsewhere
+    others = {
+        key: of for key, of in rates.items() if key != name
+    }  # a circle of rates is reported elsewhere
     if name in rates or name.endswith("_rate"):
-        return f"{default_unit(rates.get(name, name.removesuffix('_rate')), changes, others)}/{default_unit('time', changes)}"
+        of = rates.get(name, name.removesuffix("_rate"))
+        return f"{default_unit(of, changes, others)}/{default_unit('time', changes)}"
     if name.startswith("step_"):
         return default_unit(name.removeprefix("step_"), changes, others)
     return CANONICAL.get(name, "1")
@@ -79,7 +111,9 @@ def default_unit(name: str, changes: Mapping[str, str] = _NO_CHANGES, rates: Map
 
 def is_canonical(name: str) -> bool:
     """Return True for the canonical quantities and their rates."""
-    return name in CANONICAL or (name.endswith("_rate") and is_canonical(name.removesuffix("_rate")))
+    return name in CANONICAL or (
+        name.endswith("_rate") and is_canonical(name.removesuffix("_rate"))
+    )
 
 
 @overload
@@ -89,7 +123,8 @@ def convert(values: Array, source_unit: str, target_unit: str) -> Array: ...
 def convert(values: float | Array, source_unit: str, target_unit: str) -> float | Array:
     """Values in `target_unit`.
 
-    Raises SpecError for a unit that nobody knows, or two units of different dimension; the message names both.
+    Raises SpecError for a unit that nobody knows, or two units of different dimension; the message
+    names both.
     """
     if source_unit == target_unit:
         return values
@@ -99,11 +134,16 @@ def convert(values: float | Array, source_unit: str, target_unit: str) -> float 
     source, target = _parsed(source_unit), _parsed(target_unit)
     if source.dimensionality != target.dimensionality:
         raise SpecError(
-            f"unit {source_unit!r} ({_dimension(source_unit)}) cannot be converted to {target_unit!r} ({_dimension(target_unit)})",
+            f"unit {source_unit!r} ({_dimension(source_unit)}) cannot be converted to "
+            f"{target_unit!r} ({_dimension(target_unit)})",
             _suggestion(source_unit) or f"give a unit of the same dimension as {target_unit!r}",
         )
     converted = _registry().Quantity(values, source).to(target).magnitude
-    return np.asarray(converted, dtype=np.float64) if isinstance(values, np.ndarray) else float(converted)
+    return (
+        np.asarray(converted, dtype=np.float64)
+        if isinstance(values, np.ndarray)
+        else float(converted)
+    )
 
 
 def _everyday_factor(source_unit: str, target_unit: str) -> float | None:
@@ -114,7 +154,9 @@ def _everyday_factor(source_unit: str, target_unit: str) -> float | None:
 
 
 def _everyday(unit: str) -> tuple[tuple[str, ...], Fraction] | None:
-    """Dimensions and factor of a unit of the table, or of a rate `unit/time`; None for any other, which pint has to be asked for."""
+    """Dimensions and factor of a unit of the table, or of a rate `unit/time`; None for any other,
+    which pint has to be asked for.
+    """
     match [_EVERYDAY.get(part) for part in unit.split("/")]:
         case [(dimension, factor)]:
             return (dimension,), factor
@@ -124,23 +166,31 @@ def _everyday(unit: str) -> tuple[tuple[str, ...], Fraction] | None:
 
 
 def is_quantity(text: str) -> bool:
-    """Return True for text that starts with a number and goes on with something else, as `250 kPa`."""
+    """Return True for text that starts with a number and goes on with something else, as `250
+    kPa`.
+    """
     found = _QUANTITY.fullmatch(text.strip())
     return found is not None and bool(found[2])
 
 
 def split_quantity(text: str) -> tuple[float, str | None]:
-    """Return number and unit of a quantity; the unit is None for a number alone. Raises SpecError for text that is neither."""
+    """Return number and unit of a quantity; the unit is None for a number alone. Raises SpecError
+    for text that is neither.
+    """
     found = _QUANTITY.fullmatch(text.strip())
     if found is None:
-        raise SpecError(f"{text[:_LONGEST_UNIT]!r} is not a number with a unit", "write it as `250 kPa`")
+        raise SpecError(
+            f"{text[:_LONGEST_UNIT]!r} is not a number with a unit", "write it as `250 kPa`"
+        )
     return float(found[1]), found[2].lstrip() or None
 
 
 def parse_quantity(text: str, unit: str) -> float:
-    """Return the number that `text` stands for in `unit`: `parse_quantity("1.1 bar", "kPa")` is 110.
+    """Return the number that `text` stands for in `unit`: `parse_quantity("1.1 bar", "kPa")` is
+    110.
 
-    Raises SpecError for text that is no number with a unit, a unit that nobody knows, or one of another dimension.
+    Raises SpecError for text that is no number with a unit, a unit that nobody knows, or one of
+    another dimension.
     """
     number, source_unit = split_quantity(text)
     # 15 digits: a decimal number stays one (110 kPa rather than 110.00000000000001).
@@ -154,7 +204,9 @@ def check_unit(unit: str) -> None:
 
 
 def has_dimension(unit: str) -> bool:
-    """Return True for a unit that is no plain number, as `mm`; False for `%`, `deg`, and what nobody knows."""
+    """Return True for a unit that is no plain number, as `mm`; False for `%`, `deg`, and what
+    nobody knows.
+    """
     everyday = _everyday(unit)
     if everyday is not None:
         return everyday[0] != ("number",)
@@ -165,7 +217,8 @@ def has_dimension(unit: str) -> bool:
 
 
 def unit_of_file(text: str, like: str) -> str | None:
-    """Return a unit as a file spells it (`BAR`, `psig`, `seconds since 2020-01-01`) as we do; None for what nobody knows.
+    """Return a unit as a file spells it (`BAR`, `psig`, `seconds since 2020-01-01`) as we do; None
+    for what nobody knows.
 
     Of several spellings, the one that can be converted to the unit `like` counts.
     """
@@ -189,17 +242,25 @@ def is_same(unit: str, other: str) -> bool:
 
 
 def base_units(unit: str) -> BaseUnits | None:
-    """Return a unit in base units of the SI; None for one that nobody knows, or of broken powers."""
+    """Return a unit in base units of the SI; None for one that nobody knows, or of broken
+    powers.
+    """
     try:
         parsed = _parsed(unit)
     except SpecError:
         return None
     zero, one = (_registry().Quantity(value, parsed).to_base_units() for value in (0.0, 1.0))
     powers = {_BASE.get(name, name): power for name, power in one.unit_items()}
-    if not all(name in _BASE.values() and float(power).is_integer() for name, power in powers.items()):
+    if not all(
+        name in _BASE.values() and float(power).is_integer() for name, power in powers.items()
+    ):
         return None
     offset = float(zero.magnitude)
-    return BaseUnits(float(f"{float(one.magnitude) - offset:.15g}"), offset, {name: int(power) for name, power in sorted(powers.items())})
+    return BaseUnits(
+        float(f"{float(one.magnitude) - offset:.15g}"),
+        offset,
+        {name: int(power) for name, power in sorted(powers.items())},
+    )
 
 
 @functools.cache
@@ -211,28 +272,50 @@ def _registry() -> Any:
 
 @functools.cache
 def _parsed(unit: str) -> Any:
-    """Return a pint unit; `1` is dimensionless. The grammar is checked first, as pint would compute `m**9**9**9`."""
+    """Return a pint unit; `1` is dimensionless. The grammar is checked first, as pint would compute
+    `m**9**9**9`.
+    """
     text = unit.strip()
     if len(text) <= _LONGEST_UNIT and _UNIT.fullmatch(text):
         torque = _TORQUE.sub(r"\1*\2", text).replace("·", "*")
-        spelled, registry = re.sub(r"°([CF])", r"deg\1", torque).replace("%", "percent"), _registry()
+        spelled, registry = (
+            re.sub(r"°([CF])", r"deg\1", torque).replace("%", "percent"),
+            _registry(),
+        )
         try:
             return registry.parse_units("" if spelled == "1" else spelled)
-        except Exception:  # pint and the tokenizer below it raise a dozen kinds, all for the same reason
+        except (
+            Exception
+        ):  # pint and the tokenizer below it raise a dozen kinds, all for the same reason
             pass
     shown = unit if len(unit) <= _LONGEST_UNIT else f"{unit[:_LONGEST_UNIT]}..."
     raise SpecError(
-        f"unit {shown!r} is unknown", _suggestion(unit) or "write units as `kPa`, `mm`, `ms`, `%`, `kPa/s`, or `1` for a plain number"
+        f"unit {shown!r} is unknown",
+        _suggestion(unit)
+        or "write units as `kPa`, `mm`, `ms`, `%`, `kPa/s`, or `1` for a plain number",
     )
 
 
 def _dimension(unit: str) -> str:
     here = _parsed(unit).dimensionality
-    return next((words for known, words in _NAMED_DIMENSIONS.items() if _parsed(known).dimensionality == here), str(here))
+    return next(
+        (
+            words
+            for known, words in _NAMED_DIMENSIONS.items()
+            if _parsed(known).dimensionality == here
+        ),
+        str(here),
+    )
 
 
 def _suggestion(unit: str) -> str | None:
-    """Return a did-you-mean for a misspelt unit; wrong capitals first (`kpa`), as they are the commonest slip."""
-    same_letters = [known for known in _COMMON if known.casefold() == unit.strip().casefold() and known != unit]
-    near = same_letters or [known for known in get_close_matches(unit, _COMMON, n=1, cutoff=0.6) if known != unit]
+    """Return a did-you-mean for a misspelt unit; wrong capitals first (`kpa`), as they are the
+    commonest slip.
+    """
+    same_letters = [
+        known for known in _COMMON if known.casefold() == unit.strip().casefold() and known != unit
+    ]
+    near = same_letters or [
+        known for known in get_close_matches(unit, _COMMON, n=1, cutoff=0.6) if known != unit
+    ]
     return f"did you mean `{near[0]}`?" if near and unit not in _COMMON else None

@@ -1,6 +1,8 @@
-"""YAML with the scalars of version 1.2's core schema, for reading and writing, and `${VAR}` in them.
+"""YAML with the scalars of version 1.2's core schema, for reading and writing, and `${VAR}` in
+them.
 
-Plain PyYAML follows YAML 1.1, in which `1e-3` is text, `no` is false, `010` is eight and `1:30` is ninety.
+Plain PyYAML follows YAML 1.1, in which `1e-3` is text, `no` is false, `010` is eight and `1:30` is
+ninety.
 """
 
 from __future__ import annotations
@@ -26,9 +28,14 @@ _SCALARS = {
     "null": r"~|null|Null|NULL|",
     "bool": r"true|True|TRUE|false|False|FALSE",
     "int": r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+",
-    "float": r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)",
+    "float": r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?"
+    r"|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)",
 }
-_RESOLVERS = {None: [(_TAG + tag, re.compile(f"(?:{pattern})\\Z", re.ASCII)) for tag, pattern in _SCALARS.items()]}
+_RESOLVERS = {
+    None: [
+        (_TAG + tag, re.compile(f"(?:{pattern})\\Z", re.ASCII)) for tag, pattern in _SCALARS.items()
+    ]
+}
 """Tags and patterns that PyYAML tries in turn, whatever a scalar begins with (None)."""
 
 DEEPEST = 40
@@ -63,12 +70,16 @@ ONE_LINE = 80
 
 
 def _on_one_line(node: yaml.Node) -> int:
-    """Mark the lists and mappings that are short; return about how many characters a node has on one line."""
+    """Mark the lists and mappings that are short; return about how many characters a node has on
+    one line.
+    """
     if not isinstance(node, yaml.CollectionNode):
         return ONE_LINE if "\n" in node.value else len(node.value) + 2
     parts = [part for one in node.value for part in (one if isinstance(one, tuple) else (one,))]
     size = 2 + sum(map(_on_one_line, parts))
-    is_wrapped = len(parts) == 2 and isinstance(parts[1], yaml.CollectionNode)  # `polynomial: {...}` needs no braces around it
+    is_wrapped = len(parts) == 2 and isinstance(
+        parts[1], yaml.CollectionNode
+    )  # `polynomial: {...}` needs no braces around it
     node.flow_style = size <= ONE_LINE and not is_wrapped
     return size
 
@@ -89,11 +100,17 @@ class _CoreDumper(yaml.SafeDumper):
         super().serialize(node)
 
     def represent_str(self, data: str) -> yaml.ScalarNode:
-        """Escapes the line breaks that only Unicode knows; PyYAML would write them out, to be read back as spaces.
+        """Escapes the line breaks that only Unicode knows; PyYAML would write them out, to be read
+        back as spaces.
 
-        Words that readers of YAML 1.1 take for true or false, as the key `on`, are quoted for their sake.
+        Words that readers of YAML 1.1 take for true or false, as the key `on`, are quoted for their
+        sake.
         """
-        style = '"' if any(char in data for char in "\x85\u2028\u2029") or data.lower() in _BOOLEANS_OF_1_1 else None
+        style = (
+            '"'
+            if any(char in data for char in "\x85\u2028\u2029") or data.lower() in _BOOLEANS_OF_1_1
+            else None
+        )
         return self.represent_scalar(f"{_TAG}str", data, style)
 
 
@@ -114,16 +131,23 @@ def dump(value: Any) -> str:
 
 def as_overrides(settings: Mapping[str, Any]) -> tuple[str, ...]:
     """Return settings by key path (`{"fit.max_terms": 2}`) as `--set` has them."""
-    return tuple(f"{key}={json.dumps(escaped(value), ensure_ascii=False)}" for key, value in settings.items())
+    return tuple(
+        f"{key}={json.dumps(escaped(value), ensure_ascii=False)}" for key, value in settings.items()
+    )
 
 
-# Variables ---------------------------------------------------------------------------------------------------------------------------
+# Variables
+# --------------------------------------------------------------------------------------------------
 
 READABLE = "MAPMORE_"
-"""How the environment variables begin that any spec may read: a spec from a stranger shall see no key or password."""
+"""How the environment variables begin that any spec may read: a spec from a stranger shall see no
+key or password.
+"""
 
 MORE = "MAPMORE_ENV"
-"""The variable that lists further ones, with commas between them; `--env` adds to it, so that worker processes know them too."""
+"""The variable that lists further ones, with commas between them; `--env` adds to it, so that
+worker processes know them too.
+"""
 
 VARIABLES = "set it, give a default as `${NAME:-default}`, or write `$${` for a plain `${`"
 """What to do about a variable that cannot be expanded."""
@@ -137,16 +161,20 @@ def expand(text: str) -> str:
 
     As in a shell, `:-` gives its default for an unset and for an empty variable.
 
-    Raises ValueError for a variable that is not set and has no default, one that no spec may read, or something after `${` that is no
-    variable.
+    Raises ValueError for a variable that is not set and has no default, one that no spec may read,
+    or something after `${` that is no variable.
     """
     return _REFERENCE.sub(_value, text)
 
 
 def unescaped(text: str) -> str:
-    """Return a text that is no path, with `${` for each `$${`; ValueError where it holds a variable."""
+    """Return a text that is no path, with `${` for each `$${`; ValueError where it holds a
+    variable.
+    """
     if found := next((match for match in _REFERENCE.finditer(text) if match[0] != "$${"), None):
-        raise ValueError(f"`{found[0]}` stands in a text that is no path: variables are expanded in paths alone")
+        raise ValueError(
+            f"`{found[0]}` stands in a text that is no path: variables are expanded in paths alone"
+        )
     return text.replace("$${", "${")
 
 
@@ -167,7 +195,10 @@ def _value(reference: re.Match[str]) -> str:
         raise ValueError(f"`{reference[0]}` is not `${{NAME}}` or `${{NAME:-default}}`")
     name, has_default, default = body.groups()
     if not name.startswith(READABLE) and name not in os.environ.get(MORE, "").split(","):
-        raise ValueError(f"environment variable {name} is not read: it is no {READABLE}*, and no `--env {name}` allows it")
+        raise ValueError(
+            f"environment variable {name} is not read: it is no {READABLE}*, and no `--env "
+            f"{name}` allows it"
+        )
     value = os.environ.get(name)
     if has_default and not value:
         return default or ""
@@ -176,21 +207,42 @@ def _value(reference: re.Match[str]) -> str:
     return value
 
 
-# Reading -----------------------------------------------------------------------------------------------------------------------------
+# Reading
+# --------------------------------------------------------------------------------------------------
 
 LARGEST = 5_000_000  # bytes of a file: a campaign of a hundred thousand runs
 KEPT = 100_000  # characters of a text that is remembered
 _MOST_VALUES = 50_000  # that aliases repeat: nine levels of nine aliases would be 4e8
 
 _PLAINER = (  # what PyYAML says, what is meant, what to do
-    ("cannot start any token", "a character that cannot stand here", "quote the text, and indent with spaces instead of tabs"),
-    ("mapping values are not allowed here", "a `:` that cannot stand here", "quote a text that contains `: `, or mend the indentation"),
+    (
+        "cannot start any token",
+        "a character that cannot stand here",
+        "quote the text, and indent with spaces instead of tabs",
+    ),
+    (
+        "mapping values are not allowed here",
+        "a `:` that cannot stand here",
+        "quote a text that contains `: `, or mend the indentation",
+    ),
     ("could not find expected ':'", "a key without `:`", "write `key: value`"),
-    ("expected <block end>", "the indentation does not fit the lines above, or a bracket is missing", "align the keys of one mapping"),
+    (
+        "expected <block end>",
+        "the indentation does not fit the lines above, or a bracket is missing",
+        "align the keys of one mapping",
+    ),
     ("expected ',' or", "a `,` or a closing bracket is missing", "close every `[` and `{`"),
-    ("but found another document", "a second document starts here", "one file holds one spec: remove the `---`"),
+    (
+        "but found another document",
+        "a second document starts here",
+        "one file holds one spec: remove the `---`",
+    ),
     ("found undefined alias", "an alias without its anchor", "define it above with `&name`"),
-    ("found duplicate anchor", "an anchor that is defined twice", "give the second one another name"),
+    (
+        "found duplicate anchor",
+        "an anchor that is defined twice",
+        "give the second one another name",
+    ),
     ("found unexpected end of stream", "the text ends within quotes", "close the quotes"),
 )
 
@@ -198,21 +250,30 @@ _PLAINER = (  # what PyYAML says, what is meant, what to do
 def read_source(path: Path) -> SourceText:
     """Return a file's text.
 
-    Raises SpecError for a file that is missing, unreadable, larger than a spec can be, or not UTF-8.
+    Raises SpecError for a file that is missing, unreadable, larger than a spec can be, or not
+    UTF-8.
     """
     try:
         with path.open("rb") as file:
             data = file.read(LARGEST + 1)
     except OSError as error:
-        raise SpecError(f"{path}: {(error.strerror or str(error)).lower()}", "give the path of a YAML file") from error
+        raise SpecError(
+            f"{path}: {(error.strerror or str(error)).lower()}", "give the path of a YAML file"
+        ) from error
     if len(data) > LARGEST:
-        raise SpecError(f"{path}: larger than {LARGEST // 1000} kB", "a spec is a page of text; is this a data file?")
+        raise SpecError(
+            f"{path}: larger than {LARGEST // 1000} kB",
+            "a spec is a page of text; is this a data file?",
+        )
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         column = error.start - data.rfind(b"\n", 0, error.start)
-        raise SpecError(f"{path}:{line}:{column}: byte 0x{data[error.start]:02x} is not UTF-8", "save the file as UTF-8") from error
+        raise SpecError(
+            f"{path}:{line}:{column}: byte 0x{data[error.start]:02x} is not UTF-8",
+            "save the file as UTF-8",
+        ) from error
     return SourceText(str(path), path.parent, text)
 
 
@@ -231,12 +292,30 @@ def _parsed(source: SourceText) -> tuple[Node, tuple[Mistake, ...]]:
         root = _composed(source.text)
     except (yaml.YAMLError, TooDeep) as error:
         _refuse(error, source)
-    except (ValueError, OverflowError):  # of PyYAML's `chr`: an escape of a number beyond those that Unicode has
-        found = next((match for match in re.finditer(r"\\U([0-9A-Fa-f]{8})", source.text) if int(match[1], 16) > sys.maxunicode), None)
+    except (
+        ValueError,
+        OverflowError,
+    ):  # of PyYAML's `chr`: an escape of a number beyond those that Unicode has
+        found = next(
+            (
+                match
+                for match in re.finditer(r"\\U([0-9A-Fa-f]{8})", source.text)
+                if int(match[1], 16) > sys.maxunicode
+            ),
+            None,
+        )
         at = _at(source, found.start() if found else 0)
-        fail(at, f"{found[0] if found else 'an escape'} is no character", "write the character itself")
+        fail(
+            at,
+            f"{found[0] if found else 'an escape'} is no character",
+            "write the character itself",
+        )
     problems: list[Mistake] = []
-    tree = Node(None, Position(source, 1, 1)) if root is None else _Builder(source, problems).node(root, depth=0)
+    tree = (
+        Node(None, Position(source, 1, 1))
+        if root is None
+        else _Builder(source, problems).node(root, depth=0)
+    )
     return tree, tuple(problems)
 
 
@@ -245,7 +324,9 @@ _remembered = lru_cache(maxsize=16)(_parsed)
 
 
 def _composed(text: str) -> yaml.Node | None:
-    """Return the nodes of a text. Garbage is not looked for: the many objects of a long text are none, and looking takes minutes."""
+    """Return the nodes of a text. Garbage is not looked for: the many objects of a long text are
+    none, and looking takes minutes.
+    """
     enabled = gc.isenabled()
     gc.disable()
     try:
@@ -269,7 +350,9 @@ class _Builder:
         self.repeated += id(node) in self.seen
         self.seen.add(id(node))
         if depth > DEEPEST:
-            fail(at, "aliases nest too deeply, or an anchor contains itself", "write the values out")
+            fail(
+                at, "aliases nest too deeply, or an anchor contains itself", "write the values out"
+            )
         if self.repeated > _MOST_VALUES:
             fail(at, f"aliases multiply to more than {_MOST_VALUES} values", "write the values out")
         if isinstance(node, yaml.MappingNode):
@@ -292,7 +375,13 @@ class _Builder:
                 self.problems.append(Mistake(at, f"{shown} is not text, and keys are", "quote it"))
             elif key.value in children:
                 first = children[key.value].start
-                self.problems.append(Mistake(at, f"key `{key.value}` stands twice; first on line {first.line}", "remove one of the two"))
+                self.problems.append(
+                    Mistake(
+                        at,
+                        f"key `{key.value}` stands twice; first on line {first.line}",
+                        "remove one of the two",
+                    )
+                )
             else:
                 children[key.value] = self.node(value, depth + 1, at)
         return children
@@ -302,7 +391,9 @@ class _Builder:
 
 
 def _scalar(tag: str, text: str) -> str | int | float | bool | None:
-    """Return the value of a scalar; ValueError for a tag that is not of the core, or that the text does not fit (`!!int x`)."""
+    """Return the value of a scalar; ValueError for a tag that is not of the core, or that the text
+    does not fit (`!!int x`).
+    """
     kind = tag.removeprefix(_TAG)
     if any("\ud800" <= character <= "\udfff" for character in text):
         raise ValueError(f"{text!r} holds half of a character")
@@ -331,12 +422,22 @@ def _refuse(error: Exception, source: SourceText) -> NoReturn:
     """Raise PyYAML's complaint in plainer words, with its place."""
     if isinstance(error, yaml.reader.ReaderError):
         at = _at(source, error.position)
-        fail(at, f"control character #x{int(error.character):04x}", "a spec is plain text; is this a data file?")
-    mark = error.args[0] if isinstance(error, TooDeep) else getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
+        fail(
+            at,
+            f"control character #x{int(error.character):04x}",
+            "a spec is plain text; is this a data file?",
+        )
+    mark = (
+        error.args[0]
+        if isinstance(error, TooDeep)
+        else getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
+    )
     at = Position(source, mark.line + 1, mark.column + 1) if mark else Position(source, 1, 1)
     if isinstance(error, TooDeep):
         fail(at, f"nested more than {DEEPEST} levels deep", "a spec needs ten")
-    said = f"{getattr(error, 'context', None) or ''} {getattr(error, 'problem', None) or ''}".strip()
+    said = (
+        f"{getattr(error, 'context', None) or ''} {getattr(error, 'problem', None) or ''}".strip()
+    )
     for phrase, message, remedy in _PLAINER:
         if phrase in said:
             fail(at, f"not valid YAML: {message}", remedy)

@@ -1,4 +1,6 @@
-"""Files that are either the old or the new ones, whatever happens; and what the file system refuses, said to the user."""
+"""Files that are either the old or the new ones, whatever happens; and what the file system
+refuses, said to the user.
+"""
 
 from __future__ import annotations
 
@@ -19,18 +21,29 @@ from mapmore_cli.domain.errors import WriteError
 TEMPORARY = ".tmp-"
 """How the names of unfinished files and folders start."""
 
-UNFINISHED = re.compile(re.escape(TEMPORARY) + r"(?:[0-9a-f]{12}-.+|[a-z]+-[a-z0-9_]{8})", re.DOTALL)
+UNFINISHED = re.compile(
+    re.escape(TEMPORARY) + r"(?:[0-9a-f]{12}-.+|[a-z]+-[a-z0-9_]{8})", re.DOTALL
+)
 """Names of files and of folders that this module and `run_folder.stage_folder` have begun."""
 
 _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EFBIG}
-_REFUSED = {errno.EACCES, errno.EPERM, errno.EISDIR, errno.ENOTDIR, errno.EEXIST, errno.ENAMETOOLONG}
+_REFUSED = {
+    errno.EACCES,
+    errno.EPERM,
+    errno.EISDIR,
+    errno.ENOTDIR,
+    errno.EEXIST,
+    errno.ENAMETOOLONG,
+}
 
 
 def is_special(path: Path) -> bool:
-    """Whether something other than a file stands at `path`, which is written into and never replaced: a pipe, a terminal, `/dev/null`.
+    """Whether something other than a file stands at `path`, which is written into and never
+    replaced: a pipe, a terminal, `/dev/null`.
 
-    So is what goes by a name in `/dev`, `/dev/fd` or `/proc`, as `/dev/stdout`, even where it is a file: another program holds it open.
-    What lies in a folder of `/dev`, as in `/dev/shm`, is a file like any other.
+    So is what goes by a name in `/dev`, `/dev/fd` or `/proc`, as `/dev/stdout`, even where it is a
+    file: another program holds it open. What lies in a folder of `/dev`, as in `/dev/shm`, is a
+    file like any other.
     """
     place = Path(os.path.abspath(path))  # noqa: PTH100 - links stay as they are named
     by_name = place.parts[1:2] == ("proc",) or place.parent in (Path("/dev"), Path("/dev/fd"))
@@ -39,9 +52,11 @@ def is_special(path: Path) -> bool:
 
 @contextmanager
 def unfinished_beside(path: Path, folder: bool = False) -> Iterator[Path]:
-    """Make an empty file or folder that is to become `path`, gone at the end unless it was moved there.
+    """Make an empty file or folder that is to become `path`, gone at the end unless it was moved
+    there.
 
-    What killed processes left of the same file is cleared away. This process holds its own with a lock of the system, which dies with it.
+    What killed processes left of the same file is cleared away. This process holds its own with a
+    lock of the system, which dies with it.
     """
     if not path.name:  # the folder that one is in
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
@@ -63,8 +78,16 @@ def unfinished_beside(path: Path, folder: bool = False) -> Iterator[Path]:
 def _clear_abandoned(path: Path) -> None:
     """Remove the unfinished files and folders for `path` that no process holds."""
     name = re.compile(rf"{re.escape(TEMPORARY)}[0-9a-f]{{12}}-{re.escape(path.name)}", re.DOTALL)
-    with suppress(OSError):  # a folder that cannot be looked at, or that is another user's, does not keep this one from writing
-        for left in [path.parent / entry for entry in os.listdir(path.parent) if name.fullmatch(entry)]:  # noqa: PTH208
+    with suppress(
+        OSError
+        # a folder that cannot be looked at, or that is another user's, does not keep this one from
+        # writing
+    ):
+        for left in [
+            path.parent / entry
+            for entry in os.listdir(path.parent)  # noqa: PTH208
+            if name.fullmatch(entry)
+        ]:
             if (handle := _held(left, patient=False)) is not None:
                 try:
                     remove(left)
@@ -73,8 +96,12 @@ def _clear_abandoned(path: Path) -> None:
 
 
 def _held(place: Path, patient: bool = True) -> int | None:
-    """Hold a file or folder against other processes that ask for it; None where another one holds it, or the system has no such locks."""
-    if sys.platform == "win32":  # there, nothing shows that an unfinished file is abandoned, and all of them stay
+    """Hold a file or folder against other processes that ask for it; None where another one holds
+    it, or the system has no such locks.
+    """
+    if (
+        sys.platform == "win32"
+    ):  # there, nothing shows that an unfinished file is abandoned, and all of them stay
         return None
     import fcntl
 
@@ -103,11 +130,15 @@ def remove(place: Path) -> None:
 
 @contextmanager
 def replacing(path: Path) -> Iterator[BufferedRandom]:
-    """Open a file that takes the place of `path` when the block ends without error: written beside it, flushed to the disk, moved over it.
+    """Open a file that takes the place of `path` when the block ends without error: written beside
+    it, flushed to the disk, moved over it.
 
-    In an unfinished folder it is not flushed: `sync_tree` flushes the whole folder before that takes its place.
+    In an unfinished folder it is not flushed: `sync_tree` flushes the whole folder before that
+    takes its place.
     """
-    path = path.resolve() if path.is_symlink() else path  # what a link leads to is replaced, not the link
+    path = (
+        path.resolve() if path.is_symlink() else path
+    )  # what a link leads to is replaced, not the link
     alone = not any(UNFINISHED.fullmatch(part) for part in path.parent.parts)
     with refusals_told(path.parent), unfinished_beside(path) as unfinished:
         with unfinished.open("r+b") as file:
@@ -122,7 +153,9 @@ def replacing(path: Path) -> Iterator[BufferedRandom]:
 
 @contextmanager
 def written(path: Path) -> Iterator[IO[bytes]]:
-    """Open a file that is written whole as by `replacing`; what stands there, where that is no file, as a pipe or `/dev/null`."""
+    """Open a file that is written whole as by `replacing`; what stands there, where that is no
+    file, as a pipe or `/dev/null`.
+    """
     if not is_special(path):
         with replacing(path) as file:
             yield file
@@ -143,7 +176,9 @@ def write_text(path: Path, text: str) -> None:
 
 
 def link_or_copy(source: Path, place: Path) -> None:
-    """Give a file a second name, or a copy where the file system has no hard links; OSError where it cannot be read."""
+    """Give a file a second name, or a copy where the file system has no hard links; OSError where
+    it cannot be read.
+    """
     try:
         os.link(source, place)
     except OSError:
@@ -166,14 +201,17 @@ def sync_folder(folder: Path) -> None:
 
 @contextmanager
 def refusals_told(folder: Path) -> Iterator[None]:
-    """Turn a full disk, and a refusal that concerns something in `folder`, into a WriteError; other faults pass through.
+    """Turn a full disk, and a refusal that concerns something in `folder`, into a WriteError; other
+    faults pass through.
 
     A refusal elsewhere is none of ours: a stage may find that a recording cannot be read.
     """
     try:
         yield
     except OSError as fault:
-        place = Path(os.fsdecode(fault.filename)) if isinstance(fault.filename, str | bytes) else folder
+        place = (
+            Path(os.fsdecode(fault.filename)) if isinstance(fault.filename, str | bytes) else folder
+        )
         ours = place == folder or folder in place.parents or place in folder.parents
         if fault.errno in _FULL or (fault.errno in _REFUSED and ours):
             room = "make room on the disk, or " if fault.errno in _FULL else ""

@@ -1,7 +1,9 @@
-"""The folder of a run: made or refused before the work, and changed only by moving whole files and folders into it.
+"""The folder of a run: made or refused before the work, and changed only by moving whole files and
+folders into it.
 
-A stage builds its outputs in a folder of its own (`.tmp-...`). Files are moved over their predecessors. A folder cannot be, so the old one
-steps aside (`.old-NAME`) for an instant; `recover` puts it back if that instant was the last.
+A stage builds its outputs in a folder of its own (`.tmp-...`). Files are moved over their
+predecessors. A folder cannot be, so the old one steps aside (`.old-NAME`) for an instant; `recover`
+puts it back if that instant was the last.
 """
 
 from __future__ import annotations
@@ -19,7 +21,14 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, cast
 
 from mapmore_cli.domain.errors import WriteError
-from mapmore_cli.storage.atomic import TEMPORARY, UNFINISHED, refusals_told, remove, sync_folder, sync_tree
+from mapmore_cli.storage.atomic import (
+    TEMPORARY,
+    UNFINISHED,
+    refusals_told,
+    remove,
+    sync_folder,
+    sync_tree,
+)
 from mapmore_cli.storage.run_record import CAMPAIGN_RECORD, RUN_RECORD, read_scores
 
 if TYPE_CHECKING:
@@ -29,7 +38,13 @@ if TYPE_CHECKING:
     from mapmore_cli.domain.results import FitResult, Validation
     from mapmore_cli.domain.scores import ScoreTable
 
-DATASET, SEGMENTATION, FIT, MODEL, VALIDATION = "ingest.h5", "segment.h5", "fit.h5", "model.h5", "validate.h5"
+DATASET, SEGMENTATION, FIT, MODEL, VALIDATION = (
+    "ingest.h5",
+    "segment.h5",
+    "fit.h5",
+    "model.h5",
+    "validate.h5",
+)
 RESULTS: Mapping[str, str] = MappingProxyType(
     {"ingest": DATASET, "segment": SEGMENTATION, "fit": FIT, "fuse": MODEL, "validate": VALIDATION}
 )
@@ -48,9 +63,11 @@ def _remembered(kind: str, path: Path, _inode: int, _time: int, _size: int) -> A
 
 @dataclass(frozen=True)
 class RunFiles:
-    """The results in the folder of a run, read when they are asked for; raises as `artefacts.read_*`.
+    """The results in the folder of a run, read when they are asked for; raises as
+    `artefacts.read_*`.
 
-    The latest results stay in memory as long as their files are the same; their arrays are read-only.
+    The latest results stay in memory as long as their files are the same; their arrays are
+    read-only.
     """
 
     folder: Path
@@ -92,18 +109,26 @@ ASIDE = ".old-"
 
 LOCK = ".lock"
 
-_FOLDERS = {RUN_RECORD: "a run of that name", CAMPAIGN_RECORD: "the page of a campaign of that name"}
+_FOLDERS = {
+    RUN_RECORD: "a run of that name",
+    CAMPAIGN_RECORD: "the page of a campaign of that name",
+}
 """What the folders are that mapmore writes, by the record in them."""
 
 
 @contextmanager
 def run_lock(run_dir: Path, patient: bool = False) -> Iterator[None]:
-    """Hold the run; where another process holds it, wait or raise WriteError at once. The system frees it when its holder dies."""
+    """Hold the run; where another process holds it, wait or raise WriteError at once. The system
+    frees it when its holder dies.
+    """
     from filelock import FileLock, Timeout
 
     lock = FileLock(run_dir / LOCK, timeout=-1 if patient else 0)
     if (run_dir / LOCK).is_dir() or (run_dir / LOCK).is_symlink():
-        raise WriteError(f"{run_dir / LOCK}: is a folder or a link, where the lock of the run belongs", "move it away")
+        raise WriteError(
+            f"{run_dir / LOCK}: is a folder or a link, where the lock of the run belongs",
+            "move it away",
+        )
     try:
         with refusals_told(run_dir):
             lock.acquire()
@@ -112,7 +137,9 @@ def run_lock(run_dir: Path, patient: bool = False) -> Iterator[None]:
         raise WriteError(f"{run_dir}: another process is writing this run", remedy) from None
     except (OSError, NotImplementedError) as fault:  # as on network drives
         what = getattr(fault, "strerror", None) or "its file system has no locks"
-        raise WriteError(f"{run_dir}: cannot be locked ({what})", "choose a local folder with --runs") from fault
+        raise WriteError(
+            f"{run_dir}: cannot be locked ({what})", "choose a local folder with --runs"
+        ) from fault
     try:
         yield
     finally:
@@ -120,7 +147,9 @@ def run_lock(run_dir: Path, patient: bool = False) -> Iterator[None]:
 
 
 def open_run_folder(run_dir: Path) -> None:
-    """Make the folder of a run; WriteError where it cannot be one, not be written, or holds what is no run's."""
+    """Make the folder of a run; WriteError where it cannot be one, not be written, or holds what is
+    no run's.
+    """
     with refusals_told(run_dir):
         for place in (run_dir, *run_dir.parents):
             if place.exists() and not place.is_dir():
@@ -128,34 +157,60 @@ def open_run_folder(run_dir: Path) -> None:
                 raise WriteError(f"{place}: is a file where a folder is needed for the run", remedy)
         run_dir.mkdir(parents=True, exist_ok=True)
     if not os.access(run_dir, os.W_OK | os.X_OK):
-        raise WriteError(f"{run_dir}: you may not write in this folder", "change its permissions, or choose another folder with --runs")
+        raise WriteError(
+            f"{run_dir}: you may not write in this folder",
+            "change its permissions, or choose another folder with --runs",
+        )
     refuse_foreign(run_dir, RUN_RECORD)
 
 
 def refuse_foreign(folder: Path, record: str) -> None:
-    """Raise WriteError where a folder holds files, but not the `record` that mapmore puts into every folder of its own."""
+    """Raise WriteError where a folder holds files, but not the `record` that mapmore puts into
+    every folder of its own.
+    """
     try:
         names = {path.name for path in folder.iterdir()} if folder.is_dir() else set[str]()
     except OSError as fault:
-        raise WriteError(f"{folder}: cannot be read ({fault.strerror})", "change its permissions, or choose another folder") from fault
+        raise WriteError(
+            f"{folder}: cannot be read ({fault.strerror})",
+            "change its permissions, or choose another folder",
+        ) from fault
     others = sorted(name for name in names if name != LOCK and not UNFINISHED.fullmatch(name))
     if others and (record not in names or not _is_ours(folder / record)):
-        found = f"files that mapmore did not write ({', '.join(others[:3])}{', ...' if len(others) > 3 else ''})"
-        held = next((what for file, what in _FOLDERS.items() if file in names and _is_ours(folder / file)), found)
-        raise WriteError(f"{folder}: holds {held}", "give it another `name`, or choose another folder with --runs")
+        found = (
+            "files that mapmore did not write "
+            f"({', '.join(others[:3])}{', ...' if len(others) > 3 else ''})"
+        )
+        held = next(
+            (what for file, what in _FOLDERS.items() if file in names and _is_ours(folder / file)),
+            found,
+        )
+        raise WriteError(
+            f"{folder}: holds {held}",
+            "give it another `name`, or choose another folder with --runs",
+        )
 
 
 def _is_ours(record: Path) -> bool:
-    """Whether a record may be one of ours, be it damaged: anything but a whole document of somebody else."""
+    """Whether a record may be one of ours, be it damaged: anything but a whole document of somebody
+    else.
+    """
     try:
         document = json.loads(record.read_bytes())
     except (OSError, ValueError, RecursionError):
         return record.is_file()
-    return not isinstance(document, dict) or not document or document.get("creator") == "mapmore" or "stages" in document
+    return (
+        not isinstance(document, dict)
+        or not document
+        or document.get("creator") == "mapmore"
+        or "stages" in document
+    )
 
 
 def recover(run_dir: Path, outputs: Iterable[str]) -> None:
-    """Clear away what an interrupted process left, and put back those of the `outputs` that had stepped aside."""
+    """Clear away what an interrupted process left, and put back those of the `outputs` that had
+    stepped aside.
+    """
     with refusals_told(run_dir):
         for output in outputs:
             aside, place = run_dir / f"{ASIDE}{output}", run_dir / output
@@ -168,12 +223,17 @@ def recover(run_dir: Path, outputs: Iterable[str]) -> None:
 
 def is_tidy(run_dir: Path) -> bool:
     """Return False where a process is at work, or was killed at work."""
-    return not any(UNFINISHED.fullmatch(name) or name.startswith(ASIDE) for name in os.listdir(run_dir))  # noqa: PTH208
+    return not any(
+        UNFINISHED.fullmatch(name) or name.startswith(ASIDE)
+        for name in os.listdir(run_dir)  # noqa: PTH208
+    )
 
 
 @contextmanager
 def stage_folder(run_dir: Path, stage: str) -> Iterator[Path]:
-    """Make a fresh folder inside the run's, on the same file system, gone when the stage ends in whatever way."""
+    """Make a fresh folder inside the run's, on the same file system, gone when the stage ends in
+    whatever way.
+    """
     folder = Path(mkdtemp(prefix=f"{TEMPORARY}{stage}-", dir=run_dir))
     try:
         yield folder
@@ -182,7 +242,9 @@ def stage_folder(run_dir: Path, stage: str) -> Iterator[Path]:
 
 
 def swap_in(folder: Path, run_dir: Path, outputs: Sequence[str]) -> None:
-    """Move finished `outputs` from `folder` into the run, each whole, all of them on the disk before."""
+    """Move finished `outputs` from `folder` into the run, each whole, all of them on the disk
+    before.
+    """
     sync_tree(folder)
     for output in outputs:
         new, place = folder / output, run_dir / output

@@ -1,6 +1,8 @@
-"""`run.json`: what every stage of a run was made from, and with what. A stage's entry, written last, commits its outputs.
+"""`run.json`: what every stage of a run was made from, and with what. A stage's entry, written
+last, commits its outputs.
 
-Sizes, times and hashes tell whether files are still the ones that were read or written. No absolute paths, users, hosts or environment.
+Sizes, times and hashes tell whether files are still the ones that were read or written. No absolute
+paths, users, hosts or environment.
 
 1.0  first version.
 1.1  `origin`: the spec that the run was made from.
@@ -40,31 +42,58 @@ class Stamp:
 
 
 def take_stamp(path: Path, known: Stamp | None = None, rehash: bool = False) -> Stamp:
-    """Return the stamp of a file; the hash is `known`'s where size and time are too, unless `rehash`. OSError where it cannot be read."""
-    # Looked at before it is read: a file that changes meanwhile has another time than its stamp, and is read again next time.
+    """Return the stamp of a file; the hash is `known`'s where size and time are too, unless
+    `rehash`. OSError where it cannot be read.
+    """
+    # Looked at before it is read: a file that changes meanwhile has another time than its stamp,
+    # and is read again next time.
     state = path.stat()
-    if known is not None and not rehash and (state.st_size, state.st_mtime_ns) == (known.size, known.mtime_ns):
+    if (
+        known is not None
+        and not rehash
+        and (state.st_size, state.st_mtime_ns) == (known.size, known.mtime_ns)
+    ):
         return known
     with path.open("rb") as file:
-        return Stamp(state.st_size, state.st_mtime_ns, hashlib.file_digest(file, "sha256").hexdigest())
+        return Stamp(
+            state.st_size, state.st_mtime_ns, hashlib.file_digest(file, "sha256").hexdigest()
+        )
 
 
 def stamps_of(folder: Path, outputs: tuple[str, ...]) -> dict[str, Stamp]:
-    """Return the stamps of every file of `outputs` (files or folders in `folder`), by POSIX path relative to `folder`."""
+    """Return the stamps of every file of `outputs` (files or folders in `folder`), by POSIX path
+    relative to `folder`.
+    """
     places = [folder / output for output in outputs]
-    files = (path for place in places for path in (sorted(filter(Path.is_file, place.rglob("*"))) if place.is_dir() else [place]))
+    files = (
+        path
+        for place in places
+        for path in (sorted(filter(Path.is_file, place.rglob("*"))) if place.is_dir() else [place])
+    )
     return {path.relative_to(folder).as_posix(): take_stamp(path) for path in files}
 
 
 def refuse_newer(path: Path, found: str, known: str) -> None:
-    """Raise DataError where a file's major version is above the one that this program knows, or is no version at all."""
+    """Raise DataError where a file's major version is above the one that this program knows, or is
+    no version at all.
+    """
     try:
         major = int(found.split(".")[0])
     except ValueError:
-        raise DataError(f"{path}: has the unreadable format version {found!r}", "delete it and run `mapmore run CONFIG`") from None
+        raise DataError(
+            f"{path}: has the unreadable format version {found!r}",
+            "delete it and run `mapmore run CONFIG`",
+        ) from None
     if major > int(known.split(".")[0]):
-        remedy = "update mapmore, or make the file again with this version by `mapmore run CONFIG --force`"
-        raise DataError(f"{path}: was written in format {found} by a newer mapmore; this one reads up to {known}", remedy)
+        remedy = (
+            "update mapmore, or make the file again with this version by `mapmore run CONFIG "
+            "--force`"
+        )
+        raise DataError(
+            f"{path}: was written in format {found} by a newer mapmore; this one reads up to "
+            f"{known}",
+            remedy,
+        )
 
 
 @cache
@@ -110,18 +139,28 @@ class StageRecord:
 
 @dataclass(frozen=True)
 class Origin:
-    """Where a run comes from: its spec and its campaign (POSIX paths from the run's folder, or empty), and the campaign's settings."""
+    """Where a run comes from: its spec and its campaign (POSIX paths from the run's folder, or
+    empty), and the campaign's settings.
+    """
 
     spec: str
     campaign: str = ""
     settings: tuple[str, ...] = ()
 
     def rival_of(self, other: Origin, run_dir: Path) -> str | None:
-        """Return the file that claims the run's name beside this origin: another spec, or a campaign with other settings; None for none."""
+        """Return the file that claims the run's name beside this origin: another spec, or a
+        campaign with other settings; None for none.
+        """
         if other.spec != self.spec:
             return other.spec if (run_dir / other.spec).is_file() else None
         campaigns = self.campaign and other.campaign and self.campaign != other.campaign
-        return other.campaign if campaigns and self.settings != other.settings and (run_dir / other.campaign).is_file() else None
+        return (
+            other.campaign
+            if campaigns
+            and self.settings != other.settings
+            and (run_dir / other.campaign).is_file()
+            else None
+        )
 
 
 _ORIGIN, _STAGES = TypeAdapter(Origin), TypeAdapter(dict[str, StageRecord])
@@ -134,7 +173,9 @@ def _document(path: Path) -> Any:
 
 
 def stale_stages(records: Mapping[str, StageRecord]) -> dict[str, str]:
-    """Return committed stages whose results follow from others than lie before them now, by the earlier stage that was done since."""
+    """Return committed stages whose results follow from others than lie before them now, by the
+    earlier stage that was done since.
+    """
     found: dict[str, str] = {}
     done = [name for name in STAGES if name in records]
     for before, name in pairwise(done):
@@ -152,7 +193,8 @@ def load_origin(run_dir: Path) -> Origin | None:
 
 
 def load_records(run_dir: Path, warn: Callable[[str], None]) -> dict[str, StageRecord]:
-    """Return the committed stages of a run, by name; none, with a warning, where `run.json` is damaged.
+    """Return the committed stages of a run, by name; none, with a warning, where `run.json` is
+    damaged.
 
     Raises DataError for a record of a newer format.
     """
@@ -164,13 +206,18 @@ def load_records(run_dir: Path, warn: Callable[[str], None]) -> dict[str, StageR
     except FileNotFoundError:
         return {}
     except _DAMAGE as fault:
-        warn(f"{path}: is damaged ({type(fault).__name__}: {str(fault).partition(chr(10))[0]}) and is ignored; every stage runs again")
+        warn(
+            f"{path}: is damaged ({type(fault).__name__}: {str(fault).partition(chr(10))[0]}) "
+            "and is ignored; every stage runs again"
+        )
         return {}
     refuse_newer(path, version, FORMAT_VERSION)
     return stages
 
 
-def save_records(run_dir: Path, name: str, origin: Origin, records: Mapping[str, StageRecord]) -> None:
+def save_records(
+    run_dir: Path, name: str, origin: Origin, records: Mapping[str, StageRecord]
+) -> None:
     """Write `run.json` whole."""
     document = {
         "format_version": FORMAT_VERSION,
@@ -179,7 +226,10 @@ def save_records(run_dir: Path, name: str, origin: Origin, records: Mapping[str,
         "origin": asdict(origin),
         "stages": {stage: asdict(record) for stage, record in records.items()},
     }
-    write_text(run_dir / RUN_RECORD, json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+    write_text(
+        run_dir / RUN_RECORD,
+        json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n",
+    )
 
 
 DIGITS = 12
@@ -190,17 +240,29 @@ _SCORES = TypeAdapter(tuple[Score, ...])
 def write_scores(folder: Path, table: ScoreTable, name: str) -> None:
     """Write `scores.csv` and `scores.json` of the run `name` into `folder`.
 
-    The JSON document is `{"name", "target", "units", "scores": [row, ...], "failed", "warnings"}`: `failed` names models that could not
-    be fitted. A number that is not finite is null there, and empty in the CSV. The same scores give the same bytes.
+    The JSON document is `{"name", "target", "units", "scores": [row, ...], "failed", "warnings"}`:
+    `failed` names models that could not be fitted. A number that is not finite is null there, and
+    empty in the CSV. The same scores give the same bytes.
     """
     rows = [score_row(score) for score in table.scores]
-    document: dict[str, Any] = {"name": name, "target": next(iter(table.units), None), "units": dict(table.units), "scores": rows}
+    document: dict[str, Any] = {
+        "name": name,
+        "target": next(iter(table.units), None),
+        "units": dict(table.units),
+        "scores": rows,
+    }
     document |= {"failed": list(table.failed), "warnings": list(table.warnings)}
-    write_text(folder / "scores.json", json.dumps(document, indent=2, allow_nan=False, ensure_ascii=False) + "\n")
+    write_text(
+        folder / "scores.json",
+        json.dumps(document, indent=2, allow_nan=False, ensure_ascii=False) + "\n",
+    )
     cells = io.StringIO()
     writer = csv.DictWriter(cells, COLUMNS, lineterminator="\n")
     writer.writeheader()
-    writer.writerows({name: csv_cell(cell) if isinstance(cell, str) else cell for name, cell in row.items()} for row in rows)
+    writer.writerows(
+        {name: csv_cell(cell) if isinstance(cell, str) else cell for name, cell in row.items()}
+        for row in rows
+    )
     write_text(folder / "scores.csv", cells.getvalue())
 
 
@@ -210,7 +272,9 @@ def read_scores(path: Path) -> ScoreTable:
         return scores_in(_document(path))
     except _DAMAGE as error:
         what = f"no table of scores: {type(error).__name__}: {error}"
-        raise DataError(f"{path}: {what}", "run `mapmore validate SPEC --force`, which writes it again") from error
+        raise DataError(
+            f"{path}: {what}", "run `mapmore validate SPEC --force`, which writes it again"
+        ) from error
 
 
 def scores_in(document: Any) -> ScoreTable:
@@ -218,9 +282,16 @@ def scores_in(document: Any) -> ScoreTable:
 
     Raises ValueError, TypeError, KeyError, AttributeError or OverflowError for another document.
     """
-    rows = [{name: math.nan if cell is None else cell for name, cell in row.items()} for row in document["scores"]]
+    rows = [
+        {name: math.nan if cell is None else cell for name, cell in row.items()}
+        for row in document["scores"]
+    ]
     units = {str(name): str(unit) for name, unit in document["units"].items()}
-    return ScoreTable(_SCORES.validate_python(rows), units, *(tuple(map(str, document.get(key, ()))) for key in ("failed", "warnings")))
+    return ScoreTable(
+        _SCORES.validate_python(rows),
+        units,
+        *(tuple(map(str, document.get(key, ()))) for key in ("failed", "warnings")),
+    )
 
 
 def score_row(score: Score) -> Mapping[str, str | int | float | None]:
@@ -229,14 +300,18 @@ def score_row(score: Score) -> Mapping[str, str | int | float | None]:
 
 
 def _rounded(value: str | int | float) -> str | int | float | None:
-    """Return a float to 12 significant digits, without a negative zero; None where it is not finite."""
+    """Return a float to 12 significant digits, without a negative zero; None where it is not
+    finite.
+    """
     if not isinstance(value, float):
         return value
     return float(f"{value:.{DIGITS}g}") + 0.0 if math.isfinite(value) else None
 
 
 def scores_beside(model: Path) -> tuple[Mapping[str, Any], ...]:
-    """Return the rows of the scores.json in the folder of a model; none where it was sent alone, or they cannot be read."""
+    """Return the rows of the scores.json in the folder of a model; none where it was sent alone, or
+    they cannot be read.
+    """
     try:
         return tuple(dict(row) for row in _document(model.parent / "scores.json")["scores"])
     except _DAMAGE:

@@ -1,7 +1,9 @@
-"""Columns that may be longer than memory: made block by block, and kept in files without a name where they are long.
+"""Columns that may be longer than memory: made block by block, and kept in files without a name
+where they are long.
 
-What comes out is an array like any other. One that was spooled is mapped from its file and cannot be written to; whoever goes through it by
-`in_blocks` needs the memory of a block, and whoever takes it as a whole needs the memory of the whole.
+What comes out is an array like any other. One that was spooled is mapped from its file and cannot
+be written to; whoever goes through it by `in_blocks` needs the memory of a block, and whoever takes
+it as a whole needs the memory of the whole.
 """
 
 from __future__ import annotations
@@ -25,7 +27,8 @@ LONG = 8_000_000
 """Bytes of a column from which on it is spooled: a million numbers."""
 
 MOST = 100
-"""Columns that are spooled at one time, since each keeps a file open; those beyond stay in memory."""
+"""Columns that are spooled at one time, since each keeps a file open; those beyond stay in memory.
+"""
 
 _folder: ContextVar[Path | None] = ContextVar("_folder", default=None)
 _mapped: WeakSet[mmap.mmap] = WeakSet()
@@ -33,7 +36,9 @@ _mapped: WeakSet[mmap.mmap] = WeakSet()
 
 @contextmanager
 def spooling_in(folder: Path) -> Iterator[None]:
-    """Keep long columns that are made in this block in files in `folder`, which vanish with the columns, or with the program."""
+    """Keep long columns that are made in this block in files in `folder`, which vanish with the
+    columns, or with the program.
+    """
     token = _folder.set(folder)
     try:
         yield
@@ -42,7 +47,9 @@ def spooling_in(folder: Path) -> Iterator[None]:
 
 
 def in_a_row(blocks: Iterable[Any]) -> Any:
-    """Return the values of all blocks, (b, ...) each and at least one, one after the other. Raises WriteError where the disk is full."""
+    """Return the values of all blocks, (b, ...) each and at least one, one after the other. Raises
+    WriteError where the disk is full.
+    """
     held: list[Any] = []
     size, rest, folder = 0, iter(blocks), _folder.get()
     for block in rest:
@@ -70,7 +77,9 @@ def by_blocks(function: Callable[..., Any], *columns: Any) -> Any:
 
 
 def counted(function: Callable[[Any], Any], size: int) -> Any:
-    """Return `function` of the row numbers from 0 to `size`, where each row depends on its number alone."""
+    """Return `function` of the row numbers from 0 to `size`, where each row depends on its number
+    alone.
+    """
     return in_a_row(function(np.arange(rows.start, rows.stop)) for rows in row_blocks(size))
 
 
@@ -81,4 +90,8 @@ def chosen(column: Any, mask: Any) -> Any:
 
 def joined(columns: Sequence[Any]) -> Any:
     """Columns one after the other, (n,)."""
-    return columns[0] if len(columns) == 1 else in_a_row(block for column in columns for (block,) in in_blocks(column))
+    return (
+        columns[0]
+        if len(columns) == 1
+        else in_a_row(block for column in columns for (block,) in in_blocks(column))
+    )

@@ -15,7 +15,9 @@ ROUNDS = 2
 
 
 def batch(folder, rounds=ROUNDS):
-    """Seconds of the campaign, start-up and page included; the better of a few rounds, in turns, so that a busy moment hits both alike."""
+    """Seconds of the campaign, start-up and page included; the better of a few rounds, in turns, so
+    that a busy moment hits both alike.
+    """
     campaign = Path(folder) / "batch.yaml"
     campaign.write_text(campaign_of(os.path.relpath(CONFIGS, folder)), encoding="utf-8")
     took = {1: [], 2: []}
@@ -25,19 +27,39 @@ def batch(folder, rounds=ROUNDS):
             shutil.rmtree(runs, ignore_errors=True)
             found.append(seconds(lambda runs=runs, jobs=jobs: run(campaign, runs, jobs)))
     names = sorted(path.parent.name for path in (Path(folder) / "runs-1").glob("*/scores.json"))
-    scores = [[(Path(folder) / f"runs-{jobs}" / name / "scores.json").read_bytes() for name in names] for jobs in took]
-    return {"runs": len(names), "same_scores": scores[0] == scores[1], "one_process": min(took[1]), "two_processes": min(took[2])}
+    scores = [
+        [(Path(folder) / f"runs-{jobs}" / name / "scores.json").read_bytes() for name in names]
+        for jobs in took
+    ]
+    return {
+        "runs": len(names),
+        "same_scores": scores[0] == scores[1],
+        "one_process": min(took[1]),
+        "two_processes": min(took[2]),
+    }
 
 
 def run(campaign, runs, jobs):
-    command = [sys.executable, "-m", "mapmore_cli", "batch", campaign, "--runs", runs, "--jobs", str(jobs), "--quiet"]
+    command = [
+        sys.executable,
+        "-m",
+        "mapmore_cli",
+        "batch",
+        campaign,
+        "--runs",
+        runs,
+        "--jobs",
+        str(jobs),
+        "--quiet",
+    ]
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
 
 
 def campaign_of(configs):
     """Two muscles with one to four terms and three widths of the transition."""
     runs = [
-        f"  - {{base: {configs}/{study}.yaml, name: {study}-{terms}-{width}, set: {{fit.max_terms: {terms}, fuse.z_s: {width / 10}}}}}"
+        f"  - {{base: {configs}/{study}.yaml, name: {study}-{terms}-{width}, set: "
+        f"{{fit.max_terms: {terms}, fuse.z_s: {width / 10}}}}}"
         for study in ("dmsp-20-88-static", "peano-static")
         for terms in (1, 2, 3, 4)
         for width in (1, 2, 3)

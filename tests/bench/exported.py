@@ -1,6 +1,8 @@
-"""Exported models a call: nanoseconds, bytes of code and of state, in C beside the formulas of the literature and beside NumPy.
+"""Exported models a call: nanoseconds, bytes of code and of state, in C beside the formulas of the
+literature and beside NumPy.
 
-python tests/bench/exported.py      prints the table of docs/export.md; `make bench` has it among others
+python tests/bench/exported.py      prints the table of docs/export.md; `make bench` has it among
+others
 """
 
 from __future__ import annotations
@@ -31,7 +33,12 @@ CONFIGS = HERE.parents[1] / "configs"
 POINTS, CALLS, ROUNDS = 5_000, 20, 200
 
 STATIC = ("m2/dmsp-20-88-static.yaml", "validate.against=[sarosi, polynomial_2, polynomial_5]")
-BACKBONE = ("m2/dmsp-20-88-static.yaml", "name=on-sarosi", "model.backbone=sarosi", "validate.against=[]")
+BACKBONE = (
+    "m2/dmsp-20-88-static.yaml",
+    "name=on-sarosi",
+    "model.backbone=sarosi",
+    "validate.against=[]",
+)
 MEMORY = ("m1/dmsp-20-88-inner-reversals.yaml", "validate.against=[]")
 DAMPING = ("m2/dmsp-20-88-damping.yaml", "validate.against=[reynolds, peternel]")
 
@@ -63,8 +70,12 @@ def least_in_turn(calls):
 
 
 def every_model(runs):
-    """The models of M2 and M1, and the formulas fitted to the same data, by what they are called."""
-    static, on_sarosi, memory, damping = (run(runs, *study) for study in (STATIC, BACKBONE, MEMORY, DAMPING))
+    """The models of M2 and M1, and the formulas fitted to the same data, by what they are
+    called.
+    """
+    static, on_sarosi, memory, damping = (
+        run(runs, *study) for study in (STATIC, BACKBONE, MEMORY, DAMPING)
+    )
     models = {
         "mapmore, M2's static model": read_model(static / "model.h5"),
         "mapmore on Sárosi's formula": read_model(on_sarosi / "model.h5"),
@@ -74,25 +85,48 @@ def every_model(runs):
         models[name] = formula_model(static, name)
     for name in ("reynolds", "peternel"):
         models[f"{name} (damping)"] = formula_model(damping, name)
-    return {what: replace(model, name=f"model {number}") for number, (what, model) in enumerate(models.items())}
+    return {
+        what: replace(model, name=f"model {number}")
+        for number, (what, model) in enumerate(models.items())
+    }
 
 
 def run(runs, spec, *settings):
     """The folder of a run of a shipped study, run if need be."""
-    name = next((one.removeprefix("name=") for one in settings if one.startswith("name=")), Path(spec).stem)
+    name = next(
+        (one.removeprefix("name=") for one in settings if one.startswith("name=")), Path(spec).stem
+    )
     changes = [word for one in settings for word in ("--set", one)]
-    command = [sys.executable, "-m", "mapmore_cli", "run", CONFIGS / spec, "--runs", runs, "-q", *changes]
+    command = [
+        sys.executable,
+        "-m",
+        "mapmore_cli",
+        "run",
+        CONFIGS / spec,
+        "--runs",
+        runs,
+        "-q",
+        *changes,
+    ]
     subprocess.run(list(map(str, command)), check=True, stdout=subprocess.DEVNULL)
     return runs / name
 
 
 def formula_model(folder, name):
     """A competitor of a run as a model of its own, with the run's training ranges."""
-    model, fit = read_model(folder / "model.h5"), read_validation(folder / "validate.h5").formulas[name]
-    inputs = tuple(quantity for quantity in model.inputs if quantity.name in literature.get(name).inputs)
+    model, fit = (
+        read_model(folder / "model.h5"),
+        read_validation(folder / "validate.h5").formulas[name],
+    )
+    inputs = tuple(
+        quantity for quantity in model.inputs if quantity.name in literature.get(name).inputs
+    )
     names = {quantity.name for quantity in inputs}
     level = model.level if model.level in names else None
-    ranges = tuple(replace(one, limits={key: ends for key, ends in one.limits.items() if key in names}) for one in model.body.ranges)
+    ranges = tuple(
+        replace(one, limits={key: ends for key, ends in one.limits.items() if key in names})
+        for one in model.body.ranges
+    )
     return Model(name, model.output, inputs, Formula(fit, level, ranges))
 
 
@@ -101,8 +135,14 @@ def samples(model):
     if runs_over_time(model):
         return recording(model, POINTS)
     rng = np.random.default_rng(0)
-    low, high = ({name: end for one in model.body.ranges for name, end in ends_of(one, side)} for side in (0, 1))
-    columns = {q.name: rng.uniform(low.get(q.name, 0.0), high.get(q.name, 1.0), POINTS) for q in model.inputs}
+    low, high = (
+        {name: end for one in model.body.ranges for name, end in ends_of(one, side)}
+        for side in (0, 1)
+    )
+    columns = {
+        q.name: rng.uniform(low.get(q.name, 0.0), high.get(q.name, 1.0), POINTS)
+        for q in model.inputs
+    }
     if model.level is not None:
         levels = [one.level for one in model.body.ranges]
         columns[model.level] = rng.uniform(min(levels), max(levels), POINTS)
@@ -134,15 +174,23 @@ def in_numpy(model, folder):
         state = module.State()
         calls = {"one": lambda: [module.step(state, *row) for row in rows]}
     else:
-        calls = {"one": lambda: [module.evaluate(*row) for row in rows], "many": lambda: module.evaluate(*given)}
+        calls = {
+            "one": lambda: [module.evaluate(*row) for row in rows],
+            "many": lambda: module.evaluate(*given),
+        }
     took = least_in_turn(calls)
-    return {"numpy_one": took["one"] / CALLS * 1e9, "numpy_many": took["many"] / POINTS * 1e9 if "many" in took else None}
+    return {
+        "numpy_one": took["one"] / CALLS * 1e9,
+        "numpy_many": took["many"] / POINTS * 1e9 if "many" in took else None,
+    }
 
 
 def code_bytes(model, folder):
     """Instructions and constants of the model's object file."""
     name = c_source(model).name
-    found = subprocess.run(["size", f"{name}.o"], cwd=folder, check=True, capture_output=True, text=True).stdout
+    found = subprocess.run(
+        ["size", f"{name}.o"], cwd=folder, check=True, capture_output=True, text=True
+    ).stdout
     return int(found.splitlines()[1].split()[0])
 
 
@@ -151,10 +199,15 @@ def state_bytes(model, folder):
     if not runs_over_time(model):
         return 0
     name = c_source(model).name
-    text = f'#include "{name}.h"\n#include <stdio.h>\nint main(void) {{ printf("%d", (int)sizeof({name}_state)); return 0; }}\n'
+    text = (
+        f'#include "{name}.h"\n#include <stdio.h>\nint main(void) {{ printf("%d", '
+        f"(int)sizeof({name}_state)); return 0; }}\n"
+    )
     (folder / "state.c").write_text(text, encoding="utf-8")
     subprocess.run(["gcc", "state.c", "-o", "state"], cwd=folder, check=True)
-    return int(subprocess.run(["./state"], cwd=folder, check=True, capture_output=True, text=True).stdout)
+    return int(
+        subprocess.run(["./state"], cwd=folder, check=True, capture_output=True, text=True).stdout
+    )
 
 
 if __name__ == "__main__":

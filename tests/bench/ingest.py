@@ -18,23 +18,39 @@ LINES = 100_000
 STUDY = """
 schema_version: 1
 name: long-log
-data: {files: [long_log.csv], reader: csv, columns: {pressure: {column: P, unit: kPa}, strain: {column: eps}, force: {column: F, unit: N}}}
+data: {files: [long_log.csv], reader: csv, columns: {pressure: {column: P, unit: kPa},
+    strain: {column: eps}, force: {column: F, unit: N}}}
 target: {column: force}
 dictionary: [{polynomial: {of: [pressure, strain], order: 2}}]
 """
 
 
 def ingest(folder, megabytes):
-    """Megabytes a second of the parser alone and of the whole command, by the clock and of processor time, and its peak of memory."""
+    """Megabytes a second of the parser alone and of the whole command, by the clock and of
+    processor time, and its peak of memory.
+    """
     path = Path(folder) / "long_log.csv"
     lines = write_log(path, megabytes)
     size = path.stat().st_size / 1e6
     (Path(folder) / "long-log.yaml").write_text(STUDY, encoding="utf-8")
-    command = [sys.executable, "-m", "mapmore_cli", "ingest", Path(folder) / "long-log.yaml", "--runs", folder]
+    command = [
+        sys.executable,
+        "-m",
+        "mapmore_cli",
+        "ingest",
+        Path(folder) / "long-log.yaml",
+        "--runs",
+        folder,
+    ]
     start = perf_counter()
     processor, peak = usage_of(command)
     whole = perf_counter() - start
-    with spooling_in(Path(folder)):  # after the command, whose peak of memory would count that of this process before it was split off
+    with spooling_in(
+        Path(folder)
+        # after the command, whose peak of memory would count that of this process before it was
+        # split
+        # off
+    ):
         parsed = seconds(lambda: READERS["csv"].read(path, TableRequest("log", ("P", "eps", "F"))))
     path.unlink()
     return {
@@ -61,7 +77,11 @@ def usage_of(command):
 def write_log(path, megabytes):
     """The same lines over and over, as quick to write as the disk allows; their number."""
     rng = np.random.default_rng(2)
-    pressure, strain, force = rng.uniform(0, 600, LINES), rng.uniform(0, 0.25, LINES), rng.normal(300, 100, LINES)
+    pressure, strain, force = (
+        rng.uniform(0, 600, LINES),
+        rng.uniform(0, 0.25, LINES),
+        rng.normal(300, 100, LINES),
+    )
     rows = zip(pressure.tolist(), strain.tolist(), force.tolist(), strict=True)
     text = "".join(f"{p:.4f},{e:.6f},{f:.5f}\n" for p, e, f in rows).encode()
     times = -(-megabytes * 10**6 // len(text))

@@ -1,4 +1,6 @@
-"""A swarm over one section of a model of motion, beside least squares and beside a simulation by a Python loop."""
+"""A swarm over one section of a model of motion, beside least squares and beside a simulation by a
+Python loop.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,9 @@ LOOPED = 5  # simulations that the loop is timed with; it does nothing else
 
 
 def motion():
-    """Seconds of every solver with 50 particles and 20 iterations, of as many simulations by filter and by loop."""
+    """Seconds of every solver with 50 particles and 20 iterations, of as many simulations by filter
+    and by loop.
+    """
     u = 2.5 - 2.5 * np.cos(2 * np.pi * 0.25 * STEP * np.arange(SAMPLES))
     p1, p2, p3 = SECTION
     y = response(p1, p2, p3 * u) + 0.05 * np.random.default_rng(20).standard_normal(SAMPLES)
@@ -25,14 +29,20 @@ def motion():
     recipe = MotionRecipe(input="input", output="displacement", step=STEP)
     simulations = recipe.particles * (recipe.iterations + 1)
     problem = Problem([piece])
-    one = median_seconds(lambda: [problem.rmse(p1, p2, np.array([p3])) for _ in range(LOOPED)], RUNS) / LOOPED
+    one = (
+        median_seconds(lambda: [problem.rmse(p1, p2, np.array([p3])) for _ in range(LOOPED)], RUNS)
+        / LOOPED
+    )
     loop = median_seconds(lambda: [looped(u.tolist()) for _ in range(LOOPED)], 1) / LOOPED
     return {
         "samples": SAMPLES,
         "simulations": simulations,
         "filter": simulations * one,
         "loop": simulations * loop,
-        **{name: median_seconds(lambda solve=solve: solve(Problem([piece]), recipe), RUNS) for name, solve in SOLVERS.items()},
+        **{
+            name: median_seconds(lambda solve=solve: solve(Problem([piece]), recipe), RUNS)
+            for name, solve in SOLVERS.items()
+        },
     }
 
 

@@ -1,7 +1,8 @@
-"""Five small dictionaries, and what each peer reports of them, in the peers' environment: `python peer_cases.py` prints JSON.
+"""Five small dictionaries, and what each peer reports of them, in the peers' environment: `python
+peer_cases.py` prints JSON.
 
-The share that a selection explains is of `y'y`: the sum of its ERR as the peer reports it, or, for a peer that reports none, what its
-coefficients explain.
+The share that a selection explains is of `y'y`: the sum of its ERR as the peer reports it, or, for
+a peer that reports none, what its coefficients explain.
 """
 
 from __future__ import annotations
@@ -22,11 +23,36 @@ def cases():
     sum_of_two[:, 4] = sum_of_two[:, 0] + sum_of_two[:, 1]
     noise = np.random.default_rng(10).normal(size=80)
     scaled = white[9][:, :6] * 10.0 ** np.array([-9, 0, 9, 0, -6, 3])
-    yield "a first sample of zero", np.column_stack([t**i for i in range(6)]), np.exp(-3 * t) + t**5, 6
-    yield "nothing left to explain", white[7], 2 * white[7][:, 3] - white[7][:, 8] + 0.5 * white[7][:, 1], 10
-    yield "a column that is the sum of two", sum_of_two, sum_of_two[:, 0] + 2 * sum_of_two[:, 1] + 0.1 * noise, 6
-    yield "powers to the ninth on [2, 4]", np.column_stack([x**i for i in range(10)]), np.sin(3 * x), 8
-    yield "units from 1e-9 to 1e9", scaled, white[9][:, :3] @ np.array([1.0, 2.0, 3.0]) + 0.1 * noise, 3
+    yield (
+        "a first sample of zero",
+        np.column_stack([t**i for i in range(6)]),
+        np.exp(-3 * t) + t**5,
+        6,
+    )
+    yield (
+        "nothing left to explain",
+        white[7],
+        2 * white[7][:, 3] - white[7][:, 8] + 0.5 * white[7][:, 1],
+        10,
+    )
+    yield (
+        "a column that is the sum of two",
+        sum_of_two,
+        sum_of_two[:, 0] + 2 * sum_of_two[:, 1] + 0.1 * noise,
+        6,
+    )
+    yield (
+        "powers to the ninth on [2, 4]",
+        np.column_stack([x**i for i in range(10)]),
+        np.sin(3 * x),
+        8,
+    )
+    yield (
+        "units from 1e-9 to 1e9",
+        scaled,
+        white[9][:, :3] @ np.array([1.0, 2.0, 3.0]) + 0.1 * noise,
+        3,
+    )
 
 
 def largest(P, y):

@@ -1,4 +1,6 @@
-"""The program as its users meet it: start-up, a run that is up to date, and the model that it made."""
+"""The program as its users meet it: start-up, a run that is up to date, and the model that it
+made.
+"""
 
 from __future__ import annotations
 
@@ -28,12 +30,18 @@ def mapmore(*arguments):
 
 
 def start_up(runs_folder):
-    """Seconds of the shortest command, of a run with everything to do and of one with nothing, beside Python's start and its libraries'."""
+    """Seconds of the shortest command, of a run with everything to do and of one with nothing,
+    beside Python's start and its libraries'.
+    """
     run = mapmore("run", STUDY, "--runs", runs_folder)
     whole_run = median_seconds(run, 1)
     return {
-        "python": median_seconds(lambda: subprocess.run([sys.executable, "-c", "pass"], check=True), RUNS),
-        "libraries": median_seconds(lambda: subprocess.run([sys.executable, "-c", LIBRARIES], check=True), RUNS),
+        "python": median_seconds(
+            lambda: subprocess.run([sys.executable, "-c", "pass"], check=True), RUNS
+        ),
+        "libraries": median_seconds(
+            lambda: subprocess.run([sys.executable, "-c", LIBRARIES], check=True), RUNS
+        ),
         "version": median_seconds(mapmore("--version"), RUNS),
         "first_run": whole_run,
         "run_up_to_date": median_seconds(run, RUNS),
@@ -42,20 +50,30 @@ def start_up(runs_folder):
 
 
 def small_table(folder):
-    """Seconds of `init` and of the first `run` for a table of 60 points: Sarosi's formula and a slack foot, with noise of 0.2 %."""
-    pressure, strain = (column.ravel() for column in np.meshgrid(np.linspace(50, 600, 12), np.linspace(0.0, 0.2, 5), indexing="ij"))
-    force = np.maximum((2.4 * pressure + 300) * np.exp(-9 * strain) - 1.2 * pressure * strain - 350, 0.0)
+    """Seconds of `init` and of the first `run` for a table of 60 points: Sarosi's formula and a
+    slack foot, with noise of 0.2 %.
+    """
+    pressure, strain = (
+        column.ravel()
+        for column in np.meshgrid(np.linspace(50, 600, 12), np.linspace(0.0, 0.2, 5), indexing="ij")
+    )
+    force = np.maximum(
+        (2.4 * pressure + 300) * np.exp(-9 * strain) - 1.2 * pressure * strain - 350, 0.0
+    )
     force += 0.002 * force.max() * np.random.default_rng(0).standard_normal(len(force))
     table, spec = Path(folder) / "table.csv", Path(folder) / "table.yaml"
     rows = np.column_stack([pressure, strain, force])
-    np.savetxt(table, rows, fmt="%.6g", delimiter=",", header="pressure_kPa,strain,force_N", comments="")
+    np.savetxt(
+        table, rows, fmt="%.6g", delimiter=",", header="pressure_kPa,strain,force_N", comments=""
+    )
     draft = mapmore("init", table, "-o", spec, "--force")
     run = mapmore("run", spec, "--runs", Path(folder) / "table", "--force")
     return {"points": len(force), "init": median_seconds(draft, 3), "run": median_seconds(run, 3)}
 
 
 def evaluation(runs_folder):
-    """The fused model of that run at a million points, and the terms of the segments that count there, evaluated on rows in order.
+    """The fused model of that run at a million points, and the terms of the segments that count
+    there, evaluated on rows in order.
 
     The latter is the least that any evaluation has to do.
     """
@@ -67,8 +85,14 @@ def evaluation(runs_folder):
         "pressure": rng.uniform(levels[0], levels[-1], POINTS),
         "strain": rng.uniform(0, max(curve.limits["strain"][1] for curve in body.curves), POINTS),
     }
-    parts = [(segment, np.flatnonzero(weight_of(body, {segment.id}, columns))) for segment in body.segments]
-    ordered = [([parse(term) for term in segment.terms], {name: x[rows] for name, x in columns.items()}) for segment, rows in parts]
+    parts = [
+        (segment, np.flatnonzero(weight_of(body, {segment.id}, columns)))
+        for segment in body.segments
+    ]
+    ordered = [
+        ([parse(term) for term in segment.terms], {name: x[rows] for name, x in columns.items()})
+        for segment, rows in parts
+    ]
     took = medians_in_turn(
         {
             "fused_model": lambda: predict(model, columns),
@@ -78,7 +102,8 @@ def evaluation(runs_folder):
     )
     return {
         "points": POINTS,
-        "active_terms_per_point": sum(len(segment.terms) * len(rows) for segment, rows in parts) / POINTS,
+        "active_terms_per_point": sum(len(segment.terms) * len(rows) for segment, rows in parts)
+        / POINTS,
         **took,
         "evaluations_per_second": POINTS / took["fused_model"],
     }

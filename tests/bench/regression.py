@@ -21,7 +21,9 @@ RUNS = 7
 
 
 def regression(say):
-    """Seconds of every contestant by shape, None for one that did not run, with `extra_memory_ratio`; and notes on those that did not."""
+    """Seconds of every contestant by shape, None for one that did not run, with
+    `extra_memory_ratio`; and notes on those that did not.
+    """
     table, notes = {}, {}
     for shape in SHAPES:
         name = "x".join(map(str, shape))
@@ -78,8 +80,15 @@ def timed_peer(name, shape, chosen):
     """Seconds, and a note: why there are none, or that the peer chose other terms."""
     if not PEERS_PYTHON.exists():
         return None, "there is no environment for the peers: run `make bench`"
-    done = subprocess.run([PEERS_PYTHON, HERE / "peer.py", name, *map(str, shape)], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [PEERS_PYTHON, HERE / "peer.py", name, *map(str, shape)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     if done.returncode:
         return None, (done.stderr.strip().splitlines() or ["it ended without a word"])[-1]
     result = json.loads(done.stdout.splitlines()[-1])
-    return result["seconds"], None if result["chosen"] == chosen else f"chose {result['chosen']} instead of {chosen}"
+    return result["seconds"], None if result[
+        "chosen"
+    ] == chosen else f"chose {result['chosen']} instead of {chosen}"

@@ -1,4 +1,6 @@
-"""`make bench`: one thread, one run, medians. Prints a table and writes bench.json, whose numbers are seconds unless named otherwise."""
+"""`make bench`: one thread, one run, medians. Prints a table and writes bench.json, whose numbers
+are seconds unless named otherwise.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,9 @@ import sys
 import tempfile
 from pathlib import Path
 
-os.environ |= dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")  # before NumPy starts its threads
+os.environ |= dict.fromkeys(
+    ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1"
+)  # before NumPy starts its threads
 
 HERE = Path(__file__).parent
 
@@ -28,7 +32,9 @@ def main():
     options = arguments()
     with tempfile.TemporaryDirectory() as folder:
         say("streaming")
-        bench = {"machine": {"processor": processor(), "python": platform.python_version(), "threads": 1}}
+        bench = {
+            "machine": {"processor": processor(), "python": platform.python_version(), "threads": 1}
+        }
         bench["streaming"] = streamed(options.samples, folder)
         say("ingest")
         bench["ingest"] = ingest(folder, options.megabytes)
@@ -52,7 +58,12 @@ def main():
 
 def arguments():
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--samples", type=int, default=100_000_000, help="length of the streamed record (100 million; 3.2 GB)")
+    parser.add_argument(
+        "--samples",
+        type=int,
+        default=100_000_000,
+        help="length of the streamed record (100 million; 3.2 GB)",
+    )
     parser.add_argument("--megabytes", type=int, default=1000, help="size of the CSV log (1000)")
     parser.add_argument("--output", type=Path, default=Path("bench.json"))
     return parser.parse_args()
@@ -68,7 +79,10 @@ def processor():
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:
         return platform.processor()
-    return next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), platform.processor())
+    return next(
+        (line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")),
+        platform.processor(),
+    )
 
 
 def say(what):

@@ -1,4 +1,5 @@
-"""A record that is fitted as it is read: `python streaming.py 100000000 FOLDER` prints its result as JSON, and progress on stderr.
+"""A record that is fitted as it is read: `python streaming.py 100000000 FOLDER` prints its result
+as JSON, and progress on stderr.
 
 A process of its own, since it reports its own peak of memory.
 """
@@ -22,7 +23,11 @@ from mapmore_cli.modelling.expressions import dictionary_blocks, dictionary_matr
 from mapmore_cli.modelling.frols import frols, frols_streamed
 
 INPUTS = ("a", "b", "c")
-TERMS = [parse("*".join(term) or "1") for degree in range(5) for term in combinations_with_replacement(INPUTS, degree)]
+TERMS = [
+    parse("*".join(term) or "1")
+    for degree in range(5)
+    for term in combinations_with_replacement(INPUTS, degree)
+]
 CHUNK = 65_536
 BYTES_PER_SAMPLE = 8 * (len(INPUTS) + 1)
 WHOLE = 5_000_000
@@ -33,11 +38,23 @@ MAX_TERMS = 8
 def write_record(path, samples):
     rng = np.random.default_rng(1)
     with h5py.File(path, "w") as file:
-        stored = {name: file.create_dataset(name, samples, "f8", chunks=(min(CHUNK, samples),)) for name in (*INPUTS, "y")}
+        stored = {
+            name: file.create_dataset(name, samples, "f8", chunks=(min(CHUNK, samples),))
+            for name in (*INPUTS, "y")
+        }
         for start in range(0, samples, CHUNK):
             rows = slice(start, min(start + CHUNK, samples))
             a, b, c = values = rng.uniform(-1, 1, (3, rows.stop - start))
-            y = a * b - c**3 / 2 + a**2 * b * c - b**3 * c / 2 + 0.3 * a**2 + 0.2 * b * c + 0.1 * a + 0.1
+            y = (
+                a * b
+                - c**3 / 2
+                + a**2 * b * c
+                - b**3 * c / 2
+                + 0.3 * a**2
+                + 0.2 * b * c
+                + 0.1 * a
+                + 0.1
+            )
             y += 0.05 * rng.standard_normal(a.size)
             for name, column in zip((*INPUTS, "y"), (*values, y), strict=True):
                 stored[name][rows] = column
@@ -52,7 +69,9 @@ def blocks_of(path, samples, progress):
                 progress("samples", start, samples)
                 here = slice(start, min(start + CHUNK, samples))
                 y = file["y"][here]
-                for rows, P in dictionary_blocks(TERMS, {name: file[name][here] for name in INPUTS}, len(y)):
+                for rows, P in dictionary_blocks(
+                    TERMS, {name: file[name][here] for name in INPUTS}, len(y)
+                ):
                     yield P, y[rows]
 
     return blocks
@@ -68,7 +87,10 @@ def main(samples, folder):
     path = Path(folder) / "record.h5"
     free = shutil.disk_usage(folder).free
     if free < 1.1 * samples * BYTES_PER_SAMPLE:
-        sys.exit(f"{samples} samples take {samples * BYTES_PER_SAMPLE / 1e9:.1f} GB, {folder} has {free / 1e9:.1f} GB left: say --samples")
+        sys.exit(
+            f"{samples} samples take {samples * BYTES_PER_SAMPLE / 1e9:.1f} GB, {folder} has "
+            f"{free / 1e9:.1f} GB left: say --samples"
+        )
     write_record(path, samples)
     with Reporter() as reporter:
         start = perf_counter()
@@ -77,7 +99,9 @@ def main(samples, folder):
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
     part = min(WHOLE, samples)
     whole = fit_in_memory(path, part)
-    whole_seconds = median_seconds(lambda: fit_in_memory(path, part), 3)  # on pages that the first one made the system hand out
+    whole_seconds = median_seconds(
+        lambda: fit_in_memory(path, part), 3
+    )  # on pages that the first one made the system hand out
     result = {
         "samples": samples,
         "candidates": len(TERMS),

@@ -1,4 +1,6 @@
-"""What the benchmark prints: seconds, how many times our own that is, and whether the targets are met."""
+"""What the benchmark prints: seconds, how many times our own that is, and whether the targets are
+met.
+"""
 
 from __future__ import annotations
 
@@ -19,10 +21,19 @@ SWARM_TARGET = 1.0
 
 
 def regression_lines(table):
-    yield f"{'seconds (times ours)':22}" + "".join(f"{name:>18}" for name in CONTESTANTS) + f"{'extra memory':>16}"
+    yield (
+        f"{'seconds (times ours)':22}"
+        + "".join(f"{name:>18}" for name in CONTESTANTS)
+        + f"{'extra memory':>16}"
+    )
     for shape, row in table.items():
         cells = (_cell(row, name) for name in CONTESTANTS)
-        yield f"{shape:22}" + "".join(f"{cell:>18}" for cell in cells) + f"{row['extra_memory_ratio']:>15.1%}" + " "
+        yield (
+            f"{shape:22}"
+            + "".join(f"{cell:>18}" for cell in cells)
+            + f"{row['extra_memory_ratio']:>15.1%}"
+            + " "
+        )
     for shape, row in table.items():
         yield f"{shape:22}{'; '.join(_verdicts(shape, row))}"
 
@@ -30,7 +41,9 @@ def regression_lines(table):
 def _cell(row, name):
     if row[name] is None:
         return "-"
-    return f"{row[name]:.4g}" if name == "ours" else f"{row[name]:.4g} ({row[name] / row['ours']:.3g})"
+    return (
+        f"{row[name]:.4g}" if name == "ours" else f"{row[name]:.4g} ({row[name] / row['ours']:.3g})"
+    )
 
 
 def _verdicts(shape, row):
@@ -41,57 +54,83 @@ def _verdicts(shape, row):
             yield f"{name}: not measured"
         else:
             factor = row[name] / row["ours"]
-            yield f"{name} {factor:.2f} times ours, at least {least:.2f} wanted: {'met' if factor >= least else 'MISSED'}"
+            yield (
+                f"{name} {factor:.2f} times ours, at least {least:.2f} wanted: "
+                f"{'met' if factor >= least else 'MISSED'}"
+            )
     if not wide:
         yield f"memory: {'met' if row['extra_memory_ratio'] < MEMORY_TARGET else 'MISSED'}"
 
 
 def exported_lines(rows):
     """The table of docs/export.md."""
-    yield "| model | C, ns a call | NumPy, ns a sample of 5000 | NumPy, ns a call | code, bytes | state, bytes |"
+    yield (
+        "| model | C, ns a call | NumPy, ns a sample of 5000 | NumPy, ns a call | code, bytes "
+        "| state, bytes |"
+    )
     yield "|---|---:|---:|---:|---:|---:|"
     for what, row in rows.items():
         many = "-" if row["numpy_many"] is None else f"{row['numpy_many']:.0f}"
-        yield f"| {what} | {row['c']:.1f} | {many} | {row['numpy_one']:.0f} | {row['code']} | {row['state']} |"
+        yield (
+            f"| {what} | {row['c']:.1f} | {many} | {row['numpy_one']:.0f} | {row['code']} | "
+            f"{row['state']} |"
+        )
 
 
 def other_lines(bench):
-    streaming, ingest, evaluation, start = bench["streaming"], bench["ingest"], bench["evaluation"], bench["start_up"]
+    streaming, ingest, evaluation, start = (
+        bench["streaming"],
+        bench["ingest"],
+        bench["evaluation"],
+        bench["start_up"],
+    )
     motion = bench["motion"]
     yield (
-        f"streaming   {streaming['samples']} samples, {streaming['candidates']} candidates: {streaming['seconds']:.3g} s, "
-        f"{streaming['samples_per_second']:.3g} samples/s, {streaming['seconds_per_sample_over_in_memory']:.2f} times the in-memory "
+        f"streaming   {streaming['samples']} samples, {streaming['candidates']} candidates: "
+        f"{streaming['seconds']:.3g} s, "
+        f"{streaming['samples_per_second']:.3g} samples/s, "
+        f"{streaming['seconds_per_sample_over_in_memory']:.2f} times the in-memory "
         f"time per sample, peak {streaming['peak_memory_bytes'] / 2**20:.0f} MiB"
     )
     yield (
-        f"ingest      {ingest['megabytes']:.0f} MB of CSV: {ingest['parsed_megabytes_per_second']:.0f} MB/s parsed, "
+        f"ingest      {ingest['megabytes']:.0f} MB of CSV: "
+        f"{ingest['parsed_megabytes_per_second']:.0f} MB/s parsed, "
         f"{ingest['ingested_megabytes_per_second']:.0f} MB/s ingested "
-        f"({ingest['ingested_megabytes_per_processor_second']:.0f} MB in a second of processor time), "
-        f"peak {ingest['peak_memory_bytes'] / 2**20:.0f} MiB ({ingest['bytes_of_the_numbers'] / 2**20:.0f} MiB of numbers)"
+        f"({ingest['ingested_megabytes_per_processor_second']:.0f} MB in a second of "
+        "processor time), "
+        f"peak {ingest['peak_memory_bytes'] / 2**20:.0f} MiB "
+        f"({ingest['bytes_of_the_numbers'] / 2**20:.0f} MiB of numbers)"
     )
     batch = bench["batch"]
     yield (
-        f"batch       {batch['runs']} runs: {batch['one_process']:.3g} s on one process, {batch['two_processes']:.3g} s on two, "
+        f"batch       {batch['runs']} runs: {batch['one_process']:.3g} s on one process, "
+        f"{batch['two_processes']:.3g} s on two, "
         f"{batch['one_process'] / batch['two_processes']:.2f} times faster"
     )
     yield (
         f"evaluation  {evaluation['points']} points: {evaluation['fused_model']:.3g} s, "
         f"{evaluation['evaluations_per_second']:.3g} a second, "
-        f"{evaluation['fused_model'] / evaluation['active_terms']:.1f} times its active terms on sorted rows "
+        f"{evaluation['fused_model'] / evaluation['active_terms']:.1f} times its active terms "
+        "on sorted rows "
         f"({evaluation['active_terms_per_point']:.2f} a point)"
     )
     yield (
-        f"motion      {motion['simulations']} simulations of {motion['samples']} samples: {motion['filter']:.3g} s "
-        f"({'met' if motion['filter'] < SWARM_TARGET else 'MISSED'}), by a loop {motion['loop'] / motion['filter']:.0f} times as long; "
+        f"motion      {motion['simulations']} simulations of {motion['samples']} samples: "
+        f"{motion['filter']:.3g} s "
+        f"({'met' if motion['filter'] < SWARM_TARGET else 'MISSED'}), by a loop "
+        f"{motion['loop'] / motion['filter']:.0f} times as long; "
         + ", ".join(f"{name} {motion[name]:.3g} s" for name in SOLVERS)
     )
     small = bench["small_table"]
     yield (
-        f"small table {small['points']} points: init {small['init']:.2f} s and run {small['run']:.2f} s "
+        f"small table {small['points']} points: init {small['init']:.2f} s and run "
+        f"{small['run']:.2f} s "
         f"({'met' if small['init'] + small['run'] < SMALL_TABLE_TARGET else 'MISSED'})"
     )
     yield (
-        f"start-up    mapmore --version {start['version']:.2f} s (Python alone {start['python']:.2f}), "
-        f"a run {start['first_run']:.2f} s, up to date {start['run_up_to_date']:.2f} s, a check {start['check']:.2f} s "
+        f"start-up    mapmore --version {start['version']:.2f} s (Python alone "
+        f"{start['python']:.2f}), "
+        f"a run {start['first_run']:.2f} s, up to date {start['run_up_to_date']:.2f} s, a "
+        f"check {start['check']:.2f} s "
         f"(NumPy, pydantic and Typer alone {start['libraries']:.2f})"
     )

@@ -24,8 +24,12 @@ def median_seconds(function, runs):
 
 
 def medians_in_turn(functions, runs):
-    """Median seconds of each function by name, run in turns, so that a busy moment of the machine hits all of them alike."""
+    """Median seconds of each function by name, run in turns, so that a busy moment of the machine
+    hits all of them alike.
+    """
     for function in functions.values():
         function()
-    rounds = [{name: seconds(function) for name, function in functions.items()} for _ in range(runs)]
+    rounds = [
+        {name: seconds(function) for name, function in functions.items()} for _ in range(runs)
+    ]
     return {name: median(one[name] for one in rounds) for name in functions}

@@ -1,4 +1,6 @@
-"""A small measured study and a model that can be reckoned by hand, for the tests of the command line."""
+"""A small measured study and a model that can be reckoned by hand, for the tests of the command
+line.
+"""
 
 from __future__ import annotations
 
@@ -22,24 +24,38 @@ schema_version: 1
 name: {name}
 data:
   files: ["{name}_*.csv"]
-  columns: {{pressure: {{column: P, unit: kPa}}, strain: {{column: eps}}, force: {{column: F, unit: N}}}}
+  columns: {{pressure: {{column: P, unit: kPa}}, strain: {{column: eps}}, force: {{column: F,
+      unit: N}}}}
   levels: {{of: pressure, at: {levels}}}
 {split}target: static
 segment: {{strain: {{method: even, count: 2}}}}
 dictionary: [{{polynomial: {{of: [strain], order: 3}}}}]
 validate: {{against: [polynomial_2]}}
-report: {{figures: [], formats: [html, csv], published: {{source: a paper, nrmse: {{mapmore: 0.022}}}}}}
+report: {{figures: [], formats: [html, csv], published: {{source: a paper,
+    nrmse: {{mapmore: 0.022}}}}}}
 """
 
 
 def write_study(
-    folder: Path, name: str = "bench", levels: Sequence[int] = (100, 200, 300), held_out: Sequence[int] = (200,), samples: int = 40
+    folder: Path,
+    name: str = "bench",
+    levels: Sequence[int] = (100, 200, 300),
+    held_out: Sequence[int] = (200,),
+    samples: int = 40,
 ) -> Path:
-    """A spec with one recording for each pressure; the force is `2 P (1 - 3 eps) - 40`, slightly noisy."""
+    """A spec with one recording for each pressure; the force is `2 P (1 - 3 eps) - 40`, slightly
+    noisy.
+    """
     rng = np.random.default_rng(5)
     for level in levels:
         strain = np.linspace(0.0, 0.05 + 0.0004 * level, samples)
-        write_recording(folder, name, level, strain, 2 * level * (1 - 3 * strain) - 40 + rng.normal(0, 0.3, strain.size))
+        write_recording(
+            folder,
+            name,
+            level,
+            strain,
+            2 * level * (1 - 3 * strain) - 40 + rng.normal(0, 0.3, strain.size),
+        )
     spec = folder / f"{name}.yaml"
     split = f"  split: {{validate: {{pressure: {list(held_out)}}}}}\n" if held_out else ""
     spec.write_text(SPEC.format(name=name, levels=list(levels), split=split))
@@ -72,7 +88,15 @@ def change_forces(path: Path, change: Callable[[Array], Array], to: Path | None 
     header, *rows = path.read_text().splitlines()
     cells = [row.split(",") for row in rows]
     forces = change(np.array([float(cell[2]) for cell in cells])) if cells else []
-    (to or path).write_text("\n".join([header, *(f"{p},{e},{force:.9g}" for (p, e, _), force in zip(cells, forces, strict=True))]) + "\n")
+    (to or path).write_text(
+        "\n".join(
+            [
+                header,
+                *(f"{p},{e},{force:.9g}" for (p, e, _), force in zip(cells, forces, strict=True)),
+            ]
+        )
+        + "\n"
+    )
 
 
 def edit(path: Path, old, new):
@@ -83,20 +107,28 @@ def edit(path: Path, old, new):
 
 
 def thinned(recordings: Path, folder: Path, every: int):
-    """The load cycles of a shipped muscle in another folder, with one sample in so many, which is quicker."""
+    """The load cycles of a shipped muscle in another folder, with one sample in so many, which is
+    quicker.
+    """
     for path in sorted(recordings.glob("load_cycle_*.csv")):
         head, *rows = path.read_text().splitlines()
         (folder / path.name).write_text("\n".join([head, *rows[::every]]) + "\n")
 
 
-def without_figures(study, folder: Path, but: str = "", figures: Sequence[str] | None = None) -> Path:
-    """A shipped study in another folder, with those that it needs, without figures, which take most of the time of a run.
+def without_figures(
+    study, folder: Path, but: str = "", figures: Sequence[str] | None = None
+) -> Path:
+    """A shipped study in another folder, with those that it needs, without figures, which take most
+    of the time of a run.
 
     One may have them: `but`, with some `figures` or with all.
     """
     needs = re.search(r"^needs: (\{.*\})$", study.read_text(encoding="utf-8"), re.MULTILINE)
     quick = (
-        {role: without_figures(study.parent / path, folder, but, figures).name for role, path in yaml.safe_load(needs[1]).items()}
+        {
+            role: without_figures(study.parent / path, folder, but, figures).name
+            for role, path in yaml.safe_load(needs[1]).items()
+        }
         if needs
         else {}
     )
@@ -113,16 +145,31 @@ def line(curve: str, level: float, slope: float, height: float, end: float) -> C
     scaling = Scaling("none", "-", ("strain",), np.ones(1), np.zeros(1), 1.0, height)
     one = np.ones(1)
     segment = SegmentFunction(
-        f"{curve}/strain:1", (1,), ("strain",), np.array([slope]), 0.1 * one, slope * one, one, scaling, 50, 1.0, "max_terms"
+        f"{curve}/strain:1",
+        (1,),
+        ("strain",),
+        np.array([slope]),
+        0.1 * one,
+        slope * one,
+        one,
+        scaling,
+        50,
+        1.0,
+        "max_terms",
     )
     limits = {"strain": (0.0, end), "pressure": (level, level)}
     return CurveFunction(curve, level, (np.array([0.0, end]),), limits, (segment,))
 
 
 def hand_model() -> Model:
-    """`100 - 400 eps` at 100 kPa up to 0.1, `200 - 500 eps` at 200 kPa up to 0.2, triangles between; both continue outside."""
+    """`100 - 400 eps` at 100 kPa up to 0.1, `200 - 500 eps` at 200 kPa up to 0.2, triangles
+    between; both continue outside.
+    """
     continued = {"pressure": ("continue", "continue"), "strain": ("continue", "continue")}
-    curves = (line("pressure=100", 100.0, -400.0, 100.0, 0.1), line("pressure=200", 200.0, -500.0, 200.0, 0.2))
+    curves = (
+        line("pressure=100", 100.0, -400.0, 100.0, 0.1),
+        line("pressure=200", 200.0, -500.0, 200.0, 0.2),
+    )
     return Model(
         name="by-hand",
         output=Quantity("force", "N"),
@@ -139,10 +186,16 @@ def by_hand(pressure: float, strain: float) -> float:
 
 def held_out(document: dict[str, Any]) -> dict[str, Any]:
     """The scores of every model on all held-out data, of a document with `scores`."""
-    return {row["model"]: row for row in document["scores"] if (row["split"], row["curve"]) == ("validate", "all")}
+    return {
+        row["model"]: row
+        for row in document["scores"]
+        if (row["split"], row["curve"]) == ("validate", "all")
+    }
 
 
-def scored_run(mapmore, spec: Path, runs: Path, *arguments: object) -> tuple[dict[str, float], dict[str, str]]:
+def scored_run(
+    mapmore, spec: Path, runs: Path, *arguments: object
+) -> tuple[dict[str, float], dict[str, str]]:
     """RMSE of every model on the held-out data, and what was done, of one `mapmore run`."""
     result = mapmore("run", spec, "--runs", runs, "--json", "-q", *arguments, code=0)
     document = json.loads(result.stdout)

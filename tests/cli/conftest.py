@@ -25,7 +25,9 @@ Call = Callable[..., Result]
 
 @pytest.fixture(scope="session", autouse=True)
 def one_command() -> Iterator[None]:
-    """The command is put together once, not for every call: the options of all subcommands take a while."""
+    """The command is put together once, not for every call: the options of all subcommands take a
+    while.
+    """
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(typer.testing, "_get_command", cache(get_command))
         yield
@@ -33,10 +35,19 @@ def one_command() -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def mapmore() -> Call:
-    """Calls the command in this process; it has to end with the `code` and to tell on stderr what it `says`, where these are given."""
+    """Calls the command in this process; it has to end with the `code` and to tell on stderr what
+    it `says`, where these are given.
+    """
 
-    def call(*args: object, stdin: str | bytes | None = None, code: int | None = None, says: str | Sequence[str] = ()) -> Result:
-        result = CliRunner().invoke(app, [str(arg) for arg in args], input=stdin, prog_name="mapmore")
+    def call(
+        *args: object,
+        stdin: str | bytes | None = None,
+        code: int | None = None,
+        says: str | Sequence[str] = (),
+    ) -> Result:
+        result = CliRunner().invoke(
+            app, [str(arg) for arg in args], input=stdin, prog_name="mapmore"
+        )
         assert code in (None, result.exit_code), result.stderr
         for words in [says] if isinstance(says, str) else says:
             assert words in result.stderr
@@ -47,7 +58,9 @@ def mapmore() -> Call:
 
 @pytest.fixture(scope="session")
 def document(mapmore) -> Callable[..., Any]:
-    """Calls the command with `--json` where stderr has to stay empty, and reads the one document that it prints."""
+    """Calls the command with `--json` where stderr has to stay empty, and reads the one document
+    that it prints.
+    """
 
     def call(*args: object) -> Any:
         result = mapmore(*args, "--json")

@@ -11,7 +11,9 @@ PAGE, MEMORY = DOCS / "measured-static.md", DOCS / "memory.md"
 
 
 def page_table(name: str, page: Path = PAGE) -> dict[str, dict[str, str]]:
-    """The table called `name`: its rows by their first cell, each by heading (a unit and a repeated heading left out)."""
+    """The table called `name`: its rows by their first cell, each by heading (a unit and a repeated
+    heading left out).
+    """
     header, *rows = read_rows(page, name)
     keys = [re.sub(r" \[.*\]$", "", heading) for heading in header[1:]]
     return {first: dict(reversed(list(zip(keys, cells, strict=True)))) for first, *cells in rows}
@@ -31,4 +33,6 @@ def block_of(page: Path, language: str = "yaml") -> str:
 
 def numbers(row: dict[str, str]) -> dict[str, float]:
     """The cells that are numbers."""
-    return {key: float(text) for key, text in row.items() if re.fullmatch(r"-?[\d.]+(e[+-]?\d+)?", text)}
+    return {
+        key: float(text) for key, text in row.items() if re.fullmatch(r"-?[\d.]+(e[+-]?\d+)?", text)
+    }

@@ -1,4 +1,6 @@
-"""A row of docs/baselines.md that shipped data give; `docs/baseline_tables.py` makes all of them."""
+"""A row of docs/baselines.md that shipped data give; `docs/baseline_tables.py` makes all of
+them.
+"""
 
 from __future__ import annotations
 
@@ -30,19 +32,29 @@ def test_what_is_said_of_a_gaussian_process() -> None:
     rows = page_table("baselines", DOCS / "baselines.md")
     festo, pgm = (rows[name] for name in ("festo_10mm_10cm_pressure", "pgm_force"))
     said = (
-        f"({festo['gaussian_process']} % where `mapmore` has {festo['mapmore']}, {pgm['gaussian_process']} where it has {pgm['mapmore']})"
+        f"({festo['gaussian_process']} % where `mapmore` has {festo['mapmore']}, "
+        f"{pgm['gaussian_process']} where it has {pgm['mapmore']})"
     )
     assert said in (DOCS / "baselines.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("study", ["m1/peano-m1-static", "m1/peano-m1-hysteresis"])
 def test_polynomials_beside_the_studies_of_papers(study: str, tmp_path: Path) -> None:
-    """One that pieces win and one that they lose; every study has its row, and the note counts them."""
-    rows = {name: numbers(row) for name, row in page_table("polynomials", DOCS / "baselines.md").items()}
+    """One that pieces win and one that they lose; every study has its row, and the note counts
+    them.
+    """
+    rows = {
+        name: numbers(row) for name, row in page_table("polynomials", DOCS / "baselines.md").items()
+    }
     assert list(rows) == [path.rpartition("/")[2] for path in baseline_tables.studies_of_papers()]
     found = baseline_tables.beside(study, tmp_path)
     row = rows[study.rpartition("/")[2]]
     for model in ("mapmore", *baseline_tables.POLYNOMIALS):
         assert found[model] == pytest.approx(row[model], rel=0.01)
-    ahead = sum(min(row[name] for name in baseline_tables.POLYNOMIALS) < row["mapmore"] for row in rows.values())
-    assert f"ahead of mapmore in {ahead} of {len(rows)} studies" in (DOCS / "baselines.md").read_text()
+    ahead = sum(
+        min(row[name] for name in baseline_tables.POLYNOMIALS) < row["mapmore"]
+        for row in rows.values()
+    )
+    assert (
+        f"ahead of mapmore in {ahead} of {len(rows)} studies" in (DOCS / "baselines.md").read_text()
+    )

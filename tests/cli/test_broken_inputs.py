@@ -1,4 +1,6 @@
-"""Broken inputs: one clear message with the place and the remedy, the right exit code, and earlier results as they were."""
+"""Broken inputs: one clear message with the place and the remedy, the right exit code, and earlier
+results as they were.
+"""
 
 from __future__ import annotations
 
@@ -24,11 +26,31 @@ def with_lines(path: Path, keep: Callable[[list[str]], list[str]]):
 
 
 CASES: dict[str, tuple[str, str, int, list[str]]] = {
-    "misspelt key": ("method: even", "metod: even", SPEC_WRONG, ["bench.yaml:9:20", "metod", "method"]),
-    "missing column": ("column: eps", "column: epsilon", DATA_WRONG, ["bench_100.csv", "epsilon", "eps"]),
+    "misspelt key": (
+        "method: even",
+        "metod: even",
+        SPEC_WRONG,
+        ["bench.yaml:9:20", "metod", "method"],
+    ),
+    "missing column": (
+        "column: eps",
+        "column: epsilon",
+        DATA_WRONG,
+        ["bench_100.csv", "epsilon", "eps"],
+    ),
     "text in a number column": ("", "", DATA_WRONG, ["bench_200.csv", "row 8", "eps", "abc"]),
-    "one sample per segment": ("", "", DATA_WRONG, ["pressure=100/strain:1", "1 training sample", "fewer segments"]),
-    "duplicate level": ("at: [100, 200, 300]", "at: [100, 200, 200, 300]", SPEC_WRONG, ["bench.yaml:6:", "200"]),
+    "one sample per segment": (
+        "",
+        "",
+        DATA_WRONG,
+        ["pressure=100/strain:1", "1 training sample", "fewer segments"],
+    ),
+    "duplicate level": (
+        "at: [100, 200, 300]",
+        "at: [100, 200, 200, 300]",
+        SPEC_WRONG,
+        ["bench.yaml:6:", "200"],
+    ),
     "truncated gz": ("bench_*.csv", "bench_*.csv*", DATA_WRONG, ["bench_300.csv.gz", "damaged"]),
 }
 
@@ -44,7 +66,9 @@ def spoil(folder: Path, name):
 
 
 def results(folder: Path) -> dict[str, str]:
-    """Content of every result; stages before the one that fails may have committed theirs, and the record says so."""
+    """Content of every result; stages before the one that fails may have committed theirs, and the
+    record says so.
+    """
     redone = (".lock", "run.json", "ingest.h5", "segment.h5")
     return {
         path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
@@ -84,5 +108,7 @@ def test_all_mistakes_of_a_spec_are_told_at_once(tmp_path, mapmore):
     edit(spec, "method: even", "metod: even")
     edit(spec, "unit: kPa", "unit: kPaa")
     edit(spec, "order: 3", "order: 300")
-    mapmore("run", spec, "--runs", tmp_path / "runs", code=SPEC_WRONG, says=["metod", "kPaa", "order"])
+    mapmore(
+        "run", spec, "--runs", tmp_path / "runs", code=SPEC_WRONG, says=["metod", "kPaa", "order"]
+    )
     assert not (tmp_path / "runs").exists()

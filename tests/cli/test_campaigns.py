@@ -46,9 +46,14 @@ def test_a_campaign_runs_its_variants_and_writes_its_page(campaign, tmp_path, ma
     for name in ("one", "two"):
         assert f'href="../{name}/report/index.html"' in page
         assert (tmp_path / "runs" / name / "report" / "index.html").is_file()
-    assert "fuse:\n  transition: linear\n  z_s: 0.4" in (tmp_path / "runs" / "two" / "experiment.yaml").read_text()
+    assert (
+        "fuse:\n  transition: linear\n  z_s: 0.4"
+        in (tmp_path / "runs" / "two" / "experiment.yaml").read_text()
+    )
     assert "ratio, geometric mean" in result.stdout
-    rows = list(csv.reader((tmp_path / "runs" / "sweep" / "tables" / "nrmse.csv").read_text().splitlines()))
+    rows = list(
+        csv.reader((tmp_path / "runs" / "sweep" / "tables" / "nrmse.csv").read_text().splitlines())
+    )
     assert [row[0] for row in rows[:4]] == ["run", "one", "two", "broken"]
     assert rows[3][1] == "failed"
     assert "broken: error:" in result.stderr
@@ -56,7 +61,9 @@ def test_a_campaign_runs_its_variants_and_writes_its_page(campaign, tmp_path, ma
 
 def test_overrides_of_the_command_line_come_last(campaign, tmp_path, mapmore):
     arguments = ("batch", campaign, "--runs", tmp_path / "runs", "--json", "-q", "--jobs", 1)
-    result = mapmore(*arguments, "--set", "fit.max_terms=3", "--set", "data.files=[bench_*.csv]", code=0)
+    result = mapmore(
+        *arguments, "--set", "fit.max_terms=3", "--set", "data.files=[bench_*.csv]", code=0
+    )
     assert [run["name"] for run in json.loads(result.stdout)["runs"]] == ["one", "two", "broken"]
     for name in ("one", "two"):
         assert "max_terms: 3" in (tmp_path / "runs" / name / "experiment.yaml").read_text()
@@ -69,11 +76,16 @@ def test_paths_start_at_the_campaign(campaign):
 
 
 def test_variables_in_the_paths_of_a_variant_are_expanded(campaign, tmp_path, monkeypatch):
-    """They are paths, with settings of their own or without; a text that is none keeps refusing them."""
+    """They are paths, with settings of their own or without; a text that is none keeps refusing
+    them.
+    """
     monkeypatch.setenv("MAPMORE_DATA", str(tmp_path))
     text = campaign.read_text()
     variant = "{name: one, set: {fit.max_terms: 1}}"
-    files = '["${MAPMORE_DATA}/bench_1.csv", {path: "${MAPMORE_DATA}/bench_2.csv", keep: [{quantity: time, below: 2 s}]}]'
+    files = (
+        '["${MAPMORE_DATA}/bench_1.csv", {path: "${MAPMORE_DATA}/bench_2.csv", keep: '
+        "[{quantity: time, below: 2 s}]}]"
+    )
     campaign.write_text(text.replace(variant, f"{{name: one, set: {{data.files: {files}}}}}"))
     _, (one, *_) = load_campaign(campaign)
     assert [f"{tmp_path}/bench_{k}.csv" in one.overrides[1] for k in (1, 2)] == [True, True]
@@ -87,7 +99,11 @@ def test_variables_in_the_paths_of_a_variant_are_expanded(campaign, tmp_path, mo
     ("old", "new", "words"),
     [
         ("base: bench.yaml\n", "", ["sweep.yaml:4", "no spec"]),
-        ("{name: one, set: {fit.max_terms: 1}}", "{set: {fit.max_terms: 1}}", ["sweep.yaml:6", "name"]),
+        (
+            "{name: one, set: {fit.max_terms: 1}}",
+            "{set: {fit.max_terms: 1}}",
+            ["sweep.yaml:6", "name"],
+        ),
         ("title:", "titel:", ["sweep.yaml:2:1", "title"]),
         ("name: two", "name: one", ["one"]),
     ],
@@ -107,7 +123,10 @@ def test_every_run_of_a_campaign_is_checked(campaign, mapmore):
     assert document["runs"]["one"] == {"issues": []}
     assert "none_*.csv" in document["runs"]["broken"]["error"]
     sound = mapmore("check", campaign, "--set", "data.files=[bench_*.csv]")
-    assert (sound.exit_code, sound.stdout) == (0, "one: no issues\ntwo: no issues\nbroken: no issues\n")
+    assert (sound.exit_code, sound.stdout) == (
+        0,
+        "one: no issues\ntwo: no issues\nbroken: no issues\n",
+    )
 
 
 def test_a_campaign_is_no_experiment(campaign, mapmore):
@@ -117,12 +136,16 @@ def test_a_campaign_is_no_experiment(campaign, mapmore):
 def test_two_campaigns_are_both_shown(campaign, tmp_path, mapmore):
     other = tmp_path / "other.yaml"
     other.write_text(
-        CAMPAIGN.replace("campaign: sweep", "campaign: other").replace("name: one", "name: uno").replace("name: two", "name: due")
+        CAMPAIGN.replace("campaign: sweep", "campaign: other")
+        .replace("name: one", "name: uno")
+        .replace("name: two", "name: due")
     )
     text = other.read_text()
     other.write_text(text[: text.index("  - {name: broken")])
     campaign.write_text(CAMPAIGN[: CAMPAIGN.index("  - {name: broken")])
-    result = mapmore("batch", campaign, other, "--runs", tmp_path / "runs", "-q", "--jobs", 1, code=0)
+    result = mapmore(
+        "batch", campaign, other, "--runs", tmp_path / "runs", "-q", "--jobs", 1, code=0
+    )
     assert result.stdout.count("NRMSE of every run and model") == 2
     assert result.stdout.count("campaign page:") == 2
 
@@ -132,30 +155,56 @@ def test_the_papers_studies_have_published_numbers_where_the_papers_print_errors
     specs = specs_of(entries)
     names = run_names(entries, campaigns, specs)
     assert len(set(names)) == len(entries)
-    printed = {name for name, loaded in zip(names, specs, strict=True) if loaded is not None and loaded.spec.report.published}
+    printed = {
+        name
+        for name, loaded in zip(names, specs, strict=True)
+        if loaded is not None and loaded.spec.report.published
+    }
     with_numbers = set()
     for file in ("m1_results.csv", "m2_results.csv"):
-        with (CONFIGS.parent / "datasets" / "published" / file).open(newline="", encoding="utf-8") as lines:
+        with (CONFIGS.parent / "datasets" / "published" / file).open(
+            newline="", encoding="utf-8"
+        ) as lines:
             with_numbers |= {row["study"] for row in csv.DictReader(lines)}
-    assert with_numbers <= printed <= set(names)  # P's tables stand beside ours on the page of the paper
+    assert (
+        with_numbers <= printed <= set(names)
+    )  # P's tables stand beside ours on the page of the paper
 
 
 @pytest.mark.parametrize(
     ("name", "words"),
-    [("sweep", ["campaign 'sweep'", "other.yaml"]), ("one.plain", ["bench.yaml as 'plain'", "other.yaml"])],
+    [
+        ("sweep", ["campaign 'sweep'", "other.yaml"]),
+        ("one.plain", ["bench.yaml as 'plain'", "other.yaml"]),
+    ],
 )
 def test_folders_of_one_name_are_refused_at_start(name, words, campaign, mapmore):
     spec = campaign.with_name("bench.yaml")
-    spec.write_text(spec.read_text().replace("[polynomial_2]", "[{set: {fit.max_terms: 1}, as: plain}]"))
+    spec.write_text(
+        spec.read_text().replace("[polynomial_2]", "[{set: {fit.max_terms: 1}, as: plain}]")
+    )
     other = campaign.with_name("other.yaml")
     other.write_text(spec.read_text().replace("name: bench", f"name: {name}"))
     campaign.write_text(CAMPAIGN[: CAMPAIGN.index("  - {name: two")])
-    mapmore("batch", campaign, other, "--runs", campaign.with_name("runs"), code=2, says=[f"the same name, '{name}'", *words])
+    mapmore(
+        "batch",
+        campaign,
+        other,
+        "--runs",
+        campaign.with_name("runs"),
+        code=2,
+        says=[f"the same name, '{name}'", *words],
+    )
     assert not campaign.with_name("runs").exists()
 
 
-@pytest.mark.parametrize(("record", "what"), [("run.json", "a run of that name"), ("notes.txt", "files that mapmore did not write")])
-def test_a_campaign_without_a_place_for_its_page_is_refused_at_start(record, what, campaign, tmp_path, mapmore):
+@pytest.mark.parametrize(
+    ("record", "what"),
+    [("run.json", "a run of that name"), ("notes.txt", "files that mapmore did not write")],
+)
+def test_a_campaign_without_a_place_for_its_page_is_refused_at_start(
+    record, what, campaign, tmp_path, mapmore
+):
     place = tmp_path / "runs" / "sweep"
     place.mkdir(parents=True)
     (place / record).write_text("{}")

@@ -1,4 +1,6 @@
-"""docs/campaigns.md says what the comparisons say: its promises hold in its tables, and some of its numbers are made again."""
+"""docs/campaigns.md says what the comparisons say: its promises hold in its tables, and some of its
+numbers are made again.
+"""
 
 from __future__ import annotations
 
@@ -14,8 +16,12 @@ PAGE = DOCS / "campaigns.md"
 
 
 def test_few_false_alarms_and_a_change_of_three_per_cent_is_found() -> None:
-    called = {(int(row[0]), float(row[1])): int(row[2].split()[0]) for row in rows_of("detection", PAGE)}
-    assert set(called) == {(count, factor) for count in (4, 8) for factor in (1.0, 1.01, 1.02, 1.03, 1.05)}
+    called = {
+        (int(row[0]), float(row[1])): int(row[2].split()[0]) for row in rows_of("detection", PAGE)
+    }
+    assert set(called) == {
+        (count, factor) for count in (4, 8) for factor in (1.0, 1.01, 1.02, 1.03, 1.05)
+    }
     for count in (4, 8):
         assert called[count, 1.0] <= 1
         assert called[count, 1.03] >= 18
@@ -32,16 +38,31 @@ def test_what_did_not_change_is_shown_to_be_the_same() -> None:
 
 def test_the_sentences_follow_from_the_tables() -> None:
     text = PAGE.read_text(encoding="utf-8")
-    found = {(int(row[0]), float(row[1])): [int(cell.split()[0]) for cell in row[2:5]] for row in rows_of("detection", PAGE)}
-    changed, same, unclear = ([found[count, factor][i] for count in (4, 8)] for factor, i in ((1.0, 0), (1.0, 1), (1.01, 2)))
+    found = {
+        (int(row[0]), float(row[1])): [int(cell.split()[0]) for cell in row[2:5]]
+        for row in rows_of("detection", PAGE)
+    }
+    changed, same, unclear = (
+        [found[count, factor][i] for count in (4, 8)]
+        for factor, i in ((1.0, 0), (1.0, 1), (1.01, 2))
+    )
     assert "{} and {} of 20 are called changed, {} and {} the same".format(*changed, *same) in text
     by_one = (found[4, 1.01][0], found[8, 1.01][0])
-    assert "{} and {} are called changed; for {} and {} it cannot tell".format(*by_one, *unclear) in text
+    assert (
+        "{} and {} are called changed; for {} and {} it cannot tell".format(*by_one, *unclear)
+        in text
+    )
     assert all(calls[0] == 20 for (_, factor), calls in found.items() if factor > 1.01)
-    answers = [(row[0].split(",")[0] == row[1].split(",")[0], row[-1]) for row in rows_of("festo", PAGE)]
+    answers = [
+        (row[0].split(",")[0] == row[1].split(",")[0], row[-1]) for row in rows_of("festo", PAGE)
+    ]
     repeats = [answer for same, answer in answers if same]
     told = (len(repeats), repeats.count("same"), repeats.count("cannot tell"))
-    assert "Of {} pairs of repeats none is called changed: {} are the same, for {} it cannot tell".format(*told) in text
+    assert (
+        "Of {} pairs of repeats none is called changed: {} are the same, "
+        "for {} it cannot tell".format(*told)
+        in text
+    )
     assert f"called changed in all {len(answers) - len(repeats)} pairs" in text
 
 
@@ -61,6 +82,12 @@ def test_the_first_pairs_are_the_ones_of_the_page() -> None:
 @pytest.mark.long  # simulated campaigns are compared above
 @pytest.mark.usefixtures("measured_data")
 def test_a_measured_repeat_is_the_one_of_the_page(tmp_path: Path) -> None:
-    found = compare(campaign_tables.festo(30, "9", tmp_path), campaign_tables.festo(30, "10", tmp_path))
-    told = next(row for row in rows_of("festo", PAGE) if row[:2] == ["30 cm, repeat 9", "30 cm, repeat 10"])
-    assert [found.ratio, *found.interval] == pytest.approx([float(cell) for cell in told[2:5]], abs=2e-4)
+    found = compare(
+        campaign_tables.festo(30, "9", tmp_path), campaign_tables.festo(30, "10", tmp_path)
+    )
+    told = next(
+        row for row in rows_of("festo", PAGE) if row[:2] == ["30 cm, repeat 9", "30 cm, repeat 10"]
+    )
+    assert [found.ratio, *found.interval] == pytest.approx(
+        [float(cell) for cell in told[2:5]], abs=2e-4
+    )

@@ -43,7 +43,9 @@ def test_warnings_go_to_stderr_and_quiet_silences_them(study, mapmore):
 
 
 def test_simulate_writes_where_it_is_told(tmp_path, document):
-    told = document("simulate", RIG, "-o", tmp_path / "out", "--set", "experiment.pressures=[100]", "-q")
+    told = document(
+        "simulate", RIG, "-o", tmp_path / "out", "--set", "experiment.pressures=[100]", "-q"
+    )
     assert told["files"] == [str(tmp_path / "out/load_cycle_100.csv")]
     assert Path(told["files"][0]).read_text().startswith("t,P,eps,F\n")
 
@@ -58,14 +60,29 @@ def test_simulate_writes_beside_its_spec_by_default(tmp_path, mapmore):
 
 def test_the_schema_and_references(mapmore):
     assert json.loads(mapmore("schema").stdout) == json_schema()
-    for what, line in (("keys", "| `max_terms` |"), ("formulas", "### sarosi_hinged"), ("files", "### SegmentFit")):
+    for what, line in (
+        ("keys", "| `max_terms` |"),
+        ("formulas", "### sarosi_hinged"),
+        ("files", "### SegmentFit"),
+    ):
         assert line in mapmore("schema", what).stdout
 
 
 def test_batch_goes_on_after_a_failure_and_ends_with_the_highest_code(tmp_path, shell):
     good, broken = write_study(tmp_path, "good"), write_study(tmp_path, "broken")
     (tmp_path / "broken_200.csv").write_text("")
-    done = shell("batch", broken, good, tmp_path / "none.yaml", "--runs", tmp_path / "runs", "--jobs", 2, "--summary", tmp_path / "s.md")
+    done = shell(
+        "batch",
+        broken,
+        good,
+        tmp_path / "none.yaml",
+        "--runs",
+        tmp_path / "runs",
+        "--jobs",
+        2,
+        "--summary",
+        tmp_path / "s.md",
+    )
     assert done.returncode == 4
     assert re.search(r"^good +mapmore +validate", done.stdout, re.MULTILINE)
     assert re.search(r"^none +– +failed", done.stdout, re.MULTILINE)
@@ -83,4 +100,6 @@ def test_batch_has_one_document_in_the_order_of_the_specs(tmp_path, mapmore):
     runs = json.loads(done.stdout)["runs"]
     assert [run["name"] for run in runs] == ["b", "a"]
     assert all(run["exit_code"] == 6 and run["scores"] and len(run["missed"]) == 1 for run in runs)
-    assert all(line.startswith(("a: error: nrmse", "b: error: nrmse")) for line in done.stderr.splitlines())
+    assert all(
+        line.startswith(("a: error: nrmse", "b: error: nrmse")) for line in done.stderr.splitlines()
+    )

@@ -28,12 +28,30 @@ def campaigns(tmp_path_factory: pytest.TempPathFactory, mapmore) -> Path:
     for name, factor in (("first", 1.0), ("second", 1.02), ("third", 1.06)):
         spec = scaled_study(folder / name, factor)
         mapmore("run", spec, "--runs", folder / "runs", "-q", "--set", f"name={name}", code=0)
-    mapmore("freeze", "first", "--tag", "2025", "--runs", folder / "runs", "--archive", folder / "archive", code=0)
+    mapmore(
+        "freeze",
+        "first",
+        "--tag",
+        "2025",
+        "--runs",
+        folder / "runs",
+        "--archive",
+        folder / "archive",
+        code=0,
+    )
     return folder
 
 
 def compared(mapmore, folder: Path, *arguments: object, **expected: Any) -> Any:
-    return mapmore("compare", *arguments, "--runs", folder / "runs", "--archive", folder / "archive", **expected)
+    return mapmore(
+        "compare",
+        *arguments,
+        "--runs",
+        folder / "runs",
+        "--archive",
+        folder / "archive",
+        **expected,
+    )
 
 
 def test_a_frozen_model_is_kept_with_all_that_it_came_from(campaigns, mapmore):
@@ -43,7 +61,9 @@ def test_a_frozen_model_is_kept_with_all_that_it_came_from(campaigns, mapmore):
     }  # fmt: skip
     for path in folder.iterdir():
         assert stat.S_IMODE(path.stat().st_mode) == 0o444
-    assert (folder / "model.h5").read_bytes() == (campaigns / "runs" / "first" / "model.h5").read_bytes()
+    assert (folder / "model.h5").read_bytes() == (
+        campaigns / "runs" / "first" / "model.h5"
+    ).read_bytes()
     same_tag = ("--tag", "2025", "--runs", campaigns / "runs", "--archive", campaigns / "archive")
     mapmore("freeze", "second", *same_tag, code=0)  # another run
     mapmore("freeze", "first", *same_tag, code=7, says="is frozen already")
@@ -51,19 +71,27 @@ def test_a_frozen_model_is_kept_with_all_that_it_came_from(campaigns, mapmore):
 
 
 def test_the_change_is_found_and_told(campaigns, mapmore):
-    assert "third has changed: force is 1.06" in compared(mapmore, campaigns, "2025", "third", code=0).stdout
+    assert (
+        "third has changed: force is 1.06"
+        in compared(mapmore, campaigns, "2025", "third", code=0).stdout
+    )
     document = json.loads(compared(mapmore, campaigns, "first@2025", "third", "--json").stdout)
     assert document["changed"] is True
     assert document["ratio"] == pytest.approx(1.06, abs=0.003)
     assert document["interval"][0] > 1.05
     assert len(document["curves"]) == 3
     assert document["p_permutation"] is None
-    same = json.loads(compared(mapmore, campaigns, "first", campaigns / "runs" / "first" / "model.h5", "--json").stdout)
+    same = json.loads(
+        compared(
+            mapmore, campaigns, "first", campaigns / "runs" / "first" / "model.h5", "--json"
+        ).stdout
+    )
     assert (same["changed"], same["ratio"]) == (False, 1.0)
 
 
 @pytest.mark.parametrize(
-    ("fail_on", "later", "code"), [("changed", "third", 6), ("0.03", "second", 0), ("0.03", "third", 6), ("1", "third", 0)]
+    ("fail_on", "later", "code"),
+    [("changed", "third", 6), ("0.03", "second", 0), ("0.03", "third", 6), ("1", "third", 0)],
 )
 def test_a_change_can_fail_a_pipeline(campaigns, mapmore, fail_on, later, code):
     result = compared(mapmore, campaigns, "2025", later, "--fail-on", fail_on, "--json", code=code)
@@ -71,16 +99,30 @@ def test_a_change_can_fail_a_pipeline(campaigns, mapmore, fail_on, later, code):
 
 
 def test_drift_over_campaigns(campaigns, mapmore, tmp_path):
-    result = compared(mapmore, campaigns, "2025", "second", "third", "--figure", tmp_path / "drift.svg", "--json", code=0)
+    result = compared(
+        mapmore,
+        campaigns,
+        "2025",
+        "second",
+        "third",
+        "--figure",
+        tmp_path / "drift.svg",
+        "--json",
+        code=0,
+    )
     ratios = [one["ratio"] for one in json.loads(result.stdout)["campaigns"]]
     assert ratios == pytest.approx([1.02, 1.06], abs=0.003)
     text = (tmp_path / "drift.svg").read_text()
     assert all(word in text for word in ("2025", "second", "third", "pressure 100"))
 
 
-@pytest.mark.parametrize("name", [None, "", 3, "..", "../elsewhere", "{tmp}/elsewhere", ".hidden", "a\nb"])
+@pytest.mark.parametrize(
+    "name", [None, "", 3, "..", "../elsewhere", "{tmp}/elsewhere", ".hidden", "a\nb"]
+)
 def test_a_run_whose_record_has_no_name_of_a_run_is_not_frozen(campaigns, mapmore, tmp_path, name):
-    """Found by fuzzing: without a name it was an internal fault, and a stranger's name led out of the archive."""
+    """Found by fuzzing: without a name it was an internal fault, and a stranger's name led out of
+    the archive.
+    """
     run = tmp_path / "run"
     shutil.copytree(campaigns / "runs" / "third", run)
     record = json.loads((run / "run.json").read_text())
@@ -88,7 +130,16 @@ def test_a_run_whose_record_has_no_name_of_a_run_is_not_frozen(campaigns, mapmor
     if name is not None:
         record["name"] = name.replace("{tmp}", str(tmp_path)) if isinstance(name, str) else name
     (run / "run.json").write_text(json.dumps(record))
-    mapmore("freeze", run, "--tag", "x", "--archive", tmp_path / "archive", code=4, says="has no name of a run")
+    mapmore(
+        "freeze",
+        run,
+        "--tag",
+        "x",
+        "--archive",
+        tmp_path / "archive",
+        code=4,
+        says="has no name of a run",
+    )
     assert [path.name for path in tmp_path.iterdir()] == ["run"]
 
 
@@ -97,20 +148,44 @@ def test_a_frozen_model_or_record_that_was_changed_is_refused(campaigns, mapmore
     frozen = shutil.copytree(campaigns / "archive" / "first@2025", tmp_path / "first@2025")
     changed = frozen / ("model.h5" if text == "another model" else "frozen.json")
     changed.chmod(0o644)
-    changed.write_bytes((campaigns / "runs" / "second" / "model.h5").read_bytes() if text == "another model" else text.encode())
+    changed.write_bytes(
+        (campaigns / "runs" / "second" / "model.h5").read_bytes()
+        if text == "another model"
+        else text.encode()
+    )
     arguments = ("compare", "2025", "third", "--runs", campaigns / "runs", "--archive", tmp_path)
     mapmore(*arguments, code=4, says="is not the model that was frozen")
 
 
 def test_a_frozen_model_stands_among_the_competitors_and_stays_as_it_is(campaigns, mapmore):
-    spec, frozen = campaigns / "third" / "bench.yaml", campaigns / "archive" / "first@2025" / "model.h5"
+    spec, frozen = (
+        campaigns / "third" / "bench.yaml",
+        campaigns / "archive" / "first@2025" / "model.h5",
+    )
     before = frozen.read_bytes()
     against = "validate.against=[{model: ../archive/first@2025/model.h5, as: before}]"
-    arguments = ("run", spec, "--runs", campaigns / "runs", "-q", "--json", "--set", "name=fourth", "--set", against)
+    arguments = (
+        "run",
+        spec,
+        "--runs",
+        campaigns / "runs",
+        "-q",
+        "--json",
+        "--set",
+        "name=fourth",
+        "--set",
+        against,
+    )
     result = mapmore(*arguments, code=0)
-    rmse = {row["model"]: row["rmse"] for row in json.loads(result.stdout)["scores"] if row["curve"] == "all"}
+    rmse = {
+        row["model"]: row["rmse"]
+        for row in json.loads(result.stdout)["scores"]
+        if row["curve"] == "all"
+    }
     assert rmse["before"] > 5 * rmse["mapmore"]
     assert frozen.read_bytes() == before
     assert set(json.loads(mapmore(*arguments).stdout)["stages"].values()) == {"up-to-date"}
-    mapmore(*arguments[:-1], against.replace("first@2025", "nobody@2025"), code=3, says="mapmore freeze")
+    mapmore(
+        *arguments[:-1], against.replace("first@2025", "nobody@2025"), code=3, says="mapmore freeze"
+    )
     mapmore(*arguments[:-1], against.replace(", as: before", ""), code=3)

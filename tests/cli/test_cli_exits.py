@@ -1,4 +1,6 @@
-"""Every way in which a command ends has its code and one message; no traceback reaches a user who did not ask for it."""
+"""Every way in which a command ends has its code and one message; no traceback reaches a user who
+did not ask for it.
+"""
 
 from __future__ import annotations
 
@@ -55,15 +57,25 @@ def test_internal_fault_is_one_line(study, mapmore, monkeypatch):
     failing(monkeypatch, ZeroDivisionError("division by zero\nand more"))
     result = mapmore("run", study)
     assert (result.exit_code, result.stdout) == (1, "")
-    assert result.stderr == "internal fault: ZeroDivisionError: division by zero; run again with --debug to see where\n"
+    assert result.stderr == (
+        "internal fault: ZeroDivisionError: division by zero; run again with --debug to see where\n"
+    )
 
 
 def without_memory() -> list[BaseException]:
-    """What comes of too little memory: in Python, in NumPy, from the system, from a library, and of a file that was to be read."""
+    """What comes of too little memory: in Python, in NumPy, from the system, from a library, and of
+    a file that was to be read.
+    """
     told = DataError("a.csv: cannot be read: Cannot allocate memory")
     told.__cause__ = OSError(errno.ENOMEM, os.strerror(errno.ENOMEM))
     library = ImportError("libm.so: failed to map segment from shared object")
-    return [MemoryError(), _ArrayMemoryError((10**9,), np.dtype(float)), OSError(errno.ENOMEM, os.strerror(errno.ENOMEM)), library, told]
+    return [
+        MemoryError(),
+        _ArrayMemoryError((10**9,), np.dtype(float)),
+        OSError(errno.ENOMEM, os.strerror(errno.ENOMEM)),
+        library,
+        told,
+    ]
 
 
 @pytest.mark.parametrize("error", without_memory(), ids=lambda error: type(error).__name__)
@@ -77,7 +89,9 @@ def test_too_little_memory_is_told(error, study, mapmore, monkeypatch):
 @pytest.mark.parametrize("place", ["front", "end"])
 def test_debug_shows_the_traceback(place, study, mapmore, monkeypatch):
     failing(monkeypatch, ZeroDivisionError("division by zero"))
-    result = mapmore("--debug", "run", study) if place == "front" else mapmore("run", study, "--debug")
+    result = (
+        mapmore("--debug", "run", study) if place == "front" else mapmore("run", study, "--debug")
+    )
     assert result.exit_code == 1
     assert "Traceback (most recent call last)" in result.stderr
     assert "in fail" in result.stderr
@@ -90,7 +104,9 @@ def within_c() -> SystemError:
     return error
 
 
-@pytest.mark.parametrize("interruption", [KeyboardInterrupt(), within_c()], ids=["in Python", "in C"])
+@pytest.mark.parametrize(
+    "interruption", [KeyboardInterrupt(), within_c()], ids=["in Python", "in C"]
+)
 @pytest.mark.parametrize("options", [(), ("--json",)])
 def test_interrupted(interruption, options, study, mapmore, monkeypatch):
     failing(monkeypatch, interruption)
@@ -112,16 +128,34 @@ main()
     ("error", "code", "last"),
     [
         ("raise KeyboardInterrupt", 130, "interrupted"),
-        ("exec('raise KeyboardInterrupt')", -signal.SIGINT, "interrupted"),  # Python ends itself so: 130 to a shell
-        ("raise SystemError('returned a result with an exception set') from KeyboardInterrupt()", 130, "interrupted"),
+        (
+            "exec('raise KeyboardInterrupt')",
+            -signal.SIGINT,
+            "interrupted",
+        ),  # Python ends itself so: 130 to a shell
+        (
+            "raise SystemError('returned a result with an exception set') from KeyboardInterrupt()",
+            130,
+            "interrupted",
+        ),
         ("raise SystemError('bad argument')", 1, "SystemError: bad argument"),
     ],
 )
 def test_interrupted_before_the_command(error, code, last, tmp_path):
     (tmp_path / "before.py").write_text(BEFORE.format(error=error))
     search = os.pathsep.join([str(tmp_path), *sys.path])
-    command = [sys.executable, "-m", "before"]  # as `python -m mapmore_cli`, after which Python may kill itself
-    done = subprocess.run(command, env={**os.environ, "PYTHONPATH": search}, capture_output=True, text=True, check=False)
+    command = [
+        sys.executable,
+        "-m",
+        "before",
+    ]  # as `python -m mapmore_cli`, after which Python may kill itself
+    done = subprocess.run(
+        command,
+        env={**os.environ, "PYTHONPATH": search},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert (done.returncode, done.stderr.splitlines()[-1]) == (code, last)
 
 
@@ -136,7 +170,9 @@ def test_a_lock_that_is_a_link(study, mapmore):
 def test_broken_pipe(model_file):
     """`mapmore predict ... | head -1` ends without complaint, like any other filter."""
     grid = "pressure=100:200:0.01,strain=0:0.1:0.001"
-    with subprocess.Popen([*COMMAND, "predict", model_file, "--grid", grid], stdout=PIPE, stderr=PIPE) as process:
+    with subprocess.Popen(
+        [*COMMAND, "predict", model_file, "--grid", grid], stdout=PIPE, stderr=PIPE
+    ) as process:
         assert process.stdout is not None
         assert process.stderr is not None
         assert process.stdout.readline() == b"pressure,strain,force_predicted,outside_range\n"
@@ -147,13 +183,18 @@ def test_broken_pipe(model_file):
 
 def test_broken_pipe_that_only_the_last_flush_notices(finished):
     spec, runs = finished
-    line = f'"{sys.executable}" -m mapmore_cli run "{spec}" --runs "{runs}" -q | true; echo "${{PIPESTATUS[0]}}"'
+    line = (
+        f'"{sys.executable}" -m mapmore_cli run "{spec}" --runs "{runs}" -q | true; echo '
+        f'"${{PIPESTATUS[0]}}"'
+    )
     done = subprocess.run(["bash", "-c", line], capture_output=True, text=True, check=True)
     assert (done.stdout, done.stderr) == ("141\n", "")
 
 
 def test_interrupted_by_the_keyboard(model_file):
-    with subprocess.Popen([*COMMAND, "predict", model_file, "-"], stdin=PIPE, stdout=PIPE, stderr=PIPE) as process:
+    with subprocess.Popen(
+        [*COMMAND, "predict", model_file, "-"], stdin=PIPE, stdout=PIPE, stderr=PIPE
+    ) as process:
         assert process.stdin is not None
         assert process.stdout is not None
         process.stdin.write(b"pressure,strain\n" + b"150,0.05\n" * 25_000)
@@ -170,7 +211,9 @@ def test_interrupting_a_batch_ends_its_workers(pause, tmp_path):
     """Whether they are still starting or already at work: no traceback, and nobody goes on."""
     specs = [write_study(tmp_path, f"study{number}") for number in range(40)]
     command = [*COMMAND, "batch", *specs, "--runs", tmp_path / "runs", "--jobs", "2"]
-    with subprocess.Popen(command, stdout=PIPE, stderr=PIPE, text=True, start_new_session=True) as process:
+    with subprocess.Popen(
+        command, stdout=PIPE, stderr=PIPE, text=True, start_new_session=True
+    ) as process:
         children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
         while len(children.read_text().split()) < 3:  # two workers, and a helper of Python's
             time.sleep(0.01)
@@ -187,7 +230,9 @@ def test_interrupting_a_batch_ends_its_workers(pause, tmp_path):
 def test_stdout_on_a_full_disk(finished):
     _, runs = finished
     with Path("/dev/full").open("w") as full:
-        done = subprocess.run([*COMMAND, "show", runs / "bench"], stdout=full, stderr=PIPE, text=True, check=False)
+        done = subprocess.run(
+            [*COMMAND, "show", runs / "bench"], stdout=full, stderr=PIPE, text=True, check=False
+        )
     assert done.returncode == 7
     assert done.stderr.startswith("error: stdout: cannot be written")
 
@@ -197,5 +242,10 @@ def test_a_terminal_with_few_letters(finished):
     _, runs = finished
     environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
     for arguments in ([], ["--json"]):
-        done = subprocess.run([*COMMAND, "show", runs / "bench", *arguments], env=environment, capture_output=True, check=False)
+        done = subprocess.run(
+            [*COMMAND, "show", runs / "bench", *arguments],
+            env=environment,
+            capture_output=True,
+            check=False,
+        )
         assert (done.returncode, done.stderr) == (0, b"")

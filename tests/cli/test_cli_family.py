@@ -30,7 +30,12 @@ report: {figures: [], formats: [csv]}
 
 
 def force(pressure: np.ndarray, strain: float, length: float) -> np.ndarray:
-    return 300 * np.arctan(19 * (length - 7.5) / 1000) * np.maximum(pressure / 600 * (1 - strain / 0.25) ** 2 - 0.1, 0) - 5
+    return (
+        300
+        * np.arctan(19 * (length - 7.5) / 1000)
+        * np.maximum(pressure / 600 * (1 - strain / 0.25) ** 2 - 0.1, 0)
+        - 5
+    )
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +45,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory, mapmore) -> Path:
     pressure = np.linspace(0, 600, 15)
     for length in (100, 200, 300):
         for strain in (0.0, 0.08, 0.16):
-            rows = [f"{p:.3f},{strain},{f:.4f}" for p, f in zip(pressure, force(pressure, strain, length), strict=True)]
+            rows = [
+                f"{p:.3f},{strain},{f:.4f}"
+                for p, f in zip(pressure, force(pressure, strain, length), strict=True)
+            ]
             (path / f"{length}_{strain}.csv").write_text("\n".join(["P,eps,F", *rows]) + "\n")
     (path / "muscles.yaml").write_text(SPEC)
     result = mapmore("run", path / "muscles.yaml", "--runs", path / "runs", "-q", "--json", code=0)
@@ -57,21 +65,39 @@ def predicted(mapmore, model: Path, table: Path, *arguments: object) -> list[dic
 def test_a_new_length_is_given_on_the_line(folder: Path, mapmore) -> None:
     model, table = folder / "runs" / "muscles" / "model.h5", folder / "table.csv"
     table.write_text("pressure,strain\n600,0\n400,0.08\n")
-    short, unit = (predicted(mapmore, model, table, "--set", text, "--interval", 0.95) for text in ("rest=250", "rest=25 cm"))
+    short, unit = (
+        predicted(mapmore, model, table, "--set", text, "--interval", 0.95)
+        for text in ("rest=250", "rest=25 cm")
+    )
     assert short == unit
     assert [float(row["force_predicted"]) for row in short] == pytest.approx(
         [force(np.array([p]), e, 250.0)[0] for p, e in ((600, 0.0), (400, 0.08))], abs=15
     )
-    assert all(float(row["force_low"]) < float(row["force_predicted"]) < float(row["force_high"]) for row in short)
+    assert all(
+        float(row["force_low"]) < float(row["force_predicted"]) < float(row["force_high"])
+        for row in short
+    )
     grid = mapmore("predict", model, "--grid", "pressure=600,strain=0", "--set", "rest=250", "-q")
     assert grid.stdout.splitlines()[1].split(",")[3] == short[0]["force_predicted"]
 
 
 def test_a_specimen_is_adapted_to_a_model_of_its_own(folder: Path, tmp_path: Path, mapmore) -> None:
-    model, few, out = folder / "runs" / "muscles" / "model.h5", tmp_path / "few.csv", tmp_path / "own.h5"
+    model, few, out = (
+        folder / "runs" / "muscles" / "model.h5",
+        tmp_path / "few.csv",
+        tmp_path / "own.h5",
+    )
     pressure = np.linspace(100, 600, 11)
     few.write_text(
-        "\n".join(["pressure,strain,force", *(f"{p},0,{1.2 * f}" for p, f in zip(pressure, force(pressure, 0, 250), strict=True))])
+        "\n".join(
+            [
+                "pressure,strain,force",
+                *(
+                    f"{p},0,{1.2 * f}"
+                    for p, f in zip(pressure, force(pressure, 0, 250), strict=True)
+                ),
+            ]
+        )
     )
     result = mapmore("adapt", model, few, "--set", "rest=250", "-o", out, "--json", "-q", code=0)
     found = json.loads(result.stdout)
@@ -79,9 +105,21 @@ def test_a_specimen_is_adapted_to_a_model_of_its_own(folder: Path, tmp_path: Pat
     assert found["samples"] == 11
     assert "learnt from 3 specimens" in found["notes"][0]
     assert "those of the family, by 3 specimens" in found["notes"][-1]
-    mapmore("adapt", out, few, "--set", "rest=250", "-o", tmp_path / "again.h5", code=2, says="needs that of a family")
+    mapmore(
+        "adapt",
+        out,
+        few,
+        "--set",
+        "rest=250",
+        "-o",
+        tmp_path / "again.h5",
+        code=2,
+        says="needs that of a family",
+    )
     rows = predicted(mapmore, out, few, "--interval", 0.95)
-    assert [float(row["force_predicted"]) for row in rows] == pytest.approx([float(row["force"]) for row in rows], abs=30)
+    assert [float(row["force_predicted"]) for row in rows] == pytest.approx(
+        [float(row["force"]) for row in rows], abs=30
+    )
     mapmore("show", out, code=0)
     mapmore("export", out, "--to", "py", "-o", tmp_path / "own.py", code=0)
 
@@ -94,13 +132,30 @@ def test_a_specimen_is_adapted_to_a_model_of_its_own(folder: Path, tmp_path: Pat
         (("--set", "width=3"), "no input 'width'"),
     ],
 )
-def test_what_cannot_be_adapted(folder: Path, tmp_path: Path, mapmore, arguments: Any, words: str) -> None:
-    mapmore("adapt", folder / "runs" / "muscles" / "model.h5", "-o", tmp_path / "own.h5", *arguments, code=2, says=words)
+def test_what_cannot_be_adapted(
+    folder: Path, tmp_path: Path, mapmore, arguments: Any, words: str
+) -> None:
+    mapmore(
+        "adapt",
+        folder / "runs" / "muscles" / "model.h5",
+        "-o",
+        tmp_path / "own.h5",
+        *arguments,
+        code=2,
+        says=words,
+    )
 
 
 def test_a_table_that_has_the_column_keeps_it(folder: Path, tmp_path: Path, mapmore) -> None:
     (tmp_path / "table.csv").write_text("pressure,strain,rest\n600,0,200\n")
-    result = mapmore("predict", folder / "runs" / "muscles" / "model.h5", tmp_path / "table.csv", "--set", "rest=250", code=4)
+    result = mapmore(
+        "predict",
+        folder / "runs" / "muscles" / "model.h5",
+        tmp_path / "table.csv",
+        "--set",
+        "rest=250",
+        code=4,
+    )
     assert "already has a column rest" in result.stderr
 
 
@@ -122,4 +177,6 @@ def test_two_specimens_have_no_intervals(folder: Path, mapmore) -> None:
     two = folder / "two.yaml"
     two.write_text(SPEC.replace('    - {path: "300_*.csv", set: {rest: 300 mm}}\n', ""))
     mapmore("run", two, "--runs", folder / "of-two", code=4, says="2 are too few")
-    mapmore("run", two, "--runs", folder / "of-two", "--set", "validate.intervals=false", "-q", code=0)
+    mapmore(
+        "run", two, "--runs", folder / "of-two", "--set", "validate.intervals=false", "-q", code=0
+    )

@@ -16,7 +16,11 @@ def points(text, inputs: tuple[str, ...] = INPUTS) -> list[tuple[float, ...]]:
     return [tuple(map(float, line.split(","))) for line in list(grid_lines(text, inputs))[1:]]
 
 
-@given(st.integers(-1000, 1000), st.integers(0, 60), st.sampled_from([1e-3, 0.01, 0.05, 0.1, 0.3, 1.0, 2.5, 25.0, -0.01, -25.0]))
+@given(
+    st.integers(-1000, 1000),
+    st.integers(0, 60),
+    st.sampled_from([1e-3, 0.01, 0.05, 0.1, 0.3, 1.0, 2.5, 25.0, -0.01, -25.0]),
+)
 def test_points_are_evenly_spaced_from_end_to_end(start, steps, step):
     first, last = start / 10, start / 10 + steps * step
     axis = [x for (x,) in points(f"x={first!r}:{last!r}:{step!r}", ("x",))]
@@ -26,9 +30,22 @@ def test_points_are_evenly_spaced_from_end_to_end(start, steps, step):
 
 
 def test_the_last_one_named_varies_fastest_and_one_value_holds_an_input():
-    assert points("strain=0:0.1:0.1,pressure=10:20:5") == [(0, 10), (0, 15), (0, 20), (0.1, 10), (0.1, 15), (0.1, 20)]
+    assert points("strain=0:0.1:0.1,pressure=10:20:5") == [
+        (0, 10),
+        (0, 15),
+        (0, 20),
+        (0.1, 10),
+        (0.1, 15),
+        (0.1, 20),
+    ]
     assert points("pressure=150,strain=0:0.2:0.1") == [(150, 0), (150, 0.1), (150, 0.2)]
-    assert [line.strip() for line in grid_lines("x=0:0.3:0.1", ("x",))] == ["x", "0", "0.1", "0.2", "0.3"]  # as a person would print them
+    assert [line.strip() for line in grid_lines("x=0:0.3:0.1", ("x",))] == [
+        "x",
+        "0",
+        "0.1",
+        "0.2",
+        "0.3",
+    ]  # as a person would print them
 
 
 @pytest.mark.parametrize(
@@ -57,7 +74,9 @@ def test_what_is_refused_before_anything_is_computed(text, what):
     assert what in str(caught.value)
 
 
-@pytest.mark.parametrize(("to", "endings"), [("c", ["c", "c", "c", "h", "h"]), ("py", ["py"]), ("tex", ["tex"])])
+@pytest.mark.parametrize(
+    ("to", "endings"), [("c", ["c", "c", "c", "h", "h"]), ("py", ["py"]), ("tex", ["tex"])]
+)
 def test_files_of_a_language_are_told(mapmore, model_file, tmp_path, to, endings):
     result = mapmore("export", model_file, "--to", to, "-o", tmp_path / "out", code=0)
     written = list((tmp_path / "out").iterdir())
@@ -79,7 +98,14 @@ def test_invert_finds_what_predict_gave(mapmore, model_file, tmp_path):
     (tmp_path / "at.csv").write_text("pressure,strain\n120,0.05\n180,0.1\n")
     predicted = mapmore("predict", model_file, tmp_path / "at.csv", "--derivatives", code=0)
     header, *rows = [line.split(",") for line in predicted.stdout.splitlines()]
-    assert header == ["pressure", "strain", "force_predicted", "outside_range", "force_by_pressure", "force_by_strain"]
+    assert header == [
+        "pressure",
+        "strain",
+        "force_predicted",
+        "outside_range",
+        "force_by_pressure",
+        "force_by_strain",
+    ]
     wanted = "force,strain\n" + "".join(f"{row[2]},{row[1]}\n" for row in rows) + "1e12,0.1\n,0.1\n"
     (tmp_path / "wanted.csv").write_text(wanted)
     found = mapmore("invert", model_file, tmp_path / "wanted.csv", "--for", "pressure", code=0)

@@ -22,17 +22,46 @@ def rig(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize("muscle", ["mckibben", pytest.param("peano", marks=pytest.mark.long)])
-def test_a_spec_for_the_shipped_recordings_checks_and_runs(muscle: str, tmp_path: Path, mapmore, rig: Path, fewer_families: None) -> None:
+def test_a_spec_for_the_shipped_recordings_checks_and_runs(
+    muscle: str, tmp_path: Path, mapmore, rig: Path, fewer_families: None
+) -> None:
     assert started(mapmore, rig / muscle, tmp_path) == []
-    result = mapmore("run", tmp_path / "spec.yaml", "--runs", tmp_path / "runs", "--json", "-q", "--set", "report.formats=[csv]", code=0)
-    rows = {(row["model"], row["split"], row["curve"]): row for row in json.loads(result.stdout)["scores"]}
+    result = mapmore(
+        "run",
+        tmp_path / "spec.yaml",
+        "--runs",
+        tmp_path / "runs",
+        "--json",
+        "-q",
+        "--set",
+        "report.formats=[csv]",
+        code=0,
+    )
+    rows = {
+        (row["model"], row["split"], row["curve"]): row
+        for row in json.loads(result.stdout)["scores"]
+    }
     assert rows["mapmore", "validate", "all"]["nrmse"] < 0.03
 
 
-@pytest.mark.parametrize("source", ["festo_datasheet", pytest.param("bellows_tensile/four1.csv.gz", marks=pytest.mark.long)])
-def test_a_spec_for_measured_recordings_checks_and_runs(source: str, tmp_path: Path, mapmore, measured_data: Path) -> None:
+@pytest.mark.parametrize(
+    "source",
+    ["festo_datasheet", pytest.param("bellows_tensile/four1.csv.gz", marks=pytest.mark.long)],
+)
+def test_a_spec_for_measured_recordings_checks_and_runs(
+    source: str, tmp_path: Path, mapmore, measured_data: Path
+) -> None:
     assert started(mapmore, measured_data / source, tmp_path) == []
-    mapmore("run", tmp_path / "spec.yaml", "--runs", tmp_path / "runs", "-q", "--set", "report.formats=[csv]", code=0)
+    mapmore(
+        "run",
+        tmp_path / "spec.yaml",
+        "--runs",
+        tmp_path / "runs",
+        "-q",
+        "--set",
+        "report.formats=[csv]",
+        code=0,
+    )
 
 
 def started(mapmore, source: Path, place: Path) -> list[dict[str, str]]:
@@ -49,16 +78,29 @@ def test_measured_muscles_of_two_lengths_are_two_studies_with_a_slack_foot(
     """One of the three repeats; the strains are known to the names of the files alone."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "rig").mkdir()
-    for path in sorted((measured_data / "festo_10mm_isometric").glob("10mm_[12]0cm_*_Test8.csv.gz")):
+    for path in sorted(
+        (measured_data / "festo_10mm_isometric").glob("10mm_[12]0cm_*_Test8.csv.gz")
+    ):
         (tmp_path / "rig" / path.name).symlink_to(path)
     started = mapmore("init", "rig")
-    assert started.stdout.split() == ["10mm_10cm_Test8.yaml", "10mm_20cm_Test8.yaml"], started.stderr
+    assert started.stdout.split() == ["10mm_10cm_Test8.yaml", "10mm_20cm_Test8.yaml"], (
+        started.stderr
+    )
     for name in started.stdout.split():
         text = Path(name).read_text()
         assert "sarosi_hinged}" in text
         assert text.count("# CHECK: 'kinked") == 3
     assert serious(mapmore, "10mm_10cm_Test8.yaml") == []
-    mapmore("run", "10mm_10cm_Test8.yaml", "-q", "--set", "report.formats=[csv]", "--set", "validate.against=[]", code=0)
+    mapmore(
+        "run",
+        "10mm_10cm_Test8.yaml",
+        "-q",
+        "--set",
+        "report.formats=[csv]",
+        "--set",
+        "validate.against=[]",
+        code=0,
+    )
 
 
 def serious(mapmore, spec: Path | str) -> list[dict[str, str]]:
@@ -67,7 +109,9 @@ def serious(mapmore, spec: Path | str) -> list[dict[str, str]]:
     return [issue for issue in json.loads(checked.stdout)["issues"] if issue["severity"] != "hint"]
 
 
-def test_a_folder_of_several_studies_with_one_output_says_what_is_left_out(tmp_path: Path, mapmore, rig: Path) -> None:
+def test_a_folder_of_several_studies_with_one_output_says_what_is_left_out(
+    tmp_path: Path, mapmore, rig: Path
+) -> None:
     mapmore("init", rig, "-o", tmp_path / "one.yaml", code=0, says="left out: peano")
     assert [path.name for path in tmp_path.glob("*.yaml")] == ["one.yaml"]
 
@@ -91,7 +135,9 @@ def test_nothing_is_replaced_without_force(tmp_path: Path, mapmore, rig: Path) -
 
 @pytest.mark.parametrize("name", ["a/b", "", "-x y"])
 def test_a_name_that_is_no_name_is_a_usage_error(name: str, tmp_path: Path, mapmore) -> None:
-    mapmore("init", PROJECT / "datasets/mckibben", "-o", tmp_path / "a.yaml", f"--name={name}", code=2)
+    mapmore(
+        "init", PROJECT / "datasets/mckibben", "-o", tmp_path / "a.yaml", f"--name={name}", code=2
+    )
     assert not list(tmp_path.iterdir())
 
 
@@ -105,12 +151,18 @@ def test_check_prints_issues_with_their_remedies(tmp_path: Path, mapmore) -> Non
     spec = write_study(tmp_path)
     assert mapmore("check", spec, code=0).stdout.splitlines()[-1] == "No issues."
     outside = mapmore("check", spec, "--set", "data.split.validate.pressure=[300]", code=0)
-    assert "validation samples have pressure 300, outside of the training range 100 to 200 [validation-outside]" in outside.stdout
+    assert (
+        "validation samples have pressure 300, outside of the training range 100 to 200 "
+        "[validation-outside]" in outside.stdout
+    )
 
 
 def test_check_ends_with_the_code_of_what_has_to_be_mended(tmp_path: Path, mapmore) -> None:
     spec = write_study(tmp_path)
-    for setting, code, found in (("data.columns.strain.scale=100", 3, "strain-in-per-cent"), ("fit.max_terms=30", 4, "short-segment")):
+    for setting, code, found in (
+        ("data.columns.strain.scale=100", 3, "strain-in-per-cent"),
+        ("fit.max_terms=30", 4, "short-segment"),
+    ):
         wrong = mapmore("check", spec, "--json", "--set", setting, code=code, says=found)
         assert {issue["id"] for issue in json.loads(wrong.stdout)["issues"]} == {found}
 
@@ -124,7 +176,9 @@ def test_a_measured_study_is_clean_of_errors_and_warnings(mapmore, measured_data
     assert serious(mapmore, PROJECT / "configs/festo/festo_10mm_20cm_strain.yaml") == []
 
 
-def test_one_that_exists_stops_no_other_and_each_has_a_page(tmp_path: Path, mapmore, rig: Path, monkeypatch) -> None:
+def test_one_that_exists_stops_no_other_and_each_has_a_page(
+    tmp_path: Path, mapmore, rig: Path, monkeypatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     Path("peano.yaml").write_text("mine")
     started = mapmore("init", rig, code=7)

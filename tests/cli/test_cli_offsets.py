@@ -1,4 +1,6 @@
-"""A length is a displacement that stands far from zero: it gets the same model, and its page says how little an NRMSE of it says."""
+"""A length is a displacement that stands far from zero: it gets the same model, and its page says
+how little an NRMSE of it says.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,9 @@ validate: {{simple: false}}
 
 
 def study(folder: Path, column: str, fit: str = "") -> Path:
-    """A muscle that follows the square of a slow pressure, by its displacement x and by its length L."""
+    """A muscle that follows the square of a slow pressure, by its displacement x and by its length
+    L.
+    """
     time = np.arange(600) * 0.05
     pressure = 200 + 100 * np.sin(time) + 60 * np.sin(2.7 * time)
     slow = np.zeros(600)
@@ -40,12 +44,19 @@ def study(folder: Path, column: str, fit: str = "") -> Path:
 
 
 def own(found, split="validate"):
-    return next(r for r in found["scores"] if (r["model"], r["split"], r["curve"]) == ("mapmore", split, "all"))
+    return next(
+        r
+        for r in found["scores"]
+        if (r["model"], r["split"], r["curve"]) == ("mapmore", split, "all")
+    )
 
 
 @pytest.mark.parametrize("fit", ["", ", stop: bic", ", ridge: 1.0e-5", ", stop: free_run"])
 def test_a_length_is_modelled_as_well_as_a_displacement(tmp_path, document, fit):
-    moved, long = (own(document("validate", study(tmp_path, name, fit), "--runs", tmp_path / "runs", "-q")) for name in "xL")
+    moved, long = (
+        own(document("validate", study(tmp_path, name, fit), "--runs", tmp_path / "runs", "-q"))
+        for name in "xL"
+    )
     assert long["rmse"] < 1.5 * moved["rmse"]
     assert min(long["r2"], moved["r2"]) > 0.9
     assert long["nrmse"] < 1e-3 < 0.01 < long["nrmse_range"] < 0.1
@@ -59,14 +70,29 @@ def test_errors_by_range_stand_beside(tmp_path, mapmore):
     assert "of the range: the target lies far from zero" in page
     near = mapmore("run", study(tmp_path, "x"), "--runs", tmp_path / "runs", code=0)
     assert "by range" not in near.stdout
-    mapmore("validate", tmp_path / "L.yaml", "--runs", tmp_path / "runs", "--set", "validate.require={nrmse_range: 1e-4}", code=6)
+    mapmore(
+        "validate",
+        tmp_path / "L.yaml",
+        "--runs",
+        tmp_path / "runs",
+        "--set",
+        "validate.require={nrmse_range: 1e-4}",
+        code=6,
+    )
 
 
 def test_check_hints_at_it(tmp_path, document):
-    found = {name: [issue["id"] for issue in document("check", study(tmp_path, name))["issues"]] for name in "xL"}
+    found = {
+        name: [issue["id"] for issue in document("check", study(tmp_path, name))["issues"]]
+        for name in "xL"
+    }
     assert ("offset" in found["L"], "offset" in found["x"]) == (True, False)
-    (tmp_path / "L.yaml").write_text((tmp_path / "L.yaml").read_text().replace("simple: false", "normaliser: range"))
-    assert "offset" not in [issue["id"] for issue in document("check", tmp_path / "L.yaml")["issues"]]
+    (tmp_path / "L.yaml").write_text(
+        (tmp_path / "L.yaml").read_text().replace("simple: false", "normaliser: range")
+    )
+    assert "offset" not in [
+        issue["id"] for issue in document("check", tmp_path / "L.yaml")["issues"]
+    ]
 
 
 def test_a_constant_by_itself_is_told(tmp_path, mapmore):
@@ -74,16 +100,31 @@ def test_a_constant_by_itself_is_told(tmp_path, mapmore):
     spec.write_text(spec.read_text().replace("max_terms: 6", "max_terms: 1"))
     alone = "the constant alone is the model: it explains all but"
     mapmore("fit", spec, "--runs", tmp_path / "runs", code=0, says=alone)
-    done = mapmore("validate", spec, "--runs", tmp_path / "runs", "--json", code=0, says=(alone, "R² on the training data is 0:"))
+    done = mapmore(
+        "validate",
+        spec,
+        "--runs",
+        tmp_path / "runs",
+        "--json",
+        code=0,
+        says=(alone, "R² on the training data is 0:"),
+    )
     told = json.loads(done.stdout)["warnings"]
     assert len(told) == len(set(told))
-    assert any("R² on the training data is 0: the model is no better than the mean" in one for one in told)
+    assert any(
+        "R² on the training data is 0: the model is no better than the mean" in one for one in told
+    )
 
 
 @pytest.mark.parametrize("offset", [0.0, 1e5, 1e6])
 def test_a_load_cell_that_was_not_zeroed(offset):
     p, e = np.repeat(np.arange(100.0, 501, 100), 21), np.tile(np.linspace(0, 0.2, 21), 5)
-    sections = {"levels": {"of": "pressure", "at": "auto"}, "dictionary": [{"polynomial": {"of": ["strain"], "order": 2}}]}
+    sections = {
+        "levels": {"of": "pressure", "at": "auto"},
+        "dictionary": [{"polynomial": {"of": ["strain"], "order": 2}}],
+    }
     frame = {"pressure": p, "strain": e, "force": 3.3 * p * (1 - 3.2 * e) ** 2 - 70 + offset}
-    found = mm.fit(frame, **sections, fit={"max_terms": 3, "scaling": "none"}, validate={"simple": False})
+    found = mm.fit(
+        frame, **sections, fit={"max_terms": 3, "scaling": "none"}, validate={"simple": False}
+    )
     assert found.scores.of_model(split="train")["rmse"] < 1e-6

@@ -42,15 +42,32 @@ def test_second_run_does_nothing_and_says_so(finished, mapmore):
 def test_json_has_the_promised_shape(finished, document):
     spec, runs = finished
     run = document("run", spec, "--runs", runs, "-q")
-    assert list(run) == ["name", "run_dir", "stages", "scores", "units", "missed", "warnings", "unconfirmed"]
+    assert list(run) == [
+        "name",
+        "run_dir",
+        "stages",
+        "scores",
+        "units",
+        "missed",
+        "warnings",
+        "unconfirmed",
+    ]
     assert run["name"] == "bench"
     assert run["run_dir"] == str(runs / "bench")
     assert run["stages"] == dict.fromkeys(STAGES, "up-to-date")
     assert run["units"] == {run["scores"][0]["target"]: "N"}
     assert all(list(row) == [field.name for field in fields(Score)] for row in run["scores"])
     places = {(row["model"], row["split"], row["curve"]) for row in run["scores"]}
-    assert {("mapmore", "validate", "all"), ("polynomial_2", "train", "all"), ("mapmore", "train", "pressure=300")} <= places
-    own = next(row for row in run["scores"] if (row["model"], row["split"], row["curve"]) == ("mapmore", "validate", "all"))
+    assert {
+        ("mapmore", "validate", "all"),
+        ("polynomial_2", "train", "all"),
+        ("mapmore", "train", "pressure=300"),
+    } <= places
+    own = next(
+        row
+        for row in run["scores"]
+        if (row["model"], row["split"], row["curve"]) == ("mapmore", "validate", "all")
+    )
     assert own["nrmse"] == pytest.approx(own["rmse"] / own["normaliser"])
     assert 0 < own["nrmse"] < 0.02  # a fraction, and the study is an easy one
     stored = json.loads((runs / "bench" / "scores.json").read_text())
@@ -59,7 +76,14 @@ def test_json_has_the_promised_shape(finished, document):
 
 @pytest.mark.parametrize(
     ("stage", "key"),
-    [("ingest", "curves"), ("segment", "curves"), ("fit", "segments"), ("fuse", "weights"), ("validate", "scores"), ("report", "files")],
+    [
+        ("ingest", "curves"),
+        ("segment", "curves"),
+        ("fit", "segments"),
+        ("fuse", "weights"),
+        ("validate", "scores"),
+        ("report", "files"),
+    ],
 )
 def test_stage_commands_print_their_stage(stage, key, finished, document, mapmore):
     spec, runs = finished
@@ -76,15 +100,27 @@ def test_a_stage_brings_those_before_it_up_to_date_and_says_why(study, mapmore):
     runs = study.parent / "runs"
     mapmore("fit", study, "--runs", runs, code=0)
     again = mapmore("fit", study, "--runs", runs, "--set", "fit.max_terms=2")
-    assert again.stderr.splitlines() == ["ingest: up-to-date", "segment: up-to-date", "fit: fit.max_terms: 1 -> 2"]
+    assert again.stderr.splitlines() == [
+        "ingest: up-to-date",
+        "segment: up-to-date",
+        "fit: fit.max_terms: 1 -> 2",
+    ]
     assert not (runs / "bench" / "model.h5").exists()
 
 
 def test_verbose_says_how_long_each_stage_took_and_force_redoes_it(study, mapmore):
     arguments = ("segment", study, "--runs", study.parent / "runs")
     lines = mapmore(*arguments, "-v").stderr.splitlines()
-    assert [line.split(" in ")[0] for line in lines] == ["ingest: never ran", "ingest: done", "segment: never ran", "segment: done"]
-    assert mapmore(*arguments, "--force").stderr.splitlines() == ["ingest: forced", "segment: forced"]
+    assert [line.split(" in ")[0] for line in lines] == [
+        "ingest: never ran",
+        "ingest: done",
+        "segment: never ran",
+        "segment: done",
+    ]
+    assert mapmore(*arguments, "--force").stderr.splitlines() == [
+        "ingest: forced",
+        "segment: forced",
+    ]
 
 
 def test_explain_says_why_and_does_nothing(finished, mapmore, document):
@@ -94,7 +130,10 @@ def test_explain_says_why_and_does_nothing(finished, mapmore, document):
     assert told["stages"]["fit"] is None
     assert told["stages"]["fuse"] == "fuse.z_s: 0.25 -> 0.1"
     assert told["stages"]["report"] is not None
-    assert "fuse.z_s: 0.25 -> 0.1" in mapmore("fuse", spec, "--runs", runs, "--set", "fuse.z_s=0.1", "--explain").stdout
+    assert (
+        "fuse.z_s: 0.25 -> 0.1"
+        in mapmore("fuse", spec, "--runs", runs, "--set", "fuse.z_s=0.1", "--explain").stdout
+    )
     assert {path: path.stat().st_mtime_ns for path in runs.rglob("*")} == before
 
 
@@ -111,7 +150,9 @@ def test_printed_spec_is_a_spec_with_the_overrides(study, mapmore, document):
 @pytest.mark.parametrize("command", ["run", "validate"])
 def test_a_missed_limit_shows_after_the_results(command, study, mapmore):
     runs: Path = study.parent / "runs"
-    result = mapmore(command, study, "--runs", runs, "--set", "validate.require.nrmse=1e-9", "-q", code=6)
+    result = mapmore(
+        command, study, "--runs", runs, "--set", "validate.require.nrmse=1e-9", "-q", code=6
+    )
     assert "all curves pooled" in result.stdout
     assert "nrmse of mapmore on the validate rows" in result.stderr
     assert (runs / "bench" / "scores.json").is_file()

@@ -16,12 +16,22 @@ def write(folder: Path, levels: list[int], held_out: tuple[int, ...] = ()) -> Pa
     spec = write_study(folder, levels=levels, held_out=held_out)
     strain = np.linspace(0.0, 0.2, 15)
     for level in levels:
-        write_recording(folder, "bench", level, strain, (level + 0.01 * max(level - 300, 0) ** 2) * (1 - 4 * strain))
+        write_recording(
+            folder,
+            "bench",
+            level,
+            strain,
+            (level + 0.01 * max(level - 300, 0) ** 2) * (1 - 4 * strain),
+        )
     return spec
 
 
 def planned(mapmore, spec: Path, *arguments: object) -> Any:
-    return json.loads(mapmore("plan", spec, "--runs", spec.parent / "runs", "--json", "-q", *arguments, code=0).stdout)
+    return json.loads(
+        mapmore(
+            "plan", spec, "--runs", spec.parent / "runs", "--json", "-q", *arguments, code=0
+        ).stdout
+    )
 
 
 LEVELS = [0, 100, 200, 300, 400, 500, 600]
@@ -29,7 +39,12 @@ LEVELS = [0, 100, 200, 300, 400, 500, 600]
 
 def test_the_next_level_halves_the_widest_gap(tmp_path, mapmore):
     found = planned(mapmore, write(tmp_path, [0, 100, 200, 400, 500]))
-    assert [(one["pressure"], one["gap"]) for one in found["next"]] == [(300, 200), (50, 100), (150, 100), (450, 100)]
+    assert [(one["pressure"], one["gap"]) for one in found["next"]] == [
+        (300, 200),
+        (50, 100),
+        (150, 100),
+        (450, 100),
+    ]
     assert found["notes"][0].startswith("No gap between levels is wider than that from 200 to 400.")
 
 
@@ -38,12 +53,31 @@ def test_a_held_out_level_is_measured(tmp_path, mapmore):
 
 
 def test_a_single_level_says_nothing_and_levels_have_no_forecast(tmp_path, mapmore):
-    mapmore("plan", write(tmp_path, [100]), "--runs", tmp_path / "other", code=4, says="single level")
-    mapmore("plan", write(tmp_path, LEVELS), "--runs", tmp_path / "runs", "--until", "2%", code=2, says="--points")
+    mapmore(
+        "plan", write(tmp_path, [100]), "--runs", tmp_path / "other", code=4, says="single level"
+    )
+    mapmore(
+        "plan",
+        write(tmp_path, LEVELS),
+        "--runs",
+        tmp_path / "runs",
+        "--until",
+        "2%",
+        code=2,
+        says="--points",
+    )
 
 
 def test_the_table_and_the_figure_of_levels(tmp_path, mapmore):
-    result = mapmore("plan", write(tmp_path, LEVELS), "--runs", tmp_path / "runs", "-o", tmp_path / "plan.svg", code=0)
+    result = mapmore(
+        "plan",
+        write(tmp_path, LEVELS),
+        "--runs",
+        tmp_path / "runs",
+        "-o",
+        tmp_path / "plan.svg",
+        code=0,
+    )
     assert "gap [kPa]" in result.stdout
     assert "equal distances" in result.stdout
     assert "next" in (tmp_path / "plan.svg").read_text()

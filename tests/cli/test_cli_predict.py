@@ -38,15 +38,23 @@ def table_of(content: list[tuple[str, str, str]], end: str = "\n") -> list[str]:
 @given(rows, st.integers(1, 30), st.sampled_from(["\n", "\r\n"]))
 def test_chunks_have_no_influence(content, chunk, end):
     lines = table_of(content, end)
-    assert "".join(predicted_lines(MODEL, lines, "t", chunk)) == "".join(predicted_lines(MODEL, lines, "t"))
+    assert "".join(predicted_lines(MODEL, lines, "t", chunk)) == "".join(
+        predicted_lines(MODEL, lines, "t")
+    )
 
 
 @given(rows)
 def test_every_row_stays_as_it_was_and_gains_two_fields(content):
     before = "".join(table_of(content))
-    after = list(csv.reader(io.StringIO("".join(predicted_lines(MODEL, table_of(content), "t", 4)), newline="")))
+    after = list(
+        csv.reader(
+            io.StringIO("".join(predicted_lines(MODEL, table_of(content), "t", 4)), newline="")
+        )
+    )
     assert after[0] == ["strain", "pressure", "remark", "force_predicted", "outside_range"]
-    assert [tuple(row[:3]) for row in after[1:]] == [tuple(row) for row in list(csv.reader(io.StringIO(before, newline="")))[1:]]
+    assert [tuple(row[:3]) for row in after[1:]] == [
+        tuple(row) for row in list(csv.reader(io.StringIO(before, newline="")))[1:]
+    ]
     for strain, pressure, _, predicted, outside in after[1:]:
         values = [float(cell) if cell.strip() else math.nan for cell in (pressure, strain)]
         if all(map(math.isfinite, values)):
@@ -68,7 +76,13 @@ def test_rows_know_nothing_of_each_other(content, random):
 
 
 def test_bytes_are_kept():
-    lines = ['  pressure ,"a ""quoted"", name",strain\r\n', '1.50e2,"two\n', 'lines", 0.050 \r\n', "\n", "100,007,0.2"]
+    lines = [
+        '  pressure ,"a ""quoted"", name",strain\r\n',
+        '1.50e2,"two\n',
+        'lines", 0.050 \r\n',
+        "\n",
+        "100,007,0.2",
+    ]
     assert list(predicted_lines(MODEL, lines, "t", 1)) == [
         '  pressure ,"a ""quoted"", name",strain,force_predicted,outside_range\r\n',
         '1.50e2,"two\nlines", 0.050 ,127.5,false\r\n',
@@ -78,9 +92,18 @@ def test_bytes_are_kept():
 
 
 def test_outside_of_the_range_of_each_curve():
-    points = {"100,0.1": "false", "100,0.15": "true", "150,0.15": "false", "99,0.05": "true", "200,0.2": "false", "200,-0.01": "true"}
+    points = {
+        "100,0.1": "false",
+        "100,0.15": "true",
+        "150,0.15": "false",
+        "99,0.05": "true",
+        "200,0.2": "false",
+        "200,-0.01": "true",
+    }
     lines = ["pressure,strain\n", *(f"{point}\n" for point in points)]
-    assert [line.strip().rsplit(",", 1)[1] for line in predicted_lines(MODEL, lines, "t")][1:] == list(points.values())
+    assert [line.strip().rsplit(",", 1)[1] for line in predicted_lines(MODEL, lines, "t")][
+        1:
+    ] == list(points.values())
 
 
 @pytest.mark.parametrize(
@@ -89,11 +112,19 @@ def test_outside_of_the_range_of_each_curve():
         ("", "t: the table is empty", "pressure [kPa], strain [1]"),
         ("pressure,strian\n1,2\n", "no column 'strain'", "Did you mean 'strian'?"),
         ("pressure,strain,strain\n1,2,3\n", "'strain' stands 2 times", ""),
-        ("pressure,strain\n1,2\n1,high\n", "t:row 3, column strain: 'high' is not a number", "leave it empty"),
+        (
+            "pressure,strain\n1,2\n1,high\n",
+            "t:row 3, column strain: 'high' is not a number",
+            "leave it empty",
+        ),
         ("pressure,strain\n1_0,2\n", "t:row 2, column pressure: '1_0' is not a number", ""),
         ("pressure,strain\n1,2\n1\n", "t:row 3: has 1 fields, the header has 2", ""),
         ("pressure,strain\n1,2,3\n", "t:row 2: has 3 fields, the header has 2", ""),
-        ("pressure,strain,force_predicted\n1,2,3\n", "already has a column force_predicted", "rename"),
+        (
+            "pressure,strain,force_predicted\n1,2,3\n",
+            "already has a column force_predicted",
+            "rename",
+        ),
         ("pressure,strain,outside_range\n1,2,3\n", "already has a column outside_range", "rename"),
         ('pressure,remark,strain\n1,"two\nlines",0\n1,x,wrong\n', "t:row 4, column strain", ""),
     ],
@@ -126,7 +157,10 @@ def test_file_to_file(model_file, tmp_path, mapmore):
     table.write_text(TABLE)
     result = mapmore("predict", model_file, table, "-o", out)
     assert (result.exit_code, result.output) == (0, "")
-    assert out.read_text() == "pressure,note,strain,force_predicted,outside_range\n150,first,0.05,127.5,false\n100,second,0.2,20,true\n"
+    assert out.read_text() == (
+        "pressure,note,strain,force_predicted,outside_range\n150,first,0.05,127.5,false\n"
+        "100,second,0.2,20,true\n"
+    )
     assert sorted(path.name for path in tmp_path.iterdir()) == ["out.csv", "t.csv"]
     mapmore("predict", model_file, table, "-o", table, code=0)  # which replaces itself
     assert table.read_text() == out.read_text()
@@ -162,17 +196,25 @@ def test_progress_is_told_in_bytes_of_the_file(name, tmp_path):
     assert 0.6 * path.stat().st_size < read[-1] <= path.stat().st_size
 
 
-@pytest.mark.parametrize("content", [gzip.compress(TABLE.encode() * 99)[:-20], b"not gzip at all"], ids=["truncated", "foreign"])
+@pytest.mark.parametrize(
+    "content",
+    [gzip.compress(TABLE.encode() * 99)[:-20], b"not gzip at all"],
+    ids=["truncated", "foreign"],
+)
 def test_damaged_gzip(content, model_file, tmp_path, mapmore):
     (tmp_path / "t.csv.gz").write_bytes(content)
-    mapmore("predict", model_file, tmp_path / "t.csv.gz", code=4, says="t.csv.gz: the file is damaged")
+    mapmore(
+        "predict", model_file, tmp_path / "t.csv.gz", code=4, says="t.csv.gz: the file is damaged"
+    )
 
 
 def test_a_mistake_leaves_the_old_output(model_file, tmp_path, mapmore):
     table, out = tmp_path / "t.csv", tmp_path / "out.csv"
     table.write_text(TABLE + "150,third,oops\n")
     out.write_text("old")
-    mapmore("predict", model_file, table, "-o", out, code=4, says="t.csv:row 4, column strain: 'oops'")
+    mapmore(
+        "predict", model_file, table, "-o", out, code=4, says="t.csv:row 4, column strain: 'oops'"
+    )
     assert out.read_text() == "old"
     assert len(list(tmp_path.iterdir())) == 2
 
@@ -181,5 +223,6 @@ def test_grid_has_both_ends(model_file, mapmore):
     result = mapmore("predict", model_file, "--grid", "strain=0:0.1:0.05,pressure=100:200:100")
     assert result.stdout == (
         "strain,pressure,force_predicted,outside_range\n"
-        "0,100,100,false\n0,200,200,false\n0.05,100,80,false\n0.05,200,175,false\n0.1,100,60,false\n0.1,200,150,false\n"
+        "0,100,100,false\n0,200,200,false\n0.05,100,80,false\n0.05,200,175,false\n"
+        "0.1,100,60,false\n0.1,200,150,false\n"
     )

@@ -52,7 +52,12 @@ def test_plain_lines_where_stderr_is_no_terminal(clock, capsys):
     err = capsys.readouterr().err
     assert "\x1b" not in err
     assert "\r" not in err
-    assert err.splitlines() == ["fit: 5 of 100", "fit: 30 of 100", "fit: 55 of 100", "fit: 80 of 100"]
+    assert err.splitlines() == [
+        "fit: 5 of 100",
+        "fit: 30 of 100",
+        "fit: 55 of 100",
+        "fit: 80 of 100",
+    ]
 
 
 def test_patience_starts_anew_with_each_piece_of_work(clock, capsys):

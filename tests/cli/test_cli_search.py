@@ -27,12 +27,19 @@ report: {figures: [], formats: [csv, html]}
 
 
 def write_bare(folder: Path, permuted: bool = False) -> Path:
-    """Sixty points of a cubic surface with a little noise; the held-out forces may be in another order."""
+    """Sixty points of a cubic surface with a little noise; the held-out forces may be in another
+    order.
+    """
     rng = np.random.default_rng(3)
     rows = []
     for level in (100, 200, 300, 400, 500):
         strain = np.linspace(0.0, 0.2, 12)
-        force = level * (1 - 4 * strain) + 900 * strain**3 * level / 10 - 30 * strain + rng.normal(0, 0.05, 12)
+        force = (
+            level * (1 - 4 * strain)
+            + 900 * strain**3 * level / 10
+            - 30 * strain
+            + rng.normal(0, 0.05, 12)
+        )
         if permuted and level == 300:
             force = force[::-1]
         rows += [f"{level},{e:.5f},{f:.4f}" for e, f in zip(strain, force, strict=True)]
@@ -47,36 +54,60 @@ def test_a_minimal_spec_is_a_study_and_what_it_found_repeats_without_a_search(tm
     found = json.loads(mapmore("run", spec, "--runs", tmp_path / "runs", "--json", "-q").stdout)
     assert found["stages"]["search"] == "done"
     assert found["search"]["found"] in {one["structure"] for one in found["search"]["tried"]}
-    held_out = next(row for row in found["scores"] if (row["split"], row["curve"]) == ("validate", "all"))
+    held_out = next(
+        row for row in found["scores"] if (row["split"], row["curve"]) == ("validate", "all")
+    )
     assert held_out["nrmse"] < 0.005
     page = (tmp_path / "runs/bare/report/index.html").read_text()
     assert "Structures that were tried on training data" in page
     assert found["search"]["found"] in page
 
-    again = json.loads(mapmore("run", tmp_path / "runs/bare/found.yaml", "--runs", tmp_path / "other", "--json", "-q").stdout)
+    again = json.loads(
+        mapmore(
+            "run", tmp_path / "runs/bare/found.yaml", "--runs", tmp_path / "other", "--json", "-q"
+        ).stdout
+    )
     assert "search" not in again["stages"]
-    assert (tmp_path / "runs/bare/scores.json").read_bytes() == (tmp_path / "other/bare/scores.json").read_bytes()
+    assert (tmp_path / "runs/bare/scores.json").read_bytes() == (
+        tmp_path / "other/bare/scores.json"
+    ).read_bytes()
 
     kept = json.loads(mapmore("run", spec, "--runs", tmp_path / "runs", "--json", "-q").stdout)
     assert set(kept["stages"].values()) == {"up-to-date"}
-    reasons = json.loads(mapmore("run", spec, "--runs", tmp_path / "runs", "--explain", "--json", "-q").stdout)["stages"]
+    reasons = json.loads(
+        mapmore("run", spec, "--runs", tmp_path / "runs", "--explain", "--json", "-q").stdout
+    )["stages"]
     assert list(reasons) == ["ingest", "search", "segment", "fit", "fuse", "validate", "report"]
     assert set(reasons.values()) == {None}
 
 
 def test_first_lines_tell_of_better_models(tmp_path, mapmore, monkeypatch):
-    """The best formula of the search competes on the held-out data; a black box that errs less on left-out training data is told."""
+    """The best formula of the search competes on the held-out data; a black box that errs less on
+    left-out training data is told.
+    """
     from mapmore_cli.annexes.search import searching
 
-    monkeypatch.setattr(searching, "simplest_of", lambda sizes, *_, **__: Ranked(0, 0, *np.ones((2, len(sizes)))))  # a plane
+    monkeypatch.setattr(
+        searching, "simplest_of", lambda sizes, *_, **__: Ranked(0, 0, *np.ones((2, len(sizes))))
+    )  # a plane
     mapmore("run", write_bare(tmp_path), "--runs", tmp_path / "runs", "-q")
     run = tmp_path / "runs/bare"
-    formulas = [one for one in json.loads((run / "search.json").read_text())["tried"] if one["family"] == "formula" and not one["failure"]]
+    formulas = [
+        one
+        for one in json.loads((run / "search.json").read_text())["tried"]
+        if one["family"] == "formula" and not one["failure"]
+    ]
     first, _, _ = (run / "report/index.html").read_text().partition("<nav")
-    note = next(line for line in json.loads((run / "search.json").read_text())["notes"] if line.startswith("gaussian process errs"))
+    note = next(
+        line
+        for line in json.loads((run / "search.json").read_text())["notes"]
+        if line.startswith("gaussian process errs")
+    )
     assert "times less on left-out levels: the structure lacks something" in note
     assert note in first
-    issues = json.loads(mapmore("check", tmp_path / "bare.yaml", "--runs", tmp_path / "runs", "--json", "-q").stdout)["issues"]
+    issues = json.loads(
+        mapmore("check", tmp_path / "bare.yaml", "--runs", tmp_path / "runs", "--json", "-q").stdout
+    )["issues"]
     assert ("structure", note) in {(one["id"], one["message"]) for one in issues}
     assert "mapmore is worse" in first
     assert formulas[0]["words"] == f"formula {load(run / 'found.yaml').spec.validation.against[0]}"
@@ -102,16 +133,24 @@ def test_tune_without_over_is_the_same_search(tmp_path, mapmore):
     assert told["found"] == run["search"]["found"]
     by_hand = tmp_path / "hand.yaml"
     by_hand.write_text(
-        SPEC.replace("name: bare", "name: hand") + "dictionary: [{polynomial: {of: [strain], order: 1}}]\nfit: {max_terms: 2}\n"
+        SPEC.replace("name: bare", "name: hand")
+        + "dictionary: [{polynomial: {of: [strain], order: 1}}]\nfit: {max_terms: 2}\n"
     )
-    assert json.loads(mapmore("tune", by_hand, "--runs", tmp_path / "runs", "--json", "-q").stdout)["found"] == told["found"]
+    assert (
+        json.loads(mapmore("tune", by_hand, "--runs", tmp_path / "runs", "--json", "-q").stdout)[
+            "found"
+        ]
+        == told["found"]
+    )
 
 
 def test_a_budget_that_cut_the_list_is_told(tmp_path, mapmore, monkeypatch):
     from mapmore_cli.annexes.search import searching
 
     monkeypatch.setattr(searching.Budget, "over", property(lambda _self: next(times)))
-    monkeypatch.setattr(searching, "shared_out", lambda work, items, *_: [work(item) for item in items])
+    monkeypatch.setattr(
+        searching, "shared_out", lambda work, items, *_: [work(item) for item in items]
+    )
     times = iter([False] * 30 + [True] * 1000)
     result = mapmore("tune", write_bare(tmp_path), "--budget", "5 s", "--runs", tmp_path / "runs")
     assert "the budget of 5 s ended before" in result.stderr

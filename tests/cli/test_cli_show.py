@@ -17,10 +17,24 @@ from mapmore_cli.storage.artefacts import read_fit
 
 SEGMENT_KEYS = {"id", "terms", "theta", "g", "err", "scaling", "stop", "condition"}
 HOSTILE = [
-    *('{"stages": 3}', '{"stages": {"fit": 3}}', '{"stages": {"fit": {"seconds": "x"}}}', '{"scores": [3]}'),
+    *(
+        '{"stages": 3}',
+        '{"stages": {"fit": 3}}',
+        '{"stages": {"fit": {"seconds": "x"}}}',
+        '{"scores": [3]}',
+    ),
     *('{"scores": [{"model": "x"}], "units": {}}', "[" * 100_000),
 ]
-FILES = ["ingest.h5", "segment.h5", "fit.h5", "model.h5", "validate.h5", "scores.json", "run.json", "."]
+FILES = [
+    "ingest.h5",
+    "segment.h5",
+    "fit.h5",
+    "model.h5",
+    "validate.h5",
+    "scores.json",
+    "run.json",
+    ".",
+]
 
 
 @pytest.mark.parametrize("name", FILES)
@@ -53,7 +67,10 @@ def test_model(model_file, document):
     assert shown["limits"]["pressure=200"]["strain"] == [0.0, 0.2]
     assert shown["weights"]["levels"] == [100.0, 200.0]
     assert shown["weights"]["extrapolation"]["strain"] == ["continue", "continue"]
-    assert [equation["text"] for equation in shown["equations"]] == ["100 - 400*strain", "200 - 500*strain"]
+    assert [equation["text"] for equation in shown["equations"]] == [
+        "100 - 400*strain",
+        "200 - 500*strain",
+    ]
 
 
 def test_zones_lie_around_the_inner_boundaries(finished, document):
@@ -62,7 +79,9 @@ def test_zones_lie_around_the_inner_boundaries(finished, document):
     for curve in weights["curves"]:
         low, middle, high = curve["boundaries"]["strain"]
         quarter = weights["z_s"]
-        assert curve["zones"]["strain"] == [pytest.approx([middle - quarter * (middle - low), middle + quarter * (high - middle)])]
+        assert curve["zones"]["strain"] == [
+            pytest.approx([middle - quarter * (middle - low), middle + quarter * (high - middle)])
+        ]
 
 
 def test_numbers_that_are_none_are_null(tmp_path, finished, mapmore):
@@ -74,7 +93,9 @@ def test_numbers_that_are_none_are_null(tmp_path, finished, mapmore):
     assert json.loads(mapmore("show", tmp_path / "scores.json", "--json").stdout) == scores
 
 
-@pytest.mark.parametrize("content", [b"{}", b"[1]", b"not json", b"\xff", *(text.encode() for text in HOSTILE)])
+@pytest.mark.parametrize(
+    "content", [b"{}", b"[1]", b"not json", b"\xff", *(text.encode() for text in HOSTILE)]
+)
 def test_json_that_is_none_of_ours(content, tmp_path, mapmore):
     (tmp_path / "x.json").write_bytes(content)
     mapmore("show", tmp_path / "x.json", code=4, says="x.json")
@@ -86,7 +107,11 @@ def test_load_model_is_a_function_of_keyword_arrays(model_file):
     pressure, strain = np.array([[100.0], [160.0]]), np.array([0.0, 0.05, 0.1])
     expected = [[by_hand(p, e) for e in strain] for p in pressure[:, 0]]
     np.testing.assert_allclose(model(pressure=pressure, strain=strain), expected, rtol=1e-12)
-    assert model.outside_range(pressure=[100, 100, 99], strain=[0.1, 0.11, 0.1]).tolist() == [False, True, True]
+    assert model.outside_range(pressure=[100, 100, 99], strain=[0.1, 0.11, 0.1]).tolist() == [
+        False,
+        True,
+        True,
+    ]
     assert float(model(pressure=150, strain=0.05)) == pytest.approx(127.5)
     assert [quantity.name for quantity in model.inputs] == ["pressure", "strain"]
     assert model.output.unit == "N"
@@ -104,7 +129,9 @@ PROJECT = Path(__file__).resolve().parents[2]
 
 @pytest.fixture(scope="module")
 def example(tmp_path_factory: pytest.TempPathFactory, mapmore) -> Path:
-    """The folder of the example, with its run; `test_shipped_studies` makes the page of the same study."""
+    """The folder of the example, with its run; `test_shipped_studies` makes the page of the same
+    study.
+    """
     folder = tmp_path_factory.mktemp("new") / "muscle"
     result = mapmore("example", folder, code=0)
     assert f"Next: mapmore run {folder / 'study.yaml'}" in result.stdout
@@ -115,9 +142,14 @@ def example(tmp_path_factory: pytest.TempPathFactory, mapmore) -> Path:
 def test_the_example_is_the_static_study_that_is_shipped(example):
     """The same recordings byte for byte, and so the same scores."""
     for recording in sorted(example.glob("*.csv")):
-        assert recording.read_bytes() == (PROJECT / "datasets" / "mckibben" / recording.name).read_bytes()
+        assert (
+            recording.read_bytes()
+            == (PROJECT / "datasets" / "mckibben" / recording.name).read_bytes()
+        )
     rig = yaml.safe_load((example / "rig.yaml").read_text())
-    assert rig == yaml.safe_load((PROJECT / "datasets" / "mckibben" / "load_cycles.yaml").read_text())
+    assert rig == yaml.safe_load(
+        (PROJECT / "datasets" / "mckibben" / "load_cycles.yaml").read_text()
+    )
 
 
 @pytest.fixture
@@ -128,19 +160,28 @@ def model(example) -> LoadedModel:
 def test_a_notebook_shows_what_a_model_is(model, example):
     assert repr(model) == "<model example: force [N] of pressure [kPa], strain [1]>"
     assert model.units == {"pressure": "kPa", "strain": "1", "force": "N"}
-    assert list(model.scores) == json.loads((example / "runs" / "example" / "scores.json").read_text())["scores"]
+    assert (
+        list(model.scores)
+        == json.loads((example / "runs" / "example" / "scores.json").read_text())["scores"]
+    )
 
 
 def test_points_outside_of_the_training_range_are_told(model):
     assert np.isfinite(model(pressure=150.0, strain=[0.02, 0.05])).all()
-    with pytest.warns(UserWarning, match=r"1 of 2 point\(s\) lie outside of the training range of example"):
+    with pytest.warns(
+        UserWarning, match=r"1 of 2 point\(s\) lie outside of the training range of example"
+    ):
         model(pressure=150.0, strain=[0.02, 0.9])
 
 
 def test_a_model_draws_its_training_curves(model):
     mpl.use("Agg")
     ax = model.plot()
-    assert [line.get_label() for line in ax.lines] == ["pressure=80", "pressure=150", "pressure=350"]
+    assert [line.get_label() for line in ax.lines] == [
+        "pressure=80",
+        "pressure=150",
+        "pressure=350",
+    ]
     line = ax.lines[1]
     np.testing.assert_allclose(line.get_ydata(), model(pressure=150.0, strain=line.get_xdata()))
     assert ax.get_xlabel() == "Strain (–)"

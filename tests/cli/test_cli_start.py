@@ -11,10 +11,46 @@ import pytest
 
 import mapmore_cli
 
-HEAVY = ("numpy", "scipy", "h5py", "pydantic", "matplotlib", "yaml", "pint", "jinja2", "multiprocessing")
+HEAVY = (
+    "numpy",
+    "scipy",
+    "h5py",
+    "pydantic",
+    "matplotlib",
+    "yaml",
+    "pint",
+    "jinja2",
+    "multiprocessing",
+)
 COMMANDS = [
-    *("ingest", "segment", "fit", "fuse", "validate", "report", "run", "batch", "tune", "plan", "predict", "adapt", "invert"),
-    *("freeze", "compare", "export", "figure", "paper", "simulate", "show", "init", "example", "check", "schema"),
+    *(
+        "ingest",
+        "segment",
+        "fit",
+        "fuse",
+        "validate",
+        "report",
+        "run",
+        "batch",
+        "tune",
+        "plan",
+        "predict",
+        "adapt",
+        "invert",
+    ),
+    *(
+        "freeze",
+        "compare",
+        "export",
+        "figure",
+        "paper",
+        "simulate",
+        "show",
+        "init",
+        "example",
+        "check",
+        "schema",
+    ),
 ]
 
 
@@ -33,7 +69,9 @@ print(*{{name.split(".")[0] for name in sys.modules}}, file=sys.stderr)
     return set(done.stderr.split())
 
 
-@pytest.mark.parametrize(("option", "heavy"), [("--version", {*HEAVY, "rich"}), ("--help", {*HEAVY})])
+@pytest.mark.parametrize(
+    ("option", "heavy"), [("--version", {*HEAVY, "rich"}), ("--help", {*HEAVY})]
+)
 def test_what_is_asked_first_loads_nothing_heavy(option: str, heavy: set[str]) -> None:
     assert modules_loaded_by(option).isdisjoint(heavy)
 
@@ -56,6 +94,17 @@ def test_every_command_has_help(command: str, mapmore) -> None:
 
 
 def test_shell_completion_knows_the_commands() -> None:
-    environment = {**os.environ, "_MAPMORE_COMPLETE": "complete_bash", "COMP_WORDS": "mapmore se", "COMP_CWORD": "1"}
-    done = subprocess.run([sys.executable, "-m", "mapmore_cli"], env=environment, capture_output=True, text=True, check=False)
+    environment = {
+        **os.environ,
+        "_MAPMORE_COMPLETE": "complete_bash",
+        "COMP_WORDS": "mapmore se",
+        "COMP_CWORD": "1",
+    }
+    done = subprocess.run(
+        [sys.executable, "-m", "mapmore_cli"],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert done.stdout.split() == ["segment"]

@@ -19,12 +19,16 @@ LEVELS = (100, 200, 300, 400, 500, 600)
 
 
 def write_bench(folder: Path, held_out: tuple[int, ...] = (300,)) -> Path:
-    """Six pressures; the force is straight on both sides of a kink in the middle, slightly noisy."""
+    """Six pressures; the force is straight on both sides of a kink in the middle, slightly
+    noisy.
+    """
     spec = write_study(folder, levels=LEVELS, held_out=held_out)
     spec.write_text(spec.read_text() + "fit: {max_terms: 2}\n")
     rng, strain = np.random.default_rng(5), np.linspace(0.0, 0.2, 40)
     for level in LEVELS:
-        force = level * (1 - 4 * strain - 3 * np.maximum(strain - 0.1, 0)) + rng.normal(0, 0.2, strain.size)
+        force = level * (1 - 4 * strain - 3 * np.maximum(strain - 0.1, 0)) + rng.normal(
+            0, 0.2, strain.size
+        )
         write_recording(folder, "bench", level, strain, force)
     return spec
 
@@ -32,9 +36,12 @@ def write_bench(folder: Path, held_out: tuple[int, ...] = (300,)) -> Path:
 def write_record(folder: Path, pressure: Array, force: Array, lags: int) -> Path:
     """A record over time, whose force is a sum of lags of the pressure."""
     record = np.column_stack([np.arange(len(force)) / 100, pressure, force])
-    np.savetxt(folder / "record.csv", record, fmt="%.6g", delimiter=",", header="t,P,F", comments="")
+    np.savetxt(
+        folder / "record.csv", record, fmt="%.6g", delimiter=",", header="t,P,F", comments=""
+    )
     (folder / "record.yaml").write_text(
-        "schema_version: 1\nname: record\ndata:\n  files: [record.csv]\n  columns: {time: {column: t, unit: s}, "
+        "schema_version: 1\nname: record\ndata:\n  files: [record.csv]\n  columns: {time: "
+        "{column: t, unit: s}, "
         "pressure: {column: P, unit: kPa}, force: {column: F, unit: N}}\ntarget: {column: force}\n"
         f"dictionary: [{{lags: {{of: [pressure], steps: {list(range(lags))}}}}}]\n"
     )
@@ -42,7 +49,11 @@ def write_record(folder: Path, pressure: Array, force: Array, lags: int) -> Path
 
 
 def tuned(mapmore, spec: Path, *arguments: object) -> Any:
-    return json.loads(mapmore("tune", spec, "--runs", spec.parent / "runs", "--json", "-q", *arguments, code=0).stdout)
+    return json.loads(
+        mapmore(
+            "tune", spec, "--runs", spec.parent / "runs", "--json", "-q", *arguments, code=0
+        ).stdout
+    )
 
 
 OVER = ("--over", "fit.max_terms=1,2,4", "--over", "segment.strain.count=1,2")
@@ -52,15 +63,24 @@ def test_the_simplest_that_is_as_good_as_the_best_is_named(tmp_path, mapmore):
     spec = write_bench(tmp_path)
     found = tuned(mapmore, spec, *OVER)
     assert found["left_out"] == "each of the 3 inner training levels of pressure"
-    trials = {(one["set"]["fit.max_terms"], one["set"]["segment.strain.count"]): one for one in found["trials"]}
+    trials = {
+        (one["set"]["fit.max_terms"], one["set"]["segment.strain.count"]): one
+        for one in found["trials"]
+    }
     assert trials[1, 1]["parameters"] == 5  # five training levels of one term
     for one in trials.values():
         logs = np.log(one["folds"])
         assert one["error"] == pytest.approx(np.exp(logs.mean()))
-        differences = logs - np.log(next(t["folds"] for t in found["trials"] if t["set"] == found["best"]))
+        differences = logs - np.log(
+            next(t["folds"] for t in found["trials"] if t["set"] == found["best"])
+        )
         assert one["above_best"] == pytest.approx(differences.mean(), abs=1e-13)
         assert one["standard_error"] == pytest.approx(differences.std(ddof=1) / 3**0.5, abs=1e-13)
-    within = [one for one in found["trials"] if one["above_best"] <= np.clip(one["standard_error"], 0.02, 0.18)]
+    within = [
+        one
+        for one in found["trials"]
+        if one["above_best"] <= np.clip(one["standard_error"], 0.02, 0.18)
+    ]
     chosen = next(one for one in found["trials"] if one["set"] == found["chosen"])
     assert chosen["parameters"] == min(one["parameters"] for one in within)
     assert trials[4, 1]["above_best"] > trials[4, 1]["standard_error"]  # a polynomial has no kink
@@ -74,27 +94,54 @@ def test_twice_the_error_is_never_as_good() -> None:
 
 
 def test_permuted_held_out_forces_change_nothing(tmp_path, mapmore):
-    for model in ("model: {backbone: polynomial_2}\n", "model: {type: literature, name: polynomial_2}\n"):
+    for model in (
+        "model: {backbone: polynomial_2}\n",
+        "model: {type: literature, name: polynomial_2}\n",
+    ):
         spec = write_bench(tmp_path)
         spec.write_text(spec.read_text() + model)
         over = ("--over", "fit.max_terms=1,2")
         before = tuned(mapmore, spec, *over)
-        change_forces(tmp_path / "bench_300.csv", lambda force: 3 * np.random.default_rng(0).permutation(force))
+        change_forces(
+            tmp_path / "bench_300.csv",
+            lambda force: 3 * np.random.default_rng(0).permutation(force),
+        )
         assert tuned(mapmore, spec, *over) == before
 
 
 def test_a_fold_errs_as_a_run_that_holds_its_level_out(tmp_path, mapmore):
     found = tuned(mapmore, write_bench(tmp_path), "--over", "fit.max_terms=3")
-    force = np.concatenate([np.loadtxt(tmp_path / f"bench_{p}.csv", delimiter=",", skiprows=1)[:, 2] for p in LEVELS if p != 300])
+    force = np.concatenate(
+        [
+            np.loadtxt(tmp_path / f"bench_{p}.csv", delimiter=",", skiprows=1)[:, 2]
+            for p in LEVELS
+            if p != 300
+        ]
+    )
     for trial in found["trials"]:
         for level, error in zip((200, 400, 500), trial["folds"], strict=True):
             folder = tmp_path / f"{level}"
             folder.mkdir(exist_ok=True)
             spec = write_bench(folder, held_out=(300, level))
             terms = trial["set"]["fit.max_terms"]
-            result = mapmore("validate", spec, "--runs", folder / "runs", "--json", "-q", "--set", f"fit.max_terms={terms}")
-            scores = {(row["split"], row["curve"]): row["rmse"] for row in json.loads(result.stdout)["scores"] if row["model"] == "mapmore"}
-            assert error * np.abs(force).max() == pytest.approx(scores["validate", f"pressure={level}"], rel=1e-9)
+            result = mapmore(
+                "validate",
+                spec,
+                "--runs",
+                folder / "runs",
+                "--json",
+                "-q",
+                "--set",
+                f"fit.max_terms={terms}",
+            )
+            scores = {
+                (row["split"], row["curve"]): row["rmse"]
+                for row in json.loads(result.stdout)["scores"]
+                if row["model"] == "mapmore"
+            }
+            assert error * np.abs(force).max() == pytest.approx(
+                scores["validate", f"pressure={level}"], rel=1e-9
+            )
 
 
 def test_tables_figures_and_the_settings_to_use(tmp_path, mapmore):
@@ -113,17 +160,32 @@ def test_tables_figures_and_the_settings_to_use(tmp_path, mapmore):
 
 def test_few_levels_are_all_left_out_and_memory_leaves_blocks_out(tmp_path, mapmore):
     spec = write_bench(tmp_path, held_out=(200, 300, 500))
-    assert tuned(mapmore, spec, "--over", "fit.max_terms=1,2")["left_out"] == "each of the 3 training levels of pressure"
+    assert (
+        tuned(mapmore, spec, "--over", "fit.max_terms=1,2")["left_out"]
+        == "each of the 3 training levels of pressure"
+    )
     p = np.random.default_rng(3).normal(0, 20, 400)
     memory = write_record(tmp_path, p, np.convolve(p, [0.5, 0.3, 0.2])[:400], lags=4)
-    found = tuned(mapmore, memory, "--over", "fit.max_terms=1,2,3,4", "--set", "data.split.validate={last: 0.25}")
+    found = tuned(
+        mapmore,
+        memory,
+        "--over",
+        "fit.max_terms=1,2,3,4",
+        "--set",
+        "data.split.validate={last: 0.25}",
+    )
     assert found["chosen"] == {"fit.max_terms": 3}
-    assert found["left_out"] == "each of 5 contiguous blocks of the training samples of every recording"
+    assert (
+        found["left_out"]
+        == "each of 5 contiguous blocks of the training samples of every recording"
+    )
 
 
 def test_a_combination_that_cannot_be_fitted_is_told_and_the_rest_goes_on(tmp_path, mapmore):
     spec = write_bench(tmp_path)
-    result = mapmore("tune", spec, "--runs", tmp_path / "runs", "--over", "segment.strain.count=2,50", code=0)
+    result = mapmore(
+        "tune", spec, "--runs", tmp_path / "runs", "--over", "segment.strain.count=2,50", code=0
+    )
     assert "failed: segment.strain.count=50: " in result.stdout
     alone = ("tune", spec, "--runs", tmp_path / "runs", "--over", "segment.strain.count=50")
     mapmore(*alone, code=5, says="no combination could be fitted")

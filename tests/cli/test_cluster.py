@@ -17,14 +17,17 @@ from mapmore_cli.annexes.campaigns.batch import Job, run_one
 from mapmore_cli.annexes.campaigns.cluster import ClusterWorkers, Shared, _work
 from mapmore_cli.domain.errors import UsageError, WriteError
 
-pytestmark = pytest.mark.skipif(not Path("/proc/self/fd").exists(), reason="looks into /proc for the worker that does a run")
+pytestmark = pytest.mark.skipif(
+    not Path("/proc/self/fd").exists(), reason="looks into /proc for the worker that does a run"
+)
 
 FORKED = """
 import json, os, sys
 from distributed.cli import dask_scheduler, dask_worker
 
 scheduler, worker = json.loads(sys.argv[1])
-for command, arguments in ((dask_worker, worker), (dask_worker, worker), (dask_scheduler, scheduler)):
+for command, arguments in ((dask_worker, worker), (dask_worker, worker), (dask_scheduler,
+    scheduler)):
     if command is dask_scheduler or not os.fork():
         command.main(arguments)
 """
@@ -37,8 +40,18 @@ def scheduler_file(tmp_path) -> Iterator[Path]:
     file = tmp_path / "scheduler.json"
     common = ["--scheduler-file", str(file), "--host", "127.0.0.1", "--no-dashboard"]
     worker = [*common, "--nthreads", "1", "--no-nanny", "--local-directory", str(tmp_path)]
-    command = [sys.executable, "-W", "ignore", "-c", FORKED, json.dumps([[*common, "--port", "0"], worker])]
-    with (tmp_path / "dask.log").open("wb") as log, Popen(command, stdout=log, stderr=log, start_new_session=True) as dask:
+    command = [
+        sys.executable,
+        "-W",
+        "ignore",
+        "-c",
+        FORKED,
+        json.dumps([[*common, "--port", "0"], worker]),
+    ]
+    with (
+        (tmp_path / "dask.log").open("wb") as log,
+        Popen(command, stdout=log, stderr=log, start_new_session=True) as dask,
+    ):
         try:
             yield file
         finally:
@@ -62,12 +75,25 @@ def is_done(run_dir: Path) -> bool:
 
 
 def batch(specs: list[Path], runs: Path, file: Path) -> Popen[str]:
-    command = [sys.executable, "-m", "mapmore_cli", "batch", *map(str, specs), "--runs", str(runs), "--cluster-file", str(file), "--json"]
+    command = [
+        sys.executable,
+        "-m",
+        "mapmore_cli",
+        "batch",
+        *map(str, specs),
+        "--runs",
+        str(runs),
+        "--cluster-file",
+        str(file),
+        "--json",
+    ]
     return Popen(command, stdout=PIPE, stderr=PIPE, text=True)
 
 
 def test_a_campaign_on_a_cluster(tmp_path, scheduler_file):
-    """The command is killed and started again, a worker is killed, and a run raises: every other run is done, once, as it is alone."""
+    """The command is killed and started again, a worker is killed, and a run raises: every other
+    run is done, once, as it is alone.
+    """
     slow = write_slow_study(tmp_path, "slow")
     quick = [write_study(tmp_path, f"quick{number}") for number in range(3)]
     broken = write_study(tmp_path, "broken")
@@ -94,7 +120,9 @@ def test_a_campaign_on_a_cluster(tmp_path, scheduler_file):
     assert (runs / "quick0" / "run.json").stat().st_mtime_ns == before
     for name in ("slow", "quick0", "quick1"):
         assert documents[name]["run_dir"] == str(runs / name)
-        assert (runs / name / "scores.json").read_bytes() == (alone / name / "scores.json").read_bytes()
+        assert (runs / name / "scores.json").read_bytes() == (
+            alone / name / "scores.json"
+        ).read_bytes()
     assert len(list(runs.glob(".tmp-*-shared"))) < 2  # of the command that was killed, if any
 
 
@@ -119,7 +147,9 @@ def test_variables_of_the_client_are_set_for_a_job_alone(tmp_path, monkeypatch):
     monkeypatch.delenv("MAPMORE_DATA", raising=False)
     names = ["MAPMORE_HERE", "MAPMORE_DATA"]
     (tmp_path / "token").write_text("word")
-    shared = Shared(tmp_path / "token", "word", {"MAPMORE_HERE": "the client's", "MAPMORE_DATA": "/data"})
+    shared = Shared(
+        tmp_path / "token", "word", {"MAPMORE_HERE": "the client's", "MAPMORE_DATA": "/data"}
+    )
     assert _work(variables, names, shared, ("batch", 0)) == ["the client's", "/data"]
     assert variables(names) == ["the worker's", None]
 
@@ -130,7 +160,13 @@ def silent(*_: object):
 
 def test_a_cluster_that_is_not_there(tmp_path, monkeypatch):
     monkeypatch.setattr("mapmore_cli.annexes.campaigns.cluster.CONNECT", "50ms")
-    for address, file, words in (("tcp://127.0.0.1:9", None, "no Dask scheduler"), (None, tmp_path / "none.json", "no such file")):
-        with pytest.raises(UsageError, match=words), ClusterWorkers(address, file, tmp_path / "runs", silent, silent, silent):
+    for address, file, words in (
+        ("tcp://127.0.0.1:9", None, "no Dask scheduler"),
+        (None, tmp_path / "none.json", "no such file"),
+    ):
+        with (
+            pytest.raises(UsageError, match=words),
+            ClusterWorkers(address, file, tmp_path / "runs", silent, silent, silent),
+        ):
             pass
     assert not list((tmp_path / "runs").iterdir())

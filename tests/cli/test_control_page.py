@@ -12,10 +12,15 @@ from page_tables import DOCS, numbers, page_table
 @pytest.mark.parametrize("feed", ["mapmore", pytest.param("nothing", marks=pytest.mark.long)])
 def test_the_page_has_the_errors_of_the_loop(feed: str, tmp_path: Path) -> None:
     row = numbers(page_table("tracking", DOCS / "control.md")[feed])
-    assert [row["RMSE"], row["largest error"]] == pytest.approx(control_tables.errors(feed, tmp_path), rel=0.01)
+    assert [row["RMSE"], row["largest error"]] == pytest.approx(
+        control_tables.errors(feed, tmp_path), rel=0.01
+    )
 
 
 def test_an_inverse_fed_forward_follows_better_than_the_loop_alone() -> None:
-    rows = {name: numbers(row)["RMSE"] for name, row in page_table("tracking", DOCS / "control.md").items()}
+    rows = {
+        name: numbers(row)["RMSE"]
+        for name, row in page_table("tracking", DOCS / "control.md").items()
+    }
     assert list(rows) == list(control_tables.FEEDS)
     assert max(rows[name] for name in rows if name != "nothing") < 0.5 * rows["nothing"]

@@ -1,4 +1,6 @@
-"""Records made by the terms of M2's table 5 give these terms back: from CSV through static subtraction, rates and the full dictionary."""
+"""Records made by the terms of M2's table 5 give these terms back: from CSV through static
+subtraction, rates and the full dictionary.
+"""
 
 from __future__ import annotations
 
@@ -31,16 +33,20 @@ name: damping
 needs: {static: static.yaml}
 data:
   files: [step.csv]
-  columns: {time: {column: t, unit: s}, pressure: {column: P, unit: kPa}, strain: {column: eps}, force: {column: F, unit: N}}
-  derive: {strain_rate: {rate_of: strain, window: 40 ms, order: 3}, pressure_rate: {rate_of: pressure, window: 40 ms, order: 3}}
+  columns: {time: {column: t, unit: s}, pressure: {column: P, unit: kPa}, strain: {column: eps},
+      force: {column: F, unit: N}}
+  derive: {strain_rate: {rate_of: strain, window: 40 ms, order: 3},
+      pressure_rate: {rate_of: pressure, window: 40 ms, order: 3}}
   plateau: auto
 target: damping
 segment: {direction: {of: pressure_rate, dead_band: 30 kPa/s}}
-dictionary: [{polynomial: {of: [strain, strain_rate, pressure, pressure_rate], order: 2, constant: false}}]
+dictionary: [{polynomial: {of: [strain, strain_rate, pressure, pressure_rate], order: 2,
+    constant: false}}]
 fit: {max_terms: 1}
 """
 
-# M2's table 5 in SI, with the pressure in kPa; the Peano's rise term as its section 6.3 describes it.
+# M2's table 5 in SI, with the pressure in kPa; the Peano's rise term as its section 6.3 describes
+# it.
 MUSCLES = {
     "mckibben": {"rise": ("pressure_rate*strain_rate", -15.6e-3), "fall": ("strain_rate^2", 34.9)},
     "peano": {"rise": ("pressure_rate*strain", 0.202), "fall": ("strain_rate", -16.6)},
@@ -48,11 +54,18 @@ MUSCLES = {
 
 
 def static_force(pressure: np.ndarray, strain: np.ndarray) -> np.ndarray:
-    return (3.0 * pressure + 5.0) * np.exp(-6.0 * strain) - 2.0 * strain * pressure - 0.6 * pressure - 4.0
+    return (
+        (3.0 * pressure + 5.0) * np.exp(-6.0 * strain)
+        - 2.0 * strain * pressure
+        - 0.6 * pressure
+        - 4.0
+    )
 
 
 def course(rng: np.random.Generator) -> tuple[np.ndarray, ...]:
-    """Pressure and strain of a step at 0.3 s and a release at 2.5 s, smooth, with their exact rates."""
+    """Pressure and strain of a step at 0.3 s and a release at 2.5 s, smooth, with their exact
+    rates.
+    """
     height, stroke = rng.uniform(300, 400), rng.uniform(0.1, 0.14)
 
     def ramp(start: float, width: float) -> tuple[np.ndarray, np.ndarray]:
@@ -64,27 +77,59 @@ def course(rng: np.random.Generator) -> tuple[np.ndarray, ...]:
     lag = rng.uniform(0.05, 0.1)
     rise, rise_rate = ramp(0.3 + lag, rng.uniform(0.25, 0.35))
     fall, fall_rate = ramp(2.5 + lag, rng.uniform(0.25, 0.35))
-    return height * (up - down), stroke * (rise - fall), height * (up_rate - down_rate), stroke * (rise_rate - fall_rate)
+    return (
+        height * (up - down),
+        stroke * (rise - fall),
+        height * (up_rate - down_rate),
+        stroke * (rise_rate - fall_rate),
+    )
 
 
 def write_record(folder: Path, terms: dict[str, tuple[str, float]], seed: int) -> None:
     rng = np.random.default_rng(seed)
     pressure, strain, pressure_rate, strain_rate = course(rng)
-    values = {"pressure": pressure, "strain": strain, "pressure_rate": pressure_rate, "strain_rate": strain_rate}
+    values = {
+        "pressure": pressure,
+        "strain": strain,
+        "pressure_rate": pressure_rate,
+        "strain_rate": strain_rate,
+    }
     damping = sum(
         np.where(half, size * evaluate(parse(term), values), 0.0)
         for half, (term, size) in zip((TIME < 1.5, TIME >= 1.5), terms.values(), strict=True)
     )
     noise = rng.normal(0, 0.02 * np.abs(damping).max(), len(TIME))
-    columns = (TIME, pressure, np.round(strain / 1.1e-4) * 1.1e-4, static_force(pressure, strain) + damping + noise)
-    np.savetxt(folder / "step.csv", np.column_stack(columns), delimiter=",", header="t,P,eps,F", comments="", fmt="%.9g")
+    columns = (
+        TIME,
+        pressure,
+        np.round(strain / 1.1e-4) * 1.1e-4,
+        static_force(pressure, strain) + damping + noise,
+    )
+    np.savetxt(
+        folder / "step.csv",
+        np.column_stack(columns),
+        delimiter=",",
+        header="t,P,eps,F",
+        comments="",
+        fmt="%.9g",
+    )
 
 
-@pytest.mark.parametrize("muscle", [pytest.param(name, marks=pytest.mark.long if number else ()) for number, name in enumerate(MUSCLES)])
+@pytest.mark.parametrize(
+    "muscle",
+    [
+        pytest.param(name, marks=pytest.mark.long if number else ())
+        for number, name in enumerate(MUSCLES)
+    ],
+)
 def test_table_5_is_found_again(muscle: str, tmp_path: Path) -> None:
-    p, e = (grid.ravel() for grid in np.meshgrid(np.linspace(0, 420, 12), np.linspace(-0.005, 0.15, 20)))
+    p, e = (
+        grid.ravel() for grid in np.meshgrid(np.linspace(0, 420, 12), np.linspace(-0.005, 0.15, 20))
+    )
     rows = np.column_stack([p, e, static_force(p, e)])
-    np.savetxt(tmp_path / "static.csv", rows, delimiter=",", header="P,eps,F", comments="", fmt="%.12g")
+    np.savetxt(
+        tmp_path / "static.csv", rows, delimiter=",", header="P,eps,F", comments="", fmt="%.12g"
+    )
     (tmp_path / "static.yaml").write_text(STATIC)
     (tmp_path / "damping.yaml").write_text(DAMPING)
     wanted = MUSCLES[muscle]
@@ -94,7 +139,11 @@ def test_table_5_is_found_again(muscle: str, tmp_path: Path) -> None:
         outcome = bring_up_to_date(load(tmp_path / "damping.yaml"), tmp_path / "runs", "fuse")
         equations = model_equations(read_model(outcome.run_dir / "model.h5"))
         found[seed] = {e.id.split("=")[1].split("/")[0]: e.text for e in equations}
-    good = [seed for seed, texts in found.items() if all(_agrees(texts[way], *wanted[way]) for way in ("rise", "fall"))]
+    good = [
+        seed
+        for seed, texts in found.items()
+        if all(_agrees(texts[way], *wanted[way]) for way in ("rise", "fall"))
+    ]
     assert len(good) >= len(SEEDS) - 1, found
 
 

@@ -1,4 +1,6 @@
-"""Every command that the documentation shows is one; those of the tutorial and of the pipelines are run."""
+"""Every command that the documentation shows is one; those of the tutorial and of the pipelines are
+run.
+"""
 
 from __future__ import annotations
 
@@ -21,22 +23,34 @@ from page_tables import block_of
 from mapmore_cli.cli.app import app
 
 ROOT = Path(__file__).parents[2]
-PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), *sorted((ROOT / "docs" / "examples").iterdir()))
+PAGES = (
+    ROOT / "README.md",
+    *sorted((ROOT / "docs").glob("*.md")),
+    *sorted((ROOT / "docs" / "examples").iterdir()),
+)
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 COMMAND = re.compile(r"(?:\s*|\s*- run: |.*\$\()(mapmore .*)")
 
 
 def commands(page: Path) -> Iterator[list[str]]:
-    """The words of every command in the blocks of a page, or in a script, without `mapmore` and without what the shell does."""
+    """The words of every command in the blocks of a page, or in a script, without `mapmore` and
+    without what the shell does.
+    """
     text = page.read_text(encoding="utf-8")
-    lines = [line for _, block in FENCE.findall(text) for line in block.splitlines()] if page.suffix == ".md" else text.splitlines()
+    lines = (
+        [line for _, block in FENCE.findall(text) for line in block.splitlines()]
+        if page.suffix == ".md"
+        else text.splitlines()
+    )
     for line in lines:
         if found := COMMAND.fullmatch(line.replace("\t", " ")):
             yield words(found[1])
 
 
 def words(command) -> list[str]:
-    """A line of a shell as arguments: without comment, pipe, redirection and command substitution."""
+    """A line of a shell as arguments: without comment, pipe, redirection and command
+    substitution.
+    """
     lexer = shlex.shlex(command.rstrip(")"), posix=True, punctuation_chars="|<>;&")
     lexer.whitespace_split, lexer.commenters = True, "#"
     found: list[str] = []
@@ -48,15 +62,25 @@ def words(command) -> list[str]:
 
 
 EXAMPLES = ROOT / "docs" / "examples"
-EVERY = [(page.relative_to(ROOT).as_posix(), tuple(command)) for page in PAGES for command in commands(page)]
+EVERY = [
+    (page.relative_to(ROOT).as_posix(), tuple(command))
+    for page in PAGES
+    for command in commands(page)
+]
 
 
 def test_there_are_commands_to_look_at():
     assert len(EVERY) > 45
-    assert {"docs/tutorial.md", "docs/campaigns.md", "docs/examples/ci.yaml"} <= {page for page, _ in EVERY}
+    assert {"docs/tutorial.md", "docs/campaigns.md", "docs/examples/ci.yaml"} <= {
+        page for page, _ in EVERY
+    }
 
 
-@pytest.mark.parametrize(("page", "command"), EVERY, ids=[f"{page}: {' '.join(command)}"[:100] for page, command in EVERY])
+@pytest.mark.parametrize(
+    ("page", "command"),
+    EVERY,
+    ids=[f"{page}: {' '.join(command)}"[:100] for page, command in EVERY],
+)
 def test_every_command_has_the_arguments_that_it_is_shown_with(page, command):
     group: Any = typer.main.get_command(app)
     context = group.make_context("mapmore", list(command), resilient_parsing=False)
@@ -96,7 +120,12 @@ def spec_of_tutorial() -> str:
 def write_recordings(folder: Path):
     """Three slow load cycles, the upper branch on the way back."""
     for pressure in (100, 200, 300):
-        strain = np.concatenate([np.linspace(0, 0.05 + 0.0004 * pressure, 300), np.linspace(0.05 + 0.0004 * pressure, 0, 300)])
+        strain = np.concatenate(
+            [
+                np.linspace(0, 0.05 + 0.0004 * pressure, 300),
+                np.linspace(0.05 + 0.0004 * pressure, 0, 300),
+            ]
+        )
         force = 2 * pressure * (1 - 3 * strain) ** 2 - 40 + 4 * np.repeat([-1, 1], 300)
         rows = [f"{pressure},{e:.5f},{f:.2f}" for e, f in zip(strain, force, strict=True)]
         (folder / f"muscle_{pressure}.csv").write_text("\n".join(["P_kPa,strain,force_N", *rows]))
@@ -104,18 +133,29 @@ def write_recordings(folder: Path):
 
 @pytest.fixture(scope="module")
 def workshop(tmp_path_factory: pytest.TempPathFactory, mapmore) -> Path:
-    """The study of the tutorial, run without figures and frozen, and a `mapmore` on the path of scripts."""
+    """The study of the tutorial, run without figures and frozen, and a `mapmore` on the path of
+    scripts.
+    """
     folder = tmp_path_factory.mktemp("workshop")
     write_recordings(folder)
     (folder / "muscle.yaml").write_text(spec_of_tutorial() + "report: {figures: []}\n")
     for command in (
         ["run", folder / "muscle.yaml", "--runs", folder / "runs", "-q"],
-        ["freeze", folder / "runs" / "my-muscle", "--tag", "spring", "--archive", folder / "archive"],
+        [
+            "freeze",
+            folder / "runs" / "my-muscle",
+            "--tag",
+            "spring",
+            "--archive",
+            folder / "archive",
+        ],
     ):
         mapmore(*command, code=0)
     (folder / "table.csv").write_text("pressure,strain\n150,0.02\n250,0.05\n")
     (folder / "bin").mkdir()
-    (folder / "bin" / "mapmore").write_text(f'#!/bin/sh\nexec "{sys.executable}" -m mapmore_cli "$@"\n')
+    (folder / "bin" / "mapmore").write_text(
+        f'#!/bin/sh\nexec "{sys.executable}" -m mapmore_cli "$@"\n'
+    )
     (folder / "bin" / "mapmore").chmod(0o755)
     return folder
 
@@ -124,7 +164,14 @@ def run(folder: Path, *command: object) -> subprocess.CompletedProcess[str]:
     """A command in the workshop's folder."""
     places = [str(folder / "bin"), str(Path(sys.executable).parent), os.environ["PATH"]]
     environment = {**os.environ, "PATH": os.pathsep.join(places), "PYTHONPATH": str(ROOT)}
-    return subprocess.run(list(map(str, command)), cwd=folder, env=environment, capture_output=True, text=True, check=False)
+    return subprocess.run(
+        list(map(str, command)),
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
 
 
 def test_the_shell_pipeline(workshop):
@@ -135,7 +182,9 @@ def test_the_shell_pipeline(workshop):
     assert len(rows) == 2
     assert "mapmore" in done.stderr
     assert "%" in done.stderr
-    assert run(workshop, EXAMPLES / "pipeline.sh", "nothing.yaml", "table.csv").returncode == 3  # ends where it fails
+    assert (
+        run(workshop, EXAMPLES / "pipeline.sh", "nothing.yaml", "table.csv").returncode == 3
+    )  # ends where it fails
 
 
 @pytest.mark.long  # the shell pipeline runs the same commands
@@ -154,8 +203,20 @@ def test_the_makefile_makes_what_is_missing_and_nothing_twice(workshop):
 def test_the_snakefile(workshop):
     (workshop / "specs").mkdir()
     for name in ("one", "two"):
-        (workshop / "specs" / f"{name}.yaml").write_text(spec_of_tutorial().replace("my-muscle", name).replace('["muscle_', '["../muscle_'))
-    done = run(workshop, "snakemake", "--snakefile", EXAMPLES / "Snakefile", "--cores", "1", "--config", "specs=specs", "runs=snake")
+        (workshop / "specs" / f"{name}.yaml").write_text(
+            spec_of_tutorial().replace("my-muscle", name).replace('["muscle_', '["../muscle_')
+        )
+    done = run(
+        workshop,
+        "snakemake",
+        "--snakefile",
+        EXAMPLES / "Snakefile",
+        "--cores",
+        "1",
+        "--config",
+        "specs=specs",
+        "runs=snake",
+    )
     assert done.returncode == 0, done.stderr
     head, *rows = (workshop / "snake" / "scores.csv").read_text().splitlines()
     assert head.startswith("run,model,")
@@ -165,7 +226,11 @@ def test_the_snakefile(workshop):
 def test_the_steps_of_the_workflow(workshop, mapmore, monkeypatch):
     monkeypatch.chdir(workshop)
     workflow = yaml.safe_load((EXAMPLES / "ci.yaml").read_text())
-    steps = [step["run"] for step in workflow["jobs"]["model"]["steps"] if step.get("run", "").startswith("mapmore ")]
+    steps = [
+        step["run"]
+        for step in workflow["jobs"]["model"]["steps"]
+        if step.get("run", "").startswith("mapmore ")
+    ]
     assert [words(step)[0] for step in steps] == ["check", "run", "compare"]
     for step in steps:
         mapmore(*words(step), code=0)

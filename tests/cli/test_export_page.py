@@ -23,16 +23,22 @@ LARGEST_ERROR = 1e-6
 
 def test_every_shipped_study_agrees_by_the_page() -> None:
     rows = page_table("agreement", PAGE)
-    assert 60 < sum(int(row["studies"]) for row in rows.values()) <= len(STUDIES), "tests/exporting/agreement.py makes the rows"
+    assert 60 < sum(int(row["studies"]) for row in rows.values()) <= len(STUDIES), (
+        "tests/exporting/agreement.py makes the rows"
+    )
     for kind, row in rows.items():
         assert float(row["points each"]) == POINTS, kind
         assert float(row["largest relative difference"]) <= LIMIT, kind
 
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="there is no C compiler here")
-@pytest.mark.parametrize("study", [pytest.param("peano-static", marks=pytest.mark.long), "dmsp-20-400-sections"])
+@pytest.mark.parametrize(
+    "study", [pytest.param("peano-static", marks=pytest.mark.long), "dmsp-20-400-sections"]
+)
 def test_a_study_made_anew_is_what_the_page_says(mapmore, tmp_path: Path, study: str) -> None:
-    """One without memory and one with; at fewer points, so that the difference is below the page's or as rounding has it."""
+    """One without memory and one with; at fewer points, so that the difference is below the page's
+    or as rounding has it.
+    """
     (config,) = (path for path in STUDIES if path.stem == study)
     mapmore("fuse", config, "--runs", tmp_path, "-q", code=0)
     model = read_model(tmp_path / study / "model.h5")
@@ -45,12 +51,17 @@ def test_a_study_made_anew_is_what_the_page_says(mapmore, tmp_path: Path, study:
         assert inverse.missed == 0
 
 
-REPLAYED = [SIMULATED[0], *(pytest.param(study, marks=pytest.mark.long) for study in (*SIMULATED[1:], *MEASURED))]
+REPLAYED = [
+    SIMULATED[0],
+    *(pytest.param(study, marks=pytest.mark.long) for study in (*SIMULATED[1:], *MEASURED)),
+]
 
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="there is no C compiler here")
 @pytest.mark.parametrize("study", REPLAYED)
-def test_held_out_recordings_replayed_by_others(mapmore, tmp_path: Path, study: str, request: Any) -> None:
+def test_held_out_recordings_replayed_by_others(
+    mapmore, tmp_path: Path, study: str, request: Any
+) -> None:
     """Tables differ by their grid, as the page says; everything else by rounding alone."""
     if study in MEASURED:
         request.getfixturevalue("measured_data")
@@ -61,19 +72,37 @@ def test_held_out_recordings_replayed_by_others(mapmore, tmp_path: Path, study: 
     assert samples == row["samples"]
     assert {reader for reader in READERS if found[reader] is not None} == {*row} - {"samples"}
     for reader in {*row} - {"samples"}:
-        assert found[reader] == pytest.approx(row[reader], rel=0.06) if reader in TABLES else max(found[reader], row[reader]) < 1e-10
+        assert (
+            found[reader] == pytest.approx(row[reader], rel=0.06)
+            if reader in TABLES
+            else max(found[reader], row[reader]) < 1e-10
+        )
 
 
 def test_the_sentence_of_replays_follows_from_its_table() -> None:
     rows = [numbers(row) for row in page_table("replays", PAGE).values()]
-    assert max(row[reader] for row in rows for reader in READERS if reader in row and reader not in TABLES) < 1e-11
+    assert (
+        max(
+            row[reader]
+            for row in rows
+            for reader in READERS
+            if reader in row and reader not in TABLES
+        )
+        < 1e-11
+    )
     off = [row[reader] for row in rows for reader in TABLES if reader in row]
     assert f"differ by {min(off):.2f} to {max(off):.2f} %" in PAGE.read_text(encoding="utf-8")
 
 
 def test_what_a_call_costs() -> None:
     rows = {name: numbers(row) for name, row in page_table("calls", PAGE).items()}
-    assert {"sarosi", "polynomial_2", "polynomial_5", "reynolds (damping)", "peternel (damping)"} < set(rows)
+    assert {
+        "sarosi",
+        "polynomial_2",
+        "polynomial_5",
+        "reynolds (damping)",
+        "peternel (damping)",
+    } < set(rows)
     own = [name for name in rows if name.startswith("mapmore")]
     assert [bool(rows[name]["state, bytes"]) for name in own] == [False, False, True]
     assert rows["mapmore, M2's static model"]["C, ns a call"] < M2_NANOSECONDS

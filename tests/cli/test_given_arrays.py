@@ -1,4 +1,6 @@
-"""One door for arrays and tables that others made: the same values give the same numbers, and nothing is dropped silently."""
+"""One door for arrays and tables that others made: the same values give the same numbers, and
+nothing is dropped silently.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,11 @@ SECTIONS: dict[str, Any] = {
     "fit": {"max_terms": 3},
     "validate": {"simple": False},
 }
-BY_NUMBER = {"pressure": {"column": 0, "unit": "kPa"}, "strain": {"column": 1}, "force": {"column": 2, "unit": "N"}}
+BY_NUMBER = {
+    "pressure": {"column": 0, "unit": "kPa"},
+    "strain": {"column": 1},
+    "force": {"column": 2, "unit": "N"},
+}
 
 
 class Frame:
@@ -106,7 +112,11 @@ KINDS: dict[str, Any] = {
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@given(values=st.lists(st.floats(-1e6, 1e6).filter(lambda one: one == 0 or abs(one) > 1e-6), min_size=1, max_size=6))
+@given(
+    values=st.lists(
+        st.floats(-1e6, 1e6).filter(lambda one: one == 0 or abs(one) > 1e-6), min_size=1, max_size=6
+    )
+)
 def test_the_same_values_are_the_same_numbers(kind, values):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -126,8 +136,21 @@ MASKED = np.ma.array([1.0, 1e20, 3.0], mask=[0, 1, 0])
 @pytest.mark.parametrize(
     "values",
     [
-        *([1.0, None, 3.0], [1.0, NA, 3.0], [1, np.nan, 3], [1.0, np.ma.masked, 3.0], ["1", None, 3], ["1", "", "3"]),
-        *(np.array([1, NA, 3], dtype=object), MASKED, np.ma.array([1, 99, 3], mask=[0, 1, 0]), MASKED.astype(object), MASKED * UNITS.kPa),
+        *(
+            [1.0, None, 3.0],
+            [1.0, NA, 3.0],
+            [1, np.nan, 3],
+            [1.0, np.ma.masked, 3.0],
+            ["1", None, 3],
+            ["1", "", "3"],
+        ),
+        *(
+            np.array([1, NA, 3], dtype=object),
+            MASKED,
+            np.ma.array([1, 99, 3], mask=[0, 1, 0]),
+            MASKED.astype(object),
+            MASKED * UNITS.kPa,
+        ),
         np.ma.array([1, "what is masked is not read", 3], mask=[0, 1, 0], dtype=object),
         [MASKED[:1], MASKED[1:2], MASKED[2:]],
     ],
@@ -161,7 +184,13 @@ BERLIN = timezone(timedelta(hours=1))
         (np.array(["1970-01-01T00:00:02", "NaT"], dtype="M8[ms]"), [2, np.nan]),
         (np.array([1500, 2000], dtype="m8[ms]"), [1.5, 2]),
         (Resolved(np.array([1_500_000_000], dtype="M8[ns]")), [1.5]),
-        ([datetime(1970, 1, 1, 1, 0, 2, tzinfo=BERLIN), datetime(1970, 1, 1, 0, 0, 3, tzinfo=UTC)], [2, 3]),
+        (
+            [
+                datetime(1970, 1, 1, 1, 0, 2, tzinfo=BERLIN),
+                datetime(1970, 1, 1, 0, 0, 3, tzinfo=UTC),
+            ],
+            [2, 3],
+        ),
         (np.array([datetime(1970, 1, 1, 0, 0, 2)], dtype=object), [2]),
         ([timedelta(milliseconds=1500), None], [1.5, np.nan]),
         (np.array([1500.0]) * UNITS.ms, [1.5]),
@@ -202,7 +231,8 @@ def test_all_else_is_refused_with_its_place(values, told):
     assert str(raised.value).startswith("it")
 
 
-# --- tables ------------------------------------------------------------------------------------------------------------------------------
+# --- tables
+# --------------------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
@@ -217,10 +247,18 @@ def fitted() -> Any:
         (Frame({2: F, 0: P, 1: E}), BY_NUMBER),  # a label comes before a place
         ({np.int64(0): P, np.int64(1): E, np.int64(2): F}, BY_NUMBER),
         (Frame({"a": P, "b": E, "c": F}), BY_NUMBER),
-        (Frame({0: P, 1: E, 2: F}), {name: {**one, "column": str(one["column"])} for name, one in BY_NUMBER.items()}),
+        (
+            Frame({0: P, 1: E, 2: F}),
+            {name: {**one, "column": str(one["column"])} for name, one in BY_NUMBER.items()},
+        ),
         (Table({"pressure": P, "strain": E, "force": F}), None),
         (np.ma.array(np.rec.fromarrays([P, E, F], names=["pressure", "strain", "force"])), None),
-        (Frame({"pressure": P * UNITS.kPa, "strain": E * UNITS.dimensionless, "force": F * UNITS.N}), None),
+        (
+            Frame(
+                {"pressure": P * UNITS.kPa, "strain": E * UNITS.dimensionless, "force": F * UNITS.N}
+            ),
+            None,
+        ),
     ],
 )
 def test_the_same_table_gets_the_same_scores(table, columns, fitted):
@@ -254,9 +292,17 @@ class Levels(list):
     [
         (Lazy(), r"call \.collect\(\)"),
         (Frame({}, Levels([("a", "force")])), "MultiIndex"),
-        (Frame({"pressure": P, "strain": E, "force": F}, ["pressure", "strain", "force", "force"]), "'force' is there more than once"),
+        (
+            Frame(
+                {"pressure": P, "strain": E, "force": F}, ["pressure", "strain", "force", "force"]
+            ),
+            "'force' is there more than once",
+        ),
         ({"pressure": P[:, None], "strain": E, "force": F}, "has the shape"),
-        ({"pressure": P * UNITS.mm, "strain": E, "force": F}, "column 'pressure': unit 'millimeter'"),
+        (
+            {"pressure": P * UNITS.mm, "strain": E, "force": F},
+            "column 'pressure': unit 'millimeter'",
+        ),
     ],
 )
 def test_what_is_wrong_with_a_table_is_told(table, told):
@@ -282,8 +328,12 @@ def test_every_use_of_a_model_has_the_same_door(fitted):
     assert fitted.derivatives(pressure=bar, strain=ten) == fitted.derivatives(**plain)
     assert not fitted.outside_range(pressure=bar, strain=ten)
     wanted = fitted.invert("pressure", force=0.1 * UNITS.kN, strain=ten)
-    np.testing.assert_allclose(wanted.picked, fitted.invert("pressure", force=100, strain=0.1).picked)
-    np.testing.assert_array_equal(np.isnan(fitted(pressure=np.ma.array([200, 1e9], mask=[0, 1]), strain=0.1)), [False, True])
+    np.testing.assert_allclose(
+        wanted.picked, fitted.invert("pressure", force=100, strain=0.1).picked
+    )
+    np.testing.assert_array_equal(
+        np.isnan(fitted(pressure=np.ma.array([200, 1e9], mask=[0, 1]), strain=0.1)), [False, True]
+    )
     with pytest.raises(DataError, match="`pressure`: unit 'millimeter'"):
         fitted(pressure=2 * UNITS.mm, strain=0.1)
     with pytest.raises(DataError, match="`strain`: true and false"):
@@ -298,9 +348,18 @@ def test_the_estimator_has_it_too():
     masked = np.ma.array(X, mask=np.zeros(X.shape, dtype=bool))
     masked[5, 0] = np.ma.masked
     model = mm.FROLS().fit(X, y)
-    cases = {"NaN": masked, "unit bar": X * UNITS.bar, "row 0, column 0: 'a'": [["a", 1.0]] * len(X), "true and false": X > 1}
+    cases = {
+        "NaN": masked,
+        "unit bar": X * UNITS.bar,
+        "row 0, column 0: 'a'": [["a", 1.0]] * len(X),
+        "true and false": X > 1,
+    }
     for told, odd in cases.items():
-        for use in (lambda odd=odd: mm.FROLS().fit(odd, y), lambda odd=odd: model.predict(odd), lambda odd=odd: model.score(odd, y)):
+        for use in (
+            lambda odd=odd: mm.FROLS().fit(odd, y),
+            lambda odd=odd: model.predict(odd),
+            lambda odd=odd: model.score(odd, y),
+        ):
             with pytest.raises(ValueError, match=told):
                 use()
     for odd in (np.ma.masked_less(y, 0), y * UNITS.N):

@@ -1,4 +1,6 @@
-"""Specimens and sessions: scored by themselves, and each predicted as a run that holds it out predicts it."""
+"""Specimens and sessions: scored by themselves, and each predicted as a run that holds it out
+predicts it.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,8 @@ from mapmore_cli.storage.run_folder import RunFiles
 SPEC = """\
 name: specimens
 data:
-  files: [{path: "a_*.csv", set: {specimen: 1}}, {path: "b_*.csv", set: {specimen: 2}}, {path: "c_*.csv", set: {specimen: 3}}]
+  files: [{path: "a_*.csv", set: {specimen: 1}}, {path: "b_*.csv", set: {specimen: 2}},
+      {path: "c_*.csv", set: {specimen: 3}}]
   columns: {pressure: {column: P, unit: kPa}, strain: {column: eps}, force: {column: F, unit: N}}
   levels: {of: pressure, at: [100, 200, 300]}
   groups: {of: specimen}
@@ -40,7 +43,9 @@ def campaign(tmp_path) -> Path:
 
 @pytest.fixture
 def sessions(tmp_path) -> Path:
-    """Two sessions whose load cells were zeroed apart: 8 N; each measured other strains, which overlap."""
+    """Two sessions whose load cells were zeroed apart: 8 N; each measured other strains, which
+    overlap.
+    """
     write(tmp_path, "a", (0.0, 0.15), offset=5.0)
     write(tmp_path, "b", (0.05, 0.2), offset=-3.0)
     return tmp_path
@@ -64,9 +69,15 @@ def test_each_group_is_scored_and_predicted_as_by_a_run_without_it(campaign, doc
     left_out = rows(document, campaign, "  split: {leave_one_group_out: true}")
     for specimen in (1, 2, 3):
         held_out = rows(document, campaign, f"  split: {{validate: {{specimen: [{specimen}]}}}}")
-        assert held_out["validate", "all"]["rmse"] == pytest.approx(held_out["validate", f"specimen={specimen}"]["rmse"])
-        assert left_out["validate", f"specimen={specimen}"]["rmse"] == pytest.approx(held_out["validate", "all"]["rmse"], rel=1e-9)
-    assert left_out["validate", "specimen=3"]["rmse"] > 2 * left_out["validate", "specimen=2"]["rmse"]
+        assert held_out["validate", "all"]["rmse"] == pytest.approx(
+            held_out["validate", f"specimen={specimen}"]["rmse"]
+        )
+        assert left_out["validate", f"specimen={specimen}"]["rmse"] == pytest.approx(
+            held_out["validate", "all"]["rmse"], rel=1e-9
+        )
+    assert (
+        left_out["validate", "specimen=3"]["rmse"] > 2 * left_out["validate", "specimen=2"]["rmse"]
+    )
     assert left_out["validate", "all"]["n"] == 9 * 40
 
 
@@ -75,7 +86,9 @@ def test_contradictions_are_refused(campaign, mapmore):
     for other in ("leave_one_level_out: true", "validate: {specimen: [1]}"):
         spec.write_text(SPEC.replace("SPLIT", f"  split: {{leave_one_group_out: true, {other}}}"))
         mapmore("check", spec, code=3, says="choose one")
-    spec.write_text(SPEC.replace("SPLIT", "").replace("groups: {of: specimen}", "groups: {of: session}"))
+    spec.write_text(
+        SPEC.replace("SPLIT", "").replace("groups: {of: specimen}", "groups: {of: session}")
+    )
     mapmore("check", spec, code=3, says="no recording has the quantity `session`")
 
 
@@ -93,7 +106,11 @@ def test_offsets_of_sessions_are_taken_off_and_told(sessions, mapmore):
         spec = of_sessions(sessions, "  split: {validate: {pressure: [200]}}", groups)
         errors[groups] = scored_run(mapmore, spec, sessions / "runs")[0]["mapmore"]
     assert max(errors.values()) > 2 > 0.5 > min(errors.values())
-    (note,) = (note for note in RunFiles(sessions / "runs" / "specimens").dataset().notes if note.startswith("offsets"))
+    (note,) = (
+        note
+        for note in RunFiles(sessions / "runs" / "specimens").dataset().notes
+        if note.startswith("offsets")
+    )
     told = [float(text) for text in re.findall(r": ([+-][\d.]+)", note)]
     assert told == pytest.approx([4.0, -4.0], abs=0.2)
     assert "[N] taken off force" in note
@@ -105,7 +122,9 @@ def test_a_group_without_training_samples_has_no_offset(sessions, mapmore):
     mapmore("validate", spec, "--runs", runs, "-q", code=3, says="left out is not known")
     of_sessions(sessions, "  split: {validate: {specimen: [2]}}", groups)
     mapmore("validate", spec, "--runs", runs, "-q", code=0)
-    assert any("none is known of 2" in note for note in RunFiles(runs / "specimens").dataset().notes)
+    assert any(
+        "none is known of 2" in note for note in RunFiles(runs / "specimens").dataset().notes
+    )
 
 
 def test_offsets_do_not_depend_on_held_out_outputs_and_move_with_the_target():
@@ -114,16 +133,26 @@ def test_offsets_do_not_depend_on_held_out_outputs_and_move_with_the_target():
     y = np.exp(x) + np.select([group == 1, group == 2], [1.0, -2.0], 0.0)
 
     def found(target: np.ndarray) -> dict[float, float]:
-        return offsets_of([Curve("all", None, {"x": x, "g": group, "y": target}, out, ("a",))], "g", "y").by_group
+        return offsets_of(
+            [Curve("all", None, {"x": x, "g": group, "y": target}, out, ("a",))], "g", "y"
+        ).by_group
 
     of = found(y)
-    assert [of[1.0] - of[5.0], of[2.0] - of[5.0], sum(of.values())] == pytest.approx([1.0, -2.0, 0.0], abs=0.02)
+    assert [of[1.0] - of[5.0], of[2.0] - of[5.0], sum(of.values())] == pytest.approx(
+        [1.0, -2.0, 0.0], abs=0.02
+    )
     assert found(np.where(out, rng.normal(size=300), y)) == of
     assert found(3 * y + 7) == pytest.approx({value: 3 * offset for value, offset in of.items()})
 
 
 def test_what_goes_with_the_group_is_no_offset():
     group = np.repeat([1.0, 2.0], 50)
-    x = np.where(group == 1, 0.0, 1.0) + np.tile(np.linspace(0, 1e-9, 50), 2)  # varies within a group, and tells nothing
+    x = np.where(group == 1, 0.0, 1.0) + np.tile(
+        np.linspace(0, 1e-9, 50), 2
+    )  # varies within a group, and tells nothing
     with pytest.raises(DataError, match="cannot be told"):
-        offsets_of([Curve("all", None, {"x": x, "g": group, "y": x}, np.zeros(100, dtype=bool), ("a",))], "g", "y")
+        offsets_of(
+            [Curve("all", None, {"x": x, "g": group, "y": x}, np.zeros(100, dtype=bool), ("a",))],
+            "g",
+            "y",
+        )

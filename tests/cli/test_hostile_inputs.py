@@ -1,4 +1,6 @@
-"""Tables, folders and outputs that nobody expects: each ends with the right code and a message that says where."""
+"""Tables, folders and outputs that nobody expects: each ends with the right code and a message that
+says where.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +40,9 @@ def read(path: Path, *columns: str, **keys: object) -> object:
 ROWS = [f"{i / 100},150,{i}" for i in range(40)]
 
 
-@pytest.mark.parametrize(("row", "broken"), [(12, '0.11,150,"11'), (12, '"0.11,150,11'), (40, '0.39,150,"39')])  # to the end of the file
+@pytest.mark.parametrize(
+    ("row", "broken"), [(12, '0.11,150,"11'), (12, '"0.11,150,11'), (40, '0.39,150,"39')]
+)  # to the end of the file
 @pytest.mark.parametrize("columns", [("strain",), ("strain", "force")])
 def test_a_quote_that_is_not_closed_is_told_with_its_row(row, broken, columns, tmp_path):
     path = tmp_path / "a.csv"
@@ -140,7 +144,9 @@ def test_devices_and_links_are_not_replaced(tmp_path):
     assert (tmp_path / "real.csv").read_text() == "new"
 
 
-@pytest.mark.parametrize("line", [["schema"], ["--version"], ["--help"], ["fit", "--help"]], ids=" ".join)
+@pytest.mark.parametrize(
+    "line", [["schema"], ["--version"], ["--help"], ["fit", "--help"]], ids=" ".join
+)
 def test_what_a_closed_stdout_loses_is_told(line, tmp_path, shell):
     done = shell(*line, cwd=tmp_path, preexec_fn=lambda: os.close(1))
     assert done.returncode == 7
@@ -165,14 +171,27 @@ def test_a_closed_stdin_asks_nobody(tmp_path, shell):
 
 def without_privileges(*arguments: str, folder: Path) -> subprocess.CompletedProcess[str]:
     """The command as a user whom permissions bind: root is not."""
-    drop = [] if os.getuid() else ["setpriv", "--bounding-set=-dac_override,-dac_read_search", "--inh-caps=-dac_override,-dac_read_search"]
+    drop = (
+        []
+        if os.getuid()
+        else [
+            "setpriv",
+            "--bounding-set=-dac_override,-dac_read_search",
+            "--inh-caps=-dac_override,-dac_read_search",
+        ]
+    )
     environment = {**os.environ, "PYTHONPATH": str(Path(mapmore_cli.__file__).parents[1])}
     command = [*drop, sys.executable, "-m", "mapmore_cli", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, cwd=folder, env=environment, check=False)
+    return subprocess.run(
+        command, capture_output=True, text=True, cwd=folder, env=environment, check=False
+    )
 
 
 @pytest.mark.skipif(os.name != "posix", reason="permissions of files are those of POSIX")
-@pytest.mark.parametrize(("dark", "command"), [("runs/bench", ["show", "runs/bench/model.h5"]), ("logs", ["check", "logs.yaml"])])
+@pytest.mark.parametrize(
+    ("dark", "command"),
+    [("runs/bench", ["show", "runs/bench/model.h5"]), ("logs", ["check", "logs.yaml"])],
+)
 def test_what_may_not_be_read_is_no_internal_fault(dark, command, tmp_path):
     shown = write_study(tmp_path).read_text()
     (tmp_path / "logs.yaml").write_text(shown.replace("bench_*.csv", "logs/bench_*.csv"))
@@ -203,12 +222,30 @@ def cut_log(end: str, decimal: str = ".") -> str:
         (cut_log("2,1", ","), ",", "its last number, 2,1, has"),
         (cut_log("254.12"), ".", None),
         (cut_log("2\n"), ".", None),
-        ("n;F\n" + "".join(f"{i};{i + 240}\n" for i in range(20)) + "20;2", ".", "its last number, 2, has"),
+        (
+            "n;F\n" + "".join(f"{i};{i + 240}\n" for i in range(20)) + "20;2",
+            ".",
+            "its last number, 2, has",
+        ),
         ("n;F\n" + "".join(f"{i};{119 - i}\n" for i in range(20)) + "20;99", ".", None),
-        ("n;F\n" + "".join(f"{i};{i / 8}\n" for i in range(20)) + "20;2", ".", "its last number, 2, has"),
+        (
+            "n;F\n" + "".join(f"{i};{i / 8}\n" for i in range(20)) + "20;2",
+            ".",
+            "its last number, 2, has",
+        ),
         ("n;F\n1;2.55\n2;3.55\n3;4", ".", None),
-        ("n;F\n" + "".join(f"{i};{(i + 3) ** 0.3!r}\n" for i in range(20)) + "20;0.12345678901234", ".", None),
-        ("n;F\n" + "".join(f"{i};{(i + 3) ** 0.3!r}\n" for i in range(20)) + "20;0.12345", ".", "its last number, 0.12345, has"),
+        (
+            "n;F\n"
+            + "".join(f"{i};{(i + 3) ** 0.3!r}\n" for i in range(20))
+            + "20;0.12345678901234",
+            ".",
+            None,
+        ),
+        (
+            "n;F\n" + "".join(f"{i};{(i + 3) ** 0.3!r}\n" for i in range(20)) + "20;0.12345",
+            ".",
+            "its last number, 0.12345, has",
+        ),
     ],
     ids=str,
 )
@@ -216,7 +253,11 @@ def test_a_file_that_was_cut_within_its_last_number_is_refused(text, decimal, do
     (tmp_path / "a.csv").write_text(text)
     request = TableRequest("a.csv", ("F",), delimiter=";", decimal=decimal)
     (table,) = READERS["csv"].read(tmp_path / "a.csv", replace(request, incomplete=True))
-    assert len(table.rows) == len(table.columns["F"]) == len(text.splitlines()) - 1 - (doubt is not None)
+    assert (
+        len(table.rows)
+        == len(table.columns["F"])
+        == len(text.splitlines()) - 1 - (doubt is not None)
+    )
     if doubt is None:
         assert not table.doubts
         assert len(READERS["csv"].read(tmp_path / "a.csv", request)[0].rows) == len(table.rows)
@@ -241,8 +282,14 @@ def test_strains_of_1e_25_are_checked_and_scored_as_others(tmp_path, mapmore):
     scaled = ["--set", "data.columns.strain.scale=1e-25"]
     checked = mapmore("check", spec, *scaled)
     assert (checked.exit_code, "RuntimeWarning" in checked.stderr) == (0, False), checked.stderr
-    whole, tiny = [mapmore("run", spec, "--runs", tmp_path / name, "--json", "-q", *more) for name, more in (("a", []), ("b", scaled))]
-    own = [[row["rmse"] for row in json.loads(done.stdout)["scores"] if row["model"] == "mapmore"] for done in (whole, tiny)]
+    whole, tiny = [
+        mapmore("run", spec, "--runs", tmp_path / name, "--json", "-q", *more)
+        for name, more in (("a", []), ("b", scaled))
+    ]
+    own = [
+        [row["rmse"] for row in json.loads(done.stdout)["scores"] if row["model"] == "mapmore"]
+        for done in (whole, tiny)
+    ]
     assert own[1] == pytest.approx(own[0], rel=1e-6)
 
 
@@ -250,7 +297,10 @@ def test_commands_to_a_terminal_in_names_are_shown_and_not_obeyed():
     assert printable("a\x1b[2J\x9b31m\u202eb\r\tc\nd") == "a\\x1b[2J\\x9b31m\\u202eb\\r\tc\nd"
 
 
-@pytest.mark.parametrize(("text", "cell"), [("=1+1", "'=1+1"), ("@x", "'@x"), ("+x", "'+x"), ("-3*strain", "'-3*strain"), ("", "")])
+@pytest.mark.parametrize(
+    ("text", "cell"),
+    [("=1+1", "'=1+1"), ("@x", "'@x"), ("+x", "'+x"), ("-3*strain", "'-3*strain"), ("", "")],
+)
 def test_no_cell_of_a_table_is_a_formula(text, cell):
     assert csv_cell(text) == cell
 
@@ -268,7 +318,9 @@ def test_recordings_do_not_lead_into_other_files(reader, tmp_path):
         with h5py.File(path, "r+") as file:
             del file["run/x"]
             if storage == "external":
-                file["run"].create_dataset("x", (2,), "<f8", external=[(str(tmp_path / "secret"), 0, 16)])
+                file["run"].create_dataset(
+                    "x", (2,), "<f8", external=[(str(tmp_path / "secret"), 0, 16)]
+                )
             else:
                 layout = h5py.VirtualLayout((2,), "<f8")
                 layout[:] = h5py.VirtualSource(tmp_path / "other.h5", "x", (2,))
@@ -289,10 +341,16 @@ def test_a_row_number_that_no_sheet_has_and_thousands_of_sheets_are_refused(tmp_
         book.active.append(row)
     book.create_sheet("second")
     book.save(tmp_path / "a.xlsx")
-    with zipfile.ZipFile(tmp_path / "a.xlsx") as old, zipfile.ZipFile(tmp_path / "far.xlsx", "w") as new:
+    with (
+        zipfile.ZipFile(tmp_path / "a.xlsx") as old,
+        zipfile.ZipFile(tmp_path / "far.xlsx", "w") as new,
+    ):
         for member in old.infolist():
             new.writestr(
-                member.filename, old.read(member.filename).replace(b'r="3"', b'r="999999999999"').replace(b'"A3"', b'"A999999999999"')
+                member.filename,
+                old.read(member.filename)
+                .replace(b'r="3"', b'r="999999999999"')
+                .replace(b'"A3"', b'"A999999999999"'),
             )
     monkeypatch.setattr("mapmore_cli.storage.readers.xlsx.MOST_ROWS", 1000)
     with pytest.raises(DataError, match="has a row beyond"):
@@ -318,7 +376,10 @@ def test_a_packed_log_that_is_damaged_is_wrong_data_for_everybody(tmp_path):
 
 def test_whatever_a_library_raises_on_damage_is_wrong_data():
     """SciPy reads a variable before it has a value; a name that nobody knows is a fault of ours."""
-    with pytest.raises(DataError, match="a\\.mat: the file is damaged"), reading("a.mat", "MAT file"):
+    with (
+        pytest.raises(DataError, match="a\\.mat: the file is damaged"),
+        reading("a.mat", "MAT file"),
+    ):
         raise UnboundLocalError("arr")
     with pytest.raises(NameError), reading("a.mat", "MAT file"):
         raise NameError("arr")
@@ -328,7 +389,13 @@ def test_whatever_a_library_raises_on_damage_is_wrong_data():
 def limited(tmp_path, shell):
     """A command in the folder of the test that may take 1 GiB for what it computes with."""
     limit = partial(resource.setrlimit, resource.RLIMIT_DATA, (1 << 30, 1 << 30))
-    return partial(shell, cwd=tmp_path, preexec_fn=limit, timeout=120, env={**os.environ, "OPENBLAS_NUM_THREADS": "1"})
+    return partial(
+        shell,
+        cwd=tmp_path,
+        preexec_fn=limit,
+        timeout=120,
+        env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+    )
 
 
 def endless(folder: Path):
@@ -338,11 +405,17 @@ def endless(folder: Path):
 def unpacking(folder: Path):
     with h5py.File(folder / "a.h5", "w") as file:
         for name in ("P", "eps", "F"):
-            file.create_dataset(name, shape=(180_000_000,), dtype="f8", chunks=True, compression="gzip")
+            file.create_dataset(
+                name, shape=(180_000_000,), dtype="f8", chunks=True, compression="gzip"
+            )
 
 
 def packed(folder: Path):
-    scipy.io.savemat(folder / "a.mat", {name: np.zeros(20_000_000) for name in ("P", "eps", "F")}, do_compression=True)
+    scipy.io.savemat(
+        folder / "a.mat",
+        {name: np.zeros(20_000_000) for name in ("P", "eps", "F")},
+        do_compression=True,
+    )
 
 
 def named(folder: Path):
@@ -351,7 +424,8 @@ def named(folder: Path):
 
 SPEC = """\
 name: a
-data: {files: ["a*"], reader: READER, columns: {pressure: {column: P, unit: kPa}, strain: {column: eps}, force: {column: F, unit: N}}}
+data: {files: ["a*"], reader: READER, columns: {pressure: {column: P, unit: kPa},
+    strain: {column: eps}, force: {column: F, unit: N}}}
 target: static
 dictionary: [{terms: [strain]}]
 """
@@ -374,14 +448,22 @@ def test_a_small_file_takes_little_memory(make, reader, words, tmp_path, limited
 
 
 def test_a_table_of_thousands_of_columns_is_refused_by_init(tmp_path, limited):
-    (tmp_path / "a.csv").write_text("\n".join([",".join(f"c{i}" for i in range(100_000)), ",".join(["1"] * 100_000)]))
+    (tmp_path / "a.csv").write_text(
+        "\n".join([",".join(f"c{i}" for i in range(100_000)), ",".join(["1"] * 100_000)])
+    )
     found = limited("init", "a.csv")
-    assert (found.returncode, "has 100000 columns, more than 2000" in found.stderr) == (4, True), found.stderr
+    assert (found.returncode, "has 100000 columns, more than 2000" in found.stderr) == (4, True), (
+        found.stderr
+    )
 
 
-@pytest.mark.parametrize("text", ["report: {figures: [[LONG]]}", "report: {figures: [LONG]}", "fit: {KEYS}"])
+@pytest.mark.parametrize(
+    "text", ["report: {figures: [[LONG]]}", "report: {figures: [LONG]}", "fit: {KEYS}"]
+)
 def test_long_lists_in_a_spec_are_one_mistake(text, tmp_path, limited):
     numbers = range(6000)
-    text = text.replace("LONG", ", ".join(map(str, numbers))).replace("KEYS", ", ".join(f"k{i}: 1" for i in numbers))
+    text = text.replace("LONG", ", ".join(map(str, numbers))).replace(
+        "KEYS", ", ".join(f"k{i}: 1" for i in numbers)
+    )
     (tmp_path / "spec.yaml").write_text(SPEC.replace("READER", "csv") + text)
     assert limited("check", "spec.yaml").returncode == 3

@@ -1,4 +1,6 @@
-"""docs/intervals.md: a row of the simulated table and the quick rows of the measured one are made anew; the coverage is what is said."""
+"""docs/intervals.md: a row of the simulated table and the quick rows of the measured one are made
+anew; the coverage is what is said.
+"""
 
 from __future__ import annotations
 
@@ -17,14 +19,21 @@ PAGE = DOCS / "intervals.md"
 def test_a_simulated_row() -> None:
     name, *values = interval_tables.simulated_row("mckibben", "sarosi", 4)
     row = numbers(page_table("simulated", PAGE)[name])
-    assert [row[key] for key in ("inside", "±", "RMSE", "± over RMSE")] == pytest.approx(values, rel=0.02)
+    assert [row[key] for key in ("inside", "±", "RMSE", "± over RMSE")] == pytest.approx(
+        values, rel=0.02
+    )
 
 
-@pytest.mark.parametrize("config", [pytest.param("coiled/coiled_loops", marks=pytest.mark.long), "muscle-like/antagonist-pam"])
+@pytest.mark.parametrize(
+    "config",
+    [pytest.param("coiled/coiled_loops", marks=pytest.mark.long), "muscle-like/antagonist-pam"],
+)
 def test_a_measured_row(config: str, tmp_path: Path, measured_data: Path) -> None:
     name, _, *values, _ = interval_tables.measured_row(config, tmp_path)
     row = numbers(page_table("measured", PAGE)[name])
-    assert [row[key] for key in ("held out", "inside", "±", "RMSE", "± over RMSE")] == pytest.approx(values, rel=0.02)
+    assert [
+        row[key] for key in ("held out", "inside", "±", "RMSE", "± over RMSE")
+    ] == pytest.approx(values, rel=0.02)
 
 
 def test_new_curves_are_covered_as_often_as_is_said() -> None:
@@ -35,7 +44,11 @@ def test_new_curves_are_covered_as_often_as_is_said() -> None:
 
 
 def test_intervals_are_no_wider_than_they_need_to_be() -> None:
-    rows = [numbers(row) for table in ("simulated", "measured") for row in page_table(table, PAGE).values()]
+    rows = [
+        numbers(row)
+        for table in ("simulated", "measured")
+        for row in page_table(table, PAGE).values()
+    ]
     assert np.median([row["± over RMSE"] for row in rows]) <= 4.5
 
 
@@ -52,7 +65,10 @@ def test_constants_that_do_not_know_a_family_cover_it() -> None:
 def test_the_sentences_follow_from_the_tables() -> None:
     text = PAGE.read_text(encoding="utf-8")
     families = [float(row[4]) for row in rows_of("families", PAGE)]
-    assert f"{np.mean(families):.1f} % of the samples lie inside on average, {min(families)} % at the least" in text
+    assert (
+        f"{np.mean(families):.1f} % of the samples lie inside on average, {min(families)} % "
+        "at the least" in text
+    )
     simulated = [numbers(row) for row in page_table("simulated", PAGE).values()]
     inside = [row["inside"] for row in simulated]
     assert f"{min(inside)} to {max(inside)} % lie inside" in text
@@ -62,21 +78,31 @@ def test_the_sentences_follow_from_the_tables() -> None:
 
 
 def test_the_constants_are_those_of_all_families() -> None:
-    assert numbers(page_table("constants", PAGE)["none"]) == {f"{count} levels": scale for count, scale in FEW.items()}
+    assert numbers(page_table("constants", PAGE)["none"]) == {
+        f"{count} levels": scale for count, scale in FEW.items()
+    }
 
 
 def test_a_calibration_finds_the_constants_that_errors_were_drawn_with() -> None:
-    """Errors of a known rule, spread evenly up to its half width over `AIMED`: so many lie inside of it."""
+    """Errors of a known rule, spread evenly up to its half width over `AIMED`: so many lie inside
+    of it.
+    """
     rng, known, drawn = np.random.default_rng(0), [], {3: 2.0, 4: 3.0, 5: 1.5}
     for number in range(60):
         count = 3 + number % 3
         a, s = np.exp(rng.normal(-3, 1, 2))
         at = 10 * rng.integers(0, count - 1, 40) + rng.uniform(2, 8, 40)
-        training = Training(tuple(10.0 * np.arange(count)), (1,) * count, 1.0, 0.2 * s * a / max(a, s), 0.0)
-        left_out = summary("levels", count, {f"{i}": [np.full(5, a)] for i in range(1, count - 1)}, training)
+        training = Training(
+            tuple(10.0 * np.arange(count)), (1,) * count, 1.0, 0.2 * s * a / max(a, s), 0.0
+        )
+        left_out = summary(
+            "levels", count, {f"{i}": [np.full(5, a)] for i in range(1, count - 1)}, training
+        )
         half = few_levels(left_out, at, 0.95, drawn)
         errors = rng.uniform(0, 1, 40) * half / interval_tables.AIMED
-        known.append(interval_tables.Case(f"set {number % 5}", f"family {number % 2}", left_out, at, errors))
+        known.append(
+            interval_tables.Case(f"set {number % 5}", f"family {number % 2}", left_out, at, errors)
+        )
     found = interval_tables.calibrated(known)
     assert found == pytest.approx(drawn, rel=0.1)
 
@@ -87,4 +113,6 @@ def test_the_constants_are_calibrated_anew(tmp_path: Path, measured_data: Path) 
 
 
 def test_every_study_of_the_table_is_there() -> None:
-    assert list(page_table("measured", PAGE)) == [Path(config).name for config in interval_tables.MEASURED]
+    assert list(page_table("measured", PAGE)) == [
+        Path(config).name for config in interval_tables.MEASURED
+    ]

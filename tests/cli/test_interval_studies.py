@@ -1,4 +1,6 @@
-"""Intervals from a spec to a table: what is left out of each kind of study, `predict --interval`, figures, notebooks."""
+"""Intervals from a spec to a table: what is left out of each kind of study, `predict --interval`,
+figures, notebooks.
+"""
 
 import csv
 import io
@@ -30,7 +32,9 @@ KINDS = {
 
 def asked(spec: Path, *changes: tuple[str, str], more: str = "") -> Path:
     """The study, asked for intervals."""
-    text = spec.read_text().replace("validate: {against: [polynomial_2]}", "validate: {intervals: true}")
+    text = spec.read_text().replace(
+        "validate: {against: [polynomial_2]}", "validate: {intervals: true}"
+    )
     for before, after in changes:
         assert before in text
         text = text.replace(before, after)
@@ -45,10 +49,14 @@ def fused(mapmore, spec: Path, runs: Path) -> Any:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_an_inner_level_is_missed_as_by_a_run_that_holds_it_out(kind: str, tmp_path: Path, mapmore) -> None:
+def test_an_inner_level_is_missed_as_by_a_run_that_holds_it_out(
+    kind: str, tmp_path: Path, mapmore
+) -> None:
     spec = asked(write_study(tmp_path), more=KINDS[kind])
     held = tmp_path / "held.yaml"
-    held.write_text(spec.read_text().replace("name: bench", "name: held").replace("{intervals: true}", "{}"))
+    held.write_text(
+        spec.read_text().replace("name: bench", "name: held").replace("{intervals: true}", "{}")
+    )
     spec.write_text(spec.read_text().replace(HELD, ""))
     left_out = fused(mapmore, spec, tmp_path / "runs").left_out
     assert (left_out.kind, left_out.curves, left_out.parts) == ("levels", 3, ("pressure=200",))
@@ -57,7 +65,9 @@ def test_an_inner_level_is_missed_as_by_a_run_that_holds_it_out(kind: str, tmp_p
     errors = curve.columns["force"] - forecast(without, curve).values
     assert left_out.samples.tolist() == [curve.size]
     found = [left_out.offset[0], left_out.scatter[0], *left_out.sizes[0, [0, 50, 100]]]
-    assert found == pytest.approx([errors.mean(), errors.std(), *np.quantile(np.abs(errors), [0, 0.5, 1])], rel=1e-9)
+    assert found == pytest.approx(
+        [errors.mean(), errors.std(), *np.quantile(np.abs(errors), [0, 0.5, 1])], rel=1e-9
+    )
 
 
 def test_held_out_data_are_in_nothing_of_it(tmp_path: Path, mapmore) -> None:
@@ -71,8 +81,17 @@ def test_held_out_data_are_in_nothing_of_it(tmp_path: Path, mapmore) -> None:
 
 def test_recordings_are_left_out_where_there_are_no_levels(tmp_path: Path, mapmore) -> None:
     levels = "  levels: {of: pressure, at: [100, 200, 300]}\n"
-    polynomial = ("{polynomial: {of: [strain], order: 3}}", "{polynomial: {of: [strain, pressure], order: 2}}")
-    spec = asked(write_study(tmp_path), (HELD, ""), (levels, ""), ("target: static", "target: {column: force}"), polynomial)
+    polynomial = (
+        "{polynomial: {of: [strain], order: 3}}",
+        "{polynomial: {of: [strain, pressure], order: 2}}",
+    )
+    spec = asked(
+        write_study(tmp_path),
+        (HELD, ""),
+        (levels, ""),
+        ("target: static", "target: {column: force}"),
+        polynomial,
+    )
     left_out = fused(mapmore, spec, tmp_path / "runs").left_out
     assert (left_out.kind, left_out.curves) == ("recordings", 3)
     assert ["bench_100" in part for part in left_out.parts] == [True, False, False]
@@ -80,9 +99,15 @@ def test_recordings_are_left_out_where_there_are_no_levels(tmp_path: Path, mapmo
 
 def test_a_model_with_memory_is_told_by_free_runs_over_blocks(tmp_path: Path, mapmore) -> None:
     spec = memory.write_study(tmp_path, "narx", memory.NARX, memory.narx)
-    spec.write_text(spec.read_text().replace("validate: {normaliser", "validate: {intervals: true, normaliser"))
+    spec.write_text(
+        spec.read_text().replace("validate: {normaliser", "validate: {intervals: true, normaliser")
+    )
     model = fused(mapmore, spec, tmp_path / "runs")
-    assert (model.left_out.kind, model.left_out.parts[0], len(model.left_out.parts)) == ("blocks", "block 1 of 5", 5)
+    assert (model.left_out.kind, model.left_out.parts[0], len(model.left_out.parts)) == (
+        "blocks",
+        "block 1 of 5",
+        5,
+    )
     dataset = read_dataset(tmp_path / "runs" / "narx" / "ingest.h5")
     new = next(curve for curve in dataset.curves if curve.held_out.all())
     said = forecast(model, new)
@@ -93,13 +118,18 @@ def test_a_model_with_memory_is_told_by_free_runs_over_blocks(tmp_path: Path, ma
 def test_runs_that_are_added_up_are_fitted_anew_without_a_level(tmp_path: Path, mapmore) -> None:
     """A run added to itself misses the level by what is left of twice the run that holds it out."""
     spec = write_study(tmp_path)
-    whole = spec.read_text().replace("figures: [], formats: [html, csv]", "figures: [], formats: [csv]")
+    whole = spec.read_text().replace(
+        "figures: [], formats: [html, csv]", "figures: [], formats: [csv]"
+    )
     (tmp_path / "held.yaml").write_text(whole.replace("name: bench", "name: held"))
     spec.write_text(whole.replace(HELD, ""))
     part = "{model: bench.yaml, inputs: {pressure: pressure, strain: strain}}"
     head = spec.read_text().split("target:")[0].replace("name: bench", "name: twice")
     twice = tmp_path / "twice.yaml"
-    twice.write_text(f"{head}target: {{column: force}}\nmodel: {{sum: [{part}, {part}]}}\nvalidate: {{intervals: true}}\n")
+    twice.write_text(
+        f"{head}target: {{column: force}}\nmodel: {{sum: [{part}, {part}]}}\nvalidate: "
+        f"{{intervals: true}}\n"
+    )
     left_out = fused(mapmore, twice, tmp_path / "runs").left_out
     without = fused(mapmore, tmp_path / "held.yaml", tmp_path / "runs")
     curve = read_dataset(tmp_path / "runs" / "held" / "ingest.h5").curves[1]
@@ -111,7 +141,9 @@ def test_runs_that_are_added_up_are_fitted_anew_without_a_level(tmp_path: Path, 
 def test_runs_of_one_recording_are_added_up_without_intervals(tmp_path: Path) -> None:
     choices = model_choices(load(write_study(tmp_path)).spec)
     columns = {"pressure": np.ones(9), "strain": np.arange(9.0), "force": np.ones(9)}
-    one = Dataset("force", None, {}, (), (Curve("a", None, columns, np.zeros(9, dtype=bool), ("a",)),))
+    one = Dataset(
+        "force", None, {}, (), (Curve("a", None, columns, np.zeros(9, dtype=bool), ("a",)),)
+    )
     with pytest.raises(SpecError, match="fewer than three"):
         residuals(choices, one, {"part.yaml": tmp_path}, lambda _what, _done, _total: None, None)
 
@@ -119,7 +151,13 @@ def test_runs_of_one_recording_are_added_up_without_intervals(tmp_path: Path) ->
 def test_a_part_that_the_fit_cannot_do_without_is_named(tmp_path: Path, mapmore) -> None:
     levels = "  levels: {of: pressure, at: [100, 200, 300]}\n"
     formula = "model: {type: literature, name: sarosi}\n"
-    spec = asked(write_study(tmp_path), (HELD, ""), (levels, ""), ("target: static", "target: {column: force}"), more=formula)
+    spec = asked(
+        write_study(tmp_path),
+        (HELD, ""),
+        (levels, ""),
+        ("target: static", "target: {column: force}"),
+        more=formula,
+    )
     for level in (100, 300):  # without 200 kPa, four samples are left for six parameters
         log = tmp_path / f"bench_{level}.csv"
         log.write_text("\n".join(log.read_text().splitlines()[:3]) + "\n")
@@ -132,7 +170,11 @@ def test_a_part_that_the_fit_cannot_do_without_is_named(tmp_path: Path, mapmore)
 def model_file(tmp_path_factory: pytest.TempPathFactory, mapmore) -> Path:
     """A run that holds 200 kPa out, with intervals; its page as well."""
     folder = tmp_path_factory.mktemp("intervals")
-    spec = asked(write_study(folder), ("figures: []", "figures: [fit]"), ("formats: [html, csv", "formats: [html, svg"))
+    spec = asked(
+        write_study(folder),
+        ("figures: []", "figures: [fit]"),
+        ("formats: [html, csv", "formats: [html, svg"),
+    )
     mapmore("run", spec, "--runs", folder / "runs", "-q", code=0)
     return folder / "runs" / "bench" / "model.h5"
 
@@ -141,14 +183,27 @@ TABLE = "pressure,strain\n100,0.01\n150,0.02\n400,0.02\n,0.02\n"
 
 
 def test_a_table_gains_the_ends(model_file: Path, mapmore) -> None:
-    result = mapmore("predict", model_file, "-", "--interval", "0.9", "--derivatives", stdin=TABLE, code=0)
+    result = mapmore(
+        "predict", model_file, "-", "--interval", "0.9", "--derivatives", stdin=TABLE, code=0
+    )
     rows = list(csv.DictReader(io.StringIO(result.stdout)))
-    assert list(rows[0])[2:] == ["force_predicted", "outside_range", "force_low", "force_high", "force_by_pressure", "force_by_strain"]
+    assert list(rows[0])[2:] == [
+        "force_predicted",
+        "outside_range",
+        "force_low",
+        "force_high",
+        "force_by_pressure",
+        "force_by_strain",
+    ]
     half = many_curves(read_model(model_file).left_out, 0.9)
     for row in rows[:2]:
         low, middle, high = (float(row[f"force_{end}"]) for end in ("low", "predicted", "high"))
         assert [low, high] == pytest.approx([middle - half, middle + half])
-    assert (rows[2]["outside_range"], rows[2]["force_low"], rows[2]["force_high"]) == ("true", "", "")
+    assert (rows[2]["outside_range"], rows[2]["force_low"], rows[2]["force_high"]) == (
+        "true",
+        "",
+        "",
+    )
     assert [rows[3][name] for name in ("force_predicted", "force_low")] == ["", ""]
     assert rows[2]["force_by_strain"] != ""
 
@@ -167,11 +222,16 @@ def test_the_page_shows_the_band(model_file: Path) -> None:
     assert "95% interval" in (model_file.parent / "report" / "fit.svg").read_text()
 
 
-BAD = {"a level of 95": (["95"], TABLE, 2), "a column taken": (["0.95"], TABLE.replace("strain", "strain,force_low", 1), 4)}
+BAD = {
+    "a level of 95": (["95"], TABLE, 2),
+    "a column taken": (["0.95"], TABLE.replace("strain", "strain,force_low", 1), 4),
+}
 
 
 @pytest.mark.parametrize("what", [*BAD, "a model without"])
-def test_bad_asks_are_refused(what: str, model_file: Path, mapmore, finished: tuple[Path, Path]) -> None:
+def test_bad_asks_are_refused(
+    what: str, model_file: Path, mapmore, finished: tuple[Path, Path]
+) -> None:
     model = finished[1] / "bench" / "model.h5" if what == "a model without" else model_file
     arguments, table, code = BAD.get(what, (["0.95"], TABLE, 4))
     result = mapmore("predict", model, "-", "--interval", *arguments, stdin=table)

@@ -1,4 +1,6 @@
-"""Worker processes: what becomes of their jobs when they die, and of them when their parent does."""
+"""Worker processes: what becomes of their jobs when they die, and of them when their parent
+does.
+"""
 
 from __future__ import annotations
 
@@ -53,19 +55,37 @@ def test_a_job_that_fails_is_not_started_again(tmp_path):
     with LocalWorkers(1, lambda number, _: told.append(number)) as workers:
         ended = dict(workers.each(fail_if_none, [None, tmp_path / "a", tmp_path / "b"]))
         again = dict(workers.each(fail_if_none, [tmp_path / "c"]))
-    assert (str(ended[0]), ended[1], ended[2], again, told) == ("wrong\n  mend it", "a", "b", {0: "c"}, [])
+    assert (str(ended[0]), ended[1], ended[2], again, told) == (
+        "wrong\n  mend it",
+        "a",
+        "b",
+        {0: "c"},
+        [],
+    )
 
 
 @pytest.mark.skipif(not PROC.exists(), reason="looks for the workers in /proc")
 @pytest.mark.parametrize(("name", "code"), [("SIGTERM", 143), ("SIGHUP", 129), ("SIGKILL", -9)])
 def test_no_worker_outlives_its_parent(name, code, tmp_path):
     """One worker; two are interrupted in test_cli_exits.py."""
-    command = [sys.executable, "-m", "mapmore_cli", "batch", str(write_slow_study(tmp_path, "study")), "--runs", str(tmp_path / "runs")]
-    with subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+    command = [
+        sys.executable,
+        "-m",
+        "mapmore_cli",
+        "batch",
+        str(write_slow_study(tmp_path, "study")),
+        "--runs",
+        str(tmp_path / "runs"),
+    ]
+    with subprocess.Popen(
+        command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as process:
         wait_until(lambda: len(list(tmp_path.glob("runs/*/ingest.h5"))) == 1)
         workers = children_of(process.pid)
         process.send_signal(getattr(signal, name))
-        _, stderr = process.communicate(timeout=30)  # what workers hold open would keep this waiting
+        _, stderr = process.communicate(
+            timeout=30
+        )  # what workers hold open would keep this waiting
     assert process.returncode == code
     assert "Traceback" not in stderr
     assert code < 0 or stderr.splitlines()[-1] == f"ended by {name}"
@@ -95,8 +115,11 @@ def test_without_room_for_its_locks_no_worker_starts():
         "from mapmore_cli.domain.errors import WriteError\n"
         "from mapmore_cli.annexes.campaigns.processes import LocalWorkers\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))\n"
-        "try:\n    list(LocalWorkers(2).each(abs, [1, 2]))\nexcept WriteError as told:\n    print(told, told.remedy)"
+        "try:\n    list(LocalWorkers(2).each(abs, [1, 2]))\nexcept WriteError as told:\n    "
+        "print(told, told.remedy)"
     )
-    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    ended = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False
+    )
     assert "no worker process can be started: File too large" in ended.stdout, ended.stderr
     assert "/dev/shm" in ended.stdout

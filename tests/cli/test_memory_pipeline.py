@@ -1,4 +1,6 @@
-"""Models with memory from end to end, and their tables: planted models are found, predicted as validated, mishaps are told."""
+"""Models with memory from end to end, and their tables: planted models are found, predicted as
+validated, mishaps are told.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,8 @@ schema_version: 1
 name: {name}
 data:
   files: ["{name}_*.csv"]
-  columns: {{time: {{column: t}}, pressure: {{column: p}}, load: {{column: w, unit: N}}, displacement: {{column: x, unit: m}}}}
+  columns: {{time: {{column: t}}, pressure: {{column: p}}, load: {{column: w, unit: N}},
+      displacement: {{column: x, unit: m}}}}
   gaps: {{longer_than: 100 ms, action: split}}
   split: {{validate: {{recordings: ["{name}_c*"]}}}}
 target: {{column: displacement}}
@@ -59,7 +62,12 @@ def narx(pressure, load):
     """x[k] = 0.5 p[k-1] - 0.4 x[k-2] + 0.3 p[k-1] x[k-1] + 0.1 w."""
     x = np.zeros(len(pressure))
     for k in range(2, len(x)):
-        x[k] = 0.5 * pressure[k - 1] - 0.4 * x[k - 2] + 0.3 * pressure[k - 1] * x[k - 1] + 0.1 * load[k]
+        x[k] = (
+            0.5 * pressure[k - 1]
+            - 0.4 * x[k - 2]
+            + 0.3 * pressure[k - 1] * x[k - 1]
+            + 0.1 * load[k]
+        )
     return x
 
 
@@ -73,16 +81,26 @@ def hysteresis(pressure, load):
 
 
 def write_study(folder, name, model, law):
-    """Three recordings at loads of their own, each with a gap; the third validates. The pressure just reaches -1 and 1."""
+    """Three recordings at loads of their own, each with a gap; the third validates. The pressure
+    just reaches -1 and 1.
+    """
     for number, letter in enumerate("abc"):
         rng = np.random.default_rng(number)
         k = np.arange(300)
-        pressure = np.clip(1.2 * np.sin(k / (7 + number)) * np.cos(k / 31) + rng.normal(0, 0.2, 300), -1, 1)
+        pressure = np.clip(
+            1.2 * np.sin(k / (7 + number)) * np.cos(k / 31) + rng.normal(0, 0.2, 300), -1, 1
+        )
         load = np.full(300, float(number))
-        x = np.concatenate([law(pressure[part], load[part]) for part in (slice(GAP), slice(GAP, 300))])
+        x = np.concatenate(
+            [law(pressure[part], load[part]) for part in (slice(GAP), slice(GAP, 300))]
+        )
         time = k * STEP + np.where(k >= GAP, 0.5, 0.0)
-        rows = zip(time.round(9).tolist(), pressure.tolist(), load.tolist(), x.tolist(), strict=True)
-        (folder / f"{name}_{letter}.csv").write_text("\n".join(["t,p,w,x", *(",".join(map(repr, row)) for row in rows)]) + "\n")
+        rows = zip(
+            time.round(9).tolist(), pressure.tolist(), load.tolist(), x.tolist(), strict=True
+        )
+        (folder / f"{name}_{letter}.csv").write_text(
+            "\n".join(["t,p,w,x", *(",".join(map(repr, row)) for row in rows)]) + "\n"
+        )
     spec = folder / f"{name}.yaml"
     spec.write_text(SPEC.format(name=name, model=model))
     return spec
@@ -106,7 +124,12 @@ def scores(run_dir):
 
 
 PLANTED = {
-    "narx": {"pressure[k-1]": 0.5, "displacement[k-2]": -0.4, "displacement[k-1]*pressure[k-1]": 0.3, "load": 0.1},
+    "narx": {
+        "pressure[k-1]": 0.5,
+        "displacement[k-2]": -0.4,
+        "displacement[k-1]*pressure[k-1]": 0.3,
+        "load": 0.1,
+    },
     "play": {"pressure": 2.0, "play(pressure, 0.2)": -1.5, "load": 0.5},
 }
 
@@ -114,16 +137,26 @@ PLANTED = {
 @pytest.mark.parametrize("name", sorted(PLANTED))
 def test_a_planted_model_is_found_and_scored_on_the_recording_that_was_held_out(name, finished):
     model = read_model(finished[name][1] / "model.h5").body.model
-    assert dict(zip(model.terms, model.theta, strict=True)) == pytest.approx(PLANTED[name], abs=1e-9)
+    assert dict(zip(model.terms, model.theta, strict=True)) == pytest.approx(
+        PLANTED[name], abs=1e-9
+    )
     found = scores(finished[name][1])
-    assert {curve for split, curve in found if split == "validate"} == {"all", f"{name}_c#1", f"{name}_c#2"}
+    assert {curve for split, curve in found if split == "validate"} == {
+        "all",
+        f"{name}_c#1",
+        f"{name}_c#2",
+    }
     row = found["validate", "all"]
     assert float(row["rrse"]) < 1e-9
     assert float(row["rrse_one_step"]) < 1e-9
-    assert int(row["n"]) == {"narx": 296, "play": 300}[name]  # two pieces, each without the two samples of history
+    assert (
+        int(row["n"]) == {"narx": 296, "play": 300}[name]
+    )  # two pieces, each without the two samples of history
 
 
-def test_the_second_run_does_nothing_and_another_one_gives_the_same_bytes(finished, tmp_path, mapmore):
+def test_the_second_run_does_nothing_and_another_one_gives_the_same_bytes(
+    finished, tmp_path, mapmore
+):
     spec, run_dir = finished["narx"]
     again = mapmore("run", spec, "--runs", run_dir.parent, "--json", "-q")
     assert set(json.loads(again.stdout)["stages"].values()) == {"up-to-date"}
@@ -132,16 +165,23 @@ def test_the_second_run_does_nothing_and_another_one_gives_the_same_bytes(finish
         assert (tmp_path / "narx" / name).read_bytes() == (run_dir / name).read_bytes(), name
 
 
-# predict -----------------------------------------------------------------------------------------------------------------------------
+# predict
+# --------------------------------------------------------------------------------------------------
 
 
 def measured(run_dir):
-    """The recordings of a study as one table with canonical names; the gaps are gaps of time here."""
+    """The recordings of a study as one table with canonical names; the gaps are gaps of time
+    here.
+    """
     rows = []
     for curve in read_dataset(run_dir / "ingest.h5").curves:
-        columns = {name: map(repr, curve.columns[name].tolist()) for name in ("time", "pressure", "load", "displacement")}
+        columns = {
+            name: map(repr, curve.columns[name].tolist())
+            for name in ("time", "pressure", "load", "displacement")
+        }
         rows += [
-            {"recording": curve.id.partition("#")[0], **dict(zip(columns, row, strict=True))} for row in zip(*columns.values(), strict=True)
+            {"recording": curve.id.partition("#")[0], **dict(zip(columns, row, strict=True))}
+            for row in zip(*columns.values(), strict=True)
         ]
     return rows
 
@@ -173,18 +213,38 @@ def test_a_table_predicts_what_was_validated(name, finished, mapmore):
 
 def test_only_the_first_measured_outputs_are_used(narx_table):
     rows, predict_rows = narx_table
-    found, _ = predict_rows([{**row, "displacement": row["displacement"] if i % GAP < 2 else ""} for i, row in enumerate(rows)])
+    found, _ = predict_rows(
+        [
+            {**row, "displacement": row["displacement"] if i % GAP < 2 else ""}
+            for i, row in enumerate(rows)
+        ]
+    )
     np.testing.assert_array_equal(found, predict_rows(rows)[0])
 
 
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda rows: [{**row, "time": repr(2 * float(row["time"]))} for row in rows], ["row 3", "0.02 s after the one before", "0.01 s"]),
-        (lambda rows: [*rows[:40], {**rows[40], "time": "0.395"}, *rows[41:]], ["row 42", "only 0.005 s after", "even steps of 0.01 s"]),
-        (lambda rows: [*rows[:1], {**rows[1], "displacement": ""}, *rows[2:]], ["row 3", "displacement is missing", "first 2 samples"]),
-        (lambda rows: [{k: v for k, v in row.items() if k != "displacement"} for row in rows], ["no column 'displacement'"]),
-        (lambda rows: [{k: v for k, v in row.items() if k != "time"} for row in rows], ["no column 'time'"]),
+        (
+            lambda rows: [{**row, "time": repr(2 * float(row["time"]))} for row in rows],
+            ["row 3", "0.02 s after the one before", "0.01 s"],
+        ),
+        (
+            lambda rows: [*rows[:40], {**rows[40], "time": "0.395"}, *rows[41:]],
+            ["row 42", "only 0.005 s after", "even steps of 0.01 s"],
+        ),
+        (
+            lambda rows: [*rows[:1], {**rows[1], "displacement": ""}, *rows[2:]],
+            ["row 3", "displacement is missing", "first 2 samples"],
+        ),
+        (
+            lambda rows: [{k: v for k, v in row.items() if k != "displacement"} for row in rows],
+            ["no column 'displacement'"],
+        ),
+        (
+            lambda rows: [{k: v for k, v in row.items() if k != "time"} for row in rows],
+            ["no column 'time'"],
+        ),
     ],
     ids=["other steps", "uneven", "no first output", "no output", "no time"],
 )
@@ -204,7 +264,9 @@ def test_the_row_of_a_mistake_counts_recordings_before_it(narx_table):
 
 def test_a_run_that_diverges_leaves_cells_empty_and_says_where(narx_table):
     rows, predict_rows = narx_table
-    found, result = predict_rows([{**row, "pressure": "30"} if i > 50 else row for i, row in enumerate(rows[:GAP])])
+    found, result = predict_rows(
+        [{**row, "pressure": "30"} if i > 50 else row for i, row in enumerate(rows[:GAP])]
+    )
     assert result.exit_code == 0
     start = next(i for i, value in enumerate(found) if i > 2 and math.isnan(value))
     assert 52 < start < 80
@@ -213,7 +275,9 @@ def test_a_run_that_diverges_leaves_cells_empty_and_says_where(narx_table):
 
 
 def test_a_grid_has_no_time(finished, mapmore):
-    result = mapmore("predict", finished["play"][1] / "model.h5", "--grid", "pressure=0:1:0.5,load=0", code=2)
+    result = mapmore(
+        "predict", finished["play"][1] / "model.h5", "--grid", "pressure=0:1:0.5,load=0", code=2
+    )
     assert "a grid has no time" in result.stderr
     assert "time, load, pressure" in result.stderr
 
@@ -222,27 +286,45 @@ def test_a_loaded_model_runs_along_a_recording(finished):
     run_dir = finished["narx"][1]
     curve = read_dataset(run_dir / "ingest.h5").curves[0]
     model = mapmore_cli.load_model(run_dir / "model.h5")
-    values = model(**{name: curve.columns[name] for name in ("time", "load", "pressure", "displacement")})
-    np.testing.assert_array_equal(values, read_validation(run_dir / "validate.h5").predictions["mapmore"][0])
+    values = model(
+        **{name: curve.columns[name] for name in ("time", "load", "pressure", "displacement")}
+    )
+    np.testing.assert_array_equal(
+        values, read_validation(run_dir / "validate.h5").predictions["mapmore"][0]
+    )
     with pytest.raises(TypeError, match="a function of time, load, pressure, displacement"):
         model(pressure=[1.0], load=[0.0])
 
 
-# what goes wrong -----------------------------------------------------------------------------------------------------------------------
+# what goes wrong
+# --------------------------------------------------------------------------------------------------
 
 
 def test_a_diverging_run_has_no_score_and_says_at_which_sample(tmp_path, mapmore):
     def growing(pressure, load):
         return 1.3 ** np.arange(len(pressure)) * (1e-15 if load[0] < 2 else 1.0)
 
-    spec = write_study(tmp_path, "growth", "dictionary: [{lags: {of: [displacement], steps: [1], constant: false}}]", growing)
+    spec = write_study(
+        tmp_path,
+        "growth",
+        "dictionary: [{lags: {of: [displacement], steps: [1], constant: false}}]",
+        growing,
+    )
     result = mapmore("run", spec, "--runs", tmp_path / "runs", code=0)
     told = [line for line in result.stderr.splitlines() if "diverges" in line]
     assert len(told) == 2
-    dataset, validation = read_dataset(tmp_path / "runs/growth/ingest.h5"), read_validation(tmp_path / "runs/growth/validate.h5")
-    for line, curve, values in zip(told, dataset.curves[4:], validation.predictions["mapmore"][4:], strict=True):
+    dataset, validation = (
+        read_dataset(tmp_path / "runs/growth/ingest.h5"),
+        read_validation(tmp_path / "runs/growth/validate.h5"),
+    )
+    for line, curve, values in zip(
+        told, dataset.curves[4:], validation.predictions["mapmore"][4:], strict=True
+    ):
         sample = 1 + int(np.argmax(np.isnan(values[1:])))
-        assert f"free run diverges on {curve.id} at sample {sample} ({curve.columns['time'][sample]:g} s)" in line
+        assert (
+            f"free run diverges on {curve.id} at sample {sample} "
+            f"({curve.columns['time'][sample]:g} s)" in line
+        )
     row = scores(tmp_path / "runs/growth")["validate", "all"]
     assert (row["rrse"], row["rmse"]) == ("", "")
     assert float(row["rrse_one_step"]) < 1e-9
@@ -262,17 +344,28 @@ def test_uneven_recordings_are_refused_with_the_remedy(tmp_path, mapmore):
     "family",
     [
         f"lags: {{of: [pressure], steps: {list(range(400))}, order: 3}}",
-        "products: {of: [{play: {of: [pressure], count: 99}}, {slow: {of: [load], count: 99}}], order: 12}",
+        "products: {of: [{play: {of: [pressure], count: 99}}, {slow: {of: [load], count: "
+        "99}}], order: 12}",
     ],
     ids=["lags", "products"],
 )
 def test_a_dictionary_beyond_memory_is_refused_with_numbers(family, finished, tmp_path, mapmore):
-    result = mapmore("fit", finished["play"][0], "--runs", tmp_path, "-q", "--set", f"dictionary=[{{{family}}}]", code=4)
+    result = mapmore(
+        "fit",
+        finished["play"][0],
+        "--runs",
+        tmp_path,
+        "-q",
+        "--set",
+        f"dictionary=[{{{family}}}]",
+        code=4,
+    )
     assert re.search("GB of memory for their products alone; .* may be used", result.stderr)
     assert not (tmp_path / "play" / "fit.h5").exists()
 
 
-# show ----------------------------------------------------------------------------------------------------------------------------------
+# show
+# --------------------------------------------------------------------------------------------------
 
 
 def test_show_tells_terms_coefficients_and_states(finished, mapmore, document):
@@ -283,7 +376,9 @@ def test_show_tells_terms_coefficients_and_states(finished, mapmore, document):
     assert shown["segments"][0]["id"] == "memory"
     assert shown["segments"][0]["terms"] == shown["memory"]["terms"] == list(fit.model.terms)
     assert shown["segments"][0]["err"] == fit.selection.err.tolist()
-    assert shown["memory"]["states"]["ranges"] == {"pressure": list(fit.model.states.ranges["pressure"])}
+    assert shown["memory"]["states"]["ranges"] == {
+        "pressure": list(fit.model.states.ranges["pressure"])
+    }
     shown = document("show", run_dir / "model.h5")
     assert shown["memory"]["theta"] == fit.model.theta.tolist()
     text = mapmore("show", run_dir / "model.h5").stdout
@@ -294,7 +389,10 @@ def test_show_tells_terms_coefficients_and_states(finished, mapmore, document):
 
 
 def test_show_tells_the_resonance_and_what_else_would_have_served(tmp_path, mapmore, document):
-    model = "dictionary: [{terms: [pressure, load]}, {resonance: {of: [pressure]}}]\nfit: {max_terms: 2, ridge: 1e-6, scaling: range}"
+    model = (
+        "dictionary: [{terms: [pressure, load]}, {resonance: {of: [pressure]}}]\nfit: "
+        "{max_terms: 2, ridge: 1e-6, scaling: range}"
+    )
     spec = write_study(tmp_path, "ringing", model, hysteresis)
     mapmore("run", spec, "--runs", tmp_path / "runs", "-q", code=0)
     file = tmp_path / "runs/ringing/fit.h5"
@@ -310,9 +408,23 @@ def test_show_tells_the_resonance_and_what_else_would_have_served(tmp_path, mapm
         assert json.loads(stored["document"].asstr()[()])["body"]["kind"] == "memory"
 
 
-STATES = StateSet(("force[k-2]", "slow(pressure, 0.05)", "pressure[k-1]"), STEP, {}, {}, np.empty(0), np.empty(0), 0.15)
+STATES = StateSet(
+    ("force[k-2]", "slow(pressure, 0.05)", "pressure[k-1]"),
+    STEP,
+    {},
+    {},
+    np.empty(0),
+    np.empty(0),
+    0.15,
+)
 MEMORY = MemoryModel(
-    "force", STATES, ("force[k-2]", "slow(pressure, 0.05)", "pressure[k-1]"), np.array([0.5, 2.0, -1.0]), np.zeros(3), 3.0, (-1e4, 1e4)
+    "force",
+    STATES,
+    ("force[k-2]", "slow(pressure, 0.05)", "pressure[k-1]"),
+    np.array([0.5, 2.0, -1.0]),
+    np.zeros(3),
+    3.0,
+    (-1e4, 1e4),
 )
 LIMITS = {"pressure": (100.0, 200.0)}
 REMEMBERING = Model(
@@ -322,9 +434,15 @@ REMEMBERING = Model(
     body=Memory(MEMORY, (CurveRange("all", None, LIMITS),)),
 )
 STATIC = hand_model()
-SUM = replace(REMEMBERING, name="sum", inputs=STATIC.inputs, body=Sum((Part(STATIC), Part(REMEMBERING))))
+SUM = replace(
+    REMEMBERING, name="sum", inputs=STATIC.inputs, body=Sum((Part(STATIC), Part(REMEMBERING)))
+)
 
-pieces = st.lists(st.tuples(st.integers(3, 12), st.sampled_from(["gap", "reset", "recording", "empty"])), min_size=1, max_size=6)
+pieces = st.lists(
+    st.tuples(st.integers(3, 12), st.sampled_from(["gap", "reset", "recording", "empty"])),
+    min_size=1,
+    max_size=6,
+)
 
 
 @given(pieces, st.integers(0, 100), st.sampled_from([REMEMBERING, SUM]))
@@ -335,10 +453,24 @@ def test_every_piece_is_predicted_as_by_itself(cuts, seed, model):
     for size, end in cuts:
         stamps = time + STEP * np.arange(size)
         last = float(stamps[-1])
-        columns = dict(zip(names, (stamps, *rng.uniform(100, 200, (1, size)), *rng.uniform(0, 0.1, (2, size))), strict=True))
+        columns = dict(
+            zip(
+                names,
+                (stamps, *rng.uniform(100, 200, (1, size)), *rng.uniform(0, 0.1, (2, size))),
+                strict=True,
+            )
+        )
         wanted += predict(model, columns).tolist()
-        lines += [f"{recording}," + ",".join(map(repr, row)) + "\n" for row in zip(*(x.tolist() for x in columns.values()), strict=True)]
-        time = {"gap": last + 7 * STEP, "reset": 0.0, "recording": last + STEP, "empty": last + 2 * STEP}[end]
+        lines += [
+            f"{recording}," + ",".join(map(repr, row)) + "\n"
+            for row in zip(*(x.tolist() for x in columns.values()), strict=True)
+        ]
+        time = {
+            "gap": last + 7 * STEP,
+            "reset": 0.0,
+            "recording": last + STEP,
+            "empty": last + 2 * STEP,
+        }[end]
         if end == "empty":
             lines.append(f"{recording},{last + STEP!r},,0.05,1.0\n")
             wanted.append(np.nan)
@@ -360,7 +492,9 @@ def test_the_past_is_asked_for_where_a_model_feeds_back(model):
 
 def test_rates_are_derived_before_memory_runs():
     states = StateSet(("slow(pressure_rate, 0.05)",), STEP, {}, {}, np.empty(0), np.empty(0), 0.15)
-    memory = MemoryModel("force", states, states.names, np.array([2.0]), np.zeros(1), 0.0, (-1e9, 1e9))
+    memory = MemoryModel(
+        "force", states, states.names, np.array([2.0]), np.zeros(1), 0.0, (-1e9, 1e9)
+    )
     model = replace(
         REMEMBERING,
         inputs=(Quantity("pressure_rate", "kPa/s"),),
@@ -368,5 +502,7 @@ def test_rates_are_derived_before_memory_runs():
         signals=(Signal("pressure_rate", "rate", "pressure", window=0.05, order=1),),
     )
     rows = [f"{k * STEP!r},{100 + 3 * k * STEP!r}\n" for k in range(50)]
-    found = [line.split(",")[-2] for line in predicted_lines(model, ["time,pressure\n", *rows], "t")][1:]
+    found = [
+        line.split(",")[-2] for line in predicted_lines(model, ["time,pressure\n", *rows], "t")
+    ][1:]
     np.testing.assert_allclose([float(cell) for cell in found], 6.0)  # 3 kPa/s all along

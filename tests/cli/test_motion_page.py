@@ -1,4 +1,6 @@
-"""docs/motion.md says what the models say: its tables are made again here, from the files alone where that is quick."""
+"""docs/motion.md says what the models say: its tables are made again here, from the files alone
+where that is quick.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,10 @@ MODELS = {
     "linear": (FULL, {"solver": "swarm"}),
     "inflate_deflate": (FULL, {"solver": "swarm", "direction": True}),
     "piecewise": (PARTS, {"solver": "swarm", "sections": BOUNDARIES}),
-    "piecewise_inflate_deflate": (PARTS, {"solver": "swarm", "sections": BOUNDARIES, "direction": True}),
+    "piecewise_inflate_deflate": (
+        PARTS,
+        {"solver": "swarm", "sections": BOUNDARIES, "direction": True},
+    ),
     "linear_least_squares": (FULL, {}),
     "piecewise_inflate_deflate_least_squares": (PARTS, {"sections": BOUNDARIES, "direction": True}),
 }
@@ -37,8 +42,13 @@ def log(name: str) -> dict[str, np.ndarray]:
 
 
 def fitted(references, settings):
-    records = [Record(log(f"reference_{name}"), np.ones(len(log(f"reference_{name}")["time"]), dtype=bool)) for name in references]
-    return fit_motion(records, MotionRecipe(input="input", output="displacement", step=0.05, **settings)).model
+    records = [
+        Record(log(f"reference_{name}"), np.ones(len(log(f"reference_{name}")["time"]), dtype=bool))
+        for name in references
+    ]
+    return fit_motion(
+        records, MotionRecipe(input="input", output="displacement", step=0.05, **settings)
+    ).model
 
 
 def table(name):
@@ -49,7 +59,11 @@ def test_poles_and_gains_are_those_of_the_published_rows() -> None:
     with (DATASETS / "published" / "p_table_1.csv").open(newline="") as lines:
         rows = list(csv.DictReader(lines))
     for model, told in table("poles").items():
-        mine = [[float(row[name]) for name in ("p1", "p2", "p3")] for row in rows if row["model"] == model]
+        mine = [
+            [float(row[name]) for name in ("p1", "p2", "p3")]
+            for row in rows
+            if row["model"] == model
+        ]
         radii = [np.abs(np.linalg.eigvals([[0, 1], [p1, p2]])).max() for p1, p2, _ in mine]
         gains = [5 * p3 / (1 - p1 - p2) for p1, p2, p3 in mine]
         shown = numbers(told)
@@ -70,8 +84,12 @@ def test_errors_by_waveform_are_made_again_from_the_recordings(model: str) -> No
         record = log(f"waveform_{name}")
         tail = 20 if name == "rapid" else 80
         error = (simulate(motion, record) - record["displacement"])[-tail:]
-        assert float(rows[name][model]) == pytest.approx(np.sqrt(np.mean(error**2)), rel=0.02, abs=6e-3)
-        assert float(rows[f"{name}, largest"][model]) == pytest.approx(np.abs(error).max(), rel=0.02, abs=6e-3)
+        assert float(rows[name][model]) == pytest.approx(
+            np.sqrt(np.mean(error**2)), rel=0.02, abs=6e-3
+        )
+        assert float(rows[f"{name}, largest"][model]) == pytest.approx(
+            np.abs(error).max(), rel=0.02, abs=6e-3
+        )
 
 
 @pytest.mark.parametrize(("row", "slowest"), [("0.5 s", 0.5), ("1 s", None), ("1000 s", 1000.0)])
@@ -80,13 +98,23 @@ def test_a_section_may_not_be_too_slow(row: str, slowest: float | None) -> None:
     motion = fitted(PARTS, {"sections": BOUNDARIES, "slowest": slowest})
     logs = [log(path.stem) for path in sorted((DATASETS / "waveforms").glob("waveform_*.csv"))]
     error = np.concatenate([simulate(motion, record) - record["displacement"] for record in logs])
-    assert float(table("slowest")[row]["piecewise"]) == pytest.approx(np.sqrt(np.mean(error**2)), rel=0.02)
+    assert float(table("slowest")[row]["piecewise"]) == pytest.approx(
+        np.sqrt(np.mean(error**2)), rel=0.02
+    )
 
 
 @pytest.mark.parametrize("count", [1, 3])
 def test_errors_by_the_number_of_sections_are_made_again(count: int) -> None:
     motion = fitted((*FULL, *PARTS), {"sections": count, "direction": True, "offset": True})
-    names = ("full_stroke", "lower_stroke", "upper_stroke", "triangle", "square", "rapid", "weighted")
+    names = (
+        "full_stroke",
+        "lower_stroke",
+        "upper_stroke",
+        "triangle",
+        "square",
+        "rapid",
+        "weighted",
+    )
     logs = [log(f"waveform_{name}") for name in names]
     error = np.concatenate([simulate(motion, record) - record["displacement"] for record in logs])
     row = table("sections")[f"sections-{count}"]
@@ -96,23 +124,52 @@ def test_errors_by_the_number_of_sections_are_made_again(count: int) -> None:
 
 def test_the_sentences_follow_from_the_tables() -> None:
     text = PAGE.read_text(encoding="utf-8")
-    solvers, sections, slowest = ({name: numbers(row) for name, row in table(name).items()} for name in ("solvers", "sections", "slowest"))
+    solvers, sections, slowest = (
+        {name: numbers(row) for name, row in table(name).items()}
+        for name in ("solvers", "sections", "slowest")
+    )
     times, needed = solvers["swarm"]["median"], solvers["least_squares"]["simulations"]
-    assert f"its RMSE is {times:.0f} times that of least squares, which need {needed:.0f} simulations" in text
-    assert all(solvers[f"{swarm}, polished"]["greatest"] == 1 for swarm in ("swarm", "swarm_projected"))
+    assert (
+        f"its RMSE is {times:.0f} times that of least squares, which need {needed:.0f} simulations"
+        in text
+    )
+    assert all(
+        solvers[f"{swarm}, polished"]["greatest"] == 1 for swarm in ("swarm", "swarm_projected")
+    )
     hard = [f"{sections[f'sections-{count}']['RMSE, hard']:.3f}" for count in (1, 2, 8)]
-    assert "RMSE {} cm with one section each for rise and fall, {} with two, {} with eight".format(*hard) in text
+    assert (
+        "RMSE {} cm with one section each for rise and fall, {} with two, {} with eight".format(
+            *hard
+        )
+        in text
+    )
     errors = [slowest[bound]["piecewise"] for bound in ("0.5 s", "1 s", "1000 s")]
     poles = table("poles")
     told = ("largest pole", "greatest jump at a boundary", "shared state")
     most = [max(numbers(row).get(name, 0.0) for row in poles.values()) for name in told]
-    assert "largest pole is {:.3f}. The steady output jumps by up to {:.2f} cm".format(*most) in text
+    assert (
+        "largest pole is {:.3f}. The steady output jumps by up to {:.2f} cm".format(*most) in text
+    )
     assert f"shared state by {most[-1]:.3f} cm" in text
-    steps, loops = (numbers(table("coiled_motion")[f"{group}: median"]) for group in ("steps", "loops"))
+    steps, loops = (
+        numbers(table("coiled_motion")[f"{group}: median"]) for group in ("steps", "loops")
+    )
     assert f"in the median {steps['mapmore']} % on steps and {loops['mapmore']} on loops" in text
-    least = [min((error, model) for model, error in row.items() if model not in ("mapmore", "repeatability")) for row in (steps, loops)]
+    least = [
+        min(
+            (error, model)
+            for model, error in row.items()
+            if model not in ("mapmore", "repeatability")
+        )
+        for row in (steps, loops)
+    ]
     assert "`{0[1]}` has least on steps ({0[0]}), `{1[1]}` on loops ({1[0]})".format(*least) in text
-    assert "errs by {} cm with a bound of 0.5 s, {} with the default (1 s here) and {} without".format(*errors) in text
+    assert (
+        "errs by {} cm with a bound of 0.5 s, {} with the default (1 s here) and {} without".format(
+            *errors
+        )
+        in text
+    )
 
 
 def test_every_record_of_coiled_muscles_is_shown() -> None:
@@ -123,11 +180,22 @@ def test_every_record_of_coiled_muscles_is_shown() -> None:
     assert names == [f"motion-{run.name}" for run in of_memory.runs]
     assert [run.set for run in campaign.runs] == [run.set for run in of_memory.runs]
     for name in names:
-        assert {"mapmore", "linear", "inflate_deflate", "piecewise", "piecewise_inflate_deflate", "shared_state"} <= set(rows[name])
+        assert {
+            "mapmore",
+            "linear",
+            "inflate_deflate",
+            "piecewise",
+            "piecewise_inflate_deflate",
+            "shared_state",
+        } <= set(rows[name])
     better = sum(numbers(rows[name])["mapmore"] < numbers(rows[name])["linear"] for name in names)
     assert rows["runs better"]["mapmore"] == f"{better} of 15"
     memory = page_table("coiled", DOCS / "memory.md")
-    other = {name for name in names if rows[name]["mapmore"] != memory[name.removeprefix("motion-")]["mapmore"]}
+    other = {
+        name
+        for name in names
+        if rows[name]["mapmore"] != memory[name.removeprefix("motion-")]["mapmore"]
+    }
     assert other == {"motion-steps-2-500g"}
     assert "2.88 % stands in memory.md" in (DOCS / "motion.md").read_text(encoding="utf-8")
     assert memory["steps-2-500g"]["mapmore"] == "2.88"

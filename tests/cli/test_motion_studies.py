@@ -1,4 +1,6 @@
-"""The shipped damping and dynamic studies: one run of the dynamic spec makes the static and the damping study first."""
+"""The shipped damping and dynamic studies: one run of the dynamic spec makes the static and the
+damping study first.
+"""
 
 from __future__ import annotations
 
@@ -20,9 +22,22 @@ DAMPING = DOCS / "damping.md"
 
 SHOWN = {
     "damping": {
-        **{name: [name] for name in ("none", "linear_viscous", "pressure_viscous", "reynolds", "cao", "tondu_kinetic_friction")},
+        **{
+            name: [name]
+            for name in (
+                "none",
+                "linear_viscous",
+                "pressure_viscous",
+                "reynolds",
+                "cao",
+                "tondu_kinetic_friction",
+            )
+        },
         "peternel, as printed / with absolute powers": ["peternel", "peternel_absolute"],
-        "sarosi_hysteresis_loss, with the length / as printed": ["sarosi_hysteresis_loss", "sarosi_hysteresis_loss_printed"],
+        "sarosi_hysteresis_loss, with the length / as printed": [
+            "sarosi_hysteresis_loss",
+            "sarosi_hysteresis_loss_printed",
+        ],
         "mapmore: one term for each direction": ["mapmore"],
         "by direction and pressure": ["by_direction_and_pressure"],
         "by pressure alone": ["by_pressure"],
@@ -43,7 +58,10 @@ SHOWN = {
 
 
 def pooled(run_dir):
-    return {model: row["nrmse"] for model, row in held_out(json.loads((run_dir / "scores.json").read_text())).items()}
+    return {
+        model: row["nrmse"]
+        for model, row in held_out(json.loads((run_dir / "scores.json").read_text())).items()
+    }
 
 
 LOOKED_AT = "dmsp-20-88"
@@ -53,10 +71,17 @@ TWIN = pytest.param("peano", marks=pytest.mark.long)
 
 @pytest.fixture(scope="module", params=["dmsp-20-88", TWIN])
 def muscle(request, tmp_path_factory, mapmore):
-    """A muscle and the folder of its runs, made by one command. One study has figures: the one that is looked at, or all."""
+    """A muscle and the folder of its runs, made by one command. One study has figures: the one that
+    is looked at, or all.
+    """
     runs = tmp_path_factory.mktemp(request.param)
     figures = ["fit"] if request.param == LOOKED_AT else None
-    study = without_figures(CONFIGS / f"{request.param}-dynamic.yaml", runs, but=f"{request.param}-damping", figures=figures)
+    study = without_figures(
+        CONFIGS / f"{request.param}-dynamic.yaml",
+        runs,
+        but=f"{request.param}-damping",
+        figures=figures,
+    )
     mapmore("run", study, "--runs", runs, "-q", code=0)
     return request.param, runs
 
@@ -67,31 +92,65 @@ def test_the_page_shows_what_the_runs_say(study, muscle):
     found, table = pooled(runs / f"{name}-{study}"), page_table(study, DAMPING)
     assert set(table) == set(SHOWN[study])
     for row, models in SHOWN[study].items():
-        told = re.sub(r"\([^)]*\)|\*", "", table[row]["McKibben" if name == "dmsp-20-88" else "Peano"]).split("/")
-        assert [float(per_cent) for per_cent in told] == pytest.approx([100 * found[model] for model in models], abs=0.051)
+        told = re.sub(
+            r"\([^)]*\)|\*", "", table[row]["McKibben" if name == "dmsp-20-88" else "Peano"]
+        ).split("/")
+        assert [float(per_cent) for per_cent in told] == pytest.approx(
+            [100 * found[model] for model in models], abs=0.051
+        )
 
 
-@pytest.mark.parametrize(("name", "column"), [("dmsp-20-88", "McKibben"), pytest.param("peano", "Peano", marks=pytest.mark.long)])
+@pytest.mark.parametrize(
+    ("name", "column"),
+    [("dmsp-20-88", "McKibben"), pytest.param("peano", "Peano", marks=pytest.mark.long)],
+)
 def test_the_page_says_what_the_static_study_from_80_kpa_costs(name, column, tmp_path, mapmore):
     study = f"{name}-damping-from-80"
-    mapmore("validate", without_figures(CONFIGS / f"{study}.yaml", tmp_path), "--runs", tmp_path, "-q", code=0)
+    mapmore(
+        "validate",
+        without_figures(CONFIGS / f"{study}.yaml", tmp_path),
+        "--runs",
+        tmp_path,
+        "-q",
+        code=0,
+    )
     found, table = pooled(tmp_path / study), page_table("from80", DAMPING)
     told = {model: float(cells[column].strip("*")) for model, cells in table.items()}
     assert told == pytest.approx({model: 100 * found[model] for model in told}, abs=0.051)
     if name == "dmsp-20-88":
-        fall = next(one for one in read_model(tmp_path / study / "model.h5").body.segments if "fall" in one.id)
+        fall = next(
+            one
+            for one in read_model(tmp_path / study / "model.h5").body.segments
+            if "fall" in one.id
+        )
         assert fall.terms == ("strain_rate^2",)
 
 
 @pytest.mark.parametrize(
     ("name", "column"),
-    [("dmsp-20-88", "McKibben: mapmore, none, reynolds, peternel"), pytest.param("peano", "Peano", marks=pytest.mark.long)],
+    [
+        ("dmsp-20-88", "McKibben: mapmore, none, reynolds, peternel"),
+        pytest.param("peano", "Peano", marks=pytest.mark.long),
+    ],
 )
 def test_the_page_says_what_a_sensor_in_the_muscle_shows(name, column, tmp_path, mapmore):
     models = ("mapmore", "none", "reynolds", "peternel")
-    settings = ["name=in-muscle", "validate.against=[none, reynolds, peternel]", "report.published=null", "data.columns.pressure.column=Pm"]
+    settings = [
+        "name=in-muscle",
+        "validate.against=[none, reynolds, peternel]",
+        "report.published=null",
+        "data.columns.pressure.column=Pm",
+    ]
     chosen = [word for setting in settings for word in ("--set", setting)]
-    mapmore("validate", without_figures(CONFIGS / f"{name}-damping.yaml", tmp_path), "--runs", tmp_path, "-q", *chosen, code=0)
+    mapmore(
+        "validate",
+        without_figures(CONFIGS / f"{name}-damping.yaml", tmp_path),
+        "--runs",
+        tmp_path,
+        "-q",
+        *chosen,
+        code=0,
+    )
     found = pooled(tmp_path / "in-muscle")
     cell = page_table("untried", DAMPING)["pressure taken in the muscle"][column]
     told = [float(number) for number in re.sub(r"\([^)]*\)", "", cell).split(",")]
@@ -100,22 +159,44 @@ def test_the_page_says_what_a_sensor_in_the_muscle_shows(name, column, tmp_path,
 
 def test_the_page_says_what_rates_are_worth_on_a_measured_muscle(measured_data, tmp_path, mapmore):
     del measured_data  # absent where the recordings are
-    mapmore("validate", CONFIGS.parent / "coiled" / "coiled_steps_rates.yaml", "--runs", tmp_path, "-q", code=0)
+    mapmore(
+        "validate",
+        CONFIGS.parent / "coiled" / "coiled_steps_rates.yaml",
+        "--runs",
+        tmp_path,
+        "-q",
+        code=0,
+    )
     scores = json.loads((tmp_path / "coiled_steps_rates" / "scores.json").read_text())["scores"]
-    found = {(row["model"], row["split"]): 100 * row["nrmse"] for row in scores if row["curve"] == "all"}
+    found = {
+        (row["model"], row["split"]): 100 * row["nrmse"] for row in scores if row["curve"] == "all"
+    }
     table = page_table("rates", DAMPING)
-    for row, model in zip(table, ("static_map", "rise_and_fall_maps", "mapmore", "rates_without_direction"), strict=True):
+    for row, model in zip(
+        table,
+        ("static_map", "rise_and_fall_maps", "mapmore", "rates_without_direction"),
+        strict=True,
+    ):
         told = [float(table[row][column].strip("*")) for column in ("validation", "training")]
-        assert told == pytest.approx([found[model, "validate"], found[model, "train"]], abs=0.051), row
+        assert told == pytest.approx(
+            [found[model, "validate"], found[model, "train"]], abs=0.051
+        ), row
 
 
 @pytest.mark.parametrize("study", SHOWN)
 def test_the_least_in_a_table_is_bold(study):
     for column in ("McKibben", "Peano"):
-        cells = {row: re.sub(r"\([^)]*\)", "", cells[column]) for row, cells in page_table(study, DAMPING).items()}
-        least = min(float(value) for cell in cells.values() for value in cell.replace("*", "").split("/"))
+        cells = {
+            row: re.sub(r"\([^)]*\)", "", cells[column])
+            for row, cells in page_table(study, DAMPING).items()
+        }
+        least = min(
+            float(value) for cell in cells.values() for value in cell.replace("*", "").split("/")
+        )
         assert {row for row, cell in cells.items() if "**" in cell} == {
-            row for row, cell in cells.items() if least in [float(value) for value in cell.replace("*", "").split("/")]
+            row
+            for row, cell in cells.items()
+            if least in [float(value) for value in cell.replace("*", "").split("/")]
         }
 
 
@@ -131,29 +212,46 @@ def test_one_command_makes_pages_with_records_over_time_and_equations_in_the_pap
     (other,) = [column for column in rows[0] if column.startswith("with ")]
     assert "strain_rate in 1/ms" in other
     fall = next(row for row in rows if "fall" in row["id"])
-    here, there = (float(fall[column].removeprefix("'").partition("*")[0]) for column in ("equation", other))
+    here, there = (
+        float(fall[column].removeprefix("'").partition("*")[0]) for column in ("equation", other)
+    )
     assert there == pytest.approx(here * 1000.0 ** (2 if fall["equation"].endswith("^2") else 1))
     published = (report / "index.html").read_text()
     assert "published NRMSE" in published
 
 
 def test_a_table_of_time_pressure_and_strain_predicts_what_was_validated(muscle, tmp_path, mapmore):
-    """Rates and direction follow from the table as they did at ingest; two recordings in one table are told apart."""
+    """Rates and direction follow from the table as they did at ingest; two recordings in one table
+    are told apart.
+    """
     name, runs = muscle
     run_dir = runs / f"{name}-dynamic"
-    dataset, validation = read_dataset(run_dir / "ingest.h5"), read_validation(run_dir / "validate.h5")
+    dataset, validation = (
+        read_dataset(run_dir / "ingest.h5"),
+        read_validation(run_dir / "validate.h5"),
+    )
     lines = ["recording,time,pressure,strain"]
     for curve in dataset.curves[:2]:
-        columns = zip(*(curve.columns[column].tolist() for column in ("time", "pressure", "strain")), strict=True)
+        columns = zip(
+            *(curve.columns[column].tolist() for column in ("time", "pressure", "strain")),
+            strict=True,
+        )
         lines += [f"{curve.id},{t!r},{p!r},{e!r}" for t, p, e in columns]
     (tmp_path / "table.csv").write_text("\n".join(lines) + "\n")
-    mapmore("predict", run_dir / "model.h5", tmp_path / "table.csv", "-o", tmp_path / "out.csv", code=0)
-    found = [float(row["force_predicted"]) for row in csv.DictReader((tmp_path / "out.csv").read_text().splitlines())]
+    mapmore(
+        "predict", run_dir / "model.h5", tmp_path / "table.csv", "-o", tmp_path / "out.csv", code=0
+    )
+    found = [
+        float(row["force_predicted"])
+        for row in csv.DictReader((tmp_path / "out.csv").read_text().splitlines())
+    ]
     wanted = np.concatenate(validation.predictions["mapmore"][:2])
     assert np.allclose(found, wanted, rtol=1e-9, atol=1e-9)
     first = dataset.curves[0].columns
     model = mapmore_cli.load_model(run_dir / "model.h5")
-    with pytest.warns(UserWarning, match="outside of the training range"):  # rates of the held-out step, and strains before it
+    with pytest.warns(
+        UserWarning, match="outside of the training range"
+    ):  # rates of the held-out step, and strains before it
         said = model(time=first["time"], pressure=first["pressure"], strain=first["strain"])
     assert np.allclose(said, wanted[: len(first["time"])])
 
@@ -161,13 +259,25 @@ def test_a_table_of_time_pressure_and_strain_predicts_what_was_validated(muscle,
 def test_the_dynamic_model_is_the_sum_of_the_two(muscle):
     name, runs = muscle
     model = read_model(runs / f"{name}-dynamic" / "model.h5")
-    assert [part.model.name for part in model.body.parts] == [f"{name}-static-from-zero", f"{name}-damping"]
+    assert [part.model.name for part in model.body.parts] == [
+        f"{name}-static-from-zero",
+        f"{name}-damping",
+    ]
     predictions = read_validation(runs / f"{name}-dynamic" / "validate.h5").predictions
     own = read_validation(runs / f"{name}-damping" / "validate.h5").predictions["mapmore"]
-    for total, static, damping in zip(predictions["mapmore"], predictions["static_alone"], own, strict=True):
+    for total, static, damping in zip(
+        predictions["mapmore"], predictions["static_alone"], own, strict=True
+    ):
         assert np.allclose(total, static + damping, atol=1e-9)
 
 
 def test_a_table_without_time_says_what_it_lacks(muscle, mapmore):
     name, runs = muscle
-    mapmore("predict", runs / f"{name}-dynamic" / "model.h5", "-", stdin="pressure,strain\n100,0.1\n", code=4, says="time")
+    mapmore(
+        "predict",
+        runs / f"{name}-dynamic" / "model.h5",
+        "-",
+        stdin="pressure,strain\n100,0.1\n",
+        code=4,
+        says="time",
+    )

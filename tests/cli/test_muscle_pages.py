@@ -1,4 +1,6 @@
-"""docs/wrist.md and docs/muscle-like.md say what their studies say: each table that is quick to make is made anew and compared."""
+"""docs/wrist.md and docs/muscle-like.md say what their studies say: each table that is quick to
+make is made anew and compared.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,9 @@ CONFIGS = DOCS.parent / "configs"
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """A folder of runs whose pages, where a run needs another with its page, have no figures: nobody looks at them here."""
+    """A folder of runs whose pages, where a run needs another with its page, have no figures:
+    nobody looks at them here.
+    """
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("mapmore_cli.reporting.figures.drawing.drawings", lambda _name, _inputs: [])
         yield tmp_path_factory.mktemp("runs")
@@ -32,14 +36,18 @@ def assert_shown(found: Table, page: Path) -> None:
     """The page has the same rows, and numbers that agree within their printed digits."""
     shown = page_table(found.name, page)
     keys = [re.sub(r" \[.*\]$", "", heading) for heading in found.headings[1:]]
-    if len({row[0] for row in found.shown}) == len(found.rows):  # several rows may begin with one model
+    if len({row[0] for row in found.shown}) == len(
+        found.rows
+    ):  # several rows may begin with one model
         assert list(shown) == [row[0] for row in found.shown]
     for first, *cells in found.shown:
         if [row[0] for row in found.shown].count(first) > 1:
             continue
         for key, cell in zip(keys, cells, strict=True):
             if (value := numbers({key: cell})) and keys.count(key) == 1:
-                assert numbers(shown[first])[key] == pytest.approx(value[key], rel=0.02, abs=2e-4), (first, key)
+                assert numbers(shown[first])[key] == pytest.approx(
+                    value[key], rel=0.02, abs=2e-4
+                ), (first, key)
 
 
 def test_the_wrist_page(runs: Path) -> None:
@@ -49,20 +57,37 @@ def test_the_wrist_page(runs: Path) -> None:
         assert_shown(made, WRIST)
 
 
-@pytest.mark.parametrize("name", ["table-1", pytest.param("joint", marks=pytest.mark.long), "closed-valves"])
+@pytest.mark.parametrize(
+    "name", ["table-1", pytest.param("joint", marks=pytest.mark.long), "closed-valves"]
+)
 def test_the_muscle_like_page(name: str, runs: Path) -> None:
     assert_shown(muscle_tables.MUSCLE_LIKE_TABLES[name](runs), MUSCLE_LIKE)
 
 
 def test_the_sentences_of_w_follow_from_the_tables() -> None:
     text = WRIST.read_text(encoding="utf-8")
-    r = {name: f"{numbers(row)['R, uncentred']:.3f}" for name, row in page_table("simulated", WRIST).items()}
-    models = ("tondu_lopez_fixed_area", "chou_hannaford", "tondu_lopez_corrected_fixed_area", "kerscher", "sarosi")
-    said = [f"{r[model]} for eq ({equation})" for model, equation in zip(models, (4, 3, 8, 9, 12), strict=True)]
+    r = {
+        name: f"{numbers(row)['R, uncentred']:.3f}"
+        for name, row in page_table("simulated", WRIST).items()
+    }
+    models = (
+        "tondu_lopez_fixed_area",
+        "chou_hannaford",
+        "tondu_lopez_corrected_fixed_area",
+        "kerscher",
+        "sarosi",
+    )
+    said = [
+        f"{r[model]} for eq ({equation})"
+        for model, equation in zip(models, (4, 3, 8, 9, 12), strict=True)
+    ]
     assert f"R is {', '.join(said[:-1])} and {said[-1]}" in text
     assert f"and {r['mapmore']} for `mapmore`" in text
     n = {name: row["RMSE"] for name, row in page_table("held-out", WRIST).items()}
-    said = [f"{n[model]} for eq ({equation})" for model, equation in zip(reversed(models), (12, 9, 8, 3, 4), strict=True)]
+    said = [
+        f"{n[model]} for eq ({equation})"
+        for model, equation in zip(reversed(models), (12, 9, 8, 3, 4), strict=True)
+    ]
     assert f"{n['mapmore']} N for `mapmore`, {', '.join(said[:-1])} and {said[-1]}" in text
 
 
@@ -74,7 +99,9 @@ def test_the_splits_begin_with_what_the_study_says(runs: Path) -> None:
 
 
 def test_the_measured_pair(runs: Path, measured_data: Path) -> None:
-    """And MAPMORE's error is no larger than that of the best formula, from a spec of less than forty lines."""
+    """And MAPMORE's error is no larger than that of the best formula, from a spec of less than
+    forty lines.
+    """
     found = muscle_tables.MUSCLE_LIKE_TABLES["antagonist"](runs)
     assert_shown(found, MUSCLE_LIKE)
     errors = {row[0]: row[3] for row in found.rows}
@@ -100,13 +127,23 @@ def test_a_k_was_inert() -> None:
     found = muscle_tables.inert_table(Path())
     assert_shown(found, WRIST)
     shown, here = page_table("inert", WRIST), "R of the printed parameters, a_k inert"
-    assert f"eq (8) give R {shown['8'][here]} (printed {shown['8']['printed R']})" in WRIST.read_text(encoding="utf-8")
-    assert f"they give {shown['9'][here]}, near the root of the printed R², {shown['9']['its root']}" in WRIST.read_text(encoding="utf-8")
-    assert f"{muscle_tables.size_of_eq_3():.1f} times too small" in WRIST.read_text(encoding="utf-8")
+    assert (
+        f"eq (8) give R {shown['8'][here]} (printed {shown['8']['printed R']})"
+        in WRIST.read_text(encoding="utf-8")
+    )
+    assert (
+        f"they give {shown['9'][here]}, near the root of the printed R², {shown['9']['its root']}"
+        in WRIST.read_text(encoding="utf-8")
+    )
+    assert f"{muscle_tables.size_of_eq_3():.1f} times too small" in WRIST.read_text(
+        encoding="utf-8"
+    )
 
 
 def test_a_slack_muscle_is_what_the_model_misses() -> None:
-    """Driven from 50 kPa it is slack for a part of the period; driven from 200 kPa, or held at zero from below, the model is good."""
+    """Driven from 50 kPa it is slack for a part of the period; driven from 200 kPa, or held at zero
+    from below, the model is good.
+    """
     rows = {name: numbers(row)["R²"] for name, row in page_table("joint", MUSCLE_LIKE).items()}
     muscles = ("extensor", "flexor")
     wide, narrow = "driven, 50 to 500 kPa", "driven, 200 to 500 kPa"
@@ -116,7 +153,9 @@ def test_a_slack_muscle_is_what_the_model_misses() -> None:
     assert min(rows[f"{narrow}: {muscle}"] for muscle in muscles) > 0.96
     assert rows[f"{wide}: the same, identified from the first half of this record"] > 0.99
     for record, after in (("closed", ""), (wide, ""), (wide, ", never below zero"), (narrow, "")):
-        assert " and ".join(f"{rows[f'{record}: {muscle}{after}']:.3f}" for muscle in muscles) in MUSCLE_LIKE.read_text(encoding="utf-8")
+        assert " and ".join(
+            f"{rows[f'{record}: {muscle}{after}']:.3f}" for muscle in muscles
+        ) in MUSCLE_LIKE.read_text(encoding="utf-8")
 
 
 def test_the_pressure_at_closed_valves_is_said() -> None:
@@ -125,17 +164,31 @@ def test_the_pressure_at_closed_valves_is_said() -> None:
 
 
 def test_biological_curves_are_those_of_h() -> None:
-    """Eq 2 is 5 % at a width from the optimum; eq 3 is one at rest, zero at the fastest shortening, about 1.5 far into lengthening."""
-    assert muscle_figures.biological_length(np.array([1.0, 1.0 - 0.56])) == pytest.approx([1.0, 0.05])
+    """Eq 2 is 5 % at a width from the optimum; eq 3 is one at rest, zero at the fastest shortening,
+    about 1.5 far into lengthening.
+    """
+    assert muscle_figures.biological_length(np.array([1.0, 1.0 - 0.56])) == pytest.approx(
+        [1.0, 0.05]
+    )
     v = np.array([-12.0, -1e-12, 0.0, 1e9])
-    assert muscle_figures.biological_velocity(v) == pytest.approx([0.0, 1.0, 1.0, 1.5 + 0.5 / (7.56 * 5.0)], abs=1e-6)
+    assert muscle_figures.biological_velocity(v) == pytest.approx(
+        [0.0, 1.0, 1.0, 1.5 + 0.5 / (7.56 * 5.0)], abs=1e-6
+    )
     assert math.exp(muscle_figures.STIFFNESS) == pytest.approx(0.05)
 
 
 def test_every_study_of_both_folders_is_named_on_its_page_or_made_for_it() -> None:
     for folder, page in (("wrist", WRIST), ("muscle-like", MUSCLE_LIKE)):
-        studies = sorted(path for path in (CONFIGS / folder).glob("*.yaml") if not path.name.startswith("_"))
-        told = page.read_text() + (DOCS / "muscle_tables.py").read_text() + "".join(path.read_text() for path in studies)
+        studies = sorted(
+            path for path in (CONFIGS / folder).glob("*.yaml") if not path.name.startswith("_")
+        )
+        told = (
+            page.read_text()
+            + (DOCS / "muscle_tables.py").read_text()
+            + "".join(path.read_text() for path in studies)
+        )
         for path in studies:
             assert load(path).spec.name == path.stem
-            assert path.stem in told.replace(f"name: {path.stem}", "") or "{length}cm" in told, path.stem
+            assert path.stem in told.replace(f"name: {path.stem}", "") or "{length}cm" in told, (
+                path.stem
+            )

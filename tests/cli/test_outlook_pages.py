@@ -20,7 +20,9 @@ def page(name: str, path: Path) -> dict[str, dict[str, float]]:
 
 
 @pytest.mark.long
-def test_valves_tendon_and_random_pressures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_valves_tendon_and_random_pressures(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("mapmore_cli.reporting.figures.drawing.drawings", lambda _name, _inputs: [])
     assert_shown(outlook_tables.outlook(tmp_path), H)
 
@@ -34,7 +36,10 @@ def test_what_is_said_of_h() -> None:
     assert r2["behind a tendon: the muscle alone"] < 0.3
     assert r2["behind a tendon: muscle and known tendon"] > 0.99
     assert r2["behind a tendon: muscle, and a tendon found there"] > 0.99
-    both, none = (r2[f"behind a tendon: {name}"] for name in ("both identified there", "identified there, as a muscle"))
+    both, none = (
+        r2[f"behind a tendon: {name}"]
+        for name in ("both identified there", "identified there, as a muscle")
+    )
     assert both == pytest.approx(none, abs=2e-4)
     (stiffness, found, together), *_ = re.findall(
         r"Stiffness of the tendon: (\S+) N/mm; found (\S+), with the muscle (\S+)\.", H.read_text()
@@ -44,14 +49,24 @@ def test_what_is_said_of_h() -> None:
     assert min(r2[f"joint, random: {muscle}"] for muscle in ("flexor", "extensor")) > 0.95
     assert r2["joint, random: difference of both"] < 0.7
     text, tendon, joint = H.read_text(encoding="utf-8"), "behind a tendon: ", "joint, random: "
-    there, closed = (r2[f"controlled valves: identified {where}"] for where in ("there", "at closed valves"))
+    there, closed = (
+        r2[f"controlled valves: identified {where}"] for where in ("there", "at closed valves")
+    )
     assert f"identified there (R² {there:.4f}) or at closed valves ({closed:.4f})" in text
-    known, sought = (r2[tendon + what] for what in ("muscle and known tendon", "muscle, and a tendon found there"))
+    known, sought = (
+        r2[tendon + what]
+        for what in ("muscle and known tendon", "muscle, and a tendon found there")
+    )
     assert f"muscle alone (R² {r2[tendon + 'the muscle alone']:.4f})" in text
     assert f"its stiffness known ({known:.4f}) or found from this record ({sought:.4f})" in text
     assert f"identified together ({both:.4f})" in text
     assert f"as if there were no tendon is as good ({none:.4f})" in text
-    assert "periodic motion ({:.4f} and {:.4f})".format(*(r2[joint + muscle] for muscle in ("extensor", "flexor"))) in text
+    assert (
+        "periodic motion ({:.4f} and {:.4f})".format(
+            *(r2[joint + muscle] for muscle in ("extensor", "flexor"))
+        )
+        in text
+    )
     assert f"a large share of it ({r2[joint + 'difference of both']:.4f})" in text
 
 
@@ -63,7 +78,9 @@ def test_two_units_turn_a_joint(tmp_path: Path) -> None:
         assert row[1] < 1e-9
     shown = page("actuators", EXPORT)
     assert min(row["R²"] for row in shown.values()) > 0.95
-    assert max(row.get("unit beside both `predict`, relative", 0.0) for row in shown.values()) < 1e-9
+    assert (
+        max(row.get("unit beside both `predict`, relative", 0.0) for row in shown.values()) < 1e-9
+    )
 
 
 @needs_compiler
@@ -73,34 +90,57 @@ def test_the_joint_moves_as_the_page_says(tmp_path: Path) -> None:
 
 
 def test_a_measured_regulator(tmp_path: Path, measured_data: Path) -> None:
-    with warnings.catch_warnings(action="ignore", category=UserWarning):  # held-out samples beyond the training range
+    with warnings.catch_warnings(
+        action="ignore", category=UserWarning
+    ):  # held-out samples beyond the training range
         assert_shown(outlook_tables.regulators(tmp_path), EXPORT)
 
 
 def test_what_a_model_foretells_of_the_loop(tmp_path: Path) -> None:
-    """The simulation by Sárosi's formula alone; at twice the gains it swings where the rig does not."""
+    """The simulation by Sárosi's formula alone; at twice the gains it swings where the rig does
+    not.
+    """
     row = page("wrist-loop", W)["sarosi"]
     for gains, column in ((1.0, "foretold: RMSE"), (2.0, "foretold at twice the gains: RMSE")):
-        assert outlook_tables.foretold("sarosi", tmp_path, gains=gains) == pytest.approx(row[column], rel=0.05)
+        assert outlook_tables.foretold("sarosi", tmp_path, gains=gains) == pytest.approx(
+            row[column], rel=0.05
+        )
 
 
 def test_what_is_said_of_w() -> None:
     rows = page("wrist-loop", W)
-    alone, frictionless = rows.pop("nothing")["rig: RMSE"], rows.pop("sarosi, on a rig without friction")
+    alone, frictionless = (
+        rows.pop("nothing")["rig: RMSE"],
+        rows.pop("sarosi, on a rig without friction"),
+    )
     assert list(rows) == list(outlook_tables.MODELS)
     errors = [row["rig: RMSE"] for row in rows.values()]
     assert max(errors) < 0.6 * alone
     text = W.read_text(encoding="utf-8")
     assert f"{min(errors)} to {max(errors)} deg remain of {alone}" in text
-    wild, held = ([row[f"{where} at twice the gains: RMSE"] for row in rows.values()] for where in ("foretold", "rig"))
-    assert f"swing ({min(wild)} to {max(wild)} deg), while the rig stays at {min(held):.2f} to {max(held)}: friction damps it" in text
-    assert f"error is {frictionless['rig: RMSE']} deg in the place of {rows['sarosi']['rig: RMSE']}" in text
-    assert f"without friction swings too ({frictionless['rig at twice the gains: RMSE']} deg)" in text
+    wild, held = (
+        [row[f"{where} at twice the gains: RMSE"] for row in rows.values()]
+        for where in ("foretold", "rig")
+    )
+    assert (
+        f"swing ({min(wild)} to {max(wild)} deg), while the rig stays at {min(held):.2f} to "
+        f"{max(held)}: friction damps it" in text
+    )
+    assert (
+        f"error is {frictionless['rig: RMSE']} deg in the place of {rows['sarosi']['rig: RMSE']}"
+        in text
+    )
+    assert (
+        f"without friction swings too ({frictionless['rig at twice the gains: RMSE']} deg)" in text
+    )
     settled = [row for row in rows.values() if row["foretold: RMSE"] < 1]
     assert len(settled) == 5
     shares = [100 * row["foretold: RMSE"] / row["rig: RMSE"] for row in settled]
     assert f"foretell {min(shares):.0f} to {max(shares):.0f} % of the error" in text
-    assert all(row["rig at twice the gains: RMSE"] < 5 < row["foretold at twice the gains: RMSE"] for row in rows.values())
+    assert all(
+        row["rig at twice the gains: RMSE"] < 5 < row["foretold at twice the gains: RMSE"]
+        for row in rows.values()
+    )
 
 
 @pytest.mark.long

@@ -20,14 +20,24 @@ SAROSI = {
     "name": "our_sarosi",
     "source": "M1 eq 1",
     "expression": "(a1*pressure + a2)*exp(a3*strain) + a4*strain*pressure + a5*pressure + a6",
-    "parameters": {"a3": {"bounds": [-250, 250]}, **{name: {"unit": "N"} for name in ("a1", "a2", "a4", "a5", "a6")}},
+    "parameters": {
+        "a3": {"bounds": [-250, 250]},
+        **{name: {"unit": "N"} for name in ("a1", "a2", "a4", "a5", "a6")},
+    },
 }
 RNG = np.random.default_rng(5)
-BAR, EPS = (grid.ravel() for grid in np.meshgrid([0.8, 1.5, 2.0, 2.5, 3.5], np.linspace(0, 0.2, 25), indexing="ij"))
+BAR, EPS = (
+    grid.ravel()
+    for grid in np.meshgrid([0.8, 1.5, 2.0, 2.5, 3.5], np.linspace(0, 0.2, 25), indexing="ij")
+)
 FRAME = {
     "pressure": 100 * BAR,
     "strain": EPS,
-    "force": (240 * BAR + 50) * np.exp(-8 * EPS) - 500 * EPS * BAR + 60 * BAR - 40 + RNG.normal(size=len(BAR)),
+    "force": (240 * BAR + 50) * np.exp(-8 * EPS)
+    - 500 * EPS * BAR
+    + 60 * BAR
+    - 40
+    + RNG.normal(size=len(BAR)),
 }
 STUDY: dict[str, Any] = {
     "levels": {"of": "pressure", "at": "auto"},
@@ -41,12 +51,16 @@ def rows(fitted: Any, model: str) -> list[float]:
 
 
 def test_it_is_fitted_as_the_built_in_one() -> None:
-    found = mm.fit(FRAME, formulas=[SAROSI], validate={"against": ["sarosi", "our_sarosi"]}, **STUDY)
+    found = mm.fit(
+        FRAME, formulas=[SAROSI], validate={"against": ["sarosi", "our_sarosi"]}, **STUDY
+    )
     assert rows(found, "our_sarosi") == pytest.approx(rows(found, "sarosi"), rel=1e-6)
 
 
 def test_it_is_a_backbone_and_a_model_that_stands_alone(tmp_path: Path, mapmore) -> None:
-    """The file needs no spec: prediction, derivatives and exports agree with those of the built-in formula."""
+    """The file needs no spec: prediction, derivatives and exports agree with those of the built-in
+    formula.
+    """
     own = mm.fit(FRAME, name="muscle", formulas=[SAROSI], model={"backbone": "our_sarosi"}, **STUDY)
     built_in = mm.fit(FRAME, model={"backbone": "sarosi"}, **STUDY)
     points = {"pressure": 170.0, "strain": np.linspace(0.01, 0.19, 7)}
@@ -62,21 +76,39 @@ def test_it_is_a_backbone_and_a_model_that_stands_alone(tmp_path: Path, mapmore)
 
 
 def test_a_formula_as_the_model_and_in_a_sum() -> None:
-    alone = mm.fit(FRAME, formulas=[SAROSI], model={"type": "literature", "name": "our_sarosi"}, levels=STUDY["levels"])
-    assert {row["model"] for row in alone.scores} == {"mapmore", "plane", "quadratic", "cubic"}  # and not itself as a backbone
+    alone = mm.fit(
+        FRAME,
+        formulas=[SAROSI],
+        model={"type": "literature", "name": "our_sarosi"},
+        levels=STUDY["levels"],
+    )
+    assert {row["model"] for row in alone.scores} == {
+        "mapmore",
+        "plane",
+        "quadratic",
+        "cubic",
+    }  # and not itself as a backbone
     assert alone.scores.of_model(split="train")["r2"] > 0.999
     assert "exp(-" in alone.equations[0].text
     pair = {"formula": "our_sarosi", "inputs": {"pressure": "pressure", "strain": "strain"}}
-    other = {"formula": "linear_part", "sign": -1, "inputs": {"pressure": "pressure", "strain": "strain"}}
+    other = {
+        "formula": "linear_part",
+        "sign": -1,
+        "inputs": {"pressure": "pressure", "strain": "strain"},
+    }
     linear = {"name": "linear_part", "expression": "s*strain*pressure^2", "parameters": {"s": {}}}
-    both = mm.fit(FRAME, formulas=[SAROSI, linear], model={"sum": [pair, other]}, levels=STUDY["levels"])
+    both = mm.fit(
+        FRAME, formulas=[SAROSI, linear], model={"sum": [pair, other]}, levels=STUDY["levels"]
+    )
     assert both.scores.of_model(split="train")["r2"] > 0.999
 
 
 def test_it_may_be_written_in_other_units() -> None:
     """In bar and kN: the same predictions, and parameters in those units."""
     in_bar = {**SAROSI, "name": "in_bar", "units": {"pressure": "bar"}, "output": "kN"}
-    found = mm.fit(FRAME, formulas=[SAROSI, in_bar], validate={"against": ["our_sarosi", "in_bar"]}, **STUDY)
+    found = mm.fit(
+        FRAME, formulas=[SAROSI, in_bar], validate={"against": ["our_sarosi", "in_bar"]}, **STUDY
+    )
     assert rows(found, "in_bar") == pytest.approx(rows(found, "our_sarosi"), rel=1e-6)
 
 
@@ -86,8 +118,15 @@ def test_constants_are_not_fitted_and_starts_are_taken() -> None:
         "expression": "scale*pressure*(1 - strain/e0)^2",
         "parameters": {"scale": {"start": 1.0}, "e0": {"value": 0.4}},
     }
-    started = {**exact, "name": "started", "parameters": {"scale": {"start": 1.0}, "e0": {"bounds": [0.1, 2], "start": 0.3}}}
-    against = ["exact", {"model": "started", "method": "levenberg_marquardt", "starts": "given", "as": "lm"}]
+    started = {
+        **exact,
+        "name": "started",
+        "parameters": {"scale": {"start": 1.0}, "e0": {"bounds": [0.1, 2], "start": 0.3}},
+    }
+    against = [
+        "exact",
+        {"model": "started", "method": "levenberg_marquardt", "starts": "given", "as": "lm"},
+    ]
     frame = {**FRAME, "force": 2.5 * FRAME["pressure"] * (1 - EPS / 0.4) ** 2}
     found = mm.fit(frame, formulas=[exact, started], validate={"against": against}, **STUDY)
     assert max(rows(found, "exact")) < 1e-9
@@ -95,12 +134,32 @@ def test_constants_are_not_fitted_and_starts_are_taken() -> None:
 
 
 def test_units_of_parameters_are_shown(tmp_path: Path, mapmore) -> None:
-    """In `show`, of a model and of a competitor, and on the page; a parameter without one has none."""
-    own = mm.fit(FRAME, name="muscle", formulas=[SAROSI], validate={"against": ["our_sarosi"]}, model={"backbone": "our_sarosi"}, **STUDY)
+    """In `show`, of a model and of a competitor, and on the page; a parameter without one has
+    none.
+    """
+    own = mm.fit(
+        FRAME,
+        name="muscle",
+        formulas=[SAROSI],
+        validate={"against": ["our_sarosi"]},
+        model={"backbone": "our_sarosi"},
+        **STUDY,
+    )
     page = mm.run(own.to_yaml(tmp_path / "muscle.yaml"), tmp_path / "runs").page.read_text()
-    assert re.search(r"a1 = \S+ N, a2 = \S+ N, a3 = -?[\d.]+, a4", mapmore("show", tmp_path / "runs" / "muscle" / "fit.h5").stdout)
-    cells = re.findall(r"our_sarosi</th><td>(\w+)</td><td>[\w ]+</td><td>(a\d)</td><td[^>]*>[^<]*</td><td>([^<]*)</td>", page)
-    assert sorted(cells) == sorted((role, f"a{i}", "–" if i == 3 else "N") for role in ("backbone", "competitor") for i in range(1, 7))
+    assert re.search(
+        r"a1 = \S+ N, a2 = \S+ N, a3 = -?[\d.]+, a4",
+        mapmore("show", tmp_path / "runs" / "muscle" / "fit.h5").stdout,
+    )
+    cells = re.findall(
+        r"our_sarosi</th><td>(\w+)</td><td>[\w "
+        r"]+</td><td>(a\d)</td><td[^>]*>[^<]*</td><td>([^<]*)</td>",
+        page,
+    )
+    assert sorted(cells) == sorted(
+        (role, f"a{i}", "–" if i == 3 else "N")
+        for role in ("backbone", "competitor")
+        for i in range(1, 7)
+    )
 
 
 def test_a_changed_file_makes_the_fits_stale(tmp_path: Path) -> None:
@@ -112,9 +171,14 @@ def test_a_changed_file_makes_the_fits_stale(tmp_path: Path) -> None:
     spec.write_text(text[:start] + "formulas: own.json\n" + text[end:])
     assert set(mm.run(spec, tmp_path / "runs").stages.values()) == {"done"}
     assert set(mm.run(spec, tmp_path / "runs").stages.values()) == {"up-to-date"}
-    (tmp_path / "own.json").write_text(json.dumps({**SAROSI, "expression": SAROSI["expression"] + " + 0.001*a6*strain"}))
+    (tmp_path / "own.json").write_text(
+        json.dumps({**SAROSI, "expression": SAROSI["expression"] + " + 0.001*a6*strain"})
+    )
     assert mm.run(spec, tmp_path / "runs").stages["fit"] == "done"
-    assert "formulas:\n- name: our_sarosi" in (tmp_path / "runs" / "model" / "experiment.yaml").read_text()
+    assert (
+        "formulas:\n- name: our_sarosi"
+        in (tmp_path / "runs" / "model" / "experiment.yaml").read_text()
+    )
 
 
 @pytest.mark.parametrize(
@@ -125,9 +189,18 @@ def test_a_changed_file_makes_the_fits_stale(tmp_path: Path) -> None:
         ({"expression": "a1*pressure[k-1] + a2 + a3 + a4 + a5 + a6"}, "state with memory"),
         ({"parameters": {**SAROSI["parameters"], "a3": {}}}, "nonlinear"),
         ({"parameters": {**SAROSI["parameters"], "b": {}}}, "names in the text"),
-        ({"parameters": {**SAROSI["parameters"], "a3": {"bounds": [3, 1]}}}, "put the lower one first"),
-        ({"parameters": {**SAROSI["parameters"], "a3": {"bounds": [1, 3], "start": 5}}}, "outside of its bounds"),
-        ({"parameters": {**SAROSI["parameters"], "a3": {"bounds": [1, 3], "value": 2}}}, "is not sought"),
+        (
+            {"parameters": {**SAROSI["parameters"], "a3": {"bounds": [3, 1]}}},
+            "put the lower one first",
+        ),
+        (
+            {"parameters": {**SAROSI["parameters"], "a3": {"bounds": [1, 3], "start": 5}}},
+            "outside of its bounds",
+        ),
+        (
+            {"parameters": {**SAROSI["parameters"], "a3": {"bounds": [1, 3], "value": 2}}},
+            "is not sought",
+        ),
         ({"name": "sarosi"}, "already"),
         ({"name": "a b"}, "name"),
         ({"units": {"pressure": "m"}}, "m"),
@@ -146,7 +219,13 @@ def test_a_file_that_is_not_there() -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["{", "{}", '{"bounds": 3}', '{"name": "a", "reference": "", "text": "((", "bounds": {}, "units": {}, "starts": null}']
+    "text",
+    [
+        "{",
+        "{}",
+        '{"bounds": 3}',
+        '{"name": "a", "reference": "", "text": "((", "bounds": {}, "units": {}, "starts": null}',
+    ],
 )
 def test_a_damaged_definition_is_refused(text: str) -> None:
     with pytest.raises(ValueError):  # noqa: PT011 - whatever it is, the reader of a model file tells it
@@ -154,9 +233,14 @@ def test_a_damaged_definition_is_refused(text: str) -> None:
 
 
 def test_a_model_file_with_another_definition_is_refused(tmp_path: Path) -> None:
-    path = mm.fit(FRAME, formulas=[SAROSI], model={"backbone": "our_sarosi"}, **STUDY).save(tmp_path / "model.h5")
+    path = mm.fit(FRAME, formulas=[SAROSI], model={"backbone": "our_sarosi"}, **STUDY).save(
+        tmp_path / "model.h5"
+    )
     model = read_model(path)
     assert model.backbone is not None
-    write_model(path, replace(model, body=replace(model.body, backbone=replace(model.backbone, definition="{}"))))  # type: ignore[type-var]
+    write_model(
+        path,
+        replace(model, body=replace(model.body, backbone=replace(model.backbone, definition="{}"))),
+    )  # type: ignore[type-var]
     with pytest.raises(DataError, match="defines no formula"):
         mm.load_model(path)

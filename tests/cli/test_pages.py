@@ -32,11 +32,19 @@ def test_the_site_shows_every_row() -> None:
     text = in_full(page.read_text(encoding="utf-8"), page.name)
     for row in read_rows(page, "families"):
         assert f"| {' | '.join(row)} |" in text
-    assert page.read_text(encoding="utf-8").count("<!-- table families") == text.count("<!-- table families") == 1
+    assert (
+        page.read_text(encoding="utf-8").count("<!-- table families")
+        == text.count("<!-- table families")
+        == 1
+    )
 
 
 @pytest.mark.parametrize(
-    ("page", "of_kind"), [("memory", lambda spec: spec.has_memory), ("motion", lambda spec: spec.model.type == "state_space")]
+    ("page", "of_kind"),
+    [
+        ("memory", lambda spec: spec.has_memory),
+        ("motion", lambda spec: spec.model.type == "state_space"),
+    ],
 )
 def test_the_worked_spec_is_one(page, of_kind, tmp_path):
     (tmp_path / "spec.yaml").write_text(block_of(DOCS / f"{page}.md"))
@@ -44,7 +52,11 @@ def test_the_worked_spec_is_one(page, of_kind, tmp_path):
 
 
 def test_the_documentation_is_short() -> None:
-    pages = [page.read_text(encoding="utf-8") for page in (DOCS.parent / "README.md", *DOCS.glob("*.md"))]
-    assert sum(len(page.split()) for page in pages) <= WORDS, "`<!-- table NAME 0 -->` puts a table into its own file (docs/pages.py)"
+    pages = [
+        page.read_text(encoding="utf-8") for page in (DOCS.parent / "README.md", *DOCS.glob("*.md"))
+    ]
+    assert sum(len(page.split()) for page in pages) <= WORDS, (
+        "`<!-- table NAME 0 -->` puts a table into its own file (docs/pages.py)"
+    )
     evidence = [match[4] for page in pages for match in BLOCK.finditer(page)]
     assert max(len(re.findall(r"^\|", block, re.MULTILINE)) - 2 for block in evidence) <= ROWS

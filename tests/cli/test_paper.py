@@ -1,4 +1,6 @@
-"""`mapmore paper` and the five shipped papers: nothing is without a place, verdicts follow their rules, the page needs nothing else."""
+"""`mapmore paper` and the five shipped papers: nothing is without a place, verdicts follow their
+rules, the page needs nothing else.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,9 @@ NUMBERED = {"m1": (6, 1, 6), "m2": (24, 5, 15), "p": (17, 4, 11), "w": (16, 0, 1
 
 @pytest.mark.parametrize("name", NUMBERED)
 def test_every_equation_table_and_figure_has_a_place(name):
-    """The loader refuses an unlisted number and a place that is not there; here the counts are those of the papers."""
+    """The loader refuses an unlisted number and a place that is not there; here the counts are
+    those of the papers.
+    """
     spec = load_paper(CONFIGS / "papers" / f"{name}.yaml").spec
     assert tuple(spec.has[kind] for kind in ("equation", "table", "figure")) == NUMBERED[name]
     numbers = [one for item in spec.items for one in item.stands_for if one[0] != "text"]
@@ -41,13 +45,25 @@ def test_every_number_of_the_published_tables_stands_beside_one_of_ours():
 
 
 def test_every_shipped_study_is_run_by_make_paper():
-    recipe = re.search(r"\npaper:.*\n((?:\t.*\n)+)", (PROJECT / "Makefile").read_text(encoding="utf-8"))
+    recipe = re.search(
+        r"\npaper:.*\n((?:\t.*\n)+)", (PROJECT / "Makefile").read_text(encoding="utf-8")
+    )
     assert recipe
     campaigns = re.findall(r"configs/campaigns/\w+\.yaml", recipe[1])
     assert re.search(r"mapmore paper configs/papers/\*\.yaml", recipe[1])
-    studies = {path.resolve() for path in CONFIGS.glob("*/[!_]*.yaml") if path.parent.name not in ("campaigns", "papers")}
-    run = {entry.config.resolve() for path in campaigns for entry in load_campaign(PROJECT / path)[1]}
-    friction = re.search(r"^FRICTION = \((.*)\)$", (PROJECT / "docs" / "benchmark_tables.py").read_text(encoding="utf-8"), re.MULTILINE)
+    studies = {
+        path.resolve()
+        for path in CONFIGS.glob("*/[!_]*.yaml")
+        if path.parent.name not in ("campaigns", "papers")
+    }
+    run = {
+        entry.config.resolve() for path in campaigns for entry in load_campaign(PROJECT / path)[1]
+    }
+    friction = re.search(
+        r"^FRICTION = \((.*)\)$",
+        (PROJECT / "docs" / "benchmark_tables.py").read_text(encoding="utf-8"),
+        re.MULTILINE,
+    )
     assert friction  # `make bench-id` runs these
     left = {path.relative_to(CONFIGS).as_posix() for path in studies - run}
     assert left == {f"identification/{name}.yaml" for name in re.findall(r"\w+", friction[1])}
@@ -60,7 +76,11 @@ def test_the_specs_show_the_numbers_of_the_published_tables(file):
     for row in rows:
         spec = load(CONFIGS / file[:2] / f"{row['study']}.yaml").spec.report.published
         assert spec is not None
-        given = {"rmse": spec.rmse, "nrmse": spec.nrmse} if row["relation"] == "=" else {"rmse": spec.rmse_at_least}
+        given = (
+            {"rmse": spec.rmse, "nrmse": spec.nrmse}
+            if row["relation"] == "="
+            else {"rmse": spec.rmse_at_least}
+        )
         scale = 0.01 if row["unit"] == "%" else 1.0
         assert given[row["quantity"]][row["model"]] == pytest.approx(scale * float(row["printed"]))
 
@@ -84,14 +104,17 @@ items:
         ours: {run: "{study}.yaml", rows: {model: "{model}", split: validate, curve: all}}
         numbers:
           - {name: RMSE, unit: N, printed: rmse, ours: rmse, verdict: {factor: 2}}
-          - {name: NRMSE, unit: "%", printed: "100*nrmse", ours: "100*nrmse", verdict: {within: 0.01}}
+          - {name: NRMSE, unit: "%", printed: "100*nrmse", ours: "100*nrmse",
+              verdict: {within: 0.01}}
           - {name: NRMSE, printed: nrmse, ours: nrmse, verdict: {order: [study]}}
     sentences:
       - says: It is good
-        left: {ours: {run: bench.yaml, rows: {model: mapmore, split: validate, curve: all}}, value: r2}
+        left: {ours: {run: bench.yaml, rows: {model: mapmore, split: validate, curve: all}},
+            value: r2}
         relation: ">"
         right: 0.9
-  - {id: figure 1, title: Fit, status: drawn, place: [bench.yaml], figures: [{run: bench.yaml, figure: fit, panel: "200", caption: One}]}
+  - {id: figure 1, title: Fit, status: drawn, place: [bench.yaml], figures: [{run: bench.yaml,
+      figure: fit, panel: "200", caption: One}]}
 """
 
 
@@ -129,21 +152,37 @@ def write_table(paper, rmse: dict[str, float], nrmse: dict[str, float]):
 
 
 def test_what_agrees_and_what_differs(paper, tmp_path, mapmore):
-    """Our own numbers as the printed ones agree; others differ by kind, each told with its count and distance."""
+    """Our own numbers as the printed ones agree; others differ by kind, each told with its count
+    and distance.
+    """
     runs = tmp_path / "runs"
     mapmore("validate", tmp_path / "bench.yaml", "--runs", runs, "-q", code=0)
     scores = json.loads((runs / "bench" / "scores.json").read_text())["scores"]
-    held = {row["model"]: row for row in scores if row["split"] == "validate" and row["curve"] == "all"}
-    ours = {metric: {model: held[model][metric] for model in ("mapmore", "polynomial_2")} for metric in ("rmse", "nrmse")}
+    held = {
+        row["model"]: row for row in scores if row["split"] == "validate" and row["curve"] == "all"
+    }
+    ours = {
+        metric: {model: held[model][metric] for model in ("mapmore", "polynomial_2")}
+        for metric in ("rmse", "nrmse")
+    }
     write_table(paper, ours["rmse"], ours["nrmse"])
     done = mapmore("paper", paper, "--runs", runs, "--json", "-q", code=0)
     (found,) = json.loads(done.stdout)["papers"]
     agree = {"size": (2, 2), "value": (2, 2), "order": (1, 1), "sentence": (1, 1)}
-    assert {kind: (count["agree"], count["compared"]) for kind, count in found["counts"].items()} == agree
+    assert {
+        kind: (count["agree"], count["compared"]) for kind, count in found["counts"].items()
+    } == agree
     swapped = dict(zip(ours["nrmse"], reversed(ours["nrmse"].values()), strict=True))
-    write_table(paper, {"mapmore": 1.9 * ours["rmse"]["mapmore"], "polynomial_2": -ours["rmse"]["polynomial_2"]}, swapped)
+    write_table(
+        paper,
+        {"mapmore": 1.9 * ours["rmse"]["mapmore"], "polynomial_2": -ours["rmse"]["polynomial_2"]},
+        swapped,
+    )
     done = mapmore("paper", paper, "--runs", runs, "-q", code=0)
-    for words in ("RMSE: 1 of 2 sizes within a factor of 2 (ours are -1 to 0.526 of the printed)", "order by NRMSE: 0 of 1 as printed"):
+    for words in (
+        "RMSE: 1 of 2 sizes within a factor of 2 (ours are -1 to 0.526 of the printed)",
+        "order by NRMSE: 0 of 1 as printed",
+    ):
         assert words in done.stdout
     html = (runs / "paper.html").read_text(encoding="utf-8")
     assert "A paper of &lt;one&gt; table" in html
@@ -181,17 +220,34 @@ def test_a_size_agrees_both_ways_and_not_with_another_sign(a, b, factor):
     assert judged(rule, "", a, a).holds
     assert not judged(rule, "", a, -a).holds
     if abs(max(a / b, b / a) / factor - 1) > 1e-9:
-        assert judged(rule, "", a, b).holds == judged(rule, "", b, a).holds == (max(a / b, b / a) < factor)
+        assert (
+            judged(rule, "", a, b).holds
+            == judged(rule, "", b, a).holds
+            == (max(a / b, b / a) < factor)
+        )
 
 
-@given(st.sampled_from([Verdict(within=1.0), Verdict(factor=2.0), Verdict(bound="at_least"), Verdict(bound="at_most")]))
+@given(
+    st.sampled_from(
+        [
+            Verdict(within=1.0),
+            Verdict(factor=2.0),
+            Verdict(bound="at_least"),
+            Verdict(bound="at_most"),
+        ]
+    )
+)
 def test_a_number_that_is_missing_agrees_with_nothing(rule):
     for cells in ((None, 1.0), (1.0, None), (1.0, float("nan")), ("word", 1.0)):
         assert not judged(rule, "", *cells).holds
 
 
 def test_kinds_are_counted_apart():
-    found = [Compared("size", "RMSE", True, 0.7, 2.0), Compared("size", "RMSE", False, 3.0, 2.0), Compared("order", "RMSE", False, 0.4)]
+    found = [
+        Compared("size", "RMSE", True, 0.7, 2.0),
+        Compared("size", "RMSE", False, 3.0, 2.0),
+        Compared("order", "RMSE", False, 0.4),
+    ]
     assert counts(found) == {"size": (1, 2), "order": (0, 1)}
     assert summary(found) == (
         "RMSE: 1 of 2 sizes within a factor of 2 (ours are 0.7 to 3 of the printed)",

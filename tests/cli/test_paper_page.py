@@ -22,10 +22,17 @@ def test_what_the_page_says_works(tmp_path: Path, mapmore) -> None:
     folder = tmp_path / "runs" / "bench" / "report"
     assert (folder / "panels" / "fit.pressure=200.pgf").is_file()
     assert (folder / "tables" / "scores.tex").is_file()
-    lines = [line for line in PAGE.read_text(encoding="utf-8").splitlines() if line.startswith("mapmore figure")]
+    lines = [
+        line
+        for line in PAGE.read_text(encoding="utf-8").splitlines()
+        if line.startswith("mapmore figure")
+    ]
     assert len(lines) == 2
     for line in lines:
-        words = [word.replace("dmsp-20-88-static", "bench").replace("250", "200") for word in shlex.split(line)[1:]]
+        words = [
+            word.replace("dmsp-20-88-static", "bench").replace("250", "200")
+            for word in shlex.split(line)[1:]
+        ]
         here = [str(tmp_path / word) if word.startswith("fig3") else word for word in words]
         mapmore(*here, "--runs", tmp_path / "runs", code=0)
         (tmp_path / "fig3.pdf").unlink()

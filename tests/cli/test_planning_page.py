@@ -15,7 +15,11 @@ PAGE = DOCS / "planning.md"
 
 def means_of(name: str) -> list[float]:
     """What the note of a table says."""
-    block = PAGE.read_text(encoding="utf-8").split(f"<!-- table {name} 0 -->")[1].split("<!-- end -->")[0]
+    block = (
+        PAGE.read_text(encoding="utf-8")
+        .split(f"<!-- table {name} 0 -->")[1]
+        .split("<!-- end -->")[0]
+    )
     return [float(text) for text in re.findall(r"\d\.\d\d", block.split("Geometric mean")[1])]
 
 
@@ -44,8 +48,16 @@ def test_what_is_said_of_maps() -> None:
     plan = np.exp(np.log(errors[:, :, 0] / errors[:, :, 1]).mean(axis=1))
     by_map = dict(zip(dict.fromkeys(row[0] for row in rows), plan, strict=True))
     assert max(by_map["pgm"], by_map["datasheet"]) < 0.85
-    assert all(0.9 < ratio < 1.1 for name, ratio in by_map.items() if name not in ("pgm", "datasheet"))
-    said = np.array(re.findall(r"\d\.\d\d", PAGE.read_text(encoding="utf-8").split("Ratio to equal distances, median")[1]), dtype=float)
+    assert all(
+        0.9 < ratio < 1.1 for name, ratio in by_map.items() if name not in ("pgm", "datasheet")
+    )
+    said = np.array(
+        re.findall(
+            r"\d\.\d\d",
+            PAGE.read_text(encoding="utf-8").split("Ratio to equal distances, median")[1],
+        ),
+        dtype=float,
+    )
     plan_said, random_said, oracle_said = said[:12].reshape(3, 4)
     assert np.exp(np.log(plan_said).mean()) == pytest.approx(5 / 6, abs=0.02)
     assert random_said.min() > 1
@@ -55,14 +67,22 @@ def test_what_is_said_of_maps() -> None:
 def test_a_campaign_by_equal_distances_is_made_anew(tmp_path: Path, measured_data: Path) -> None:
     name = "datasheet, pressures"
     choices, dataset = planning_tables.study(name, tmp_path)
-    found = planning_tables.campaign(choices, dataset, lambda known, rest: planning_tables.in_gap(known, rest, np.diff(known)))
+    found = planning_tables.campaign(
+        choices, dataset, lambda known, rest: planning_tables.in_gap(known, rest, np.diff(known))
+    )
     told = [float(row[2]) for row in rows_of("levels", PAGE) if row[0] == name]
     assert 100 * found.errors[1:] == pytest.approx(told, rel=0.02)
 
 
 @pytest.mark.long
 def test_a_map_is_made_anew(tmp_path: Path, measured_data: Path) -> None:
-    found = [planning_tables.points_by("datasheet, pressures", tmp_path, "plan", seed) for seed in range(planning_tables.STARTS)]
+    found = [
+        planning_tables.points_by("datasheet, pressures", tmp_path, "plan", seed)
+        for seed in range(planning_tables.STARTS)
+    ]
     told = {int(row[1]): float(row[2]) for row in rows_of("maps", PAGE) if row[0] == "datasheet"}
-    # one of the six takes another point where a processor rounds otherwise: the median of 12 points is then 0.64, not 0.71
-    assert {size: 100 * np.median([one[size] for one in found]) for size in found[0]} == pytest.approx(told, rel=0.1)
+    # one of the six takes another point where a processor rounds otherwise: the median of 12 points
+    # is then 0.64, not 0.71
+    assert {
+        size: 100 * np.median([one[size] for one in found]) for size in found[0]
+    } == pytest.approx(told, rel=0.1)

@@ -1,4 +1,6 @@
-"""`mapmore_cli.fit` and `run`: the words of the spec, the numbers of the command, and nothing left behind."""
+"""`mapmore_cli.fit` and `run`: the words of the spec, the numbers of the command, and nothing left
+behind.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,11 @@ def columns_of(path: Path, names: bool, delimiter: str | None = ",") -> dict[str
 
 def sections_of(config: Path) -> dict[str, Any]:
     document: dict[str, Any] = yaml.safe_load(config.read_text())
-    base = yaml.safe_load((config.parent / document.pop("extends")).read_text()) if "extends" in document else {}
+    base = (
+        yaml.safe_load((config.parent / document.pop("extends")).read_text())
+        if "extends" in document
+        else {}
+    )
     document = {**base, **document}
     for key in ("schema_version", "report"):
         document.pop(key, None)
@@ -36,7 +42,9 @@ def sections_of(config: Path) -> dict[str, Any]:
 
 def scored(config: Path, runs: Path, mapmore) -> list[dict[str, Any]]:
     mapmore("validate", config, "--runs", runs, "-q", code=0)
-    rows: list[dict[str, Any]] = json.loads((runs / config.stem / "scores.json").read_text())["scores"]
+    rows: list[dict[str, Any]] = json.loads((runs / config.stem / "scores.json").read_text())[
+        "scores"
+    ]
     return rows
 
 
@@ -56,7 +64,9 @@ def test_frames_score_as_the_command_does(tmp_path, mapmore):
     """Load cycles: one frame a recording."""
     config = CONFIGS / "m2" / "dmsp-20-88-static.yaml"
     sections = sections_of(config)
-    frames = [columns_of(config.parent / file, names=True) for file in sections["data"].pop("files")]
+    frames = [
+        columns_of(config.parent / file, names=True) for file in sections["data"].pop("files")
+    ]
     del sections["data"]["reader"]
     agree(mm.fit(frames, **sections).scores, scored(config, tmp_path, mapmore))
 
@@ -70,33 +80,59 @@ def test_what_a_reviewer_asks_for_stands_beside_without_being_named(tmp_path):
         y[k] = 0.9 * y[k - 1] + 0.1 * u[k]
     moving = mm.fit(
         {"time": time, "u": u, "y": y},
-        columns={"time": {"column": "time", "unit": "s"}, "u": {"column": "u"}, "y": {"column": "y"}},
+        columns={
+            "time": {"column": "time", "unit": "s"},
+            "u": {"column": "u"},
+            "y": {"column": "y"},
+        },
         target={"column": "y"},
         split={"validate": {"last": 0.3}},
         dictionary=[{"slow": {"of": ["u"], "tau": [0.5]}}],
     )
-    assert {row["model"] for row in moving.scores} == {"mapmore", "plane", "quadratic", "cubic", "arx"}
-    strain, pressure = (values.ravel() for values in np.meshgrid(np.linspace(0.0, 0.2, 12), np.arange(100.0, 401.0, 50.0)))
+    assert {row["model"] for row in moving.scores} == {
+        "mapmore",
+        "plane",
+        "quadratic",
+        "cubic",
+        "arx",
+    }
+    strain, pressure = (
+        values.ravel()
+        for values in np.meshgrid(np.linspace(0.0, 0.2, 12), np.arange(100.0, 401.0, 50.0))
+    )
     force = 3 * pressure * (1 - 4 * strain) + 200 * strain**2
     on_formula = mm.fit(
         {"pressure": pressure, "strain": strain, "force": force},
-        columns={name: {"column": name, "unit": unit} for name, unit in (("pressure", "kPa"), ("strain", "1"), ("force", "N"))},
+        columns={
+            name: {"column": name, "unit": unit}
+            for name, unit in (("pressure", "kPa"), ("strain", "1"), ("force", "N"))
+        },
         levels={"of": "pressure", "at": "auto"},
         split={"validate": {"pressure": [250]}},
         target="static",
         dictionary=[{"polynomial": {"of": ["strain"], "order": 2}}],
         model={"backbone": "sarosi"},
     )
-    assert {row["model"] for row in on_formula.scores} == {"mapmore", "plane", "quadratic", "cubic", "backbone"}
+    assert {row["model"] for row in on_formula.scores} == {
+        "mapmore",
+        "plane",
+        "quadratic",
+        "cubic",
+        "backbone",
+    }
 
 
 @pytest.mark.long
 def test_a_table_scores_as_the_command_does(tmp_path, mapmore, measured_data):
-    """A measured table; the competitors that are other settings of the same study are runs of their own."""
+    """A measured table; the competitors that are other settings of the same study are runs of their
+    own.
+    """
     config = CONFIGS / "festo" / "festo_datasheet.yaml"
     sections = sections_of(config)
     del sections["data"]["files"]
-    found = mm.fit(columns_of(measured_data / "festo_datasheet" / "dmsp_20mm.csv", names=True), **sections)
+    found = mm.fit(
+        columns_of(measured_data / "festo_datasheet" / "dmsp_20mm.csv", names=True), **sections
+    )
     agree(found.scores, scored(config, tmp_path, mapmore))
 
 
@@ -105,19 +141,40 @@ def test_a_record_with_memory_scores_as_the_command_does(tmp_path, mapmore, meas
     sections = sections_of(config)
     for key in ("files", "header", "delimiter"):
         del sections["data"][key]
-    frame = columns_of(measured_data / "system_identification" / "data_for_testing.txt", names=False, delimiter=None)
+    frame = columns_of(
+        measured_data / "system_identification" / "data_for_testing.txt",
+        names=False,
+        delimiter=None,
+    )
     found = mm.fit(frame, **sections)
     agree(found.scores, scored(config, tmp_path, mapmore), measured=True)
-    rows = {name: values[:50] for name, values in zip(("time", "x", "y"), (np.arange(50.0), frame["c0"], frame["c1"]), strict=True)}
+    rows = {
+        name: values[:50]
+        for name, values in zip(
+            ("time", "x", "y"), (np.arange(50.0), frame["c0"], frame["c1"]), strict=True
+        )
+    }
     assert np.isfinite(found.predict(rows)[2:]).all()
 
 
-# --- one small study ---------------------------------------------------------------------------------------------------------------------
+# --- one small study
+# --------------------------------------------------------------------------------------------------
 
-BAR, EPS = (grid.ravel() for grid in np.meshgrid([0.8, 1.5, 2.0, 2.5, 3.5], np.linspace(0, 0.2, 25), indexing="ij"))
-FRAME = {"P [bar]": BAR, "eps": EPS, "F": 330 * BAR * (1 - 3.2 * EPS) ** 2 - 70 + 40 * np.exp(-EPS / 0.02)}
+BAR, EPS = (
+    grid.ravel()
+    for grid in np.meshgrid([0.8, 1.5, 2.0, 2.5, 3.5], np.linspace(0, 0.2, 25), indexing="ij")
+)
+FRAME = {
+    "P [bar]": BAR,
+    "eps": EPS,
+    "F": 330 * BAR * (1 - 3.2 * EPS) ** 2 - 70 + 40 * np.exp(-EPS / 0.02),
+}
 SECTIONS: dict[str, Any] = {
-    "columns": {"pressure": {"column": "P [bar]", "unit": "bar"}, "strain": {"column": "eps"}, "force": {"column": "F"}},
+    "columns": {
+        "pressure": {"column": "P [bar]", "unit": "bar"},
+        "strain": {"column": "eps"},
+        "force": {"column": "F"},
+    },
     "levels": {"of": "pressure", "at": "auto"},
     "split": {"validate": {"pressure": [200]}},
     "dictionary": [{"polynomial": {"of": ["strain"], "order": 4}}],
@@ -192,7 +249,9 @@ def test_what_is_written_runs_to_the_same_scores(fitted, tmp_path):
     assert mm.run(spec, tmp_path / "runs").stages["fit"] == "up-to-date"
     assert mm.run(spec, tmp_path / "runs", settings={"validate.require": {"nrmse": 1e-9}}).missed
     loaded = mm.load_model(fitted.save(tmp_path / "model.h5"))
-    np.testing.assert_array_equal(loaded(pressure=150, strain=EPS), fitted(pressure=150, strain=EPS))
+    np.testing.assert_array_equal(
+        loaded(pressure=150, strain=EPS), fitted(pressure=150, strain=EPS)
+    )
 
 
 def test_nothing_is_written(tmp_path, monkeypatch):
@@ -203,7 +262,9 @@ def test_nothing_is_written(tmp_path, monkeypatch):
 
 
 def test_it_shows_itself(fitted):
-    assert repr(fitted).startswith("<model model: force [N] of pressure [kPa], strain [1]>\nScores (target: static)")
+    assert repr(fitted).startswith(
+        "<model model: force [N] of pressure [kPa], strain [1]>\nScores (target: static)"
+    )
     html = fitted._repr_html_()
     assert html.count("<table>") == 1
     assert "<li><code>" in html
@@ -237,6 +298,13 @@ def test_columns_of_different_length():
 
 def test_a_file_is_a_table_too(tmp_path):
     path = tmp_path / "log.csv"
-    np.savetxt(path, np.column_stack(list(FRAME.values())), delimiter=",", header=",".join(FRAME), comments="", fmt="%.17g")
+    np.savetxt(
+        path,
+        np.column_stack(list(FRAME.values())),
+        delimiter=",",
+        header=",".join(FRAME),
+        comments="",
+        fmt="%.17g",
+    )
     assert mm.fit(path, **SECTIONS).scores.of_model() == mm.fit(FRAME, **SECTIONS).scores.of_model()
     assert expand("log.csv", tmp_path)

@@ -19,16 +19,33 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
 def test_the_table_is_that_of_the_pages():
-    """Geometric means over the three Festo muscles, the bellows as they are, and medians of the steps of coiled muscles."""
-    lines = [line for line in README.splitlines() if line.startswith("|") and re.search(r"\d", line.split("|")[3])]
+    """Geometric means over the three Festo muscles, the bellows as they are, and medians of the
+    steps of coiled muscles.
+    """
+    lines = [
+        line
+        for line in README.splitlines()
+        if line.startswith("|") and re.search(r"\d", line.split("|")[3])
+    ]
     shown = [[float(cell) for cell in re.findall(r"\| +([0-9.]+)", line)] for line in lines]
     campaign, _ = load_campaign(CONFIGS / "campaigns" / "measured_static.yaml")
     rows = {name: numbers(row) for name, row in page_table("measured").items()}
-    festo = [[f"festo_10mm_{length}cm_{held_out}" for length in (10, 20, 30)] for held_out in ("strain", "pressure", "repeat")]
+    festo = [
+        [f"festo_10mm_{length}cm_{held_out}" for length in (10, 20, 30)]
+        for held_out in ("strain", "pressure", "repeat")
+    ]
     found = []
     for runs in (*festo, ["bellows_strain"]):
         best = geometric_mean(min(rows[run][model] for model in campaign.best_of) for run in runs)
-        found.append([*(geometric_mean(rows[run][model] for run in runs) for model in ("mapmore", "sarosi")), best])
+        found.append(
+            [
+                *(
+                    geometric_mean(rows[run][model] for run in runs)
+                    for model in ("mapmore", "sarosi")
+                ),
+                best,
+            ]
+        )
     coiled = numbers(page_table("coiled", MEMORY)["steps: median"])
     others = [error for model, error in coiled.items() if model not in ("mapmore", "repeatability")]
     found.append([coiled["mapmore"], coiled["static"], min(others)])
@@ -39,7 +56,9 @@ def test_the_table_is_that_of_the_pages():
 
 def test_where_it_loses_is_what_the_page_says():
     table = {model: row["mean"] for model, row in page_table("pgm").items()}
-    assert table["cubic"] == min((told for model, told in table.items() if "inverted" not in model), key=float)
+    assert table["cubic"] == min(
+        (told for model, told in table.items() if "inverted" not in model), key=float
+    )
     assert f"a cubic has {table['cubic']} % and the direct model {table['mapmore']} %" in README
     measured = page_table("measured")["bellows_strain"]
     assert float(measured["cubic"]) < float(measured["mapmore"])

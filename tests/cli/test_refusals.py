@@ -1,4 +1,6 @@
-"""What commands refuse: each line ends with its code and says what is wrong, no traceback, and nothing is written."""
+"""What commands refuse: each line ends with its code and says what is wrong, no traceback, and
+nothing is written.
+"""
 
 from __future__ import annotations
 
@@ -53,7 +55,10 @@ LINES = [
     (f"{EXPORT} csv", 2, "--grid goes with --to csv"),
     (f"{EXPORT} csv --grid pressure=0:90000:100,strain=0.1", 2, "outside of the training range"),
     (f"{EXPORT} java", 2, "java"),
-    *((f"export MODEL -o t.csv/out --to {to}", 7, "cannot be written") for to in ("c", "fmu", "py")),
+    *(
+        (f"export MODEL -o t.csv/out --to {to}", 7, "cannot be written")
+        for to in ("c", "fmu", "py")
+    ),
     ("compare bench --runs RUNS", 2, "needs two models"),
     ("compare bench fourth --runs RUNS", 4, "there is no model of this name"),
     ("compare bench bench --runs RUNS --fail-on drift", 2, "neither `changed`"),
@@ -66,8 +71,14 @@ LINES = [
     (f"predict RUN/fit.h5 {GRID}", 4, "fit.h5"),
     (f"predict RUN/scores.csv {GRID}", 4, "scores.csv"),
     ("invert MODEL t.csv --for volume", 2, "no input 'volume'"),
-    *((f"{line} LONG", 4, "file name too long") for line in ("show", "init", "example", "compare LONG")),
-    *((f"{line} t.csv", 4, "file name too long") for line in ("predict LONG", "invert --for pressure LONG")),
+    *(
+        (f"{line} LONG", 4, "file name too long")
+        for line in ("show", "init", "example", "compare LONG")
+    ),
+    *(
+        (f"{line} t.csv", 4, "file name too long")
+        for line in ("predict LONG", "invert --for pressure LONG")
+    ),
     ("export LONG --to c", 4, "file name too long"),
     ("invert MODEL LONG --for pressure", 4, "File name too long"),
     ("freeze LONG --tag a", 4, "file name too long"),
@@ -79,25 +90,44 @@ def test_what_is_refused(line, code, words, finished, model_file, tmp_path, mapm
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("CC", "no-such-compiler")
     (tmp_path / "t.csv").write_text("force,pressure,strain\n100,150,0.05\n")
-    places = {"SPEC": finished[0], "RUNS": finished[1], "RUN": finished[1] / "bench", "MODEL": model_file, "LONG": "x" * 300}
+    places = {
+        "SPEC": finished[0],
+        "RUNS": finished[1],
+        "RUN": finished[1] / "bench",
+        "MODEL": model_file,
+        "LONG": "x" * 300,
+    }
     for name, place in places.items():
-        line = " ".join(word.replace(name, str(place), 1) if word.split("/")[0] == name else word for word in line.split(" "))
+        line = " ".join(
+            word.replace(name, str(place), 1) if word.split("/")[0] == name else word
+            for word in line.split(" ")
+        )
     assert mapmore(*shlex.split(line), code=code, says=words).stdout == ""
     assert [path.name for path in tmp_path.iterdir()] == ["t.csv"]
 
 
 NEWER = (
-    *("predict MODEL TABLE -o out", "invert MODEL TABLE --for pressure -o out", "show MODEL", "compare MODEL MODEL --figure out.svg"),
+    *(
+        "predict MODEL TABLE -o out",
+        "invert MODEL TABLE --for pressure -o out",
+        "show MODEL",
+        "compare MODEL MODEL --figure out.svg",
+    ),
     *(f"export MODEL --to {to} -o out" for to in ("c", "py", "fmu")),
     "validate SPEC --runs runs",
 )
 
 
 @pytest.mark.parametrize("command", NEWER)
-def test_a_model_of_a_newer_format_is_refused_by_whatever_reads_one(command, finished, tmp_path, mapmore, monkeypatch):
+def test_a_model_of_a_newer_format_is_refused_by_whatever_reads_one(
+    command, finished, tmp_path, mapmore, monkeypatch
+):
     monkeypatch.chdir(tmp_path)
     shutil.copytree(finished[0].parent, tmp_path / "study")
-    spec, model = tmp_path / "study" / "bench.yaml", tmp_path / "study" / "runs" / "bench" / "model.h5"
+    spec, model = (
+        tmp_path / "study" / "bench.yaml",
+        tmp_path / "study" / "runs" / "bench" / "model.h5",
+    )
     with h5py.File(model, "a") as file:
         file.attrs["format_version"] = "4.0"
     (tmp_path / "table.csv").write_text("pressure,strain,force\n150,0.02,100\n")
@@ -105,7 +135,11 @@ def test_a_model_of_a_newer_format_is_refused_by_whatever_reads_one(command, fin
         rival = f"{{model: {model.relative_to(spec.parent)}, as: other}}"
         spec.write_text(spec.read_text().replace("against: [polynomial_2]", f"against: [{rival}]"))
     places = {"MODEL": model, "TABLE": "table.csv", "SPEC": spec}
-    mapmore(*[places.get(word, word) for word in command.split()], code=4, says=["4.0", "newer", "update mapmore"])
+    mapmore(
+        *[places.get(word, word) for word in command.split()],
+        code=4,
+        says=["4.0", "newer", "update mapmore"],
+    )
     assert not list(tmp_path.glob("out*"))
     with pytest.raises(DataError, match=r"format 4\.0"):
         mapmore_cli.load_model(model)

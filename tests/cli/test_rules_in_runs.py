@@ -1,4 +1,6 @@
-"""`run`, `batch` and `mm.fit` say what `check` says: errors end them, warnings are told each time, and nothing is read for it twice."""
+"""`run`, `batch` and `mm.fit` say what `check` says: errors end them, warnings are told each time,
+and nothing is read for it twice.
+"""
 
 from __future__ import annotations
 
@@ -18,28 +20,52 @@ from mapmore_cli.spec.loader import load
 
 PER_CENT = ("--set", "data.columns.strain.scale=100")
 BAR = "it may be bar"
-LOW = ("--set", "data.columns.pressure.scale=0.01", "--set", "data.levels.at=[1, 2, 3]", "--set", "data.split.validate.pressure=[2]")
+LOW = (
+    "--set",
+    "data.columns.pressure.scale=0.01",
+    "--set",
+    "data.levels.at=[1, 2, 3]",
+    "--set",
+    "data.split.validate.pressure=[2]",
+)
 
 
 def test_an_error_of_check_ends_a_run_with_its_place_and_its_code(tmp_path: Path, mapmore) -> None:
     spec, runs = write_study(tmp_path), tmp_path / "runs"
     for command in ("run", "segment", "fit", "batch", "run"):  # again and again
-        ended = mapmore(command, spec, "--runs", runs, *PER_CENT, code=3, says="looks like per cent")
+        ended = mapmore(
+            command, spec, "--runs", runs, *PER_CENT, code=3, says="looks like per cent"
+        )
         assert "bench.yaml:" in ended.stderr or command == "batch"
     assert not (runs / "bench" / "model.h5").exists()
     mapmore("ingest", spec, "--runs", runs, *PER_CENT, code=0)
-    document = json.loads(mapmore("run", spec, "--runs", runs, *PER_CENT, "--no-check", "--json", "-q", code=0).stdout)
+    document = json.loads(
+        mapmore("run", spec, "--runs", runs, *PER_CENT, "--no-check", "--json", "-q", code=0).stdout
+    )
     assert [("per cent" in warning) for warning in document["warnings"]] == [True]
     page = (runs / "bench" / "report" / "index.html").read_text()
     assert len(re.findall(r'<p class="warning">strain reaches', page)) == 1
-    mapmore("run", spec, "--runs", runs, *PER_CENT, code=3, says="looks like per cent")  # what went on once is no permission
+    mapmore(
+        "run", spec, "--runs", runs, *PER_CENT, code=3, says="looks like per cent"
+    )  # what went on once is no permission
 
 
 def test_a_constant_target_is_wrong_data(tmp_path: Path, mapmore) -> None:
-    mapmore("run", write_study(tmp_path), "--runs", tmp_path / "runs", "--set", "data.columns.force.scale=0", code=4, says="force is 0")
+    mapmore(
+        "run",
+        write_study(tmp_path),
+        "--runs",
+        tmp_path / "runs",
+        "--set",
+        "data.columns.force.scale=0",
+        code=4,
+        says="force is 0",
+    )
 
 
-def test_warnings_are_told_each_time_and_data_are_not_read_again(tmp_path: Path, mapmore, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_warnings_are_told_each_time_and_data_are_not_read_again(
+    tmp_path: Path, mapmore, monkeypatch: pytest.MonkeyPatch
+) -> None:
     spec, runs = write_study(tmp_path), tmp_path / "runs"
     first = mapmore("run", spec, "--runs", runs, *LOW, code=0)
     assert first.stderr.count(BAR) == 1
@@ -61,7 +87,9 @@ def test_a_batch_warns_of_every_run_once(tmp_path: Path, mapmore) -> None:
     spec = write_study(tmp_path)
     again = tmp_path / "again.yaml"
     again.write_text(spec.read_text().replace("name: bench", "name: again"))
-    ended = mapmore("batch", spec, again, "--runs", tmp_path / "runs", "--jobs", "1", *LOW, "--json", code=0)
+    ended = mapmore(
+        "batch", spec, again, "--runs", tmp_path / "runs", "--jobs", "1", *LOW, "--json", code=0
+    )
     runs = json.loads(ended.stdout)["runs"]
     assert [sum(BAR in warning for warning in run["warnings"]) for run in runs] == [1, 1]
 
@@ -74,18 +102,41 @@ def test_variations_repeat_no_warning(tmp_path: Path, mapmore) -> None:
 
 
 def test_what_made_levels_impossible_is_told(tmp_path: Path, mapmore) -> None:
-    by_strain = ("data.columns.strain.scale=100", "data.levels={of: strain, at: [0.0123, 0.0527]}", "data.split={}", "segment={}")
+    by_strain = (
+        "data.columns.strain.scale=100",
+        "data.levels={of: strain, at: [0.0123, 0.0527]}",
+        "data.split={}",
+        "segment={}",
+    )
     given = [part for setting in by_strain for part in ("--set", setting)]
-    mapmore("run", write_study(tmp_path), "--runs", tmp_path / "runs", *given, code=4, says="looks like per cent")
+    mapmore(
+        "run",
+        write_study(tmp_path),
+        "--runs",
+        tmp_path / "runs",
+        *given,
+        code=4,
+        says="looks like per cent",
+    )
 
 
 def arrays(scale: float) -> dict[str, np.ndarray]:
-    pressure, strain = (grid.ravel() for grid in np.meshgrid([100.0, 200.0, 300.0], np.linspace(0, 0.2, 40), indexing="ij"))
-    return {"pressure": pressure, "strain": scale * strain, "force": pressure * (2 - 8 * strain) + pressure**2 / 400}
+    pressure, strain = (
+        grid.ravel()
+        for grid in np.meshgrid([100.0, 200.0, 300.0], np.linspace(0, 0.2, 40), indexing="ij")
+    )
+    return {
+        "pressure": pressure,
+        "strain": scale * strain,
+        "force": pressure * (2 - 8 * strain) + pressure**2 / 400,
+    }
 
 
 def test_fits_of_arrays_are_checked_as_well() -> None:
-    study = {"levels": {"of": "pressure", "at": "auto"}, "dictionary": [{"polynomial": {"of": ["strain"], "order": 2}}]}
+    study = {
+        "levels": {"of": "pressure", "at": "auto"},
+        "dictionary": [{"polynomial": {"of": ["strain"], "order": 2}}],
+    }
     with pytest.raises(SpecError, match=r"^fit\(\.\.\.\): strain reaches 20, which is 2000 %"):
         mm.fit(arrays(100.0), **study)
     with pytest.warns(UserWarning, match="looks like per cent"):
@@ -96,25 +147,37 @@ def test_fits_of_arrays_are_checked_as_well() -> None:
     assert mm.fit(arrays(1.0), **study).warnings == ()
 
 
-# Models that lack a quantity, and labels ------------------------------------------------------------------------------------------
+# Models that lack a quantity, and labels
+# ------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
-    "dictionary", ["[{products: {of: [{slow: {of: [pressure], tau: [0.05, 0.2]}}], order: 2}}]", "[{lags: {of: [length], steps: [1]}}]"]
+    "dictionary",
+    [
+        "[{products: {of: [{slow: {of: [pressure], tau: [0.05, 0.2]}}], order: 2}}]",
+        "[{lags: {of: [length], steps: [1]}}]",
+    ],
 )
 def test_a_model_without_inputs_gets_a_page(tmp_path: Path, mapmore, dictionary: str) -> None:
     rng = np.random.default_rng(0)
-    rows = [f"{0.01 * i:.2f},{100 + 50 * np.sin(0.05 * i):.4f},{0.5 + 1e-3 * rng.normal():.6f}" for i in range(400)]
+    rows = [
+        f"{0.01 * i:.2f},{100 + 50 * np.sin(0.05 * i):.4f},{0.5 + 1e-3 * rng.normal():.6f}"
+        for i in range(400)
+    ]
     (tmp_path / "m.csv").write_text("\n".join(["t,P,L", *rows]) + "\n")
     (tmp_path / "s.yaml").write_text(
-        "name: s\ndata:\n  files: [m.csv]\n  columns: {time: {column: t, unit: s}, pressure: {column: P, unit: kPa}, "
-        f"length: {{column: L, unit: m}}}}\n  split: {{validate: {{last: 0.5}}}}\ntarget: {{column: length}}\ndictionary: {dictionary}\n"
+        "name: s\ndata:\n  files: [m.csv]\n  columns: {time: {column: t, unit: s}, pressure: "
+        "{column: P, unit: kPa}, "
+        f"length: {{column: L, unit: m}}}}\n  split: {{validate: {{last: 0.5}}}}\ntarget: "
+        f"{{column: length}}\ndictionary: {dictionary}\n"
         "fit: {max_terms: 1}\n"
     )
     ended = mapmore("run", tmp_path / "s.yaml", "--runs", tmp_path / "runs", code=0)
     assert "no input was selected: the model only goes on from its own past" in ended.stderr
     assert "Scores" in ended.stdout
-    assert "no input was selected" in (tmp_path / "runs" / "s" / "report" / "index.html").read_text()
+    assert (
+        "no input was selected" in (tmp_path / "runs" / "s" / "report" / "index.html").read_text()
+    )
 
 
 @pytest.mark.parametrize("levels", ["pchip", "linear"])
@@ -124,13 +187,22 @@ def test_every_figure_of_an_inverted_model_is_drawn(tmp_path: Path, mapmore, lev
         force = np.linspace(0.0, 150.0, 40)
         strain = (0.05 + 0.0004 * level) * (1 - force / 400) ** 1.2
         (tmp_path / f"held_{level}.csv").write_text(
-            "\n".join(["P,eps,F", *(f"{level},{e:.5f},{f:.3f}" for e, f in zip(strain, force, strict=True))]) + "\n"
+            "\n".join(
+                [
+                    "P,eps,F",
+                    *(f"{level},{e:.5f},{f:.3f}" for e, f in zip(strain, force, strict=True)),
+                ]
+            )
+            + "\n"
         )
     (tmp_path / "s.yaml").write_text(
-        "name: s\ndata:\n  files: ['held_*.csv']\n  columns: {pressure: {column: P}, strain: {column: eps}, force: {column: F}}\n"
-        "  levels: {of: pressure, at: [100, 200, 300, 400]}\n  split: {validate: {pressure: [200]}}\ntarget: {column: strain}\n"
+        "name: s\ndata:\n  files: ['held_*.csv']\n  columns: {pressure: {column: P}, strain: "
+        "{column: eps}, force: {column: F}}\n"
+        "  levels: {of: pressure, at: [100, 200, 300, 400]}\n  split: {validate: {pressure: "
+        "[200]}}\ntarget: {column: strain}\n"
         "validate: {as: force}\nsegment: {force: {method: even, count: 2, min_samples: 6}}\n"
-        f"dictionary: [{{polynomial: {{of: [force], order: 2}}}}]\nfit: {{max_terms: 2}}\nfuse: {{levels: {levels}}}\n"
+        f"dictionary: [{{polynomial: {{of: [force], order: 2}}}}]\nfit: {{max_terms: 2}}\n"
+        f"fuse: {{levels: {levels}}}\n"
     )
     mapmore("run", tmp_path / "s.yaml", "--runs", tmp_path / "runs", code=0)
     drawn = {path.stem for path in (tmp_path / "runs" / "s" / "report").rglob("segments_levels*")}
@@ -138,10 +210,20 @@ def test_every_figure_of_an_inverted_model_is_drawn(tmp_path: Path, mapmore, lev
     mapmore("figure", tmp_path / "runs" / "s", "segments", "-o", tmp_path / "out.pdf", code=0)
 
 
-def test_a_label_that_cannot_be_set_is_found_before_anything_is_computed(tmp_path: Path, mapmore) -> None:
+def test_a_label_that_cannot_be_set_is_found_before_anything_is_computed(
+    tmp_path: Path, mapmore
+) -> None:
     spec = write_study(tmp_path)
     deep = "report.style={labels: {force: '$x" + "^{x" * 120 + "}" * 120 + "$'}}"
     assert "cannot be set" in mapmore("check", spec, "--set", deep, code=3).stdout
     mapmore("run", spec, "--runs", tmp_path / "runs", "--set", deep, code=3, says="cannot be set")
     assert not (tmp_path / "runs" / "bench" / "model.h5").exists()
-    mapmore("run", spec, "--runs", tmp_path / "runs", "--set", "report.style={labels: {force: '$F_0^{x^{2}}$ (N)'}}", code=0)
+    mapmore(
+        "run",
+        spec,
+        "--runs",
+        tmp_path / "runs",
+        "--set",
+        "report.style={labels: {force: '$F_0^{x^{2}}$ (N)'}}",
+        code=0,
+    )

@@ -56,8 +56,13 @@ def test_by_hand() -> None:
 parts = st.floats(0, 5, width=16)
 
 
-@given(loads=st.lists(st.tuples(parts, parts, parts, parts), min_size=1, max_size=12), workers=st.integers(1, 6))
-def test_nothing_is_faster_than_on_paper(loads: list[tuple[float, float, float, float]], workers: int) -> None:
+@given(
+    loads=st.lists(st.tuples(parts, parts, parts, parts), min_size=1, max_size=12),
+    workers=st.integers(1, 6),
+)
+def test_nothing_is_faster_than_on_paper(
+    loads: list[tuple[float, float, float, float]], workers: int
+) -> None:
     found = [scale.Load(*load) for load in loads]
     took = scale.simulated(found, workers)
     assert took >= scale.bounds(found, workers).least * (1 - 1e-12)
@@ -72,7 +77,9 @@ def test_commands_of_the_page_are_ours() -> None:
     batch = get_command(app).commands["batch"]  # type: ignore[attr-defined]
     known = {option for parameter in batch.params for option in parameter.opts}
     used = {
-        option for line in re.findall(r"mapmore.*batch.*", (DOCS / "scale.md").read_text()) for option in re.findall(r"--[a-z-]+", line)
+        option
+        for line in re.findall(r"mapmore.*batch.*", (DOCS / "scale.md").read_text())
+        for option in re.findall(r"--[a-z-]+", line)
     }
     assert used
     assert used - {"--nthreads"} <= known

@@ -1,4 +1,6 @@
-"""A column may be scaled by any number: there is a result, or an error that says what is wrong with the data or the fit."""
+"""A column may be scaled by any number: there is a result, or an error that says what is wrong with
+the data or the fit.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,9 @@ MODELS = (
 )
 
 
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 @given(
     st.sampled_from(["pressure", "strain", "force"]),
     st.floats(-300, 300),
@@ -37,7 +41,14 @@ def test_any_scale_gives_a_result_or_says_what_is_wrong(
 ) -> None:
     spec = write_study(tmp_path)
     own = ("data.levels.at=auto", "data.split={}") if name == "pressure" else ()
-    loaded = load(spec, (f"data.columns.{name}.scale={sign * 10.0**exponent!r}", *own, *(one for one in model if "scaling" not in one)))
+    loaded = load(
+        spec,
+        (
+            f"data.columns.{name}.scale={sign * 10.0**exponent!r}",
+            *own,
+            *(one for one in model if "scaling" not in one),
+        ),
+    )
     try:
         bring_up_to_date(loaded, tmp_path / "runs", force=True, check=False)
     except (DataError, FitError) as fault:

@@ -1,4 +1,6 @@
-"""`validate: {as: force}`: a model of the strain is inverted, and scored as force beside the direct one."""
+"""`validate: {as: force}`: a model of the strain is inverted, and scored as force beside the direct
+one.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,11 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
         lines = [f"{level},{e:.5f},{f:.3f}" for e, f in zip(strain, force, strict=True)]
         (folder / f"bench_{level}.csv").write_text("\n".join(["P,eps,F", *lines]) + "\n")
     spec = folder / "bench.yaml"
-    spec.write_text(SPEC.format(name="bench", levels=[100, 200, 300], split="  split: {validate: {pressure: [200]}}\n"))
+    spec.write_text(
+        SPEC.format(
+            name="bench", levels=[100, 200, 300], split="  split: {validate: {pressure: [200]}}\n"
+        )
+    )
     return spec
 
 
@@ -42,18 +48,27 @@ def scores(runs: Path, name: str) -> dict[tuple[str, str], dict[str, Any]]:
 
 
 def test_all_rows_are_of_the_force(study: Path, tmp_path: Path, mapmore) -> None:
-    """The inverted model has the error that inverting it by hand, in `predict`, gives; the formulas have that of the direct study."""
+    """The inverted model has the error that inverting it by hand, in `predict`, gives; the formulas
+    have that of the direct study.
+    """
     runs = tmp_path / "runs"
     given = options(*TURNED, "validate={as: force, against: [polynomial_2]}", "name=turned")
     mapmore("run", study, "--runs", runs, *given, code=0)
-    mapmore("validate", study, "--runs", runs, *options("validate={against: [polynomial_2]}"), code=0)
+    mapmore(
+        "validate", study, "--runs", runs, *options("validate={against: [polynomial_2]}"), code=0
+    )
     rows, direct_rows = scores(runs, "turned"), scores(runs, "bench")
     assert {row["target"] for row in rows.values()} == {"force"}
     assert json.loads((runs / "turned" / "scores.json").read_text())["units"] == {"force": "N"}
-    assert rows["polynomial_2", "validate"] == {**direct_rows["polynomial_2", "validate"], "target": "force"}
+    assert rows["polynomial_2", "validate"] == {
+        **direct_rows["polynomial_2", "validate"],
+        "target": "force",
+    }
     measured = study.parent / "bench_200.csv"
     table = tmp_path / "table.csv"
-    table.write_text("\n".join(["pressure,strain,force", *measured.read_text().splitlines()[1:]]) + "\n")
+    table.write_text(
+        "\n".join(["pressure,strain,force", *measured.read_text().splitlines()[1:]]) + "\n"
+    )
     out = tmp_path / "out.csv"
     mapmore("predict", runs / "turned" / "model.h5", table, "-o", out, "--as", "force", code=0)
     found = np.genfromtxt(out, delimiter=",", names=True, dtype=None, encoding="utf-8")
@@ -64,13 +79,18 @@ def test_all_rows_are_of_the_force(study: Path, tmp_path: Path, mapmore) -> None
     assert "The model predicts strain; it is inverted, and scored as force." in page
 
 
-def test_the_inverted_model_stands_beside_the_direct_one(study: Path, tmp_path: Path, mapmore) -> None:
+def test_the_inverted_model_stands_beside_the_direct_one(
+    study: Path, tmp_path: Path, mapmore
+) -> None:
     """As a competitor whose target is another, also where every level is left out in turn."""
     runs = tmp_path / "runs"
     changed = "{target: {column: strain}, segment: {force: {method: even, count: 2}}, " + (
         "dictionary: [{polynomial: {of: [force], order: 2}}], fit: {max_terms: 2}}"
     )
-    given = options(f"validate={{against: [{{set: {changed}, as: inverted}}]}}", "data.split={leave_one_level_out: true}")
+    given = options(
+        f"validate={{against: [{{set: {changed}, as: inverted}}]}}",
+        "data.split={leave_one_level_out: true}",
+    )
     mapmore("validate", study, "--runs", runs, *given, code=0)
     rows = scores(runs, "bench")
     assert {"mapmore", "inverted"} <= {model for model, _ in rows}
@@ -84,15 +104,33 @@ def test_the_inverted_model_stands_beside_the_direct_one(study: Path, tmp_path: 
         (["validate.as=force"], "needs a model of another quantity"),
         ([*TURNED, "validate.as=strain"], "needs a model of another quantity"),
         ([*TURNED, "validate.as=load"], "there is no quantity `load`"),
-        ([*TURNED, "validate.as=force", "model={type: literature, name: polynomial_2}"], "only a model of pieces"),
         (
-            ["target={column: strain}", "segment={}", "dictionary=[{polynomial: {of: [pressure], order: 1}}]", "validate.as=force"],
+            [*TURNED, "validate.as=force", "model={type: literature, name: polynomial_2}"],
+            "only a model of pieces",
+        ),
+        (
+            [
+                "target={column: strain}",
+                "segment={}",
+                "dictionary=[{polynomial: {of: [pressure], order: 1}}]",
+                "validate.as=force",
+            ],
             "cannot be inverted for `force`",
         ),
     ],
 )
-def test_what_cannot_be_inverted_is_refused(settings: list[str], words: str, study: Path, tmp_path: Path, mapmore) -> None:
-    mapmore("validate", study, "--runs", tmp_path / "runs", *options("validate.against=[]", *settings), code=3, says=words)
+def test_what_cannot_be_inverted_is_refused(
+    settings: list[str], words: str, study: Path, tmp_path: Path, mapmore
+) -> None:
+    mapmore(
+        "validate",
+        study,
+        "--runs",
+        tmp_path / "runs",
+        *options("validate.against=[]", *settings),
+        code=3,
+        says=words,
+    )
 
 
 def test_a_table_is_turned_with_its_flags(study: Path, tmp_path: Path, mapmore) -> None:

@@ -1,4 +1,6 @@
-"""Work shared out to copies of a process: the same results in the same order, whatever happens to the copies."""
+"""Work shared out to copies of a process: the same results in the same order, whatever happens to
+the copies.
+"""
 
 from __future__ import annotations
 
@@ -25,10 +27,18 @@ me, items = os.getpid(), list(range(10))
 
 
 def python(script: str, *arguments: object, threads: str = "1") -> str:
-    """What a script prints in a process of its own: this one has threads, of which a fork may hang."""
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([*sys.path, str(HERE)]), "OPENBLAS_NUM_THREADS": threads}
+    """What a script prints in a process of its own: this one has threads, of which a fork may
+    hang.
+    """
+    environment = {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join([*sys.path, str(HERE)]),
+        "OPENBLAS_NUM_THREADS": threads,
+    }
     command = [sys.executable, "-c", START + script, *map(str, arguments)]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run(
+        command, env=environment, capture_output=True, text=True, timeout=60, check=False
+    )
     assert done.returncode == 0, done.stderr
     assert not done.stderr
     return done.stdout.strip()
@@ -79,7 +89,9 @@ threading.Thread(target=done.wait).start()
 print(alone, meanwhile == [1] * 10, free_processors())
 done.set()
 """
-LARGE = "print([len(text) for text in shared_out(lambda item: 'x' * 10**6 * item, items, processes=3)])"
+LARGE = (
+    "print([len(text) for text in shared_out(lambda item: 'x' * 10**6 * item, items, processes=3)])"
+)
 UNDELIVERED = """
 def work(item):
     if item == 3 and os.getpid() != me:  # what the fourth process begins with
@@ -92,17 +104,33 @@ print(shared_out(work, items, processes=4) == [item + 1 for item in items], len(
 @pytest.mark.parametrize(
     ("script", "printed"),
     [
-        pytest.param("print(shared_out(str, [], processes=4))", "[]", id="nothing is shared out of nothing"),
+        pytest.param(
+            "print(shared_out(str, [], processes=4))", "[]", id="nothing is shared out of nothing"
+        ),
         pytest.param(FREE, "[1]", id="the process that is free first takes the next item"),
-        pytest.param(LARGE, str([10**6 * item for item in range(10)]), id="results larger than a pipe arrive"),
+        pytest.param(
+            LARGE, str([10**6 * item for item in range(10)]), id="results larger than a pipe arrive"
+        ),
         pytest.param(FAILS, "0", id="an error is that of the item"),
         pytest.param(INTERRUPTED, "0", id="no copy outlives an interruption"),
         pytest.param(REFUSED, "True", id="where no process can be made all is done here"),
-        pytest.param(THREADS, f"{PROCESSORS} True 1", id="a process with threads or copies, and a copy, make none"),
-        pytest.param(UNDELIVERED.format(end="os.kill(os.getpid(), signal.SIGKILL)"), "True 0", id="a copy is killed"),
+        pytest.param(
+            THREADS,
+            f"{PROCESSORS} True 1",
+            id="a process with threads or copies, and a copy, make none",
+        ),
+        pytest.param(
+            UNDELIVERED.format(end="os.kill(os.getpid(), signal.SIGKILL)"),
+            "True 0",
+            id="a copy is killed",
+        ),
         pytest.param(UNDELIVERED.format(end="os._exit(3)"), "True 0", id="a copy ends"),
-        pytest.param(UNDELIVERED.format(end="raise MemoryError"), "True 0", id="a copy is short of memory"),
-        pytest.param(UNDELIVERED.format(end="return lambda: item"), "True 0", id="a result cannot be sent"),
+        pytest.param(
+            UNDELIVERED.format(end="raise MemoryError"), "True 0", id="a copy is short of memory"
+        ),
+        pytest.param(
+            UNDELIVERED.format(end="return lambda: item"), "True 0", id="a result cannot be sent"
+        ),
     ],
 )
 def test_whatever_happens_to_the_copies(script, printed):
@@ -141,7 +169,13 @@ def work(item):
 shared_out(work, items, processes=3)
 """
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
-    done = subprocess.run([sys.executable, "-c", START + script], env=environment, capture_output=True, timeout=30, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", START + script],
+        env=environment,
+        capture_output=True,
+        timeout=30,
+        check=False,
+    )
     assert done.returncode == -signal.SIGKILL  # and nobody holds its output open any more
 
 

@@ -1,4 +1,6 @@
-"""Recordings that several runs read in the same way are read once, and never more is shared than is the same."""
+"""Recordings that several runs read in the same way are read once, and never more is shared than is
+the same.
+"""
 
 from __future__ import annotations
 
@@ -32,13 +34,20 @@ def reads(monkeypatch) -> list[Path]:
     return found
 
 
-SETTINGS = {"one": ["fit.max_terms=1"], "two": ["fit.max_terms=2"], "other": ["data.split={validate: {pressure: [300]}}"]}
+SETTINGS = {
+    "one": ["fit.max_terms=1"],
+    "two": ["fit.max_terms=2"],
+    "other": ["data.split={validate: {pressure: [300]}}"],
+}
 
 
 def campaign(folder: Path, rivals: str = "polynomial_2", force: bool = False) -> list[Job]:
     spec = write_study(folder, "base")
     spec.write_text(spec.read_text().replace("[polynomial_2]", f"[{rivals}]"))
-    jobs = [Job(spec, folder / "runs", (f"name={name}", *settings), force) for name, settings in SETTINGS.items()]
+    jobs = [
+        Job(spec, folder / "runs", (f"name={name}", *settings), force)
+        for name, settings in SETTINGS.items()
+    ]
     return planned(jobs, [load(job.config, job.overrides) for job in jobs])
 
 
@@ -56,7 +65,9 @@ def test_one_reading_for_all_runs_and_variations(tmp_path, reads):
     assert len(reads) == 2
     for job, name in zip(jobs[1:], ["two", "other"], strict=True):
         alone = run_one(replace(job, runs=tmp_path / "alone", leader="", leads=False))
-        assert (tmp_path / "runs" / name / "scores.json").read_bytes() == (alone.run_dir / "scores.json").read_bytes()
+        assert (tmp_path / "runs" / name / "scores.json").read_bytes() == (
+            alone.run_dir / "scores.json"
+        ).read_bytes()
     assert [run.stages["ingest"] for run in done(campaign(tmp_path, varied))] == ["up-to-date"] * 3
 
 
@@ -95,14 +106,19 @@ def test_what_differs_is_not_shared(tmp_path, reads):
     recording.write_text(recording.read_text() + "100,0.09,100\n")
     run_one(third)  # not the recordings that the leader read
     assert len(reads) == 3
-    assert (tmp_path / "runs" / "two" / "ingest.h5").read_bytes() != (tmp_path / "runs" / "three" / "ingest.h5").read_bytes()
+    assert (tmp_path / "runs" / "two" / "ingest.h5").read_bytes() != (
+        tmp_path / "runs" / "three" / "ingest.h5"
+    ).read_bytes()
 
 
 def test_warnings_of_a_reading_are_told_of_every_run(tmp_path):
     (tmp_path / "few").mkdir()
     spec = write_study(tmp_path, "base")
     (tmp_path / "base_150.csv").write_text("P,eps,F\n100,0.01,150\n100,0.02,140\n")
-    jobs = [Job(spec, tmp_path / "runs", (f"name={name}", "data.levels.within=10")) for name in ("a", "b")]
+    jobs = [
+        Job(spec, tmp_path / "runs", (f"name={name}", "data.levels.within=10"))
+        for name in ("a", "b")
+    ]
     both = done(planned(jobs, [load(job.config, job.overrides) for job in jobs]))
     assert both[0].warnings == both[1].warnings
     assert any("base_150.csv: holds only 2 samples" in warning for warning in both[0].warnings)

@@ -1,4 +1,5 @@
-"""Every shipped study loads and runs; simulated ones give their scores, measured ones those of the pages.
+"""Every shipped study loads and runs; simulated ones give their scores, measured ones those of the
+pages.
 
 These are docs/measured-static.md and docs/memory.md.
 """
@@ -20,14 +21,18 @@ from mapmore_cli.spec.loader import load
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 STUDIES = sorted(
-    path for path in CONFIGS.rglob("*.yaml") if not path.name.startswith("_") and not {"campaigns", "papers"} & set(path.parts)
+    path
+    for path in CONFIGS.rglob("*.yaml")
+    if not path.name.startswith("_") and not {"campaigns", "papers"} & set(path.parts)
 )
 IN_FREE_RUN = ("cascaded_tanks", "bouc_wen")
 """Studies whose search takes minutes: see test_free_run_studies.py."""
 
 
 def is_measured(path: Path) -> bool:
-    """True for a study of recordings that are not part of the project, whose folder it or what it extends names."""
+    """True for a study of recordings that are not part of the project, whose folder it or what it
+    extends names.
+    """
     text = path.read_text(encoding="utf-8")
     base = re.search(r"^extends: (\S+)", text, re.MULTILINE)
     return "MAPMORE_DATA" in text or (base is not None and is_measured(path.parent / base[1]))
@@ -35,12 +40,24 @@ def is_measured(path: Path) -> bool:
 
 ON_RATES = CONFIGS / "coiled" / "coiled_steps_rates.yaml"
 """A study of docs/damping.md: see test_motion_studies.py."""
-MEASURED = [path for path in STUDIES if path.stem not in IN_FREE_RUN and path != ON_RATES and is_measured(path)]
-CHAINED = [path for path in STUDIES if any(word in path.stem for word in ("-damping", "-dynamic", "-from-zero"))]
+MEASURED = [
+    path
+    for path in STUDIES
+    if path.stem not in IN_FREE_RUN and path != ON_RATES and is_measured(path)
+]
+CHAINED = [
+    path
+    for path in STUDIES
+    if any(word in path.stem for word in ("-damping", "-dynamic", "-from-zero"))
+]
 """Studies that one run of a dynamic study makes: see test_motion_studies.py."""
 WITH_PAGE = [path for path in STUDIES if path.parent.name in ("wrist", "muscle-like")]
 """Studies that a page of their own is about: see test_muscle_pages.py."""
-ELSEWHERE = [path for path in STUDIES if path == ON_RATES or path in CHAINED or path in WITH_PAGE or path.stem in IN_FREE_RUN]
+ELSEWHERE = [
+    path
+    for path in STUDIES
+    if path == ON_RATES or path in CHAINED or path in WITH_PAGE or path.stem in IN_FREE_RUN
+]
 SIMULATED = [path for path in STUDIES if path not in MEASURED and path not in ELSEWHERE]
 
 NRMSE = {
@@ -52,33 +69,77 @@ NRMSE = {
     "dmsp-20-88-perturbation": {"mapmore": 0.1186, "none": 0.2358},
     "peano-perturbation": {"mapmore": 0.2714, "none": 0.4244},
     "peano-m1-hysteresis": {"mapmore": 0.1010, "sarosi": 0.7104},
-    "dmsp-20-88-inner-reversals": {"mapmore": 0.0055, "static": 0.0176, "rise_and_fall": 0.0082, "prandtl_ishlinskii": 0.0242},
-    "peano-inner-reversals": {"mapmore": 0.0032, "static": 0.0164, "rise_and_fall": 0.0062, "prandtl_ishlinskii": 0.0280},
+    "dmsp-20-88-inner-reversals": {
+        "mapmore": 0.0055,
+        "static": 0.0176,
+        "rise_and_fall": 0.0082,
+        "prandtl_ishlinskii": 0.0242,
+    },
+    "peano-inner-reversals": {
+        "mapmore": 0.0032,
+        "static": 0.0164,
+        "rise_and_fall": 0.0062,
+        "prandtl_ishlinskii": 0.0280,
+    },
     "dmsp-20-400-sections": {"mapmore": 0.1079, "shared_state": 0.1009},
-    "dmsp-20-400-loads": {"mapmore": 0.0686, "without_load": 0.0722, "sections": 0.0542, "sections_load": 0.0483, "placed_load": 0.0413},
-    "dmsp-20-400-read-again": {"mapmore": 0.0827, "linear": 0.0863, "piecewise": 0.0918, "piecewise_inflate_deflate": 0.1220},
-    "dmsp-20-400-waveforms": {"mapmore": 0.0827, "linear_least_squares": 0.0855, "linear": 0.1016, "shared_state": 0.1886},
+    "dmsp-20-400-loads": {
+        "mapmore": 0.0686,
+        "without_load": 0.0722,
+        "sections": 0.0542,
+        "sections_load": 0.0483,
+        "placed_load": 0.0413,
+    },
+    "dmsp-20-400-read-again": {
+        "mapmore": 0.0827,
+        "linear": 0.0863,
+        "piecewise": 0.0918,
+        "piecewise_inflate_deflate": 0.1220,
+    },
+    "dmsp-20-400-waveforms": {
+        "mapmore": 0.0827,
+        "linear_least_squares": 0.0855,
+        "linear": 0.1016,
+        "shared_state": 0.1886,
+    },
 }
-"""Validation scores on the committed recordings; a change of these is a change of numbers and belongs in the changelog."""
+"""Validation scores on the committed recordings; a change of these is a change of numbers and
+belongs in the changelog.
+"""
 
 WITH_REPORT = (
     *("dmsp-20-88-static", "peano-m1-hysteresis"),
     *("festo_10mm_10cm_pressure", "pgm_force", "coiled_loops", "buck", "antagonist-pam"),
 )
-"""Studies whose page is made as well, one of each kind; test_motion_studies.py makes that of a damping study."""
+"""Studies whose page is made as well, one of each kind; test_motion_studies.py makes that of a
+damping study.
+"""
 
-LONG = re.compile(r"festo_10mm_.*|bellows_.*|coiled_.*_motion|coiled_loads|coiled_steps|emps|antagonist_pam")
-"""Measured studies with the competitors of others, which take most of the time; `test_memory_page` runs another record of some."""
+LONG = re.compile(
+    r"festo_10mm_.*|bellows_.*|coiled_.*_motion|coiled_loads|coiled_steps|emps|antagonist_pam"
+)
+"""Measured studies with the competitors of others, which take most of the time; `test_memory_page`
+runs another record of some.
+"""
 
 SHORT = {
-    **dict.fromkeys(("festo_10mm_10cm_pressure", "festo_10mm_10cm_repeat", "bellows_raw", "bellows_strain"), "sarosi"),
+    **dict.fromkeys(
+        ("festo_10mm_10cm_pressure", "festo_10mm_10cm_repeat", "bellows_raw", "bellows_strain"),
+        "sarosi",
+    ),
     "festo_10mm_family": "",
-    "coiled_steps_motion": "{as: inflate_deflate, set: {model: {type: state_space, input: pressure, offset: true, direction: true}}}",
+    "coiled_steps_motion": (
+        "{as: inflate_deflate, set: {model: {type: state_space, input: pressure, offset: "
+        "true, direction: true}}}"
+    ),
 }
-"""Some of them, one of each split, which are run with one competitor or none. The model of coiled_loops_motion is that of coiled_loops."""
+"""Some of them, one of each split, which are run with one competitor or none. The model of
+coiled_loops_motion is that of coiled_loops.
+"""
 
 LONG_SIMULATED = ("dmsp-20-400-waveforms", "dmsp-20-400-read-again", "peano-perturbation")
-"""Their competitors are other models of motion, as those of dmsp-20-400-sections; the last is as dmsp-20-88-perturbation."""
+"""Their competitors are other models of motion, as those of dmsp-20-400-sections; the last is as
+dmsp-20-88-perturbation.
+"""
 
 SCORED = {"festo_10mm_family": "family", "printed_cylinder": "cylinder"}
 """Studies whose score table is on docs/measured-static.md."""
@@ -90,7 +151,10 @@ IN_CAMPAIGNS = {
 }
 """Studies that a campaign runs by another name: table and row of docs/memory.md."""
 
-IN_MOTION = {"coiled_steps_motion": "motion-steps-1-200g", "coiled_loops_motion": "motion-loops-1-200g"}
+IN_MOTION = {
+    "coiled_steps_motion": "motion-steps-1-200g",
+    "coiled_loops_motion": "motion-loops-1-200g",
+}
 """The same in docs/motion.md."""
 
 
@@ -105,7 +169,9 @@ def test_there_are_studies_of_both_kinds():
 
 @pytest.fixture(scope="module")
 def schema() -> jsonschema.Draft202012Validator:
-    return jsonschema.Draft202012Validator(json.loads((CONFIGS / "experiment.schema.json").read_text(encoding="utf-8")))
+    return jsonschema.Draft202012Validator(
+        json.loads((CONFIGS / "experiment.schema.json").read_text(encoding="utf-8"))
+    )
 
 
 @pytest.mark.parametrize("path", STUDIES, ids=names(STUDIES))
@@ -113,21 +179,40 @@ def test_a_study_is_named_after_its_file_and_follows_the_schema(path, schema):
     loaded = load(path)
     assert loaded.spec.name == path.stem
     assert ("/datasets/" not in loaded.resolved) == is_measured(path)
-    modeline = path.read_text(encoding="utf-8").splitlines()[0].removeprefix("# yaml-language-server: $schema=")
+    modeline = (
+        path.read_text(encoding="utf-8")
+        .splitlines()[0]
+        .removeprefix("# yaml-language-server: $schema=")
+    )
     assert (path.parent / modeline).resolve() == CONFIGS / "experiment.schema.json"
     schema.validate(yaml.safe_load(loaded.resolved))
 
 
 def run(mapmore, path: Path, runs: Path, *settings: str, with_report: bool) -> dict[str, Any]:
     spec = without_figures(path, runs) if "needs:" in path.read_text(encoding="utf-8") else path
-    result = mapmore("run" if with_report else "validate", spec, "--runs", runs, "--json", "-q", *settings, code=0)
+    result = mapmore(
+        "run" if with_report else "validate",
+        spec,
+        "--runs",
+        runs,
+        "--json",
+        "-q",
+        *settings,
+        code=0,
+    )
     document = json.loads(result.stdout)
     assert (runs / path.stem / "report" / "index.html").is_file() == with_report
     return held_out(document)
 
 
 @pytest.mark.parametrize(
-    "path", [pytest.param(path, marks=pytest.mark.long if path.stem in LONG_SIMULATED else (), id=path.stem) for path in SIMULATED]
+    "path",
+    [
+        pytest.param(
+            path, marks=pytest.mark.long if path.stem in LONG_SIMULATED else (), id=path.stem
+        )
+        for path in SIMULATED
+    ],
 )
 def test_a_simulated_study_gives_its_scores(path, tmp_path, mapmore):
     rows = run(mapmore, path, tmp_path, with_report=path.stem in WITH_REPORT)
@@ -138,7 +223,9 @@ def test_a_simulated_study_gives_its_scores(path, tmp_path, mapmore):
 def test_a_long_simulated_study_runs_alone(tmp_path, mapmore):
     (path,) = (path for path in SIMULATED if path.stem == LONG_SIMULATED[0])
     rows = run(mapmore, path, tmp_path, "--set", "validate.against=[]", with_report=False)
-    assert rows["mapmore"]["nrmse"] == pytest.approx(NRMSE[LONG_SIMULATED[0]]["mapmore"], abs=1e-4, rel=5e-3)
+    assert rows["mapmore"]["nrmse"] == pytest.approx(
+        NRMSE[LONG_SIMULATED[0]]["mapmore"], abs=1e-4, rel=5e-3
+    )
 
 
 @pytest.fixture(scope="module")
@@ -148,7 +235,13 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize(
-    "path", [pytest.param(path, marks=pytest.mark.long if LONG.fullmatch(path.stem) else (), id=path.stem) for path in MEASURED]
+    "path",
+    [
+        pytest.param(
+            path, marks=pytest.mark.long if LONG.fullmatch(path.stem) else (), id=path.stem
+        )
+        for path in MEASURED
+    ],
 )
 def test_a_measured_study_runs(path, runs, mapmore, measured_data):
     rows = run(mapmore, path, runs, with_report=path.stem in WITH_REPORT)
@@ -161,7 +254,9 @@ def test_a_measured_study_runs(path, runs, mapmore, measured_data):
     if path.stem in identification:
         row = numbers(identification[path.stem])
         told_of_runs = (row["RRSE, free run"], row["RRSE, one step"])
-        assert (rows["mapmore"]["rrse"], rows["mapmore"]["rrse_one_step"]) == pytest.approx(told_of_runs, abs=2e-5)
+        assert (rows["mapmore"]["rrse"], rows["mapmore"]["rrse_one_step"]) == pytest.approx(
+            told_of_runs, abs=2e-5
+        )
 
 
 QUICK = ("festo_10mm_10cm_pressure", "bellows_strain", "coiled_steps_motion")
@@ -169,14 +264,33 @@ QUICK = ("festo_10mm_10cm_pressure", "bellows_strain", "coiled_steps_motion")
 
 
 @pytest.mark.parametrize(
-    ("study", "competitor"), [pytest.param(*one, marks=() if one[0] in QUICK else pytest.mark.long, id=one[0]) for one in SHORT.items()]
+    ("study", "competitor"),
+    [
+        pytest.param(*one, marks=() if one[0] in QUICK else pytest.mark.long, id=one[0])
+        for one in SHORT.items()
+    ],
 )
-def test_a_long_measured_study_runs_almost_alone(study, competitor, tmp_path, mapmore, measured_data):
+def test_a_long_measured_study_runs_almost_alone(
+    study, competitor, tmp_path, mapmore, measured_data
+):
     (path,) = (path for path in MEASURED if path.stem == study)
-    rows = run(mapmore, path, tmp_path, "--set", f"validate.against=[{competitor}]", "--set", "validate.simple=false", with_report=False)
+    rows = run(
+        mapmore,
+        path,
+        tmp_path,
+        "--set",
+        f"validate.against=[{competitor}]",
+        "--set",
+        "validate.simple=false",
+        with_report=False,
+    )
     assert 0 < rows["mapmore"]["nrmse"] < 0.6
-    assert_told({model: per_cent for model, per_cent in shown_of(study).items() if model in rows}, rows)
-    assert rows.keys() - shown_of(study).keys() == (rows.keys() if study == "bellows_raw" else set())
+    assert_told(
+        {model: per_cent for model, per_cent in shown_of(study).items() if model in rows}, rows
+    )
+    assert rows.keys() - shown_of(study).keys() == (
+        rows.keys() if study == "bellows_raw" else set()
+    )
 
 
 def assert_told(told: dict[str, float], rows: dict[str, Any]):
@@ -186,7 +300,9 @@ def assert_told(told: dict[str, float], rows: dict[str, Any]):
 
 
 def shown_of(study: str) -> dict[str, float]:
-    """NRMSE in per cent by model, as docs/measured-static.md or docs/memory.md has it; empty for a study that neither shows."""
+    """NRMSE in per cent by model, as docs/measured-static.md or docs/memory.md has it; empty for a
+    study that neither shows.
+    """
     if study in SCORED:
         return {model: float(row["NRMSE"]) for model, row in page_table(SCORED[study]).items()}
     if study in IN_CAMPAIGNS:

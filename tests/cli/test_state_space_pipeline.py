@@ -1,4 +1,6 @@
-"""A state-space model from the spec to the page: every command knows the kind, and every slip is told at its place."""
+"""A state-space model from the spec to the page: every command knows the kind, and every slip is
+told at its place.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,8 @@ name: moving
 units: {{displacement: cm}}
 data:
   files: ["{LOGS}/reference_full.csv", "{LOGS}/waveform_rapid.csv", "{LOGS}/waveform_weighted.csv"]
-  columns: {{time: {{column: t, unit: s}}, input: {{column: U, unit: V}}, displacement: {{column: x, unit: mm}}}}
+  columns: {{time: {{column: t, unit: s}}, input: {{column: U, unit: V}},
+      displacement: {{column: x, unit: mm}}}}
   every: 5
   split: {{validate: {{files: ["{LOGS}/waveform_*.csv"]}}}}
 target: {{column: displacement}}
@@ -31,7 +34,8 @@ model: {{type: state_space, input: input, sections: [2350 mV, 3.95], direction: 
 validate:
   against:
     - {{as: one, set: {{model: {{type: state_space, input: input, offset: true}}}}}}
-    - {{as: joined, set: {{model: {{type: state_space, input: input, sections: 3, switching: bumpless}}}}}}
+    - {{as: joined, set: {{model: {{type: state_space, input: input, sections: 3,
+        switching: bumpless}}}}}}
 report:
   figures: [fit]
   formats: [html, csv, png]
@@ -54,7 +58,9 @@ def refused(mapmore, tmp_path, change, code, says):
     assert old in SPEC
     (tmp_path / "spec.yaml").write_text(SPEC.replace(old, new))
     copy(DATASETS / "published" / "p_table_3.csv", tmp_path)
-    return mapmore("run", tmp_path / "spec.yaml", "--runs", tmp_path / "runs", "-q", code=code, says=says).stderr
+    return mapmore(
+        "run", tmp_path / "spec.yaml", "--runs", tmp_path / "runs", "-q", code=code, says=says
+    ).stderr
 
 
 def table(path):
@@ -74,10 +80,16 @@ def test_the_model_file_holds_sections_that_predict_what_was_scored(finished):
     assert motion.boundaries == pytest.approx((2.35, 3.95))
     log = recording()
     error = simulate(motion, log) - log["displacement"]
-    row = next(row for row in document["scores"] if (row["model"], row["curve"]) == ("mapmore", "waveform_rapid"))
+    row = next(
+        row
+        for row in document["scores"]
+        if (row["model"], row["curve"]) == ("mapmore", "waveform_rapid")
+    )
     assert row["rmse"] == pytest.approx(math.sqrt(np.mean(error**2)), rel=1e-9)
     loaded = mapmore_cli.load_model(folder / "model.h5")
-    np.testing.assert_allclose(loaded(time=log["time"], input=log["input"]), simulate(motion, log), atol=1e-12)
+    np.testing.assert_allclose(
+        loaded(time=log["time"], input=log["input"]), simulate(motion, log), atol=1e-12
+    )
 
 
 def test_show_tells_sections_poles_and_searches(finished, mapmore):
@@ -85,15 +97,22 @@ def test_show_tells_sections_poles_and_searches(finished, mapmore):
     shown = json.loads(mapmore("show", folder / "model.h5", "--json").stdout)
     assert shown["kind"] == "state_space"
     sections = shown["motion"]["sections"]
-    assert [section["id"] for section in sections] == [f"{way} {place}" for place in (1, 2, 3) for way in ("rise", "fall")]
+    assert [section["id"] for section in sections] == [
+        f"{way} {place}" for place in (1, 2, 3) for way in ("rise", "fall")
+    ]
     for section in sections:
         poles = [complex(*pole) for pole in section["poles"]]
         assert sum(poles) == pytest.approx(section["p2"], abs=1e-9)
         assert -poles[0] * poles[1] == pytest.approx(section["p1"], abs=1e-9)
-        assert section["gain"] == pytest.approx(section["weights"][0] / (1 - section["p1"] - section["p2"]))
+        assert section["gain"] == pytest.approx(
+            section["weights"][0] / (1 - section["p1"] - section["p2"])
+        )
     fit = json.loads(mapmore("show", folder / "fit.h5", "--json").stdout)["motion"]
     assert fit["solver"] == "least_squares"
-    assert all(search["history"][-1] == pytest.approx(search["rmse"], rel=1e-6) for search in fit["searches"])
+    assert all(
+        search["history"][-1] == pytest.approx(search["rmse"], rel=1e-6)
+        for search in fit["searches"]
+    )
     text = mapmore("show", folder / "model.h5").stdout
     assert "displacement[k-2]" in text
     assert "Sections meet at input 2.35, 3.95" in text
@@ -111,7 +130,12 @@ def test_predict_needs_no_measured_output_and_begins_anew_after_a_gap(finished, 
     predicted = np.array([float(row["displacement_predicted"]) for row in rows])
     motion = read_fit(folder / "fit.h5").motion.model
     parts = [slice(0, 100), slice(100, None)]
-    expected = np.concatenate([simulate(motion, {"time": time[part], "input": np.round(log["input"][part], 3)}) for part in parts])
+    expected = np.concatenate(
+        [
+            simulate(motion, {"time": time[part], "input": np.round(log["input"][part], 3)})
+            for part in parts
+        ]
+    )
     np.testing.assert_allclose(predicted, expected, atol=1e-9)
     assert {row["outside_range"] for row in rows} == {"false"}
 
@@ -119,7 +143,12 @@ def test_predict_needs_no_measured_output_and_begins_anew_after_a_gap(finished, 
 def test_the_page_shows_sections_errors_and_published_tables(finished):
     folder, _ = finished
     page = (folder / "report" / "index.html").read_text()
-    for words in ("Models of motion", "Errors over one wavelength", "Published: p_table_3", "repeats that of full_stroke"):
+    for words in (
+        "Models of motion",
+        "Errors over one wavelength",
+        "Published: p_table_3",
+        "repeats that of full_stroke",
+    ):
         assert words in page
     rows = table(folder / "report" / "tables" / "sections.csv")
     assert [row["model"] for row in rows] == ["mapmore"] * 6 + ["one"] + ["joined"] * 3
@@ -134,7 +163,9 @@ def test_scores_follow_from_the_numbers_beside_the_figures(finished):
         for row in table(path):
             for name in ("mapmore", "one", "joined"):
                 if row["data"] == "validate" and f"{name} [cm]" in row:
-                    squares.setdefault(name, []).append((float(row[f"{name} [cm]"]) - float(row["displacement [cm]"])) ** 2)
+                    squares.setdefault(name, []).append(
+                        (float(row[f"{name} [cm]"]) - float(row["displacement [cm]"])) ** 2
+                    )
     told = held_out(document)
     assert set(squares) == {"mapmore", "one", "joined"}
     for name, errors in squares.items():
@@ -145,7 +176,11 @@ def test_scores_follow_from_the_numbers_beside_the_figures(finished):
 def test_table_3_follows_from_the_same_numbers(finished):
     folder, _ = finished
     tables = table(folder / "report" / "tables" / "waveforms.csv")
-    (row,) = [row for row in tables if (row["recording"], row["model"]) == ("waveform_weighted", "mapmore")]
+    (row,) = [
+        row
+        for row in tables
+        if (row["recording"], row["model"]) == ("waveform_weighted", "mapmore")
+    ]
     motion, log = read_fit(folder / "fit.h5").motion.model, recording("waveform_weighted")
     error = (simulate(motion, log) - log["displacement"])[-80:]
     assert int(row["samples"]) == 80
@@ -164,8 +199,14 @@ def test_it_runs_again_to_the_same_bytes(finished, mapmore, tmp_path):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (("input: input, sections: [2350 mV", "input: pressure, sections: [2350 mV"), "there is no quantity `pressure`"),
-        (("input: input, sections: [2350 mV", "input: displacement, sections: [23 mm"), "`displacement` is the target"),
+        (
+            ("input: input, sections: [2350 mV", "input: pressure, sections: [2350 mV"),
+            "there is no quantity `pressure`",
+        ),
+        (
+            ("input: input, sections: [2350 mV", "input: displacement, sections: [23 mm"),
+            "`displacement` is the target",
+        ),
         (("[2350 mV, 3.95]", "[3.95 V, 2.35 V]"), "do not increase"),
         (("[2350 mV, 3.95]", "[2350 kPa, 3.95]"), "kPa"),
         (("[2350 mV, 3.95]", "0"), "at least 1"),
@@ -176,9 +217,18 @@ def test_it_runs_again_to_the_same_bytes(finished, mapmore, tmp_path):
         (("seed: 3", "solver: swarm, offset: true"), "P1, P2 and P3 alone"),
         (("seed: 3", "backbone: sarosi"), "no `backbone`"),
         (("seed: 3", "colour: red"), "colour"),
-        (("type: state_space, input: input, sections", "type: state_space, sections"), "needs the `input`"),
-        (("type: state_space, input: input", "type: literature, name: sarosi"), "has no `sections`"),
-        (("units: {displacement: cm}", "units: {displacement: cm, time: ms}"), "goes by the time in s"),
+        (
+            ("type: state_space, input: input, sections", "type: state_space, sections"),
+            "needs the `input`",
+        ),
+        (
+            ("type: state_space, input: input", "type: literature, name: sarosi"),
+            "has no `sections`",
+        ),
+        (
+            ("units: {displacement: cm}", "units: {displacement: cm, time: ms}"),
+            "goes by the time in s",
+        ),
         (('{files: ["', '{fraction: 0.3, seed: 1}}  # {files: ["'), "drawn at random"),
     ],
 )
@@ -189,9 +239,15 @@ def test_slips_in_the_spec_are_told_at_their_place(change, words, mapmore, tmp_p
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (("[2350 mV, 3.95]", "[6 V, 7 V]"), "section rise 2 (input from 6 to 7): 0 training sample(s)"),
+        (
+            ("[2350 mV, 3.95]", "[6 V, 7 V]"),
+            "section rise 2 (input from 6 to 7): 0 training sample(s)",
+        ),
         (("reference_full.csv", "reference_section_1.csv"), "section rise 2"),
-        (("  every: 5", "  every: 5\n  keep: [{quantity: input, below: 0.0001}]"), "the input `input` is 0 at all"),
+        (
+            ("  every: 5", "  every: 5\n  keep: [{quantity: input, below: 0.0001}]"),
+            "the input `input` is 0 at all",
+        ),
         (("  every: 5", "  every: 200"), "too few for 3 parameters"),
     ],
     ids=["boundaries-beyond-the-data", "empty-section", "constant-input", "two-samples"],
@@ -208,5 +264,11 @@ def test_a_swarm_without_a_stable_particle_is_a_failed_fit(mapmore, tmp_path):
 def test_a_published_table_is_a_csv_file_beside_the_spec(mapmore, tmp_path):
     (tmp_path / "key.csv").symlink_to(DATASETS / "published" / "README.md")
     for name in ("key.csv", "spec.yaml", f"{DATASETS}/published/p_table_3.csv"):
-        refused(mapmore, tmp_path, ("p_table_3.csv", name), 3, "is no CSV file below the folder of the spec")
+        refused(
+            mapmore,
+            tmp_path,
+            ("p_table_3.csv", name),
+            3,
+            "is no CSV file below the folder of the spec",
+        )
     refused(mapmore, tmp_path, ("p_table_3.csv", "p_table_9.csv"), 3, "no such file")

@@ -1,4 +1,6 @@
-"""A joint of two muscles from YAML: models of other runs added up, formulas fitted together, and what is refused."""
+"""A joint of two muscles from YAML: models of other runs added up, formulas fitted together, and
+what is refused.
+"""
 
 import json
 from pathlib import Path
@@ -9,7 +11,8 @@ from cli_samples import scored_run
 
 SINGLE = """\
 name: {name}
-data: {{files: [{name}.csv], columns: {{pressure: {{column: P, unit: kPa}}, strain: {{column: e}}, force: {{column: F, unit: N}}}}}}
+data: {{files: [{name}.csv], columns: {{pressure: {{column: P, unit: kPa}}, strain: {{column: e}},
+    force: {{column: F, unit: N}}}}}}
 target: {{column: force}}
 model: {{type: literature, name: chou_hannaford}}
 """
@@ -17,7 +20,8 @@ JOINT = """\
 name: joint
 data:
   files: [joint.csv]
-  columns: {{p1: {{column: P1, unit: kPa}}, p2: {{column: P2, unit: kPa}}, s: {{column: s}}, force: {{column: F, unit: N}}}}
+  columns: {{p1: {{column: P1, unit: kPa}}, p2: {{column: P2, unit: kPa}}, s: {{column: s}},
+      force: {{column: F, unit: N}}}}
   split: {{validate: {{last: 0.5}}}}
 units: {{p1: kPa, p2: kPa}}
 target: {{column: force}}
@@ -26,9 +30,12 @@ validate: {{against: [{against}]}}
 report: {{figures: []}}
 """
 RUNS = (
-    "{model: flexor.yaml, inputs: {pressure: p1, strain: s}}, {model: extensor.yaml, sign: -1, inputs: {pressure: p2, strain: '0.1 - s'}}"
+    "{model: flexor.yaml, inputs: {pressure: p1, strain: s}}, {model: extensor.yaml, sign: "
+    "-1, inputs: {pressure: p2, strain: '0.1 - s'}}"
 )
-FORMULAS = RUNS.replace("model: flexor.yaml", "formula: chou_hannaford").replace("model: extensor.yaml", "formula: chou_hannaford")
+FORMULAS = RUNS.replace("model: flexor.yaml", "formula: chou_hannaford").replace(
+    "model: extensor.yaml", "formula: chou_hannaford"
+)
 TRUTH = {"flexor": (2.0, 0.8), "extensor": (1.5, 0.6)}
 
 
@@ -38,7 +45,9 @@ def pull(muscle: str, pressure: np.ndarray, strain: np.ndarray) -> np.ndarray:
 
 
 def write(path: Path, **columns: np.ndarray) -> None:
-    rows = [",".join(f"{value:.9g}" for value in row) for row in zip(*columns.values(), strict=True)]
+    rows = [
+        ",".join(f"{value:.9g}" for value in row) for row in zip(*columns.values(), strict=True)
+    ]
     path.write_text("\n".join([",".join(columns), *rows]) + "\n")
 
 
@@ -49,7 +58,13 @@ def joint(folder: Path, summands: str, against: str = "") -> Path:
         write(folder / f"{name}.csv", P=pressure, e=strain, F=pull(name, pressure, strain))
         (folder / f"{name}.yaml").write_text(SINGLE.format(name=name))
     p1, p2, s = rng.uniform(100, 500, 80), rng.uniform(100, 500, 80), rng.uniform(-0.05, 0.15, 80)
-    write(folder / "joint.csv", P1=p1, P2=p2, s=s, F=pull("flexor", p1, s) - pull("extensor", p2, 0.1 - s))
+    write(
+        folder / "joint.csv",
+        P1=p1,
+        P2=p2,
+        s=s,
+        F=pull("flexor", p1, s) - pull("extensor", p2, 0.1 - s),
+    )
     spec = folder / "joint.yaml"
     spec.write_text(JOINT.format(summands=summands, against=against))
     return spec
@@ -67,19 +82,34 @@ def test_a_joint_is_the_difference_of_its_muscles(summands: str, tmp_path: Path,
     table.write_text("p1,p2,s\n300,200,0.05\n")
     result = mapmore("predict", model, table, "-o", "-", code=0)
     predicted = float(result.stdout.splitlines()[1].split(",")[3])
-    flexor, extensor = (float(pull(name, np.array(p), np.array(0.05))) for name, p in (("flexor", 300.0), ("extensor", 200.0)))
+    flexor, extensor = (
+        float(pull(name, np.array(p), np.array(0.05)))
+        for name, p in (("flexor", 300.0), ("extensor", 200.0))
+    )
     assert predicted == pytest.approx(flexor - extensor)
 
 
 @pytest.mark.parametrize(
     ("summands", "words"),
     [
-        (FORMULAS.replace("pressure: p1, ", "").replace("pressure: p2, ", ""), ["needs the quantity `pressure`", "both have an input"]),
-        (FORMULAS.replace("pressure: p1", "pressur: p1"), ["has no input `pressur`", "did you mean `pressure`?"]),
+        (
+            FORMULAS.replace("pressure: p1, ", "").replace("pressure: p2, ", ""),
+            ["needs the quantity `pressure`", "both have an input"],
+        ),
+        (
+            FORMULAS.replace("pressure: p1", "pressur: p1"),
+            ["has no input `pressur`", "did you mean `pressure`?"],
+        ),
         (FORMULAS.replace("pressure: p1", "pressure: p3"), ["no quantity `p3`"]),
         (FORMULAS.replace("'0.1 - s'", "'0.1 -'"), ["not an expression"]),
-        (FORMULAS.replace("chou_hannaford", "chou_hanaford", 1), ["did you mean `chou_hannaford`?"]),
-        (RUNS.replace("model: flexor.yaml", "formula: chou_hannaford"), ["of models or of formulas"]),
+        (
+            FORMULAS.replace("chou_hannaford", "chou_hanaford", 1),
+            ["did you mean `chou_hannaford`?"],
+        ),
+        (
+            RUNS.replace("model: flexor.yaml", "formula: chou_hannaford"),
+            ["of models or of formulas"],
+        ),
         ("{formula: sarosi}", ["at least 2"]),
         (FORMULAS.replace("sign: -1", "sign: 2"), ["sign"]),
     ],

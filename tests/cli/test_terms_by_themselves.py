@@ -14,7 +14,16 @@ from mapmore_cli.storage.artefacts import read_fit, read_model
 
 def run_auto(mapmore, spec, *more):
     """The fit and the model of a run that chooses the number of terms."""
-    arguments = ["fuse", spec, "--runs", spec.parent / "runs", "-q", "--set", "fit.max_terms=auto", *more]
+    arguments = [
+        "fuse",
+        spec,
+        "--runs",
+        spec.parent / "runs",
+        "-q",
+        "--set",
+        "fit.max_terms=auto",
+        *more,
+    ]
     mapmore(*arguments, code=0)
     folder = spec.parent / "runs" / spec.stem
     return read_fit(folder / "fit.h5"), read_model(folder / "model.h5")
@@ -32,7 +41,9 @@ def test_it_is_the_number_that_tune_names(tmp_path, mapmore):
         assert f"{trial['set']['fit.max_terms']}: {100 * trial['error']:.3g}" in note
     given, _ = run_auto(mapmore, spec, *one_segment, "--set", f"fit.max_terms={fit.max_terms}")
     assert given.max_terms == 0
-    assert [(one.id, one.terms) for one in given.segments] == [(one.id, one.terms) for one in fit.segments]
+    assert [(one.id, one.terms) for one in given.segments] == [
+        (one.id, one.terms) for one in fit.segments
+    ]
 
 
 def test_held_out_forces_have_no_say(tmp_path, mapmore):
@@ -48,19 +59,32 @@ def test_held_out_forces_have_no_say(tmp_path, mapmore):
 
 def test_a_left_out_level_chooses_anew(tmp_path, mapmore):
     spec = write_bench(tmp_path)
-    spec.write_text(spec.read_text().replace("{validate: {pressure: [300]}}", "{leave_one_level_out: true}"))
+    spec.write_text(
+        spec.read_text().replace("{validate: {pressure: [300]}}", "{leave_one_level_out: true}")
+    )
     settings = ("--set", "segment.strain.count=1", "--set", "fit.max_terms=auto")
     result = mapmore("validate", spec, "--runs", tmp_path / "runs", "--json", "-q", *settings)
-    left_out = {row["curve"]: row["rmse"] for row in json.loads(result.stdout)["scores"] if row["split"] == "validate"}
+    left_out = {
+        row["curve"]: row["rmse"]
+        for row in json.loads(result.stdout)["scores"]
+        if row["split"] == "validate"
+    }
     alone = write_bench(tmp_path, held_out=(400,))
     result = mapmore("validate", alone, "--runs", tmp_path / "others", "--json", "-q", *settings)
-    held = {row["curve"]: row["rmse"] for row in json.loads(result.stdout)["scores"] if row["split"] == "validate"}
+    held = {
+        row["curve"]: row["rmse"]
+        for row in json.loads(result.stdout)["scores"]
+        if row["split"] == "validate"
+    }
     assert left_out["pressure=400"] == pytest.approx(held["pressure=400"], rel=1e-9)
 
 
 @pytest.mark.parametrize(
     ("settings", "told"),
-    [(["fit.max_terms=auto", "fit.stop=free_run"], "both choose the number of terms"), (["fit.max_terms=car"], "should be a whole number")],
+    [
+        (["fit.max_terms=auto", "fit.stop=free_run"], "both choose the number of terms"),
+        (["fit.max_terms=car"], "should be a whole number"),
+    ],
 )
 def test_what_is_wrong_is_told(settings, told, tmp_path, mapmore):
     arguments = [argument for setting in settings for argument in ("--set", setting)]
@@ -74,4 +98,9 @@ def test_with_memory_too(tmp_path, mapmore):
     force = np.convolve(p, [0.5, 0.3, 0.2, 0.1])[:300] + rng.normal(0, 0.5, 300)
     fit, _ = run_auto(mapmore, write_record(tmp_path, p, force, lags=8))
     assert fit.max_terms == 4
-    assert set(fit.memory.model.terms) == {"pressure", "pressure[k-1]", "pressure[k-2]", "pressure[k-3]"}
+    assert set(fit.memory.model.terms) == {
+        "pressure",
+        "pressure[k-1]",
+        "pressure[k-2]",
+        "pressure[k-3]",
+    }

@@ -16,7 +16,9 @@ import pytest
 PROJECT = Path(__file__).resolve().parents[2]
 
 
-BUILD = "import sys; from setuptools import build_meta; getattr(build_meta, sys.argv[1])(sys.argv[2])"
+BUILD = (
+    "import sys; from setuptools import build_meta; getattr(build_meta, sys.argv[1])(sys.argv[2])"
+)
 """What pip has the build backend do, without pip."""
 
 
@@ -25,20 +27,36 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Built from the archive of the sources, as an index would hand it out."""
     folder = tmp_path_factory.mktemp("wheel")
     copy = folder / "copy"  # a build leaves folders where it works
-    wanted = shutil.ignore_patterns(".*", "tests", "docs", "configs", "datasets", "runs", "build", "*.egg-info", "__pycache__")
+    wanted = shutil.ignore_patterns(
+        ".*", "tests", "docs", "configs", "datasets", "runs", "build", "*.egg-info", "__pycache__"
+    )
     shutil.copytree(PROJECT, copy, ignore=wanted)
-    subprocess.run([sys.executable, "-c", BUILD, "build_sdist", folder], check=True, cwd=copy, capture_output=True)
+    subprocess.run(
+        [sys.executable, "-c", BUILD, "build_sdist", folder],
+        check=True,
+        cwd=copy,
+        capture_output=True,
+    )
     (archive,) = folder.glob("*.tar.gz")
     with tarfile.open(archive) as sources:
         sources.extractall(folder, filter="data")
     unpacked = folder / archive.name.removesuffix(".tar.gz")
-    subprocess.run([sys.executable, "-c", BUILD, "build_wheel", folder], check=True, cwd=unpacked, capture_output=True)
+    subprocess.run(
+        [sys.executable, "-c", BUILD, "build_wheel", folder],
+        check=True,
+        cwd=unpacked,
+        capture_output=True,
+    )
     (found,) = folder.glob("*.whl")
     return found
 
 
 def test_the_wheel_holds_every_module_and_file(wheel):
-    ours = {path.relative_to(PROJECT).as_posix() for path in (PROJECT / "mapmore_cli").rglob("*") if path.is_file()}
+    ours = {
+        path.relative_to(PROJECT).as_posix()
+        for path in (PROJECT / "mapmore_cli").rglob("*")
+        if path.is_file()
+    }
     ours = {name for name in ours if "__pycache__" not in name}
     assert ours <= set(zipfile.ZipFile(wheel).namelist())
 
@@ -47,7 +65,8 @@ NO_NETWORK = """
 import sys
 
 def refuse(event, arguments):
-    if event in ("socket.connect", "socket.bind", "socket.getaddrinfo", "socket.gethostbyname", "socket.sendto"):
+    if event in ("socket.connect", "socket.bind", "socket.getaddrinfo", "socket.gethostbyname",
+        "socket.sendto"):
         raise RuntimeError(f"{event} {arguments}")
 
 sys.addaudithook(refuse)
@@ -55,7 +74,9 @@ sys.addaudithook(refuse)
 
 
 def test_an_installed_program_makes_its_example(wheel, tmp_path):
-    """From the wheel alone, far from the checkout, and without a network: whoever opens a connection ends with an internal fault."""
+    """From the wheel alone, far from the checkout, and without a network: whoever opens a
+    connection ends with an internal fault.
+    """
     zipfile.ZipFile(wheel).extractall(tmp_path / "site")
     (tmp_path / "site" / "sitecustomize.py").write_text(NO_NETWORK)
     probe = subprocess.run(
@@ -70,9 +91,13 @@ def test_an_installed_program_makes_its_example(wheel, tmp_path):
 
     def mapmore(*arguments: str) -> str:
         call = [sys.executable, "-m", "mapmore_cli", *arguments]
-        return subprocess.run(call, check=True, env=env, cwd=tmp_path, capture_output=True, text=True).stdout
+        return subprocess.run(
+            call, check=True, env=env, cwd=tmp_path, capture_output=True, text=True
+        ).stdout
 
     mapmore("example", "muscle", "-q")
-    document = json.loads(mapmore("run", "muscle/study.yaml", "--json", "-q", "--set", "report.figures=[fit]"))
+    document = json.loads(
+        mapmore("run", "muscle/study.yaml", "--json", "-q", "--set", "report.figures=[fit]")
+    )
     assert document["stages"]["report"] == "done"
     assert (tmp_path / "runs" / "example" / "report" / "index.html").is_file()

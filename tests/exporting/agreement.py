@@ -1,6 +1,7 @@
 """Exported C beside `predict`: compiles a model, runs it, and says by how much they differ.
 
-python tests/exporting/agreement.py RUNS [POINTS]     every model of a folder of runs, as the table of docs/export.md
+python tests/exporting/agreement.py RUNS [POINTS]     every model of a folder of runs, as the table
+of docs/export.md
 """
 
 from __future__ import annotations
@@ -17,7 +18,16 @@ import numpy as np
 
 from mapmore_cli.annexes.exporting.c_source import STATUS, c_source
 from mapmore_cli.domain.errors import MapmoreError
-from mapmore_cli.domain.models import CurveFunction, CurveRange, Formula, Memory, Model, Pieces, StateSpace, Sum
+from mapmore_cli.domain.models import (
+    CurveFunction,
+    CurveRange,
+    Formula,
+    Memory,
+    Model,
+    Pieces,
+    StateSpace,
+    Sum,
+)
 from mapmore_cli.modelling.expressions import parse
 from mapmore_cli.modelling.inverse import NEAREST
 from mapmore_cli.modelling.kinds import fed_back, outside_range, runs_over_time, simulate
@@ -39,7 +49,8 @@ void differentiate(const double *rows, int n, double *out, int *bits)
 }}
 """
 INVERSE = """
-void invert_{input}(const double *rows, int n, const double *wanted, int follow, double *found, int *status)
+void invert_{input}(const double *rows, int n, const double *wanted, int follow, double *found,
+    int *status)
 {{
     {real} last = NAN;
     for (int i = 0; i < n; i++) {{
@@ -93,23 +104,42 @@ class Compiled:
         assert np.array_equal(bits, self.run(columns)[1]), "derivatives have the bits of values"
         return {quantity.name: out[:, place] for place, quantity in enumerate(self.model.inputs)}
 
-    def invert(self, wanted: np.ndarray, given: Mapping[str, np.ndarray], name: str, rule: str) -> tuple[np.ndarray, tuple[str, ...]]:
+    def invert(
+        self, wanted: np.ndarray, given: Mapping[str, np.ndarray], name: str, rule: str
+    ) -> tuple[np.ndarray, tuple[str, ...]]:
         """What is picked, and the status of every row; `given` may say what to look near."""
-        rows, wanted = table(self.model, {name: np.full(len(wanted), np.nan), **given}), np.ascontiguousarray(wanted)
+        rows, wanted = (
+            table(self.model, {name: np.full(len(wanted), np.nan), **given}),
+            np.ascontiguousarray(wanted),
+        )
         found, status = np.empty(len(rows)), np.empty(len(rows), dtype=np.int32)
-        getattr(self.library, f"invert_{name}")(rows.ctypes, len(rows), wanted.ctypes, int(rule == NEAREST), found.ctypes, status.ctypes)
+        getattr(self.library, f"invert_{name}")(
+            rows.ctypes, len(rows), wanted.ctypes, int(rule == NEAREST), found.ctypes, status.ctypes
+        )
         return found, tuple(STATUS[number] for number in status)
 
 
 def table(model: Model, columns: Mapping[str, np.ndarray]) -> np.ndarray:
     """Inputs, and the measured output where the model goes on from it, row by row."""
-    return np.column_stack([columns[name] for name in (*(quantity.name for quantity in model.inputs), *fed_back(model))])
+    return np.column_stack(
+        [
+            columns[name]
+            for name in (*(quantity.name for quantity in model.inputs), *fed_back(model))
+        ]
+    )
 
 
 def compiled(
-    model: Model, folder: Path, *, single: bool = False, more: tuple[str, ...] = ("-O0",), inverse: tuple[str, ...] | None = None
+    model: Model,
+    folder: Path,
+    *,
+    single: bool = False,
+    more: tuple[str, ...] = ("-O0",),
+    inverse: tuple[str, ...] | None = None,
 ) -> Compiled:
-    """Write, compile and load a model, with its derivatives and the `inverse` for some inputs if so wished; any warning is an error."""
+    """Write, compile and load a model, with its derivatives and the `inverse` for some inputs if so
+    wished; any warning is an error.
+    """
     built(model, folder, [*more, "-fPIC"], ["-shared", "-fPIC", "-O1"], "library", inverse, single)
     return Compiled(model, ctypes.CDLL(str(folder / "library")))
 
@@ -124,7 +154,9 @@ def built(
     single: bool = False,
     main: str = "",
 ) -> None:
-    """Compile a model by `strict` flags, and by `lenient` ones what runs along the rows of a table with it."""
+    """Compile a model by `strict` flags, and by `lenient` ones what runs along the rows of a table
+    with it.
+    """
     source = c_source(model, single)
     for file, text in source.files.items():
         (folder / file).write_text(text)
@@ -133,20 +165,30 @@ def built(
     driver, sources = rows_driver(model, **words), [f"{source.name}.c"]
     if inverse is not None:
         sources.append(f"{source.name}_inverse.c")
-        driver += f'#include "{source.name}_inverse.h"\n#include <math.h>\n' + SLOPES.format(**words)
+        driver += f'#include "{source.name}_inverse.h"\n#include <math.h>\n' + SLOPES.format(
+            **words
+        )
         driver += "".join(INVERSE.format(**words, input=one, place=names[one]) for one in inverse)
     (folder / "batch.c").write_text(driver + main)
     subprocess.run(["gcc", *FLAGS, *strict, "-c", *sources], cwd=folder, check=True)
     objects = [one.replace(".c", ".o") for one in sources]
-    subprocess.run(["gcc", "-std=c99", *lenient, *objects, "batch.c", "-o", to, "-lm"], cwd=folder, check=True)
+    subprocess.run(
+        ["gcc", "-std=c99", *lenient, *objects, "batch.c", "-o", to, "-lm"], cwd=folder, check=True
+    )
 
 
 def rows_driver(model: Model, name: str, real: str, inputs: int) -> str:
-    """C that runs a model along the rows of a table: its inputs, and the measured output where it takes that."""
+    """C that runs a model along the rows of a table: its inputs, and the measured output where it
+    takes that.
+    """
     memory, measured = runs_over_time(model), bool(fed_back(model))
     columns, call = inputs + measured, f"{name}_{'step(&s, in' if memory else 'eval(in'}, &found)"
     reset = f"{name}_state s;\n{name}_reset(&s);" if memory else ""
-    told = f"if (bits[i] & {name.upper()}_NO_VALUE) {name}_measured(&s, in[{inputs}]);" if measured else ""
+    told = (
+        f"if (bits[i] & {name.upper()}_NO_VALUE) {name}_measured(&s, in[{inputs}]);"
+        if measured
+        else ""
+    )
     return f"""#include "{name}.h"
 void verify(const double *rows, int n, double *out, int *bits)
 {{
@@ -163,29 +205,49 @@ void verify(const double *rows, int n, double *out, int *bits)
 
 
 def sanitized(model: Model, folder: Path, columns: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Outputs of every row by a program under the address and undefined-behaviour sanitizers, which takes the derivatives too.
+    """Outputs of every row by a program under the address and undefined-behaviour sanitizers, which
+    takes the derivatives too.
 
     Raises `CalledProcessError` where they find something.
     """
     rows, memory = table(model, columns), runs_over_time(model)
-    main = MAIN.format(columns=rows.shape[1], differentiate="" if memory else "differentiate(rows, n, out, bits);")
+    main = MAIN.format(
+        columns=rows.shape[1], differentiate="" if memory else "differentiate(rows, n, out, bits);"
+    )
     sanitize = ["-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
     built(model, folder, sanitize, sanitize, "clean", None if memory else (), main=main)
-    done = subprocess.run(["./clean", str(len(rows))], input=rows.tobytes(), cwd=folder, check=True, stdout=subprocess.PIPE)
+    done = subprocess.run(
+        ["./clean", str(len(rows))],
+        input=rows.tobytes(),
+        cwd=folder,
+        check=True,
+        stdout=subprocess.PIPE,
+    )
     return np.frombuffer(done.stdout)
 
 
 def difference(found: np.ndarray, expected: np.ndarray) -> float:
-    """The largest difference, relative to the value, or to a tenth of the median magnitude where the value is smaller."""
-    assert np.array_equal(np.isnan(found), np.isnan(expected)), "one has a value where the other has none"
+    """The largest difference, relative to the value, or to a tenth of the median magnitude where
+    the value is smaller.
+    """
+    assert np.array_equal(np.isnan(found), np.isnan(expected)), (
+        "one has a value where the other has none"
+    )
     known = np.isfinite(expected)
     size = np.abs(expected[known])
     assert size.any()
-    return float(np.max(np.abs(found[known] - expected[known]) / np.maximum(size, 0.1 * np.median(size[size > 0]))))
+    return float(
+        np.max(
+            np.abs(found[known] - expected[known])
+            / np.maximum(size, 0.1 * np.median(size[size > 0]))
+        )
+    )
 
 
 def points(model: Model, n: int, seed: int = 1) -> dict[str, np.ndarray]:
-    """Points inside of the training range, up to half of it outside, and exactly at every boundary and beside it."""
+    """Points inside of the training range, up to half of it outside, and exactly at every boundary
+    and beside it.
+    """
     rng = np.random.default_rng(seed)
     columns = {}
     for quantity in model.inputs:
@@ -193,7 +255,9 @@ def points(model: Model, n: int, seed: int = 1) -> dict[str, np.ndarray]:
         low, high = (edges[0], edges[-1]) if len(edges) else (-1.0, 1.0)
         width = (high - low) or 1.0
         x = rng.uniform(low - 0.5 * width, high + 0.5 * width, n)
-        near = np.concatenate([edges, np.nextafter(edges, -np.inf), np.nextafter(edges, np.inf), np.zeros(1)])
+        near = np.concatenate(
+            [edges, np.nextafter(edges, -np.inf), np.nextafter(edges, np.inf), np.zeros(1)]
+        )
         at = rng.random(n) < 0.4
         x[at] = rng.choice(near, at.sum())
         own = rng.permutation(n)[: len(near)]
@@ -207,13 +271,19 @@ def edges_of(model: Model, name: str) -> list[float]:
     match model.body:
         case Pieces(level, variables, curves):
             found = _range_edges(model.body.ranges, level, name)
-            return found + [edge for curve in curves for edge in _zone_edges(curve, variables, name, model.body.fusion.z_s)]
+            return found + [
+                edge
+                for curve in curves
+                for edge in _zone_edges(curve, variables, name, model.body.fusion.z_s)
+            ]
         case Formula(_, level, ranges):
             return _range_edges(ranges, level, name)
         case Memory(_, ranges):
             return _range_edges(ranges, None, name)
         case StateSpace(motion, ranges):
-            return _range_edges(ranges, None, name) + list(motion.boundaries if name == motion.input else ())
+            return _range_edges(ranges, None, name) + list(
+                motion.boundaries if name == motion.input else ()
+            )
         case Sum(parts):
             return [
                 edge
@@ -231,15 +301,22 @@ def _range_edges(ranges: tuple[CurveRange, ...], level: str | None, name: str) -
     return limits + [one.level for one in ranges if name == level and one.level is not None]
 
 
-def _zone_edges(curve: CurveFunction, variables: tuple[str, ...], name: str, z_s: float) -> list[float]:
+def _zone_edges(
+    curve: CurveFunction, variables: tuple[str, ...], name: str, z_s: float
+) -> list[float]:
     for variable, boundaries in zip(variables, curve.boundaries, strict=True):
         if variable == name:
-            return [*boundaries.tolist(), *(edge for ends in zones(boundaries, z_s) for edge in ends.tolist())]
+            return [
+                *boundaries.tolist(),
+                *(edge for ends in zones(boundaries, z_s) for edge in ends.tolist()),
+            ]
     return []
 
 
 def recording(model: Model, n: int, seed: int = 1) -> dict[str, np.ndarray]:
-    """A recording for a model with memory: smooth, with stands, and a step beyond the training range; the output where it is fed back."""
+    """A recording for a model with memory: smooth, with stands, and a step beyond the training
+    range; the output where it is fed back.
+    """
     rng = np.random.default_rng(seed)
     step = program_of(model).step or 1.0
     t = np.arange(n) * step
@@ -247,7 +324,13 @@ def recording(model: Model, n: int, seed: int = 1) -> dict[str, np.ndarray]:
     for quantity in model.inputs:
         edges = edges_of(model, quantity.name) or [0.0, 1.0]
         low, high = min(edges), max(edges)
-        waves = sum(np.sin(2 * np.pi * rng.uniform(0.5, 30) * np.arange(n) / n + rng.uniform(0, 6)) for _ in range(4)) / 4
+        waves = (
+            sum(
+                np.sin(2 * np.pi * rng.uniform(0.5, 30) * np.arange(n) / n + rng.uniform(0, 6))
+                for _ in range(4)
+            )
+            / 4
+        )
         x = (low + high) / 2 + 0.6 * (high - low) * waves
         x[n // 3 : n // 2] = x[n // 3]
         columns[quantity.name] = x
@@ -264,13 +347,19 @@ def compare(model: Model, folder: Path, n: int = POINTS, **how: object) -> tuple
     return difference(found, expected), n
 
 
-def outputs(model: Model, folder: Path, columns: Mapping[str, np.ndarray], **how: object) -> tuple[np.ndarray, np.ndarray]:
-    """Outputs by C and by `predict`; the bits of inputs out of range have to be those that Python flags."""
+def outputs(
+    model: Model, folder: Path, columns: Mapping[str, np.ndarray], **how: object
+) -> tuple[np.ndarray, np.ndarray]:
+    """Outputs by C and by `predict`; the bits of inputs out of range have to be those that Python
+    flags.
+    """
     found, bits = compiled(model, folder, **how).run(columns)
     with np.errstate(all="ignore"):
         expected = simulate(model, columns).values
     inputs = (1 << len(model.inputs)) - 1
-    assert np.array_equal((bits & inputs) != 0, outside_range(model, columns)), "the bits of inputs out of range"
+    assert np.array_equal((bits & inputs) != 0, outside_range(model, columns)), (
+        "the bits of inputs out of range"
+    )
     return found, expected
 
 
@@ -285,11 +374,15 @@ class Agreement:
     kilobytes: float
 
     def __str__(self) -> str:
-        return f"| {self.study} | {self.kind} | {self.points} | {self.worst:.1e} | {self.kilobytes:.0f} |"
+        return (
+            f"| {self.study} | {self.kind} | {self.points} | {self.worst:.1e} | "
+            f"{self.kilobytes:.0f} |"
+        )
 
 
 def agreement(study: str, model: Model, n: int = POINTS) -> Agreement:
-    """Compile a model without a warning, compare it, and run it at the same points under the sanitizers.
+    """Compile a model without a warning, compare it, and run it at the same points under the
+    sanitizers.
 
     Raises `AssertionError` or `CalledProcessError` where any of that fails.
     """
@@ -297,9 +390,13 @@ def agreement(study: str, model: Model, n: int = POINTS) -> Agreement:
         folder = Path(place)
         columns = recording(model, n) if runs_over_time(model) else points(model, n)
         found, expected = outputs(model, folder, columns, more=("-O2",))
-        assert difference(sanitized(model, folder, columns), found) < 1e-12, "the sanitizers' program has other numbers"
+        assert difference(sanitized(model, folder, columns), found) < 1e-12, (
+            "the sanitizers' program has other numbers"
+        )
         kilobytes = len((folder / f"{c_source(model).name}.c").read_text()) / 1000
-        return Agreement(study, type(model.body).__name__.lower(), n, difference(found, expected), kilobytes)
+        return Agreement(
+            study, type(model.body).__name__.lower(), n, difference(found, expected), kilobytes
+        )
 
 
 def main(runs: Path, n: int) -> None:
@@ -316,7 +413,9 @@ def main(runs: Path, n: int) -> None:
             found.append(agreement(study, model, n))
             print(found[-1], flush=True)
         except MapmoreError as error:
-            print(f"| {study} | {type(model.body).__name__.lower()} | | refused: {error.message} | |")
+            print(
+                f"| {study} | {type(model.body).__name__.lower()} | | refused: {error.message} | |"
+            )
         except (AssertionError, subprocess.CalledProcessError) as error:
             print(f"| {study} | {type(model.body).__name__.lower()} | | FAILED: {error} | |")
     print("\n| kind | studies | points each | largest relative difference |\n|---|---:|---:|---:|")

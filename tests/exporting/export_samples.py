@@ -29,27 +29,59 @@ from mapmore_cli.domain.models import (
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.modelling import literature
 
-FORCE, PRESSURE, STRAIN = Quantity("force", "N"), Quantity("pressure", "kPa"), Quantity("strain", "1")
+FORCE, PRESSURE, STRAIN = (
+    Quantity("force", "N"),
+    Quantity("pressure", "kPa"),
+    Quantity("strain", "1"),
+)
 LEVELS = (100.0, 200.0, 350.0, 500.0)
 SOURCES = ("pressure", "pressure[k-2]", "slow(pressure, 0.05)", "force[k-1]", "force[k-2]")
 
 
-def segment(cell: tuple[int, ...], terms: tuple[str, ...], samples: Mapping[str, tuple[float, float]], seed: int) -> SegmentFunction:
+def segment(
+    cell: tuple[int, ...],
+    terms: tuple[str, ...],
+    samples: Mapping[str, tuple[float, float]],
+    seed: int,
+) -> SegmentFunction:
     rng = np.random.default_rng(seed)
     names = tuple(samples)
     slope = np.array([1 / (high - low) for low, high in samples.values()])
     intercept = np.array([-low / (high - low) for low, high in samples.values()])
     k = len(terms)
     theta = rng.uniform(-1, 1, k)
-    scaling = Scaling("unit_square", "-", names, slope, intercept, 80.0, float(rng.uniform(20, 300)))
+    scaling = Scaling(
+        "unit_square", "-", names, slope, intercept, 80.0, float(rng.uniform(20, 300))
+    )
     nothing = np.zeros(k)
-    return SegmentFunction(f"s{cell}", cell, terms, theta, nothing, nothing, nothing, scaling, 50, 1.0, "max_terms", dict(samples))
+    return SegmentFunction(
+        f"s{cell}",
+        cell,
+        terms,
+        theta,
+        nothing,
+        nothing,
+        nothing,
+        scaling,
+        50,
+        1.0,
+        "max_terms",
+        dict(samples),
+    )
 
 
-def curve(number: int, level: float | None, counts: Mapping[str, int], terms: tuple[str, ...]) -> CurveFunction:
+def curve(
+    number: int, level: float | None, counts: Mapping[str, int], terms: tuple[str, ...]
+) -> CurveFunction:
     """A curve over `counts` segments along each variable, which grows longer with its number."""
-    ends = {name: (0.01 * number, 0.2 + 0.05 * number) if name == "strain" else (-1.0, 1.0 + number) for name in counts}
-    boundaries = tuple(np.linspace(*ends[name], count + 1) ** (1 if name == "speed" else 1.0) for name, count in counts.items())
+    ends = {
+        name: (0.01 * number, 0.2 + 0.05 * number) if name == "strain" else (-1.0, 1.0 + number)
+        for name in counts
+    }
+    boundaries = tuple(
+        np.linspace(*ends[name], count + 1) ** (1 if name == "speed" else 1.0)
+        for name, count in counts.items()
+    )
     segments = []
     for seed, cell in enumerate(product(*(range(1, count + 1) for count in counts.values()))):
         samples = {
@@ -60,7 +92,14 @@ def curve(number: int, level: float | None, counts: Mapping[str, int], terms: tu
     limits: dict[str, tuple[float, float]] = dict(ends)
     if level is not None:
         limits["pressure"] = (level - 2.0, level + 2.0)
-    return CurveFunction(f"c{number}", level, boundaries, limits, tuple(segments), ends["strain"][0] + 0.08 + 0.01 * number)
+    return CurveFunction(
+        f"c{number}",
+        level,
+        boundaries,
+        limits,
+        tuple(segments),
+        ends["strain"][0] + 0.08 + 0.01 * number,
+    )
 
 
 def pieces(
@@ -80,8 +119,21 @@ def pieces(
     counts = counts or {"strain": 3}
     curves = tuple(curve(i, level, counts, terms) for i, level in enumerate(levels or (None,)))
     extrapolation = {**dict.fromkeys(counts, sides), "pressure": level_sides}
-    fusion = Fusion(transition=transition, z_s=z_s, extrapolation=extrapolation, levels=scheme, aligned=aligned, shrink=shrink)
-    names = sorted({*counts, *(["pressure"] if levels else []), *(literature.get(backbone.name).inputs if backbone else ())})
+    fusion = Fusion(
+        transition=transition,
+        z_s=z_s,
+        extrapolation=extrapolation,
+        levels=scheme,
+        aligned=aligned,
+        shrink=shrink,
+    )
+    names = sorted(
+        {
+            *counts,
+            *(["pressure"] if levels else []),
+            *(literature.get(backbone.name).inputs if backbone else ()),
+        }
+    )
     units = {"pressure": "kPa", "strain": "1", "speed": "1/s"}
     body = Pieces("pressure" if levels else None, tuple(counts), curves, fusion, backbone)
     return Model("dmsp-20", FORCE, tuple(Quantity(name, units[name]) for name in names), body)
@@ -97,15 +149,22 @@ def fit(name: str, **parameters: float) -> FormulaFit:
     formula = literature.get(name)
     rng = np.random.default_rng(5)
     values = {one: float(rng.uniform(0.2, 1.1)) for one in formula.parameters} | parameters
-    return FormulaFit(name, values, dict.fromkeys(values, 0.0), "converged", "by hand", len(values), 1.0, 0.0, 100)
+    return FormulaFit(
+        name, values, dict.fromkeys(values, 0.0), "converged", "by hand", len(values), 1.0, 0.0, 100
+    )
 
 
 def formula(name: str, **parameters: float) -> Model:
     found = fit(name, **parameters)
     inputs = sorted(literature.get(name).inputs)
-    limits = {one: {"pressure": (0.0, 600.0), "strain": (0.0, 0.25)}.get(one, (-1.0, 1.5)) for one in inputs}
+    limits = {
+        one: {"pressure": (0.0, 600.0), "strain": (0.0, 0.25)}.get(one, (-1.0, 1.5))
+        for one in inputs
+    }
     ranges = (CurveRange("all", None, limits),)
-    return Model(name, FORCE, tuple(Quantity(one, "1") for one in inputs), Formula(found, None, ranges))
+    return Model(
+        name, FORCE, tuple(Quantity(one, "1") for one in inputs), Formula(found, None, ranges)
+    )
 
 
 def memory(
@@ -118,12 +177,27 @@ def memory(
     theta: tuple[float, ...] = (),
 ) -> Model:
     rng = np.random.default_rng(3)
-    sources = ("pressure", "pressure[k-2]", "slow(pressure, 0.05)", "force[k-1]", "force[k-2]", "rate(strain)")
+    sources = (
+        "pressure",
+        "pressure[k-2]",
+        "slow(pressure, 0.05)",
+        "force[k-1]",
+        "force[k-2]",
+        "rate(strain)",
+    )
     ranges = dict.fromkeys(sources, (0.0, 500.0)) | {"strain": (0.0, 0.2)}
     low = np.array([0.0 if "velocity" not in name else -300.0 for name in states])
     high = np.array([0.2 if "strain" in name else 400.0 for name in states])
     empty = np.empty(0)
-    found = StateSet(states, 0.01, ranges, {"pressure": (3.0, 0.2)}, low if scaled else empty, high if scaled else empty, 0.15)
+    found = StateSet(
+        states,
+        0.01,
+        ranges,
+        {"pressure": (3.0, 0.2)},
+        low if scaled else empty,
+        high if scaled else empty,
+        0.15,
+    )
     weights = np.array(theta) if theta else rng.uniform(-gain, gain, len(terms))
     inner = MemoryModel("force", found, terms, weights, weights, 12.5, (-100.0, 900.0))
     names = sorted(
@@ -138,13 +212,27 @@ def memory(
 
 def motion(switching: str, *, directed: bool, dead_band: float, start: str = "rest") -> Model:
     poles = [(-0.81, 1.75), (-0.5, 1.3), (-0.72, 1.6), (-0.3, 1.1)]
-    ways = [(place, way) for place in (1, 2) for way in (("rise", "fall") if directed else ("all",))]
+    ways = [
+        (place, way) for place in (1, 2) for way in (("rise", "fall") if directed else ("all",))
+    ]
     sections = tuple(
         MotionSection(f"{way} {place}", place, way, p1, p2, np.array([0.02, 0.3 + i, 0.001]))
         for i, ((place, way), (p1, p2)) in enumerate(zip(ways, poles, strict=False))
     )
     drives = ("pressure", "1", "pressure*strain")
-    body = Motion("pressure", "angle", 0.01, switching, (240.0,), directed, dead_band, drives, sections, (0.0, 500.0), start)
+    body = Motion(
+        "pressure",
+        "angle",
+        0.01,
+        switching,
+        (240.0,),
+        directed,
+        dead_band,
+        drives,
+        sections,
+        (0.0, 500.0),
+        start,
+    )
     ranges = (CurveRange("a", None, {"pressure": (0.0, 500.0), "strain": (0.0, 0.2)}),)
     return Model("motion", Quantity("angle", "deg"), (PRESSURE, STRAIN), StateSpace(body, ranges))
 
@@ -155,12 +243,18 @@ HINGED = {"w": 12.0, "a3": -9.0, "s3": -8.0, "share": 0.7, "a1": 1.0, "a2": 100.
 STATIC = {
     "steps": pieces(transition="linear", z_s=0.0, sides=("continue", "continue")),
     "quadratic, continued straight": pieces(
-        transition="quadratic", sides=("continue_linear", "continue_linear"), level_sides=("continue_linear", "continue_linear")
+        transition="quadratic",
+        sides=("continue_linear", "continue_linear"),
+        level_sides=("continue_linear", "continue_linear"),
     ),
-    "widest zones, zero": pieces(transition="linear", z_s=0.5, sides=("zero", "zero"), level_sides=("zero", "zero")),
+    "widest zones, zero": pieces(
+        transition="linear", z_s=0.5, sides=("zero", "zero"), level_sides=("zero", "zero")
+    ),
     "values": pieces(sides=(0.05, "saturate"), level_sides=(150.0, 480.0)),
     "smooth levels": pieces(scheme="pchip", level_sides=("continue_linear", "saturate")),
-    "smooth levels, aligned": pieces(scheme="pchip", aligned="strain", sides=("saturate", "continue_linear")),
+    "smooth levels, aligned": pieces(
+        scheme="pchip", aligned="strain", sides=("saturate", "continue_linear")
+    ),
     "aligned": pieces(aligned="strain", sides=("continue", "zero")),
     "backbone, shrunken": pieces(backbone=SAROSI, shrink=0.3),
     "hinged backbone": pieces(backbone=fit("sarosi_hinged", **HINGED), scheme="pchip", shrink=0.8),
@@ -169,7 +263,9 @@ STATIC = {
         counts={"speed": 2, "strain": 3},
         terms=("strain*speed", "abs(speed)", "sign(speed)*strain^2", "speed^5", "1/(2 + strain)"),
     ),
-    "not held, ends of the whole domain": fused(pieces(sides=("saturate", "continue_linear")), hold="none", domain={"strain": (0.02, 0.3)}),
+    "not held, ends of the whole domain": fused(
+        pieces(sides=("saturate", "continue_linear")), hold="none", domain={"strain": (0.02, 0.3)}
+    ),
     "no levels": pieces(levels=None, counts={"strain": 4}),
     "one level": pieces(levels=(200.0,), level_sides=("zero", "continue_linear")),
     "two smooth levels": pieces(levels=(100.0, 300.0), scheme="pchip"),
@@ -178,7 +274,16 @@ STATIC = {
         "a difference",
         FORCE,
         (PRESSURE, STRAIN),
-        Sum((Part(pieces()), Part(formula("sarosi", a3=-4.0), -1.0, {"strain": "0.25 - strain", "pressure": "2*pressure"}))),
+        Sum(
+            (
+                Part(pieces()),
+                Part(
+                    formula("sarosi", a3=-4.0),
+                    -1.0,
+                    {"strain": "0.25 - strain", "pressure": "2*pressure"},
+                ),
+            )
+        ),
     ),
 }
 FORMULAS = {
@@ -209,12 +314,36 @@ OPERATORS = (
 FED_BACK = ("force[k-1]", "force[k-3]", "pressure", "pressure[k-2]")
 WITH_MEMORY = {
     "lags": memory(LAGS, ("pressure", "pressure[k-3]*strain", "strain[k-1]^2")),
-    "operators": memory(OPERATORS, (*OPERATORS, "slow(pressure, 0.3)*play(pressure, 0.2)", "stop(pressure, 0.1)^3")),
-    "unscaled, on a backbone": memory(LAGS, ("pressure", "strain[k-1]", "pressure*strain"), scaled=False, backbone=SAROSI, gain=0.1),
-    "fed back": memory(FED_BACK, ("force[k-1]", "force[k-3]*pressure", "pressure", "pressure[k-2]", "force[k-1]^2"), gain=90.0),
+    "operators": memory(
+        OPERATORS, (*OPERATORS, "slow(pressure, 0.3)*play(pressure, 0.2)", "stop(pressure, 0.1)^3")
+    ),
+    "unscaled, on a backbone": memory(
+        LAGS,
+        ("pressure", "strain[k-1]", "pressure*strain"),
+        scaled=False,
+        backbone=SAROSI,
+        gain=0.1,
+    ),
+    "fed back": memory(
+        FED_BACK,
+        ("force[k-1]", "force[k-3]*pressure", "pressure", "pressure[k-2]", "force[k-1]^2"),
+        gain=90.0,
+    ),
     "operators of the output": memory(
-        ("slow(force[k-1], 0.1)", "play(force[k-2], 0.1)[k-1]", "stop(force[k-1], 0.05)", "pressure", "pressure[k-6]"),
-        ("slow(force[k-1], 0.1)", "play(force[k-2], 0.1)[k-1]*pressure", "stop(force[k-1], 0.05)", "pressure[k-6]", "pressure"),
+        (
+            "slow(force[k-1], 0.1)",
+            "play(force[k-2], 0.1)[k-1]",
+            "stop(force[k-1], 0.05)",
+            "pressure",
+            "pressure[k-6]",
+        ),
+        (
+            "slow(force[k-1], 0.1)",
+            "play(force[k-2], 0.1)[k-1]*pressure",
+            "stop(force[k-1], 0.05)",
+            "pressure[k-6]",
+            "pressure",
+        ),
         gain=90.0,
     ),
     "hysteresis of the output": memory(
@@ -239,5 +368,10 @@ WITH_MEMORY = {
             )
         ),
     ),
-    "a sum": Model("a sum", FORCE, (PRESSURE, STRAIN), Sum((Part(pieces()), Part(memory(OPERATORS, OPERATORS), -1.0)))),
+    "a sum": Model(
+        "a sum",
+        FORCE,
+        (PRESSURE, STRAIN),
+        Sum((Part(pieces()), Part(memory(OPERATORS, OPERATORS), -1.0))),
+    ),
 }

@@ -23,7 +23,9 @@ TARGETS, SCAN, BLOCK = 10_000, 2000, 500
 
 @dataclass(frozen=True)
 class Inversion:
-    """A row: how many targets had one solution, several, or a range of them; the largest error; roots of the scan, and those missed."""
+    """A row: how many targets had one solution, several, or a range of them; the largest error;
+    roots of the scan, and those missed.
+    """
 
     study: str
     one: int
@@ -34,31 +36,53 @@ class Inversion:
     missed: int
 
     def __str__(self) -> str:
-        return f"| {self.study} | {self.one} | {self.several} | {self.flat} | {self.error:.1e} | {self.roots} | {self.missed} |"
+        return (
+            f"| {self.study} | {self.one} | {self.several} | {self.flat} | {self.error:.1e} | "
+            f"{self.roots} | {self.missed} |"
+        )
 
 
 def inversion(study: str, model: Model, name: str = "pressure", n: int = TARGETS) -> Inversion:
-    """Targets at random places of the training range; the error is the output's, relative to it, or to one unit where it is smaller."""
+    """Targets at random places of the training range; the error is the output's, relative to it, or
+    to one unit where it is smaller.
+    """
     with tempfile.TemporaryDirectory() as folder:
         built = compiled(model, Path(folder), more=("-O2",), inverse=(name,))
     rng = np.random.default_rng(0)
-    at = {quantity.name: rng.uniform(*knots(model, quantity.name)[[0, -1]], n) for quantity in model.inputs}
+    at = {
+        quantity.name: rng.uniform(*knots(model, quantity.name)[[0, -1]], n)
+        for quantity in model.inputs
+    }
     wanted = predict(model, at)
     others = {one: x for one, x in at.items() if one != name}
     found, status = built.invert(wanted, others, name, LOWEST)
     assert not np.isnan(found).any(), "every target can be reached"
-    error = np.abs(predict(model, {**others, name: found}) - wanted) / np.maximum(np.abs(wanted), 1.0)
+    error = np.abs(predict(model, {**others, name: found}) - wanted) / np.maximum(
+        np.abs(wanted), 1.0
+    )
     rows, roots, step = scanned(built, model, name, wanted, others)
     near = {**{one: x[rows] for one, x in others.items()}, name: roots}
     nearest, _ = built.invert(wanted[rows], near, name, LOWEST)
-    missed = np.count_nonzero(~(np.abs(nearest - roots) <= step)) + np.count_nonzero(found[rows] > roots + step)
-    return Inversion(study, status.count("one"), status.count("several"), status.count("flat"), float(error.max()), len(rows), missed)
+    missed = np.count_nonzero(~(np.abs(nearest - roots) <= step)) + np.count_nonzero(
+        found[rows] > roots + step
+    )
+    return Inversion(
+        study,
+        status.count("one"),
+        status.count("several"),
+        status.count("flat"),
+        float(error.max()),
+        len(rows),
+        missed,
+    )
 
 
 def scanned(
     built: Compiled, model: Model, name: str, wanted: np.ndarray, others: dict[str, np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """Rows and places of the roots that a fine scan brackets, where the map does not jump, and the step of the scan."""
+    """Rows and places of the roots that a fine scan brackets, where the map does not jump, and the
+    step of the scan.
+    """
     low, high = knots(model, name)[[0, -1]]
     grid = np.linspace(low, high, SCAN + 1)
     rows, cells = [], []
@@ -66,7 +90,10 @@ def scanned(
         part = slice(start, start + BLOCK)
         columns = {one: np.repeat(x[part], len(grid)) for one, x in others.items()}
         count = len(wanted[part])
-        missing = built.run({**columns, name: np.tile(grid, count)})[0].reshape(count, -1) - wanted[part, None]
+        missing = (
+            built.run({**columns, name: np.tile(grid, count)})[0].reshape(count, -1)
+            - wanted[part, None]
+        )
         row, cell = np.nonzero(np.sign(missing[:, :-1]) * np.sign(missing[:, 1:]) < 0)
         rows.append(row + start)
         cells.append(cell)
@@ -78,7 +105,9 @@ def scanned(
         middle = (left + right) / 2
         same = np.sign(built.run({**own, name: middle})[0] - wanted[row]) == sign
         left, right = np.where(same, middle, left), np.where(same, right, middle)
-    reached = np.abs(built.run({**own, name: left})[0] - wanted[row]) <= 1e-6 * np.maximum(np.abs(wanted[row]), 1.0)
+    reached = np.abs(built.run({**own, name: left})[0] - wanted[row]) <= 1e-6 * np.maximum(
+        np.abs(wanted[row]), 1.0
+    )
     return row[reached], left[reached], float(grid[1] - grid[0])
 
 
@@ -86,7 +115,10 @@ def main(runs: Path, studies: list[str]) -> None:
     """The table of docs/export.md."""
     from mapmore_cli.storage.artefacts import read_model
 
-    print("| study | one | several | flat | largest error | roots by scan | missed |\n|---|---:|---:|---:|---:|---:|---:|")
+    print(
+        "| study | one | several | flat | largest error | roots by scan | missed |\n"
+        "|---|---:|---:|---:|---:|---:|---:|"
+    )
     for study in studies:
         print(inversion(study, read_model(runs / study / "model.h5")), flush=True)
 

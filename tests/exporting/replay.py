@@ -1,6 +1,8 @@
-"""Exported models replay held-out recordings through the other side's readers: `python tests/exporting/replay.py RUNS` writes the table.
+"""Exported models replay held-out recordings through the other side's readers: `python
+tests/exporting/replay.py RUNS` writes the table.
 
-The readers are not ours: SciPy's for MAT files and its interpolation, a Python without packages, gcc, MuJoCo, FMPy.
+The readers are not ours: SciPy's for MAT files and its interpolation, a Python without packages,
+gcc, MuJoCo, FMPy.
 """
 
 from __future__ import annotations
@@ -29,20 +31,40 @@ from mapmore_cli.modelling.program.model import program_of
 from mapmore_cli.storage.artefacts import read_dataset, read_model
 
 Columns = Mapping[str, np.ndarray]
-SIMULATED = ("m2/dmsp-20-88-static", "m2/peano-static", "m1/dmsp-20-88-inner-reversals", "m1/peano-inner-reversals")
-MEASURED = ("festo/festo_10mm_10cm_strain", "festo/festo_10mm_20cm_repeat", "festo/festo_10mm_30cm_pressure", "coiled/coiled_loops")
+SIMULATED = (
+    "m2/dmsp-20-88-static",
+    "m2/peano-static",
+    "m1/dmsp-20-88-inner-reversals",
+    "m1/peano-inner-reversals",
+)
+MEASURED = (
+    "festo/festo_10mm_10cm_strain",
+    "festo/festo_10mm_20cm_repeat",
+    "festo/festo_10mm_30cm_pressure",
+    "coiled/coiled_loops",
+)
 
 
 def held_out(folder: Path, model: Model) -> list[tuple[Columns, np.ndarray]]:
-    """The held-out recordings of a run, each with the rows that are held out; without memory these rows alone, where the model is valid."""
+    """The held-out recordings of a run, each with the rows that are held out; without memory these
+    rows alone, where the model is valid.
+    """
     found = []
     for curve in read_dataset(folder / "ingest.h5").curves:
         for rows in curve.logs:
             if runs_over_time(model):
-                columns, counts = {name: column[rows] for name, column in curve.columns.items()}, curve.held_out[rows]
+                columns, counts = (
+                    {name: column[rows] for name, column in curve.columns.items()},
+                    curve.held_out[rows],
+                )
             else:
-                columns = {name: column[rows[curve.held_out[rows]]] for name, column in curve.columns.items()}
-                columns = {name: column[~outside_range(model, columns)] for name, column in columns.items()}
+                columns = {
+                    name: column[rows[curve.held_out[rows]]]
+                    for name, column in curve.columns.items()
+                }
+                columns = {
+                    name: column[~outside_range(model, columns)] for name, column in columns.items()
+                }
                 counts = np.ones(len(columns[model.inputs[0].name]), dtype=bool)
             if counts.any():
                 found.append((columns, counts))
@@ -57,9 +79,14 @@ def written(model: Model, to: str, folder: Path) -> list[Path]:
     return [folder / name for name in files]
 
 
-def looked_up(axes: list[np.ndarray], values: np.ndarray, model: Model, columns: Columns) -> np.ndarray:
+def looked_up(
+    axes: list[np.ndarray], values: np.ndarray, model: Model, columns: Columns
+) -> np.ndarray:
     """Linear interpolation between the points of a table, held at its ends as lookup blocks do."""
-    places = [np.clip(columns[q.name], axis[0], axis[-1]) for q, axis in zip(model.inputs, axes, strict=True)]
+    places = [
+        np.clip(columns[q.name], axis[0], axis[-1])
+        for q, axis in zip(model.inputs, axes, strict=True)
+    ]
     return np.asarray(RegularGridInterpolator(axes, values)(np.column_stack(places)))
 
 
@@ -67,17 +94,26 @@ def by_mat(model: Model, columns: Columns, folder: Path) -> np.ndarray:
     """The MAT file as SciPy reads it."""
     (file,) = (path for path in written(model, "table", folder) if path.suffix == ".mat")
     table, names = loadmat(file), names_of_inputs(model.inputs, [model.output.name, "valid"])
-    return looked_up([table[names[q.name]].ravel() for q in model.inputs], table[model.output.name], model, columns)
+    return looked_up(
+        [table[names[q.name]].ravel() for q in model.inputs],
+        table[model.output.name],
+        model,
+        columns,
+    )
 
 
 def combi_tables(text: str) -> dict[str, tuple[list[np.ndarray], np.ndarray]]:
-    """Both tables of a text for CombiTable2D, by the grammar of ModelicaStandardTables: places along rows and columns, and values."""
+    """Both tables of a text for CombiTable2D, by the grammar of ModelicaStandardTables: places
+    along rows and columns, and values.
+    """
     assert text.startswith("#1\n")
     found = {}
     for part in text.split("\ndouble ")[1:]:
         head = re.match(r"(\w+)\((\d+),(\d+)\)\n", part)
         assert head
-        grid = np.loadtxt(io.StringIO(part[head.end() :]), max_rows=int(head[2])).reshape(int(head[2]), int(head[3]))
+        grid = np.loadtxt(io.StringIO(part[head.end() :]), max_rows=int(head[2])).reshape(
+            int(head[2]), int(head[3])
+        )
         found[head[1]] = ([grid[1:, 0], grid[0, 1:]], grid[1:, 1:])
     return found
 
@@ -85,7 +121,11 @@ def combi_tables(text: str) -> dict[str, tuple[list[np.ndarray], np.ndarray]]:
 def by_modelica(model: Model, columns: Columns, folder: Path) -> np.ndarray | None:
     """The text for Modelica as NumPy reads it, where there are two inputs."""
     text = [path for path in written(model, "table", folder) if path.suffix == ".txt"]
-    return looked_up(*combi_tables(text[0].read_text())[model.output.name], model, columns) if text else None
+    return (
+        looked_up(*combi_tables(text[0].read_text())[model.output.name], model, columns)
+        if text
+        else None
+    )
 
 
 PLAIN = """
@@ -109,7 +149,13 @@ def by_python(model: Model, columns: Columns, folder: Path) -> np.ndarray:
     measured = [columns[name].tolist() for name in fed_back(model)]
     code = PLAIN.format(module=file.stem, output=model.output.name)
     call = [sys.executable, "-I", "-S", "-c", code, str(folder)]
-    done = subprocess.run(call, input=json.dumps([rows, *(measured or [None])]), capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        call,
+        input=json.dumps([rows, *(measured or [None])]),
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     return np.array(json.loads(done.stdout))
 
 
@@ -117,10 +163,28 @@ def compiled(files: Mapping[str, bytes], folder: Path, *extra: str) -> tuple[cty
     """An export in C as a shared library, without a warning, and the name of its functions."""
     for name, data in files.items():
         (folder / name).write_bytes(data)
-    sources = [name for name in files if name.endswith(".c") and "_main" not in name and "_inverse" not in name]
-    command = ["gcc", "-std=c99", "-Wall", "-Werror", "-shared", "-fPIC", "-o", "lib.so", *sources, *extra, "-lm"]
+    sources = [
+        name
+        for name in files
+        if name.endswith(".c") and "_main" not in name and "_inverse" not in name
+    ]
+    command = [
+        "gcc",
+        "-std=c99",
+        "-Wall",
+        "-Werror",
+        "-shared",
+        "-fPIC",
+        "-o",
+        "lib.so",
+        *sources,
+        *extra,
+        "-lm",
+    ]
     subprocess.run(command, cwd=folder, check=True)
-    return ctypes.CDLL(str(folder / "lib.so")), min(files, key=len).removesuffix(".c").removesuffix(".h")
+    return ctypes.CDLL(str(folder / "lib.so")), min(files, key=len).removesuffix(".c").removesuffix(
+        ".h"
+    )
 
 
 def by_c_caller(model: Model, columns: Columns, folder: Path) -> np.ndarray:
@@ -128,7 +192,12 @@ def by_c_caller(model: Model, columns: Columns, folder: Path) -> np.ndarray:
     library, name = compiled(exported(model, "simulink"), folder)
     function = getattr(library, f"{name}_{model.output.name}")
     function.restype, function.argtypes = ctypes.c_double, [ctypes.c_double] * len(model.inputs)
-    return np.array([function(*row) for row in zip(*(columns[q.name].tolist() for q in model.inputs), strict=True)])
+    return np.array(
+        [
+            function(*row)
+            for row in zip(*(columns[q.name].tolist() for q in model.inputs), strict=True)
+        ]
+    )
 
 
 SCENE = """
@@ -144,14 +213,18 @@ SCENE = """
     </body>
   </worldbody>
   <tendon><spatial name="muscle"><site site="top"/><site site="hook"/></spatial></tendon>
-  <actuator><general tendon="muscle" gaintype="fixed" gainprm="0" biastype="user" user="0.2 0"/></actuator>
+  <actuator>
+    <general tendon="muscle" gaintype="fixed" gainprm="0" biastype="user" user="0.2 0"/>
+  </actuator>
 </mujoco>
 """
 """A muscle of 0.2 m that lifts a weight."""
 
 
 class Lift:
-    """MuJoCo with an exported muscle: `with Lift(model, folder) as lift`, then `lift.world` and `lift.data`."""
+    """MuJoCo with an exported muscle: `with Lift(model, folder) as lift`, then `lift.world` and
+    `lift.data`.
+    """
 
     def __init__(self, model: Model, folder: Path, mass: float = 12.0) -> None:
         import mujoco
@@ -160,12 +233,17 @@ class Lift:
         include = Path(mujoco.__file__).parent / "include"
         library, name = compiled(exported(model, "mujoco"), folder, f"-I{include}", "-Wno-pedantic")
         self.callback = getattr(library, f"{name}_act_bias")
-        self.callback.restype, self.callback.argtypes = ctypes.c_double, [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int]
+        self.callback.restype, self.callback.argtypes = (
+            ctypes.c_double,
+            [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int],
+        )
         self.world = mujoco.MjModel.from_xml_string(SCENE.format(mass=mass))
         self.data = mujoco.MjData(self.world)
 
     def __enter__(self) -> Lift:
-        self.mujoco.set_mjcb_act_bias(lambda m, d, actuator: self.callback(m._address, d._address, actuator))
+        self.mujoco.set_mjcb_act_bias(
+            lambda m, d, actuator: self.callback(m._address, d._address, actuator)
+        )
         return self
 
     def __exit__(self, *_error: object) -> None:
@@ -181,11 +259,15 @@ class Lift:
 def by_mujoco(model: Model, columns: Columns, folder: Path) -> np.ndarray:
     """The callback in MuJoCo, with the weight moved along the recording."""
     with Lift(model, folder) as lift:
-        return np.array([lift.force(p, e) for p, e in zip(columns["pressure"], columns["strain"], strict=True)])
+        return np.array(
+            [lift.force(p, e) for p, e in zip(columns["pressure"], columns["strain"], strict=True)]
+        )
 
 
 def simulated(model: Model, file: Path, columns: Columns, step: float) -> Any:
-    """What FMPy gets from a unit for a recording; its row k + 1 answers to the recording's row k."""
+    """What FMPy gets from a unit for a recording; its row k + 1 answers to the recording's row
+    k.
+    """
     import fmpy
 
     n = len(next(iter(columns.values())))
@@ -210,7 +292,9 @@ def simulated(model: Model, file: Path, columns: Columns, step: float) -> Any:
 def by_fmpy(model: Model, columns: Columns, folder: Path) -> np.ndarray:
     """The unit as FMPy simulates it."""
     (file,) = written(model, "fmu", folder)
-    return np.asarray(simulated(model, file, columns, program_of(model).step or 0.1)[model.output.name][1:])
+    return np.asarray(
+        simulated(model, file, columns, program_of(model).step or 0.1)[model.output.name][1:]
+    )
 
 
 READERS: Mapping[str, Callable[[Model, Columns, Path], np.ndarray | None]] = {
@@ -225,7 +309,9 @@ TABLES = ("MAT by SciPy", "Modelica's text by NumPy")
 
 
 def replayed(folder: Path) -> tuple[int, dict[str, float | None]]:
-    """Held-out samples of a run, and by reader the largest difference from `predict`, in % of the prediction's range; None if refused."""
+    """Held-out samples of a run, and by reader the largest difference from `predict`, in % of the
+    prediction's range; None if refused.
+    """
     model = read_model(folder / "model.h5")
     recordings = held_out(folder, model)
     expected = [simulate(model, columns).values[counts] for columns, counts in recordings]
@@ -238,15 +324,21 @@ def replayed(folder: Path) -> tuple[int, dict[str, float | None]]:
                 answers = [reader(model, columns, Path(place)) for columns, _ in recordings]
         except UsageError:
             answers = [None]
-        found = [a[counts] for a, (_, counts) in zip(answers, recordings, strict=False) if a is not None]
+        found = [
+            a[counts] for a, (_, counts) in zip(answers, recordings, strict=False) if a is not None
+        ]
         worst[name] = largest(np.concatenate(found), known) if found else None
     return len(known), worst
 
 
 def largest(found: np.ndarray, expected: np.ndarray) -> float:
-    """The largest difference in % of the range of what is expected; both are NaN in the same places."""
+    """The largest difference in % of the range of what is expected; both are NaN in the same
+    places.
+    """
     assert np.array_equal(np.isnan(found), np.isnan(expected))
-    return float(100 * np.nanmax(np.abs(found - expected)) / (np.nanmax(expected) - np.nanmin(expected)))
+    return float(
+        100 * np.nanmax(np.abs(found - expected)) / (np.nanmax(expected) - np.nanmin(expected))
+    )
 
 
 if __name__ == "__main__":
@@ -257,12 +349,21 @@ if __name__ == "__main__":
 
     def table() -> Table:
         """The table of docs/export.md."""
-        columns = (Column("held out in"), Column("samples"), *(Column(name, "%", ".1e") for name in READERS))
+        columns = (
+            Column("held out in"),
+            Column("samples"),
+            *(Column(name, "%", ".1e") for name in READERS),
+        )
         rows = []
         for study in (*SIMULATED, *MEASURED):
             samples, worst = replayed(run(study, Path(sys.argv[1])).folder)
             rows.append((study.partition("/")[2], samples, *worst.values()))
             print(rows[-1], file=sys.stderr)
-        return Table("replays", "Largest difference from `predict`, in % of the prediction's range", columns, tuple(rows))
+        return Table(
+            "replays",
+            "Largest difference from `predict`, in % of the prediction's range",
+            columns,
+            tuple(rows),
+        )
 
     write_tables(DOCS / "export.md", {"replays": table})

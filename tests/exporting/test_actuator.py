@@ -1,4 +1,6 @@
-"""A model of the pressure and one of the force as one actuator: equal to the one after the other, in C and as a unit."""
+"""A model of the pressure and one of the force as one actuator: equal to the one after the other,
+in C and as a unit.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,13 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import MemoryModel, StateSet
 from mapmore_cli.domain.models import CurveRange, Memory, Model, StateSpace
 from mapmore_cli.domain.recording import Quantity, Signal
-from mapmore_cli.modelling.kinds import equations, outside_range, parameters, predict, runs_over_time
+from mapmore_cli.modelling.kinds import (
+    equations,
+    outside_range,
+    parameters,
+    predict,
+    runs_over_time,
+)
 from mapmore_cli.modelling.sums.joint import actuator
 from mapmore_cli.storage.artefacts import read_model, write_model
 
@@ -34,8 +42,17 @@ def lag() -> Model:
     """P's state space from the input of a valve to the pressure."""
     body = motion("bumpless", directed=False, dead_band=0.0).body
     assert isinstance(body, StateSpace)
-    sections = tuple(replace(one, weights=np.array([1.5 + i])) for i, one in enumerate(body.motion.sections))
-    found = replace(body.motion, input="input", output="pressure", drives=("input",), sections=sections, boundaries=(5.0,))
+    sections = tuple(
+        replace(one, weights=np.array([1.5 + i])) for i, one in enumerate(body.motion.sections)
+    )
+    found = replace(
+        body.motion,
+        input="input",
+        output="pressure",
+        drives=("input",),
+        sections=sections,
+        boundaries=(5.0,),
+    )
     return Model("lag", PRESSURE, (VALVE,), StateSpace(found, RANGE))
 
 
@@ -44,7 +61,12 @@ def delayed(*states: str) -> Model:
     ranges = {"input": (0.0, 10.0), "pressure[k-1]": (0.0, 600.0)}
     found = StateSet(states, 0.01, ranges, {}, np.empty(0), np.empty(0), 0.15)
     theta = np.full(len(states), 20.0)
-    return Model("delayed", PRESSURE, (VALVE,), Memory(MemoryModel("pressure", found, states, theta, theta, 30.0, (-100.0, 900.0)), RANGE))
+    return Model(
+        "delayed",
+        PRESSURE,
+        (VALVE,),
+        Memory(MemoryModel("pressure", found, states, theta, theta, 30.0, (-100.0, 900.0)), RANGE),
+    )
 
 
 PAIRS = {
@@ -57,7 +79,12 @@ PAIRS = {
 
 @needs_compiler
 @pytest.mark.parametrize(
-    "name", ["lag, static", "delay, memory", *(pytest.param(one, marks=pytest.mark.long) for one in ("delay, static", "lag, memory"))]
+    "name",
+    [
+        "lag, static",
+        "delay, memory",
+        *(pytest.param(one, marks=pytest.mark.long) for one in ("delay, static", "lag, memory")),
+    ],
 )
 def test_a_unit_is_the_force_at_the_predicted_pressure(tmp_path: Path, name: str) -> None:
     force, pressure = PAIRS[name]
@@ -69,7 +96,9 @@ def test_a_unit_is_the_force_at_the_predicted_pressure(tmp_path: Path, name: str
     assert np.isfinite(expected).sum() > 500
     assert greatest_difference(predict(model, columns), expected) == 0
     found, known = checked(model, tmp_path, columns), np.isfinite(expected)
-    assert np.array_equal((found["outside_range"] & 3 != 0)[known], outside_range(model, columns)[known])
+    assert np.array_equal(
+        (found["outside_range"] & 3 != 0)[known], outside_range(model, columns)[known]
+    )
 
 
 @needs_compiler
@@ -78,10 +107,21 @@ def test_an_actuator_is_written_by_one_command(tmp_path: Path) -> None:
     for name, model in (("force", force), ("pressure", pressure)):
         write_model(tmp_path / f"{name}.h5", model)
     for to, written in (("c", "dmsp_20_actuator.c"), ("fmu", "dmsp_20_actuator.fmu")):
-        done = called("export", tmp_path / "force.h5", "--pressure", tmp_path / "pressure.h5", "--to", to, "-o", tmp_path / to)
+        done = called(
+            "export",
+            tmp_path / "force.h5",
+            "--pressure",
+            tmp_path / "pressure.h5",
+            "--to",
+            to,
+            "-o",
+            tmp_path / to,
+        )
         assert done.exit_code == 0, done.stderr
         assert (tmp_path / to / written).is_file()
-    refused = called("export", tmp_path / "force.h5", "--pressure", tmp_path / "pressure.h5", "--to", "py")
+    refused = called(
+        "export", tmp_path / "force.h5", "--pressure", tmp_path / "pressure.h5", "--to", "py"
+    )
     assert refused.exit_code == 2
     assert "--pressure goes with" in refused.stderr
 
@@ -94,7 +134,9 @@ def test_an_actuator_can_be_stored_and_shown(tmp_path: Path) -> None:
     assert equations(model)[0].text == "with memory(pressure = lag, strain = strain)"
     write_model(tmp_path / "model.h5", model)
     columns = recording(model, 100)
-    assert np.array_equal(predict(read_model(tmp_path / "model.h5"), columns), predict(model, columns), equal_nan=True)
+    assert np.array_equal(
+        predict(read_model(tmp_path / "model.h5"), columns), predict(model, columns), equal_nan=True
+    )
     shown = called("show", tmp_path / "model.h5", "--json")
     assert shown.exit_code == 0, shown.stderr
     assert '"fed"' in shown.stdout
@@ -105,10 +147,18 @@ def test_what_cannot_be_joined_is_refused() -> None:
     needing_rate = replace(force, signals=(Signal("pressure_rate", "rate", "pressure"),))
     for one, other, words in (
         (formula("reynolds"), lag(), "no function of pressure"),
-        (replace(force, inputs=(Quantity("pressure", "bar"), force.inputs[1])), lag(), "no function of pressure in kPa"),
+        (
+            replace(force, inputs=(Quantity("pressure", "bar"), force.inputs[1])),
+            lag(),
+            "no function of pressure in kPa",
+        ),
         (needing_rate, lag(), "needs pressure_rate"),
         (force, delayed("pressure[k-1]", "input"), "goes on from measured pressure"),
-        (replace(force, inputs=(*force.inputs, Quantity("input", "mV"))), lag(), "have input in different units"),
+        (
+            replace(force, inputs=(*force.inputs, Quantity("input", "mV"))),
+            lag(),
+            "have input in different units",
+        ),
     ):
         with pytest.raises(DataError, match=words):
             actuator(one, other)

@@ -1,4 +1,6 @@
-"""Exported C agrees with `predict` for models of every kind, at every boundary; its derivatives and inverses with those in Python."""
+"""Exported C agrees with `predict` for models of every kind, at every boundary; its derivatives and
+inverses with those in Python.
+"""
 
 from __future__ import annotations
 
@@ -28,14 +30,28 @@ def test_pieces_and_sums(tmp_path: Path, name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["sarosi_hinged", "tondu_lopez_corrected", "kerscher", "peternel", "polynomial_5", "tondu_kinetic_friction", "reynolds"]
+    "name",
+    [
+        "sarosi_hinged",
+        "tondu_lopez_corrected",
+        "kerscher",
+        "peternel",
+        "polynomial_5",
+        "tondu_kinetic_friction",
+        "reynolds",
+    ],
 )
 def test_formulas(tmp_path: Path, name: str) -> None:
     assert compare(FORMULAS[name], tmp_path)[0] < 1e-12
 
 
 def test_optimised_code_has_the_same_numbers_and_no_warning_either(tmp_path: Path) -> None:
-    assert compare(STATIC["smooth levels, aligned"], tmp_path, 3_000, more=("-O2",), inverse=("strain",))[0] < 1e-12
+    assert (
+        compare(
+            STATIC["smooth levels, aligned"], tmp_path, 3_000, more=("-O2",), inverse=("strain",)
+        )[0]
+        < 1e-12
+    )
 
 
 @pytest.mark.parametrize("name", WITH_MEMORY)
@@ -53,7 +69,9 @@ def test_a_run_that_diverges_has_no_value_up_to_a_reset(tmp_path: Path) -> None:
     assert bits[-1] & 2
 
 
-def test_an_input_that_is_not_finite_sets_its_bit_and_lets_memory_start_anew(tmp_path: Path) -> None:
+def test_an_input_that_is_not_finite_sets_its_bit_and_lets_memory_start_anew(
+    tmp_path: Path,
+) -> None:
     model = WITH_MEMORY["operators"]
     columns = recording(model, 400)
     columns["strain"][100] = np.nan
@@ -76,15 +94,24 @@ def test_every_formula_compiles(tmp_path: Path) -> None:
 def test_single_precision(tmp_path: Path) -> None:
     model = replace(STATIC["smooth levels"], name="single")
     single = compiled(model, tmp_path, single=True)
-    columns = {name: x.astype(np.float32).astype(np.float64) for name, x in points(model, 2000).items()}
-    inside = {"pressure": np.clip(columns["pressure"], 110, 490), "strain": np.clip(columns["strain"], 0.03, 0.19)}
+    columns = {
+        name: x.astype(np.float32).astype(np.float64) for name, x in points(model, 2000).items()
+    }
+    inside = {
+        "pressure": np.clip(columns["pressure"], 110, 490),
+        "strain": np.clip(columns["strain"], 0.03, 0.19),
+    }
     found, _ = single.run(inside)
-    assert np.max(np.abs(found - predict(model, inside))) < 1e-4 * np.max(np.abs(predict(model, inside)))
+    assert np.max(np.abs(found - predict(model, inside))) < 1e-4 * np.max(
+        np.abs(predict(model, inside))
+    )
     assert " double " not in (tmp_path / "single.c").read_text()
 
 
 @pytest.mark.parametrize(
-    "model", [STATIC["smooth levels, aligned"], WITH_MEMORY["operators"], WITH_MEMORY["fed back"]], ids=["static", "memory", "fed back"]
+    "model",
+    [STATIC["smooth levels, aligned"], WITH_MEMORY["operators"], WITH_MEMORY["fed back"]],
+    ids=["static", "memory", "fed back"],
 )
 def test_the_program_runs_clean_under_the_sanitizers(tmp_path: Path, model: object) -> None:
     source = c_source(model)  # type: ignore[arg-type]
@@ -92,16 +119,27 @@ def test_the_program_runs_clean_under_the_sanitizers(tmp_path: Path, model: obje
         (tmp_path / name).write_text(text)
     sanitize = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
     sources = [f"{source.name}.c", f"{source.name}_main.c"]
-    subprocess.run(["gcc", *FLAGS, *sanitize, *sources, "-o", "try", "-lm"], cwd=tmp_path, check=True)
-    samples = "\n".join(
-        f"{p} {s} 100" if "fed" in str(source.files) else f"{p} {s}" for p, s in [(100, 0.1), (1e6, -3), (350, 0.2), ("nan", 0.1)] * 20
+    subprocess.run(
+        ["gcc", *FLAGS, *sanitize, *sources, "-o", "try", "-lm"], cwd=tmp_path, check=True
     )
-    done = subprocess.run(["./try"], input=samples, cwd=tmp_path, capture_output=True, text=True, check=True)
+    samples = "\n".join(
+        f"{p} {s} 100" if "fed" in str(source.files) else f"{p} {s}"
+        for p, s in [(100, 0.1), (1e6, -3), (350, 0.2), ("nan", 0.1)] * 20
+    )
+    done = subprocess.run(
+        ["./try"], input=samples, cwd=tmp_path, capture_output=True, text=True, check=True
+    )
     assert len(done.stdout.splitlines()) >= 50
 
 
 @pytest.mark.parametrize(
-    ("name", "identifier"), [("dmsp-20-88", "dmsp_20_88"), ("20 mm", "model_20_mm"), ("double", "model_double"), ("a  b!", "a_b")]
+    ("name", "identifier"),
+    [
+        ("dmsp-20-88", "dmsp_20_88"),
+        ("20 mm", "model_20_mm"),
+        ("double", "model_double"),
+        ("a  b!", "a_b"),
+    ],
 )
 def test_names_that_c_does_not_allow(name: str, identifier: str) -> None:
     source = c_source(replace(pieces(), name=name))
@@ -132,9 +170,15 @@ def test_no_heap_no_globals() -> None:
             if not file.endswith(".c") or "_main" in file:
                 continue
             assert "malloc" not in text
-            assert [line for line in text.splitlines() if line.startswith("#include")][1:] == ["#include <math.h>"]
-            lines = [] if "_inverse" in file else text.splitlines()  # whose knots are constants, and its types are named
-            outside = [line for line in lines if line and not line[0].isspace() and line[0] not in "{}/#"]
+            assert [line for line in text.splitlines() if line.startswith("#include")][1:] == [
+                "#include <math.h>"
+            ]
+            lines = (
+                [] if "_inverse" in file else text.splitlines()
+            )  # whose knots are constants, and its types are named
+            outside = [
+                line for line in lines if line and not line[0].isspace() and line[0] not in "{}/#"
+            ]
             assert all("(" in line for line in outside), "only functions stand outside of functions"
 
 
@@ -142,18 +186,32 @@ def test_no_heap_no_globals() -> None:
 def test_derivatives_at_every_boundary(tmp_path: Path, name: str) -> None:
     model = STATIC[name]
     columns = points(model, 1000)
-    found, expected = compiled(model, tmp_path, more=("-O0",), inverse=()).slopes(columns), slopes(model, columns)
+    found, expected = (
+        compiled(model, tmp_path, more=("-O0",), inverse=()).slopes(columns),
+        slopes(model, columns),
+    )
     for quantity in model.inputs:
         own, other = found[quantity.name], expected[quantity.name]
         assert np.array_equal(np.isnan(own), np.isnan(other))
-        assert np.nanmax(np.abs(own - other) / np.maximum(np.abs(other), np.nanmedian(np.abs(other)))) < 1e-12
+        assert (
+            np.nanmax(np.abs(own - other) / np.maximum(np.abs(other), np.nanmedian(np.abs(other))))
+            < 1e-12
+        )
 
 
 @pytest.mark.parametrize(
-    ("name", "of"), [("steps", "pressure"), ("widest zones, zero", "pressure"), ("one level", "strain"), ("sarosi", "strain")]
+    ("name", "of"),
+    [
+        ("steps", "pressure"),
+        ("widest zones, zero", "pressure"),
+        ("one level", "strain"),
+        ("sarosi", "strain"),
+    ],
 )
 def test_the_inverse_picks_what_python_picks(tmp_path: Path, name: str, of: str) -> None:
-    """Solutions that are there, targets out of reach, flat ranges, and numbers that are none; by both rules."""
+    """Solutions that are there, targets out of reach, flat ranges, and numbers that are none; by
+    both rules.
+    """
     model, rng = {**STATIC, **FORMULAS}[name], np.random.default_rng(3)
     at = {"pressure": rng.uniform(100.0, 500.0, 12), "strain": rng.uniform(0.03, 0.2, 12)}
     wanted = predict(model, at)
@@ -168,10 +226,15 @@ def test_the_inverse_picks_what_python_picks(tmp_path: Path, name: str, of: str)
         assert status == expected.status
         assert len(set(status)) > 1
         assert np.array_equal(np.isnan(found), np.isnan(expected.picked))
-        assert np.nanmax(np.abs(found - expected.picked)) <= 1e-12 * np.nanmax(np.abs(expected.picked))
+        assert np.nanmax(np.abs(found - expected.picked)) <= 1e-12 * np.nanmax(
+            np.abs(expected.picked)
+        )
 
 
-@pytest.mark.parametrize(("name", "of"), [("steps", "strain"), ("values", "strain"), ("quadratic, continued straight", "pressure")])
+@pytest.mark.parametrize(
+    ("name", "of"),
+    [("steps", "strain"), ("values", "strain"), ("quadratic, continued straight", "pressure")],
+)
 def test_every_root_of_a_scan_is_found_where_the_map_turns_and_jumps(name: str, of: str) -> None:
     found = inversion(name, STATIC[name], of, 250)
     assert found.missed == 0
@@ -183,7 +246,9 @@ def test_an_inverse_in_single_precision_comes_as_near_as_it_can(tmp_path: Path) 
     model = replace(FORMULAS["sarosi"], name="single")
     pressure, strain = np.linspace(150.0, 450.0, 9), np.full(9, 0.1)
     wanted = predict(model, {"pressure": pressure, "strain": strain})
-    found, status = compiled(model, tmp_path, single=True, inverse=("pressure",)).invert(wanted, {"strain": strain}, "pressure", LOWEST)
+    found, status = compiled(model, tmp_path, single=True, inverse=("pressure",)).invert(
+        wanted, {"strain": strain}, "pressure", LOWEST
+    )
     assert set(status) == {"one"}
     assert np.max(np.abs(found - pressure)) < 0.01
     assert "double" not in (tmp_path / "single_inverse.c").read_text()
@@ -201,10 +266,14 @@ def test_what_a_sum_renames_has_derivatives_and_no_inverse(tmp_path: Path) -> No
     assert "_invert_" not in source.files[f"{source.name}_inverse.h"]
     for name, text in source.files.items():
         (tmp_path / name).write_text(text)
-    subprocess.run(["gcc", *FLAGS, "-O0", "-c", f"{source.name}_inverse.c"], cwd=tmp_path, check=True)
+    subprocess.run(
+        ["gcc", *FLAGS, "-O0", "-c", f"{source.name}_inverse.c"], cwd=tmp_path, check=True
+    )
 
 
 def test_derivatives_are_clean_under_the_sanitizers(tmp_path: Path) -> None:
     model = STATIC["one level"]
     columns = points(model, 500)
-    assert np.allclose(sanitized(model, tmp_path, columns), predict(model, columns), rtol=1e-12, atol=0)
+    assert np.allclose(
+        sanitized(model, tmp_path, columns), predict(model, columns), rtol=1e-12, atol=0
+    )

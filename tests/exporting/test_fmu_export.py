@@ -1,4 +1,6 @@
-"""FMUs: valid by FMPy, equal to `predict` when it simulates them, the same bytes again, and clear where something is refused."""
+"""FMUs: valid by FMPy, equal to `predict` when it simulates them, the same bytes again, and clear
+where something is refused.
+"""
 
 from __future__ import annotations
 
@@ -28,15 +30,20 @@ from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.program.model import program_of
 
-needs_compiler = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler here")
+needs_compiler = pytest.mark.skipif(
+    shutil.which("cc") is None, reason="there is no C compiler here"
+)
 
 COMMON = """
-    GetTypesPlatform GetVersion SetDebugLogging Instantiate FreeInstance SetupExperiment EnterInitializationMode ExitInitializationMode
-    Terminate Reset GetReal GetInteger GetBoolean GetString SetReal SetInteger SetBoolean SetString GetFMUstate SetFMUstate FreeFMUstate
+        GetTypesPlatform GetVersion SetDebugLogging Instantiate FreeInstance SetupExperiment
+    EnterInitializationMode ExitInitializationMode
+        Terminate Reset GetReal GetInteger GetBoolean GetString SetReal SetInteger SetBoolean
+    SetString GetFMUstate SetFMUstate FreeFMUstate
     SerializedFMUstateSize SerializeFMUstate DeSerializeFMUstate GetDirectionalDerivative
 """
 CO_SIMULATION = """
-    SetRealInputDerivatives GetRealOutputDerivatives DoStep CancelStep GetStatus GetRealStatus GetIntegerStatus GetBooleanStatus
+        SetRealInputDerivatives GetRealOutputDerivatives DoStep CancelStep GetStatus
+    GetRealStatus GetIntegerStatus GetBooleanStatus
     GetStringStatus
 """
 SYMBOLS = [f"fmi2{name}" for name in (COMMON + CO_SIMULATION).split()]
@@ -56,7 +63,9 @@ def greatest_difference(found: np.ndarray, expected: np.ndarray) -> float:
 
 
 def checked(model: Model, folder: Path, columns: Mapping[str, np.ndarray]) -> np.ndarray:
-    """What FMPy gets from the valid unit of a model along columns; the values are those of `predict`."""
+    """What FMPy gets from the valid unit of a model along columns; the values are those of
+    `predict`.
+    """
     file = unit_of(model, folder)
     assert validate_fmu(str(file)) == []
     found = simulated(model, file, columns, program_of(model).step or 0.1)[1:]
@@ -71,16 +80,25 @@ def test_a_static_unit_is_predict(tmp_path: Path) -> None:
 
 
 @needs_compiler
-@pytest.mark.parametrize("name", ["a sum", "fed back", "hysteresis of the output", "motion, handed on"])
+@pytest.mark.parametrize(
+    "name", ["a sum", "fed back", "hysteresis of the output", "motion, handed on"]
+)
 def test_a_unit_with_memory_is_predict_along_a_recording(tmp_path: Path, name: str) -> None:
     model = replace(WITH_MEMORY[name], name=f"memory {name}")
     assert program_of(model).step is not None
     checked(model, tmp_path, recording(model, 600))
 
 
-def test_units_of_every_kind_are_valid_without_a_compiler(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_units_of_every_kind_are_valid_without_a_compiler(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("CC", "no-such-compiler")
-    for model in [STATIC["no levels"], STATIC["a difference"], *WITH_MEMORY.values(), FORMULAS["reynolds"]]:
+    for model in [
+        STATIC["no levels"],
+        STATIC["a difference"],
+        *WITH_MEMORY.values(),
+        FORMULAS["reynolds"],
+    ]:
         warnings: list[str] = []
         ((name, data),) = exported(model, "fmu", warn=warnings.append).items()
         (tmp_path / name).write_bytes(data)
@@ -88,7 +106,11 @@ def test_units_of_every_kind_are_valid_without_a_compiler(tmp_path: Path, monkey
         assert len(warnings) == 1
         assert "no-such-compiler" in warnings[0]
         assert "sources and no binary" in warnings[0]
-        assert not [one for one in zipfile.ZipFile(io.BytesIO(data)).namelist() if one.startswith("binaries/")]
+        assert not [
+            one
+            for one in zipfile.ZipFile(io.BytesIO(data)).namelist()
+            if one.startswith("binaries/")
+        ]
 
 
 def test_a_compiler_that_fails_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -103,28 +125,47 @@ def test_the_same_model_gives_the_same_bytes_and_another_one_another_guid() -> N
     ((_, one),) = exported(FORMULAS["reynolds"], "fmu").items()
     ((_, again),) = exported(FORMULAS["reynolds"], "fmu").items()
     assert one == again
-    assert {entry.date_time for entry in zipfile.ZipFile(io.BytesIO(one)).infolist()} == {(1980, 1, 1, 0, 0, 0)}
-    guids = {fmu_sources(model, {}, "tool").files["modelDescription.xml"].split('guid="')[1][:36] for model in (pieces(), pieces(z_s=0.1))}
+    assert {entry.date_time for entry in zipfile.ZipFile(io.BytesIO(one)).infolist()} == {
+        (1980, 1, 1, 0, 0, 0)
+    }
+    guids = {
+        fmu_sources(model, {}, "tool").files["modelDescription.xml"].split('guid="')[1][:36]
+        for model in (pieces(), pieces(z_s=0.1))
+    }
     assert len(guids) == 2
 
 
-def test_units_of_measurement_are_declared_by_base_units(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_units_of_measurement_are_declared_by_base_units(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("CC", "no-such-compiler")
     model = replace(pieces(), output=Quantity("force", "spam"))
     described = fmpy.read_model_description(str(unit_of(model, tmp_path)))
     found = {unit.name: unit.baseUnit for unit in described.unitDefinitions}
     assert list(found) == ["kPa", "1", "spam"]
-    assert (found["kPa"].kg, found["kPa"].m, found["kPa"].s, found["kPa"].factor) == (1, -1, -2, 1000.0)
+    assert (found["kPa"].kg, found["kPa"].m, found["kPa"].s, found["kPa"].factor) == (
+        1,
+        -1,
+        -2,
+        1000.0,
+    )
     assert found["spam"] is None, "nobody knows it"
     variables = {one.name: one for one in described.modelVariables}
-    assert {name: one.unit for name, one in variables.items()} == {"pressure": "kPa", "strain": "1", "force": "spam", "outside_range": None}
+    assert {name: one.unit for name, one in variables.items()} == {
+        "pressure": "kPa",
+        "strain": "1",
+        "force": "spam",
+        "outside_range": None,
+    }
     assert variables["pressure"].start == "100.0", "the lowest level: zero was not trained"
 
 
 @pytest.fixture(scope="module")
 def unpacked(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("unit")
-    return Path(fmpy.extract(str(unit_of(WITH_MEMORY["operators"], folder)), str(folder / "unpacked")))
+    return Path(
+        fmpy.extract(str(unit_of(WITH_MEMORY["operators"], folder)), str(folder / "unpacked"))
+    )
 
 
 @pytest.fixture
@@ -132,7 +173,9 @@ def slave(unpacked: Path) -> Iterator[FMU2Slave]:
     """A unit with memory, initialized; `said` is what it logs."""
     described = fmpy.read_model_description(str(unpacked))
     name = described.coSimulation.modelIdentifier
-    unit = FMU2Slave(guid=described.guid, unzipDirectory=str(unpacked), modelIdentifier=name, instanceName="one")
+    unit = FMU2Slave(
+        guid=described.guid, unzipDirectory=str(unpacked), modelIdentifier=name, instanceName="one"
+    )
     unit.said = said = []
     calls = fmpy.fmi2.defaultCallbacks
     logger = fmpy.fmi2.fmi2CallbackLoggerTYPE(lambda *about: said.append(about[-1].decode()))
@@ -223,7 +266,8 @@ DRIVER = """
 
 static int told;
 
-static void logger(fmi2ComponentEnvironment e, fmi2String instance, fmi2Status status, fmi2String category, fmi2String message, ...)
+static void logger(fmi2ComponentEnvironment e, fmi2String instance, fmi2Status status,
+    fmi2String category, fmi2String message, ...)
 {
     (void)e; (void)instance; (void)category;
     if (status == fmi2Error && strlen(message) > 10 && !strchr(message, '%')) told++;
@@ -232,7 +276,8 @@ static void logger(fmi2ComponentEnvironment e, fmi2String instance, fmi2Status s
 int main(void)
 {
     const fmi2CallbackFunctions calls = {logger, calloc, free, NULL, NULL};
-    const fmi2ValueReference out[] = {INPUTS + MEASURED}, bits[] = {INPUTS + MEASURED + 1}, wrong[] = {99};
+    const fmi2ValueReference out[] = {INPUTS + MEASURED}, bits[] = {INPUTS + MEASURED + 1},
+        wrong[] = {99};
     fmi2Component one, two;
     fmi2FMUstate state = NULL, other = NULL;
     fmi2Byte bytes[100000];
@@ -241,12 +286,14 @@ int main(void)
     int b;
     if (fmi2Instantiate("x", fmi2CoSimulation, "another", "", &calls, 0, 0)) return 1;
     if (fmi2Instantiate("x", fmi2ModelExchange, MODEL_GUID, "", &calls, 0, 0)) return 2;
-    one = fmi2Instantiate("a rather long name of an instance", fmi2CoSimulation, MODEL_GUID, "", &calls, 0, 1);
+    one = fmi2Instantiate("a rather long name of an instance", fmi2CoSimulation, MODEL_GUID, "",
+        &calls, 0, 1);
     two = fmi2Instantiate("", fmi2CoSimulation, MODEL_GUID, "", &calls, 0, 0);
     if (!one || !two || told != 2) return 3;
     if (fmi2DoStep(one, 0, 1, 1) != fmi2Error) return 4;
     fmi2SetupExperiment(one, 0, 0, 5, 0, 0);
-    if (fmi2ExitInitializationMode(one) != fmi2Error || fmi2EnterInitializationMode(one) || fmi2ExitInitializationMode(one)) return 5;
+    if (fmi2ExitInitializationMode(one) != fmi2Error || fmi2EnterInitializationMode(one) ||
+        fmi2ExitInitializationMode(one)) return 5;
     fmi2GetReal(one, out, 1, &y);
     for (int i = 0; i < 50; i++) {
         const fmi2ValueReference in[] = {0};
@@ -262,9 +309,11 @@ int main(void)
     if (fmi2DeSerializeFMUstate(two, bytes, size, &other)) return 10;
     fmi2SetFMUstate(two, other);
     if (fmi2DoStep(two, 0.2, 0.01, 1) || fmi2GetReal(two, out, 1, &z) || y != z) return 11;
-    if (fmi2GetReal(one, wrong, 1, &y) != fmi2Error || fmi2SetReal(one, out, 1, &y) != fmi2Error) return 12;
+    if (fmi2GetReal(one, wrong, 1, &y) != fmi2Error || fmi2SetReal(one, out, 1,
+        &y) != fmi2Error) return 12;
     fmi2GetRealStatus(one, fmi2LastSuccessfulTime, &y);
-    if (y != 0.01 * 49 + 0.01 || fmi2Terminate(one) || fmi2DoStep(one, 1, 1, 1) != fmi2Error || fmi2Reset(one)) return 13;
+    if (y != 0.01 * 49 + 0.01 || fmi2Terminate(one) || fmi2DoStep(one, 1, 1, 1) != fmi2Error ||
+        fmi2Reset(one)) return 13;
     fmi2FreeFMUstate(one, &state);
     fmi2FreeFMUstate(two, &other);
     fmi2FreeInstance(one);
@@ -277,7 +326,9 @@ int main(void)
 
 @needs_compiler
 @pytest.mark.parametrize(
-    "model", [STATIC["one level"], WITH_MEMORY["operators"], WITH_MEMORY["fed back"]], ids=["static", "memory", "fed back"]
+    "model",
+    [STATIC["one level"], WITH_MEMORY["operators"], WITH_MEMORY["fed back"]],
+    ids=["static", "memory", "fed back"],
 )
 def test_the_sources_are_clean_by_warnings_and_sanitizers(tmp_path: Path, model: Model) -> None:
     unit = fmu_sources(model, {}, "tool")
@@ -288,7 +339,9 @@ def test_the_sources_are_clean_by_warnings_and_sanitizers(tmp_path: Path, model:
     subprocess.run(["gcc", *FLAGS, *sanitize, *unit.compiled, "-c"], cwd=tmp_path, check=True)
     objects = [name.replace(".c", ".o") for name in unit.compiled]
     lenient = ["-std=c99", "-Wno-unused-function", *sanitize]
-    subprocess.run(["gcc", *lenient, "driver.c", *objects, "-o", "driver", "-lm"], cwd=tmp_path, check=True)
+    subprocess.run(
+        ["gcc", *lenient, "driver.c", *objects, "-o", "driver", "-lm"], cwd=tmp_path, check=True
+    )
     subprocess.run([str(tmp_path / "driver")], cwd=tmp_path, check=True, timeout=60)
 
 
@@ -298,7 +351,17 @@ def test_units_linked_into_one_program_take_a_prefix(tmp_path: Path) -> None:
     for name, text in unit.files.items():
         (tmp_path / Path(name).name).write_text(text)
     subprocess.run(
-        ["gcc", *FLAGS, "-DFMI2_FUNCTION_PREFIX=dmsp_20_", "-fPIC", "-shared", *unit.compiled, "-o", "one.so", "-lm"],
+        [
+            "gcc",
+            *FLAGS,
+            "-DFMI2_FUNCTION_PREFIX=dmsp_20_",
+            "-fPIC",
+            "-shared",
+            *unit.compiled,
+            "-o",
+            "one.so",
+            "-lm",
+        ],
         cwd=tmp_path,
         check=True,
     )

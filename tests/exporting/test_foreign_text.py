@@ -1,4 +1,6 @@
-"""Texts of strangers within other languages, as the languages' own readers take them: gcc, Python's parser, an XML parser."""
+"""Texts of strangers within other languages, as the languages' own readers take them: gcc, Python's
+parser, an XML parser.
+"""
 
 from __future__ import annotations
 
@@ -30,18 +32,28 @@ from mapmore_cli.domain.recording import Quantity
 sys.path.insert(0, str(Path(__file__).parents[1] / "fuzz"))
 from hostile_texts import COMMANDS, ESCAPES, tex_commands
 
-TEXTS = st.lists(st.sampled_from([*ESCAPES, *COMMANDS]) | st.text(max_size=4), max_size=6).map("".join)
+TEXTS = st.lists(st.sampled_from([*ESCAPES, *COMMANDS]) | st.text(max_size=4), max_size=6).map(
+    "".join
+)
 NAMES = st.from_regex(r"[A-Za-z_][A-Za-z0-9_]{0,3}", fullmatch=True)
-needs_compiler = pytest.mark.skipif(shutil.which("gcc") is None, reason="there is no C compiler here")
+needs_compiler = pytest.mark.skipif(
+    shutil.which("gcc") is None, reason="there is no C compiler here"
+)
 
 
 @needs_compiler
 @settings(max_examples=4, deadline=None)
 @given(st.lists(st.lists(TEXTS, min_size=1, max_size=3), min_size=40, max_size=60))
 def test_comments_for_the_c_preprocessor(lists: list[list[str]]) -> None:
-    source = "\n".join(line for i, lines in enumerate(lists) for line in (*foreign.c_comment(*lines), f"int after{i};"))
+    source = "\n".join(
+        line
+        for i, lines in enumerate(lists)
+        for line in (*foreign.c_comment(*lines), f"int after{i};")
+    )
     options = ["-E", "-P", "-trigraphs", "-std=c99", "-Wall", "-Wextra", "-Werror", "-xc", "-"]
-    read = subprocess.run(["gcc", *options], input=source.encode(), capture_output=True, check=True).stdout.decode()
+    read = subprocess.run(
+        ["gcc", *options], input=source.encode(), capture_output=True, check=True
+    ).stdout.decode()
     assert read.split() == " ".join(f"int after{i};" for i in range(len(lists))).split()
 
 
@@ -63,12 +75,19 @@ def test_text_for_xml_and_tex(text: str) -> None:
     assert list(tex_commands("".join(foreign.tex_comment(text)))) == []
     known = {*tex_commands("".join(foreign._TEX.values()))}
     assert {*tex_commands(foreign.tex_text(text))} <= known
-    assert {*tex_commands(foreign.tex_label(text))} <= {*known, *foreign._FORMULA_COMMANDS.split(), *",;: "}
+    assert {*tex_commands(foreign.tex_label(text))} <= {
+        *known,
+        *foreign._FORMULA_COMMANDS.split(),
+        *",;: ",
+    }
 
 
 def test_labels_in_tex_keep_formulas_and_nothing_else() -> None:
     assert foreign.tex_label(r"Force $F_\mathrm{x}$ (N)") == r"Force $F_\mathrm{x}$ (N)"
-    assert foreign.tex_label(r"\$\input{a}\$ $F$") == r"\textbackslash{}\$\textbackslash{}input\{a\}\textbackslash{}\$ $F$"
+    assert (
+        foreign.tex_label(r"\$\input{a}\$ $F$")
+        == r"\textbackslash{}\$\textbackslash{}input\{a\}\textbackslash{}\$ $F$"
+    )
     for hostile in ("$^^5cinput{a}$", r"$\input{a}$", "$}{$", "$%$", "$#$"):
         assert "$" not in foreign.tex_label(hostile).replace(r"\$", "")
 
@@ -83,27 +102,51 @@ def test_identifiers_differ_even_without_regard_to_case(names: list[str]) -> Non
 
 
 def test_cells_that_a_spreadsheet_computes() -> None:
-    assert [foreign.csv_cell(text) for text in ("=1", "-1+cmd", "a-1", "")] == ["'=1", "'-1+cmd", "a-1", ""]
+    assert [foreign.csv_cell(text) for text in ("=1", "-1+cmd", "a-1", "")] == [
+        "'=1",
+        "'-1+cmd",
+        "a-1",
+        "",
+    ]
 
 
 def hostile(model: Model, mark: Path, names: dict[str, str]) -> Model:
     """The model with commands in each free text, and its inputs called otherwise."""
     commands = [
         f'"""\nimport os; os.mkdir("{mark}")\n"""',
-        f'x*\\\n/ int mkdir(const char *, unsigned); __attribute__((constructor)) void f(void) {{ mkdir("{mark}", 511); }} /*',
+        "x*\\\n/ int mkdir(const char *, unsigned); __attribute__((constructor)) void "
+        f'f(void) {{ mkdir("{mark}", 511); }} /*',
         f"x\n\\immediate\\write18{{mkdir {mark}}}",
     ]
     text = "".join(commands)
     inputs = tuple(Quantity(names.get(one.name, one.name), text) for one in model.inputs)
-    return Model(f"x {text}", Quantity("outside_range", text), inputs, Sum((Part(model, 1.0, names),)), notes=(text,))
+    return Model(
+        f"x {text}",
+        Quantity("outside_range", text),
+        inputs,
+        Sum((Part(model, 1.0, names),)),
+        notes=(text,),
+    )
 
 
 @needs_compiler
 @pytest.mark.parametrize(
-    "names", [("p", "P"), ("lambda", "np"), ("x_s", "s"), ("double", "DOUBLE"), ("curve_1", "finite"), ("__debug__", "in")]
+    "names",
+    [
+        ("p", "P"),
+        ("lambda", "np"),
+        ("x_s", "s"),
+        ("double", "DOUBLE"),
+        ("curve_1", "finite"),
+        ("__debug__", "in"),
+    ],
 )
-def test_names_and_texts_of_a_stranger_are_names_and_texts(names: tuple[str, str], tmp_path: Path) -> None:
-    model = hostile(formula("sarosi"), tmp_path / "mark", dict(zip(("pressure", "strain"), names, strict=True)))
+def test_names_and_texts_of_a_stranger_are_names_and_texts(
+    names: tuple[str, str], tmp_path: Path
+) -> None:
+    model = hostile(
+        formula("sarosi"), tmp_path / "mark", dict(zip(("pressure", "strain"), names, strict=True))
+    )
     for to in ("c", "fmu", "py", "tex"):
         for name, data in exported(model, to).items():  # compiled, imported and compared
             (tmp_path / name).write_bytes(data)
@@ -118,14 +161,24 @@ def test_names_and_texts_of_a_stranger_are_names_and_texts(names: tuple[str, str
 
 @needs_compiler
 def test_inputs_that_are_called_as_functions_of_a_model() -> None:
-    """An input `reset` of a model `x` was `x_reset` in C, as the function; Python's `force` called its inputs `step` and `evaluate`."""
+    """An input `reset` of a model `x` was `x_reset` in C, as the function; Python's `force` called
+    its inputs `step` and `evaluate`.
+    """
     inner = WITH_MEMORY["fed back"]
     reset = replace(inner.inputs[0], name="reset")
-    whole = Model("x", inner.output, (reset, *inner.inputs[1:]), Sum((Part(inner, 1.0, {inner.inputs[0].name: "reset"}),)))
+    whole = Model(
+        "x",
+        inner.output,
+        (reset, *inner.inputs[1:]),
+        Sum((Part(inner, 1.0, {inner.inputs[0].name: "reset"}),)),
+    )
     assert exported(whole, "c")
     names = {"pressure": "state", "strain": "evaluate"}
     inputs = tuple(replace(one, name=names[one.name]) for one in formula("sarosi").inputs)
-    (text,) = exported(Model("demo", Quantity("force", "N"), inputs, Sum((Part(formula("sarosi"), 1.0, names),))), "py").values()
+    (text,) = exported(
+        Model("demo", Quantity("force", "N"), inputs, Sum((Part(formula("sarosi"), 1.0, names),))),
+        "py",
+    ).values()
     module: dict[str, Any] = {}
     exec(text, module)
     assert module["force"](200.0, 0.1) == module["evaluate"](200.0, 0.1)
@@ -133,16 +186,30 @@ def test_inputs_that_are_called_as_functions_of_a_model() -> None:
 
 @needs_compiler
 @pytest.mark.parametrize("to", ["c", "fmu", "py"])
-def test_code_that_is_not_the_model_is_not_written(to: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_code_that_is_not_the_model_is_not_written(
+    to: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     model = formula("sarosi")
     run = verifying.simulate(model, verifying.points(model))
-    monkeypatch.setattr(verifying, "simulate", lambda *_: replace(run, values=np.where(np.arange(100) == 50, 7.0, run.values)))
+    monkeypatch.setattr(
+        verifying,
+        "simulate",
+        lambda *_: replace(run, values=np.where(np.arange(100) == 50, 7.0, run.values)),
+    )
     with pytest.raises(MapmoreError, match="is not the model, and is not written"):
         exported(model, to)
     assert exported(model, to, verify=False)
 
 
-@pytest.mark.parametrize("model", [WITH_MEMORY["fed back"], WITH_MEMORY["motion, handed on"], STATIC["one level"], FORMULAS["reynolds"]])
+@pytest.mark.parametrize(
+    "model",
+    [
+        WITH_MEMORY["fed back"],
+        WITH_MEMORY["motion, handed on"],
+        STATIC["one level"],
+        FORMULAS["reynolds"],
+    ],
+)
 @pytest.mark.parametrize("to", ["c", "py"])
 def test_models_of_every_kind_pass(model: Model, to: str) -> None:
     assert exported(model, to)

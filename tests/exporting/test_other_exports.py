@@ -1,4 +1,6 @@
-"""NumPy modules, tables, equations, and what simulators read: SciPy's MAT reader, MuJoCo, a C compiler, Python without NumPy."""
+"""NumPy modules, tables, equations, and what simulators read: SciPy's MAT reader, MuJoCo, a C
+compiler, Python without NumPy.
+"""
 
 from __future__ import annotations
 
@@ -60,7 +62,9 @@ def test_a_module_with_memory(name: str) -> None:
 
 def test_one_sample_and_a_sample_that_is_not_finite() -> None:
     module = imported(pieces())
-    assert module.evaluate(200.0, 0.1) == pytest.approx(predict(pieces(), {"pressure": np.array([200.0]), "strain": np.array([0.1])})[0])
+    assert module.evaluate(200.0, 0.1) == pytest.approx(
+        predict(pieces(), {"pressure": np.array([200.0]), "strain": np.array([0.1])})[0]
+    )
     assert np.isnan(module.evaluate(np.nan, 0.1))
 
 
@@ -89,13 +93,19 @@ def test_equations_in_latex() -> None:
 
 @pytest.mark.parametrize("to", ["tex", "c", "py"])
 def test_coefficients_that_multiply_to_no_number_are_told(to: str) -> None:
-    """Found by fuzzing: a file that somebody changed, shown or exported unverified, was an internal fault."""
+    """Found by fuzzing: a file that somebody changed, shown or exported unverified, was an internal
+    fault.
+    """
     model = pieces()
     (curve, *others) = model.body.curves
     (segment, *rest) = curve.segments
-    huge = replace(segment, theta=1e200 * segment.theta, scaling=replace(segment.scaling, y_slope=1e200))
+    huge = replace(
+        segment, theta=1e200 * segment.theta, scaling=replace(segment.scaling, y_slope=1e200)
+    )
     body = replace(model.body, curves=(replace(curve, segments=(huge, *rest)), *others))
-    with pytest.raises(DataError, match=r"dmsp-20 cannot be written out: -?inf is not a finite number"):
+    with pytest.raises(
+        DataError, match=r"dmsp-20 cannot be written out: -?inf is not a finite number"
+    ):
         exported(replace(model, body=body), to)
 
 
@@ -105,12 +115,21 @@ PLACES = np.random.default_rng(3).uniform([0.0, -0.02], [400.0, 0.3], (200, 2))
 @pytest.fixture(scope="module")
 def model() -> Any:
     """A muscle that is stiff at first, fitted by pieces on a backbone."""
-    pressure, strain = (grid.ravel() for grid in np.meshgrid([0.0, 100, 200, 300, 400], np.linspace(0, 0.25, 40), indexing="ij"))
+    pressure, strain = (
+        grid.ravel()
+        for grid in np.meshgrid([0.0, 100, 200, 300, 400], np.linspace(0, 0.25, 40), indexing="ij")
+    )
     force = 1.8 * pressure * (1 - 3.0 * strain) ** 2 - 60 * strain + 20 * np.exp(-strain / 0.02)
     frame = {"pressure": pressure, "strain": strain, "force": force}
     terms = [{"polynomial": {"of": ["strain"], "order": 3}}]
     levels = {"of": "pressure", "at": "auto"}
-    return mm.fit(frame, name="muscle", levels=levels, segment={"strain": {"method": "even", "count": 3}}, dictionary=terms).model
+    return mm.fit(
+        frame,
+        name="muscle",
+        levels=levels,
+        segment={"strain": {"method": "even", "count": 3}},
+        dictionary=terms,
+    ).model
 
 
 def columns() -> dict[str, np.ndarray]:
@@ -118,33 +137,50 @@ def columns() -> dict[str, np.ndarray]:
 
 
 def test_the_table_is_the_model(model: Any, tmp_path: Path) -> None:
-    """CSV, MAT and Modelica's text say the same, and what is read from the MAT file is `predict`."""
+    """CSV, MAT and Modelica's text say the same, and what is read from the MAT file is
+    `predict`.
+    """
     files = exported(model, "table")
     assert files == exported(model, "table")  # no date in it
     stem = next(iter(files)).removesuffix(".csv")
     (tmp_path / "table.mat").write_bytes(files[f"{stem}.mat"])
     table = loadmat(tmp_path / "table.mat")
     pressure, strain = table["pressure"].ravel(), table["strain"].ravel()
-    points = {"pressure": np.repeat(pressure, len(strain)), "strain": np.tile(strain, len(pressure))}
+    points = {
+        "pressure": np.repeat(pressure, len(strain)),
+        "strain": np.tile(strain, len(pressure)),
+    }
     np.testing.assert_array_equal(table["force"].ravel(), predict(model, points))
     np.testing.assert_array_equal(table["valid"].ravel(), ~outside_range(model, points))
     rows = np.genfromtxt(files[f"{stem}.csv"].decode().splitlines(), delimiter=",", names=True)
     np.testing.assert_allclose(rows["force_predicted"], table["force"].ravel(), rtol=1e-11)
     looked_up = RegularGridInterpolator((pressure, strain), table["force"])
-    inside = ~outside_range(model, columns()) & (PLACES[:, 0] <= pressure[-1]) & (PLACES[:, 1] <= strain[-1])
-    error = looked_up(PLACES[inside]) - predict(model, {name: x[inside] for name, x in columns().items()})
+    inside = (
+        ~outside_range(model, columns())
+        & (PLACES[:, 0] <= pressure[-1])
+        & (PLACES[:, 1] <= strain[-1])
+    )
+    error = looked_up(PLACES[inside]) - predict(
+        model, {name: x[inside] for name, x in columns().items()}
+    )
     assert np.abs(error).max() < 0.05 * np.ptp(table["force"])
 
 
 def test_modelica_reads_both_tables(model: Any) -> None:
-    """By the grammar of ModelicaStandardTables: `#1`, then `double name(rows,columns)` and its numbers."""
+    """By the grammar of ModelicaStandardTables: `#1`, then `double name(rows,columns)` and its
+    numbers.
+    """
     files = exported(model, "table", grid="pressure=100:300:50,strain=0:0.2:0.05")
-    tables = combi_tables(next(text for name, text in files.items() if name.endswith(".txt")).decode())
+    tables = combi_tables(
+        next(text for name, text in files.items() if name.endswith(".txt")).decode()
+    )
     assert set(tables) == {"force", "valid"}
     (rows, columns), force = tables["force"]
     np.testing.assert_allclose(rows, [100, 150, 200, 250, 300])
     np.testing.assert_allclose(columns, [0, 0.05, 0.1, 0.15, 0.2])
-    expected = predict(model, {"pressure": np.full(5, 150.0), "strain": np.array([0, 0.05, 0.1, 0.15, 0.2])})
+    expected = predict(
+        model, {"pressure": np.full(5, 150.0), "strain": np.array([0, 0.05, 0.1, 0.15, 0.2])}
+    )
     np.testing.assert_allclose(force[1], expected, rtol=1e-14)
 
 
@@ -156,10 +192,18 @@ def test_the_python_file_needs_nothing(model: Any, tmp_path: Path) -> None:
         "import sys; sys.modules['numpy'] = None\nimport muscle\n"
         "for line in sys.stdin:\n"
         "    p, e = map(float, line.split())\n"
-        "    print(repr(muscle.force(p, e)), *map(repr, muscle.derivatives(p, e)), int(muscle.outside_range(p, e)))\n"
+        "    print(repr(muscle.force(p, e)), *map(repr, muscle.derivatives(p, e)), "
+        "int(muscle.outside_range(p, e)))\n"
     )
     given = "\n".join(f"{p!r} {e!r}" for p, e in PLACES.tolist())
-    done = subprocess.run([sys.executable, "-c", code], input=given, capture_output=True, text=True, check=True, cwd=tmp_path)
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        input=given,
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=tmp_path,
+    )
     found = np.array([line.split() for line in done.stdout.splitlines()], dtype=float)
     np.testing.assert_allclose(found[:, 0], predict(model, columns()), rtol=1e-12)
     expected = slopes(model, columns())
@@ -170,14 +214,21 @@ def test_the_python_file_needs_nothing(model: Any, tmp_path: Path) -> None:
 
 def test_simulinks_function_is_the_model(model: Any, tmp_path: Path) -> None:
     library, name = compiled(exported(model, "simulink"), tmp_path)
-    for function in (force := getattr(library, f"{name}_force"), valid := getattr(library, f"{name}_valid")):
+    for function in (
+        force := getattr(library, f"{name}_force"),
+        valid := getattr(library, f"{name}_valid"),
+    ):
         function.restype, function.argtypes = ctypes.c_double, [ctypes.c_double] * 2
-    np.testing.assert_allclose([force(*row) for row in PLACES], predict(model, columns()), rtol=1e-12)
+    np.testing.assert_allclose(
+        [force(*row) for row in PLACES], predict(model, columns()), rtol=1e-12
+    )
     np.testing.assert_array_equal([valid(*row) for row in PLACES], ~outside_range(model, columns()))
 
 
 def test_mujoco_lifts_a_weight_with_the_muscle(model: Any, tmp_path: Path) -> None:
-    """The C callback in MuJoCo: the weight comes to rest where `predict` has its weight, at every pressure."""
+    """The C callback in MuJoCo: the weight comes to rest where `predict` has its weight, at every
+    pressure.
+    """
     mass = 12.0
     with Lift(model, tmp_path, mass) as lift:
         for pressure in (200.0, 300.0):
@@ -187,15 +238,23 @@ def test_mujoco_lifts_a_weight_with_the_muscle(model: Any, tmp_path: Path) -> No
             strain = 1 - lift.data.actuator_length[0] / 0.2
             assert abs(lift.data.qvel[0]) < 1e-3
             assert 0.005 < strain < 0.3
-            found = predict(model, {"pressure": np.array([pressure]), "strain": np.array([strain])})[0]
+            found = predict(
+                model, {"pressure": np.array([pressure]), "strain": np.array([strain])}
+            )[0]
             assert found == pytest.approx(mass * 9.81, rel=1e-3)
 
 
 def test_what_a_simulator_cannot_hold() -> None:
     u = 300 + 100 * np.sin(np.arange(300.0) / 9) + 100 * np.sin(np.arange(300.0) / 4)
-    frame = {"time": np.arange(300.0), "pressure": u, "force": np.convolve(u, [0.5, 0.3, 0.2])[:300]}
+    frame = {
+        "time": np.arange(300.0),
+        "pressure": u,
+        "force": np.convolve(u, [0.5, 0.3, 0.2])[:300],
+    }
     memory = mm.fit(
-        frame, dictionary=[{"lags": {"of": ["pressure"], "steps": [0, 1, 2], "order": 1}}], fit={"max_terms": 3, "tolerance": 0}
+        frame,
+        dictionary=[{"lags": {"of": ["pressure"], "steps": [0, 1, 2], "order": 1}}],
+        fit={"max_terms": 3, "tolerance": 0},
     ).model
     for target in ("table", "mujoco", "simulink"):
         with pytest.raises(UsageError):

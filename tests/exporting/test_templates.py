@@ -1,4 +1,6 @@
-"""A stranger's text in every field of every stored type: code has the same structure as with a harmless one, in every language."""
+"""A stranger's text in every field of every stored type: code has the same structure as with a
+harmless one, in every language.
+"""
 
 from __future__ import annotations
 
@@ -36,9 +38,20 @@ HOSTILE = (
 ALL = "".join(HOSTILE)
 HARMLESS = "aq1"
 LANGUAGES = ("c", "fmu", "py", "numpy", "tex", "mujoco", "simulink", "table")
-MODELS = [dataclasses.replace(model, notes=("a note",)) for model in (*STATIC.values(), *WITH_MEMORY.values(), *FORMULAS.values())]
-MODELS.append(dataclasses.replace(MODELS[0], signals=(Signal("strain", "rate", "pressure", 0.1, 2, 1.0, 1.0),)))
-MODELS.append(dataclasses.replace(MODELS[0], signals=(Signal("strain", "direction", "pressure", None, None, 0.1, None),)))
+MODELS = [
+    dataclasses.replace(model, notes=("a note",))
+    for model in (*STATIC.values(), *WITH_MEMORY.values(), *FORMULAS.values())
+]
+MODELS.append(
+    dataclasses.replace(
+        MODELS[0], signals=(Signal("strain", "rate", "pressure", 0.1, 2, 1.0, 1.0),)
+    )
+)
+MODELS.append(
+    dataclasses.replace(
+        MODELS[0], signals=(Signal("strain", "direction", "pressure", None, None, 0.1, None),)
+    )
+)
 FORMULA = next(model for model in MODELS if isinstance(model.body, Formula))
 NOTED = dataclasses.replace(FORMULA.body.fit, notes=("a note",))
 LEVELLED = tuple(dataclasses.replace(one, level=1.0) for one in FORMULA.body.ranges)
@@ -65,8 +78,16 @@ def dataclasses_in(record: Any) -> Iterator[type]:
             yield from dataclasses_in(one)
 
 
-STORED = {kind: get_type_hints(kind) for kind in dict.fromkeys(kind for model in MODELS for kind in dataclasses_in(model))}
-FIELDS = [(kind, one.name) for kind, hints in STORED.items() for one in dataclasses.fields(kind) if holds_text(hints[one.name])]
+STORED = {
+    kind: get_type_hints(kind)
+    for kind in dict.fromkeys(kind for model in MODELS for kind in dataclasses_in(model))
+}
+FIELDS = [
+    (kind, one.name)
+    for kind, hints in STORED.items()
+    for one in dataclasses.fields(kind)
+    if holds_text(hints[one.name])
+]
 
 
 def changed(record: Any, where: tuple[type, str], text: str, within: bool = False) -> Any:
@@ -76,17 +97,23 @@ def changed(record: Any, where: tuple[type, str], text: str, within: bool = Fals
     if isinstance(record, tuple):
         return tuple(changed(one, where, text, within) for one in record)
     if isinstance(record, Mapping):
-        return {changed(key, where, text, within): changed(one, where, text, within) for key, one in record.items()}
+        return {
+            changed(key, where, text, within): changed(one, where, text, within)
+            for key, one in record.items()
+        }
     if not dataclasses.is_dataclass(record):
         return record
     values = {
-        one.name: changed(getattr(record, one.name), where, text, (type(record), one.name) == where) for one in dataclasses.fields(record)
+        one.name: changed(getattr(record, one.name), where, text, (type(record), one.name) == where)
+        for one in dataclasses.fields(record)
     }
     return dataclasses.replace(record, **values)
 
 
 def files_of(model: Model) -> dict[str, bytes]:
-    """What a model is exported to, by language and the ending of the file; a zip file is taken apart."""
+    """What a model is exported to, by language and the ending of the file; a zip file is taken
+    apart.
+    """
     found: dict[str, bytes] = {}
     for to in LANGUAGES:
         try:
@@ -96,16 +123,27 @@ def files_of(model: Model) -> dict[str, bytes]:
         for name, data in files.items():
             if name.endswith(".fmu"):
                 with zipfile.ZipFile(io.BytesIO(data)) as archive:
-                    files = {one: archive.read(one) for one in archive.namelist() if not one.startswith("binaries/")}
-                found |= {f"{to} {place} {one.rpartition('.')[2]}": text for place, (one, text) in enumerate(files.items())}
+                    files = {
+                        one: archive.read(one)
+                        for one in archive.namelist()
+                        if not one.startswith("binaries/")
+                    }
+                found |= {
+                    f"{to} {place} {one.rpartition('.')[2]}": text
+                    for place, (one, text) in enumerate(files.items())
+                }
                 break
         else:
-            found |= {f"{to} {place} {name.rpartition('.')[2]}": data for place, (name, data) in enumerate(files.items())}
+            found |= {
+                f"{to} {place} {name.rpartition('.')[2]}": data
+                for place, (name, data) in enumerate(files.items())
+            }
     return found
 
 
 C_TOKENS = re.compile(
-    r'(?P<none>/\*.*?\*/|\s+|\\\n)|(?P<text>"(?:[^"\\\n]|\\.)*")|(?P<word>[A-Za-z_]\w*)|(?P<other>\d[\w.+-]*|.)', re.DOTALL
+    r'(?P<none>/\*.*?\*/|\s+|\\\n)|(?P<text>"(?:[^"\\\n]|\\.)*")|(?P<word>[A-Za-z_]\w*)|(?P<other>\d[\w.+-]*|.)',
+    re.DOTALL,
 )
 
 
@@ -118,7 +156,11 @@ def structure(language: str, data: bytes) -> object:
             return [(type(node).__name__, getattr(node, "attr", None)) for node in ast.walk(tree)]
         case "c" | "h":
             assert "??" not in text
-            return [one.lastgroup if one["other"] is None else one[0] for one in C_TOKENS.finditer(text) if one["none"] is None]
+            return [
+                one.lastgroup if one["other"] is None else one[0]
+                for one in C_TOKENS.finditer(text)
+                if one["none"] is None
+            ]
         case "xml":
             return [(one.tag, sorted(one.attrib)) for one in ElementTree.fromstring(text).iter()]
         case "tex":
@@ -141,12 +183,24 @@ def compiles(files: Mapping[str, bytes], folder: Path) -> None:
     assert name is not None
     (folder / f"{name[1].decode()}.h").write_bytes(sources[0])
     (folder / "source.c").write_bytes(sources[1])
-    line = ["gcc", "-fsyntax-only", "-std=c99", "-trigraphs", "-Wall", "-Wextra", "-Werror", "-Wno-unused-function", "source.c"]
+    line = [
+        "gcc",
+        "-fsyntax-only",
+        "-std=c99",
+        "-trigraphs",
+        "-Wall",
+        "-Wextra",
+        "-Werror",
+        "-Wno-unused-function",
+        "source.c",
+    ]
     subprocess.run(line, cwd=folder, check=True)
 
 
 @pytest.mark.parametrize("where", FIELDS, ids=lambda where: f"{where[0].__name__}.{where[1]}")
-def test_a_text_is_no_code(where: tuple[type, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_text_is_no_code(
+    where: tuple[type, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("CC", "/bin/false")
     model = next(model for model in MODELS if repr(changed(model, where, HARMLESS)) != repr(model))
     try:
@@ -171,7 +225,11 @@ def test_a_text_is_no_code(where: tuple[type, str], tmp_path: Path, monkeypatch:
 
 def test_there_are_models_with_every_field() -> None:
     """Else the test above would look at nothing."""
-    missing = [f"{type_.__name__}.{name}" for type_, name in FIELDS if all(repr(changed(m, (type_, name), "q")) == repr(m) for m in MODELS)]
+    missing = [
+        f"{type_.__name__}.{name}"
+        for type_, name in FIELDS
+        if all(repr(changed(m, (type_, name), "q")) == repr(m) for m in MODELS)
+    ]
     assert missing == []
 
 
@@ -187,7 +245,13 @@ def test_names_of_a_program_are_identifiers() -> None:
 
 SOURCES = Path(dialect.__file__).parent / "sources"
 TEMPLATES = sorted(SOURCES.glob("*.jinja"))
-INSIDE = {"c": r"/\*.*?\*/", "h": r"/\*.*?\*/", "py": r'""".*?"""', "tex": r"^%.*?$", "xml": r"(?!)"}
+INSIDE = {
+    "c": r"/\*.*?\*/",
+    "h": r"/\*.*?\*/",
+    "py": r'""".*?"""',
+    "tex": r"^%.*?$",
+    "xml": r"(?!)",
+}
 
 
 @pytest.mark.parametrize("template", TEMPLATES, ids=lambda path: path.name)
@@ -202,7 +266,9 @@ def test_notes_stand_in_comments_alone(template: Path) -> None:
 
 
 def texts(language: str) -> Iterator[str]:
-    written = dialect.templates(language).from_string("{{ a }}|{{ b }}|{{ 'c' }}|{{ d }}|{{ [a, a] | listed }}")
+    written = dialect.templates(language).from_string(
+        "{{ a }}|{{ b }}|{{ 'c' }}|{{ d }}|{{ [a, a] | listed }}"
+    )
     for text in HOSTILE:
         yield written.render(a=text, b=dialect.word("b"), d=1.5)
 
@@ -222,18 +288,31 @@ def test_strings_in_c_are_what_a_compiler_reads(tmp_path: Path) -> None:
     if shutil.which("gcc") is None:
         pytest.skip("there is no C compiler here")
     text = "".join(map(chr, range(1, 0x180))) + "??/ %s \\ 7"
-    code = f"#include <stdio.h>\nint main(void) {{ fputs({dialect.LITERALS['c'](text)}, stdout); return 0; }}\n"
+    code = (
+        f"#include <stdio.h>\nint main(void) {{ fputs({dialect.LITERALS['c'](text)}, stdout); "
+        f"return 0; }}\n"
+    )
     (tmp_path / "s.c").write_text(code)
-    subprocess.run(["gcc", "-std=c99", "-trigraphs", "-Wall", "-Werror", "s.c", "-o", "s"], cwd=tmp_path, check=True)
+    subprocess.run(
+        ["gcc", "-std=c99", "-trigraphs", "-Wall", "-Werror", "s.c", "-o", "s"],
+        cwd=tmp_path,
+        check=True,
+    )
     assert subprocess.run([tmp_path / "s"], capture_output=True, check=True).stdout.decode() == text
 
 
 def test_quantities_alone() -> None:
-    """An output's name was the text between two quotes of a module, and ran when it was compared."""
+    """An output's name was the text between two quotes of a module, and ran when it was
+    compared.
+    """
     model = next(one for one in MODELS if not one.memories)
     evil = 'f"; __builtins__["__import__"]("os").mkdir("MARK") #'
     for to in ("py", "numpy"):
         (text,) = exported(dataclasses.replace(model, output=Quantity(evil, "N")), to).values()
-        (output,) = [one for one in ast.parse(text).body if isinstance(one, ast.Assign) and one.targets[0].id == "OUTPUT"]  # type: ignore[attr-defined]
+        (output,) = [
+            one
+            for one in ast.parse(text).body
+            if isinstance(one, ast.Assign) and one.targets[0].id == "OUTPUT"
+        ]  # type: ignore[attr-defined]
         assert ast.literal_eval(output.value) == evil
     assert not Path("MARK").exists()

@@ -1,4 +1,6 @@
-"""Black boxes among the competitors and beside a search: the same samples, the same inputs, explicit seeds; what a residual depends on."""
+"""Black boxes among the competitors and beside a search: the same samples, the same inputs,
+explicit seeds; what a residual depends on.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,8 @@ schema_version: 1
 name: bench
 data:
   files: ["bench.csv"]
-  columns: {{pressure: {{column: P, unit: kPa}}, strain: {{column: eps}}, force: {{column: F, unit: N}}}}
+  columns: {{pressure: {{column: P, unit: kPa}}, strain: {{column: eps}}, force: {{column: F,
+      unit: N}}}}
 target: {{column: force}}
 dictionary: [{{polynomial: {{of: [strain, pressure], order: 1}}}}]
 validate: {{against: [{against}]}}
@@ -36,7 +39,11 @@ def dataset(held_out_scale: float = 1.0) -> Dataset:
     pressure, strain = random.uniform(0, 400, 160), random.uniform(0, 0.2, 160)
     force = pressure * (2 - 8 * strain) + 30 * np.sin(20 * strain) + random.normal(0, 2, 160)
     held_out = np.arange(160) % 4 == 0
-    columns = {"pressure": pressure, "strain": strain, "force": np.where(held_out, held_out_scale * force, force)}
+    columns = {
+        "pressure": pressure,
+        "strain": strain,
+        "force": np.where(held_out, held_out_scale * force, force),
+    }
     return Dataset("force", None, QUANTITIES, (), (curve_of(columns, held_out),))
 
 
@@ -68,7 +75,9 @@ def test_more_samples_than_a_baseline_can_bear_are_thinned_evenly() -> None:
 
 def test_beside_a_model_with_a_past_inputs_come_with_theirs() -> None:
     columns = {"pressure": np.arange(6.0), "strain": np.zeros(6), "force": np.zeros(6)}
-    curve = Curve("r", None, columns, np.zeros(6, dtype=bool), ("a", "b"), origin=np.array([0, 0, 0, 1, 1, 1]))
+    curve = Curve(
+        "r", None, columns, np.zeros(6, dtype=bool), ("a", "b"), origin=np.array([0, 0, 0, 1, 1, 1])
+    )
     found = baselines.features(curve, ["pressure"], (0, 2))
     assert found.tolist() == [[0, 0], [1, 0], [2, 0], [3, 3], [4, 3], [5, 3]]
 
@@ -80,7 +89,9 @@ def test_missing_inputs_give_no_prediction() -> None:
     assert np.flatnonzero(np.isnan(found)).tolist() == [5]
 
 
-def test_without_scikit_learn_a_spec_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_scikit_learn_a_spec_says_what_to_install(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     spec = tmp_path / "bench.yaml"
     spec.write_text(SPEC.format(against="mlp"))
     monkeypatch.setattr("mapmore_cli.spec.check_study.find_spec", lambda _name: None)
@@ -91,7 +102,10 @@ def test_without_scikit_learn_a_spec_says_what_to_install(tmp_path: Path, monkey
 
 @pytest.mark.parametrize(
     ("against", "told"),
-    [("{model: mlp, method: simplex}", "`mlp` has no `method`"), ("gaussian_proces", "did you mean `gaussian_process`")],
+    [
+        ("{model: mlp, method: simplex}", "`mlp` has no `method`"),
+        ("gaussian_proces", "did you mean `gaussian_process`"),
+    ],
 )
 def test_what_a_baseline_is_not(against: str, told: str, tmp_path: Path) -> None:
     spec = tmp_path / "bench.yaml"
@@ -106,7 +120,10 @@ def test_what_a_baseline_is_not(against: str, told: str, tmp_path: Path) -> None
 def test_scikit_learn_is_imported_only_to_fit_one(tmp_path: Path) -> None:
     spec = tmp_path / "bench.yaml"
     spec.write_text(SPEC.format(against="mlp"))
-    script = "import sys; from pathlib import Path; import mapmore_cli.fitting.baselines; from mapmore_cli.spec.loader import load; "
+    script = (
+        "import sys; from pathlib import Path; import mapmore_cli.fitting.baselines; from "
+        "mapmore_cli.spec.loader import load; "
+    )
     script += f"load(Path({str(spec)!r})); assert 'sklearn' not in sys.modules"
     subprocess.run([sys.executable, "-c", script], check=True)
 
@@ -116,12 +133,21 @@ def test_a_run_scores_them_beside_its_model(tmp_path: Path) -> None:
     from mapmore_cli.storage.run_folder import RunFiles
 
     columns = dataset().curves[0].columns
-    lines = [f"{p:.5g},{e:.5g},{f:.5g}" for p, e, f in zip(columns["pressure"], columns["strain"], columns["force"], strict=True)]
+    lines = [
+        f"{p:.5g},{e:.5g},{f:.5g}"
+        for p, e, f in zip(columns["pressure"], columns["strain"], columns["force"], strict=True)
+    ]
     (tmp_path / "bench.csv").write_text("\n".join(["P,eps,F", *lines]) + "\n")
     spec = tmp_path / "bench.yaml"
     spec.write_text(SPEC.format(against="{model: gradient_boosting, as: trees}"))
     outcome = bring_up_to_date(load(spec), tmp_path / "runs", "validate")
-    assert {row.model for row in RunFiles(outcome.run_dir).validation().scores} == {"mapmore", "trees", "plane", "quadratic", "cubic"}
+    assert {row.model for row in RunFiles(outcome.run_dir).validation().scores} == {
+        "mapmore",
+        "trees",
+        "plane",
+        "quadratic",
+        "cubic",
+    }
 
 
 def test_the_lag_on_which_a_residual_depends_is_named() -> None:
@@ -135,7 +161,9 @@ def test_the_lag_on_which_a_residual_depends_is_named() -> None:
 def test_noise_depends_on_nothing() -> None:
     rng = np.random.default_rng(4)
     data = dataset_of({name: rng.normal(size=300) for name in "yuv"})
-    assert baselines.strongest(data.curves, [data.curves[0].columns["y"]], ["u", "v"], past=True) == ""
+    assert (
+        baselines.strongest(data.curves, [data.curves[0].columns["y"]], ["u", "v"], past=True) == ""
+    )
 
 
 def test_black_boxes_learn_without_the_fold_and_get_the_past_where_there_is_one() -> None:
@@ -144,7 +172,13 @@ def test_black_boxes_learn_without_the_fold_and_get_the_past_where_there_is_one(
     data = dataset_of({"time": time, "u": u, "y": np.concatenate([np.zeros(4), u[:-4]])})
     masks = [((np.arange(240) % 5 == fold),) for fold in range(5)]
     rows = [np.arange(240) % 2 == 0]
-    errors = [baselines.black_boxes(data, masks, rows, ["u"], past)["gradient_boosting"] for past in (False, True)]
-    static, dynamic = (np.sqrt(np.mean(np.concatenate([left for left, ready in each if ready.all()]) ** 2)) for each in errors)
+    errors = [
+        baselines.black_boxes(data, masks, rows, ["u"], past)["gradient_boosting"]
+        for past in (False, True)
+    ]
+    static, dynamic = (
+        np.sqrt(np.mean(np.concatenate([left for left, ready in each if ready.all()]) ** 2))
+        for each in errors
+    )
     assert dynamic < 0.3 * static
     assert [len(left) for left, _ in errors[0]] == [24] * 5

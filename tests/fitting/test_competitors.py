@@ -25,10 +25,22 @@ def curve(level: float, *, held: bool) -> Curve:
     strain = np.linspace(0, 0.2, 40)
     pressure = np.full(40, level)
     force = 2 * level * (1 - 3 * strain) - 40 + 300 * strain**2
-    return Curve(f"p={level:g}", level, {"pressure": pressure, "strain": strain, "force": force}, np.full(40, held), (f"log {level:g}",))
+    return Curve(
+        f"p={level:g}",
+        level,
+        {"pressure": pressure, "strain": strain, "force": force},
+        np.full(40, held),
+        (f"log {level:g}",),
+    )
 
 
-DATASET = Dataset("force", "pressure", QUANTITIES, (), tuple(curve(level, held=level == 200) for level in (100.0, 200.0, 300.0, 400.0)))
+DATASET = Dataset(
+    "force",
+    "pressure",
+    QUANTITIES,
+    (),
+    tuple(curve(level, held=level == 200) for level in (100.0, 200.0, 300.0, 400.0)),
+)
 
 
 def model_of(name: str, dataset: Dataset = DATASET, **changes: Any) -> Model:
@@ -40,22 +52,35 @@ def model_of(name: str, dataset: Dataset = DATASET, **changes: Any) -> Model:
 
 def contest(**changes: Any) -> Contest:
     lengths = {"length": None, "diameter": None}
-    plain = Contest(dataset=DATASET, model=model_of("polynomial_2"), needed={}, static_run=None, lengths=lengths, spec_dir=Path())
+    plain = Contest(
+        dataset=DATASET,
+        model=model_of("polynomial_2"),
+        needed={},
+        static_run=None,
+        lengths=lengths,
+        spec_dir=Path(),
+    )
     return replace(plain, **changes)
 
 
 def test_a_formula_is_fitted_to_the_training_samples_alone() -> None:
     rival = contest().rival("sarosi")
-    training = replace(DATASET, curves=tuple(one for one in DATASET.curves if not one.held_out.any()))
+    training = replace(
+        DATASET, curves=tuple(one for one in DATASET.curves if not one.held_out.any())
+    )
     fit = fit_formula("sarosi", training.curves, "force")
     assert rival.formulas["sarosi"].parameters == fit.parameters
     for one, said in zip(DATASET.curves, rival.forecasts, strict=True):
-        np.testing.assert_array_equal(said.values, literature.get("sarosi").predict(fit.parameters, one.columns))
+        np.testing.assert_array_equal(
+            said.values, literature.get("sarosi").predict(fit.parameters, one.columns)
+        )
         assert said.ready.all()
 
 
 def test_a_competitor_has_the_name_that_it_is_given() -> None:
-    named = contest().rival(Competitor(model="sarosi", **{"as": "by_simplex"}, method="levenberg_marquardt"))
+    named = contest().rival(
+        Competitor(model="sarosi", **{"as": "by_simplex"}, method="levenberg_marquardt")
+    )
     assert named.name == "by_simplex"
     assert list(named.formulas) == ["by_simplex"]
     assert named.formulas["by_simplex"].method == "levenberg_marquardt"
@@ -72,7 +97,10 @@ def test_another_run_is_asked_as_it_is(tmp_path: Path) -> None:
     other = model_of("polynomial_2")
     rival = of_run(tmp_path, other).rival(Competitor(run="other.yaml"))
     assert rival.name == "other"
-    own = [literature.get("polynomial_2").predict(other.body.fit.parameters, one.columns) for one in DATASET.curves]  # type: ignore[union-attr]
+    own = [
+        literature.get("polynomial_2").predict(other.body.fit.parameters, one.columns)
+        for one in DATASET.curves
+    ]  # type: ignore[union-attr]
     for said, wanted in zip(rival.forecasts, own, strict=True):
         np.testing.assert_allclose(said.values, wanted, rtol=1e-12)
 
@@ -90,9 +118,13 @@ def test_in_a_fold_another_run_is_made_anew(tmp_path: Path) -> None:
         asked.append((folder, dataset))
         return model_of("sarosi", dataset)
 
-    rival = replace(of_run(tmp_path, model_of("polynomial_2")), refit=refit).rival(Competitor(run="other.yaml"))
+    rival = replace(of_run(tmp_path, model_of("polynomial_2")), refit=refit).rival(
+        Competitor(run="other.yaml")
+    )
     assert asked == [(tmp_path, DATASET)]
-    np.testing.assert_allclose(rival.forecasts[0].values, contest().rival("sarosi").forecasts[0].values)
+    np.testing.assert_allclose(
+        rival.forecasts[0].values, contest().rival("sarosi").forecasts[0].values
+    )
 
 
 def test_composites_need_a_static_run() -> None:

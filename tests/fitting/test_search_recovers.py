@@ -1,4 +1,6 @@
-"""Noise-free records made by a known structure are explained by a structure of its kind, no larger than needed, to the last digits."""
+"""Noise-free records made by a known structure are explained by a structure of its kind, no larger
+than needed, to the last digits.
+"""
 
 from __future__ import annotations
 
@@ -41,7 +43,9 @@ def autoregression(rng: np.random.Generator) -> Columns:
 
 def spline(rng: np.random.Generator) -> Columns:
     """A cubic that changes at a knot, and goes straight along a second input."""
-    x, z = (np.concatenate([[0.0, 1.0], rng.uniform(0, 1, 118)]) for _ in range(2))  # no block takes the ends of the range away
+    x, z = (
+        np.concatenate([[0.0, 1.0], rng.uniform(0, 1, 118)]) for _ in range(2)
+    )  # no block takes the ends of the range away
     a = rng.uniform(0.5, 2, 4)
     return {"x": x, "z": z, "y": a[0] + a[1] * x + 9 * a[2] * np.abs(x - 0.3) ** 3 + a[3] * x * z}
 
@@ -56,14 +60,21 @@ def muscle(rng: np.random.Generator) -> Columns:
 
 def slow_and_play(rng: np.random.Generator) -> Columns:
     """What follows an input slowly, and what follows it with play."""
-    u = np.concatenate([np.linspace(a, b, 40) for a, b in itertools.pairwise([0.0, 1.0, *rng.uniform(0, 1, 18)])])
-    slow, play = (along(OPERATORS[name], u, Setting((number,), STEP, (0.0, 1.0))) for name, number in (("slow", 0.4), ("play", 0.25)))
+    u = np.concatenate(
+        [np.linspace(a, b, 40) for a, b in itertools.pairwise([0.0, 1.0, *rng.uniform(0, 1, 18)])]
+    )
+    slow, play = (
+        along(OPERATORS[name], u, Setting((number,), STEP, (0.0, 1.0)))
+        for name, number in (("slow", 0.4), ("play", 0.25))
+    )
     a = rng.uniform(0.5, 2, 3)
     return {"time": STEP * np.arange(len(u)), "u": u, "y": a[0] * u + a[1] * slow + a[2] * play}
 
 
 class Case(NamedTuple):
-    """What makes a record, the families that are searched, and the structure that is to be found, with its parameters at most."""
+    """What makes a record, the families that are searched, and the structure that is to be found,
+    with its parameters at most.
+    """
 
     make: Callable[[np.random.Generator], Columns]
     families: tuple[str, ...]
@@ -76,17 +87,25 @@ CASES = (
     Case(spline, ("tables",), "cubic splines", 12),
     Case(muscle, ("tables",), "formula sarosi", 6),
     Case(autoregression, ("tables", "feedback"), "two delays of the output, order 2", 6),
-    Case(slow_and_play, ("states",), "a lag that training finds, and play", 5),  # two to four terms, and a time constant
+    Case(
+        slow_and_play, ("states",), "a lag that training finds, and play", 5
+    ),  # two to four terms, and a time constant
 )
 
 
 def explained(case: Case, seed: int, monkeypatch: pytest.MonkeyPatch) -> bool:
-    """Whether a noise-free record is explained by a structure of its kind, in no more parameters than it takes."""
+    """Whether a noise-free record is explained by a structure of its kind, in no more parameters
+    than it takes.
+    """
     monkeypatch.setattr(searching, "FAMILIES", case.families)
     columns = case.make(np.random.default_rng(seed))
     taken = search(dataset_of(columns, output=list(columns)[-1]), WHOLE, beside=False).found
-    exact = np.median(taken.errors) < 1e-9  # a fold that takes an end of the range away cannot say how it goes on there
-    return taken.words.startswith(case.words) and taken.parameters <= case.parameters and bool(exact)
+    exact = (
+        np.median(taken.errors) < 1e-9
+    )  # a fold that takes an end of the range away cannot say how it goes on there
+    return (
+        taken.words.startswith(case.words) and taken.parameters <= case.parameters and bool(exact)
+    )
 
 
 @pytest.mark.parametrize("records", [1, pytest.param(10, marks=pytest.mark.long)])
@@ -97,8 +116,12 @@ def test_nine_of_ten_noise_free_records_are_explained_by_a_structure_of_their_ki
     assert sum(explained(case, seed, monkeypatch) for seed in range(records)) >= 0.9 * records
 
 
-def test_recordings_that_no_memory_fits_are_searched_without_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    """One early stamp among the held-out samples: the fit of a model with memory would refuse the whole recording."""
+def test_recordings_that_no_memory_fits_are_searched_without_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """One early stamp among the held-out samples: the fit of a model with memory would refuse the
+    whole recording.
+    """
     monkeypatch.setattr(searching, "FAMILIES", ("tables", "feedback"))
     columns = slow_and_play(np.random.default_rng(3))
     columns["time"][-20:] -= 0.3 * STEP
@@ -110,10 +133,16 @@ def test_recordings_that_no_memory_fits_are_searched_without_one(monkeypatch: py
 
 
 def test_a_model_that_goes_on_by_itself_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A sine that nothing drives: two delays continue it for ever, from the first samples on, as a clock does."""
+    """A sine that nothing drives: two delays continue it for ever, from the first samples on, as a
+    clock does.
+    """
     monkeypatch.setattr(searching, "FAMILIES", ("tables", "feedback"))
     time = STEP * np.arange(800)
-    columns = {"time": time, "u": np.random.default_rng(5).uniform(0, 1, 800), "y": np.sin(3 * time)}
+    columns = {
+        "time": time,
+        "u": np.random.default_rng(5).uniform(0, 1, 800),
+        "y": np.sin(3 * time),
+    }
     result = search(dataset_of(columns), WHOLE, beside=False)
     refused = {tried.words for tried in result.tried if "goes on by itself" in tried.failure}
     assert "linear, 2 delays of the output" in refused

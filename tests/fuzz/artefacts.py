@@ -1,7 +1,8 @@
-"""Flips bits of every kind of result file, cuts them off, and counts what becomes of them: `python tests/fuzz/artefacts.py COUNT [SEED]`.
+"""Flips bits of every kind of result file, cuts them off, and counts what becomes of them: `python
+tests/fuzz/artefacts.py COUNT [SEED]`.
 
-Each change is refused (DataError), told (a warning), or alters no value that is read. Where libhdf5 itself crashes or hangs is counted;
-anything else is printed and ends with 1.
+Each change is refused (DataError), told (a warning), or alters no value that is read. Where libhdf5
+itself crashes or hangs is counted; anything else is printed and ends with 1.
 """
 
 from __future__ import annotations
@@ -59,7 +60,11 @@ def main(count: int, seed: int) -> int:
         for kind, record in examples().items():
             found = explore(target(kind, record, Path(folder)), count, seed, Path(folder), traced=0)
             faults += found.faults
-            print(f"{kind}: {count} tried, " + ", ".join(f"{many} {what}" for what, many in sorted(found.outcomes.items())), flush=True)
+            print(
+                f"{kind}: {count} tried, "
+                + ", ".join(f"{many} {what}" for what, many in sorted(found.outcomes.items())),
+                flush=True,
+            )
     print(*faults, sep="\n")
     return 1 if faults else 0
 

@@ -1,7 +1,9 @@
-"""Documents of a run: whole ones, changed as trees or as text, then read and shown; beside the results of a small study.
+"""Documents of a run: whole ones, changed as trees or as text, then read and shown; beside the
+results of a small study.
 
-A changed `scores.json` is refused or read, and makes the run out of date. A changed `run.json` is ignored with a warning, refused, or read;
-it never ends as an internal fault, and neither do the next plan of the run, `show`, or a comparison.
+A changed `scores.json` is refused or read, and makes the run out of date. A changed `run.json` is
+ignored with a warning, refused, or read; it never ends as an internal fault, and neither do the
+next plan of the run, `show`, or a comparison.
 """
 
 from __future__ import annotations
@@ -30,8 +32,39 @@ from mapmore_cli.storage.artefacts import read_validation
 from mapmore_cli.storage.run_record import load_origin, read_scores, scores_beside
 
 VALUES: tuple[Any, ...] = (
-    *(None, True, "", "x", "2.9", "\x1b[2J", "a" * 5000, "\ud800", [], {}, [[]], {"a": {}}, 0, -1, 1.5, 1e308, 10**400, 2**63, -(10**30)),
-    *(float("nan"), float("inf"), float("-inf"), "../../etc/passwd", "/etc/passwd", "fit.h5", "ingest", "stages", "3.0", "99"),
+    *(
+        None,
+        True,
+        "",
+        "x",
+        "2.9",
+        "\x1b[2J",
+        "a" * 5000,
+        "\ud800",
+        [],
+        {},
+        [[]],
+        {"a": {}},
+        0,
+        -1,
+        1.5,
+        1e308,
+        10**400,
+        2**63,
+        -(10**30),
+    ),
+    *(
+        float("nan"),
+        float("inf"),
+        float("-inf"),
+        "../../etc/passwd",
+        "/etc/passwd",
+        "fit.h5",
+        "ingest",
+        "stages",
+        "3.0",
+        "99",
+    ),
 )
 MARKS = '{}[]:,"\\ntrue0123456789eE+-. \n\x00é'
 
@@ -42,7 +75,19 @@ def text_of(whole: str, chance: random.Random) -> str:
     if kind < 0.15:
         return changed_text(whole, chance, MARKS)
     if kind < 0.18:
-        return chance.choice(["", "null", "[]", "{", "[" * 100_000, "1" * 5000, "{}", whole[: chance.randrange(len(whole))], whole * 2])
+        return chance.choice(
+            [
+                "",
+                "null",
+                "[]",
+                "{",
+                "[" * 100_000,
+                "1" * 5000,
+                "{}",
+                whole[: chance.randrange(len(whole))],
+                whole * 2,
+            ]
+        )
     document = json.loads(whole)
     for _ in range(chance.choice([1, 1, 1, 2, 3])):
         changed_tree(document, chance, lambda _: chance.choice(VALUES), document)
@@ -86,7 +131,9 @@ def attempt(chance: random.Random, number: int, folder: Path) -> str:
             with suppress(MapmoreError):
                 read_scores(path)
             scores_beside(run_dir / "model.h5")
-            again = [stage for stage, why in explain(loaded, runs, warn=told.append) if why is not None]
+            again = [
+                stage for stage, why in explain(loaded, runs, warn=told.append) if why is not None
+            ]
             if "validate" not in again and path.read_text(errors="replace") != documents[name]:
                 raise Fault("changed scores are taken for those of the run")
             return f"scores {outcome}"
@@ -109,5 +156,13 @@ def warm(folder: Path) -> None:
     study(folder)
 
 
-PAST = ("scores read", "scores refused (exit 4)", "record read", "record refused (exit 4)", "record read, ignored with a warning")
-TARGET = Target("documents", attempt, ("storage/run_record.py", "cli/views.py"), past=PAST, traced=50, warm=warm)
+PAST = (
+    "scores read",
+    "scores refused (exit 4)",
+    "record read",
+    "record refused (exit 4)",
+    "record read, ignored with a warning",
+)
+TARGET = Target(
+    "documents", attempt, ("storage/run_record.py", "cli/views.py"), past=PAST, traced=50, warm=warm
+)

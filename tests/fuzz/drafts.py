@@ -1,4 +1,6 @@
-"""`init`: folders of recordings with titles, units and values of all sorts; a draft is a spec that loads, or the folder is refused."""
+"""`init`: folders of recordings with titles, units and values of all sorts; a draft is a spec that
+loads, or the folder is refused.
+"""
 
 from __future__ import annotations
 
@@ -19,8 +21,35 @@ from mapmore_cli.spec.loader import load
 from mapmore_cli.spec.units import convert
 
 TITLES = (
-    *("time", "t [s]", "Zeit (ms)", "P", "pressure (kPa)", "Druck [bar]", "p_psi", "eps", "strain", "contraction (%)", "F", "force [N]"),
-    *("Kraft/N", "length mm", "x", "x", "", "\u0430", "=1+1", "[", "a" * 200, "1", "\x1b[2J", "unnamed: 0", "CH1 [V]"),
+    *(
+        "time",
+        "t [s]",
+        "Zeit (ms)",
+        "P",
+        "pressure (kPa)",
+        "Druck [bar]",
+        "p_psi",
+        "eps",
+        "strain",
+        "contraction (%)",
+        "F",
+        "force [N]",
+    ),
+    *(
+        "Kraft/N",
+        "length mm",
+        "x",
+        "x",
+        "",
+        "\u0430",
+        "=1+1",
+        "[",
+        "a" * 200,
+        "1",
+        "\x1b[2J",
+        "unnamed: 0",
+        "CH1 [V]",
+    ),
 )
 
 
@@ -31,9 +60,16 @@ def recording(chance: random.Random, pressure: float) -> str:
     columns = [np.arange(n) * 0.1, np.full(n, pressure), strain, 2 * pressure * (1 - 3 * strain)]
     if chance.random() < 0.3:
         columns[chance.randrange(4)] = np.array(
-            [chance.choice([0.0, 1e300, -5.0, 1e-300, float("nan"), chance.random()]) for _ in range(n)]
+            [
+                chance.choice([0.0, 1e300, -5.0, 1e-300, float("nan"), chance.random()])
+                for _ in range(n)
+            ]
         )
-    titles = ["t", "P", "eps", "F"] if chance.random() < 0.4 else [chance.choice(TITLES) for _ in range(4)]
+    titles = (
+        ["t", "P", "eps", "F"]
+        if chance.random() < 0.4
+        else [chance.choice(TITLES) for _ in range(4)]
+    )
     lines = [mark.join(titles)] if chance.random() < 0.9 else []
     lines += [mark.join(["s", "kPa", "1", "N"])] if chance.random() < 0.2 else []
     lines += [mark.join(f"{value:.6g}" for value in row) for row in zip(*columns, strict=True)]
@@ -41,7 +77,8 @@ def recording(chance: random.Random, pressure: float) -> str:
 
 
 def attempt(chance: random.Random, number: int, folder: Path) -> str:
-    """Draft a spec of one to three files; what is drafted is YAML, and one in four is loaded, beside what `init` itself loads.
+    """Draft a spec of one to three files; what is drafted is YAML, and one in four is loaded,
+    beside what `init` itself loads.
 
     One in five is also fitted and scored before it is handed out, as `init` does.
     """
@@ -55,7 +92,9 @@ def attempt(chance: random.Random, number: int, folder: Path) -> str:
             (place / f"{name}.{chance.choice(['csv', 'txt'])}").write_bytes(readers.text(chance))
     try:
         search = None if number % 5 == 0 else lambda draft, *_more, **_named: draft
-        drafts = start(place, folder, answers=Answers(length=chance.choice([None, None, 0.088])), search=search).drafts
+        drafts = start(
+            place, folder, answers=Answers(length=chance.choice([None, None, 0.088])), search=search
+        ).drafts
     except MapmoreError as error:
         return refused(error)
     else:
@@ -78,4 +117,6 @@ def warm(folder: Path) -> None:
         start(folder / "warm.csv", folder)
 
 
-TARGET = Target("init", attempt, ("study/drafting",), past=("drafted",), longest=10, traced=20, warm=warm)
+TARGET = Target(
+    "init", attempt, ("study/drafting",), past=("drafted",), longest=10, traced=20, warm=warm
+)

@@ -1,7 +1,9 @@
-"""Tries many inputs of one kind, each within bounds of time and memory, and counts what becomes of them.
+"""Tries many inputs of one kind, each within bounds of time and memory, and counts what becomes of
+them.
 
-Input `number` of a target is made by `random.Random(f"{seed}/{name}/{number}")` alone, so a finding can be tried again by its number.
-The inputs run in a fork; where one of them kills it, the next fork goes on behind it.
+Input `number` of a target is made by `random.Random(f"{seed}/{name}/{number}")` alone, so a finding
+can be tried again by its number. The inputs run in a fork; where one of them kills it, the next
+fork goes on behind it.
 """
 
 from __future__ import annotations
@@ -33,15 +35,19 @@ ROOM = 1 << 30  # bytes of memory that inputs may take beside what the program h
 SILENCE = 60.0  # seconds between two words of how far it is
 
 Try = Callable[[random.Random, int, Path], str]
-"""Makes an input of a chance, tries it in a folder, and says what became of it; the number is that of the input."""
+"""Makes an input of a chance, tries it in a folder, and says what became of it; the number is that
+of the input.
+"""
 
 
 @dataclass(frozen=True)
 class Target:
-    """What is fuzzed: `name`, how one input is tried, the parts of the package that are meant, and the outcomes that are past the syntax.
+    """What is fuzzed: `name`, how one input is tried, the parts of the package that are meant, and
+    the outcomes that are past the syntax.
 
-    `library` is what crashes and hangs are laid to where the input goes through foreign machine code. The first `traced` inputs are tried
-    under a tracer that notes the lines which run, and takes long. `warm` imports and makes what all inputs need, once, before the forks.
+    `library` is what crashes and hangs are laid to where the input goes through foreign machine
+    code. The first `traced` inputs are tried under a tracer that notes the lines which run, and
+    takes long. `warm` imports and makes what all inputs need, once, before the forks.
     """
 
     name: str
@@ -56,7 +62,9 @@ class Target:
 
 @dataclass
 class Findings:
-    """Outcomes and how often they came, faults with the number of their input, the lines that ran, and whether Ctrl-C ended it early."""
+    """Outcomes and how often they came, faults with the number of their input, the lines that ran,
+    and whether Ctrl-C ended it early.
+    """
 
     outcomes: Counter[str] = field(default_factory=Counter)
     faults: list[str] = field(default_factory=list)
@@ -74,16 +82,32 @@ class Fault(Exception):
 
 
 def explore(
-    target: Target, count: int, seed: int, folder: Path, traced: int | None = None, tell: Callable[[str], None] = lambda _words: None
+    target: Target,
+    count: int,
+    seed: int,
+    folder: Path,
+    traced: int | None = None,
+    tell: Callable[[str], None] = lambda _words: None,
 ) -> Findings:
-    """Try `count` inputs, or fewer where Ctrl-C ends it; `traced` as the target says, if not otherwise; `tell` how far it is."""
-    found, start, traced, last = Findings(), 0, target.traced if traced is None else traced, time.monotonic()
+    """Try `count` inputs, or fewer where Ctrl-C ends it; `traced` as the target says, if not
+    otherwise; `tell` how far it is.
+    """
+    found, start, traced, last = (
+        Findings(),
+        0,
+        target.traced if traced is None else traced,
+        time.monotonic(),
+    )
 
     def told() -> None:
         nonlocal last
         if time.monotonic() - last > SILENCE:
             last = time.monotonic()
-            faults = f"{len(found.faults)} faults, the last one {found.faults[-1]}" if found.faults else "no fault"
+            faults = (
+                f"{len(found.faults)} faults, the last one {found.faults[-1]}"
+                if found.faults
+                else "no fault"
+            )
             tell(f"{target.name}: {found.outcomes.total()} of {count} tried, {faults}")
 
     try:
@@ -99,7 +123,15 @@ def explore(
     return found
 
 
-def _batch(target: Target, numbers: range, seed: int, folder: Path, found: Findings, tracing: bool, told: Callable[[], None]) -> int:
+def _batch(
+    target: Target,
+    numbers: range,
+    seed: int,
+    folder: Path,
+    found: Findings,
+    tracing: bool,
+    told: Callable[[], None],
+) -> int:
     """Try inputs in one fork; the number of the first one that it left."""
     read, write = os.pipe()
     gc.freeze()  # what is there before the inputs is not looked through again and again
@@ -131,16 +163,27 @@ def _batch(target: Target, numbers: range, seed: int, folder: Path, found: Findi
     status = os.waitpid(child, 0)[1]
     if os.WIFSIGNALED(status):
         hung = os.WTERMSIG(status) == signal.SIGVTALRM
-        what = f"longer than {target.longest} s" if hung else f"ended by signal {os.WTERMSIG(status)}"
-        found.outcomes[f"{target.library} {'hangs' if hung else 'crashes'}" if target.library else "FAULT"] += 1
+        what = (
+            f"longer than {target.longest} s" if hung else f"ended by signal {os.WTERMSIG(status)}"
+        )
+        found.outcomes[
+            f"{target.library} {'hangs' if hung else 'crashes'}" if target.library else "FAULT"
+        ] += 1
         found.faults += [] if target.library else [f"{target.name} {done}: {what}"]
         done += 1
     return done
 
 
-def _inputs(target: Target, numbers: range, seed: int, folder: Path, report: Any, tracing: bool) -> None:
-    # libraries reserve address space that they never use: what counts is beside what was reserved at the start
-    taken = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize() if Path("/proc/self/statm").exists() else None
+def _inputs(
+    target: Target, numbers: range, seed: int, folder: Path, report: Any, tracing: bool
+) -> None:
+    # libraries reserve address space that they never use: what counts is beside what was reserved
+    # at the start
+    taken = (
+        int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+        if Path("/proc/self/statm").exists()
+        else None
+    )
     if taken is not None:
         resource.setrlimit(resource.RLIMIT_AS, (taken + ROOM, taken + ROOM))
     for number in numbers:
@@ -186,17 +229,33 @@ def traced(parts: Sequence[str]) -> Iterator[set[tuple[str, int]]]:
 def files_of(parts: Sequence[str]) -> list[Path]:
     """The modules of parts of the package, each a file or a folder of it."""
     places = [PACKAGE / part for part in parts]
-    return sorted(path for place in places for path in (place.rglob("*.py") if place.is_dir() else [place]))
+    return sorted(
+        path for place in places for path in (place.rglob("*.py") if place.is_dir() else [place])
+    )
 
 
 def lines_of(parts: Sequence[str]) -> set[tuple[str, int]]:
-    """The lines of the functions of parts of the package; what runs while a module is imported does not count."""
-    return {(str(path), line) for path in files_of(parts) for line in _lines_of(compile(path.read_text(), str(path), "exec"))}
+    """The lines of the functions of parts of the package; what runs while a module is imported does
+    not count.
+    """
+    return {
+        (str(path), line)
+        for path in files_of(parts)
+        for line in _lines_of(compile(path.read_text(), str(path), "exec"))
+    }
 
 
 def _lines_of(code: CodeType) -> Iterator[int]:
-    if code.co_flags & 0x2:  # CO_NEWLOCALS: a function; neither a module nor, in this package, a class with lines of its own
-        yield from (line for _, line in dis.findlinestarts(code) if line is not None and line != code.co_firstlineno)
+    if (
+        code.co_flags & 0x2
+        # CO_NEWLOCALS: a function; neither a module nor, in this package, a class with lines of its
+        # own
+    ):
+        yield from (
+            line
+            for _, line in dis.findlinestarts(code)
+            if line is not None and line != code.co_firstlineno
+        )
     for constant in code.co_consts:
         if isinstance(constant, CodeType):
             yield from _lines_of(constant)
@@ -234,7 +293,9 @@ def changed_bytes(whole: bytes, chance: random.Random) -> bytes:
         case 1:
             del changed[at : at + chance.randrange(1, 64)]
         case 2:
-            changed[at : at + 4] = chance.choice([b"\xff\xff\xff\xff", b"\x00\x00\x00\x00", b"\x7f\xff\xff\xff", chance.randbytes(4)])
+            changed[at : at + 4] = chance.choice(
+                [b"\xff\xff\xff\xff", b"\x00\x00\x00\x00", b"\x7f\xff\xff\xff", chance.randbytes(4)]
+            )
         case _:
             for _ in range(chance.choice([1, 1, 1, 2, 8])):
                 changed[chance.randrange(len(changed))] ^= 1 << chance.randrange(8)
@@ -247,7 +308,13 @@ Way = tuple[str | int, ...]
 def ways(tree: Any, here: Way = ()) -> Iterator[Way]:
     """The places in a document."""
     yield here
-    for key, value in tree.items() if isinstance(tree, dict) else enumerate(tree) if isinstance(tree, list) else ():
+    for key, value in (
+        tree.items()
+        if isinstance(tree, dict)
+        else enumerate(tree)
+        if isinstance(tree, list)
+        else ()
+    ):
         yield from ways(value, (*here, key))
 
 
@@ -258,7 +325,9 @@ def at(tree: Any, way: Way) -> Any:
 
 
 def changed_tree(tree: Any, chance: random.Random, value: Callable[[Any], Any], part: Any) -> None:
-    """Change a document at one place: left out, doubled, renamed, replaced by a hostile value (given the old one) or by some of `part`."""
+    """Change a document at one place: left out, doubled, renamed, replaced by a hostile value
+    (given the old one) or by some of `part`.
+    """
     places = [way for way in ways(tree) if way]
     if not places:
         return
@@ -272,7 +341,9 @@ def changed_tree(tree: Any, chance: random.Random, value: Callable[[Any], Any], 
         case 3:
             holder[key] = deepcopy(at(part, chance.choice(list(ways(part)))))
         case 4 if isinstance(holder, dict):
-            holder[chance.choice([changed_text(str(key), chance, "abcxyz_./"), str(value(""))])] = holder.pop(key)
+            holder[chance.choice([changed_text(str(key), chance, "abcxyz_./"), str(value(""))])] = (
+                holder.pop(key)
+            )
         case _ if isinstance(holder, list):
             holder.append(holder[int(key)])
         case _:

@@ -1,4 +1,6 @@
-"""Expressions: written by their grammar with states and hostile numbers, some changed; what parses is printed, differentiated, computed."""
+"""Expressions: written by their grammar with states and hostile numbers, some changed; what parses
+is printed, differentiated, computed.
+"""
 
 from __future__ import annotations
 
@@ -14,9 +16,52 @@ from mapmore_cli.modelling.expressions.operator import FUNCTIONS
 from mapmore_cli.modelling.expressions.operators import OPERATORS
 
 NAMES = ("pressure", "strain", "x1", "_", "pi", "exp2", "force", "exponent")
-NUMBERS = ("0", "1", "2", "0.5", "1e-300", "1e300", "4.9e-324", "1e999", ".5", "3.", "1e", "007", "9" * 400, "0x10", "1_0", "1e-999")
-EXPONENTS = ("2", "3", "-1", "0.5", "20", "20.5", "1e9", "-(2)", "(1/3)", "0", "1e-9", "pressure", "2^2", "(1/0)", "log(-1)")
-STATES = ("[k-1]", "[k-0]", "[k-99999999999]", "[k]", "[k+1]", "[k-1", "[-1]", "[k - 2]", "[k-1][k-1]")
+NUMBERS = (
+    "0",
+    "1",
+    "2",
+    "0.5",
+    "1e-300",
+    "1e300",
+    "4.9e-324",
+    "1e999",
+    ".5",
+    "3.",
+    "1e",
+    "007",
+    "9" * 400,
+    "0x10",
+    "1_0",
+    "1e-999",
+)
+EXPONENTS = (
+    "2",
+    "3",
+    "-1",
+    "0.5",
+    "20",
+    "20.5",
+    "1e9",
+    "-(2)",
+    "(1/3)",
+    "0",
+    "1e-9",
+    "pressure",
+    "2^2",
+    "(1/0)",
+    "log(-1)",
+)
+STATES = (
+    "[k-1]",
+    "[k-0]",
+    "[k-99999999999]",
+    "[k]",
+    "[k+1]",
+    "[k-1",
+    "[-1]",
+    "[k - 2]",
+    "[k-1][k-1]",
+)
 MARKS = "+-*/^().,[]eE_ 0123456789abcxyz\t\n\x00é×²"
 WORDS = (*OPERATORS, *FUNCTIONS)
 COLUMNS = {name: np.array([-2.0, 0.0, 1e-3, 1.0, 1e8]) for name in NAMES}
@@ -41,14 +86,18 @@ def expression(chance: random.Random, depth: int, names: tuple[str, ...] = NAMES
         case 4:
             return f"({inner()})"
         case 5:
-            return f"({inner()}){chance.choice(['^', '**'])}{chance.choice(EXPONENTS[:8] if chance.random() < 0.9 else EXPONENTS)}"
+            base, sign = inner(), chance.choice(["^", "**"])
+            exponents = EXPONENTS[:8] if chance.random() < 0.9 else EXPONENTS
+            return f"({base}){sign}{chance.choice(exponents)}"
         case 6:
             return f"{chance.choice('-+')}{inner()}"
         case 7 | 8:
             return f"{chance.choice(tuple(FUNCTIONS))}({inner()})"
         case _:
             numbers = ", ".join(chance.choice(NUMBERS) for _ in range(chance.randrange(3)))
-            return f"{chance.choice(WORDS)}({chance.choice(names)}{', ' if numbers else ''}{numbers})"
+            return (
+                f"{chance.choice(WORDS)}({chance.choice(names)}{', ' if numbers else ''}{numbers})"
+            )
 
 
 def text_of(chance: random.Random) -> str:
@@ -56,7 +105,15 @@ def text_of(chance: random.Random) -> str:
     kind = chance.random()
     if kind < 0.02:
         many = chance.randrange(10, 6000)
-        return chance.choice(["(" * many + "x1" + ")" * many, "-" * many + "x1", "+".join(["x1"] * many), "exp(" * many, "x1^2" * many])
+        return chance.choice(
+            [
+                "(" * many + "x1" + ")" * many,
+                "-" * many + "x1",
+                "+".join(["x1"] * many),
+                "exp(" * many,
+                "x1^2" * many,
+            ]
+        )
     text = expression(chance, chance.randrange(6))
     return changed_text(text, chance, MARKS) if kind < 0.2 else text
 
@@ -86,4 +143,9 @@ def attempt(chance: random.Random, number: int, folder: Path) -> str:
 
 
 PARTS = ("parsing", "states", "syntax", "printing", "calculus", "evaluation")
-TARGET = Target("expressions", attempt, tuple(f"modelling/expressions/{part}.py" for part in PARTS), past=("computed", "printed"))
+TARGET = Target(
+    "expressions",
+    attempt,
+    tuple(f"modelling/expressions/{part}.py" for part in PARTS),
+    past=("computed", "printed"),
+)

@@ -1,4 +1,5 @@
-"""Model files that somebody made with our own writer: right checksums, and every text and number as hostile as he likes.
+"""Model files that somebody made with our own writer: right checksums, and every text and number as
+hostile as he likes.
 
 Each is read, shown, predicted, inverted, and exported to every language. It is refused with an exit
 code other than 1, or done; no text of it runs, and no file is made.
@@ -37,16 +38,121 @@ from mapmore_cli.storage import artefacts
 from mapmore_cli.storage.artefacts import schema
 
 TEXTS = (
-    *("", " ", "time", "1", "0", "strain", "speed", "x", "_", "con", "NAN", "ß", "é", "a b", "a/b", "..", "*/", "O'Brien", "k", "true"),
-    *("\"+__import__('os').system('touch MARK')+\"", "';touch MARK;'", "$(touch MARK)", "`touch MARK`", "</script>", "{{7*7}}", "%s%n"),
-    *("strain^", "speed^2", "1/0", "1/(strain-strain)", "exp(exp(exp(9)))", "9^99*9^99", "force[k-1]", "force[k-999999]", "k-1", "()"),
-    *("oracle(strain)", "slow(pressure, 0)", "slow(pressure, -1)", "play(pressure, 9)", "resonance(pressure)", "wen(force[k-1])"),
-    *("((((" * 60, "-" * 200, "x" * 9000, "+".join(["strain"] * 900), "log(-1)", "sqrt(-strain)", "1e308*1e308", "strain^1e9"),
-    *('{"name": "x"}', '{"family": {}}', '{"family": 1}', "{", '{"bounds": {}, "text": "1", "name": "*/", "reference": "", "units": {}}'),
-    *("polynomial_2", "tondu_lopez", "sarosi", "nobody", "saturate", "zero", "continue_linear", "failed", "converged", "measured"),
-    *("steady", "identified", "rest", "hard", "bumpless", "carried", "rate", "direction", "levels", "pchip", "linear", "rise", "fall"),
+    *(
+        "",
+        " ",
+        "time",
+        "1",
+        "0",
+        "strain",
+        "speed",
+        "x",
+        "_",
+        "con",
+        "NAN",
+        "ß",
+        "é",
+        "a b",
+        "a/b",
+        "..",
+        "*/",
+        "O'Brien",
+        "k",
+        "true",
+    ),
+    *(
+        "\"+__import__('os').system('touch MARK')+\"",
+        "';touch MARK;'",
+        "$(touch MARK)",
+        "`touch MARK`",
+        "</script>",
+        "{{7*7}}",
+        "%s%n",
+    ),
+    *(
+        "strain^",
+        "speed^2",
+        "1/0",
+        "1/(strain-strain)",
+        "exp(exp(exp(9)))",
+        "9^99*9^99",
+        "force[k-1]",
+        "force[k-999999]",
+        "k-1",
+        "()",
+    ),
+    *(
+        "oracle(strain)",
+        "slow(pressure, 0)",
+        "slow(pressure, -1)",
+        "play(pressure, 9)",
+        "resonance(pressure)",
+        "wen(force[k-1])",
+    ),
+    *(
+        "((((" * 60,
+        "-" * 200,
+        "x" * 9000,
+        "+".join(["strain"] * 900),
+        "log(-1)",
+        "sqrt(-strain)",
+        "1e308*1e308",
+        "strain^1e9",
+    ),
+    *(
+        '{"name": "x"}',
+        '{"family": {}}',
+        '{"family": 1}',
+        "{",
+        '{"bounds": {}, "text": "1", "name": "*/", "reference": "", "units": {}}',
+    ),
+    *(
+        "polynomial_2",
+        "tondu_lopez",
+        "sarosi",
+        "nobody",
+        "saturate",
+        "zero",
+        "continue_linear",
+        "failed",
+        "converged",
+        "measured",
+    ),
+    *(
+        "steady",
+        "identified",
+        "rest",
+        "hard",
+        "bumpless",
+        "carried",
+        "rate",
+        "direction",
+        "levels",
+        "pchip",
+        "linear",
+        "rise",
+        "fall",
+    ),
 )
-NUMBERS = (0, 1, -1, 2, 3, 0.5, -0.0, 1e-300, 1e300, -1e308, 5e-324, 2**31, 2**53, 10**9, float("nan"), float("inf"), float("-inf"))
+NUMBERS = (
+    0,
+    1,
+    -1,
+    2,
+    3,
+    0.5,
+    -0.0,
+    1e-300,
+    1e300,
+    -1e308,
+    5e-324,
+    2**31,
+    2**53,
+    10**9,
+    float("nan"),
+    float("inf"),
+    float("-inf"),
+)
 LANGUAGES = ("c", "py", "numpy", "tex", "mujoco", "simulink", "table", "csv", "fmu")
 
 
@@ -54,7 +160,11 @@ def hostile(chance: random.Random, mark: str) -> str:
     kind = chance.random()
     if kind < 0.5:
         return chance.choice(TEXTS).replace("MARK", mark)
-    return chance.choice((*ESCAPES, *COMMANDS)).replace("MARK", mark) if kind < 0.75 else text_of(chance, mark)
+    return (
+        chance.choice((*ESCAPES, *COMMANDS)).replace("MARK", mark)
+        if kind < 0.75
+        else text_of(chance, mark)
+    )
 
 
 def places(record: Any) -> Iterator[tuple[Any, ...]]:
@@ -77,10 +187,18 @@ def changed(record: Any, way: tuple[Any, ...], change: Callable[[Any], Any]) -> 
         return change(record)
     step, *rest = way
     if isinstance(record, Mapping):
-        return {key: changed(one, tuple(rest), change) if key == step else one for key, one in record.items()}
+        return {
+            key: changed(one, tuple(rest), change) if key == step else one
+            for key, one in record.items()
+        }
     if isinstance(record, tuple):
-        return tuple(changed(one, tuple(rest), change) if place == step else one for place, one in enumerate(record))
-    return dataclasses.replace(record, **{step: changed(getattr(record, step), tuple(rest), change)})
+        return tuple(
+            changed(one, tuple(rest), change) if place == step else one
+            for place, one in enumerate(record)
+        )
+    return dataclasses.replace(
+        record, **{step: changed(getattr(record, step), tuple(rest), change)}
+    )
 
 
 def forged(part: Any, chance: random.Random, mark: str) -> Any:
@@ -91,7 +209,9 @@ def forged(part: Any, chance: random.Random, mark: str) -> Any:
         case bool() | int():
             return chance.choice([not part, *map(int, NUMBERS[:6]), 10**9, -5])
         case float() | None:
-            return chance.choice([float(chance.choice(NUMBERS)), None if chance.random() < 0.1 else 1.0])
+            return chance.choice(
+                [float(chance.choice(NUMBERS)), None if chance.random() < 0.1 else 1.0]
+            )
         case np.ndarray():
             return _other_array(part, chance)
         case tuple():
@@ -112,7 +232,9 @@ def _other_array(part: Any, chance: random.Random) -> Any:
     match chance.randrange(5):
         case 0 if flat.size:
             value = chance.choice(NUMBERS)
-            flat.flat[chance.randrange(flat.size)] = value if flat.dtype.kind == "f" else chance.choice([-1, 0, 1, 2**40])
+            flat.flat[chance.randrange(flat.size)] = (
+                value if flat.dtype.kind == "f" else chance.choice([-1, 0, 1, 2**40])
+            )
         case 1:
             return flat[::-1].copy()
         case 2:
@@ -125,7 +247,9 @@ def _other_array(part: Any, chance: random.Random) -> Any:
 
 
 def model_of(chance: random.Random, mark: str) -> Model:
-    """A sound model with one to three forged parts, or with all texts of one kind of field forged."""
+    """A sound model with one to three forged parts, or with all texts of one kind of field
+    forged.
+    """
     model = chance.choice(exports.bodies())
     if chance.random() < 0.15:
         return exports.model_of(chance, mark)
@@ -144,9 +268,14 @@ def _at(record: Any, way: tuple[Any, ...]) -> Any:
 
 
 def write_forged(path: Path, model: Any) -> None:
-    """Write a model as our writer does, texts that it would refuse included; the checksum is right."""
+    """Write a model as our writer does, texts that it would refuse included; the checksum is
+    right.
+    """
     ascii_only = SimpleNamespace(dumps=lambda document, **_: json.dumps(document))
-    with patch.object(schema, "_line", lambda value: value), patch.object(artefacts, "json", ascii_only):
+    with (
+        patch.object(schema, "_line", lambda value: value),
+        patch.object(artefacts, "json", ascii_only),
+    ):
         artefacts.write_model(path, model)
 
 
@@ -155,7 +284,15 @@ def attempt(chance: random.Random, number: int, folder: Path) -> str:
     mark, path = folder / f"mark{number}", folder / "model.h5"
     try:
         write_forged(path, model_of(chance, str(mark)))
-    except (KeyError, ValueError, TypeError, AttributeError, StopIteration, OverflowError, MapmoreError):
+    except (
+        KeyError,
+        ValueError,
+        TypeError,
+        AttributeError,
+        StopIteration,
+        OverflowError,
+        MapmoreError,
+    ):
         return "not written"
     try:
         return use(path, chance, number)
@@ -181,12 +318,20 @@ def use(path: Path, chance: random.Random, number: int) -> str:
     inputs, wanted = [one.name for one in model.inputs] or ["x"], chance.choice(LANGUAGES)
     with np.errstate(all="ignore"):
         _told(lambda: [*predicted_lines(model, table_of(model), "t.csv")])
-        _told(lambda: [*predicted_lines(model, table_of(model), "t.csv", derivatives=True, interval=0.9)])
+        _told(
+            lambda: [
+                *predicted_lines(model, table_of(model), "t.csv", derivatives=True, interval=0.9)
+            ]
+        )
         _told(lambda: [*inverted_lines(model, table_of(model), "t.csv", chance.choice(inputs))])
         for to in LANGUAGES:
             where = grid if to in ("csv", "table") else None
             verify = to == wanted and number % 10 == 0
-            _told(lambda to=to, where=where, verify=verify: exported(model, to, grid=where, verify=verify))
+            _told(
+                lambda to=to, where=where, verify=verify: exported(
+                    model, to, grid=where, verify=verify
+                )
+            )
     return "used"
 
 

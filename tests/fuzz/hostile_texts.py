@@ -7,16 +7,88 @@ import re
 from collections.abc import Iterator
 
 ESCAPES = (
-    *('"""', "'''", "*/", "*\\\n/", "/*", "//", "\\\n", "??/\n", "\n", "\r", "\r\n", "\u2028", "\x85", "\x0b", "\x0c", "\x00", "\x1b[2J"),
-    *("\\", "\\\\", '"', "'", "`", "$", "\\$", "$$", "%", "#", "^^5c", "^^M", "^^", "^", "{", "}", "<!--", "-->", "]]>", "<?"),
-    *("<![CDATA[", "&", "&lt;", "</title>", "<script>", "\ud800", "\ufffe", "\U0010ffff", "\u202e", "\ufeff", "%>", "{{x}}", "{% x %}"),
-    *("\\N{DIGIT ONE}", "=1+1", "+1", "-1+cmd|' /C calc'!A0", "@x", "\t=1", ";", ",", " ", "  ", "é", "µ", "°C", "−", "Ω", "\u0430", "a"),
+    *(
+        '"""',
+        "'''",
+        "*/",
+        "*\\\n/",
+        "/*",
+        "//",
+        "\\\n",
+        "??/\n",
+        "\n",
+        "\r",
+        "\r\n",
+        "\u2028",
+        "\x85",
+        "\x0b",
+        "\x0c",
+        "\x00",
+        "\x1b[2J",
+    ),
+    *(
+        "\\",
+        "\\\\",
+        '"',
+        "'",
+        "`",
+        "$",
+        "\\$",
+        "$$",
+        "%",
+        "#",
+        "^^5c",
+        "^^M",
+        "^^",
+        "^",
+        "{",
+        "}",
+        "<!--",
+        "-->",
+        "]]>",
+        "<?",
+    ),
+    *(
+        "<![CDATA[",
+        "&",
+        "&lt;",
+        "</title>",
+        "<script>",
+        "\ud800",
+        "\ufffe",
+        "\U0010ffff",
+        "\u202e",
+        "\ufeff",
+        "%>",
+        "{{x}}",
+        "{% x %}",
+    ),
+    *(
+        "\\N{DIGIT ONE}",
+        "=1+1",
+        "+1",
+        "-1+cmd|' /C calc'!A0",
+        "@x",
+        "\t=1",
+        ";",
+        ",",
+        " ",
+        "  ",
+        "é",
+        "µ",
+        "°C",
+        "−",
+        "Ω",
+        "\u0430",
+        "a",
+    ),
     *("kPa", "1/s", "N*m"),
 )
 COMMANDS = (
     'import os; os.mkdir("MARK")',
     '__import__("os").mkdir("MARK")',
-    '#include <sys/stat.h>\n__attribute__((constructor)) static void f(void) { mkdir("MARK", 0777); }',
+    '#include <sys/stat.h>\n__attribute__((constructor)) static void f(void) { mkdir("MARK", '
+    "0777); }",
     "#error taken",
     "\\input{/etc/passwd}",
     "\\immediate\\write18{mkdir MARK}",
@@ -29,14 +101,24 @@ COMMANDS = (
 
 def text_of(chance: random.Random, mark: str = "MARK") -> str:
     """A text: words that end something in some language, and commands behind them."""
-    parts = [chance.choice(ESCAPES if chance.random() < 0.7 else COMMANDS) for _ in range(chance.randrange(1, 7))]
+    parts = [
+        chance.choice(ESCAPES if chance.random() < 0.7 else COMMANDS)
+        for _ in range(chance.randrange(1, 7))
+    ]
     if chance.random() < 0.3:
-        parts.append("".join(chr(chance.randrange(0xD7FF) if chance.random() < 0.5 else chance.randrange(0x180)) for _ in range(5)))
+        parts.append(
+            "".join(
+                chr(chance.randrange(0xD7FF) if chance.random() < 0.5 else chance.randrange(0x180))
+                for _ in range(5)
+            )
+        )
     return "".join(parts).replace("MARK", mark)
 
 
 def tex_commands(source: str) -> Iterator[str]:
-    """The control sequences of a source as TeX reads it (The TeXbook, chapter 8): `^^` stands for characters, `%` ends a line."""
+    """The control sequences of a source as TeX reads it (The TeXbook, chapter 8): `^^` stands for
+    characters, `%` ends a line.
+    """
     for raw in re.split(r"\r\n|\r|\n", source):
         line, at = raw, 0
         while at < len(line):

@@ -1,4 +1,6 @@
-"""Recordings: files of every format, changed in their text, their parts or their bytes, read with settings that fit or do not."""
+"""Recordings: files of every format, changed in their text, their parts or their bytes, read with
+settings that fit or do not.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,22 @@ from mapmore_cli.storage.readers import READERS, TableRequest
 
 ROWS = 40
 CELLS = (
-    *("", "nan", "inf", "-", "1e999", "1_5", "0x1f", "1,5", '"3', '"1\n2"', "--", "9" * 500, "12:30:01", "2026-03-01T12:00:00Z"),
+    *(
+        "",
+        "nan",
+        "inf",
+        "-",
+        "1e999",
+        "1_5",
+        "0x1f",
+        "1,5",
+        '"3',
+        '"1\n2"',
+        "--",
+        "9" * 500,
+        "12:30:01",
+        "2026-03-01T12:00:00Z",
+    ),
     *("\x00", "é", "\u0661", "=1+1", "#N/A"),
 )
 MARKS = " ,;\t\"'\n\r\x00.eE+-0123456789é"
@@ -34,7 +51,10 @@ MARKS = " ,;\t\"'\n\r\x00.eE+-0123456789é"
 def table(chance: random.Random) -> list[list[str]]:
     """A header and rows of numbers, some cells hostile."""
     columns = chance.choice([2, 3, 3, 4])
-    rows = [[f"{chance.uniform(-9, 300):.{chance.randrange(7)}f}" for _ in range(columns)] for _ in range(chance.choice([0, 1, 3, ROWS]))]
+    rows = [
+        [f"{chance.uniform(-9, 300):.{chance.randrange(7)}f}" for _ in range(columns)]
+        for _ in range(chance.choice([0, 1, 3, ROWS]))
+    ]
     for _ in range(chance.choice([0, 0, 1, 1, 3]) if rows else 0):
         chance.choice(rows)[chance.randrange(columns)] = chance.choice(CELLS)
     for _ in range(chance.choice([0, 0, 0, 1]) if rows else 0):
@@ -51,7 +71,9 @@ def text(chance: random.Random) -> bytes:
         written = written.replace(".", ",")
     if chance.random() < 0.3:
         written = changed_text(written, chance, MARKS)
-    whole = written.encode(chance.choice(["utf-8", "utf-8", "utf-8-sig", "utf-16", "latin-1"]), "replace")
+    whole = written.encode(
+        chance.choice(["utf-8", "utf-8", "utf-8-sig", "utf-16", "latin-1"]), "replace"
+    )
     whole = gzip.compress(whole, 1) if chance.random() < 0.1 else whole
     return changed_bytes(whole, chance) if chance.random() < 0.2 else whole
 
@@ -64,7 +86,10 @@ def binary(kind: str) -> bytes:
         book = Workbook()
         for row in [
             ["t", "P", "F"],
-            *([float(t), float(p), "1,5" if i == 9 else i] for i, (t, p) in enumerate(zip(time, pressure, strict=True))),
+            *(
+                [float(t), float(p), "1,5" if i == 9 else i]
+                for i, (t, p) in enumerate(zip(time, pressure, strict=True))
+            ),
         ]:
             book.active.append(row)
         book.active["D3"], book.active["D4"] = "=A3", "#REF!"
@@ -73,30 +98,62 @@ def binary(kind: str) -> bytes:
         book.create_sheet("third").sheet_state = "hidden"
         book.save(stream)
     elif kind == "4.mat":
-        content = {"P": pressure, "t": time, "note": "text", "few": sparse.csc_array(np.diag(time)), "z": time + 1j}
+        content = {
+            "P": pressure,
+            "t": time,
+            "note": "text",
+            "few": sparse.csc_array(np.diag(time)),
+            "z": time + 1j,
+        }
         scipy.io.savemat(stream, content, format="4")
     elif kind in ("mat", "packed.mat"):
-        cells, runs = np.empty(2, dtype=object), np.zeros(2, dtype=[("P", object), ("inner", object)])
+        cells, runs = (
+            np.empty(2, dtype=object),
+            np.zeros(2, dtype=[("P", object), ("inner", object)]),
+        )
         cells[:] = [{"P": pressure}, {"P": -pressure}]
         for i in range(2):
             runs[i] = (pressure + i, {"eps": time.astype(np.float32), "note": ["a", "bc"]})
-        content = {"run": {"t": time, "P": pressure, "note": "hello"}, "all": cells, "P": pressure, "runs": runs, "z": time + 1j}
-        content |= {"few": sparse.csc_array(np.diag(time)), "flags": time > 2, "cube": np.ones((2, 3, 4), np.int16)}
+        content = {
+            "run": {"t": time, "P": pressure, "note": "hello"},
+            "all": cells,
+            "P": pressure,
+            "runs": runs,
+            "z": time + 1j,
+        }
+        content |= {
+            "few": sparse.csc_array(np.diag(time)),
+            "flags": time > 2,
+            "cube": np.ones((2, 3, 4), np.int16),
+        }
         scipy.io.savemat(stream, content, do_compression=kind != "mat")
         if kind == "mat":
             stream.write(opaque())
     elif kind == "hdf5":
         with h5py.File(stream, "w") as file:
             file["run/t"], file["run/P"] = time, pressure
-            file.create_dataset("run/F", data=pressure, chunks=(8,), compression="gzip", shuffle=True)
+            file.create_dataset(
+                "run/F", data=pressure, chunks=(8,), compression="gzip", shuffle=True
+            )
             file["run/packed"], file["run/text"] = time.astype(np.int16), ["a", "b"]
-            said = {"units": "kPa", "scale_factor": 0.1, "_FillValue": np.int16(-1), "valid_range": [0.0, 9.0]}
+            said = {
+                "units": "kPa",
+                "scale_factor": 0.1,
+                "_FillValue": np.int16(-1),
+                "valid_range": [0.0, 9.0],
+            }
             file["run/packed"].attrs.update(said)
             file["run/none"] = h5py.Empty("f8")
     else:
         with TdmsWriter(stream) as writer:
-            said = {"wf_increment": 0.1, "wf_start_time": np.datetime64("2026-03-01"), "unit_string": "kPa"}
-            writer.write_segment([ChannelObject("run", "t", time, said), ChannelObject("run", "P", pressure, said)])
+            said = {
+                "wf_increment": 0.1,
+                "wf_start_time": np.datetime64("2026-03-01"),
+                "unit_string": "kPa",
+            }
+            writer.write_segment(
+                [ChannelObject("run", "t", time, said), ChannelObject("run", "P", pressure, said)]
+            )
     return stream.getvalue()
 
 
@@ -111,7 +168,9 @@ def opaque() -> bytes:
 
 
 def changed_matlab(whole: bytes, chance: random.Random, kind: str) -> bytes:
-    """A MATLAB file with wrong types, sizes and parts of others in place of some; what is packed is changed before it is packed anew."""
+    """A MATLAB file with wrong types, sizes and parts of others in place of some; what is packed is
+    changed before it is packed anew.
+    """
     if kind == "packed.mat" and chance.random() < 0.7:
         parts, place = [], 128
         while place < len(whole):
@@ -125,7 +184,19 @@ def changed_matlab(whole: bytes, chance: random.Random, kind: str) -> bytes:
     changed = bytearray(whole)
     for _ in range(chance.choice([1, 1, 2, 4])):
         place = 4 * chance.randrange(len(changed) // 4)
-        number = chance.choice([*range(20), 0xFFFFFFFF, 0x7FFFFFFF, 0x80000000, 1 << 20, 1 << 16 | 6, 4 << 16 | 5, 1000, 10**9])
+        number = chance.choice(
+            [
+                *range(20),
+                0xFFFFFFFF,
+                0x7FFFFFFF,
+                0x80000000,
+                1 << 20,
+                1 << 16 | 6,
+                4 << 16 | 5,
+                1000,
+                10**9,
+            ]
+        )
         if chance.random() < 0.6:
             changed[place : place + 4] = struct.pack("<I", number)
         else:
@@ -138,7 +209,9 @@ def changed_members(whole: bytes, chance: random.Random) -> bytes:
     out = io.BytesIO()
     with zipfile.ZipFile(io.BytesIO(whole)) as old, zipfile.ZipFile(out, "w") as new:
         names = old.namelist()
-        victim = chance.choice([name for name in names if "sheet" in name or chance.random() < 0.2] or names)
+        victim = chance.choice(
+            [name for name in names if "sheet" in name or chance.random() < 0.2] or names
+        )
         for name in names:
             content = old.read(name)
             if name == victim:
@@ -146,7 +219,9 @@ def changed_members(whole: bytes, chance: random.Random) -> bytes:
                 if chance.random() < 0.5:
                     old_part = chance.choice(["<c ", 'r="', "<v>", "</row>", "1", "sheet", "t="])
                     content = written.replace(
-                        old_part, chance.choice(["", "999999", "<!DOCTYPE a>", "&x;", '"', "-1"]), chance.randrange(1, 4)
+                        old_part,
+                        chance.choice(["", "999999", "<!DOCTYPE a>", "&x;", '"', "-1"]),
+                        chance.randrange(1, 4),
                     ).encode()
                 else:
                     content = changed_bytes(content, chance)
@@ -158,19 +233,48 @@ FORMATS = {
     "csv": (("t", "P"), (0, 1), ("F",), ("zz",), (9,)),
     "xlsx": (("t", "P"), (0, 1), ("F",), ("zz",), (0, 3)),
     "mat": (
-        *(("P",), ("run.P", "run.t"), ("all[1].P",), ("run",), ("run.P[3:4]",), ("few[:,1]",), ("runs[1].inner.eps",), ("runs[0].P",)),
+        *(
+            ("P",),
+            ("run.P", "run.t"),
+            ("all[1].P",),
+            ("run",),
+            ("run.P[3:4]",),
+            ("few[:,1]",),
+            ("runs[1].inner.eps",),
+            ("runs[0].P",),
+        ),
         *(("z",), ("flags",), ("cube[:,1,1]",), ("run.note",), ("log",)),
     ),
     "4.mat": (("P", "t"), ("few[:,1]",), ("note",), ("z",)),
-    "packed.mat": (("P",), ("run.P", "run.t"), ("few[:,1]",), ("runs[1].inner.eps",), ("all[1].P",), ("cube[:,1,1]",)),
-    "hdf5": (("run/P", "run/t"), ("run/F",), ("run",), ("no",), ("run/packed",), ("run/text",), ("run/none",)),
+    "packed.mat": (
+        ("P",),
+        ("run.P", "run.t"),
+        ("few[:,1]",),
+        ("runs[1].inner.eps",),
+        ("all[1].P",),
+        ("cube[:,1,1]",),
+    ),
+    "hdf5": (
+        ("run/P", "run/t"),
+        ("run/F",),
+        ("run",),
+        ("no",),
+        ("run/packed",),
+        ("run/text",),
+        ("run/none",),
+    ),
     "tdms": (("run/P", "run/t"), ("no/P",)),
 }
 
 
 def attempt(chance: random.Random, number: int, folder: Path) -> str:
     """Try a file of any format."""
-    return attempt_of(chance.choice(["csv", "csv", "csv", "xlsx", "mat", "packed.mat", "hdf5", "tdms"]), chance, number, folder)
+    return attempt_of(
+        chance.choice(["csv", "csv", "csv", "xlsx", "mat", "packed.mat", "hdf5", "tdms"]),
+        chance,
+        number,
+        folder,
+    )
 
 
 def only(*kinds: str) -> Try:
@@ -200,7 +304,9 @@ def attempt_of(kind: str, chance: random.Random, number: int, folder: Path) -> s
         decimal=chance.choice([".", ".", ","]),
         encoding=chance.choice(["utf-8", "utf-8", "latin-1", "utf-16"]),
         sheet=chance.choice([None, None, "S*", "second"]) if kind == "xlsx" else None,
-        root=chance.choice([None, None, "run", "all[*]"]) if "mat" in kind or kind == "hdf5" else None,
+        root=chance.choice([None, None, "run", "all[*]"])
+        if "mat" in kind or kind == "hdf5"
+        else None,
         incomplete=chance.random() < 0.3,
     )
     if number % 5 == 0 and reader.peek is not None:
@@ -211,7 +317,10 @@ def attempt_of(kind: str, chance: random.Random, number: int, folder: Path) -> s
     except MapmoreError as error:
         return refused(error)
     for one in found:
-        if any(len(values) != len(one.rows) or values.dtype != np.float64 for values in one.columns.values()):
+        if any(
+            len(values) != len(one.rows) or values.dtype != np.float64
+            for values in one.columns.values()
+        ):
             raise Fault(f"{kind}: columns of other lengths than the rows")
     return "read"
 
@@ -223,9 +332,23 @@ def warm(_folder: Path) -> None:
             READERS[kind.rsplit(".", 1)[-1]].read(Path("none"), TableRequest("log", (0,)))
 
 
-TARGET = Target("recordings", attempt, ("storage/readers", "storage/tables"), past=("read",), library="libhdf5", warm=warm)
+TARGET = Target(
+    "recordings",
+    attempt,
+    ("storage/readers", "storage/tables"),
+    past=("read",),
+    library="libhdf5",
+    warm=warm,
+)
 BINARY = tuple(
-    Target(name, only(*kinds), (f"storage/readers/{kinds[0]}.py",), past=("read",), library=library, warm=warm)
+    Target(
+        name,
+        only(*kinds),
+        (f"storage/readers/{kinds[0]}.py",),
+        past=("read",),
+        library=library,
+        warm=warm,
+    )
     for name, library, *kinds in (
         ("MATLAB files", None, "mat", "packed.mat", "4.mat"),
         ("workbooks", None, "xlsx"),

@@ -1,7 +1,9 @@
-"""Tries what strangers may write: `python tests/fuzz/run.py COUNT [SEED [TARGET ...]]` prints a table and ends with 1 at a fault.
+"""Tries what strangers may write: `python tests/fuzz/run.py COUNT [SEED [TARGET ...]]` prints a
+table and ends with 1 at a fault.
 
-COUNT is that of the targets that are named. Where none is, it is that of expressions: the others take longer for each, and are tried less
-often (`TARGETS`). Ctrl-C ends it, and what was found so far is printed.
+COUNT is that of the targets that are named. Where none is, it is that of expressions: the others
+take longer for each, and are tried less often (`TARGETS`). Ctrl-C ends it, and what was found so
+far is printed.
 """
 
 from __future__ import annotations
@@ -41,7 +43,9 @@ TARGETS = (
     (exports.FREE_TEXTS, 10),
     (specs.RUNS, 400),
 )
-"""What is tried, and one in how many of COUNT: a spec takes fifty times as long as an expression, a run a thousand times."""
+"""What is tried, and one in how many of COUNT: a spec takes fifty times as long as an expression, a
+run a thousand times.
+"""
 
 IN_MEMORY = Path("/dev/shm")
 """Where files need no disk, if there is such a place."""
@@ -52,7 +56,10 @@ def line_of(target: Target, found: Findings) -> str:
     past = sum(found.outcomes[outcome] for outcome in target.past)
     others = ", ".join(f"{count} {outcome}" for outcome, count in sorted(found.outcomes.items()))
     share = f"{found.ran / found.lines:.0%} of {found.lines}" if found.lines else "-"
-    return f"| {target.name} | {tried} | {past / max(tried, 1):.0%} | {others} | {found.outcomes['FAULT']} | {share} |"
+    return (
+        f"| {target.name} | {tried} | {past / max(tried, 1):.0%} | {others} | "
+        f"{found.outcomes['FAULT']} | {share} |"
+    )
 
 
 def told(words: str) -> None:
@@ -62,15 +69,23 @@ def told(words: str) -> None:
 def main(count: int, seed: int, names: Sequence[str] = ()) -> int:
     """Try all targets, or those named; 1 where one of them is at fault."""
     warnings.simplefilter("ignore")
-    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell that starts this in the background has it ignored
+    signal.signal(
+        signal.SIGINT, signal.default_int_handler
+    )  # a shell that starts this in the background has it ignored
     faults: list[str] = []
-    print("| what | tried | past the syntax | outcomes | faults | lines run |\n|---|---:|---:|---|---:|---:|", flush=True)
+    print(
+        "| what | tried | past the syntax | outcomes | faults | lines run |\n"
+        "|---|---:|---:|---|---:|---:|",
+        flush=True,
+    )
     for target, share in TARGETS:
         if names and target.name not in names:
             continue
         with TemporaryDirectory(dir=IN_MEMORY if IN_MEMORY.is_dir() else None) as folder:
             tempfile.tempdir = folder  # of what the program itself makes
-            found = explore(target, count if names else -(-count // share), seed, Path(folder), tell=told)
+            found = explore(
+                target, count if names else -(-count // share), seed, Path(folder), tell=told
+            )
         faults += found.faults
         print(line_of(target, found), flush=True)
         if found.interrupted:

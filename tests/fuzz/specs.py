@@ -1,7 +1,8 @@
-"""Specs: documents that are valid, changed by the schema; what loads is written out, loads again to the same, and one in ten runs.
+"""Specs: documents that are valid, changed by the schema; what loads is written out, loads again to
+the same, and one in ten runs.
 
-Most inputs are YAML without a fault of syntax: a key is left out, put in by the schema, renamed, given a hostile value, or another part
-of the documents. One in ten is changed as text.
+Most inputs are YAML without a fault of syntax: a key is left out, put in by the schema, renamed,
+given a hostile value, or another part of the documents. One in ten is changed as text.
 """
 
 from __future__ import annotations
@@ -50,14 +51,16 @@ MEMORY = """
 name: memory
 data:
   files: ["study_*.csv"]
-  columns: {time: {column: t, unit: s}, pressure: {column: P, unit: kPa}, strain: {column: eps}, force: {column: F, unit: N}}
+  columns: {time: {column: t, unit: s}, pressure: {column: P, unit: kPa}, strain: {column: eps},
+      force: {column: F, unit: N}}
   derive: {pressure_rate: {rate_of: pressure, window: 300 ms, order: 2}}
   resample: 100 ms
   split: {validate: {last: 0.3}}
 target: {column: strain}
 dictionary:
   - products:
-      of: [{lags: {of: [pressure], steps: [0, 1]}}, {slow: {of: [pressure], tau: [0.5]}}, {play: {of: [force], count: 2}}]
+      of: [{lags: {of: [pressure], steps: [0, 1]}}, {slow: {of: [pressure], tau: [0.5]}},
+          {play: {of: [force], count: 2}}]
       order: 2
 fit: {max_terms: 3, stop: bic, ridge: auto}
 report: {figures: [], formats: [csv]}
@@ -67,14 +70,16 @@ FORMULA = """
 name: formula
 data:
   files:
-    - {path: study_1.csv, set: {displacement: 3 mm}, id: one, keep: [{quantity: force, above: -50 N}]}
+    - {path: study_1.csv, set: {displacement: 3 mm}, id: one, keep: [{quantity: force,
+        above: -50 N}]}
     - {path: study_2.csv, set: {displacement: 4 mm}}
   columns: {pressure: {column: P, unit: kPa}, strain: {column: eps}, force: {column: F, unit: N}}
   keep: [{quantity: strain, between: [0, 0.2]}]
   missing: drop
 target: static
 model: {type: literature, name: sarosi}
-validate: {against: [polynomial_2, {model: sarosi, method: levenberg_marquardt, as: other}], require: {nrmse: 0.9}}
+validate: {against: [polynomial_2, {model: sarosi, method: levenberg_marquardt, as: other}],
+    require: {nrmse: 0.9}}
 report: {figures: [], formats: [csv]}
 """
 
@@ -84,7 +89,8 @@ data:
   files: ["study_*.csv"]
   columns: {time: {column: t, unit: s}, pressure: {column: P, unit: kPa}, strain: {column: eps}}
 target: {column: strain}
-model: {type: state_space, input: pressure, sections: [150], direction: false, solver: least_squares, particles: 4, iterations: 2}
+model: {type: state_space, input: pressure, sections: [150], direction: false,
+    solver: least_squares, particles: 4, iterations: 2}
 report: {figures: [], formats: [csv]}
 """
 
@@ -98,10 +104,57 @@ ROWS = {
     "force": np.array([-40.0, 0.0, 1.0, 156.0, 161.0, 400.0]),
 }
 """Values within a segment and beside it, as its samples have them."""
-NUMBERS = (0, 1, 2, -1, 0.5, 1e-9, 1e9, 1e300, -0.0, 5e-324, math.inf, math.nan, 10**30, 3, 7, 20, 250)
+NUMBERS = (
+    0,
+    1,
+    2,
+    -1,
+    0.5,
+    1e-9,
+    1e9,
+    1e300,
+    -0.0,
+    5e-324,
+    math.inf,
+    math.nan,
+    10**30,
+    3,
+    7,
+    20,
+    250,
+)
 TEXTS = (
-    *("", "x", "strain", "pressure", "time", "auto", "none", "5 kPa", "3 m", "1e3 N/mm", "${HOME}", "${X:-2}", "../../etc/passwd", "*"),
-    *("**/*", "[", "\u0430", "a" * 300, "\x1b[2J", "=1+1", "9" * 500, "1e999 kPa", "2 kg^20", "force[k-1]", "exp(strain)", "1/0", "off"),
+    *(
+        "",
+        "x",
+        "strain",
+        "pressure",
+        "time",
+        "auto",
+        "none",
+        "5 kPa",
+        "3 m",
+        "1e3 N/mm",
+        "${HOME}",
+        "${X:-2}",
+        "../../etc/passwd",
+        "*",
+    ),
+    *(
+        "**/*",
+        "[",
+        "\u0430",
+        "a" * 300,
+        "\x1b[2J",
+        "=1+1",
+        "9" * 500,
+        "1e999 kPa",
+        "2 kg^20",
+        "force[k-1]",
+        "exp(strain)",
+        "1/0",
+        "off",
+    ),
     *("~", "<<", "\ufeff", "study_1.csv"),
 )
 MARKS = "{}[]:,-#&*!|>'\"%@` \n\t?\\0123456789abc<~é\x07"
@@ -129,9 +182,18 @@ def value_of(rule: Any, chance: random.Random, depth: int = 0) -> Any:
         case "array":
             if "prefixItems" in rule:
                 return [value_of(item, chance, depth + 1) for item in rule["prefixItems"]]
-            return [value_of(rule.get("items", {"type": "string"}), chance, depth + 1) for _ in range(chance.choice([0, 1, 1, 2, 3]))]
+            return [
+                value_of(rule.get("items", {"type": "string"}), chance, depth + 1)
+                for _ in range(chance.choice([0, 1, 1, 2, 3]))
+            ]
         case "integer":
-            return chance.choice([rule.get("minimum", 0), min(rule.get("maximum", 9), chance.randrange(10)), chance.choice(NUMBERS)])
+            return chance.choice(
+                [
+                    rule.get("minimum", 0),
+                    min(rule.get("maximum", 9), chance.randrange(10)),
+                    chance.choice(NUMBERS),
+                ]
+            )
         case "number":
             return chance.choice([chance.random(), chance.randrange(300), chance.choice(NUMBERS)])
         case "boolean":
@@ -139,17 +201,26 @@ def value_of(rule: Any, chance: random.Random, depth: int = 0) -> Any:
         case "null":
             return None
     return (
-        f"{chance.randrange(400)} {chance.choice(['kPa', 'ms', 'N', '%', 'mm', 's', 'bar'])}" if "pattern" in rule else chance.choice(TEXTS)
+        f"{chance.randrange(400)} {chance.choice(['kPa', 'ms', 'N', '%', 'mm', 's', 'bar'])}"
+        if "pattern" in rule
+        else chance.choice(TEXTS)
     )
 
 
 def _mapping_of(rule: Any, chance: random.Random, depth: int) -> dict[str, Any]:
     known = rule.get("properties", {})
-    wanted = [name for name in known if name in rule.get("required", ()) or chance.random() < (0.35 if depth < 2 else 0.1)]
+    wanted = [
+        name
+        for name in known
+        if name in rule.get("required", ()) or chance.random() < (0.35 if depth < 2 else 0.1)
+    ]
     found = {name: value_of(known[name], chance, depth + 1) for name in wanted}
     inner = next(iter(rule.get("patternProperties", {}).values()), rule.get("additionalProperties"))
     if isinstance(inner, dict):
-        found |= {chance.choice(TEXTS[1:6]): value_of(inner, chance, depth + 1) for _ in range(chance.randrange(3))}
+        found |= {
+            chance.choice(TEXTS[1:6]): value_of(inner, chance, depth + 1)
+            for _ in range(chance.randrange(3))
+        }
     return found
 
 
@@ -157,7 +228,9 @@ def changed(tree: Any, chance: random.Random) -> None:
     """Change a document at one place, or put something in by the schema."""
 
     def value(old: Any) -> Any:
-        return chance.choice(NUMBERS if isinstance(old, int | float) or chance.random() < 0.3 else TEXTS)
+        return chance.choice(
+            NUMBERS if isinstance(old, int | float) or chance.random() < 0.3 else TEXTS
+        )
 
     kind = chance.randrange(10)
     if kind == 0 and chance.random() < 0.3:
@@ -169,7 +242,9 @@ def changed(tree: Any, chance: random.Random) -> None:
     else:
         section = chance.choice(list(schema()["properties"]))
         rule = schema()["properties"][section]
-        ref = rule.get("$ref") or next((item["$ref"] for item in rule.get("oneOf", ()) if "$ref" in item), None)
+        ref = rule.get("$ref") or next(
+            (item["$ref"] for item in rule.get("oneOf", ()) if "$ref" in item), None
+        )
         known = schema()["$defs"][ref.rsplit("/", 1)[1]].get("properties", {}) if ref else {}
         if isinstance(tree.get(section), dict) and known:
             key = chance.choice(list(known))
@@ -179,11 +254,15 @@ def changed(tree: Any, chance: random.Random) -> None:
 
 
 def _long(value: Any, chance: random.Random) -> Any:
-    """A list of thousands of what stands there, of numbers, or of lists of numbers: up to 200 kB where one or two values belong."""
+    """A list of thousands of what stands there, of numbers, or of lists of numbers: up to 200 kB
+    where one or two values belong.
+    """
     length = chance.choice([300, 3000, 20_000])
     numbers = list(range(length))
     pairs = [[n, n + 1] for n in numbers[: length // 2]]
-    return chance.choice([numbers, [numbers], pairs, [value] * (length // 10), ["strain"] * (length // 2)])
+    return chance.choice(
+        [numbers, [numbers], pairs, [value] * (length // 10), ["strain"] * (length // 2)]
+    )
 
 
 def text_of(chance: random.Random, changes: Sequence[int] = (0, 1, 1, 1, 2, 3)) -> str:
@@ -197,7 +276,9 @@ def text_of(chance: random.Random, changes: Sequence[int] = (0, 1, 1, 1, 2, 3)) 
 
 def as_yaml(tree: Any) -> str:
     """A document as text, by libyaml: a tenth of the time of what is written in Python."""
-    return str(yaml.dump(tree, Dumper=yaml.CSafeDumper, allow_unicode=True, sort_keys=False, width=200))
+    return str(
+        yaml.dump(tree, Dumper=yaml.CSafeDumper, allow_unicode=True, sort_keys=False, width=200)
+    )
 
 
 def write_data(folder: Path) -> None:
@@ -206,7 +287,10 @@ def write_data(folder: Path) -> None:
         time = np.arange(20) * 0.1
         strain = np.linspace(0, 0.15, 20)
         force = 200.0 * number * (1 - 3 * strain) - 40 + np.sin(9 * time)
-        rows = [f"{t:.2f},{100 * number + i % 3},{e:.4f},{f:.3f}" for i, (t, e, f) in enumerate(zip(time, strain, force, strict=True))]
+        rows = [
+            f"{t:.2f},{100 * number + i % 3},{e:.4f},{f:.3f}"
+            for i, (t, e, f) in enumerate(zip(time, strain, force, strict=True))
+        ]
         (folder / f"study_{number}.csv").write_text("\n".join(["t,P,eps,F", *rows]) + "\n")
 
 
@@ -251,14 +335,17 @@ def warm_runs(folder: Path) -> None:
 
 
 def run(chance: random.Random, number: int, folder: Path) -> str:
-    """The next spec that loads is run on 40 rows, beginning where it differs from the document that was changed.
+    """The next spec that loads is run on 40 rows, beginning where it differs from the document that
+    was changed.
 
     One in ten is a document with ten expressions of the grammar in its dictionary.
     """
     path = folder / "spec.yaml"
     while True:
         path.write_text(
-            text_of(chance, (1, 1, 1, 2, 3)) if number % 10 else _with_expressions(chance), encoding="utf-8", errors="surrogatepass"
+            text_of(chance, (1, 1, 1, 2, 3)) if number % 10 else _with_expressions(chance),
+            encoding="utf-8",
+            errors="surrogatepass",
         )
         try:
             loaded = load(path)
@@ -278,7 +365,9 @@ def run(chance: random.Random, number: int, folder: Path) -> str:
 
 
 def _with_expressions(chance: random.Random) -> str:
-    """A spec with ten expressions; in two of three all have values, since one that has none ends the run before the others count."""
+    """A spec with ten expressions; in two of three all have values, since one that has none ends
+    the run before the others count.
+    """
     tree = deepcopy(chance.choice([STATIC_TREE, STATIC_TREE, MEMORY_TREE]))
     names = ("strain", "pressure") if tree["target"] == "static" else ("pressure", "force")
     any_of_them = chance.random() < 1 / 3
@@ -293,7 +382,9 @@ def _with_expressions(chance: random.Random) -> str:
 
 
 def _has_values(term: terms.Expression, states: bool) -> bool:
-    """Whether an expression is finite where the samples lie; whether one with states is, only its run says."""
+    """Whether an expression is finite where the samples lie; whether one with states is, only its
+    run says.
+    """
     if not term.names <= ROWS.keys():
         return states
     with np.errstate(all="ignore"):
@@ -305,7 +396,11 @@ RUNS = Target(
     "runs",
     run,
     ("pipeline",),
-    past=tuple(f"{end}{kind}" for kind in ("", WITH) for end in ("done", *(f"refused (exit {code})" for code in (3, 4, 5, 6)))),
+    past=tuple(
+        f"{end}{kind}"
+        for kind in ("", WITH)
+        for end in ("done", *(f"refused (exit {code})" for code in (3, 4, 5, 6)))
+    ),
     longest=20,  # the number of terms of a model with memory is chosen by some thirty fits
     traced=10,
     warm=warm_runs,

@@ -1,9 +1,11 @@
-"""Result files: whole ones of every kind, changed as trees of groups, arrays and attributes, then read, shown and used.
+"""Result files: whole ones of every kind, changed as trees of groups, arrays and attributes, then
+read, shown and used.
 
-The files are those of examples and of random records. A change renames, removes, adds, or gives another type, shape or
-value; HDF5 itself is never damaged (`artefacts.py` does that). A file is refused with exit 4, told, or every value read is the one that was
-written. It is read once more as `--unverified` does, as if the checksum had been made anew: what is then shown, computed or exported is
-refused or done, and no internal fault.
+The files are those of examples and of random records. A change renames, removes, adds, or gives
+another type, shape or value; HDF5 itself is never damaged (`artefacts.py` does that). A file is
+refused with exit 4, told, or every value read is the one that was written. It is read once more as
+`--unverified` does, as if the checksum had been made anew: what is then shown, computed or exported
+is refused or done, and no internal fault.
 """
 
 from __future__ import annotations
@@ -36,13 +38,80 @@ LONGEST_MESSAGE = 1000
 ALTERED = "checksum does not match"
 
 WORDS = (
-    *("", "strain", "pressure", "1", "saturate", "zero", "none", "levels", "x" * 5000, "\x1b[2J", "a\nb", "=1+1", "é", "..", "a/b", "%2F"),
-    *("strain^2", "exp(strain", "force[k-1]", "slow(pressure, 0.5)", "strain[k-99999999999]", "unit_square", "max_terms", "converged"),
+    *(
+        "",
+        "strain",
+        "pressure",
+        "1",
+        "saturate",
+        "zero",
+        "none",
+        "levels",
+        "x" * 5000,
+        "\x1b[2J",
+        "a\nb",
+        "=1+1",
+        "é",
+        "..",
+        "a/b",
+        "%2F",
+    ),
+    *(
+        "strain^2",
+        "exp(strain",
+        "force[k-1]",
+        "slow(pressure, 0.5)",
+        "strain[k-99999999999]",
+        "unit_square",
+        "max_terms",
+        "converged",
+    ),
 )
-VALUES = (0, 1, -1, 2, 0.5, -0.0, 1e-300, 1e300, -1e308, 5e-324, np.nan, np.inf, -np.inf, 2**31, 2**53, 2**62, 1e9)
+VALUES = (
+    0,
+    1,
+    -1,
+    2,
+    0.5,
+    -0.0,
+    1e-300,
+    1e300,
+    -1e308,
+    5e-324,
+    np.nan,
+    np.inf,
+    -np.inf,
+    2**31,
+    2**53,
+    2**62,
+    1e9,
+)
 TYPES = ("<f4", ">f8", "<f2", "<i8", "<i4", "|i1", "<u8", "|u1", "|b1", "<c16", "S8", "V3")
-PACKINGS: tuple[dict[str, Any], ...] = ({"compression": "gzip"}, {"compression": "lzf"}, {"shuffle": True}, {"fletcher32": True})
-VERSIONS = ("1.0", "1.1", "1.2", "2.0", "2.1", "2.9", "3.0", "99", "", "two", "2", "2.1.1", "-1.0", "1e3", "\u0662.1", 2.1, 2)
+PACKINGS: tuple[dict[str, Any], ...] = (
+    {"compression": "gzip"},
+    {"compression": "lzf"},
+    {"shuffle": True},
+    {"fletcher32": True},
+)
+VERSIONS = (
+    "1.0",
+    "1.1",
+    "1.2",
+    "2.0",
+    "2.1",
+    "2.9",
+    "3.0",
+    "99",
+    "",
+    "two",
+    "2",
+    "2.1.1",
+    "-1.0",
+    "1e3",
+    "\u0662.1",
+    2.1,
+    2,
+)
 
 
 Place = tuple[str, str]
@@ -81,7 +150,11 @@ def _drawn(strategy: Any) -> list[Any]:
     records: list[Any] = []
 
     @settings(
-        max_examples=3 * RANDOM_RECORDS, phases=[Phase.generate], derandomize=True, database=None, suppress_health_check=[*HealthCheck]
+        max_examples=3 * RANDOM_RECORDS,
+        phases=[Phase.generate],
+        derandomize=True,
+        database=None,
+        suppress_health_check=[*HealthCheck],
     )
     @given(strategy)
     def collect(record: Any) -> None:
@@ -92,7 +165,9 @@ def _drawn(strategy: Any) -> list[Any]:
 
 
 def places(file: h5py.File) -> list[Place]:
-    """Every group, dataset and attribute but the root: its path (of an attribute, that of its holder) and an attribute's name."""
+    """Every group, dataset and attribute but the root: its path (of an attribute, that of its
+    holder) and an attribute's name.
+    """
     found: list[Place] = [("/", name) for name in file.attrs]
 
     def note(path: str, item: Any) -> None:
@@ -106,13 +181,17 @@ def places(file: h5py.File) -> list[Place]:
 def changed(file: h5py.File, known: Sequence[Place], chance: random.Random) -> None:
     """Change a file at one of its places; a change that HDF5 refuses is none."""
     path, attribute = chance.choice(known)
-    with suppress(ValueError, TypeError, KeyError, OSError, RuntimeError, OverflowError, AttributeError):
+    with suppress(
+        ValueError, TypeError, KeyError, OSError, RuntimeError, OverflowError, AttributeError
+    ):
         if path == "/" and attribute == "format_version":
             file.attrs[attribute] = chance.choice(VERSIONS)
         elif attribute:
             _change_attribute(file[path].attrs, attribute, chance)
         elif chance.random() < 0.3:
-            _change_tree(file, path, chance.choice([place for place, name in known if not name]), chance)
+            _change_tree(
+                file, path, chance.choice([place for place, name in known if not name]), chance
+            )
         elif isinstance(file[path], h5py.Dataset):
             _change_dataset(file, path, chance)
         else:
@@ -126,16 +205,26 @@ def _change_attribute(attributes: Any, name: str, chance: random.Random) -> None
         case 1:
             attributes[name] = chance.choice(WORDS)
         case 2:
-            attributes[name] = chance.choice([*VALUES, np.zeros(3), np.zeros((2, 2)), b"\xff\xfe", h5py.Empty("f8"), [1, 2]])
+            attributes[name] = chance.choice(
+                [*VALUES, np.zeros(3), np.zeros((2, 2)), b"\xff\xfe", h5py.Empty("f8"), [1, 2]]
+            )
         case _:
             value = attributes[name]
-            listed = list(value) if isinstance(value, np.ndarray) and value.dtype.kind == "O" else [value]
+            listed = (
+                list(value)
+                if isinstance(value, np.ndarray) and value.dtype.kind == "O"
+                else [value]
+            )
             chance.shuffle(listed)
-            attributes[name] = chance.choice([listed[:-1], listed * 2, [*listed, chance.choice(WORDS)], listed])
+            attributes[name] = chance.choice(
+                [listed[:-1], listed * 2, [*listed, chance.choice(WORDS)], listed]
+            )
 
 
 def _change_tree(file: h5py.File, path: str, other: str, chance: random.Random) -> None:
-    """Remove, rename, exchange, copy or link a group or a dataset, with what stands at another place."""
+    """Remove, rename, exchange, copy or link a group or a dataset, with what stands at another
+    place.
+    """
     parent = file[path].parent
     name = chance.choice([*WORDS[1:7], "000", "001", "002", "999", f"{path.rsplit('/', 1)[-1]}x"])
     match chance.randrange(7):
@@ -149,10 +238,19 @@ def _change_tree(file: h5py.File, path: str, other: str, chance: random.Random) 
             del file[path]
             file.copy(file[other], file, name=path) if other in file else file.create_group(path)
         case 5:
-            parent[name] = chance.choice([h5py.SoftLink(f"/{other}"), h5py.ExternalLink("other.h5", "/"), file[other], file["/"]])
+            parent[name] = chance.choice(
+                [
+                    h5py.SoftLink(f"/{other}"),
+                    h5py.ExternalLink("other.h5", "/"),
+                    file[other],
+                    file["/"],
+                ]
+            )
         case _:
             del file[path]
-            file[path] = chance.choice([h5py.SoftLink("/nowhere"), h5py.SoftLink(f"/{path}"), np.dtype("<f8")])
+            file[path] = chance.choice(
+                [h5py.SoftLink("/nowhere"), h5py.SoftLink(f"/{path}"), np.dtype("<f8")]
+            )
 
 
 def _change_group(file: h5py.File, group: h5py.Group, chance: random.Random) -> None:
@@ -180,28 +278,56 @@ def _change_dataset(file: h5py.File, path: str, chance: random.Random) -> None:
     del file[path]
     match chance.randrange(8):
         case 0:
-            file[path] = np.asarray(values).astype(chance.choice(TYPES)) if not _is_text(values) else np.zeros(np.shape(values))
+            file[path] = (
+                np.asarray(values).astype(chance.choice(TYPES))
+                if not _is_text(values)
+                else np.zeros(np.shape(values))
+            )
         case 1:
-            file.create_dataset(path, data=_reshaped(values, chance), dtype=h5py.string_dtype() if _is_text(values) else None)
+            file.create_dataset(
+                path,
+                data=_reshaped(values, chance),
+                dtype=h5py.string_dtype() if _is_text(values) else None,
+            )
         case 2:
-            file[path] = chance.choice([h5py.Empty("f8"), "text", 1.5, np.zeros((0, 2)), b"\xff", ["a", "b"], np.zeros(1, "i4,f8")])
+            file[path] = chance.choice(
+                [
+                    h5py.Empty("f8"),
+                    "text",
+                    1.5,
+                    np.zeros((0, 2)),
+                    b"\xff",
+                    ["a", "b"],
+                    np.zeros(1, "i4,f8"),
+                ]
+            )
         case 3 if np.ndim(values):
             text = h5py.string_dtype() if _is_text(values) else None
-            file.create_dataset(path, data=values, chunks=True, dtype=text, **chance.choice(PACKINGS))
+            file.create_dataset(
+                path, data=values, chunks=True, dtype=text, **chance.choice(PACKINGS)
+            )
         case _:
-            file.create_dataset(path, data=_revalued(values, chance), dtype=h5py.string_dtype() if _is_text(values) else None)
+            file.create_dataset(
+                path,
+                data=_revalued(values, chance),
+                dtype=h5py.string_dtype() if _is_text(values) else None,
+            )
     file[path].attrs.update(attributes)
 
 
 def _is_text(values: Any) -> bool:
-    return isinstance(values, str) or (isinstance(values, np.ndarray) and values.dtype.kind in "OSU")
+    return isinstance(values, str) or (
+        isinstance(values, np.ndarray) and values.dtype.kind in "OSU"
+    )
 
 
 def _reshaped(values: Any, chance: random.Random) -> Any:
     array = np.asarray(values)
     flat = array.reshape(-1)
     one = flat[:1].reshape(()) if flat.size else flat
-    return chance.choice([flat[:-1], flat[:0], np.concatenate([flat, flat]), one, array[np.newaxis], array.T])
+    return chance.choice(
+        [flat[:-1], flat[:0], np.concatenate([flat, flat]), one, array[np.newaxis], array.T]
+    )
 
 
 def _revalued(values: Any, chance: random.Random) -> Any:
@@ -227,7 +353,9 @@ def _of_type(value: Any, dtype: Any) -> Any:
 
 
 def attempt(chance: random.Random, number: int, folder: Path) -> str:
-    """Change a file and read it; then read it without its checksum, and show and use what it holds."""
+    """Change a file and read it; then read it without its checksum, and show and use what it
+    holds.
+    """
     whole = chance.choice(whole_files())
     kind, record, path = whole.kind, whole.record, folder / "file.h5"
     path.write_bytes(whole.content)
@@ -247,7 +375,8 @@ def attempt(chance: random.Random, number: int, folder: Path) -> str:
     if outcome == "MISSED":
         raise Fault(f"{kind}: another value without a word")
     if outcome.startswith("refused") and ALTERED not in said and number % 10:
-        return f"{outcome}, unverified too"  # for the same reason: reading it once more would show nothing else
+        # for the same reason: reading it once more would show nothing else
+        return f"{outcome}, unverified too"
     try:
         use(path, chance)
     except MapmoreError:
@@ -256,7 +385,9 @@ def attempt(chance: random.Random, number: int, folder: Path) -> str:
 
 
 def _checked_words(error: DataError, path: Path) -> str:
-    """What is said: it names the file, is of a bearable length, and sends no escapes to a terminal."""
+    """What is said: it names the file, is of a bearable length, and sends no escapes to a
+    terminal.
+    """
     said = printable(str(error))  # as it reaches a terminal
     if error.exit_code != 4 or str(path) not in said or len(said) > LONGEST_MESSAGE:
         raise Fault(f"a message as no user wants it: {said[:300]!r}")
@@ -275,7 +406,12 @@ TARGET = Target(
     "artefacts",
     attempt,
     ("storage/artefacts",),
-    past=("nothing altered", "told", "refused (exit 4), unverified used", "refused (exit 4), unverified too"),
+    past=(
+        "nothing altered",
+        "told",
+        "refused (exit 4), unverified used",
+        "refused (exit 4), unverified too",
+    ),
     traced=50,
     warm=warm,
 )

@@ -1,6 +1,8 @@
-"""Tables in which something was changed: every number that is read is the one that the cell says, or the table is refused.
+"""Tables in which something was changed: every number that is read is the one that the cell says,
+or the table is refused.
 
-What a cell says is found here again: by a parser of RFC 4180 and a regular expression of a number in ASCII digits.
+What a cell says is found here again: by a parser of RFC 4180 and a regular expression of a number
+in ASCII digits.
 """
 
 from __future__ import annotations
@@ -24,9 +26,46 @@ from mapmore_cli.storage.readers import READERS, TableRequest
 
 NAMES = ["t", "P", "F"]
 HOSTILE = (
-    *("0:03:20", "12:00:00", "11:59:59 PM", "12:00:00:250", "03:20.5", "12:30", "2026-05-01 00:00:00", "01.05.2026", "5/1/2026"),
-    *("TRUE", "false", '"20"1.2', '2"0', '"20""1"', "1_5", "0x1f", "1e5 N", "20 N", "5%", "inf", "-Infinity", "1e999", "1+2j", "2j"),
-    *("\u0661\u0662", "\uff11\uff12", "1\u066b5", "\u00b2", "\u2212" + "5", "1,234.5", "1.234,5", "1 234", "1'234", "1\u00a0234"),
+    *(
+        "0:03:20",
+        "12:00:00",
+        "11:59:59 PM",
+        "12:00:00:250",
+        "03:20.5",
+        "12:30",
+        "2026-05-01 00:00:00",
+        "01.05.2026",
+        "5/1/2026",
+    ),
+    *(
+        "TRUE",
+        "false",
+        '"20"1.2',
+        '2"0',
+        '"20""1"',
+        "1_5",
+        "0x1f",
+        "1e5 N",
+        "20 N",
+        "5%",
+        "inf",
+        "-Infinity",
+        "1e999",
+        "1+2j",
+        "2j",
+    ),
+    *(
+        "\u0661\u0662",
+        "\uff11\uff12",
+        "1\u066b5",
+        "\u00b2",
+        "\u2212" + "5",
+        "1,234.5",
+        "1.234,5",
+        "1 234",
+        "1'234",
+        "1\u00a0234",
+    ),
     *("nan", "NA", "", " ", "--", "1d5", "1.2.3", "e5", "\x00", "3.5", " 7 ", "+1", ".5", "5."),
 )
 TYPED = (True, False, datetime(2026, 5, 1), time(0, 3, 20), timedelta(hours=3), 5, 2.5, None)
@@ -37,7 +76,9 @@ INFINITE = re.compile(r"[+-]?inf(inity)?", re.I)
 
 
 def said(cell: str, decimal: str = ".", thousands: str = "") -> float | None:
-    """The number in a cell, NaN where it says that there is none, and None where it is no number at all."""
+    """The number in a cell, NaN where it says that there is none, and None where it is no number at
+    all.
+    """
     text, whole = cell.strip(), "[0-9]+"
     if text.lower() in NOTHING:
         return math.nan
@@ -54,7 +95,9 @@ def said(cell: str, decimal: str = ".", thousands: str = "") -> float | None:
 
 
 def parsed(text: str, delimiter: str) -> Iterator[list[str | None]]:
-    """The records of a text; None for a field with damaged marks. Raises ValueError for a mark that is not closed."""
+    """The records of a text; None for a field with damaged marks. Raises ValueError for a mark that
+    is not closed.
+    """
     place, record = 0, list[str | None]()
     while place < len(text):
         if text[place] == '"':
@@ -82,7 +125,8 @@ def parsed(text: str, delimiter: str) -> Iterator[list[str | None]]:
 def changed(chance: random.Random) -> list[list[str]]:
     """A table of a few rows, of which one cell or some were changed."""
     rows = [
-        [f"{i / 10:.1f}", f"{chance.uniform(0, 600):.3f}", f"{chance.uniform(-9, 2000):.2f}"] for i in range(chance.choice([1, 2, 5, 12]))
+        [f"{i / 10:.1f}", f"{chance.uniform(0, 600):.3f}", f"{chance.uniform(-9, 2000):.2f}"]
+        for i in range(chance.choice([1, 2, 5, 12]))
     ]
     for _ in range(chance.choice([1, 1, 2])):
         row, place = chance.choice(rows), chance.choice([1, 2])
@@ -94,7 +138,13 @@ def changed(chance: random.Random) -> list[list[str]]:
     return rows
 
 
-def compare(kind: str, rows: Sequence[Sequence[str | None]], columns: Any, decimal: str = ".", thousands: str = "") -> str:
+def compare(
+    kind: str,
+    rows: Sequence[Sequence[str | None]],
+    columns: Any,
+    decimal: str = ".",
+    thousands: str = "",
+) -> str:
     """Raises Fault where a number that was read is not the one that a cell says."""
     for place, name in ((1, "P"), (2, "F")):
         if len(columns[name]) != len(rows):
@@ -108,7 +158,9 @@ def compare(kind: str, rows: Sequence[Sequence[str | None]], columns: Any, decim
 
 
 def quoted(cell: str, delimiter: str, chance: random.Random) -> str:
-    if chance.random() < 0.1 or (chance.random() < 0.5 and any(mark in cell for mark in f'{delimiter}"\n')):
+    if chance.random() < 0.1 or (
+        chance.random() < 0.5 and any(mark in cell for mark in f'{delimiter}"\n')
+    ):
         doubled = cell.replace('"', '""')
         return f'"{doubled}"'
     return cell
@@ -116,11 +168,26 @@ def quoted(cell: str, delimiter: str, chance: random.Random) -> str:
 
 def of_text(chance: random.Random, folder: Path) -> str:
     delimiter, decimal, thousands = chance.choice(
-        [(",", ".", ""), (",", ".", ""), (";", ",", ""), (";", ",", "."), (";", ".", ","), ("\t", ".", "'")]
+        [
+            (",", ".", ""),
+            (",", ".", ""),
+            (";", ",", ""),
+            (";", ",", "."),
+            (";", ".", ","),
+            ("\t", ".", "'"),
+        ]
     )
-    rows = [[cell.replace(".", decimal) if decimal == "," and chance.random() < 0.9 else cell for cell in row] for row in changed(chance)]
+    rows = [
+        [
+            cell.replace(".", decimal) if decimal == "," and chance.random() < 0.9 else cell
+            for cell in row
+        ]
+        for row in changed(chance)
+    ]
     end = chance.choice(["\n", "\r\n"])
-    text = "".join(delimiter.join(quoted(cell, delimiter, chance) for cell in row) + end for row in rows)
+    text = "".join(
+        delimiter.join(quoted(cell, delimiter, chance) for cell in row) + end for row in rows
+    )
     if chance.random() < 0.3:
         text = changed_text(text, chance, MARKS)
     predicted = delimiter == "," and chance.random() < 0.4
@@ -135,14 +202,23 @@ def of_text(chance: random.Random, folder: Path) -> str:
             sheet = Sheet(io.StringIO(head + text, newline=""), label, "P, F")
             block = list(sheet.rows)
             columns: Any = sheet.values(block, sheet.places(["P", "F"]))
-            records = records and [["", "", ""] if sheet.is_blank(row) else record for row, record in zip(block, records, strict=True)]
+            records = records and [
+                ["", "", ""] if sheet.is_blank(row) else record
+                for row, record in zip(block, records, strict=True)
+            ]
         else:
             path = folder / "log.csv"
             path.write_text(head + text, encoding="utf-8", newline="")
-            asked = {"delimiter": "tab" if delimiter == "\t" else delimiter, "decimal": decimal, "thousands": thousands or None}
+            asked = {
+                "delimiter": "tab" if delimiter == "\t" else delimiter,
+                "decimal": decimal,
+                "thousands": thousands or None,
+            }
             request = TableRequest(label, ("P", "F"), clocks=frozenset({"t"}), **asked)  # type: ignore[arg-type]
             columns = READERS["csv"].read(path, request)[0].columns
-            records = records and [record for record in records if len(record) > 1 or (record[0] or "").strip()]
+            records = records and [
+                record for record in records if len(record) > 1 or (record[0] or "").strip()
+            ]
     except MapmoreError as error:
         return f"{kind} {refused(error)}"
     if records is None:
@@ -156,14 +232,26 @@ def of_book(chance: random.Random, folder: Path) -> str:
     book.active.append(NAMES)
     expected: list[list[str | None]] = []
     for row in rows:
-        cells: list[Any] = [float(cell) if chance.random() < 0.7 and re.fullmatch(r"-?[0-9]+\.[0-9]+", cell) else cell for cell in row]
+        cells: list[Any] = [
+            float(cell)
+            if chance.random() < 0.7 and re.fullmatch(r"-?[0-9]+\.[0-9]+", cell)
+            else cell
+            for cell in row
+        ]
         if chance.random() < 0.1:
             cells[chance.choice([1, 2])] = chance.choice(TYPED)
         if any(isinstance(one, str) and ILLEGAL_CHARACTERS_RE.search(one) for one in cells):
             continue  # which no workbook holds
         book.active.append(cells)
-        texts = [f"{float(one):.16g}" if isinstance(one, int | float) and not isinstance(one, bool) else one for one in cells]
-        expected.append(["" if one is None else one if isinstance(one, str) else None for one in texts])
+        texts = [
+            f"{float(one):.16g}"
+            if isinstance(one, int | float) and not isinstance(one, bool)
+            else one
+            for one in cells
+        ]
+        expected.append(
+            ["" if one is None else one if isinstance(one, str) else None for one in texts]
+        )
     path = folder / "log.xlsx"
     book.save(path)
     try:
@@ -178,4 +266,9 @@ def attempt(chance: random.Random, number: int, folder: Path) -> str:
     return of_book(chance, folder) if number % 10 == 0 else of_text(chance, folder)
 
 
-TARGET = Target("tables", attempt, ("storage/tables/cells.py", "storage/readers/csv.py"), past=("csv read", "predict read", "xlsx read"))
+TARGET = Target(
+    "tables",
+    attempt,
+    ("storage/tables/cells.py", "storage/readers/csv.py"),
+    past=("csv read", "predict read", "xlsx read"),
+)

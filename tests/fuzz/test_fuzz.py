@@ -42,13 +42,19 @@ pytestmark = pytest.mark.filterwarnings("ignore")
     ],
     ids=lambda x: getattr(x, "name", x),
 )
-def test_what_strangers_may_write_is_read_or_refused(target: Target, count: int, tmp_path: Path) -> None:
+def test_what_strangers_may_write_is_read_or_refused(
+    target: Target, count: int, tmp_path: Path
+) -> None:
     found = explore(target, count, 16, tmp_path, traced=0)
     assert found.faults == []
     assert found.outcomes.total() == count
 
 
-@pytest.mark.parametrize(("target", "count"), [(structures.TARGET, 20), (documents.TARGET, 12)], ids=["artefacts", "documents"])
+@pytest.mark.parametrize(
+    ("target", "count"),
+    [(structures.TARGET, 20), (documents.TARGET, 12)],
+    ids=["artefacts", "documents"],
+)
 def test_results_that_somebody_changed_are_refused_or_say_the_same(
     target: Target, count: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -73,7 +79,9 @@ def test_at_least_half_of_specs_and_expressions_are_past_the_syntax(tmp_path: Pa
 
 
 def test_what_the_driver_must_notice(tmp_path: Path) -> None:
-    """A fault, a refusal to end, memory without end, and a crash; the inputs behind them are tried."""
+    """A fault, a refusal to end, memory without end, and a crash; the inputs behind them are
+    tried.
+    """
 
     def attempt(_chance: random.Random, number: int, _folder: Path) -> str:
         match number:
@@ -88,7 +96,13 @@ def test_what_the_driver_must_notice(tmp_path: Path) -> None:
                 os.kill(os.getpid(), signal.SIGKILL)
         return "fine"
 
-    found = explore(Target("driver", attempt, ("modelling/expressions/syntax.py",), longest=1), 6, 16, tmp_path, traced=0)
+    found = explore(
+        Target("driver", attempt, ("modelling/expressions/syntax.py",), longest=1),
+        6,
+        16,
+        tmp_path,
+        traced=0,
+    )
     assert found.outcomes == {"fine": 2, "FAULT": 4}
     assert [fault.split(": ", 1)[1].split(" (")[0] for fault in found.faults] == [
         "Fault: this one",
@@ -105,7 +119,14 @@ def test_ctrl_c_keeps_what_was_found(tmp_path: Path, monkeypatch: pytest.MonkeyP
             raise KeyboardInterrupt
 
     monkeypatch.setattr(driver, "SILENCE", -1)
-    found = explore(Target("driver", lambda *_: "fine", ("modelling/expressions/syntax.py",)), 9, 16, tmp_path, traced=0, tell=tell)
+    found = explore(
+        Target("driver", lambda *_: "fine", ("modelling/expressions/syntax.py",)),
+        9,
+        16,
+        tmp_path,
+        traced=0,
+        tell=tell,
+    )
     assert found.interrupted
     assert found.outcomes == {"fine": 2}
 
@@ -129,18 +150,31 @@ def test_the_sentences_follow_from_the_tables() -> None:
     damaged = np.array([[int(cell) for cell in row[1:]] for row in read_rows(PAGE, "damaged")[1:]])
     tried, refused, same, missed, crashed, hung = damaged.sum(axis=0)
     assert (tried, missed) == (refused + same + crashed + hung, 0)
-    assert f"Of {tried // 1000} {tried % 1000:03d} files none was misread. {crashed} crashed libhdf5, {hung} made it hang." in text
+    assert (
+        f"Of {tried // 1000} {tried % 1000:03d} files none was misread. {crashed} crashed "
+        f"libhdf5, {hung} made it hang." in text
+    )
     trials = [row[1] for row in read_rows(PAGE, "disturbed")[1:]]
     assert f"Of {sum(map(int, trials))} trials one went wrong, in the first campaign." in text
-    assert [row[-1][0] for row in read_rows(PAGE, "disturbed")[1:]] == ["1", *"0" * (len(trials) - 1)]
+    assert [row[-1][0] for row in read_rows(PAGE, "disturbed")[1:]] == [
+        "1",
+        *"0" * (len(trials) - 1),
+    ]
     counts = [int(row[2]) for row in read_rows(PAGE, "strangers")[1:]]
     assert (sum(count >= 100_000 for count in counts), min(counts) >= 10_000) == (5, True)
 
 
 def test_what_the_page_says_was_tried_adds_up() -> None:
-    """Every command is one that `run.py` takes, and the inputs of all of them are as many as were tried."""
+    """Every command is one that `run.py` takes, and the inputs of all of them are as many as were
+    tried.
+    """
     modules = (expressions, readers, documents, specs, structures, drafts)
-    names = {specs.RUNS.name, exports.EXPORTS.name, exports.FREE_TEXTS.name, *(module.TARGET.name for module in modules)}
+    names = {
+        specs.RUNS.name,
+        exports.EXPORTS.name,
+        exports.FREE_TEXTS.name,
+        *(module.TARGET.name for module in modules),
+    }
     rows = read_rows(PAGE, "strangers")[1:]
     assert len(rows) == len(names)
     for _, commands, tried, *_ in rows:

@@ -30,10 +30,18 @@ def csv_text(**columns: Any) -> str:
 def steps(level: float, samples: int = 20, **changes: Any) -> str:
     """A recording at one pressure."""
     t = np.arange(samples) * 0.1
-    return csv_text(**{"t": t, "P": np.full(samples, level), "eps": 0.001 * t, "F": level - 10 * t, **changes})
+    return csv_text(
+        **{"t": t, "P": np.full(samples, level), "eps": 0.001 * t, "F": level - 10 * t, **changes}
+    )
 
 
 def spec_of(data: Mapping[str, Any], **spec: Any) -> ExperimentSpec:
     return ExperimentSpec.model_validate(
-        {"name": "test", "target": "static", "dictionary": [{"terms": ["strain"]}], "data": {"columns": COLUMNS, **data}, **spec}
+        {
+            "name": "test",
+            "target": "static",
+            "dictionary": [{"terms": ["strain"]}],
+            "data": {"columns": COLUMNS, **data},
+            **spec,
+        }
     )

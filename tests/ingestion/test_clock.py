@@ -1,4 +1,6 @@
-"""Gaps, resets and missing samples are found, reported by file and row, and mended only as the spec says; second logs are joined."""
+"""Gaps, resets and missing samples are found, reported by file and row, and mended only as the spec
+says; second logs are joined.
+"""
 
 from __future__ import annotations
 
@@ -28,14 +30,22 @@ def test_gaps_split_a_recording_into_numbered_pieces(ingest: Ingest) -> None:
         ("a#3", ("a#3",), [3, 3.1, 3.2]),
     ]
     (note,) = dataset.notes
-    assert note.startswith("a.csv:row 4: the first of 2 gaps longer than 0.15 s follows; the longest takes 1.9 s, after row 6; ")
+    assert note.startswith(
+        "a.csv:row 4: the first of 2 gaps longer than 0.15 s follows; the longest takes 1.9 "
+        "s, after row 6; "
+    )
     assert note.endswith("about 25 samples are missing: split")
     assert [c.id for c in ingest({"a.csv": logged(0, 0.1, 0.2)}, gaps=SPLIT).curves] == ["a"]
 
 
-def test_gaps_are_an_error_where_the_spec_says_so_and_a_warning_where_it_says_nothing(ingest: Ingest) -> None:
+def test_gaps_are_an_error_where_the_spec_says_so_and_a_warning_where_it_says_nothing(
+    ingest: Ingest,
+) -> None:
     text = logged(*np.arange(20) * 0.1, 5.0, *(5.1 + np.arange(20) * 0.1))
-    with pytest.raises(DataError, match=r"a\.csv:row 21: a gap longer than 0\.5 s follows; the longest takes 3\.1 s") as caught:
+    with pytest.raises(
+        DataError,
+        match=r"a\.csv:row 21: a gap longer than 0\.5 s follows; the longest takes 3\.1 s",
+    ) as caught:
         ingest({"a.csv": text}, gaps={"longer_than": 0.5})
     assert "action: split" in str(caught.value)
     warnings: list[str] = []
@@ -50,18 +60,27 @@ def test_units_of_gaps_do_not_hang_on_the_model(ingest: Ingest) -> None:
     columns = {**COLUMNS, "time": {"column": "t", "unit": "min"}}
     for unit in ("s", "ms"):
         dataset = ingest(
-            {"a.csv": logged(0, 1, 2, 5, 6)}, columns=columns, gaps={"longer_than": 61.0, "action": "split"}, units={"time": unit}
+            {"a.csv": logged(0, 1, 2, 5, 6)},
+            columns=columns,
+            gaps={"longer_than": 61.0, "action": "split"},
+            units={"time": unit},
         )
         assert [c.size for c in dataset.curves] == [3, 2]
 
 
 def test_clock_that_is_set_back_splits_where_gaps_do(ingest: Ingest) -> None:
     text = logged(0, 0.1, 0.2, 0.05, 0.15, 1.0, 1.1)
-    with pytest.raises(DataError, match=r"a\.csv:row 5: time runs backwards, from 0\.2 to 0\.05") as caught:
+    with pytest.raises(
+        DataError, match=r"a\.csv:row 5: time runs backwards, from 0\.2 to 0\.05"
+    ) as caught:
         ingest({"a.csv": text})
     assert "action: split" in str(caught.value)
     dataset = ingest({"a.csv": text}, gaps=SPLIT)
-    assert [list(c.columns["time"]) for c in dataset.curves] == [[0, 0.1, 0.2], [0.05, 0.15], [1.0, 1.1]]
+    assert [list(c.columns["time"]) for c in dataset.curves] == [
+        [0, 0.1, 0.2],
+        [0.05, 0.15],
+        [1.0, 1.1],
+    ]
     assert [c.id for c in dataset.curves] == ["a#1", "a#2", "a#3"]
     assert dataset.notes[0] == "a.csv:row 5: the clock was set back, from 0.2 to 0.05 s: split"
 
@@ -69,7 +88,9 @@ def test_clock_that_is_set_back_splits_where_gaps_do(ingest: Ingest) -> None:
 def test_dropped_samples_count_for_their_piece(ingest: Ingest) -> None:
     force = [0, np.nan, 2, 3, np.nan, np.nan, 99, 7]
     text = logged(0, 0.1, 0.12, 1, 1.1, 1.12, 1.2, 1.3, F=force)
-    dataset = ingest({"a.csv": text}, gaps=SPLIT, missing="drop", keep=[{"quantity": "force", "below": 50.0}])
+    dataset = ingest(
+        {"a.csv": text}, gaps=SPLIT, missing="drop", keep=[{"quantity": "force", "below": 50.0}]
+    )
     assert [(r.id, r.rows_read, dict(r.dropped)) for r in dataset.recordings] == [
         ("a#1", 3, {"missing value": 1}),
         ("a#2", 3, {"missing value": 2}),  # which leave a gap
@@ -79,16 +100,27 @@ def test_dropped_samples_count_for_their_piece(ingest: Ingest) -> None:
 
 def test_pieces_without_samples_are_left_out_with_a_warning(ingest: Ingest) -> None:
     warnings: list[str] = []
-    dataset = ingest({"a.csv": logged(0, 0.1, 1, 1.1, 2, 2.1)}, gaps=SPLIT, keep=[{"quantity": "force", "above": 5.0}], warnings=warnings)
+    dataset = ingest(
+        {"a.csv": logged(0, 0.1, 1, 1.1, 2, 2.1)},
+        gaps=SPLIT,
+        keep=[{"quantity": "force", "above": 5.0}],
+        warnings=warnings,
+    )
     assert [(c.id, c.size) for c in dataset.curves] == [("a#1", 2), ("a#2", 2)]
     assert warnings[0] == "a.csv: 1 of 3 pieces between gaps have no sample left"
     with pytest.raises(DataError, match="no sample is left"):
-        ingest({"a.csv": logged(0, 0.1, 1, 1.1)}, gaps=SPLIT, keep=[{"quantity": "force", "above": 99.0}])
+        ingest(
+            {"a.csv": logged(0, 0.1, 1, 1.1)},
+            gaps=SPLIT,
+            keep=[{"quantity": "force", "above": 99.0}],
+        )
 
 
 def test_last_counts_over_all_pieces_of_a_log(ingest: Ingest) -> None:
     pieces = [k + np.arange(10) * 0.1 for k in (0, 10, 20, 30)]
-    dataset = ingest({"a.csv": logged(*np.concatenate(pieces))}, gaps=SPLIT, split={"validate": {"last": 0.375}})
+    dataset = ingest(
+        {"a.csv": logged(*np.concatenate(pieces))}, gaps=SPLIT, split={"validate": {"last": 0.375}}
+    )
     assert [int(c.held_out.sum()) for c in dataset.curves] == [0, 0, 5, 10]
 
 
@@ -99,8 +131,12 @@ def test_resampling_goes_piece_by_piece_before_rates_are_taken(ingest: Ingest) -
     dataset = ingest({"a.csv": text}, gaps=SPLIT, resample=0.01, derive=derive)
     assert [c.size for c in dataset.curves] == [100, 50]
     for curve, start in zip(dataset.curves, (0, 3), strict=True):
-        np.testing.assert_allclose(curve.columns["time"], start + 0.0045 + 0.01 * np.arange(curve.size), atol=1e-9)
-        np.testing.assert_allclose(curve.columns["pressure"], 100 * curve.columns["time"], rtol=1e-6)
+        np.testing.assert_allclose(
+            curve.columns["time"], start + 0.0045 + 0.01 * np.arange(curve.size), atol=1e-9
+        )
+        np.testing.assert_allclose(
+            curve.columns["pressure"], 100 * curve.columns["time"], rtol=1e-6
+        )
         np.testing.assert_allclose(curve.columns["strain"], 0, atol=1e-6)
         np.testing.assert_allclose(curve.columns["pressure_rate"], 100, rtol=1e-4)
     assert [r.rows_read for r in dataset.recordings] == [1000, 505]
@@ -121,16 +157,22 @@ def test_sample_time_stands_for_a_time_column(ingest: Ingest) -> None:
     np.testing.assert_allclose(got.columns["time"], [0, 0.01, 0.03])
 
 
-@settings(deadline=None, max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    deadline=None, max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 @given(
     steps=st.lists(st.sampled_from([-1.0, 0.0, 0.1, 0.1, 0.1, 2.0]), min_size=2, max_size=40),
     holes=st.lists(st.booleans(), min_size=40, max_size=40),
 )
-def test_every_row_is_in_one_piece_or_counted(ingest: Ingest, steps: list[float], holes: list[bool]) -> None:
+def test_every_row_is_in_one_piece_or_counted(
+    ingest: Ingest, steps: list[float], holes: list[bool]
+) -> None:
     t = np.cumsum(steps)
     force = np.where(holes[: len(t)], np.nan, np.arange(len(t)))
     try:
-        dataset = ingest({"a.csv": logged(*t, F=force)}, gaps=SPLIT, missing="drop", repeated_time="average")
+        dataset = ingest(
+            {"a.csv": logged(*t, F=force)}, gaps=SPLIT, missing="drop", repeated_time="average"
+        )
     except DataError:
         assert np.isnan(force).all()
         return
@@ -141,7 +183,8 @@ def test_every_row_is_in_one_piece_or_counted(ingest: Ingest, steps: list[float]
         assert (np.diff(recording.columns["time"]) <= 0.15).all()
 
 
-# Second logs --------------------------------------------------------------------------------------------------------------------------
+# Second logs
+# --------------------------------------------------------------------------------------------------
 
 FIRST = {name: column for name, column in COLUMNS.items() if name != "pressure"}
 SECOND = {"time": {"column": "ms", "unit": "ms"}, "pressure": {"column": "p", "unit": "bar"}}
@@ -152,7 +195,13 @@ TESTER = csv_text(t=T, eps=0, F=T)
 MATCH = {"first": "pressure", "second": "pressure_2"}
 
 
-def joining(ingest: Ingest, second: str | dict[str, str], first: str | dict[str, str] = "", join: Any = None, **data: Any) -> Any:
+def joining(
+    ingest: Ingest,
+    second: str | dict[str, str],
+    first: str | dict[str, str] = "",
+    join: Any = None,
+    **data: Any,
+) -> Any:
     firsts = first if isinstance(first, dict) else {"first.csv": first or TESTER}
     seconds = second if isinstance(second, dict) else {"second.txt": second}
     entry = {"files": ["second*.txt"], "columns": SECOND, **(join or {})}
@@ -169,7 +218,9 @@ def test_second_log_is_shifted_converted_and_interpolated(ingest: Ingest) -> Non
 
 def test_samples_outside_and_in_gaps_are_dropped_and_counted(ingest: Ingest) -> None:
     stamps = [200, 300, 400, 700, 800]
-    got = joining(ingest, csv_text(ms=stamps, p=1), join={"max_gap": 0.15}, missing="drop").recordings[0]
+    got = joining(
+        ingest, csv_text(ms=stamps, p=1), join={"max_gap": 0.15}, missing="drop"
+    ).recordings[0]
     np.testing.assert_allclose(got.columns["time"], [0.2, 0.3, 0.4, 0.7, 0.8])
     assert (got.rows_read, dict(got.dropped)) == (11, {"missing value": 6})
     whole = joining(ingest, csv_text(ms=stamps, p=1), missing="drop").recordings[0]
@@ -187,13 +238,18 @@ def test_missing_values_of_either_log(ingest: Ingest) -> None:
 def test_by_row(ingest: Ingest) -> None:
     columns = {"pressure": {"column": 0, "unit": "kPa"}}
     text = "\n".join(str(p) for p in range(11))
-    got = joining(ingest, text, join={"columns": columns, "on": "row", "header": False}).recordings[0]
+    got = joining(ingest, text, join={"columns": columns, "on": "row", "header": False}).recordings[
+        0
+    ]
     np.testing.assert_array_equal(got.columns["pressure"], np.arange(11))
 
 
 def test_several_logs_are_paired_in_order_and_one_serves_all(ingest: Ingest) -> None:
     firsts = {"first_a.csv": TESTER, "first_b.csv": TESTER}
-    seconds = {f"second_{name}.txt": csv_text(ms=[0, 1000], p=value) for name, value in (("1", 1), ("2", 2))}
+    seconds = {
+        f"second_{name}.txt": csv_text(ms=[0, 1000], p=value)
+        for name, value in (("1", 1), ("2", 2))
+    }
     both = joining(ingest, seconds, firsts).recordings
     assert [recording.columns["pressure"][0] for recording in both] == [100, 200]
     one = joining(ingest, {}, firsts, join={"files": ["second_2.txt"]}).recordings
@@ -202,22 +258,39 @@ def test_several_logs_are_paired_in_order_and_one_serves_all(ingest: Ingest) -> 
 
 def test_third_log(ingest: Ingest) -> None:
     more = {"files": ["third.txt"], "columns": {"load": {"column": "m"}, "time": {"column": "t"}}}
-    files = {"first.csv": TESTER, "second.txt": csv_text(ms=[0, 1000], p=1), "third.txt": csv_text(t=[0, 1], m=[5, 15])}
-    got = ingest(files, files=["first.csv"], columns=FIRST, join=[{"files": ["second.txt"], "columns": SECOND}, more])
+    files = {
+        "first.csv": TESTER,
+        "second.txt": csv_text(ms=[0, 1000], p=1),
+        "third.txt": csv_text(t=[0, 1], m=[5, 15]),
+    }
+    got = ingest(
+        files,
+        files=["first.csv"],
+        columns=FIRST,
+        join=[{"files": ["second.txt"], "columns": SECOND}, more],
+    )
     np.testing.assert_allclose(got.recordings[0].columns["load"], 5 + 10 * T)
 
 
-BY_ROW: dict[str, Any] = {"columns": {"pressure": {"column": 0, "unit": "kPa"}}, "on": "row", "header": False}
+BY_ROW: dict[str, Any] = {
+    "columns": {"pressure": {"column": 0, "unit": "kPa"}},
+    "on": "row",
+    "header": False,
+}
 
 BROKEN: dict[str, tuple[str | dict[str, str], dict[str, Any], list[str]]] = {
-    "too short": (csv_text(ms=[0, 850], p=1), {}, ["first.csv:row 11: the value of pressure is missing", "2 of 11"]),
-    "another day": (csv_text(ms=[9e6, 9.1e6], p=1), {}, ["second.txt: no sample at the time of first.csv", "9000 to 9100 s"]),
-    "missing": (csv_text(ms=[0, 1000], p=[1, np.nan]), {}, ["second.txt:row 3, column p: the value of pressure is missing"]),
+    "too short": (csv_text(ms=[0, 850], p=1), {},
+        ["first.csv:row 11: the value of pressure is missing", "2 of 11"]),
+    "another day": (csv_text(ms=[9e6, 9.1e6], p=1), {},
+        ["second.txt: no sample at the time of first.csv", "9000 to 9100 s"]),
+    "missing": (csv_text(ms=[0, 1000], p=[1, np.nan]), {},
+        ["second.txt:row 3, column p: the value of pressure is missing"]),
     "backwards": (csv_text(ms=[0, 900, 800], p=1), {}, ["second.txt:row 4: time runs backwards"]),
     "repeated": (csv_text(ms=[0, 0, 1000], p=1), {}, ["second.txt:row 3: the time 0 stands twice"]),
     "rows": ("0\n1\n", BY_ROW, ["second.txt: has 2 rows", "first.csv has 11"]),
     "no file": ({}, {}, ["second*.txt: no such file"]),
-    "pairs": ({f"second_{i}.txt": csv_text(ms=[0], p=1) for i in (1, 2)}, {}, ["join: 2 files cannot be paired with 1", "second_1.txt"]),
+    "pairs": ({f"second_{i}.txt": csv_text(ms=[0], p=1) for i in (1, 2)}, {},
+        ["join: 2 files cannot be paired with 1", "second_1.txt"]),
 }  # fmt: skip
 
 
@@ -230,7 +303,9 @@ def test_logs_that_do_not_fit(ingest: Ingest, case: str) -> None:
 
 
 def test_repeated_stamps_of_the_second_log_are_mended_as_the_spec_says(ingest: Ingest) -> None:
-    got = joining(ingest, csv_text(ms=[0, 1000, 1000], p=[0, 1, 3]), repeated_time="average").recordings[0]
+    got = joining(
+        ingest, csv_text(ms=[0, 1000, 1000], p=[0, 1, 3]), repeated_time="average"
+    ).recordings[0]
     np.testing.assert_allclose(got.columns["pressure"], 200 * T, atol=1e-9)
 
 
@@ -238,9 +313,24 @@ def on_other_clocks(ingest: Ingest, wave: Any, **match: float) -> Any:
     """Two logs of one pressure, the second in ms on a clock that is 7.5 s ahead of the first."""
     t = np.arange(0, 40, 0.1)
     columns = {"time": {"column": "ms", "unit": "ms"}, "pressure_2": {"column": "p", "unit": "bar"}}
-    entry = {"files": ["second*.txt"], "columns": columns, "shift": "auto", "match": {**MATCH, **match}}
-    files = {"first.csv": csv_text(t=t, P=wave(t), eps=0 * t, F=t), "second.txt": csv_text(ms=1000 * t, p=wave(t - 7.5) / 100, F=t)}
-    return ingest(files, files=["first*.csv"], columns=COLUMNS, join=[entry], missing="drop", units={"pressure_2": "kPa"})
+    entry = {
+        "files": ["second*.txt"],
+        "columns": columns,
+        "shift": "auto",
+        "match": {**MATCH, **match},
+    }
+    files = {
+        "first.csv": csv_text(t=t, P=wave(t), eps=0 * t, F=t),
+        "second.txt": csv_text(ms=1000 * t, p=wave(t - 7.5) / 100, F=t),
+    }
+    return ingest(
+        files,
+        files=["first*.csv"],
+        columns=COLUMNS,
+        join=[entry],
+        missing="drop",
+        units={"pressure_2": "kPa"},
+    )
 
 
 def test_the_shift_is_found_and_told(ingest: Ingest) -> None:
@@ -253,7 +343,9 @@ def test_the_shift_is_found_and_told(ingest: Ingest) -> None:
     np.testing.assert_allclose(columns["pressure_2"], columns["pressure"], atol=2.0)
 
 
-def test_a_shift_that_nothing_tells_or_more_than_one_fits_is_refused_and_a_guess_helps(ingest: Ingest) -> None:
+def test_a_shift_that_nothing_tells_or_more_than_one_fits_is_refused_and_a_guess_helps(
+    ingest: Ingest,
+) -> None:
     def wave(t: np.ndarray) -> np.ndarray:
         return 100 + 50 * np.sin(2 * np.pi * t / 20)
 

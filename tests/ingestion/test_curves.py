@@ -18,7 +18,11 @@ from mapmore_cli.modelling.signals.cycles import last_cycles
 from mapmore_cli.pipeline.stages import INGEST
 from mapmore_cli.pipeline.staleness import plain
 
-REPEATS = {f"{level}_{repeat}.csv": steps(level, F=100 * level + repeat) for level in (80, 150, 250) for repeat in (1, 2)}
+REPEATS = {
+    f"{level}_{repeat}.csv": steps(level, F=100 * level + repeat)
+    for level in (80, 150, 250)
+    for repeat in (1, 2)
+}
 LEVELS = {"of": "pressure", "at": "auto"}
 
 
@@ -27,7 +31,10 @@ def validating(dataset: Dataset) -> dict[str, int]:
 
 
 def test_curves_come_in_the_order_of_their_levels_and_join_recordings(ingest: Ingest) -> None:
-    dataset = ingest({"z.csv": steps(-5), "b.csv": steps(80), "a.csv": steps(80), "c.csv": steps(0)}, levels=LEVELS)
+    dataset = ingest(
+        {"z.csv": steps(-5), "b.csv": steps(80), "a.csv": steps(80), "c.csv": steps(0)},
+        levels=LEVELS,
+    )
     assert [(c.id, c.level, c.recordings) for c in dataset.curves] == [
         ("pressure=-5", -5.0, ("z",)),
         ("pressure=0", 0.0, ("c",)),
@@ -40,14 +47,22 @@ def test_curves_come_in_the_order_of_their_levels_and_join_recordings(ingest: In
 def test_levels_of_constants_set_for_files(ingest: Ingest) -> None:
     strains = [0.0, 0.0412, 0.0824, 0.1236]
     files = [{"path": f"{k}_*.csv", "set": {"length": x}} for k, x in enumerate(strains)]
-    dataset = ingest({f"{k}_{r}.csv": steps(100 * k) for k in range(4) for r in "ab"}, files=files, levels={"of": "length", "at": "auto"})
+    dataset = ingest(
+        {f"{k}_{r}.csv": steps(100 * k) for k in range(4) for r in "ab"},
+        files=files,
+        levels={"of": "length", "at": "auto"},
+    )
     assert [curve.level for curve in dataset.curves] == strains
-    assert [curve.recordings for curve in dataset.curves] == [(f"{k}_a", f"{k}_b") for k in range(4)]
+    assert [curve.recordings for curve in dataset.curves] == [
+        (f"{k}_a", f"{k}_b") for k in range(4)
+    ]
 
 
 def test_samples_between_levels_are_counted(ingest: Ingest) -> None:
     text = csv_text(t=np.arange(7), P=[80, 81, 115, 149, 150, 190, 400], eps=0, F=0)
-    dataset = ingest({"a.csv": text}, levels={"of": "pressure", "at": [150.0, 80.0], "within": 10.0})
+    dataset = ingest(
+        {"a.csv": text}, levels={"of": "pressure", "at": [150.0, 80.0], "within": 10.0}
+    )
     assert dict(dataset.recordings[0].dropped) == {"no level within 10 of pressure": 3}
     assert [curve.size for curve in dataset.curves] == [2, 2]
 
@@ -55,11 +70,18 @@ def test_samples_between_levels_are_counted(ingest: Ingest) -> None:
 def test_the_value_of_a_level_is_what_was_measured_or_the_nominal_one(ingest: Ingest) -> None:
     text = csv_text(t=np.arange(6), P=[79, 80, 82, 149, 150, 152], eps=[0.0, 0.1, 0.2] * 2, F=0)
     files, levels = {"a.csv": text}, {"of": "pressure", "at": [80.0, 150.0]}
-    measured, nominal = (ingest(files, levels={**levels, **value}) for value in ({}, {"value": "nominal"}))
-    assert [curve.columns["pressure"].tolist() for curve in measured.curves] == [[79, 80, 82], [149, 150, 152]]
+    measured, nominal = (
+        ingest(files, levels={**levels, **value}) for value in ({}, {"value": "nominal"})
+    )
+    assert [curve.columns["pressure"].tolist() for curve in measured.curves] == [
+        [79, 80, 82],
+        [149, 150, 152],
+    ]
     assert [curve.columns["pressure"].tolist() for curve in nominal.curves] == [[80] * 3, [150] * 3]
     assert [curve.limits("pressure") for curve in nominal.curves] == [(80, 80), (150, 150)]
-    assert [one.columns["pressure"].tolist() for one in nominal.recordings] == [[79, 80, 82, 149, 150, 152]]
+    assert [one.columns["pressure"].tolist() for one in nominal.recordings] == [
+        [79, 80, 82, 149, 150, 152]
+    ]
     held = {"split": {"validate": {"pressure": {"between": [(81, 83)]}}}}
     first, _ = ingest(files, levels={**levels, "value": "nominal"}, **held).curves
     assert first.held_out.tolist() == [False, False, True]
@@ -93,7 +115,9 @@ def test_held_out_samples_are_marked_one_by_one(ingest: Ingest) -> None:
 
 def test_random_fraction_is_exact_and_hangs_on_the_seed_alone(ingest: Ingest) -> None:
     def chosen(seed: int) -> np.ndarray:
-        dataset = ingest(REPEATS, levels=LEVELS, split={"validate": {"fraction": 0.25, "seed": seed}})
+        dataset = ingest(
+            REPEATS, levels=LEVELS, split={"validate": {"fraction": 0.25, "seed": seed}}
+        )
         return np.concatenate([curve.held_out for curve in dataset.curves])
 
     assert chosen(1).sum() == 30
@@ -107,15 +131,27 @@ def held(**choice: Any) -> dict[str, Any]:
 
 BROKEN: dict[str, tuple[dict[str, Any], list[str]]] = {
     "no such level": (held(pressure=[300.0]), ["no level pressure=300", "levels 80, 150, 250"]),
-    "no name of a level": (held(pressure=[171.0]), ["no level pressure=171"]),  # though a sample of it goes to the nearest level
+    "no name of a level": (
+        held(pressure=[171.0]),
+        ["no level pressure=171"],
+    ),  # though a sample of it goes to the nearest level
     "between levels": (held(pressure=[115.0]), ["no level pressure=115"]),
     "no such value": (held(force=[7.0]), ["force is nowhere 7", "8001 to 25002", "between"]),
-    "no such interval": (held(time={"between": [(5.0, 6.0)]}), ["time between 5 and 6", "0 to 1.9"]),
-    "no such file": (held(files=["*_2.csv", "*_3.csv"]), ["files: '*_3.csv' matches nothing", "80_1.csv"]),
+    "no such interval": (
+        held(time={"between": [(5.0, 6.0)]}),
+        ["time between 5 and 6", "0 to 1.9"],
+    ),
+    "no such file": (
+        held(files=["*_2.csv", "*_3.csv"]),
+        ["files: '*_3.csv' matches nothing", "80_1.csv"],
+    ),
     "no such recording": (held(recordings=["x*"]), ["recordings: 'x*' matches nothing", "80_1"]),
     "nothing left": (held(files=["*.csv"]), ["none is left to train on"]),
     "nothing in both": (held(recordings=["80_1"], pressure=[150.0]), ["no sample fulfils all"]),
-    "empty level": ({"levels": {"of": "pressure", "at": [80.0, 500.0]}}, ["within 210 of pressure=500", "80 to 250"]),
+    "empty level": (
+        {"levels": {"of": "pressure", "at": [80.0, 500.0]}},
+        ["within 210 of pressure=500", "80 to 250"],
+    ),
 }
 
 
@@ -135,19 +171,32 @@ def test_sweep_has_no_levels_to_find(ingest: Ingest) -> None:
 def cycle(level: float, rows: int = 400) -> str:
     strain = np.concatenate([np.linspace(0, 0.2, rows), np.linspace(0.2, 0, rows)])
     side = np.repeat([-1, 1], rows)
-    return csv_text(t=np.arange(2 * rows) * 0.01, P=level + 0.1 * side, eps=strain, F=level * (1 - strain / 0.2) + side * (2 + 10 * strain))
+    return csv_text(
+        t=np.arange(2 * rows) * 0.01,
+        P=level + 0.1 * side,
+        eps=strain,
+        F=level * (1 - strain / 0.2) + side * (2 + 10 * strain),
+    )
 
 
 def test_cycles_become_static_and_hysteresis_curves(ingest: Ingest) -> None:
     files = {f"{level}.csv": cycle(level) for level in (80, 150)}
-    data = {"cycles": {"over": "strain", "samples": 50}, "levels": {"of": "pressure", "at": [80.0, 150.0]}}
+    data = {
+        "cycles": {"over": "strain", "samples": 50},
+        "levels": {"of": "pressure", "at": [80.0, 150.0]},
+    }
     static = ingest(files, **data, split={"validate": {"pressure": [150.0]}})
-    assert (static.target, [curve.held_out.all() for curve in static.curves]) == ("force", [False, True])
+    assert (static.target, [curve.held_out.all() for curve in static.curves]) == (
+        "force",
+        [False, True],
+    )
     for curve in static.curves:
         assert curve.level is not None
         strain = curve.columns["strain"]
         assert list(curve.columns) == ["strain", "pressure", "force", "hysteresis"]
-        np.testing.assert_allclose(curve.columns["force"], curve.level * (1 - strain / 0.2), atol=1e-9)
+        np.testing.assert_allclose(
+            curve.columns["force"], curve.level * (1 - strain / 0.2), atol=1e-9
+        )
         np.testing.assert_allclose(curve.columns["pressure"], curve.level, atol=1e-9)
         np.testing.assert_allclose(curve.columns["hysteresis"], 2 + 10 * strain, atol=1e-9)
     assert static.recordings[0].rows_kept == 800
@@ -158,7 +207,9 @@ def test_cycles_become_static_and_hysteresis_curves(ingest: Ingest) -> None:
 
 
 def test_recording_without_a_cycle_is_named(ingest: Ingest) -> None:
-    with pytest.raises(DataError, match=r"b\.csv, level 150 \(20 samples\): there is no full load cycle"):
+    with pytest.raises(
+        DataError, match=r"b\.csv, level 150 \(20 samples\): there is no full load cycle"
+    ):
         ingest({"a.csv": cycle(80), "b.csv": steps(150)}, cycles={"over": "strain"}, levels=LEVELS)
 
 
@@ -175,15 +226,24 @@ def test_slice_holds_what_ingest_depends_on_and_no_more() -> None:
         spec_of(a, units={"torque": "N*m"}),
         spec_of(a, target={"column": "force"}),
     ]
-    other = [spec_of({"files": ["b.csv"]}), spec_of(a, units={"force": "kN"}), spec_of(a, target={"column": "pressure"})]
-    other += [spec_of({**a, **held(**choice)}) for choice in ({"last": 0.5}, {"pressure": [80.0]}, {"pressure": [150.0]})]
+    other = [
+        spec_of({"files": ["b.csv"]}),
+        spec_of(a, units={"force": "kN"}),
+        spec_of(a, target={"column": "pressure"}),
+    ]
+    other += [
+        spec_of({**a, **held(**choice)})
+        for choice in ({"last": 0.5}, {"pressure": [80.0]}, {"pressure": [150.0]})
+    ]
     part = plain(slice_of(spec_of(a)))
     assert all(plain(slice_of(one)) == part for one in same)
     different = [part, *(plain(slice_of(one)) for one in other)]
     assert all(one != another for one, another in combinations(different, 2))
 
 
-def test_stage_names_its_sources_and_reports_progress(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_stage_names_its_sources_and_reports_progress(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("mapmore_cli.ingestion.files.MEGABYTE", 1)
     for name in ("b.csv", "a.csv"):
         (tmp_path / name).write_text(steps(80))
@@ -200,7 +260,9 @@ def test_the_scatter_of_a_level_counts_as_its_name(ingest: Ingest) -> None:
     wander = 3 * np.sin(np.arange(40.0))
     files = {f"{level}.csv": steps(level, 40, P=level + wander) for level in (80, 150, 250)}
     levels = {"of": "pressure", "at": [80.0, 150.0, 250.0]}
-    assert validating(ingest(files, levels=levels, **held(pressure=[151.5]))) == {"pressure=150": 40}
+    assert validating(ingest(files, levels=levels, **held(pressure=[151.5]))) == {
+        "pressure=150": 40
+    }
     with pytest.raises(DataError, match="there is no level pressure=153"):
         ingest(files, levels=levels, **held(pressure=[153.0]))
 
@@ -215,7 +277,8 @@ def test_a_level_that_was_found_goes_by_the_number_that_a_person_writes(ingest: 
         ingest(files, levels=LEVELS, **held(pressure=[120.0]))
 
 
-# Cycles of a driven quantity -----------------------------------------------------------------------------------------------------------
+# Cycles of a driven quantity
+# --------------------------------------------------------------------------------------------------
 
 SPLIT = {"longer_than": 5.0, "action": "split"}
 HALF = {"validate": {"last_cycles": 0.5, "of": "pressure"}}
@@ -224,12 +287,19 @@ LENGTH = 100
 
 
 def driven(cycles: int, rest: float = 10.0, gaps: tuple[int, ...] = ()) -> str:
-    """Pressure cycles, a sample each second, with a pause of a minute before each sample of `gaps`."""
+    """Pressure cycles, a sample each second, with a pause of a minute before each sample of
+    `gaps`.
+    """
     one = np.interp(np.arange(LENGTH), [0, 20, 60, LENGTH], [0, 0, 300, 0])
     pressure = rest + np.tile(one, cycles)
     pause = np.zeros(len(pressure))
     pause[list(gaps)] = 60.0
-    return csv_text(t=np.arange(len(pressure)) + np.cumsum(pause), P=pressure, eps=pressure / 1e4, F=np.arange(len(pressure)))
+    return csv_text(
+        t=np.arange(len(pressure)) + np.cumsum(pause),
+        P=pressure,
+        eps=pressure / 1e4,
+        F=np.arange(len(pressure)),
+    )
 
 
 def mask_of(dataset: Dataset) -> np.ndarray:
@@ -237,11 +307,15 @@ def mask_of(dataset: Dataset) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("cycles", "trained"), [(2, 1), (3, 2), (4, 2), (5, 3)])
-def test_the_later_cycles_are_held_out_and_the_larger_part_trains(ingest: Ingest, cycles: int, trained: int) -> None:
+def test_the_later_cycles_are_held_out_and_the_larger_part_trains(
+    ingest: Ingest, cycles: int, trained: int
+) -> None:
     mask = mask_of(ingest({"a.csv": driven(cycles)}, split=HALF))
     first = int(np.argmax(mask))
     assert mask[first:].all()
-    assert trained * LENGTH <= first <= trained * LENGTH + 30  # from the end of its rest, at the latest 5 % up the rise
+    assert (
+        trained * LENGTH <= first <= trained * LENGTH + 30
+    )  # from the end of its rest, at the latest 5 % up the rise
 
 
 def test_cycles_are_counted_over_all_pieces_of_a_log(ingest: Ingest) -> None:
@@ -255,16 +329,22 @@ def test_cycles_are_counted_over_all_pieces_of_a_log(ingest: Ingest) -> None:
 
 def test_each_log_has_its_own_cycles(ingest: Ingest) -> None:
     dataset = ingest({"a.csv": driven(2), "b.csv": driven(4, rest=40.0)}, split=HALF)
-    alone = [mask_of(ingest({f"{n}.csv": driven(n)}, files=[f"{n}.csv"], split=HALF)) for n in (2, 4)]
+    alone = [
+        mask_of(ingest({f"{n}.csv": driven(n)}, files=[f"{n}.csv"], split=HALF)) for n in (2, 4)
+    ]
     np.testing.assert_array_equal(mask_of(dataset), np.concatenate(alone))
 
 
 @settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(gaps=st.sets(st.integers(1, 399), max_size=6), share=st.sampled_from([0.25, 0.5, 0.75]))
-def test_levels_and_gaps_do_not_change_which_samples_are_held_out(ingest: Ingest, gaps: set[int], share: float) -> None:
+def test_levels_and_gaps_do_not_change_which_samples_are_held_out(
+    ingest: Ingest, gaps: set[int], share: float
+) -> None:
     split = {"validate": {"last_cycles": share, "of": "pressure"}}
     levels = {"of": "pressure", "at": [10.0, 300.0], "within": 145.0}
-    dataset = ingest({"a.csv": driven(4, gaps=tuple(sorted(gaps)))}, gaps=SPLIT, split=split, levels=levels)
+    dataset = ingest(
+        {"a.csv": driven(4, gaps=tuple(sorted(gaps)))}, gaps=SPLIT, split=split, levels=levels
+    )
     number = np.concatenate([curve.columns["force"] for curve in dataset.curves])
     pressure = np.concatenate([curve.columns["pressure"] for curve in dataset.curves])
     order = np.argsort(number)
@@ -278,9 +358,24 @@ def test_cycles_can_be_those_of_one_recording(ingest: Ingest) -> None:
 
 
 REFUSED: dict[str, tuple[str, dict[str, Any], type[Exception], list[str]]] = {
-    "one cycle": (driven(1), {}, DataError, ["a.csv, cycles of pressure: 1 cycle(s)", "`last: 0.5`"]),
-    "no motion": (csv_text(t=np.arange(50), P=5, eps=0, F=0), {}, DataError, ["a.csv, cycles of pressure: 0 cycle(s)"]),
-    "load cycles": (driven(2), {"cycles": {"over": "strain"}}, SpecError, ["`last_cycles` needs samples in the order of time"]),
+    "one cycle": (
+        driven(1),
+        {},
+        DataError,
+        ["a.csv, cycles of pressure: 1 cycle(s)", "`last: 0.5`"],
+    ),
+    "no motion": (
+        csv_text(t=np.arange(50), P=5, eps=0, F=0),
+        {},
+        DataError,
+        ["a.csv, cycles of pressure: 0 cycle(s)"],
+    ),
+    "load cycles": (
+        driven(2),
+        {"cycles": {"over": "strain"}},
+        SpecError,
+        ["`last_cycles` needs samples in the order of time"],
+    ),
 }
 
 
@@ -294,14 +389,30 @@ def test_recordings_without_cycles_to_part(ingest: Ingest, case: str) -> None:
 
 def test_an_interval_is_left_out_with_both_its_ends(ingest: Ingest) -> None:
     text = csv_text(t=np.arange(10), P=80, eps=0, F=0)
-    (recording,) = ingest({"a.csv": text}, keep=[{"quantity": "time", "outside": (3.0, 6.0)}]).recordings
+    (recording,) = ingest(
+        {"a.csv": text}, keep=[{"quantity": "time", "outside": (3.0, 6.0)}]
+    ).recordings
     np.testing.assert_array_equal(recording.columns["time"], [0, 1, 2, 7, 8, 9])
     assert dict(recording.dropped) == {"time from 3 to 6 s": 4}
 
 
 def test_samples_of_one_file_are_left_out_and_no_others(ingest: Ingest) -> None:
     text = csv_text(t=np.arange(10), P=80, eps=0, F=0)
-    files = [{"path": "a.csv", "keep": [{"quantity": "time", "above": 3.0}, {"quantity": "time", "below": 9.0}]}, "b.csv"]
-    dataset = ingest({"a.csv": text, "b.csv": text}, files=files, keep=[{"quantity": "time", "below": 8.0}])
-    assert [list(recording.columns["time"]) for recording in dataset.recordings] == [[4, 5, 6, 7], list(range(8))]
-    assert [dict(recording.dropped) for recording in dataset.recordings] == [{"time >= 8 s": 2, "time <= 3 s": 4}, {"time >= 8 s": 2}]
+    files = [
+        {
+            "path": "a.csv",
+            "keep": [{"quantity": "time", "above": 3.0}, {"quantity": "time", "below": 9.0}],
+        },
+        "b.csv",
+    ]
+    dataset = ingest(
+        {"a.csv": text, "b.csv": text}, files=files, keep=[{"quantity": "time", "below": 8.0}]
+    )
+    assert [list(recording.columns["time"]) for recording in dataset.recordings] == [
+        [4, 5, 6, 7],
+        list(range(8)),
+    ]
+    assert [dict(recording.dropped) for recording in dataset.recordings] == [
+        {"time >= 8 s": 2, "time <= 3 s": 4},
+        {"time >= 8 s": 2},
+    ]

@@ -1,4 +1,6 @@
-"""Where a file says something else of its columns than the spec: an error with the remedy, or a warning."""
+"""Where a file says something else of its columns than the spec: an error with the remedy, or a
+warning.
+"""
 
 from __future__ import annotations
 
@@ -54,7 +56,9 @@ def read(ingest: Ingest, content: bytes, **data: Any) -> tuple[dict[str, Any], l
     ],
     ids=str,
 )
-def test_units_that_mean_the_same_or_that_a_scale_explains(ingest: Ingest, units: dict[str, str], spec: dict[str, Any]) -> None:
+def test_units_that_mean_the_same_or_that_a_scale_explains(
+    ingest: Ingest, units: dict[str, str], spec: dict[str, Any]
+) -> None:
     assert read(ingest, hdf5(**units), columns=columns(**spec))[1] == []
 
 
@@ -78,7 +82,9 @@ def test_units_that_mean_the_same_or_that_a_scale_explains(ingest: Ingest, units
     ],
     ids=str,
 )
-def test_units_that_the_file_contradicts(ingest: Ingest, units: dict[str, str], spec: dict[str, Any], told: str) -> None:
+def test_units_that_the_file_contradicts(
+    ingest: Ingest, units: dict[str, str], spec: dict[str, Any], told: str
+) -> None:
     with pytest.raises(DataError) as caught:
         read(ingest, hdf5(**units), columns=columns(**spec))
     assert told in str(caught.value)
@@ -86,7 +92,9 @@ def test_units_that_the_file_contradicts(ingest: Ingest, units: dict[str, str], 
 
 @pytest.mark.parametrize("word", ["counts", "a.u.", "Messwert", "m**9**9**9"])
 def test_words_that_nobody_knows_are_told(ingest: Ingest, word: str) -> None:
-    assert read(ingest, hdf5(F=word), columns=columns())[1] == [f"a.h5: 'F' is in '{word}', says the file, and is read in N"]
+    assert read(ingest, hdf5(F=word), columns=columns())[1] == [
+        f"a.h5: 'F' is in '{word}', says the file, and is read in N"
+    ]
 
 
 def test_a_factor_of_the_file_and_one_of_the_spec(ingest: Ingest) -> None:
@@ -98,27 +106,43 @@ def test_a_factor_of_the_file_and_one_of_the_spec(ingest: Ingest) -> None:
 
 
 def test_units_by_meaning() -> None:
-    assert [is_same(*pair) for pair in (("degC", "K"), ("N", "kPa"), ("kPa", "kilopascal"), ("%", "1"))] == [False, False, True, False]
-    words = {"M": "m", "S": "s", "mmhg": "mmHg", "KPA": "kPa", "Newton": "newton", "kPa(g)": "kPa", "bara": "bar"}
+    assert [
+        is_same(*pair) for pair in (("degC", "K"), ("N", "kPa"), ("kPa", "kilopascal"), ("%", "1"))
+    ] == [False, False, True, False]
+    words = {
+        "M": "m",
+        "S": "s",
+        "mmhg": "mmHg",
+        "KPA": "kPa",
+        "Newton": "newton",
+        "kPa(g)": "kPa",
+        "bara": "bar",
+    }
     assert {word: unit_of_file(word, unit) for word, unit in words.items()} == words
 
 
 @given(
-    st.one_of(st.text(max_size=12), st.text("kMmPaNbarsig/*^ 0123456789%()·°CdBV-", max_size=8)), st.sampled_from(["kPa", "1", "s", "K"])
+    st.one_of(st.text(max_size=12), st.text("kMmPaNbarsig/*^ 0123456789%()·°CdBV-", max_size=8)),
+    st.sampled_from(["kPa", "1", "s", "K"]),
 )
 def test_any_word_is_a_unit_or_not(word: str, unit: str) -> None:
     found = unit_of_file(word, unit)
     assert found is None or is_same(found, unit) in (True, False)
 
 
-# LabVIEW ------------------------------------------------------------------------------------------------------------------------
+# LabVIEW
+# --------------------------------------------------------------------------------------------------
 
 
 def tdms(step_of_force: float = 0.01, start: int = 0, step: float = 0.01) -> bytes:
     nptdms = pytest.importorskip("nptdms")
     stream = io.BytesIO()
     with nptdms.TdmsWriter(stream) as writer:
-        for name, dt, late, unit in (("P", step, 0, "kPa"), ("eps", step, 0, ""), ("F", step_of_force, start, "N")):
+        for name, dt, late, unit in (
+            ("P", step, 0, "kPa"),
+            ("eps", step, 0, ""),
+            ("F", step_of_force, start, "N"),
+        ):
             said = {
                 "wf_increment": dt,
                 "wf_start_time": np.datetime64("2026-03-01", "ms") + np.timedelta64(late, "ms"),
@@ -129,31 +153,64 @@ def tdms(step_of_force: float = 0.01, start: int = 0, step: float = 0.01) -> byt
     return stream.getvalue()
 
 
-LABVIEW = {name: {"column": f"G/{column}"} for name, column in (("pressure", "P"), ("strain", "eps"), ("force", "F"))}
+LABVIEW = {
+    name: {"column": f"G/{column}"}
+    for name, column in (("pressure", "P"), ("strain", "eps"), ("force", "F"))
+}
 TDMS: dict[str, Any] = {"files": ["a.tdms"], "reader": "tdms"}
 
 
 def test_the_remedy_brings_channels_of_two_rates_together(ingest: Ingest) -> None:
     content = {"a.tdms": tdms(0.009, 100)}
-    with pytest.raises(DataError, match=r"every 0\.01 s, 'G/F' every 0\.009 s\n.*`sample_time: 0\.009 s` and `shift: 0\.1 s`"):
+    with pytest.raises(
+        DataError,
+        match=r"every 0\.01 s, 'G/F' every 0\.009 s\n.*`sample_time: 0\.009 s` and `shift: 0\.1 s`",
+    ):
         ingest(content, **TDMS, columns=LABVIEW, sample_time=0.01)
     join = {**TDMS, "columns": {"force": LABVIEW["force"]}, "sample_time": 0.009, "shift": 0.1}
     own = {name: LABVIEW[name] for name in ("pressure", "strain")}
-    made = ingest(content, **TDMS, columns=own, sample_time=0.01, join=[join], missing="drop").recordings[0].columns
+    made = (
+        ingest(content, **TDMS, columns=own, sample_time=0.01, join=[join], missing="drop")
+        .recordings[0]
+        .columns
+    )
     np.testing.assert_allclose(made["force"], made["pressure"], atol=1e-9)
     by_row = {**TDMS, "columns": {"force": LABVIEW["force"]}, "on": "row"}
-    assert ingest(content, **TDMS, columns=own, sample_time=0.01, join=[by_row]).recordings[0].rows_kept == N
+    assert (
+        ingest(content, **TDMS, columns=own, sample_time=0.01, join=[by_row])
+        .recordings[0]
+        .rows_kept
+        == N
+    )
 
 
 def test_a_sample_time_that_the_file_contradicts(ingest: Ingest) -> None:
-    with pytest.raises(DataError, match=r"one sample every 0\.01 s, and the spec every 0\.001 s\n  say `sample_time: 0\.01 s`"):
+    with pytest.raises(
+        DataError,
+        match=(
+            r"one sample every 0\.01 s, and the spec every 0\.001 s\n  say `sample_time: "
+            r"0\.01 s`"
+        ),
+    ):
         ingest({"a.tdms": tdms()}, **TDMS, columns=LABVIEW, sample_time=0.001)
-    assert ingest({"a.tdms": tdms()}, **TDMS, columns=LABVIEW, sample_time=0.01).recordings[0].rows_kept == N
+    assert (
+        ingest({"a.tdms": tdms()}, **TDMS, columns=LABVIEW, sample_time=0.01)
+        .recordings[0]
+        .rows_kept
+        == N
+    )
 
 
 def test_a_second_is_what_labview_notes_where_nobody_says(ingest: Ingest) -> None:
     warnings: list[str] = []
-    ingest({"a.tdms": tdms(1.0, step=1.0)}, **TDMS, columns=LABVIEW, sample_time=0.001, warnings=warnings)
+    ingest(
+        {"a.tdms": tdms(1.0, step=1.0)},
+        **TDMS,
+        columns=LABVIEW,
+        sample_time=0.001,
+        warnings=warnings,
+    )
     assert warnings == [
-        "a.tdms: the file says one sample every 1 s, and the spec every 0.001 s, which is believed: LabVIEW notes 1 s where nobody says"
+        "a.tdms: the file says one sample every 1 s, and the spec every 0.001 s, which is "
+        "believed: LabVIEW notes 1 s where nobody says"
     ]

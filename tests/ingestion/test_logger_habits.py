@@ -1,4 +1,6 @@
-"""What loggers write: time stamps, words for missing values, several sheets, encodings of their country."""
+"""What loggers write: time stamps, words for missing values, several sheets, encodings of their
+country.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +44,18 @@ def test_stamps_are_seconds(text: str, seconds: float) -> None:
         CellReader()(text)
 
 
-@pytest.mark.parametrize("text", ["3/1/2026 12:00:00", "noon", "12:61:00", "2026-13-01 12:00:00", "2026-03-01", "1:2", "9" * 5000 + ":"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "3/1/2026 12:00:00",
+        "noon",
+        "12:61:00",
+        "2026-13-01 12:00:00",
+        "2026-03-01",
+        "1:2",
+        "9" * 5000 + ":",
+    ],
+)
 def test_what_is_no_stamp_is_refused(text: str) -> None:
     with pytest.raises(NotANumber):
         CellReader(clock=True)(text)
@@ -59,7 +72,9 @@ def test_stamps_keep_their_distance(stamp: datetime) -> None:
 
 
 def test_time_of_a_log_with_local_stamps(ingest: Ingest) -> None:
-    rows = [f"2026-03-01 23:59:{59 + k / 10:04.1f},80,0.1,{k}" for k in range(10)] + ["2026-03-02 00:00:00.0,80,0.1,10"]
+    rows = [f"2026-03-01 23:59:{59 + k / 10:04.1f},80,0.1,{k}" for k in range(10)] + [
+        "2026-03-02 00:00:00.0,80,0.1,10"
+    ]
     dataset = ingest({"a.csv": "\n".join(["t,P,eps,F", *rows])})
     np.testing.assert_allclose(np.diff(dataset.recordings[0].columns["time"]), 0.1, atol=1e-6)
 
@@ -82,7 +97,11 @@ def test_words_and_numbers_for_missing_values(ingest: Ingest, delimiter: str) ->
     np.testing.assert_array_equal(dataset.recordings[0].columns["force"], [1, 4])
     assert dict(dataset.recordings[0].dropped) == {"missing value": 2}
     with pytest.raises(DataError, match="row 3, column P: the value of pressure is missing"):
-        ingest({"a.csv": text}, delimiter=delimiter, missing={"tokens": ["---", -999], "action": "error"})
+        ingest(
+            {"a.csv": text},
+            delimiter=delimiter,
+            missing={"tokens": ["---", -999], "action": "error"},
+        )
 
 
 def workbook(path: Path, **sheets: Any) -> None:
@@ -91,7 +110,12 @@ def workbook(path: Path, **sheets: Any) -> None:
     for title, text in sheets.items():
         sheet = book.create_sheet(title)
         for line in text.splitlines():
-            sheet.append([float(cell) if cell[:1].isdigit() or cell[:1] == "-" else cell for cell in line.split(",")])
+            sheet.append(
+                [
+                    float(cell) if cell[:1].isdigit() or cell[:1] == "-" else cell
+                    for cell in line.split(",")
+                ]
+            )
     book.save(path)
 
 
@@ -115,7 +139,10 @@ def test_every_sheet_that_a_glob_names_is_a_recording(ingest: Ingest, book: Path
 
 
 def test_sheets_one_by_one(ingest: Ingest, book: Path) -> None:
-    files = [{"path": book.name, "sheet": "Run2", "set": {"load": 2.0}}, {"path": book.name, "sheet": "Run1", "set": {"load": 1.0}}]
+    files = [
+        {"path": book.name, "sheet": "Run2", "set": {"load": 2.0}},
+        {"path": book.name, "sheet": "Run1", "set": {"load": 1.0}},
+    ]
     dataset = ingest({}, files=files, reader="xlsx")
     assert ids(dataset) == ["book[Run2]", "book[Run1]"]
     assert [recording.columns["load"][0] for recording in dataset.recordings] == [2, 1]
@@ -137,9 +164,13 @@ def test_sheets_belong_to_workbooks(ingest: Ingest) -> None:
 GERMAN = csv_text(t=np.arange(3.0), P=80.0, eps=0.1, F=1.0).replace("eps", "Dehnung µ", 1)
 
 
-@pytest.mark.parametrize("encoding", ["cp1252", "utf-16", "utf-16-le", "utf-16-be", "utf-8", "utf-8-sig"])
+@pytest.mark.parametrize(
+    "encoding", ["cp1252", "utf-16", "utf-16-le", "utf-16-be", "utf-8", "utf-8-sig"]
+)
 @pytest.mark.parametrize("zipped", [False, True])
-def test_the_guessed_encoding_reads_the_file(ingest: Ingest, tmp_path: Path, encoding: str, zipped: bool) -> None:
+def test_the_guessed_encoding_reads_the_file(
+    ingest: Ingest, tmp_path: Path, encoding: str, zipped: bool
+) -> None:
     content = GERMAN.encode(encoding)
     (tmp_path / "a.csv").write_bytes(gzip.compress(content) if zipped else content)
     columns = {**COLUMNS, "strain": {"column": "Dehnung µ"}}
@@ -157,5 +188,7 @@ def test_the_reader_suggests_the_encoding(ingest: Ingest, encoding: str) -> None
 @given(st.binary(max_size=300))
 def test_an_encoding_is_guessed_for_any_bytes(content: bytes) -> None:
     encoding = encoding_of(content)
-    if not encoding.startswith("utf-16"):  # which has pairs of bytes, of which half a one may be left
+    if not encoding.startswith(
+        "utf-16"
+    ):  # which has pairs of bytes, of which half a one may be left
         content.decode(encoding, errors="ignore" if encoding == "utf-8" else "strict")

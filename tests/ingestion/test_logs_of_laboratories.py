@@ -1,4 +1,6 @@
-"""Logs as programs and laboratories that nobody here had seen leave them: each is read, or told what is wrong with it."""
+"""Logs as programs and laboratories that nobody here had seen leave them: each is read, or told
+what is wrong with it.
+"""
 
 from __future__ import annotations
 
@@ -52,18 +54,27 @@ def recordings(draft: Draft, folder: Path) -> list[dict[str, np.ndarray]]:
 
 
 def test_a_scope_of_simulink_is_one_log_by_its_labels(tmp_path: Path) -> None:
-    signals = np.zeros((1, 2), dtype=[(name, object) for name in ("values", "dimensions", "label", "blockName")])
-    for place, one in enumerate([signal(PRESSURE, "P [kPa]", "rig/Scope"), signal(POSITION, "x [mm]", "rig/Scope")]):
+    signals = np.zeros(
+        (1, 2), dtype=[(name, object) for name in ("values", "dimensions", "label", "blockName")]
+    )
+    for place, one in enumerate(
+        [signal(PRESSURE, "P [kPa]", "rig/Scope"), signal(POSITION, "x [mm]", "rig/Scope")]
+    ):
         for key, value in one.items():
             signals[0, place][key] = value
-    scipy.io.savemat(tmp_path / "scope.mat", {"ScopeData": {"time": T[:, None], "signals": signals}, "tout": T[:, None]})
+    scipy.io.savemat(
+        tmp_path / "scope.mat",
+        {"ScopeData": {"time": T[:, None], "signals": signals}, "tout": T[:, None]},
+    )
     (draft,) = drafting.start(tmp_path, tmp_path).drafts
     assert taken(draft) == {
         "time": ("ScopeData.time", "s"),
         "pressure": ("ScopeData.signals[0].values", "kPa"),
         "displacement": ("ScopeData.signals[1].values", "mm"),
     }
-    np.testing.assert_allclose(recordings(draft, tmp_path)[0]["displacement"], POSITION / 1000, rtol=1e-6)
+    np.testing.assert_allclose(
+        recordings(draft, tmp_path)[0]["displacement"], POSITION / 1000, rtol=1e-6
+    )
 
 
 def test_structs_with_time_of_each_variable_are_one_log_by_their_names(tmp_path: Path) -> None:
@@ -78,7 +89,10 @@ def test_structs_with_time_of_each_variable_are_one_log_by_their_names(tmp_path:
 
 
 def test_arrays_to_workspace_have_tout_for_a_clock(tmp_path: Path) -> None:
-    scipy.io.savemat(tmp_path / "out.mat", {"tout": T[:, None], "pressure_kPa": PRESSURE[:, None], "position_mm": POSITION[:, None]})
+    scipy.io.savemat(
+        tmp_path / "out.mat",
+        {"tout": T[:, None], "pressure_kPa": PRESSURE[:, None], "position_mm": POSITION[:, None]},
+    )
     (draft,) = drafting.start(tmp_path, tmp_path).drafts
     assert taken(draft)["time"] == ("tout", "s")
     assert draft.notes[("data", "columns", "time")].sure
@@ -86,7 +100,9 @@ def test_arrays_to_workspace_have_tout_for_a_clock(tmp_path: Path) -> None:
 
 def test_a_timetable_alone_is_refused_with_the_line_that_converts_it(tmp_path: Path) -> None:
     with h5py.File(tmp_path / "log.mat", "w") as file:
-        log = file.create_dataset("log", data=np.array([[0xDD000000, 2, 1, 1, 1, 1]], dtype=np.uint32))
+        log = file.create_dataset(
+            "log", data=np.array([[0xDD000000, 2, 1, 1, 1, 1]], dtype=np.uint32)
+        )
         log.attrs["MATLAB_class"], log.attrs["MATLAB_object_decode"] = b"timetable", np.int32(3)
     with pytest.raises(DataError) as caught:
         drafting.start(tmp_path, tmp_path)
@@ -99,14 +115,26 @@ def test_a_timetable_alone_is_refused_with_the_line_that_converts_it(tmp_path: P
 
 def test_several_tables_of_a_text_file_are_recordings_of_one_study(tmp_path: Path) -> None:
     def rows(count: int) -> str:
-        return "\n".join(f"{t:.3f}\t{p:.4f}\t{x:.5f}" for t, p, x in zip(T[:count], PRESSURE, POSITION, strict=False))
+        return "\n".join(
+            f"{t:.3f}\t{p:.4f}\t{x:.5f}"
+            for t, p, x in zip(T[:count], PRESSURE, POSITION, strict=False)
+        )
 
     head = "Time [s]\tPressure [kPa]\tPosition [mm]"
-    text = f"*TENSILE*\nOperator: me\n\nSpeed\t5 mm/s\n\nTable 1\n{head}\n{rows(300)}\n\nTable 2\n{head}\n{rows(700)}\n\n"
+    text = (
+        f"*TENSILE*\nOperator: me\n\nSpeed\t5 mm/s\n\nTable 1\n{head}\n{rows(300)}\n\nTable "
+        f"2\n{head}\n{rows(700)}\n\n"
+    )
     (tmp_path / "test.txt").write_text(text)
     (draft,) = drafting.start(tmp_path, tmp_path).drafts
-    assert {name: unit for name, (_, unit) in taken(draft).items()} == {"time": "s", "pressure": "kPa", "displacement": "mm"}
-    assert [len(one["time"]) for one in recordings(draft, tmp_path)] == pytest.approx([300, 700], abs=1)
+    assert {name: unit for name, (_, unit) in taken(draft).items()} == {
+        "time": "s",
+        "pressure": "kPa",
+        "displacement": "mm",
+    }
+    assert [len(one["time"]) for one in recordings(draft, tmp_path)] == pytest.approx(
+        [300, 700], abs=1
+    )
 
 
 def test_notes_in_a_workbook_hide_neither_titles_nor_numbers(tmp_path: Path) -> None:
@@ -123,8 +151,14 @@ def test_notes_in_a_workbook_hide_neither_titles_nor_numbers(tmp_path: Path) -> 
     sheet.cell(row=9, column=7, value=3.5)
     book.save(tmp_path / "book.xlsx")
     (draft,) = drafting.start(tmp_path, tmp_path).drafts
-    assert {name: unit for name, (_, unit) in taken(draft).items()} == {"time": "s", "pressure": "kPa", "displacement": "mm"}
-    np.testing.assert_allclose(recordings(draft, tmp_path)[0]["pressure"], PRESSURE[:300], rtol=1e-12)
+    assert {name: unit for name, (_, unit) in taken(draft).items()} == {
+        "time": "s",
+        "pressure": "kPa",
+        "displacement": "mm",
+    }
+    np.testing.assert_allclose(
+        recordings(draft, tmp_path)[0]["pressure"], PRESSURE[:300], rtol=1e-12
+    )
 
 
 @given(
@@ -133,10 +167,16 @@ def test_notes_in_a_workbook_hide_neither_titles_nor_numbers(tmp_path: Path) -> 
     missing=st.sets(st.integers(0, 59), max_size=3),
 )
 def test_an_encoder_that_wraps_goes_on(steps: list[int], first: int, missing: set[int]) -> None:
-    """A gap may be two steps long, and its sum more than half a turn: then nothing can tell, and no gap is made there."""
+    """A gap may be two steps long, and its sum more than half a turn: then nothing can tell, and no
+    gap is made there.
+    """
     whole = first + np.cumsum([0, *steps]).astype(float)
     read_off = np.mod(whole, 4096)
-    gaps = [place for place in missing if 0 < place < whole.size - 1 and abs(whole[place + 1] - whole[place - 1]) < 2048]
+    gaps = [
+        place
+        for place in missing
+        if 0 < place < whole.size - 1 and abs(whole[place + 1] - whole[place - 1]) < 2048
+    ]
     gaps = [place for place in gaps if place - 1 not in gaps and place + 1 not in gaps]
     read_off[gaps] = np.nan
     known = np.isfinite(read_off)
@@ -147,13 +187,29 @@ def test_a_wrapping_encoder_is_seen_and_unwrapped(tmp_path: Path) -> None:
     angle = 250 + 3 * np.cumsum(np.sin(0.6 * T))
     assert np.ptp(np.floor(angle / 360)) >= 1
     rows = np.column_stack([T, PRESSURE, np.mod(angle, 360)])
-    np.savetxt(tmp_path / "log.csv", rows, delimiter=",", header="t [s],P [kPa],angle", comments="", fmt="%.8g")
+    np.savetxt(
+        tmp_path / "log.csv",
+        rows,
+        delimiter=",",
+        header="t [s],P [kPa],angle",
+        comments="",
+        fmt="%.8g",
+    )
     (draft,) = drafting.start(tmp_path, tmp_path).drafts
     assert draft.data["columns"]["angle"]["unwrap"] == 360
     assert not draft.notes[("data", "columns", "angle")].sure
-    np.testing.assert_allclose(recordings(draft, tmp_path)[0]["angle"][20:200], angle[20:200], rtol=1e-3)
+    np.testing.assert_allclose(
+        recordings(draft, tmp_path)[0]["angle"][20:200], angle[20:200], rtol=1e-3
+    )
     plain = np.column_stack([T, PRESSURE, 90 + 80 * np.sin(T)])
-    np.savetxt(tmp_path / "log.csv", plain, delimiter=",", header="t [s],P [kPa],angle", comments="", fmt="%.8g")
+    np.savetxt(
+        tmp_path / "log.csv",
+        plain,
+        delimiter=",",
+        header="t [s],P [kPa],angle",
+        comments="",
+        fmt="%.8g",
+    )
     (draft,) = drafting.start(tmp_path, tmp_path).drafts
     assert all("unwrap" not in one for one in draft.data["columns"].values())
 
@@ -171,17 +227,30 @@ def test_a_joined_log_with_repeated_and_glitched_stamps_is_read(tmp_path: Path) 
     stamps = [f"{t:.2f}" for t in time for _ in (0, 1)]
     stamps[101] = "0.07"  # a glitch back, and one ahead
     stamps[301] = "9.99"
-    table(tmp_path / "log.txt", ["t,P", *(f"{stamp},{100 + row / 10:.2f}" for row, stamp in enumerate(stamps))])
+    table(
+        tmp_path / "log.txt",
+        ["t,P", *(f"{stamp},{100 + row / 10:.2f}" for row, stamp in enumerate(stamps))],
+    )
     data = {
         "files": ["force.csv"],
         "columns": COLUMNS,
-        "join": [{"files": ["log.txt"], "columns": {"time": {"column": "t", "unit": "s"}, "pressure": {"column": "P", "unit": "kPa"}}}],
+        "join": [
+            {
+                "files": ["log.txt"],
+                "columns": {
+                    "time": {"column": "t", "unit": "s"},
+                    "pressure": {"column": "P", "unit": "kPa"},
+                },
+            }
+        ],
         "repeated_time": "average",
     }
     with pytest.raises(DataError, match="runs backwards") as refusal:
         read_draft(Draft({"data": data}), tmp_path, "force")
     assert "glitches: drop" in str(refusal.value.remedy)
-    (recording,) = read_draft(Draft({"data": {**data, "glitches": "drop"}}), tmp_path, "force").recordings
+    (recording,) = read_draft(
+        Draft({"data": {**data, "glitches": "drop"}}), tmp_path, "force"
+    ).recordings
     wanted = 100 + (2 * np.arange(300) + 0.5) / 10
     assert recording.rows_kept == 300
     assert np.abs(recording.columns["pressure"] - wanted).max() < 0.2
@@ -191,7 +260,11 @@ def test_a_clock_that_was_set_back_is_no_glitch(tmp_path: Path) -> None:
     time = np.concatenate([np.arange(200), np.arange(200)]) * 0.01
     table(tmp_path / "force.csv", ["t,F", *(f"{t:.2f},{row}" for row, t in enumerate(time))])
     with pytest.raises(DataError, match="runs backwards"):
-        read_draft(Draft({"data": {"files": ["force.csv"], "columns": COLUMNS, "glitches": "drop"}}), tmp_path, "force")
+        read_draft(
+            Draft({"data": {"files": ["force.csv"], "columns": COLUMNS, "glitches": "drop"}}),
+            tmp_path,
+            "force",
+        )
 
 
 def test_a_line_with_a_field_too_many_is_left_out_where_the_spec_says_so(tmp_path: Path) -> None:
@@ -202,15 +275,29 @@ def test_a_line_with_a_field_too_many_is_left_out_where_the_spec_says_so(tmp_pat
     with pytest.raises(DataError, match="too many fields") as refusal:
         read_draft(Draft({"data": data}), tmp_path, "force")
     assert "missing: drop" in str(refusal.value.remedy)
-    (recording,) = read_draft(Draft({"data": {**data, "missing": "drop"}}), tmp_path, "force").recordings
+    (recording,) = read_draft(
+        Draft({"data": {**data, "missing": "drop"}}), tmp_path, "force"
+    ).recordings
     assert recording.rows_kept == 19
 
 
 def test_bars_between_fields_and_a_readme_beside(tmp_path: Path) -> None:
     time = np.arange(400) * 0.01
     drive = 100 + 50 * np.sin(2 * time)
-    table(tmp_path / "run_1.txt", [f"{t:.2f}|  {p:.3e}|  {0.001 * p**1.5:.4e}" for t, p in zip(time, drive, strict=True)])
-    table(tmp_path / "ReadMe.txt", ["Date 1009", "Trail List", "1. single sine A=5, f=0.1Hz 0g load", "", "2. steps 200g load"])
+    table(
+        tmp_path / "run_1.txt",
+        [f"{t:.2f}|  {p:.3e}|  {0.001 * p**1.5:.4e}" for t, p in zip(time, drive, strict=True)],
+    )
+    table(
+        tmp_path / "ReadMe.txt",
+        [
+            "Date 1009",
+            "Trail List",
+            "1. single sine A=5, f=0.1Hz 0g load",
+            "",
+            "2. steps 200g load",
+        ],
+    )
     found = drafting.start(tmp_path, tmp_path)
     (draft,) = found.drafts
     assert draft.data["delimiter"] == "|"
@@ -223,8 +310,23 @@ def test_quoted_numbers_under_two_header_rows_and_a_pressure_log_of_its_own(tmp_
     strain = 5 * np.sin(time / 400)
     force = 3 * pressure - strain
     header = ["Time,Tensile strain,Force", "(ms),(%),(N)"]
-    table(tmp_path / "tester.csv", [*header, *(f'"{t:.4f}","{e:.4f}","{f:.4f}"' for t, e, f in zip(time, strain, force, strict=True))])
-    table(tmp_path / "log.txt", ["Time, Pressure", *(f"{int(t)},{p:.3f}" for t, p in zip(time, pressure, strict=True) for _ in (0, 1))])
+    table(
+        tmp_path / "tester.csv",
+        [
+            *header,
+            *(
+                f'"{t:.4f}","{e:.4f}","{f:.4f}"'
+                for t, e, f in zip(time, strain, force, strict=True)
+            ),
+        ],
+    )
+    table(
+        tmp_path / "log.txt",
+        [
+            "Time, Pressure",
+            *(f"{int(t)},{p:.3f}" for t, p in zip(time, pressure, strict=True) for _ in (0, 1)),
+        ],
+    )
     (draft, *_) = drafting.start(tmp_path, tmp_path).drafts
     assert draft.data["header"] == 2
     assert draft.data["repeated_time"] == "average"
@@ -232,7 +334,9 @@ def test_quoted_numbers_under_two_header_rows_and_a_pressure_log_of_its_own(tmp_
 
 
 @given(st.lists(st.integers(-20, 20), max_size=40))
-def test_the_longest_ascent_never_decreases_and_leaves_out_no_ordered_stamp(stamps: list[int]) -> None:
+def test_the_longest_ascent_never_decreases_and_leaves_out_no_ordered_stamp(
+    stamps: list[int],
+) -> None:
     time = np.array(stamps, dtype=float)
     kept = longest_ascent(time)
     assert (np.diff(time[kept]) >= 0).all()

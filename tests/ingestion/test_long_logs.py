@@ -48,7 +48,12 @@ def log(seed: int, fault: str) -> str:
         force[[7, 50]] = np.nan
     elif fault == "marked":
         force[[0, 59]] = -999
-    return csv_text(t=t, P=np.repeat([80, 150, 250], 20) + np.round(rng.normal(size=SAMPLES), 2), eps=np.round(t / 10, 5), F=force)
+    return csv_text(
+        t=t,
+        P=np.repeat([80, 150, 250], 20) + np.round(rng.normal(size=SAMPLES), 2),
+        eps=np.round(t / 10, 5),
+        F=force,
+    )
 
 
 SPLITTING = {"longer_than": 1.0, "action": "split"}
@@ -58,7 +63,12 @@ OPTIONS: dict[str, list[Any]] = {
     "gaps": [None, SPLITTING, {"longer_than": 1.0, "action": "error"}],
     "repeated_time": ["error", "average", "spread"],
     "resample": [None, None, 0.02],
-    "levels": [None, {"of": "pressure"}, {"of": "pressure", "at": [80, 150]}, {"of": "pressure", "at": [250], "within": 3}],
+    "levels": [
+        None,
+        {"of": "pressure"},
+        {"of": "pressure", "at": [80, 150]},
+        {"of": "pressure", "at": [250], "within": 3},
+    ],
     "derive": [
         {},
         {"stiffness": "force/(strain + 0.01)", "half": "exp(-strain)/2"},
@@ -92,7 +102,12 @@ def outcome(folder: Path, data: dict[str, Any]) -> tuple[str, list[str]]:
     except MapmoreError as error:
         return str(error), []
     digest = hashlib.sha256()
-    document = encoded(dataset, Dataset, lambda path, value, *_: hdf5.add_to_hash(digest, path, value, value.dtype.str), {})
+    document = encoded(
+        dataset,
+        Dataset,
+        lambda path, value, *_: hdf5.add_to_hash(digest, path, value, value.dtype.str),
+        {},
+    )
     digest.update(json.dumps(document).encode())
     return digest.hexdigest(), warnings
 
@@ -116,7 +131,9 @@ def spooled(tmp_path: Path) -> Iterator[Path]:
     timed=st.booleans(),
     sizes=st.tuples(st.integers(1, 25), st.integers(20, 400)),
 )
-def test_blocks_give_what_the_whole_gives(tmp_path: Path, faults, options, keep, scale, constants, timed, sizes) -> None:
+def test_blocks_give_what_the_whole_gives(
+    tmp_path: Path, faults, options, keep, scale, constants, timed, sizes
+) -> None:
     columns = {**COLUMNS, "force": {**COLUMNS["force"], **scale}}
     options = {key: value for key, value in options.items() if value is not None}
     if not timed:
@@ -124,7 +141,12 @@ def test_blocks_give_what_the_whole_gives(tmp_path: Path, faults, options, keep,
         options["sample_time"] = 0.01
     for name, fault, seed in zip(("a.csv", "b.csv"), faults, (1, 2), strict=True):
         (tmp_path / name).write_text(log(seed, fault))
-    data = {"files": [{"path": name, **constants} for name in ("a.csv", "b.csv")], "columns": columns, "keep": keep, **options}
+    data = {
+        "files": [{"path": name, **constants} for name in ("a.csv", "b.csv")],
+        "columns": columns,
+        "keep": keep,
+        **options,
+    }
     (tmp_path / "spool").mkdir(exist_ok=True)
     with pytest.MonkeyPatch.context() as patch:
         at_once = outcome(tmp_path, data)
@@ -137,11 +159,20 @@ def test_blocks_give_what_the_whole_gives(tmp_path: Path, faults, options, keep,
 
 
 @pytest.mark.parametrize("huge", [10, 10_000])
-def test_the_file_has_the_same_bytes(tmp_path: Path, spooled: Path, monkeypatch: pytest.MonkeyPatch, huge: int) -> None:
-    """Whether its columns are packed or not; and what is read of it, mapped or not, is what was written."""
+def test_the_file_has_the_same_bytes(
+    tmp_path: Path, spooled: Path, monkeypatch: pytest.MonkeyPatch, huge: int
+) -> None:
+    """Whether its columns are packed or not; and what is read of it, mapped or not, is what was
+    written.
+    """
     for name, seed in (("a.csv", 1), ("b.csv", 2)):
         (tmp_path / name).write_text(log(seed, "gap"))
-    data = {"files": ["*.csv"], "gaps": SPLITTING, "levels": {"of": "pressure"}, "split": {"validate": {"last": 0.2}}}
+    data = {
+        "files": ["*.csv"],
+        "gaps": SPLITTING,
+        "levels": {"of": "pressure"},
+        "split": {"validate": {"last": 0.2}},
+    }
     part = slice_of(spec_of(data))
     monkeypatch.setattr(hdf5, "LONG", 5)
     monkeypatch.setattr(hdf5, "HUGE", huge)
@@ -155,9 +186,14 @@ def test_the_file_has_the_same_bytes(tmp_path: Path, spooled: Path, monkeypatch:
     assert not list(spooled.iterdir())
 
 
-def test_a_long_log_takes_the_memory_of_its_blocks(tmp_path: Path, spooled: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_long_log_takes_the_memory_of_its_blocks(
+    tmp_path: Path, spooled: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     n, rows = 80_000, 2000
-    text = "".join(f"{i / 100:.2f},{80 + 70 * (i // 1000 % 2)},{i % 1000 / 5000:.4f},{i % 77}.25\n" for i in range(n))
+    text = "".join(
+        f"{i / 100:.2f},{80 + 70 * (i // 1000 % 2)},{i % 1000 / 5000:.4f},{i % 77}.25\n"
+        for i in range(n)
+    )
     (tmp_path / "a.csv").write_text("t,P,eps,F\n" + text)
     data = {
         "files": ["a.csv"],
@@ -174,7 +210,9 @@ def test_a_long_log_takes_the_memory_of_its_blocks(tmp_path: Path, spooled: Path
     monkeypatch.setattr(lines, "BLOCK", 4 * rows)
     monkeypatch.setattr("mapmore_cli.storage.readers.csv.CHUNK", rows // 4)
     monkeypatch.setattr("mapmore_cli.modelling.signals.sampling.PART", rows // 8)
-    write_dataset(tmp_path / "ingest.h5", build_dataset(part, tmp_path))  # what is imported, and kept for the next time
+    write_dataset(
+        tmp_path / "ingest.h5", build_dataset(part, tmp_path)
+    )  # what is imported, and kept for the next time
     tracemalloc.start()
     try:
         write_dataset(tmp_path / "ingest.h5", build_dataset(part, tmp_path))
@@ -183,10 +221,14 @@ def test_a_long_log_takes_the_memory_of_its_blocks(tmp_path: Path, spooled: Path
         tracemalloc.stop()
     assert read_dataset(tmp_path / "ingest.h5").recordings[0].rows_kept > 0.9 * n
     one_column = 8 * n
-    assert peak < 2 * one_column, "there are five columns, twice, besides row numbers, places and masks"
+    assert peak < 2 * one_column, (
+        "there are five columns, twice, besides row numbers, places and masks"
+    )
 
 
-def test_more_columns_than_files_may_be_open_stay_in_memory(spooled: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_more_columns_than_files_may_be_open_stay_in_memory(
+    spooled: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(arrays, "ROWS", 4)
     monkeypatch.setattr(spool, "LONG", 0)
     monkeypatch.setattr(spool, "MOST", 2)
@@ -197,7 +239,10 @@ def test_more_columns_than_files_may_be_open_stay_in_memory(spooled: Path, monke
     assert not spool.counted(lambda rows: rows, 10).flags.writeable
 
 
-@given(steps=st.lists(st.sampled_from([0.0, 0.1, 0.1, 0.25, 3.0, -2.0]), max_size=30), rows=st.integers(1, 9))
+@given(
+    steps=st.lists(st.sampled_from([0.0, 0.1, 0.1, 0.25, 3.0, -2.0]), max_size=30),
+    rows=st.integers(1, 9),
+)
 @settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_what_is_between_blocks_is_seen(steps: list[float], rows: int) -> None:
     time = np.cumsum([0.0, *steps])
@@ -221,7 +266,8 @@ def test_the_step_of_a_long_record_is_that_of_its_parts(monkeypatch: pytest.Monk
 SPEC = """
 schema_version: 1
 name: long
-data: {files: [log.csv], reader: csv, columns: {time: {column: t}, force: {column: F}, strain: {column: eps}}}
+data: {files: [log.csv], reader: csv, columns: {time: {column: t}, force: {column: F},
+    strain: {column: eps}}}
 target: {column: force}
 dictionary: [{terms: [strain]}]
 """
@@ -230,7 +276,9 @@ ROWS = 50_000
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    (tmp_path / "log.csv").write_text("t,F,eps\n" + "".join(f"{i},{i % 7}.25,0.{i % 9}\n" for i in range(ROWS)))
+    (tmp_path / "log.csv").write_text(
+        "t,F,eps\n" + "".join(f"{i},{i % 7}.25,0.{i % 9}\n" for i in range(ROWS))
+    )
     (tmp_path / "long.yaml").write_text(SPEC)
     return tmp_path
 
@@ -244,7 +292,9 @@ def interrupted_after(calls: int, folder: Path) -> None:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        bring_up_to_date(load(folder / "long.yaml"), folder / "runs", until="ingest", progress=progress)
+        bring_up_to_date(
+            load(folder / "long.yaml"), folder / "runs", until="ingest", progress=progress
+        )
 
 
 @pytest.mark.parametrize("calls", [0, 1, 3])

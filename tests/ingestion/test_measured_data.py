@@ -16,20 +16,32 @@ from mapmore_cli.ingestion.files import slice_of
 from mapmore_cli.spec.loader import load
 
 PROJECT = Path(__file__).resolve().parents[2]
-CLAMPED = {"Unkink": 0.182, "kinked25": 0.1745, "kinked50": 0.167, "kinked75": 0.1595}  # m; 0.182 m at rest
+CLAMPED = {
+    "Unkink": 0.182,
+    "kinked25": 0.1745,
+    "kinked50": 0.167,
+    "kinked75": 0.1595,
+}  # m; 0.182 m at rest
 
 
 def read(data: dict[str, Any], folder: Path, warnings: list[str] | None = None) -> Dataset:
-    return build_dataset(slice_of(spec_of(data)), folder, warn=(warnings if warnings is not None else []).append)
+    return build_dataset(
+        slice_of(spec_of(data)), folder, warn=(warnings if warnings is not None else []).append
+    )
 
 
 def festo(**changes: Any) -> dict[str, Any]:
     return {
         "files": [
-            {"path": f"festo_10mm_isometric/10mm_20cm_{state}_*.csv.gz", "set": {"length": length}} for state, length in CLAMPED.items()
+            {"path": f"festo_10mm_isometric/10mm_20cm_{state}_*.csv.gz", "set": {"length": length}}
+            for state, length in CLAMPED.items()
         ],
         "header": False,
-        "columns": {"force": {"column": 0}, "pressure": {"column": 1, "unit": "kPa"}, "time": {"column": 2, "unit": "s"}},
+        "columns": {
+            "force": {"column": 0},
+            "pressure": {"column": 1, "unit": "kPa"},
+            "time": {"column": 2, "unit": "s"},
+        },
         "repeated_time": "average",
         "derive": {
             "strain": "(0.182 - length)/0.182",
@@ -43,8 +55,15 @@ def festo(**changes: Any) -> dict[str, Any]:
 
 def test_isometric_muscle_gives_four_curves_of_settled_samples(measured_data: Path) -> None:
     warnings: list[str] = []
-    dataset = read(festo(split={"validate": {"files": ["*_Test10.csv.gz"]}}), measured_data, warnings)
-    assert [curve.id for curve in dataset.curves] == ["strain=0", "strain=0.0412088", "strain=0.0824176", "strain=0.123626"]
+    dataset = read(
+        festo(split={"validate": {"files": ["*_Test10.csv.gz"]}}), measured_data, warnings
+    )
+    assert [curve.id for curve in dataset.curves] == [
+        "strain=0",
+        "strain=0.0412088",
+        "strain=0.0824176",
+        "strain=0.123626",
+    ]
     assert [recording.rows_read for recording in dataset.recordings] == [15_000] * 12
     for recording in dataset.recordings:
         assert recording.rows_kept + sum(recording.dropped.values()) == 15_000
@@ -55,24 +74,35 @@ def test_isometric_muscle_gives_four_curves_of_settled_samples(measured_data: Pa
         tests = [int(name.rpartition("Test")[2]) for name in curve.recordings]
         assert tests == [10, 8, 9]
         sizes = {r.id: r.rows_kept for r in dataset.recordings}
-        np.testing.assert_array_equal(curve.held_out, np.repeat([True, False, False], [sizes[name] for name in curve.recordings]))
+        np.testing.assert_array_equal(
+            curve.held_out,
+            np.repeat([True, False, False], [sizes[name] for name in curve.recordings]),
+        )
     peaks = [curve.columns["force"].max() for curve in dataset.curves]
     assert peaks == sorted(peaks, reverse=True)
     assert warnings == []
 
 
-def test_repeated_stamps_of_the_logger_are_refused_unless_the_spec_says_what_to_do(measured_data: Path) -> None:
-    with pytest.raises(DataError, match=r"10mm_20cm_Unkink_Test10\.csv\.gz:row \d+: the time [\d.]+ stands twice"):
+def test_repeated_stamps_of_the_logger_are_refused_unless_the_spec_says_what_to_do(
+    measured_data: Path,
+) -> None:
+    with pytest.raises(
+        DataError, match=r"10mm_20cm_Unkink_Test10\.csv\.gz:row \d+: the time [\d.]+ stands twice"
+    ):
         read(festo(repeated_time="error"), measured_data)
 
 
 def test_pressure_rate_integrates_to_the_steps_of_the_staircase(measured_data: Path) -> None:
     dataset = read({**festo(), "keep": [], "files": [festo()["files"][0]]}, measured_data)
     for recording in dataset.recordings:
-        time, pressure, slope = (recording.columns[name] for name in ("time", "pressure", "pressure_rate"))
+        time, pressure, slope = (
+            recording.columns[name] for name in ("time", "pressure", "pressure_rate")
+        )
         later = time > 1  # the record begins in the middle of a step
         risen = np.concatenate([[0], np.cumsum(np.diff(time) * (slope[1:] + slope[:-1]) / 2)])
-        drift = (risen - pressure)[later & (np.abs(slope) < 5)]  # within a step, the window smooths the corner away
+        drift = (risen - pressure)[
+            later & (np.abs(slope) < 5)
+        ]  # within a step, the window smooths the corner away
         assert np.ptp(drift) < 0.02 * np.ptp(pressure)
 
 
@@ -97,11 +127,15 @@ def test_held_strains_of_the_bellows(measured_data: Path) -> None:
     levels = np.array([curve.level for curve in dataset.curves])
     np.testing.assert_allclose(levels, np.linspace(-0.1665, 0.668, 11), atol=2e-3)
     assert dataset.recordings[0].dropped["missing value"] == 2013
-    with pytest.raises(DataError, match=r"row 2, column pressure_kPa_smoothed: the value of pressure is missing"):
+    with pytest.raises(
+        DataError, match=r"row 2, column pressure_kPa_smoothed: the value of pressure is missing"
+    ):
         read({**data, "missing": "error"}, measured_data)
 
 
-@pytest.mark.parametrize(("muscle", "levels"), [("mckibben", [0, 80, 150, 250, 350]), ("peano", [0, 80, 200, 350, 500])])
+@pytest.mark.parametrize(
+    ("muscle", "levels"), [("mckibben", [0, 80, 150, 250, 350]), ("peano", [0, 80, 200, 350, 500])]
+)
 def test_levels_of_the_simulated_load_cycles(muscle: str, levels: list[float]) -> None:
     data = {
         "files": [f"datasets/{muscle}/load_cycle_*.csv"],
@@ -118,10 +152,18 @@ def test_levels_of_the_simulated_load_cycles(muscle: str, levels: list[float]) -
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 
 
-def shipped(name: str, monkeypatch: pytest.MonkeyPatch, folder: Path, warnings: list[str] | None = None, *changes: str) -> Dataset:
+def shipped(
+    name: str,
+    monkeypatch: pytest.MonkeyPatch,
+    folder: Path,
+    warnings: list[str] | None = None,
+    *changes: str,
+) -> Dataset:
     monkeypatch.setenv("MAPMORE_DATA", str(folder))
     loaded = load(CONFIGS / name, changes)
-    return build_dataset(slice_of(loaded.spec), loaded.folder, warn=(warnings if warnings is not None else []).append)
+    return build_dataset(
+        slice_of(loaded.spec), loaded.folder, warn=(warnings if warnings is not None else []).append
+    )
 
 
 def steps(sample: str, **changes: Any) -> dict[str, Any]:
@@ -148,31 +190,44 @@ def coiled(folder: Path, data: dict[str, Any]) -> Dataset:
     return build_dataset(slice_of(spec), folder, warn=lambda warning: pytest.fail(warning))
 
 
-def test_two_logs_of_the_bellows_give_the_pressure_that_was_published(measured_data: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_two_logs_of_the_bellows_give_the_pressure_that_was_published(
+    measured_data: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     levels = "data.levels={of: strain, at: auto, within: 0.005}"
     everywhere = [levels, "data.split={}"]
     raw = shipped("bellows/bellows_raw.yaml", monkeypatch, measured_data, None, *everywhere)
     table = shipped("bellows/bellows_strain.yaml", monkeypatch, measured_data, None, *everywhere)
-    ours = {name: np.concatenate([r.columns[name] for r in raw.recordings]) for name in ("time", "pressure", "force", "strain")}
+    ours = {
+        name: np.concatenate([r.columns[name] for r in raw.recordings])
+        for name in ("time", "pressure", "force", "strain")
+    }
     theirs = table.recordings[0].columns
     place = np.searchsorted(theirs["time"], ours["time"] - 1e-6).clip(0, len(theirs["time"]) - 1)
     assert np.isclose(theirs["time"][place], ours["time"], atol=1e-6).mean() > 0.99
     np.testing.assert_allclose(ours["force"], theirs["force"][place], atol=2e-3)
-    smooth = np.convolve(ours["pressure"], np.full(9, 1 / 9), mode="same")  # they published a moving average
+    smooth = np.convolve(
+        ours["pressure"], np.full(9, 1 / 9), mode="same"
+    )  # they published a moving average
     differences = smooth - theirs["pressure"][place]
     assert np.sqrt(np.mean((ours["pressure"] - theirs["pressure"][place]) ** 2)) < 0.3  # kPa, of 94
     assert np.median(np.abs(differences)) < 0.02
     assert np.ptp(theirs["pressure"]) > 90
 
 
-def test_what_the_bellows_logs_lack_is_counted(measured_data: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_the_bellows_logs_lack_is_counted(
+    measured_data: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     warnings: list[str] = []
     raw = shipped("bellows/bellows_raw.yaml", monkeypatch, measured_data, warnings)
     assert len(raw.recordings) == 11
     assert sum(recording.rows_read for recording in raw.recordings) == 34_340
-    assert sum(recording.dropped.get("missing value", 0) for recording in raw.recordings) > 9_000  # the logger rests between the holds
+    assert (
+        sum(recording.dropped.get("missing value", 0) for recording in raw.recordings) > 9_000
+    )  # the logger rests between the holds
     assert "10 gaps longer than 1 s" in raw.notes[0]
-    assert [curve.held_out.all() for curve in raw.curves] == [curve.level in (0, 0.25, 0.5) for curve in raw.curves]
+    assert [curve.held_out.all() for curve in raw.curves] == [
+        curve.level in (0, 0.25, 0.5) for curve in raw.curves
+    ]
     assert sum(curve.held_out.all() for curve in raw.curves) == 3
 
 
@@ -196,7 +251,9 @@ def test_block_means_lose_nothing_of_the_slow_movement(measured_data: Path) -> N
     coarse = coiled(measured_data, steps("Sample 1 Final 200"))
     for before, after in zip(fine.curves, coarse.curves, strict=True):
         covered = before.columns["time"] < after.columns["time"][-1] + 0.005
-        assert abs(before.columns["pressure"][covered].mean() - after.columns["pressure"].mean()) < 1  # kPa, of 1700
+        assert (
+            abs(before.columns["pressure"][covered].mean() - after.columns["pressure"].mean()) < 1
+        )  # kPa, of 1700
 
 
 def test_clock_that_was_set_back_while_logging(measured_data: Path) -> None:

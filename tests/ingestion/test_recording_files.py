@@ -13,7 +13,14 @@ from mapmore_cli.spec.sections.logs import FileEntry
 
 @pytest.fixture
 def tree(tmp_path: Path) -> Path:
-    for name in ("b/run_2.csv", "b/run_10.csv", "a/run_2.csv.gz", "a/other.txt", "spec/x [1].csv", "spec/here.csv"):
+    for name in (
+        "b/run_2.csv",
+        "b/run_10.csv",
+        "a/run_2.csv.gz",
+        "a/other.txt",
+        "spec/x [1].csv",
+        "spec/here.csv",
+    ):
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text("1\n")
     return tmp_path / "spec"
@@ -21,13 +28,21 @@ def tree(tmp_path: Path) -> Path:
 
 def test_globs_are_sorted_and_named_from_the_folder_of_the_spec(tree: Path) -> None:
     sources = find_sources(["../*/run_*.csv*", "here.csv"], tree)
-    assert [source.name for source in sources] == ["../a/run_2.csv.gz", "../b/run_10.csv", "../b/run_2.csv", "here.csv"]
+    assert [source.name for source in sources] == [
+        "../a/run_2.csv.gz",
+        "../b/run_10.csv",
+        "../b/run_2.csv",
+        "here.csv",
+    ]
     assert [source.id for source in sources] == ["a-run_2", "run_10", "b-run_2", "here"]
     assert all(source.path.is_file() for source in sources)
 
 
 def test_absolute_patterns_give_the_same_names(tree: Path) -> None:
-    relative, absolute = find_sources(["../b/*.csv"], tree), find_sources([f"{tree.parent}/b/*.csv"], tree)
+    relative, absolute = (
+        find_sources(["../b/*.csv"], tree),
+        find_sources([f"{tree.parent}/b/*.csv"], tree),
+    )
     assert [source.name for source in relative] == [source.name for source in absolute]
 
 
@@ -47,22 +62,43 @@ def test_entries_carry_constants_and_an_id(tree: Path) -> None:
         (["../b/run_3.csv"], DataError, ["../b/run_3.csv", "run_2.csv"]),
         (["../c/run_2.csv"], DataError, ["folder", "does not exist"]),
         (["../b"], DataError, ["../b: is a folder", "../b/*.csv"]),
-        (["../b/*.csv", "../*/run_10.csv"], DataError, ["../b/run_10.csv: named twice", "../b/*.csv", "../*/run_10.csv"]),
+        (
+            ["../b/*.csv", "../*/run_10.csv"],
+            DataError,
+            ["../b/run_10.csv: named twice", "../b/*.csv", "../*/run_10.csv"],
+        ),
         (["here.csv", "../spec/here.csv"], DataError, ["here.csv: named twice"]),
         ([FileEntry(path="../b/*.csv", id="b")], SpecError, ["id 'b' is given to 2 files"]),
-        ([FileEntry(path="here.csv", id="run_10"), "../b/run_10.csv"], SpecError, ["2 recordings have the id 'run_10'"]),
+        (
+            [FileEntry(path="here.csv", id="run_10"), "../b/run_10.csv"],
+            SpecError,
+            ["2 recordings have the id 'run_10'"],
+        ),
     ],
 )
-def test_files_that_cannot_be_meant(tree: Path, entries: list[str | FileEntry], error: type[Exception], parts: list[str]) -> None:
+def test_files_that_cannot_be_meant(
+    tree: Path, entries: list[str | FileEntry], error: type[Exception], parts: list[str]
+) -> None:
     with pytest.raises(error) as caught:
         find_sources(entries, tree)
     assert all(part in str(caught.value) for part in parts), str(caught.value)
 
 
 @settings(deadline=None)
-@given(st.lists(st.lists(st.sampled_from(["a", "b", "c"]), min_size=1, max_size=3).map("/".join), min_size=1, max_size=8, unique=True))
+@given(
+    st.lists(
+        st.lists(st.sampled_from(["a", "b", "c"]), min_size=1, max_size=3).map("/".join),
+        min_size=1,
+        max_size=8,
+        unique=True,
+    )
+)
 def test_ids_are_as_short_as_unique_names_allow(paths: list[str]) -> None:
     ids = unique_ids([f"{path}.csv" for path in paths])
     assert len(ids) == len(paths)
     assert all(path.replace("/", "-").endswith(name) for path, name in zip(paths, ids, strict=True))
-    assert all(name == path.replace("/", "-") for path, name in zip(paths, ids, strict=True) if ids.count(name) > 1)
+    assert all(
+        name == path.replace("/", "-")
+        for path, name in zip(paths, ids, strict=True)
+        if ids.count(name) > 1
+    )

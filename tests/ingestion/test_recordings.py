@@ -18,44 +18,77 @@ def test_value_times_scale_plus_offset_then_the_unit_of_the_model(ingest: Ingest
         "pressure": {"column": "P", "unit": "psi"},
         "force": {"column": "F", "unit": "kN", "scale": 0.25, "offset": 0.009},
     }
-    dataset = ingest({"a.csv": csv_text(t=[0, 1], P=[10, 20], eps=0, F=[0.4, 0.8])}, columns=columns, units={"strain": "%"})
+    dataset = ingest(
+        {"a.csv": csv_text(t=[0, 1], P=[10, 20], eps=0, F=[0.4, 0.8])},
+        columns=columns,
+        units={"strain": "%"},
+    )
     (curve,) = dataset.curves
     np.testing.assert_allclose(curve.columns["pressure"], [68.94757293168, 137.89514586336])
     np.testing.assert_allclose(curve.columns["force"], [109.0, 209.0])
-    assert {name: dataset.unit(name) for name in dataset.quantities} == {"time": "s", "pressure": "kPa", "strain": "%", "force": "N"}
+    assert {name: dataset.unit(name) for name in dataset.quantities} == {
+        "time": "s",
+        "pressure": "kPa",
+        "strain": "%",
+        "force": "N",
+    }
 
 
 def test_without_levels_every_recording_is_a_curve(ingest: Ingest) -> None:
     dataset = ingest({"b.csv": steps(80), "a.csv": steps(150)})
-    assert [(c.id, c.level, c.recordings, c.size) for c in dataset.curves] == [("a", None, ("a",), 20), ("b", None, ("b",), 20)]
+    assert [(c.id, c.level, c.recordings, c.size) for c in dataset.curves] == [
+        ("a", None, ("a",), 20),
+        ("b", None, ("b",), 20),
+    ]
     assert dataset.level is None
     assert (dataset.target, dataset.recordings[0].source) == ("force", "a.csv")
 
 
 def test_every_recording_counts_from_where_it_rests(ingest: Ingest) -> None:
-    """The mean over the first seconds is taken off, in the model's unit; values that are missing do no harm."""
-    columns = {**COLUMNS, "force": {"column": "F", "unit": "kN", "scale": 2.0, "offset": 1.0, "rest": 0.25}}
+    """The mean over the first seconds is taken off, in the model's unit; values that are missing do
+    no harm.
+    """
+    columns = {
+        **COLUMNS,
+        "force": {"column": "F", "unit": "kN", "scale": 2.0, "offset": 1.0, "rest": 0.25},
+    }
     first = csv_text(t=[5, 5.1, 5.2, 5.3, 5.4], P=80, eps=0, F=[0.1, np.nan, 0.3, 0.7, 0.2])
     second = csv_text(t=[0, 0.1, 0.2, 0.3], P=80, eps=0, F=[9, 9, 9, 8])
-    one, other = ingest({"a.csv": first, "b.csv": second}, columns=columns, missing="drop", units={"time": "ms"}).curves
+    one, other = ingest(
+        {"a.csv": first, "b.csv": second}, columns=columns, missing="drop", units={"time": "ms"}
+    ).curves
     np.testing.assert_allclose(one.columns["force"], [-200, 200, 1000, 0], atol=1e-9)
     np.testing.assert_allclose(other.columns["force"], [0, 0, 0, -2000], atol=1e-9)
 
 
 def test_a_recording_without_values_at_rest_is_refused(ingest: Ingest) -> None:
     columns = {**COLUMNS, "force": {"column": "F", "rest": 0.15}}
-    with pytest.raises(DataError, match=r"a\.csv: force has no value in the first 0\.15 s") as refused:
-        ingest({"a.csv": csv_text(t=[0, 0.1, 0.2], P=80, eps=0, F=[np.nan, np.nan, 1])}, columns=columns, missing="drop")
+    with pytest.raises(
+        DataError, match=r"a\.csv: force has no value in the first 0\.15 s"
+    ) as refused:
+        ingest(
+            {"a.csv": csv_text(t=[0, 0.1, 0.2], P=80, eps=0, F=[np.nan, np.nan, 1])},
+            columns=columns,
+            missing="drop",
+        )
     assert "rest" in refused.value.remedy
 
 
 @given(every=st.integers(1, 7), samples=st.integers(1, 30))
 @settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_of_so_many_samples_the_first_is_read(ingest: Ingest, every: int, samples: int) -> None:
-    """Their time stays that of the file, made or measured; a second log is thinned by itself and paired row by row."""
+    """Their time stays that of the file, made or measured; a second log is thinned by itself and
+    paired row by row.
+    """
     force = np.arange(samples) ** 2.0
-    made = {"columns": {"pressure": {"column": "P"}, "strain": {"column": "eps"}}, "sample_time": 0.5, "every": every}
-    join = [{"files": ["b.csv"], "columns": {"force": {"column": "F"}}, "on": "row", "every": every}]
+    made = {
+        "columns": {"pressure": {"column": "P"}, "strain": {"column": "eps"}},
+        "sample_time": 0.5,
+        "every": every,
+    }
+    join = [
+        {"files": ["b.csv"], "columns": {"force": {"column": "F"}}, "on": "row", "every": every}
+    ]
     logs = {"a.csv": csv_text(P=np.full(samples, 80.0), eps=0), "b.csv": csv_text(F=force)}
     dataset = ingest(logs, files=["a.csv"], join=join, **made)
     (curve,) = dataset.curves
@@ -78,7 +111,9 @@ def test_derived_quantities_follow_their_needs_whatever_their_order(ingest: Inge
     columns = {name: column for name, column in COLUMNS.items() if name != "strain"}
     t = np.arange(30) * 0.1
     text = csv_text(t=t, P=80, eps=0, F=5 * t)
-    dataset = ingest({"a.csv": text}, columns={**columns, "length": {"column": "t", "unit": "mm"}}, derive=derive)
+    dataset = ingest(
+        {"a.csv": text}, columns={**columns, "length": {"column": "t", "unit": "mm"}}, derive=derive
+    )
     got = dataset.curves[0].columns
     np.testing.assert_allclose(got["strain"], (0.083 - t / 1000) / 0.083)
     np.testing.assert_allclose(got["work"], 5 * t * got["strain"])
@@ -88,10 +123,18 @@ def test_derived_quantities_follow_their_needs_whatever_their_order(ingest: Inge
 
 def test_rate_in_a_unit_of_its_own(ingest: Ingest) -> None:
     t = np.arange(30) * 10.0
-    columns = {**COLUMNS, "time": {"column": "t", "unit": "ms"}, "pressure": {"column": "P", "unit": "bar"}}
+    columns = {
+        **COLUMNS,
+        "time": {"column": "t", "unit": "ms"},
+        "pressure": {"column": "P", "unit": "bar"},
+    }
     derive = {"pressure_rate": {"rate_of": "pressure", "window": 0.1, "order": 1}}
     text = csv_text(t=t, P=2 * t / 1000, eps=0, F=0)
-    for units, unit, value in (({}, "kPa/s", 200.0), ({"pressure": "bar"}, "bar/s", 2.0), ({"time": "ms"}, "kPa/ms", 0.2)):
+    for units, unit, value in (
+        ({}, "kPa/s", 200.0),
+        ({"pressure": "bar"}, "bar/s", 2.0),
+        ({"time": "ms"}, "kPa/ms", 0.2),
+    ):
         dataset = ingest({"a.csv": text}, columns=columns, derive=derive, units=units)
         assert dataset.unit("pressure_rate") == unit
         np.testing.assert_allclose(dataset.curves[0].columns["pressure_rate"], value)
@@ -127,14 +170,18 @@ def test_repeated_stamps(ingest: Ingest) -> None:
     np.testing.assert_array_equal(spread.columns["force"], [0, 1, 3, 5])
 
 
-@settings(deadline=None, max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    deadline=None, max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 @given(
     force=st.lists(st.one_of(st.floats(-50, 50), st.just(np.nan)), min_size=5, max_size=40),
     pressure=st.lists(st.floats(0, 400), min_size=5, max_size=40),
     stamps=st.lists(st.integers(0, 2), min_size=5, max_size=40),
     within=st.floats(1, 80),
 )
-def test_every_row_is_kept_or_counted(ingest: Ingest, force: list[float], pressure: list[float], stamps: list[int], within: float) -> None:
+def test_every_row_is_kept_or_counted(
+    ingest: Ingest, force: list[float], pressure: list[float], stamps: list[int], within: float
+) -> None:
     n = min(len(force), len(pressure), len(stamps))
     text = csv_text(t=np.cumsum(stamps[:n]), P=pressure[:n], eps=0, F=force[:n])
     try:
@@ -158,7 +205,11 @@ def test_every_row_is_kept_or_counted(ingest: Ingest, force: list[float], pressu
 
 def test_losses_are_warned_of(ingest: Ingest) -> None:
     warnings: list[str] = []
-    ingest({"a.csv": steps(80, 40), "b.csv": steps(80, 5)}, warnings=warnings, keep=[{"quantity": "time", "below": 1.0}])
+    ingest(
+        {"a.csv": steps(80, 40), "b.csv": steps(80, 5)},
+        warnings=warnings,
+        keep=[{"quantity": "time", "below": 1.0}],
+    )
     assert warnings == [
         "a.csv: 75% of 40 samples left out (30: time >= 1 s)",
         "b.csv: holds only 5 samples",
@@ -179,19 +230,55 @@ MILLIMETRES = {**COLUMNS, "force": {"column": "F", "unit": "mm"}}
 RATE = {"force_rate": {"rate_of": "force", "window": 0.5}}
 
 BROKEN: dict[str, tuple[str, dict[str, Any], list[str]]] = {
-    "missing value": (ROW + "1,80,0,\n", {}, ["a.csv:row 3, column F", "force is missing", "missing: drop", "1 of 2"]),
+    "missing value": (
+        ROW + "1,80,0,\n",
+        {},
+        ["a.csv:row 3, column F", "force is missing", "missing: drop", "1 of 2"],
+    ),
     "infinite value": ("0,inf,0,1\n", {}, ["a.csv:row 2, column P", "pressure is missing"]),
-    "all missing": (",,,\n,,,\n", {"missing": "drop"}, ["a.csv: no sample is left (2: missing value)"]),
-    "all left out": (ROW, {"keep": [{"quantity": "force", "above": 9.0}]}, ["no sample is left (1: force <= 9 N)"]),
-    "time backwards": (ROW + "2,80,0,1\n1.5,80,0,1\n", {}, ["a.csv:row 4: time runs backwards, from 2 to 1.5"]),
-    "backwards after a gap": (ROW + "9,,0,1\n2,80,0,1\n1,80,0,1\n", {"missing": "drop"}, ["a.csv:row 5: time runs backwards"]),
-    "repeated time": (ROW + ROW, {}, ["a.csv:row 3: the time 0 stands twice (1 stamps repeat)", "repeated_time: average"]),
+    "all missing": (
+        ",,,\n,,,\n",
+        {"missing": "drop"},
+        ["a.csv: no sample is left (2: missing value)"],
+    ),
+    "all left out": (
+        ROW,
+        {"keep": [{"quantity": "force", "above": 9.0}]},
+        ["no sample is left (1: force <= 9 N)"],
+    ),
+    "time backwards": (
+        ROW + "2,80,0,1\n1.5,80,0,1\n",
+        {},
+        ["a.csv:row 4: time runs backwards, from 2 to 1.5"],
+    ),
+    "backwards after a gap": (
+        ROW + "9,,0,1\n2,80,0,1\n1,80,0,1\n",
+        {"missing": "drop"},
+        ["a.csv:row 5: time runs backwards"],
+    ),
+    "repeated time": (
+        ROW + ROW,
+        {},
+        ["a.csv:row 3: the time 0 stands twice (1 stamps repeat)", "repeated_time: average"],
+    ),
     "division by zero": (ROW, {"derive": {"x": "force/time"}}, ["a.csv:row 2: derive.x gives inf"]),
-    "narrow window": (ROW + "1,80,0,1\n", {"derive": RATE}, ["a.csv: the window of 0.5 s", "wider `window`"]),
+    "narrow window": (
+        ROW + "1,80,0,1\n",
+        {"derive": RATE},
+        ["a.csv: the window of 0.5 s", "wider `window`"],
+    ),
 }
 WRONG_SPECS: dict[str, tuple[str, dict[str, Any], list[str]]] = {
-    "given twice": (ROW, {"files": [{"path": "a.csv", "set": {"strain": 0.1}}]}, ["'strain' is set for a file and measured"]),
-    "set for some": (ROW, {"files": ["a.csv", {"path": "b.csv", "set": {"load": 2.0}}]}, ["'load' is set for some entries only"]),
+    "given twice": (
+        ROW,
+        {"files": [{"path": "a.csv", "set": {"strain": 0.1}}]},
+        ["'strain' is set for a file and measured"],
+    ),
+    "set for some": (
+        ROW,
+        {"files": ["a.csv", {"path": "b.csv", "set": {"load": 2.0}}]},
+        ["'load' is set for some entries only"],
+    ),
     "wrong dimension": (ROW, {"columns": MILLIMETRES}, ["mm", "cannot be converted to 'N'"]),
 }
 

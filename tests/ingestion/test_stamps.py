@@ -1,4 +1,6 @@
-"""Stamps of time in whole studies: formats, clocks that begin anew, thousands; and numbers where a stamp stands among them."""
+"""Stamps of time in whole studies: formats, clocks that begin anew, thousands; and numbers where a
+stamp stands among them.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,11 @@ from ingest_samples import Ingest
 from mapmore_cli import fit
 from mapmore_cli.domain.errors import DataError
 
-COLUMNS: dict[str, Any] = {"pressure": {"column": "P"}, "strain": {"column": "eps"}, "force": {"column": "F"}}
+COLUMNS: dict[str, Any] = {
+    "pressure": {"column": "P"},
+    "strain": {"column": "eps"},
+    "force": {"column": "F"},
+}
 
 
 def log(*cells: str, mark: str = ",") -> str:
@@ -27,27 +33,43 @@ def times(dataset: Any) -> list[float]:
 
 def test_a_format_of_american_stamps(ingest: Ingest) -> None:
     time = {"column": "t", "format": "%m/%d/%Y %I:%M:%S.%f %p"}
-    dataset = ingest({"a.csv": log("03/01/2026 11:59:59.5 AM", "03/01/2026 12:00:00.5 PM")}, columns={**COLUMNS, "time": time})
+    dataset = ingest(
+        {"a.csv": log("03/01/2026 11:59:59.5 AM", "03/01/2026 12:00:00.5 PM")},
+        columns={**COLUMNS, "time": time},
+    )
     assert np.diff(times(dataset)).tolist() == [1.0]
 
 
 def test_stamps_count_in_the_unit_of_their_column(ingest: Ingest) -> None:
     content = {"a.csv": log("0:00:01", "0:00:02.5")}
-    assert times(ingest(content, columns={**COLUMNS, "time": {"column": "t", "unit": "ms"}})) == [1.0, 2.5]
+    assert times(ingest(content, columns={**COLUMNS, "time": {"column": "t", "unit": "ms"}})) == [
+        1.0,
+        2.5,
+    ]
 
 
 @pytest.mark.parametrize(
     ("cells", "unit", "expected"),
     [
-        (("23:59:59", "23:59:59.5", "00:00:00.5", "", "00:00:01.5"), "s", [86399, 86399.5, 86400.5, 86401.5]),
+        (
+            ("23:59:59", "23:59:59.5", "00:00:00.5", "", "00:00:01.5"),
+            "s",
+            [86399, 86399.5, 86400.5, 86401.5],
+        ),
         (("11:59:59 PM", "12:00:01 AM"), "s", [86399, 86401]),
         (("59:59.5", "00:00.5", "59:59.5", "00:00.5"), "s", [3599.5, 3600.5, 7199.5, 7200.5]),
-        (("4294967000", "4294967290", "4", "100"), "ms", [4294967.0, 4294967.29, 4294967.3, 4294967.396]),
+        (
+            ("4294967000", "4294967290", "4", "100"),
+            "ms",
+            [4294967.0, 4294967.29, 4294967.3, 4294967.396],
+        ),
         (("4294967000", "4294967290", "4"), "us", [4294.967, 4294.96729, 4294.9673]),
         (("86399900", "50"), "ms", [86399.9, 86400.05]),
     ],
 )
-def test_a_clock_that_begins_anew_goes_on(ingest: Ingest, cells: tuple[str, ...], unit: str, expected: list[float]) -> None:
+def test_a_clock_that_begins_anew_goes_on(
+    ingest: Ingest, cells: tuple[str, ...], unit: str, expected: list[float]
+) -> None:
     content = {"a.csv": log(*cells)}
     time = {"column": "t", "unit": unit}
     with pytest.raises(DataError, match=r"time runs backwards[^`]*\n[^`]*`unwrap: true` at `time`"):
@@ -57,22 +79,33 @@ def test_a_clock_that_begins_anew_goes_on(ingest: Ingest, cells: tuple[str, ...]
 
 
 @pytest.mark.parametrize("cells", [("5000", "0"), ("23:00:00", "12:00:00"), ("3000000", "0")])
-def test_a_clock_that_was_set_back_is_none_that_begins_anew(ingest: Ingest, cells: tuple[str, str]) -> None:
+def test_a_clock_that_was_set_back_is_none_that_begins_anew(
+    ingest: Ingest, cells: tuple[str, str]
+) -> None:
     for more in ({}, {"unwrap": True}):
         with pytest.raises(DataError, match="time runs backwards") as told:
-            ingest({"a.csv": log(*cells)}, columns={**COLUMNS, "time": {"column": "t", "unit": "ms", **more}})
+            ingest(
+                {"a.csv": log(*cells)},
+                columns={**COLUMNS, "time": {"column": "t", "unit": "ms", **more}},
+            )
         assert "unwrap" not in str(told.value)
 
 
 @pytest.mark.parametrize(
     ("changes", "part"),
     [
-        ({"columns": {**COLUMNS, "force": {"column": "F", "format": "%H:%M:%S"}}}, "belong to `time`"),
+        (
+            {"columns": {**COLUMNS, "force": {"column": "F", "format": "%H:%M:%S"}}},
+            "belong to `time`",
+        ),
         ({"columns": {**COLUMNS, "force": {"column": "F", "unwrap": True}}}, "belong to `time`"),
         ({"columns": {**COLUMNS, "time": {"column": "t", "format": "%Q"}}}, "no format of stamps"),
         ({"columns": {**COLUMNS, "time": {"column": "t", "format": "%I:%M:%S"}}}, "AM or PM"),
         ({"columns": {**COLUMNS, "time": {"column": "t", "format": "%H:%M:%S %p"}}}, "AM or PM"),
-        ({"columns": {**COLUMNS, "time": {"column": "t", "format": "%d.%m. %H:%M:%S"}}}, "a day its year"),
+        (
+            {"columns": {**COLUMNS, "time": {"column": "t", "format": "%d.%m. %H:%M:%S"}}},
+            "a day its year",
+        ),
         ({"columns": {**COLUMNS, "time": {"column": "t", "format": ""}}}, "has codes"),
         ({"thousands": ","}, "between thousands"),
         ({"thousands": ".", "delimiter": ";"}, "between thousands"),
@@ -95,7 +128,9 @@ def test_thousands_of_a_whole_file(ingest: Ingest, mark: str, delimiter: str) ->
     assert dataset.recordings[0].columns["pressure"].tolist() == [1080.5, 1080.5]
 
 
-@pytest.mark.parametrize("cell", ["0:03:20", '"20"1.2', "01.05.2026 00:00:00", "TRUE", "\u0661\u0662", "1_5", "5 N"])
+@pytest.mark.parametrize(
+    "cell", ["0:03:20", '"20"1.2', "01.05.2026 00:00:00", "TRUE", "\u0661\u0662", "1_5", "5 N"]
+)
 def test_a_force_that_is_no_number_ends_the_study(ingest: Ingest, cell: str) -> None:
     content = log(*map(str, range(9))).replace(",4\n", f",{cell}\n", 1)
     for missing in ("error", "drop"):
@@ -110,8 +145,16 @@ def test_a_column_that_two_quantities_have_holds_no_stamps(ingest: Ingest) -> No
         ingest({"a.csv": log("0:00:01", "0:00:02")}, columns=both)
 
 
-FRAME = {"P": 200.0 + np.sin(np.arange(40.0)), "eps": np.linspace(0, 0.2, 40), "F": 300 * (1 - np.linspace(0, 1, 40)) ** 2}
-STUDY: dict[str, Any] = {"target": "static", "columns": COLUMNS, "dictionary": [{"polynomial": {"of": ["strain"], "order": 2}}]}
+FRAME = {
+    "P": 200.0 + np.sin(np.arange(40.0)),
+    "eps": np.linspace(0, 0.2, 40),
+    "F": 300 * (1 - np.linspace(0, 1, 40)) ** 2,
+}
+STUDY: dict[str, Any] = {
+    "target": "static",
+    "columns": COLUMNS,
+    "dictionary": [{"polynomial": {"of": ["strain"], "order": 2}}],
+}
 
 
 @pytest.mark.parametrize(
@@ -141,4 +184,7 @@ def test_a_frame_with_stamps_in_a_format() -> None:
     found = fit({**FRAME, "t": stamps}, **asked)
     assert found.spec.data.columns["time"].format is None
     with pytest.raises(DataError, match=r"row 0: .* a date stands here"):
-        fit({**FRAME, "t": stamps}, **{**asked, "columns": {**COLUMNS, "time": {**time, "format": "%I:%M"}}})
+        fit(
+            {**FRAME, "t": stamps},
+            **{**asked, "columns": {**COLUMNS, "time": {**time, "format": "%I:%M"}}},
+        )

@@ -1,4 +1,6 @@
-"""Two models of one muscle: what changed, with the curve as the unit of every statement; the rule of one standard error."""
+"""Two models of one muscle: what changed, with the curve as the unit of every statement; the rule
+of one standard error.
+"""
 
 import math
 from dataclasses import replace
@@ -16,11 +18,23 @@ from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.pieces.build import build
 from mapmore_cli.modelling.pieces.recipe import Cuts
-from mapmore_cli.modelling.validation.comparison import common_curves, compare, grid, reference_points, term_changes
+from mapmore_cli.modelling.validation.comparison import (
+    common_curves,
+    compare,
+    grid,
+    reference_points,
+    term_changes,
+)
 from mapmore_cli.modelling.validation.intervals import SHARES
-from mapmore_cli.modelling.validation.significance import sign_permutation, simplest_of, weighted_mean
+from mapmore_cli.modelling.validation.significance import (
+    sign_permutation,
+    simplest_of,
+    weighted_mean,
+)
 
-RECIPE = recipe(dictionary=("1", "strain", "strain^2"), cuts={"strain": Cuts("even", 2)}, max_terms=2)
+RECIPE = recipe(
+    dictionary=("1", "strain", "strain^2"), cuts={"strain": Cuts("even", 2)}, max_terms=2
+)
 LEVELS = (100.0, 200.0, 300.0, 400.0)
 
 
@@ -32,7 +46,9 @@ def muscle(name: str, scale=1.0, levels=LEVELS, scatter=0.0, seed=0, end=0.2) ->
         strain = np.linspace(0, end, 60)
         force = scale * (1 + scatter * random.normal()) * level * (1 - 4 * strain)
         columns = {"pressure": np.full(60, level), "strain": strain, "force": force}
-        curves.append(Curve(f"pressure={level:g}", level, columns, np.zeros(60, dtype=bool), ("a",)))
+        curves.append(
+            Curve(f"pressure={level:g}", level, columns, np.zeros(60, dtype=bool), ("a",))
+        )
     return build(name, curves, RECIPE, QUANTITIES)
 
 
@@ -77,7 +93,9 @@ class TestMean:
     @given(arrays(float, st.integers(6, 10), elements=st.floats(-5, 5).map(lambda v: round(v, 3))))
     @settings(max_examples=25)
     def test_permutation_of_signs_as_scipy_has_it(self, x):
-        expected = stats.permutation_test((x,), np.sum, permutation_type="samples", n_resamples=np.inf, alternative="two-sided").pvalue
+        expected = stats.permutation_test(
+            (x,), np.sum, permutation_type="samples", n_resamples=np.inf, alternative="two-sided"
+        ).pvalue
         assert sign_permutation(x) == pytest.approx(expected, abs=2 / 2 ** len(x))
 
     def test_few_curves_have_no_permutation(self):
@@ -88,7 +106,9 @@ class TestMean:
 
 class TestCompare:
     def test_the_factor_is_found(self):
-        found = compare(muscle("a", scatter=0.002, seed=1), muscle("b", 1.05, scatter=0.002, seed=2))
+        found = compare(
+            muscle("a", scatter=0.002, seed=1), muscle("b", 1.05, scatter=0.002, seed=2)
+        )
         assert found.ratio == pytest.approx(1.05, abs=0.006)
         assert found.changed
         assert found.interval[0] < found.ratio < found.interval[1]
@@ -97,7 +117,12 @@ class TestCompare:
     def test_a_model_has_not_changed_against_itself(self):
         one = muscle("a")
         found = compare(one, one)
-        assert (found.ratio, found.interval, found.p, found.changed) == (1.0, (1.0, 1.0), 1.0, False)
+        assert (found.ratio, found.interval, found.p, found.changed) == (
+            1.0,
+            (1.0, 1.0),
+            1.0,
+            False,
+        )
         assert not any(term.moved for term in found.terms)
 
     def test_the_same_ratio_by_hand(self):
@@ -145,20 +170,32 @@ class TestCompare:
         a = muscle("a")
         curve, *others = a.body.curves
         first, second = curve.segments
-        changed = replace(curve, segments=(replace(first, terms=("strain^2", *first.terms[1:])), second))
+        changed = replace(
+            curve, segments=(replace(first, terms=("strain^2", *first.terms[1:])), second)
+        )
         later = replace(a, body=replace(a.body, curves=(changed, *others)))
-        moved = {(term.segment, term.term, term.before is None, term.after is None) for term in term_changes(a, later) if term.moved}
-        assert moved == {(first.id, first.terms[0], False, True), (first.id, "strain^2", True, False)}
+        moved = {
+            (term.segment, term.term, term.before is None, term.after is None)
+            for term in term_changes(a, later)
+            if term.moved
+        }
+        assert moved == {
+            (first.id, first.terms[0], False, True),
+            (first.id, "strain^2", True, False),
+        }
 
     def test_reference_points_are_outputs_of_every_model(self):
         points = reference_points([muscle("a"), muscle("b", 1.1), muscle("c", 1.2)])
         outputs = np.array([point.outputs for point in points])
-        np.testing.assert_allclose(outputs / outputs[:, :1], np.tile([1, 1.1, 1.2], (4, 1)), rtol=1e-6)
+        np.testing.assert_allclose(
+            outputs / outputs[:, :1], np.tile([1, 1.1, 1.2], (4, 1)), rtol=1e-6
+        )
 
 
 TABLES = st.tuples(st.integers(1, 6), st.integers(2, 5)).flatmap(
     lambda shape: st.tuples(
-        st.lists(st.integers(1, 9), min_size=shape[0], max_size=shape[0]), arrays(np.float64, shape, elements=st.floats(0.0, 8.0, width=16))
+        st.lists(st.integers(1, 9), min_size=shape[0], max_size=shape[0]),
+        arrays(np.float64, shape, elements=st.floats(0.0, 8.0, width=16)),
     )
 )
 
@@ -173,7 +210,9 @@ def test_none_that_is_simpler_is_as_good(table: tuple[list[int], np.ndarray]) ->
     assert sizes[found.chosen] <= sizes[found.best]
     for number, size in enumerate(sizes):
         above = logs[number] - logs[found.best]
-        standard_error = np.sqrt(np.sum((above - above.mean()) ** 2) / (len(above) - 1) / len(above))
+        standard_error = np.sqrt(
+            np.sum((above - above.mean()) ** 2) / (len(above) - 1) / len(above)
+        )
         within = np.clip(standard_error, 0.02, 0.18)
         if number == found.chosen:
             assert above.mean() <= within + 1e-8
@@ -182,16 +221,29 @@ def test_none_that_is_simpler_is_as_good(table: tuple[list[int], np.ndarray]) ->
 
 
 @given(TABLES, st.randoms(), st.booleans())
-def test_the_order_of_folds_is_of_no_consequence(table: tuple[list[int], np.ndarray], shuffle: object, median: bool) -> None:
+def test_the_order_of_folds_is_of_no_consequence(
+    table: tuple[list[int], np.ndarray], shuffle: object, median: bool
+) -> None:
     sizes, errors = table
     order = np.random.default_rng(shuffle.randint(0, 99)).permutation(errors.shape[1])  # type: ignore[attr-defined]
-    a, b = simplest_of(sizes, errors, median=median), simplest_of(sizes, errors[:, order], median=median)
+    a, b = (
+        simplest_of(sizes, errors, median=median),
+        simplest_of(sizes, errors[:, order], median=median),
+    )
     assert (a.best, a.chosen) == (b.best, b.chosen)
 
 
 RULES = {  # errors of three structures on every fold, and the numbers of their parameters
-    "within one standard error": ([[1.0, 1.2, 1.1], [1.0, 1.1, 1.15], [3.0, 3.1, 2.9]], (4, 9, 1), 0),
-    "twice the error is never as good, however much the folds scatter": ([[5.2, 0.5, 9.0], [5.2, 0.1, 4.0]], (3, 9), 1),
+    "within one standard error": (
+        [[1.0, 1.2, 1.1], [1.0, 1.1, 1.15], [3.0, 3.1, 2.9]],
+        (4, 9, 1),
+        0,
+    ),
+    "twice the error is never as good, however much the folds scatter": (
+        [[5.2, 0.5, 9.0], [5.2, 0.1, 4.0]],
+        (3, 9),
+        1,
+    ),
     "1.5 % worse on every fold": ([[1.015] * 3, [1.0] * 3, [1.06] * 3], (4, 9, 1), 0),
     "3 % worse on every fold": ([[1.03] * 3, [1.0] * 3], (4, 9), 1),
 }
@@ -208,21 +260,29 @@ def test_one_stretch_that_lies_far_from_the_others_does_not_decide() -> None:
     errors = np.array([[1.0, 1.0, 1.0, 1.0, 50.0], [1.2, 1.2, 1.2, 1.2, 1.2]])
     assert simplest_of([9, 9], errors).chosen == 1
     assert simplest_of([9, 9], errors, median=True).chosen == 0
-    assert simplest_of([90, 2], errors, median=True).chosen == 1  # 5 % of the logarithm of the number of parameters
+    assert (
+        simplest_of([90, 2], errors, median=True).chosen == 1
+    )  # 5 % of the logarithm of the number of parameters
 
 
 def test_what_may_not_be_taken_is_ranked_all_the_same() -> None:
-    ranked = simplest_of([9, 3], np.array([[1.0, 1.0], [2.0, 2.2]]), eligible=np.array([False, True]))
+    ranked = simplest_of(
+        [9, 3], np.array([[1.0, 1.0], [2.0, 2.2]]), eligible=np.array([False, True])
+    )
     assert (ranked.best, ranked.chosen) == (1, 1)
     assert ranked.excess[0] < 0
 
 
 def test_weights_say_which_folds_count() -> None:
-    errors = np.array([[1.0, 1.1, 4.0, 5.0], [2.2, 2.4, 2.0, 2.2]])  # 2.2 times less on two folds, and 2.1 times more on the others
+    errors = np.array(
+        [[1.0, 1.1, 4.0, 5.0], [2.2, 2.4, 2.0, 2.2]]
+    )  # 2.2 times less on two folds, and 2.1 times more on the others
     assert simplest_of([8, 8], errors, np.array([0.4, 0.4, 0.1, 0.1])).chosen == 0
     assert simplest_of([8, 8], errors, np.array([0.1, 0.1, 0.4, 0.4])).chosen == 1
 
 
 def test_what_is_hard_for_all_models_decides_nothing() -> None:
-    errors = np.array([[10.0, 1.2, 5.1], [9.9, 1.0, 5.0]])  # the larger model is better on every fold
+    errors = np.array(
+        [[10.0, 1.2, 5.1], [9.9, 1.0, 5.0]]
+    )  # the larger model is better on every fold
     assert simplest_of([1, 2], errors).chosen == 1

@@ -1,4 +1,6 @@
-"""Equations as a person reads them: short, with few digits, and the model within their stated error."""
+"""Equations as a person reads them: short, with few digits, and the model within their stated
+error.
+"""
 
 from __future__ import annotations
 
@@ -24,48 +26,92 @@ def read(text, columns):
     """What a person computes from an equation."""
     whole, *meanings = re.split(r", (?:where )?(?=\w+ = )", text)
     lines = dict(one.split(" = ") for one in meanings)
-    return evaluate(parse(whole), {**columns, **{name: evaluate(parse(line), columns) for name, line in lines.items()}})
+    return evaluate(
+        parse(whole),
+        {**columns, **{name: evaluate(parse(line), columns) for name, line in lines.items()}},
+    )
 
 
 def scaling_of(names, low, high, placement="left", y=(1.0, 0.0)):
     low, high = np.array(low, float), np.array(high, float)
     anchor = np.where(np.array(placement.split(",")) == "right", high, low)
-    return Scaling("unit_square", placement, tuple(names), 1 / (high - low), -anchor / (high - low), *y)
+    return Scaling(
+        "unit_square", placement, tuple(names), 1 / (high - low), -anchor / (high - low), *y
+    )
 
 
 def test_scaled_inputs_are_named_once():
     scaling = scaling_of(("length", "pressure"), [10, 0], [840, 620], "right,left", (1.0, 3.0))
     terms = ("pressure", "pressure*exp(-(length + 1)/0.3)", "pressure^2*exp(-(length + 1)/0.03)")
     theta = np.array([490.0, -292.0, -268.0])
-    found = equation("all", terms, theta, scaling, {"length": (10.0, 840.0), "pressure": (0.0, 620.0)}, {})
-    assert found.text == "3 + 490*p - 292*p*exp(-l/0.3) - 268*p^2*exp(-l/0.03), where l = (length - 10)/830, p = pressure/620"
-    assert found.latex.endswith(r", \quad l = \frac{\mathrm{length} - 10}{830}, \quad p = \frac{\mathrm{pressure}}{620}")
+    found = equation(
+        "all", terms, theta, scaling, {"length": (10.0, 840.0), "pressure": (0.0, 620.0)}, {}
+    )
+    assert found.text == (
+        "3 + 490*p - 292*p*exp(-l/0.3) - 268*p^2*exp(-l/0.03), where l = (length - "
+        "10)/830, p = pressure/620"
+    )
+    assert found.latex.endswith(
+        r", \quad l = \frac{\mathrm{length} - 10}{830}, \quad p = \frac{\mathrm{pressure}}{620}"
+    )
 
 
 def test_a_scaled_input_does_not_take_the_name_of_another():
     names = ("p", "pressure", "play(pressure, 0.2)", "pressure[k-3]", "_2", "e_x_p")
     scaling = scaling_of(names, [0] * 6, [2] * 6, ",".join(["left"] * 6), (1.0, 1.0))
-    found = equation("a", tuple(f"abs({name} - 0.5)" for name in names), np.ones(6), scaling, dict.fromkeys(names, (0.0, 2.0)), {})
+    found = equation(
+        "a",
+        tuple(f"abs({name} - 0.5)" for name in names),
+        np.ones(6),
+        scaling,
+        dict.fromkeys(names, (0.0, 2.0)),
+        {},
+    )
     assert len({*re.findall(r"(\S+) = ", found.text), *names}) == 12
-    columns = {name: np.linspace(0, 2, 9) ** (1 + place) / 2**place for place, name in enumerate(names)}
+    columns = {
+        name: np.linspace(0, 2, 9) ** (1 + place) / 2**place for place, name in enumerate(names)
+    }
     exact = 1 + sum(np.abs(values / 2 - 0.5) for values in columns.values())
     np.testing.assert_allclose(read(found.text, columns), exact, rtol=STATED)
 
 
 def test_constants_are_added_up():
     scaling = scaling_of(("strain",), [0.0], [0.1], y=(100.0, 0.925396))
-    found = equation("a", ("1", "strain", "exp((strain - 1)/0.1)"), np.array([-0.4, 2.0, 1.0]), scaling, {"strain": (0.0, 0.1)}, {})
+    found = equation(
+        "a",
+        ("1", "strain", "exp((strain - 1)/0.1)"),
+        np.array([-0.4, 2.0, 1.0]),
+        scaling,
+        {"strain": (0.0, 0.1)},
+        {},
+    )
     assert found.text == "-39.1 + 200*s + 100*exp((s - 1)/0.1), where s = strain/0.1"
 
 
 @pytest.mark.parametrize("scaling", ["unit_square", "max_abs", "none"])
 @pytest.mark.parametrize("around", [0.0, 0.5, 50.0])
 def test_what_is_printed_is_the_model_within_its_stated_error(scaling, around):
-    """A quantity that varies by one per cent around a large value needs digits, where it is not scaled."""
-    samples = [replace(one, columns={**one.columns, "strain": one.columns["strain"] + around}) for one in curves(held_out=(), noise=1.0)]
+    """A quantity that varies by one per cent around a large value needs digits, where it is not
+    scaled.
+    """
+    samples = [
+        replace(one, columns={**one.columns, "strain": one.columns["strain"] + around})
+        for one in curves(held_out=(), noise=1.0)
+    ]
     dictionary = ("1", "strain", "strain^2", "pressure", "pressure*strain", "strain^4")
-    model = built(samples, level=None, cuts={"strain": Cuts("even", 1)}, scaling=scaling, max_terms=5, tolerance=0.0, dictionary=dictionary)
-    columns = {name: np.concatenate([one.columns[name] for one in samples]) for name in ("strain", "pressure")}
+    model = built(
+        samples,
+        level=None,
+        cuts={"strain": Cuts("even", 1)},
+        scaling=scaling,
+        max_terms=5,
+        tolerance=0.0,
+        dictionary=dictionary,
+    )
+    columns = {
+        name: np.concatenate([one.columns[name] for one in samples])
+        for name in ("strain", "pressure")
+    }
     (found,) = equations(model)
     predicted = predict(model, columns)
     assert np.abs(read(found.text, columns) - predicted).max() <= STATED * np.ptp(predicted)
@@ -77,10 +123,17 @@ def test_pieces_have_a_row_each_with_their_own_inputs():
         low, high = segment.limits["strain"]
         x = np.linspace(low, high, 20)
         z = {
-            name: x * m + c for name, m, c in zip(segment.scaling.variables, segment.scaling.slope, segment.scaling.intercept, strict=True)
+            name: x * m + c
+            for name, m, c in zip(
+                segment.scaling.variables,
+                segment.scaling.slope,
+                segment.scaling.intercept,
+                strict=True,
+            )
         }
         exact = segment.scaling.y_intercept + segment.scaling.y_slope * sum(
-            theta * evaluate(parse(term), z, 20) for theta, term in zip(segment.theta, segment.terms, strict=True)
+            theta * evaluate(parse(term), z, 20)
+            for theta, term in zip(segment.theta, segment.terms, strict=True)
         )
         assert np.abs(read(found.text, {"strain": x}) - exact).max() <= STATED * np.ptp(exact)
         assert len(found.text) < 80
@@ -91,13 +144,19 @@ def test_other_units_are_in_the_meanings():
     own, other = equations(model)[1], equations(model, {"strain": 0.01})[1]
     x = np.linspace(*model.body.segments[1].limits["strain"], 20)
     exact = read(own.text, {"strain": x})
-    np.testing.assert_allclose(read(other.text, {"strain": 100 * x}), exact, atol=2 * STATED * np.ptp(exact))
+    np.testing.assert_allclose(
+        read(other.text, {"strain": 100 * x}), exact, atol=2 * STATED * np.ptp(exact)
+    )
 
 
 sizes = st.floats(1e-6, 1e6)
 
 
-@given(st.floats(-1e3, 1e3), sizes, st.lists(st.floats(-1e3, 1e3).filter(lambda x: abs(x) > 1e-6), min_size=3, max_size=3))
+@given(
+    st.floats(-1e3, 1e3),
+    sizes,
+    st.lists(st.floats(-1e3, 1e3).filter(lambda x: abs(x) > 1e-6), min_size=3, max_size=3),
+)
 def test_any_scaling_is_read_back(low, width, theta):
     scaling = scaling_of(("x",), [low], [low + width], "right", (3.0, -2.0))
     if not np.isfinite(scaling.slope).all() or low + width == low:
@@ -106,25 +165,36 @@ def test_any_scaling_is_read_back(low, width, theta):
     found = equation("a", terms, np.array(theta), scaling, limits, {})
     x = np.linspace(low, low + width, 50)
     z = x * scaling.slope + scaling.intercept
-    exact = -2.0 + 3.0 * sum(t * evaluate(parse(term), {"x": z}, 50) for t, term in zip(theta, terms, strict=True))
+    exact = -2.0 + 3.0 * sum(
+        t * evaluate(parse(term), {"x": z}, 50) for t, term in zip(theta, terms, strict=True)
+    )
     assert np.abs(read(found.text, {"x": x}) - exact).max() <= STATED * np.ptp(exact) + 1e-9
 
 
 def test_a_constant_alone():
     model = built(level=None, cuts={}, dictionary=("1",), max_terms=1)
     (found,) = equations(model)
-    assert float(found.text) == pytest.approx(model.body.segments[0].theta[0] * model.body.segments[0].scaling.y_slope, rel=STATED)
+    assert float(found.text) == pytest.approx(
+        model.body.segments[0].theta[0] * model.body.segments[0].scaling.y_slope, rel=STATED
+    )
 
 
-@pytest.mark.parametrize("term", ["exp(-strain/0.03)", "exp((strain - 1)/0.03)", "pressure*exp((strain - 1)/0.03)"])
+@pytest.mark.parametrize(
+    "term", ["exp(-strain/0.03)", "exp((strain - 1)/0.03)", "pressure*exp((strain - 1)/0.03)"]
+)
 @pytest.mark.parametrize("placement", ["left,left", "left,right", "right,right"])
 def test_no_coefficient_makes_up_for_an_exponential(term, placement):
-    """An exponential that was written for the left end, and is placed at the right, is nearly constant and tiny or huge."""
+    """An exponential that was written for the left end, and is placed at the right, is nearly
+    constant and tiny or huge.
+    """
     names, limits = ("pressure", "strain"), {"pressure": (0.0, 620.0), "strain": (0.01, 0.25)}
     scaling = scaling_of(names, [0, 0.01], [620, 0.25], placement, (1.0, 3.0))
     strain = np.linspace(0.01, 0.25, 100)
     columns = {"strain": strain, "pressure": np.full(100, 620.0) - 300 * (strain > 0.2)}
-    z = {name: columns[name] * m + c for name, m, c in zip(names, scaling.slope, scaling.intercept, strict=True)}
+    z = {
+        name: columns[name] * m + c
+        for name, m, c in zip(names, scaling.slope, scaling.intercept, strict=True)
+    }
     D = evaluate(parse(term), z, 100)
     theta = np.array([40.0, 300 / np.abs(D).max()])
     found = equation("a", ("strain", term), theta, scaling, limits, {})

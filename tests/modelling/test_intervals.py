@@ -1,4 +1,6 @@
-"""Intervals from left-out residuals: the formula against SciPy's distributions, what it covers, and what is refused."""
+"""Intervals from left-out residuals: the formula against SciPy's distributions, what it covers, and
+what is refused.
+"""
 
 from dataclasses import replace
 
@@ -12,13 +14,25 @@ from mapmore_cli.domain.errors import DataError, FitError, UsageError
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import CurveRange, Formula, LeftOut, Model
 from mapmore_cli.domain.recording import Quantity
-from mapmore_cli.modelling.validation.intervals import Training, few_levels, half_widths, interval, many_curves, refusal, summary
+from mapmore_cli.modelling.validation.intervals import (
+    Training,
+    few_levels,
+    half_widths,
+    interval,
+    many_curves,
+    refusal,
+    summary,
+)
 
 
-def left_out(offsets: list[float], noise: float, samples: int = 200, curves: int | None = None) -> LeftOut:
+def left_out(
+    offsets: list[float], noise: float, samples: int = 200, curves: int | None = None
+) -> LeftOut:
     """Parts of normal residuals about their offsets."""
     rng = np.random.default_rng(0)
-    parts = {f"curve {i}": [b + noise * rng.standard_normal(samples)] for i, b in enumerate(offsets)}
+    parts = {
+        f"curve {i}": [b + noise * rng.standard_normal(samples)] for i, b in enumerate(offsets)
+    }
     return summary("recordings", curves or len(offsets), parts)
 
 
@@ -31,27 +45,41 @@ def test_normal_residuals_have_the_interval_of_student(curves: int) -> None:
 
 
 def test_heavy_tails_have_the_interval_of_their_quantiles() -> None:
-    spikes = np.where(np.arange(1000) % 10 == 0, 100.0, 0.1) * np.where(np.arange(1000) % 20 < 10, 1, -1)
+    spikes = np.where(np.arange(1000) % 10 == 0, 100.0, 0.1) * np.where(
+        np.arange(1000) % 20 < 10, 1, -1
+    )
     found = summary("levels", 40, {f"{i}": [spikes] for i in range(40)})
     assert many_curves(found, 0.95) == pytest.approx(100 * (1 + 1 / 40), rel=1e-9)
 
 
-@given(st.lists(st.floats(-50, 50), min_size=2, max_size=8), st.floats(0.01, 5), st.floats(0.1, 100))
-def test_a_wider_level_is_wider_and_the_unit_does_not_matter(offsets: list[float], noise: float, scale: float) -> None:
+@given(
+    st.lists(st.floats(-50, 50), min_size=2, max_size=8), st.floats(0.01, 5), st.floats(0.1, 100)
+)
+def test_a_wider_level_is_wider_and_the_unit_does_not_matter(
+    offsets: list[float], noise: float, scale: float
+) -> None:
     found = left_out(offsets, noise, samples=50)
     widths = [many_curves(found, level) for level in (0.5, 0.8, 0.95, 0.99)]
     assert widths == sorted(widths)
-    other = replace(found, offset=scale * found.offset, scatter=scale * found.scatter, sizes=scale * found.sizes)
+    other = replace(
+        found, offset=scale * found.offset, scatter=scale * found.scatter, sizes=scale * found.sizes
+    )
     assert many_curves(other, 0.95) == pytest.approx(scale * widths[2], rel=1e-9)
 
 
 @pytest.mark.parametrize("curves", [4, 7, 20])
 def test_curves_with_offsets_of_their_own_are_covered(curves: int) -> None:
-    """Over many campaigns, samples of new curves lie within the interval as often as it says, and not nearly always."""
+    """Over many campaigns, samples of new curves lie within the interval as often as it says, and
+    not nearly always.
+    """
     rng, inside = np.random.default_rng(curves), []
     for _ in range(150):
         offsets = 3 * rng.standard_normal(curves)
-        found = summary("recordings", curves, {f"{i}": [b + rng.standard_normal(40)] for i, b in enumerate(offsets)})
+        found = summary(
+            "recordings",
+            curves,
+            {f"{i}": [b + rng.standard_normal(40)] for i, b in enumerate(offsets)},
+        )
         new = 3 * rng.standard_normal() + rng.standard_normal(40)
         inside.append(np.mean(np.abs(new) <= many_curves(found, 0.95)))
     assert 0.92 < np.mean(inside) < 0.995
@@ -67,11 +95,18 @@ def line() -> Model:
     """`force = pressure` between 100 and 200 kPa."""
     fit = FormulaFit("linear", {}, {}, "converged", "-", 1, 1.0, 0.0, 2, ())
     ranges = (CurveRange("all", None, {"pressure": (100.0, 200.0)}),)
-    return Model("line", Quantity("force", "N"), (Quantity("pressure", "kPa"),), Formula(fit, None, ranges))
+    return Model(
+        "line", Quantity("force", "N"), (Quantity("pressure", "kPa"),), Formula(fit, None, ranges)
+    )
 
 
-def test_there_is_no_interval_outside_of_the_training_range(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("mapmore_cli.modelling.validation.intervals.predict", lambda _model, columns: columns["pressure"])
+def test_there_is_no_interval_outside_of_the_training_range(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(
+        "mapmore_cli.modelling.validation.intervals.predict",
+        lambda _model, columns: columns["pressure"],
+    )
     model = replace(line(), left_out=left_out([1.0, -1.0, 2.0], 0.1))
     low, high = interval(model, {"pressure": np.array([99.0, 100.0, 150.0, 201.0, np.nan])}, 0.95)
     assert np.isnan(low[[0, 3, 4]]).all()
@@ -88,24 +123,36 @@ def test_what_cannot_be_is_refused() -> None:
             interval(line(), {"pressure": np.array([150.0])}, level)
 
 
-def few(count: int, offset: float = 2.0, repeats: int = 1, residual: float = 0.5, astray: float = 0.0) -> LeftOut:
+def few(
+    count: int, offset: float = 2.0, repeats: int = 1, residual: float = 0.5, astray: float = 0.0
+) -> LeftOut:
     """`count` levels at 0, 100, ... with an error of `offset` at every inner one."""
-    training = Training(tuple(100.0 * np.arange(count)), (repeats,) * count, 400.0, residual, astray)
-    return summary("levels", count, {f"{i}": [np.full(20, offset)] for i in range(1, count - 1)}, training)
+    training = Training(
+        tuple(100.0 * np.arange(count)), (repeats,) * count, 400.0, residual, astray
+    )
+    return summary(
+        "levels", count, {f"{i}": [np.full(20, offset)] for i in range(1, count - 1)}, training
+    )
 
 
 @pytest.mark.parametrize(("count", "scale"), [(3, 5.06), (4, 4.03), (5, 3.23), (6, 3.23)])
 def test_few_levels_have_the_calibrated_rule(count: int, scale: float) -> None:
     """Even levels, in the middle of a gap: `c (A s^2)^(1/3)`."""
-    assert few_levels(few(count), np.array([50.0]), 0.95) == pytest.approx([scale * (2.0 * 0.5**2) ** (1 / 3)], rel=1e-6)
+    assert few_levels(few(count), np.array([50.0]), 0.95) == pytest.approx(
+        [scale * (2.0 * 0.5**2) ** (1 / 3)], rel=1e-6
+    )
 
 
 @given(st.integers(3, 6), st.floats(0, 1), st.floats(0.01, 50), st.floats(0.1, 100))
-def test_the_rule_for_few_levels_scales_with_the_unit_and_with_the_gap(count: int, t: float, offset: float, scale: float) -> None:
+def test_the_rule_for_few_levels_scales_with_the_unit_and_with_the_gap(
+    count: int, t: float, offset: float, scale: float
+) -> None:
     found, at = few(count, offset), np.array([50.0, 100.0 * count - 150])
     half = few_levels(found, at, 0.95)
     assert few_levels(found, np.array([100 * t]), 0.95)[0] <= half[0] * (1 + 1e-12)
-    larger = replace(found, offset=scale * found.offset, largest=scale * 400.0, residual=scale * found.residual)
+    larger = replace(
+        found, offset=scale * found.offset, largest=scale * 400.0, residual=scale * found.residual
+    )
     assert few_levels(larger, at, 0.95) == pytest.approx(scale * half, rel=1e-9)
     wider = few_levels(replace(found, places=(-100.0, *found.places[1:])), at, 0.95)
     assert wider[0] >= half[0] * (1 - 1e-12)

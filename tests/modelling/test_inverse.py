@@ -1,4 +1,6 @@
-"""The inverse finds every solution that a fine scan finds, also the force of a model of the strain; derivatives agree with differences."""
+"""The inverse finds every solution that a fine scan finds, also the force of a model of the strain;
+derivatives agree with differences.
+"""
 
 from dataclasses import replace
 
@@ -18,7 +20,11 @@ from mapmore_cli.modelling.pieces.definition import zones
 from mapmore_cli.modelling.pieces.recipe import Cuts
 from mapmore_cli.modelling.program.model import slopes
 
-INVERTED = [("smooth levels", "pressure"), ("smooth levels", "strain"), ("backbone, shrunken", "pressure")]
+INVERTED = [
+    ("smooth levels", "pressure"),
+    ("smooth levels", "strain"),
+    ("backbone, shrunken", "pressure"),
+]
 
 
 @pytest.mark.parametrize(("name", "of"), INVERTED)
@@ -32,12 +38,16 @@ def test_every_solution_of_a_fine_scan_is_found(name: str, of: str) -> None:
     wanted = predict(model, at)
     found = invert(model, wanted, given, of)
     back = predict(model, {of: found.values, other: given[other][found.rows]})
-    assert np.all(np.abs(back - wanted[found.rows]) <= 1e-6 * np.maximum(np.abs(wanted[found.rows]), 1.0))
+    assert np.all(
+        np.abs(back - wanted[found.rows]) <= 1e-6 * np.maximum(np.abs(wanted[found.rows]), 1.0)
+    )
     fine = np.linspace(ends[0], ends[-1], 4_001)
     for row in range(8):
         own = found.values[found.rows == row]
         assert np.all(np.diff(own) > 0)
-        values = predict(model, {of: fine, other: np.full(len(fine), given[other][row])}) - wanted[row]
+        values = (
+            predict(model, {of: fine, other: np.full(len(fine), given[other][row])}) - wanted[row]
+        )
         crossings = np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0)
         step = np.abs(np.diff(values))
         for i in crossings:
@@ -53,10 +63,24 @@ def test_out_of_reach_flat_and_the_nearest_rule() -> None:
     assert none.status == ("none",)
     assert np.isnan(none.picked).all()
     slack = STATIC["no levels"]
-    assert invert(slack, predict(slack, {"strain": np.array([0.1])}), {}, "strain").status[0] in ("one", "several")
-    several = invert(STATIC["smooth levels"], np.full(12, 200.0), {"strain": np.linspace(0.02, 0.2, 12)}, "pressure", "nearest")
+    assert invert(slack, predict(slack, {"strain": np.array([0.1])}), {}, "strain").status[0] in (
+        "one",
+        "several",
+    )
+    several = invert(
+        STATIC["smooth levels"],
+        np.full(12, 200.0),
+        {"strain": np.linspace(0.02, 0.2, 12)},
+        "pressure",
+        "nearest",
+    )
     jumps = np.abs(np.diff(several.picked[~np.isnan(several.picked)]))
-    lowest = invert(STATIC["smooth levels"], np.full(12, 200.0), {"strain": np.linspace(0.02, 0.2, 12)}, "pressure")
+    lowest = invert(
+        STATIC["smooth levels"],
+        np.full(12, 200.0),
+        {"strain": np.linspace(0.02, 0.2, 12)},
+        "pressure",
+    )
     assert np.nansum(jumps) <= np.nansum(np.abs(np.diff(lowest.picked[~np.isnan(lowest.picked)])))
 
 
@@ -66,7 +90,11 @@ def test_a_slack_range_is_flat_and_its_low_end_counts() -> None:
     found = invert(flat, np.array([0.0]), {"strain": np.array([0.9])}, "pressure")
     assert found.status == ("flat",)
     assert found.picked[0] == 100.0
-    assert invert(model, np.array([np.pi]), {"strain": np.array([0.1])}, "pressure").status[0] in ("none", "one", "several")
+    assert invert(model, np.array([np.pi]), {"strain": np.array([0.1])}, "pressure").status[0] in (
+        "none",
+        "one",
+        "several",
+    )
 
 
 def test_what_cannot_be_inverted() -> None:
@@ -80,7 +108,10 @@ def test_what_cannot_be_inverted() -> None:
         solve_for_input(MODEL, {"pressure": np.ones(1), "strain": np.ones(1)}, "load")
 
 
-@pytest.mark.parametrize("name", [*STATIC, "sarosi_hinged", "kerscher", "polynomial_5", "tondu_lopez_corrected", "peternel"])
+@pytest.mark.parametrize(
+    "name",
+    [*STATIC, "sarosi_hinged", "kerscher", "polynomial_5", "tondu_lopez_corrected", "peternel"],
+)
 def test_derivatives_against_central_differences(name: str) -> None:
     """Away from boundaries, where the differences to both sides agree."""
     model = {**STATIC, **FORMULAS}[name]
@@ -90,23 +121,39 @@ def test_derivatives_against_central_differences(name: str) -> None:
         x = columns[quantity.name]
         h = 1e-6 * np.ptp(x)
         with np.errstate(all="ignore"):
-            up, here, down = (predict(model, {**columns, quantity.name: x + way}) for way in (h, 0.0, -h))
+            up, here, down = (
+                predict(model, {**columns, quantity.name: x + way}) for way in (h, 0.0, -h)
+            )
         left, right, central = (here - down) / h, (up - here) / h, (up - down) / (2 * h)
         size = np.maximum(np.abs(central), np.nanmedian(np.abs(central)))
         smooth = np.isfinite(central) & (np.abs(left - right) <= 1e-4 * size)
-        smooth &= np.min(np.abs(x[:, None] - np.array([*edges_of(model, quantity.name), 0.0])), axis=1) > 2 * h
+        smooth &= (
+            np.min(np.abs(x[:, None] - np.array([*edges_of(model, quantity.name), 0.0])), axis=1)
+            > 2 * h
+        )
         assert smooth.mean() > 0.2
         noise = 1e-15 * np.abs(here) / h
-        assert np.all(np.abs(found[quantity.name] - central)[smooth] <= (1e-4 * size + 20 * noise)[smooth] + 1e-9)
+        assert np.all(
+            np.abs(found[quantity.name] - central)[smooth]
+            <= (1e-4 * size + 20 * noise)[smooth] + 1e-9
+        )
 
 
 def test_transitions_are_as_smooth_as_they_promise() -> None:
-    """Across a zone's ends the slope jumps with linear transitions and does not with quadratic and cubic ones."""
+    """Across a zone's ends the slope jumps with linear transitions and does not with quadratic and
+    cubic ones.
+    """
     from export_samples import pieces
 
     jumps = {}
     for transition in ("linear", "quadratic", "cubic"):
-        model = pieces(transition=transition, levels=None, counts={"strain": 3}, sides=("continue", "continue"), z_s=0.3)
+        model = pieces(
+            transition=transition,
+            levels=None,
+            counts={"strain": 3},
+            sides=("continue", "continue"),
+            z_s=0.3,
+        )
         ends = np.concatenate(zones(model.body.curves[0].boundaries[0], 0.3))
         sides = [slopes(model, {"strain": ends + way})["strain"] for way in (-1e-9, 1e-9)]
         jumps[transition] = np.max(np.abs(sides[0] - sides[1]))
@@ -115,17 +162,28 @@ def test_transitions_are_as_smooth_as_they_promise() -> None:
 
 
 LEVELS = (80.0, 150.0, 250.0, 350.0)
-OF_STRAIN = {"target": "strain", "cuts": {"force": Cuts("even", 3)}, "dictionary": ("1", "force", "force^2", "force^3"), "max_terms": 3}
+OF_STRAIN = {
+    "target": "strain",
+    "cuts": {"force": Cuts("even", 3)},
+    "dictionary": ("1", "force", "force^2", "force^3"),
+    "max_terms": 3,
+}
 
 
 def taut(n=60, noise=0.0, seed=0):
-    """Strains that fall with the force in a straight line of each level: `(0.05 + 0.0005 P)(1 - F/(3 P))`, measured with noise."""
+    """Strains that fall with the force in a straight line of each level: `(0.05 + 0.0005 P)(1 -
+    F/(3 P))`, measured with noise.
+    """
     rng = np.random.default_rng(seed)
     made = []
     for curve in curves(levels=LEVELS, held_out=(), n=n):
         force = np.linspace(0, 2 * curve.level, n)
         strain = (0.05 + 0.0005 * curve.level) * (1 - force / (3 * curve.level))
-        columns = {"pressure": np.full(n, curve.level), "force": force, "strain": strain + rng.normal(0, noise, n) if noise else strain}
+        columns = {
+            "pressure": np.full(n, curve.level),
+            "force": force,
+            "strain": strain + rng.normal(0, noise, n) if noise else strain,
+        }
         made.append(replace(curve, columns=columns))
     return tuple(made)
 
@@ -141,7 +199,9 @@ def test_the_force_gives_the_strain_back(places):
     strain = predict(MODEL, {"pressure": pressure, "force": force})
     found = solve_for_input(MODEL, {"pressure": pressure, "strain": strain}, "force")
     assert found.solved.all()
-    np.testing.assert_allclose(predict(MODEL, {"pressure": pressure, "force": found.values}), strain, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(
+        predict(MODEL, {"pressure": pressure, "force": found.values}), strain, rtol=1e-6, atol=1e-9
+    )
 
 
 def test_the_law_that_made_the_strain_is_found_again():
@@ -149,16 +209,26 @@ def test_the_law_that_made_the_strain_is_found_again():
     said = forecast(MODEL, curve, "force")
     inner = slice(3, -3)
     np.testing.assert_allclose(said.values[inner], curve.columns["force"][inner], atol=1e-3 * 160)
-    np.testing.assert_array_equal(forecast(MODEL, curve, "strain").values, predict(MODEL, curve.columns))
+    np.testing.assert_array_equal(
+        forecast(MODEL, curve, "strain").values, predict(MODEL, curve.columns)
+    )
 
 
 def test_a_strain_that_no_force_makes_has_the_force_at_the_end_of_the_range():
-    assert solve_for_input(MODEL, {"pressure": np.array([np.nan]), "strain": np.array([0.1])}, "force").solved.tolist() == [False]
-    columns = {"pressure": np.array([150.0, 150.0, np.nan, 150.0]), "strain": np.array([0.9, -0.9, 0.1, np.nan])}
+    assert solve_for_input(
+        MODEL, {"pressure": np.array([np.nan]), "strain": np.array([0.1])}, "force"
+    ).solved.tolist() == [False]
+    columns = {
+        "pressure": np.array([150.0, 150.0, np.nan, 150.0]),
+        "strain": np.array([0.9, -0.9, 0.1, np.nan]),
+    }
     found = solve_for_input(MODEL, columns, "force")
     assert found.solved.tolist() == [False] * 4
     assert np.isnan(found.values[2:]).all()
     fine = predict(MODEL, {"pressure": np.full(500, 150.0), "force": np.linspace(0, 700, 500)})
     for wanted, force in zip((0.9, -0.9), found.values[:2], strict=True):
-        missed = abs(float(predict(MODEL, {"pressure": np.array([150.0]), "force": np.array([force])})[0]) - wanted)
+        missed = abs(
+            float(predict(MODEL, {"pressure": np.array([150.0]), "force": np.array([force])})[0])
+            - wanted
+        )
         assert missed <= np.abs(fine - wanted).min() + 1e-9

@@ -33,13 +33,17 @@ def test_a_fitted_process_agrees_with_scikit_learn() -> None:
 def map_of(count: int = 9) -> points.Measured:
     x = np.random.default_rng(1).random((count, 2)) * [500.0, 0.25]
     x[:4] = [[0, 0], [500, 0], [0, 0.25], [500, 0.25]]
-    return points.Measured(("pressure", "strain"), x, x[:, 0] * (1 - 3 * x[:, 1]) + 100 * np.sin(20 * x[:, 1]))
+    return points.Measured(
+        ("pressure", "strain"), x, x[:, 0] * (1 - 3 * x[:, 1]) + 100 * np.sin(20 * x[:, 1])
+    )
 
 
 def committee_of(measured: points.Measured) -> points.Committee:
     places = measured.grid(13)
     plane = (measured.x[:, 0] * 0.7, places[:, 0] * 0.7)
-    return points.Committee(measured, places, {"none": (0 * measured.y, 0 * places[:, 0]), "plane": plane})
+    return points.Committee(
+        measured, places, {"none": (0 * measured.y, 0 * places[:, 0]), "plane": plane}
+    )
 
 
 @settings(max_examples=5, deadline=None)

@@ -20,10 +20,37 @@ from mapmore_cli.spec.sections.model import ModelChoice
 
 WHOLE = Slice(None, ModelChoice(type="auto"), Fuse(), {}, None, (), False)
 SITUATIONS = {
-    "map": Situation("force", ("strain", "pressure"), "pressure", frozenset({"strain", "pressure", "force"}), 60, 5),
-    "record": Situation("y", ("u",), None, frozenset({"u", "y", "time"}), 800, 1, 0.01, 8.0, {"u": 1.0}, {("u", 1): 0.1}),
+    "map": Situation(
+        "force",
+        ("strain", "pressure"),
+        "pressure",
+        frozenset({"strain", "pressure", "force"}),
+        60,
+        5,
+    ),
+    "record": Situation(
+        "y",
+        ("u",),
+        None,
+        frozenset({"u", "y", "time"}),
+        800,
+        1,
+        0.01,
+        8.0,
+        {"u": 1.0},
+        {("u", 1): 0.1},
+    ),
     "pair": Situation(
-        "torque", ("p1", "p2", "x", "v"), None, frozenset({"time"}), 900, 1, 0.01, 9.0, {"x": 1.0, "v": 2.0}, {("x", 1): 0.1, ("v", 3): 0.2}
+        "torque",
+        ("p1", "p2", "x", "v"),
+        None,
+        frozenset({"time"}),
+        900,
+        1,
+        0.01,
+        9.0,
+        {"x": 1.0, "v": 2.0},
+        {("x", 1): 0.1, ("v", 3): 0.2},
     ),
     "many": Situation("y", tuple("abcdefgh"), None, frozenset("abcdefgh"), 500, 1, 0.1, 50.0),
 }
@@ -44,8 +71,12 @@ def test_every_candidate_is_a_valid_structure_of_the_inputs(name: str) -> None:
 
 
 def test_terms_grow_with_the_inputs() -> None:
-    two, six = (replace(SITUATIONS["map"], inputs=tuple(names), level=None) for names in ("ab", "abcdef"))
-    terms = [{one.words: one.sections["fit"]["max_terms"] for one in offered(of)} for of in (two, six)]
+    two, six = (
+        replace(SITUATIONS["map"], inputs=tuple(names), level=None) for names in ("ab", "abcdef")
+    )
+    terms = [
+        {one.words: one.sections["fit"]["max_terms"] for one in offered(of)} for of in (two, six)
+    ]
     assert [each["quadratic"] for each in terms] == [6, 28]
     assert [each["cubic splines of a"] for each in terms] == [12, 28]
 
@@ -53,13 +84,19 @@ def test_terms_grow_with_the_inputs() -> None:
 def test_the_structure_of_the_papers_is_tried_wherever_there_are_levels() -> None:
     (papers,) = (one for one in offered(SITUATIONS["map"]) if one.kind == "papers")
     found = choices_of(papers.sections, WHOLE)
-    assert (found.fit.max_terms, found.fuse.transition, found.segment["pressure"]) == (1, "linear", "levels")
+    assert (found.fit.max_terms, found.fuse.transition, found.segment["pressure"]) == (
+        1,
+        "linear",
+        "levels",
+    )
 
 
 def test_constants_copies_and_the_clock_are_no_inputs() -> None:
     time = np.arange(100) * 0.01
     u, y = np.sin(time), np.cos(time)
-    found = situation_of(dataset_of({"time": time, "u": u, "twice": 2 * u + 1, "still": np.ones(100), "y": y}))
+    found = situation_of(
+        dataset_of({"time": time, "u": u, "twice": 2 * u + 1, "still": np.ones(100), "y": y})
+    )
     assert found.inputs == ("twice",)
     assert found.step == pytest.approx(0.01)
     assert situation_of(dataset_of({"time": time**2, "u": u, "y": y})).step is None
@@ -74,7 +111,9 @@ def test_what_is_held_out_is_not_looked_at() -> None:
 
 
 def test_bands_of_an_input_are_left_out_where_the_study_holds_some_out() -> None:
-    """A pressure swept up and down: pieces of the time hold all of its values, and ask for nothing between."""
+    """A pressure swept up and down: pieces of the time hold all of its values, and ask for nothing
+    between.
+    """
     time = np.arange(600) * 0.01
     u = 100 * np.abs((time % 2) - 1)
     held_out = (u >= 40) & (u <= 60)
@@ -91,7 +130,9 @@ def test_bands_of_an_input_are_left_out_where_the_study_holds_some_out() -> None
 
 def test_recordings_too_short_to_say_or_too_long_to_miss_are_not_left_out() -> None:
     def recorded(*sizes: int) -> Dataset:
-        return dataset_of(*(dict.fromkeys(("time", "u", "y"), np.arange(size) * 0.01) for size in sizes))
+        return dataset_of(
+            *(dict.fromkeys(("time", "u", "y"), np.arange(size) * 0.01) for size in sizes)
+        )
 
     def left_out(dataset: Dataset) -> list[list[int]]:
         bench = Bench.of(dataset, situation_of(dataset), WHOLE, dataset)
@@ -103,9 +144,14 @@ def test_recordings_too_short_to_say_or_too_long_to_miss_are_not_left_out() -> N
 
 
 def levels_of(*levels: float) -> Dataset:
-    curves = [{"p": np.full(20, level), "e": np.linspace(0, 1, 20), "y": np.linspace(0, level, 20)} for level in levels]
+    curves = [
+        {"p": np.full(20, level), "e": np.linspace(0, 1, 20), "y": np.linspace(0, level, 20)}
+        for level in levels
+    ]
     found = dataset_of(*curves)
-    leveled = tuple(replace(curve, level=level) for curve, level in zip(found.curves, levels, strict=True))
+    leveled = tuple(
+        replace(curve, level=level) for curve, level in zip(found.curves, levels, strict=True)
+    )
     return replace(found, level="p", curves=leveled)
 
 
@@ -113,8 +159,13 @@ def test_the_only_inner_level_of_three_counts_for_half() -> None:
     three, five = levels_of(1.0, 2.0, 3.0), levels_of(1.0, 2.0, 3.0, 4.0, 5.0)
     bench = Bench.of(three, situation_of(three), WHOLE, three)
     assert bench.weights[bench.blocks :].tolist() == [0.5]
-    held = replace(five, curves=tuple(replace(c, held_out=np.full(c.size, c.level == 3.0)) for c in five.curves))
-    asked, not_asked = (Bench.of(searchable(of), situation_of(searchable(of)), WHOLE, of) for of in (held, five))
+    held = replace(
+        five,
+        curves=tuple(replace(c, held_out=np.full(c.size, c.level == 3.0)) for c in five.curves),
+    )
+    asked, not_asked = (
+        Bench.of(searchable(of), situation_of(searchable(of)), WHOLE, of) for of in (held, five)
+    )
     assert asked.asks_parts
     assert asked.weights[asked.blocks :].sum() == pytest.approx(2 / 3)
     assert not_asked.weights[not_asked.blocks :].sum() == pytest.approx(1 / 4)
@@ -124,7 +175,10 @@ def test_folds_resemble_what_the_study_holds_out() -> None:
     time = np.arange(1000) * 0.01
 
     def folds(held_out: np.ndarray) -> Bench:
-        whole = dataset_of({"time": time, "u": np.sin(time), "y": np.where(held_out, 1e9, np.cos(time))}, held_out=held_out)
+        whole = dataset_of(
+            {"time": time, "u": np.sin(time), "y": np.where(held_out, 1e9, np.cos(time))},
+            held_out=held_out,
+        )
         found = searchable(whole)
         return Bench.of(found, situation_of(found), WHOLE, whole)
 
@@ -143,7 +197,12 @@ def test_folds_resemble_what_the_study_holds_out() -> None:
     ends = folds(np.arange(1000) >= 600)
     assert ends.asks_parts
     assert ends.dataset.curves[0].size == 600
-    assert [int(fold[0].sum()) for fold in ends.folds] == [*[200] * 5, 120, 210, 300]  # runs as long as a third at most; the ends
+    assert [int(fold[0].sum()) for fold in ends.folds] == [
+        *[200] * 5,
+        120,
+        210,
+        300,
+    ]  # runs as long as a third at most; the ends
     assert all(runs(fold[0]) == 1 for fold in ends.folds)
 
 
@@ -151,7 +210,9 @@ def test_a_long_record_is_shortened_to_pieces_as_long_as_the_run_that_is_held_ou
     def pieces(run: int) -> list[int]:
         time = np.arange(40_000) * 0.01
         (curve,) = shortened(dataset_of({"time": time, "u": time, "y": time}), run).curves
-        return np.diff(np.flatnonzero(np.diff(curve.columns["time"], prepend=-9, append=1e9) > 0.02)).tolist()
+        return np.diff(
+            np.flatnonzero(np.diff(curve.columns["time"], prepend=-9, append=1e9) > 0.02)
+        ).tolist()
 
     assert pieces(100) == [2400] * 5
     assert pieces(5000) == [6000] * 2

@@ -14,7 +14,10 @@ def test_a_polynomial_is_found_exactly(degree: int, inputs: int, seed: int) -> N
     """Any scale of the inputs; held-out samples are never looked at."""
     rng = np.random.default_rng(seed)
     names = [f"u{i}" for i in range(inputs)]
-    columns = {name: rng.uniform(-1, 1, 80) * 10 ** rng.uniform(-3, 3) + rng.uniform(-1, 1) for name in names}
+    columns = {
+        name: rng.uniform(-1, 1, 80) * 10 ** rng.uniform(-3, 3) + rng.uniform(-1, 1)
+        for name in names
+    }
     x = np.column_stack([columns[name] / np.abs(columns[name]).max() for name in names])
     truth = np.sum(x, axis=1) ** degree + 3.0
     held_out = np.arange(80) >= 60
@@ -24,13 +27,17 @@ def test_a_polynomial_is_found_exactly(degree: int, inputs: int, seed: int) -> N
 
 
 def test_too_few_samples_make_no_polynomial() -> None:
-    assert simple.polynomial(3, dataset_of({"u": np.arange(3.0), "y": np.arange(3.0)}), ["u"]) is None
+    assert (
+        simple.polynomial(3, dataset_of({"u": np.arange(3.0), "y": np.arange(3.0)}), ["u"]) is None
+    )
     assert simple.polynomial(1, dataset_of({"y": np.arange(3.0)}), []) is None
 
 
 @pytest.mark.parametrize("names", [["u"], []])
 def test_the_free_run_is_the_recursion(names: list[str]) -> None:
-    """By a plain loop: y[k] = c + 1.2 y[k-1] - 0.5 y[k-2] + 0.3 u[k-1], at rest at y[0] before the record."""
+    """By a plain loop: y[k] = c + 1.2 y[k-1] - 0.5 y[k-2] + 0.3 u[k-1], at rest at y[0] before the
+    record.
+    """
     rng = np.random.default_rng(2)
     u = rng.normal(size=400) if names else np.zeros(400)
     theta = np.array([0.1, 1.2, -0.5, *([0.0, 0.3, 0.0] if names else [])])

@@ -1,4 +1,6 @@
-"""A small study with fake stages: text files, made from slices of a real spec and from the files before."""
+"""A small study with fake stages: text files, made from slices of a real spec and from the files
+before.
+"""
 
 from __future__ import annotations
 
@@ -43,8 +45,18 @@ class Study:
 def study(folder: Path, **sections: Any) -> Study:
     """A spec in `folder`, with sections replaced."""
     columns = {"strain": {"column": "e"}, "force": {"column": "F", "unit": "N"}}
-    data = {"files": ["data/*.csv"], "columns": columns, "levels": {"of": "pressure", "at": [80.0, 250.0]}}
-    document = {"name": "demo", "data": data, "target": "static", "dictionary": [{"terms": ["strain"]}], **sections}
+    data = {
+        "files": ["data/*.csv"],
+        "columns": columns,
+        "levels": {"of": "pressure", "at": [80.0, 250.0]},
+    }
+    document = {
+        "name": "demo",
+        "data": data,
+        "target": "static",
+        "dictionary": [{"terms": ["strain"]}],
+        **sections,
+    }
     return Study(ExperimentSpec.model_validate(document), folder)
 
 
@@ -74,9 +86,13 @@ def sources(_spec: ExperimentSpec, folder: Path) -> list[Path]:
 
 
 def fake_stages(
-    hook: Hook = lambda _step: None, revisions: Mapping[str, int] | None = None, runs: list[str] | None = None
+    hook: Hook = lambda _step: None,
+    revisions: Mapping[str, int] | None = None,
+    runs: list[str] | None = None,
 ) -> tuple[Stage, ...]:
-    """Four stages, the last one with a folder as output; `runs` collects the names of those that run."""
+    """Four stages, the last one with a folder as output; `runs` collects the names of those that
+    run.
+    """
 
     def write(path: Path, text: str) -> None:
         with path.open("w") as file:
@@ -97,12 +113,18 @@ def fake_stages(
 
     def fit(part: FitSlice, workspace: Workspace) -> None:
         started("fit")
-        write(workspace.out / "fit.h5", f"fit {part.fit.max_terms} of {(workspace.run_dir / 'ingest.h5').read_text()}")
+        write(
+            workspace.out / "fit.h5",
+            f"fit {part.fit.max_terms} of {(workspace.run_dir / 'ingest.h5').read_text()}",
+        )
         write(workspace.out / "terms.csv", "term\nstrain\n")
 
     def fuse(part: FuseSlice, workspace: Workspace) -> None:
         started("fuse")
-        write(workspace.out / "model.h5", f"fused {part.fuse.z_s} of {(workspace.run_dir / 'fit.h5').read_text()}")
+        write(
+            workspace.out / "model.h5",
+            f"fused {part.fuse.z_s} of {(workspace.run_dir / 'fit.h5').read_text()}",
+        )
 
     def report(part: ReportSlice, workspace: Workspace) -> None:
         started("report")
@@ -114,10 +136,25 @@ def fake_stages(
 
     raised = {"ingest": 1, "fit": 1, "fuse": 1, "report": 1, **(revisions or {})}
     return (
-        Stage("ingest", raised["ingest"], ("ingest.h5",), lambda spec: IngestSlice(spec.data), ingest, sources),
-        Stage("fit", raised["fit"], ("fit.h5", "terms.csv"), lambda spec: FitSlice(spec.dictionary, spec.fit), fit),
+        Stage(
+            "ingest",
+            raised["ingest"],
+            ("ingest.h5",),
+            lambda spec: IngestSlice(spec.data),
+            ingest,
+            sources,
+        ),
+        Stage(
+            "fit",
+            raised["fit"],
+            ("fit.h5", "terms.csv"),
+            lambda spec: FitSlice(spec.dictionary, spec.fit),
+            fit,
+        ),
         Stage("fuse", raised["fuse"], ("model.h5",), lambda spec: FuseSlice(spec.fuse), fuse),
-        Stage("report", raised["report"], ("report",), lambda spec: ReportSlice(spec.report), report),
+        Stage(
+            "report", raised["report"], ("report",), lambda spec: ReportSlice(spec.report), report
+        ),
     )
 
 
@@ -132,4 +169,8 @@ def contents(run_dir: Path) -> dict[str, str]:
     """Every visible file of a run, but for `run.json`."""
     files = (path for path in run_dir.rglob("*") if path.is_file() and path.name != "run.json")
     relative = {path.relative_to(run_dir): path for path in files}
-    return {name.as_posix(): path.read_text() for name, path in sorted(relative.items()) if not name.parts[0].startswith(".")}
+    return {
+        name.as_posix(): path.read_text()
+        for name, path in sorted(relative.items())
+        if not name.parts[0].startswith(".")
+    }

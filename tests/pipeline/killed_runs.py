@@ -1,8 +1,10 @@
-"""Runs a fake study again and again, killed at one file-system event after the other; prints what went wrong as JSON.
+"""Runs a fake study again and again, killed at one file-system event after the other; prints what
+went wrong as JSON.
 
-The events are the interpreter's audit events of every open, mkdir, rename, remove and rmdir, and those that the fake stages raise between
-two halves of a file. Each child is a fork that kills itself, so a run at every instant takes seconds. What comes after a kill depends on
-the files alone: it is tried once for each state of the folder, since most events only read.
+The events are the interpreter's audit events of every open, mkdir, rename, remove and rmdir, and
+those that the fake stages raise between two halves of a file. Each child is a fork that kills
+itself, so a run at every instant takes seconds. What comes after a kill depends on the files alone:
+it is tried once for each state of the folder, since most events only read.
 """
 
 from __future__ import annotations
@@ -20,22 +22,44 @@ from fake_study import Study, contents, fake_stages, make_data, study
 
 from mapmore_cli.pipeline.runner import bring_up_to_date
 
-EVENTS = {"open", "os.mkdir", "os.rename", "os.remove", "os.rmdir", "os.scandir", "shutil.rmtree", "tempfile.mkdtemp", "fake.step"}
+EVENTS = {
+    "open",
+    "os.mkdir",
+    "os.rename",
+    "os.remove",
+    "os.rmdir",
+    "os.scandir",
+    "shutil.rmtree",
+    "tempfile.mkdtemp",
+    "fake.step",
+}
 
 
-os.fsync = lambda _file: None  # whoever is killed leaves a disk that goes on: no power cut, and no waiting for one
+os.fsync = lambda _file: (
+    None
+)  # whoever is killed leaves a disk that goes on: no power cut, and no waiting for one
 
 
 def update(loaded: Study) -> None:
-    bring_up_to_date(loaded, loaded.folder / "runs", stages=fake_stages(lambda _step: sys.audit("fake.step")))  # type: ignore[arg-type]
+    bring_up_to_date(
+        loaded, loaded.folder / "runs", stages=fake_stages(lambda _step: sys.audit("fake.step"))
+    )  # type: ignore[arg-type]
 
 
 def killed_at(event: int, loaded: Study) -> bool:
-    """Run in a fork that dies just before its event of that number; False where it came to its end."""
+    """Run in a fork that dies just before its event of that number; False where it came to its
+    end.
+    """
     child = os.fork()
     if child == 0:
         seen = count()
-        sys.addaudithook(lambda name, _arguments: os.kill(os.getpid(), signal.SIGKILL) if name in EVENTS and next(seen) == event else None)
+        sys.addaudithook(
+            lambda name, _arguments: (
+                os.kill(os.getpid(), signal.SIGKILL)
+                if name in EVENTS and next(seen) == event
+                else None
+            )
+        )
         update(loaded)
         os._exit(0)
     status = os.waitpid(child, 0)[1]
@@ -45,12 +69,17 @@ def killed_at(event: int, loaded: Study) -> bool:
     return False
 
 
-CHANCE = re.compile(r'(?<=\.tmp-)[0-9a-f]{12}(?=-)|(?<=-)[a-z0-9_]{8}(?=$|/)|(?<="mtime_ns": )[0-9]+|(?<="seconds": )[0-9.e-]+')
+CHANCE = re.compile(
+    r'(?<=\.tmp-)[0-9a-f]{12}(?=-)|(?<=-)[a-z0-9_]{8}(?=$|/)|(?<="mtime_ns": '
+    r')[0-9]+|(?<="seconds": )[0-9.e-]+'
+)
 """What is another in each run: the ends of temporary names, instants and durations."""
 
 
 def state(run_dir: Path) -> frozenset[tuple[str, str, bool]]:
-    """All that a kill leaves, hidden files and folders too; and of each file whether the record knows its instant."""
+    """All that a kill leaves, hidden files and folders too; and of each file whether the record
+    knows its instant.
+    """
     record = (run_dir / "run.json").read_text()
     return frozenset(
         (
@@ -64,7 +93,10 @@ def state(run_dir: Path) -> frozenset[tuple[str, str, bool]]:
 
 def main(folder: Path) -> None:
     make_data(folder)
-    old, new = study(folder), study(folder, fit={"max_terms": 2}, fuse={"z_s": 0.5}, report={"formats": ["csv"]})
+    old, new = (
+        study(folder),
+        study(folder, fit={"max_terms": 2}, fuse={"z_s": 0.5}, report={"formats": ["csv"]}),
+    )
     run_dir = folder / "runs" / "demo"
     update(old)
     before, start = contents(run_dir), folder / "start"
@@ -91,7 +123,11 @@ def main(folder: Path) -> None:
         update(new)
         if contents(run_dir) != after:
             wrong.append(f"{event}: the next run does not finish the work")
-        if hidden := [path.name for path in run_dir.iterdir() if path.name.startswith(".") and path.name != ".lock"]:
+        if hidden := [
+            path.name
+            for path in run_dir.iterdir()
+            if path.name.startswith(".") and path.name != ".lock"
+        ]:
             wrong.append(f"{event}: left behind: {hidden}")
     print(json.dumps({"kills": kills, "states": len(seen), "wrong": wrong}))
 

@@ -14,8 +14,14 @@ from mapmore_cli.pipeline.staleness import fingerprint, place_in_spec, plain, sl
 from mapmore_cli.spec.experiment import Competitor
 
 VALUES = st.recursive(
-    st.none() | st.booleans() | st.integers(-9, 9) | st.floats(allow_nan=False, allow_infinity=False) | st.text(max_size=4),
-    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=3), inner, max_size=3),
+    st.none()
+    | st.booleans()
+    | st.integers(-9, 9)
+    | st.floats(allow_nan=False, allow_infinity=False)
+    | st.text(max_size=4),
+    lambda inner: (
+        st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=3), inner, max_size=3)
+    ),
     max_leaves=8,
 )
 SLICES = st.dictionaries(st.sampled_from(["fit", "fuse", "levels", "odd"]), VALUES, max_size=3)
@@ -29,7 +35,11 @@ class Slice:
 
 
 def test_slices_become_json_under_the_names_of_the_file() -> None:
-    part = Slice(Fuse(z_s=0.1), {"strain": Cuts(method="even", count=4)}, [Competitor(model="sarosi", as_="LM")])
+    part = Slice(
+        Fuse(z_s=0.1),
+        {"strain": Cuts(method="even", count=4)},
+        [Competitor(model="sarosi", as_="LM")],
+    )
     chosen = plain(part)
     assert chosen["fuse"] == {**asdict(Fuse()), "z_s": 0.1}
     assert chosen["segment"]["strain"]["count"] == 4
@@ -37,8 +47,21 @@ def test_slices_become_json_under_the_names_of_the_file() -> None:
 
 
 def test_every_ingredient_counts() -> None:
-    basis: dict[str, Any] = {"name": "fit", "revision": 1, "part": {"a": 1}, "before": "x", "contents": {"p": "h"}}
-    changes = [{"name": "fuse"}, {"revision": 2}, {"part": {"a": 2}}, {"before": "y"}, {"contents": {"q": "h"}}, {"contents": {"p": "i"}}]
+    basis: dict[str, Any] = {
+        "name": "fit",
+        "revision": 1,
+        "part": {"a": 1},
+        "before": "x",
+        "contents": {"p": "h"},
+    }
+    changes = [
+        {"name": "fuse"},
+        {"revision": 2},
+        {"part": {"a": 2}},
+        {"before": "y"},
+        {"contents": {"q": "h"}},
+        {"contents": {"p": "i"}},
+    ]
     marks = {fingerprint(**basis), *(fingerprint(**{**basis, **change}) for change in changes)}
     assert len(marks) == 1 + len(changes)
 
@@ -53,7 +76,9 @@ def test_order_of_keys_is_of_no_account(part: dict[str, Any]) -> None:
 
 @settings(deadline=None)
 @given(SLICES, SLICES)
-def test_differences_are_told_exactly_when_there_are_some(old: dict[str, Any], new: dict[str, Any]) -> None:
+def test_differences_are_told_exactly_when_there_are_some(
+    old: dict[str, Any], new: dict[str, Any]
+) -> None:
     told = slice_differences("fit", old, new)
     assert bool(told) == (old != new)
     assert all("->" in text or text.endswith("changed") for text in told)

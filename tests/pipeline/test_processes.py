@@ -1,4 +1,6 @@
-"""Runs as processes: killed at every instant, locked out, quick when up to date, one BLAS thread."""
+"""Runs as processes: killed at every instant, locked out, quick when up to date, one BLAS
+thread.
+"""
 
 from __future__ import annotations
 
@@ -22,13 +24,21 @@ ENVIRONMENT = {**os.environ, "OPENBLAS_NUM_THREADS": "2", "PYTHONPATH": str(HERE
 def python(script: str, folder: Path) -> Any:
     """The JSON that a script prints; it finds the folder in sys.argv[1]."""
     done = subprocess.run(
-        [sys.executable, "-c", script, str(folder)], check=True, env=ENVIRONMENT, capture_output=True, text=True, timeout=120
+        [sys.executable, "-c", script, str(folder)],
+        check=True,
+        env=ENVIRONMENT,
+        capture_output=True,
+        text=True,
+        timeout=120,
     )
     return json.loads(done.stdout)
 
 
 def test_killed_at_every_instant(tmp_path: Path) -> None:
-    outcome = python(f"import runpy; runpy.run_path({str(HERE / 'killed_runs.py')!r}, run_name='__main__')", tmp_path)
+    outcome = python(
+        f"import runpy; runpy.run_path({str(HERE / 'killed_runs.py')!r}, run_name='__main__')",
+        tmp_path,
+    )
     assert outcome["wrong"] == []
     assert outcome["kills"] > 60
 
@@ -50,14 +60,21 @@ bring_up_to_date(study(folder), folder / "runs", stages=fake_stages(wait))
 
 def test_run_is_locked_while_another_process_writes_it(tmp_path: Path) -> None:
     make_data(tmp_path)
-    with subprocess.Popen([sys.executable, "-c", LOCKED, str(tmp_path)], env=ENVIRONMENT, stdout=subprocess.PIPE, text=True) as other:
+    with subprocess.Popen(
+        [sys.executable, "-c", LOCKED, str(tmp_path)],
+        env=ENVIRONMENT,
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as other:
         assert other.stdout is not None
         assert other.stdout.readline() == "start of ingest\n"
         before = sorted((tmp_path / "runs" / "demo").iterdir())
         with pytest.raises(WriteError, match="demo: another process") as caught:
             bring_up_to_date(study(tmp_path), tmp_path / "runs", stages=fake_stages())  # type: ignore[arg-type]
         assert caught.value.exit_code == 7
-        assert sorted((tmp_path / "runs" / "demo").iterdir()) == before  # the other's unfinished work is left alone
+        assert (
+            sorted((tmp_path / "runs" / "demo").iterdir()) == before
+        )  # the other's unfinished work is left alone
         other.kill()
     outcome = bring_up_to_date(study(tmp_path), tmp_path / "runs", stages=fake_stages())  # type: ignore[arg-type]
     assert set(outcome.stages.values()) == {"done"}
@@ -118,7 +135,8 @@ def work(_part, workspace):
     (workspace.out / "ingest.h5").touch()
 
 folder = Path(sys.argv[1])
-bring_up_to_date(study(folder), folder / "runs", "ingest", stages=[replace(fake_stages()[0], run=work)])
+bring_up_to_date(study(folder), folder / "runs", "ingest", stages=[replace(fake_stages()[0],
+    run=work)])
 print(json.dumps(threads))
 """
 

@@ -28,11 +28,17 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def run(loaded: Study, stages: tuple[Stage, ...] | None = None, until: str = "report", **options: Any) -> RunOutcome:
-    return bring_up_to_date(loaded, loaded.folder / "runs", until, stages=stages or fake_stages(), **options)  # type: ignore[arg-type]
+def run(
+    loaded: Study, stages: tuple[Stage, ...] | None = None, until: str = "report", **options: Any
+) -> RunOutcome:
+    return bring_up_to_date(
+        loaded, loaded.folder / "runs", until, stages=stages or fake_stages(), **options
+    )  # type: ignore[arg-type]
 
 
-def reasons(loaded: Study, stages: tuple[Stage, ...] | None = None, until: str = "report", **options: Any) -> list[tuple[str, str | None]]:
+def reasons(
+    loaded: Study, stages: tuple[Stage, ...] | None = None, until: str = "report", **options: Any
+) -> list[tuple[str, str | None]]:
     return explain(loaded, loaded.folder / "runs", until, stages=stages or fake_stages(), **options)  # type: ignore[arg-type]
 
 
@@ -44,23 +50,34 @@ def record(folder: Path) -> dict[str, Any]:
 def test_first_run_and_second_run(folder: Path) -> None:
     told: list[tuple[str, str | None]] = []
     ran: list[str] = []
-    outcome = run(study(folder), fake_stages(runs=ran), on_stage=lambda stage, why: told.append((stage, why)))
+    outcome = run(
+        study(folder), fake_stages(runs=ran), on_stage=lambda stage, why: told.append((stage, why))
+    )
     assert outcome.name == "demo"
     assert outcome.run_dir == folder / "runs" / "demo"
     assert outcome.stages == dict.fromkeys(ALL, "done")
     assert outcome.reasons == dict.fromkeys(ALL, "never ran")
     assert told == [(stage, "never ran") for stage in ALL]
-    before = {path: path.stat().st_mtime_ns for path in outcome.run_dir.rglob("*") if path.name != ".lock"}
+    before = {
+        path: path.stat().st_mtime_ns for path in outcome.run_dir.rglob("*") if path.name != ".lock"
+    }
     again = run(study(folder), fake_stages(runs=ran))
     assert again.stages == dict.fromkeys(ALL, "up-to-date")
     assert again.reasons == {}
     assert ran == ALL
-    assert {path: path.stat().st_mtime_ns for path in outcome.run_dir.rglob("*") if path.name != ".lock"} == before
+    assert {
+        path: path.stat().st_mtime_ns for path in outcome.run_dir.rglob("*") if path.name != ".lock"
+    } == before
 
 
 def test_only_the_stages_asked_for_run(folder: Path) -> None:
     assert run(study(folder), until="fit").stages == {"ingest": "done", "fit": "done"}
-    assert run(study(folder)).stages == {"ingest": "up-to-date", "fit": "up-to-date", "fuse": "done", "report": "done"}
+    assert run(study(folder)).stages == {
+        "ingest": "up-to-date",
+        "fit": "up-to-date",
+        "fuse": "done",
+        "report": "done",
+    }
 
 
 def revised(folder: Path) -> list[tuple[str, str | None]]:
@@ -77,7 +94,9 @@ def with_levels(folder: Path) -> list[tuple[str, str | None]]:
 
 
 def other_terms(folder: Path) -> list[tuple[str, str | None]]:
-    return reasons(study(folder, dictionary=[{"terms": ["strain", "strain^2"]}], fit={"max_terms": 2}))
+    return reasons(
+        study(folder, dictionary=[{"terms": ["strain", "strain^2"]}], fit={"max_terms": 2})
+    )
 
 
 def changed_source(folder: Path) -> list[tuple[str, str | None]]:
@@ -110,7 +129,10 @@ def output_damaged(folder: Path) -> list[tuple[str, str | None]]:
     return reasons(study(folder))
 
 
-FOLLOW = {"ingest": ["follows from ingest", "follows from fit", "follows from fuse"], "fit": ["follows from fit", "follows from fuse"]}
+FOLLOW = {
+    "ingest": ["follows from ingest", "follows from fit", "follows from fuse"],
+    "fit": ["follows from fit", "follows from fuse"],
+}
 
 
 @pytest.mark.parametrize(
@@ -121,23 +143,45 @@ FOLLOW = {"ingest": ["follows from ingest", "follows from fit", "follows from fu
         (with_levels, ["data.levels.at: [80.0, 250.0] -> [80.0, 150.0]", *FOLLOW["ingest"]]),
         (
             other_terms,
-            [None, 'dictionary[0].terms: ["strain"] -> ["strain", "strain^2"]; fit.max_terms: 1 -> 2', *FOLLOW["fit"]],
+            [
+                None,
+                'dictionary[0].terms: ["strain"] -> ["strain", "strain^2"]; fit.max_terms: 1 -> 2',
+                *FOLLOW["fit"],
+            ],
         ),
         (changed_source, ["source changed: data/a.csv", *FOLLOW["ingest"]]),
         (touched_source, [None] * 4),
-        (renamed_source, ["source removed: data/a.csv; source added: data/c.csv", *FOLLOW["ingest"]]),
+        (
+            renamed_source,
+            ["source removed: data/a.csv; source added: data/c.csv", *FOLLOW["ingest"]],
+        ),
         (output_missing, [None, None, "output missing: model.h5", None]),
-        (page_missing, [None, None, None, "output missing: report/index.html; output missing: report/tables/scores.csv"]),
+        (
+            page_missing,
+            [
+                None,
+                None,
+                None,
+                "output missing: report/index.html; output missing: report/tables/scores.csv",
+            ],
+        ),
         (output_damaged, [None, None, None, "output changed: report/index.html"]),
     ],
 )
-def test_reasons(change: Callable[[Path], list[tuple[str, str | None]]], expected: list[str | None], folder: Path) -> None:
+def test_reasons(
+    change: Callable[[Path], list[tuple[str, str | None]]], expected: list[str | None], folder: Path
+) -> None:
     run(study(folder))
     assert change(folder) == list(zip(ALL, expected, strict=True))
 
 
-@pytest.mark.parametrize("change", [changed_source, renamed_source, output_missing, page_missing, output_damaged, touched_source])
-def test_what_explain_says_is_what_happens(change: Callable[[Path], list[tuple[str, str | None]]], folder: Path) -> None:
+@pytest.mark.parametrize(
+    "change",
+    [changed_source, renamed_source, output_missing, page_missing, output_damaged, touched_source],
+)
+def test_what_explain_says_is_what_happens(
+    change: Callable[[Path], list[tuple[str, str | None]]], folder: Path
+) -> None:
     run(study(folder))
     announced = {stage: why for stage, why in change(folder) if why}
     ran: list[str] = []
@@ -206,7 +250,9 @@ def test_a_source_written_after_the_clock_was_set_back_is_another(folder: Path) 
     os.utime(source, ns=(before.st_atime_ns, before.st_mtime_ns - AN_HOUR))
     assert source.stat().st_size == before.st_size
     assert run(study(folder)).reasons["ingest"] == "source changed: data/a.csv"
-    assert run(study(folder)).reasons == {}  # results that are newer than it, made with a later clock, included
+    assert (
+        run(study(folder)).reasons == {}
+    )  # results that are newer than it, made with a later clock, included
 
 
 @pytest.mark.parametrize("when", ["start of ingest", "half of ingest.h5"])
@@ -246,7 +292,10 @@ def test_results_from_the_future_are_made_anew_where_the_study_changed(folder: P
 
 def test_force(folder: Path) -> None:
     run(study(folder))
-    assert run(study(folder), until="fit", force=True).reasons == {"ingest": "forced", "fit": "forced"}
+    assert run(study(folder), until="fit", force=True).reasons == {
+        "ingest": "forced",
+        "fit": "forced",
+    }
     assert run(study(folder)).reasons == {}  # the same numbers came out
 
 
@@ -275,9 +324,19 @@ def test_resolved_spec_is_written_and_kept_up(folder: Path) -> None:
     assert path.read_text() == second.resolved
 
 
-@pytest.mark.parametrize("fault", [FitError("no", "do"), KeyboardInterrupt(), ValueError("bug"), OSError(errno.EACCES, "no", "/elsewhere")])
+@pytest.mark.parametrize(
+    "fault",
+    [
+        FitError("no", "do"),
+        KeyboardInterrupt(),
+        ValueError("bug"),
+        OSError(errno.EACCES, "no", "/elsewhere"),
+    ],
+)
 @pytest.mark.parametrize("step", ["start of ingest", "half of fit.h5", "half of index.html"])
-def test_fault_in_a_stage_leaves_results_as_they_were(fault: BaseException, step: str, folder: Path) -> None:
+def test_fault_in_a_stage_leaves_results_as_they_were(
+    fault: BaseException, step: str, folder: Path
+) -> None:
     run_dir = run(study(folder)).run_dir
     before = contents(run_dir)
 
@@ -289,7 +348,10 @@ def test_fault_in_a_stage_leaves_results_as_they_were(fault: BaseException, step
     with pytest.raises(type(fault)):
         run(study(folder), fake_stages(fail, revisions={failing: 2}))
     assert contents(run_dir) == before
-    assert sorted(path.name for path in run_dir.iterdir() if path.name.startswith(".")) in ([], [".lock"])
+    assert sorted(path.name for path in run_dir.iterdir() if path.name.startswith(".")) in (
+        [],
+        [".lock"],
+    )
     assert run(study(folder)).reasons == {}
 
 
@@ -331,12 +393,25 @@ def test_new_output_of_a_stage_is_missed(folder: Path) -> None:
     run(study(folder))
     stages = fake_stages()
     more = replace(stages[2], outputs=("model.h5", "model.csv"))
-    assert reasons(study(folder), (*stages[:2], more, stages[3]))[2] == ("fuse", "output missing: model.csv")
+    assert reasons(study(folder), (*stages[:2], more, stages[3]))[2] == (
+        "fuse",
+        "output missing: model.csv",
+    )
 
 
 @pytest.mark.parametrize(
     "text",
-    ["", "{", "[]", "null", '{"stages": 3}', '{"stages": {}}', '{"format_version": "1.0", "stages": {"fit": {}}}', "\x00", "[" * 100_000],
+    [
+        "",
+        "{",
+        "[]",
+        "null",
+        '{"stages": 3}',
+        '{"stages": {}}',
+        '{"format_version": "1.0", "stages": {"fit": {}}}',
+        "\x00",
+        "[" * 100_000,
+    ],
 )
 def test_damaged_record_counts_as_absent(text: str, folder: Path) -> None:
     run_dir = run(study(folder)).run_dir
@@ -365,7 +440,13 @@ def test_record_of_a_newer_format_is_refused(folder: Path) -> None:
 
 def test_stages_get_their_workspace(folder: Path) -> None:
     seen: list[Workspace] = []
-    ingest = replace(fake_stages()[0], run=lambda _part, workspace: [seen.append(workspace), (workspace.out / "ingest.h5").touch()])
+    ingest = replace(
+        fake_stages()[0],
+        run=lambda _part, workspace: [
+            seen.append(workspace),
+            (workspace.out / "ingest.h5").touch(),
+        ],
+    )
     said: list[str] = []
     run(study(folder), (ingest,), until="ingest", warn=said.append)
     assert seen[0].spec_dir == folder

@@ -1,7 +1,9 @@
-"""Opens a page of hostile names: `python tests/reporting/browser.py [CHROMIUM]` ends with 1 where a script ran or a request left the page.
+"""Opens a page of hostile names: `python tests/reporting/browser.py [CHROMIUM]` ends with 1 where a
+script ran or a request left the page.
 
-Two pages are the controls: one into which the same text was put as markup, with the page's Content-Security-Policy and without it. Without
-it, the text does what it says, or this program would find nothing anywhere.
+Two pages are the controls: one into which the same text was put as markup, with the page's
+Content-Security-Policy and without it. Without it, the text does what it says, or this program
+would find nothing anywhere.
 """
 
 from __future__ import annotations
@@ -44,7 +46,9 @@ def server() -> Iterator[tuple[int, list[str]]]:
 
 
 def hostile(port: int) -> str:
-    """A name that runs scripts and asks a server for a picture and a style, where it is taken for markup."""
+    """A name that runs scripts and asks a server for a picture and a style, where it is taken for
+    markup.
+    """
     leak, change = f"http://127.0.0.1:{port}", f"document.title='{OWNED}'"
     picture = f'<img src=\'{leak}/picture\' onerror="{change}">"><svg onload={change}>'
     return f"<script>{change}</script>{picture}<style>@import url({leak}/style)</style>"
@@ -58,20 +62,32 @@ def write_page(folder: Path, name: str) -> Path:
 
 def title_of(browser: str, page: Path) -> str:
     """The title of a page, after its scripts have run."""
-    call = [browser, "--headless", "--no-sandbox", "--disable-gpu", "--virtual-time-budget=3000", "--dump-dom", page.as_uri()]
+    call = [
+        browser,
+        "--headless",
+        "--no-sandbox",
+        "--disable-gpu",
+        "--virtual-time-budget=3000",
+        "--dump-dom",
+        page.as_uri(),
+    ]
     dom = subprocess.run(call, check=True, capture_output=True, text=True, timeout=120).stdout
     return dom.partition("<title>")[2].partition("</title>")[0]
 
 
 def main(browser: str) -> int:
-    """Print what became of each page; 1 where a page did what its names say, or the control did not."""
+    """Print what became of each page; 1 where a page did what its names say, or the control did
+    not.
+    """
     with server() as (port, asked), TemporaryDirectory() as place:
         name = hostile(port)
         page = write_page(Path(place), name)
         assert not Page(page.read_text(encoding="utf-8")).named("script")
         injected = page.read_text(encoding="utf-8").replace("<body>", f"<body>{name}")
         (page.parent / "injected.html").write_text(injected, encoding="utf-8")
-        (page.parent / "control.html").write_text(injected.replace("Content-Security-Policy", "X-No-Policy"), encoding="utf-8")
+        (page.parent / "control.html").write_text(
+            injected.replace("Content-Security-Policy", "X-No-Policy"), encoding="utf-8"
+        )
         harmed = {}
         for what in ("index", "injected", "control"):
             asked.clear()

@@ -26,13 +26,22 @@ def mixed() -> ReportInputs:
 @pytest.fixture(scope="session")
 def failed() -> ReportInputs:
     """Sarosi's model could not be fitted, another could."""
-    return build(competitors={"sarosi": lambda p, _e: np.full_like(p, np.nan), "flat": lambda p, e: surface(p, e) + 20})
+    return build(
+        competitors={
+            "sarosi": lambda p, _e: np.full_like(p, np.nan),
+            "flat": lambda p, e: surface(p, e) + 20,
+        }
+    )
 
 
 @pytest.fixture(scope="session")
 def alone() -> ReportInputs:
     """One curve, nothing held out, no competitor."""
-    return build(levels=[250], held_out=lambda _level, strain: np.zeros(len(strain), dtype=bool), competitors={})
+    return build(
+        levels=[250],
+        held_out=lambda _level, strain: np.zeros(len(strain), dtype=bool),
+        competitors={},
+    )
 
 
 @pytest.fixture

@@ -1,4 +1,6 @@
-"""Realistic inputs of a report: a Sarosi-like surface with noise, cut into even segments with one term each."""
+"""Realistic inputs of a report: a Sarosi-like surface with noise, cut into even segments with one
+term each.
+"""
 
 from __future__ import annotations
 
@@ -25,13 +27,25 @@ from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.table import Table
 from mapmore_cli.reporting.tables import all_tables
 
-QUANTITIES = {q.name: q for q in (Quantity("time", "s"), Quantity("pressure", "kPa"), Quantity("strain", "1"), Quantity("force", "N"))}
+QUANTITIES = {
+    q.name: q
+    for q in (
+        Quantity("time", "s"),
+        Quantity("pressure", "kPa"),
+        Quantity("strain", "1"),
+        Quantity("force", "N"),
+    )
+}
 FUSE = Fuse(transition="quadratic", extrapolation="continue")
 Prediction = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
 def surface(pressure: np.ndarray, strain: np.ndarray) -> np.ndarray:
-    return pressure * (0.6 * np.exp(-60 * strain) - 9.5 * strain + 2.3) - 320 * strain - 8 * np.sin(60 * strain)
+    return (
+        pressure * (0.6 * np.exp(-60 * strain) - 9.5 * strain + 2.3)
+        - 320 * strain
+        - 8 * np.sin(60 * strain)
+    )
 
 
 def free_strain(pressure: float) -> float:
@@ -41,7 +55,9 @@ def free_strain(pressure: float) -> float:
 
 def build(
     levels: Sequence[float] = (80, 150, 250, 350),
-    held_out: Callable[[float, np.ndarray], np.ndarray] = lambda level, strain: np.full(len(strain), level == 250),
+    held_out: Callable[[float, np.ndarray], np.ndarray] = lambda level, strain: np.full(
+        len(strain), level == 250
+    ),
     competitors: Mapping[str, Prediction] | None = None,
     published: Published | None = None,
     samples: int = 200,
@@ -51,25 +67,49 @@ def build(
 ) -> ReportInputs:
     random = np.random.default_rng(7)
     if competitors is None:
-        competitors = {"sarosi": lambda p, e: surface(p, e) + 9 * np.cos(50 * e), "polynomial_2": lambda p, e: p * (2.7 - 12 * e) - 300 * e}
+        competitors = {
+            "sarosi": lambda p, e: surface(p, e) + 9 * np.cos(50 * e),
+            "polynomial_2": lambda p, e: p * (2.7 - 12 * e) - 300 * e,
+        }
     curves = [_curve(level, samples, held_out, random, rename) for level in levels]
     dataset = Dataset(
-        "force", "pressure", QUANTITIES, tuple(_recording(c, random, rename) for c in curves), tuple(curves), ("1 level was merged.",)
+        "force",
+        "pressure",
+        QUANTITIES,
+        tuple(_recording(c, random, rename) for c in curves),
+        tuple(curves),
+        ("1 level was merged.",),
     )
     dictionary = ("1", "strain", "strain^2", "strain^3", "strain^4")
-    recipe = Recipe(target="force", dictionary=dictionary, cuts={"strain": Cuts("even", segments)}, level="pressure", fuse=FUSE)
+    recipe = Recipe(
+        target="force",
+        dictionary=dictionary,
+        cuts={"strain": Cuts("even", segments)},
+        level="pressure",
+        fuse=FUSE,
+    )
     segmentation = pieces.segment(curves, recipe)
     fit = FitResult(PiecesFit(pieces.fit(curves, segmentation, recipe)))
     model = pieces.fuse(name, curves, segmentation, fit, recipe, QUANTITIES)
     predictions = {"mapmore": tuple(predict(model, c.columns) for c in curves)}
-    predictions |= {key: tuple(f(c.columns["pressure"], c.columns["strain"]) for c in curves) for key, f in competitors.items()}
-    formulas = {key: _formula(key, failed=all(np.isnan(y).all() for y in predictions[key])) for key in competitors}
+    predictions |= {
+        key: tuple(f(c.columns["pressure"], c.columns["strain"]) for c in curves)
+        for key, f in competitors.items()
+    }
+    formulas = {
+        key: _formula(key, failed=all(np.isnan(y).all() for y in predictions[key]))
+        for key in competitors
+    }
     scored = [key for key in predictions if key not in formulas or not formulas[key].failed]
     scores = _scores(dataset, {key: predictions[key] for key in scored})
     warnings = ("Curve pressure=80 has only four segments of 50 samples.",)
     validation = Validation(predictions, formulas, scores, {"force": "N"}, warnings=warnings)
     equations = tuple(
-        Equation(f.id, f"force = 123.4*((strain - 0.01)/0.05)^2 + 12 = {f.terms[0]}", r"F = 123.4 \left(\epsilon\right)^2")
+        Equation(
+            f.id,
+            f"force = 123.4*((strain - 0.01)/0.05)^2 + 12 = {f.terms[0]}",
+            r"F = 123.4 \left(\epsilon\right)^2",
+        )
         for f in fit.segments
     )
     return ReportInputs(
@@ -90,7 +130,11 @@ def build(
 
 def all_named(text: str) -> ReportInputs:
     """A study in which whatever a user names or writes is this text."""
-    inputs = build(name=text, rename=lambda name: name + text, competitors={text: lambda p, e: p * (2.5 - 10 * e)})
+    inputs = build(
+        name=text,
+        rename=lambda name: name + text,
+        competitors={text: lambda p, e: p * (2.5 - 10 * e)},
+    )
     return replace(
         inputs,
         muscle={"name": text},
@@ -107,31 +151,66 @@ def _curve(level, samples, held_out, random, rename) -> Curve:
     pressure = np.full(samples, float(level))
     force = surface(pressure, strain) + random.normal(0, 2.5, samples)
     columns = {"pressure": pressure, "strain": strain, "force": force}
-    return Curve(f"pressure={level:g}", float(level), columns, held_out(level, strain), (rename(f"load_cycle_{level:g}"),))
+    return Curve(
+        f"pressure={level:g}",
+        float(level),
+        columns,
+        held_out(level, strain),
+        (rename(f"load_cycle_{level:g}"),),
+    )
 
 
 def _recording(curve: Curve, random, rename) -> Recording:
     time = np.arange(0, 60, 0.02)
     strain = free_strain(float(curve.level)) * (0.5 - 0.5 * np.cos(2 * np.pi * time / 20))
     pressure = curve.level + random.normal(0, 0.8, len(time))
-    force = surface(pressure, strain) + random.normal(0, 2.5, len(time)) + 12 * np.sign(-np.sin(2 * np.pi * time / 20))
+    force = (
+        surface(pressure, strain)
+        + random.normal(0, 2.5, len(time))
+        + 12 * np.sign(-np.sin(2 * np.pi * time / 20))
+    )
     columns = {"time": time, "pressure": pressure, "strain": strain, "force": force}
-    dropped = {"missing value": 3, "outside `keep`": 20} if curve.level == 80 else {"missing value": 1}
-    return Recording(curve.recordings[0], f"../data/{curve.recordings[0]}.csv.gz", columns, len(time) + sum(dropped.values()), dropped)
+    dropped = (
+        {"missing value": 3, "outside `keep`": 20} if curve.level == 80 else {"missing value": 1}
+    )
+    return Recording(
+        curve.recordings[0],
+        f"../data/{curve.recordings[0]}.csv.gz",
+        columns,
+        len(time) + sum(dropped.values()),
+        dropped,
+    )
 
 
 def _formula(name: str, failed: bool) -> FormulaFit:
     if failed:
         nothing = {"a1": np.nan}
-        return FormulaFit(name, nothing, nothing, "failed", "levenberg_marquardt", 0, np.nan, np.nan, 600, ("the solver found no step",))
+        return FormulaFit(
+            name,
+            nothing,
+            nothing,
+            "failed",
+            "levenberg_marquardt",
+            0,
+            np.nan,
+            np.nan,
+            600,
+            ("the solver found no step",),
+        )
     found, errors = {"a1": 0.6, "a2": -9.5, "a3": 2.3}, {"a1": 0.01, "a2": np.nan, "a3": 0.02}
     return FormulaFit(name, found, errors, "converged", "variable projection", 3, 812.0, 5.0, 600)
 
 
 def _scores(dataset: Dataset, predictions: Mapping[str, Sequence[np.ndarray]]) -> tuple[Score, ...]:
     """Rows of all models, the training data first."""
-    said = {model: [Forecast.of(values) for values in found] for model, found in predictions.items()}
-    rows = [row for model, found in said.items() for row in score_rows(model, "force", found, dataset, divisor(dataset, "max"))]
+    said = {
+        model: [Forecast.of(values) for values in found] for model, found in predictions.items()
+    }
+    rows = [
+        row
+        for model, found in said.items()
+        for row in score_rows(model, "force", found, dataset, divisor(dataset, "max"))
+    ]
     return tuple(sorted(rows, key=lambda row: row.split))
 
 
@@ -143,7 +222,11 @@ def of_pieces(model: Model, **changes: Any) -> Model:
 def drawn(inputs: ReportInputs, *names: str) -> dict[str, Figure]:
     """The figures of these names, of all where none is given."""
     with figure_style():
-        return {drawing.name: compose(drawing) for name in names or FIGURES for drawing in drawings(name, inputs)}
+        return {
+            drawing.name: compose(drawing)
+            for name in names or FIGURES
+            for drawing in drawings(name, inputs)
+        }
 
 
 def legend_of(figure: Figure) -> list[str]:

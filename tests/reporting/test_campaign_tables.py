@@ -11,14 +11,34 @@ from hypothesis import strategies as st
 from report_builder import Page
 
 from mapmore_cli.domain.scores import REPEATABILITY, Published, Score
-from mapmore_cli.reporting.campaign import CampaignScores, campaign_tables, hindsight_table, nrmse_table, order_table, published_table
+from mapmore_cli.reporting.campaign import (
+    CampaignScores,
+    campaign_tables,
+    hindsight_table,
+    nrmse_table,
+    order_table,
+    published_table,
+)
 from mapmore_cli.reporting.figures.commands import campaign_figures
 from mapmore_cli.reporting.figures.drawing import compose
 from mapmore_cli.reporting.report import render_campaign
 
 
 def row(model: str, rmse: float, split: str = "validate") -> Score:
-    return Score(model, "static", split, "all", 10, rmse, rmse / 100, 100, "max|force| over validate", rmse, rmse / 100, 0.9)
+    return Score(
+        model,
+        "static",
+        split,
+        "all",
+        10,
+        rmse,
+        rmse / 100,
+        100,
+        "max|force| over validate",
+        rmse,
+        rmse / 100,
+        0.9,
+    )
 
 
 def rows(**errors: float) -> list[Score]:
@@ -34,13 +54,25 @@ def test_a_failed_run_is_told_by_its_name() -> None:
 def test_hostile_names_are_text_on_the_page() -> None:
     hostile = "<script>alert(1)</script>\"'&<img src=x onerror=y>"
     scores = CampaignScores({hostile: rows(**{"mapmore": 1, hostile: 2})}, failed=(hostile + "2",))
-    page = Page(render_campaign(hostile, campaign_tables(scores), [], {hostile: "../x/report/index.html"}, {hostile: hostile}))
+    page = Page(
+        render_campaign(
+            hostile,
+            campaign_tables(scores),
+            [],
+            {hostile: "../x/report/index.html"},
+            {hostile: hostile},
+        )
+    )
     assert not {"script", "img", "iframe"} & {tag for tag, _ in page.tags}
     assert page.text.count(hostile) >= 6
 
 
 def test_the_order_of_the_models_is_held_against_the_published_one() -> None:
-    runs = {"a": rows(mapmore=1, sarosi=2, flat=5), "b": rows(mapmore=3, sarosi=2, flat=5), "c": [row("mapmore", 1.0, "train")]}
+    runs = {
+        "a": rows(mapmore=1, sarosi=2, flat=5),
+        "b": rows(mapmore=3, sarosi=2, flat=5),
+        "c": [row("mapmore", 1.0, "train")],
+    }
     printed = Published("M", rmse={"mapmore": 10.0, "sarosi": 20.0}, rmse_at_least={"flat": 170.0})
     scores = CampaignScores(runs, published=dict.fromkeys(runs, printed))
     assert order_table(scores).rows == (
@@ -73,8 +105,15 @@ def test_ratios_are_of_the_runs_that_have_both() -> None:
 
 
 def test_groups_have_a_median_and_a_worst() -> None:
-    runs = {"a": rows(mapmore=1, lags=9), "b": rows(mapmore=4, lags=7), "c": rows(mapmore=2), "d": rows(mapmore=8, lags=math.nan)}
-    table = nrmse_table(CampaignScores(runs, groups={"a": "steps", "b": "steps", "c": "steps", "d": "loops"}))
+    runs = {
+        "a": rows(mapmore=1, lags=9),
+        "b": rows(mapmore=4, lags=7),
+        "c": rows(mapmore=2),
+        "d": rows(mapmore=8, lags=math.nan),
+    }
+    table = nrmse_table(
+        CampaignScores(runs, groups={"a": "steps", "b": "steps", "c": "steps", "d": "loops"})
+    )
     assert table.rows[4:] == (
         ("steps: median", 2.0, 8.0),
         ("steps: worst", 4.0, 9.0),
@@ -84,13 +123,21 @@ def test_groups_have_a_median_and_a_worst() -> None:
 
 
 def test_the_note_names_what_the_errors_are_normalised_by() -> None:
-    scores = CampaignScores({"a": [replace(row("mapmore", 3.0), normaliser_name="range of force over validate")]})
-    assert nrmse_table(scores).notes == ("NRMSE in per cent, all curves pooled; normalised by range of force over validate.",)
+    scores = CampaignScores(
+        {"a": [replace(row("mapmore", 3.0), normaliser_name="range of force over validate")]}
+    )
+    assert nrmse_table(scores).notes == (
+        "NRMSE in per cent, all curves pooled; normalised by range of force over validate.",
+    )
 
 
 def test_training_rows_count_where_nothing_is_held_out() -> None:
-    assert nrmse_table(CampaignScores({"a": [replace(row("mapmore", 3.0), split="train")]})).rows == (("a", 3.0),)
-    assert nrmse_table(CampaignScores({"a": [row("mapmore", 3.0), row("mapmore", 1.0, "train")]})).rows == (("a", 3.0),)
+    assert nrmse_table(
+        CampaignScores({"a": [replace(row("mapmore", 3.0), split="train")]})
+    ).rows == (("a", 3.0),)
+    assert nrmse_table(
+        CampaignScores({"a": [row("mapmore", 3.0), row("mapmore", 1.0, "train")]})
+    ).rows == (("a", 3.0),)
 
 
 def test_repeatability_wins_nothing_and_stands_last() -> None:
@@ -114,7 +161,10 @@ def test_a_formula_is_not_below_itself() -> None:
 @given(st.lists(st.lists(st.floats(0.1, 100), min_size=3, max_size=3), min_size=1, max_size=6))
 def test_of_the_formulas_one_is_best_in_every_run(errors: list[list[float]]) -> None:
     names = ["f", "g", "h"]
-    runs = {f"run{i}": [row(name, rmse) for name, rmse in zip(names, of_run, strict=True)] for i, of_run in enumerate(errors)}
+    runs = {
+        f"run{i}": [row(name, rmse) for name, rmse in zip(names, of_run, strict=True)]
+        for i, of_run in enumerate(errors)
+    }
     closing = nrmse_table(CampaignScores(runs, best_of=names)).rows[-1][1:]
     won = sum(int(str(cell).split(" of ")[0]) for cell in closing)
     untied = sum(sorted(of_run)[0] < sorted(of_run)[1] for of_run in errors)
@@ -129,14 +179,29 @@ def test_an_error_that_is_not_finite_is_nobodys_best() -> None:
 
 def test_published_numbers_stand_beside_ours_and_empty_columns_are_left_out() -> None:
     runs = {"a": rows(mapmore=2, sarosi=4), "b": rows(mapmore=3)}
-    table = published_table(CampaignScores(runs, units={"a": "N", "b": "N"}, published={"a": Published("a paper", rmse={"mapmore": 13.7})}))
-    assert table.headings == ("run", "model", "RMSE [N]", "published RMSE [N]", "NRMSE [%]", "ours to published")
+    table = published_table(
+        CampaignScores(
+            runs,
+            units={"a": "N", "b": "N"},
+            published={"a": Published("a paper", rmse={"mapmore": 13.7})},
+        )
+    )
+    assert table.headings == (
+        "run",
+        "model",
+        "RMSE [N]",
+        "published RMSE [N]",
+        "NRMSE [%]",
+        "ours to published",
+    )
     assert table.rows == (("a", "mapmore", 2.0, 13.7, 2.0, 2.0 / 13.7),)
     assert table.notes == ("Published: a paper.",)
 
 
 def test_tables_without_rows_are_left_out() -> None:
-    assert [table.name for table in campaign_tables(CampaignScores({"a": rows(mapmore=1)}))] == ["nrmse"]
+    assert [table.name for table in campaign_tables(CampaignScores({"a": rows(mapmore=1)}))] == [
+        "nrmse"
+    ]
 
 
 def test_a_run_that_diverged_is_worse_than_any_in_whatever_order() -> None:
@@ -147,13 +212,19 @@ def test_a_run_that_diverged_is_worse_than_any_in_whatever_order() -> None:
 
 
 def test_nothing_is_in_proportion_to_an_error_of_zero() -> None:
-    scores = CampaignScores({"a": rows(mapmore=1, sarosi=0, repeatability=0)}, relative_to="sarosi", best_of=["sarosi"])
+    scores = CampaignScores(
+        {"a": rows(mapmore=1, sarosi=0, repeatability=0)}, relative_to="sarosi", best_of=["sarosi"]
+    )
     assert nrmse_table(scores).rows[1][1] is None
     assert hindsight_table(scores).rows[0][-2:] == (None, None)
 
 
 def test_runs_with_few_models_in_common_are_listed() -> None:
-    runs = {"a": rows(mapmore=2, sarosi=4, kerscher=3, repeatability=1), "b": rows(mapmore=1, narx=5), "c": rows(mapmore=3, cubic=2)}
+    runs = {
+        "a": rows(mapmore=2, sarosi=4, kerscher=3, repeatability=1),
+        "b": rows(mapmore=1, narx=5),
+        "c": rows(mapmore=3, cubic=2),
+    }
     scores = CampaignScores(runs, failed=("d",))
     assert scores.sparse
     (table,) = campaign_tables(scores)
@@ -165,7 +236,9 @@ def test_runs_with_few_models_in_common_are_listed() -> None:
         ("c", "cubic"),
         ("d", "mapmore"),
     ]
-    assert [row[3] for row in table.rows] == pytest.approx([None, 1.5, 2.0, 0.5, None, 5.0, None, 2 / 3, None])
+    assert [row[3] for row in table.rows] == pytest.approx(
+        [None, 1.5, 2.0, 0.5, None, 5.0, None, 2 / 3, None]
+    )
     assert not CampaignScores({"a": rows(mapmore=2, sarosi=4), "b": rows(mapmore=1)}).sparse
 
 
@@ -176,12 +249,22 @@ def dots(scores):
     ax = figure.axes[0]
     names = [label.get_text() for label in ax.get_yticklabels()]
     legend = [text.get_text() for text in figure.legends[0].get_texts()]
-    points = [line for line in ax.lines if line.get_marker() != "None" and line.get_linestyle() == "None"]
-    return names, legend, sorted((names[int(y)], float(x)) for line in points for x, y in line.get_xydata())
+    points = [
+        line for line in ax.lines if line.get_marker() != "None" and line.get_linestyle() == "None"
+    ]
+    return (
+        names,
+        legend,
+        sorted((names[int(y)], float(x)) for line in points for x, y in line.get_xydata()),
+    )
 
 
 def test_every_error_is_a_dot_in_the_line_of_its_run() -> None:
-    names, legend, found = dots(CampaignScores({"a": rows(mapmore=1, sarosi=4, repeatability=0.5), "b": rows(mapmore=3, sarosi=2)}))
+    names, legend, found = dots(
+        CampaignScores(
+            {"a": rows(mapmore=1, sarosi=4, repeatability=0.5), "b": rows(mapmore=3, sarosi=2)}
+        )
+    )
     assert names == ["a", "b"]
     assert legend == ["mapmore", "Sárosi", REPEATABILITY]
     assert found == [("a", 0.5), ("a", 1.0), ("a", 4.0), ("b", 2.0), ("b", 3.0)]
@@ -189,13 +272,20 @@ def test_every_error_is_a_dot_in_the_line_of_its_run() -> None:
 
 @pytest.mark.parametrize("error", [math.nan, math.inf])
 def test_a_run_that_diverged_has_no_dot(error: float) -> None:
-    scores = CampaignScores({"a": rows(mapmore=1, narx=2), "b": [row("mapmore", 3.0), replace(row("narx", 1.0), nrmse=error)]})
+    scores = CampaignScores(
+        {
+            "a": rows(mapmore=1, narx=2),
+            "b": [row("mapmore", 3.0), replace(row("narx", 1.0), nrmse=error)],
+        }
+    )
     assert dots(scores)[2] == [("a", 1.0), ("a", 2.0), ("b", 3.0)]
 
 
 def test_of_many_models_the_best_are_drawn() -> None:
     models = {f"m{number}": 2.0 + number for number in range(12)}
-    legend = dots(CampaignScores({"a": rows(mapmore=50, **models), "b": rows(mapmore=60, **models)}))[1]
+    legend = dots(
+        CampaignScores({"a": rows(mapmore=50, **models), "b": rows(mapmore=60, **models)})
+    )[1]
     assert legend == ["mapmore", *(f"m{number}" for number in range(6))]
 
 
@@ -205,14 +295,31 @@ def test_there_is_nothing_to_compare_in_one_run() -> None:
 
 
 def test_where_runs_have_few_models_in_common_the_best_of_the_others_is_drawn() -> None:
-    runs = {"a": rows(mapmore=2, sarosi=4, kerscher=3, repeatability=1), "b": rows(mapmore=1, narx=5), "c": rows(mapmore=3, cubic=2)}
+    runs = {
+        "a": rows(mapmore=2, sarosi=4, kerscher=3, repeatability=1),
+        "b": rows(mapmore=1, narx=5),
+        "c": rows(mapmore=3, cubic=2),
+    }
     _, legend, found = dots(CampaignScores(runs))
     assert legend == ["mapmore", "best of the others", REPEATABILITY]
-    assert found == [("a", 1.0), ("a", 2.0), ("a", 3.0), ("b", 1.0), ("b", 5.0), ("c", 2.0), ("c", 3.0)]
+    assert found == [
+        ("a", 1.0),
+        ("a", 2.0),
+        ("a", 3.0),
+        ("b", 1.0),
+        ("b", 5.0),
+        ("c", 2.0),
+        ("c", 3.0),
+    ]
 
 
 def test_an_error_of_rounding_leaves_room_for_the_others() -> None:
-    scores = CampaignScores({"exact": [replace(row("mapmore", 1.0), nrmse=1e-16), row("sarosi", 2.0)], "b": rows(mapmore=3, sarosi=2)})
+    scores = CampaignScores(
+        {
+            "exact": [replace(row("mapmore", 1.0), nrmse=1e-16), row("sarosi", 2.0)],
+            "b": rows(mapmore=3, sarosi=2),
+        }
+    )
     assert dots(scores)[2] == [("b", 2.0), ("b", 3.0), ("exact", 2.0)]
     (drawing,) = campaign_figures(scores)
     assert drawing.caption.endswith("its error is but rounding: mapmore in exact.")

@@ -30,8 +30,12 @@ def test_every_run_and_every_limit_is_a_case() -> None:
     assert list(cases[("mapmore.good", "require nrmse")]) == []
     failure = cases[("mapmore.missed", "require nrmse")].find("failure")
     assert failure is not None
-    assert failure.get("message") == "nrmse of mapmore on the validate rows is 0.07; the limit is 0.05"
-    assert cases[("mapmore.missed", "require r2")].find("failure") is not None  # no number keeps no limit
+    assert (
+        failure.get("message") == "nrmse of mapmore on the validate rows is 0.07; the limit is 0.05"
+    )
+    assert (
+        cases[("mapmore.missed", "require r2")].find("failure") is not None
+    )  # no number keeps no limit
     error = cases[("mapmore.broken", "run")].find("error")
     assert error is not None
     assert error.get("message") == "none_*.csv: no such file"
@@ -45,7 +49,9 @@ def test_any_name_and_message_gives_well_formed_xml(name: str, text: str) -> Non
 
 
 def test_the_summary_says_what_went_wrong_first() -> None:
-    text = to_summary(RUNS, [Table("scores", "Scores", (Column("run"), Column("NRMSE")), (("good", 0.03),))])
+    text = to_summary(
+        RUNS, [Table("scores", "Scores", (Column("run"), Column("NRMSE")), (("good", 0.03),))]
+    )
     lines = text.splitlines()
     assert lines[0] == "## mapmore: 1 of 3 runs in order"
     assert lines[2].startswith("- **missed**: nrmse of mapmore")

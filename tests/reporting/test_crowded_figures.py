@@ -1,4 +1,6 @@
-"""Figures of many models, of models that are far off, of repeated measurements; the places of panels."""
+"""Figures of many models, of models that are far off, of repeated measurements; the places of
+panels.
+"""
 
 from __future__ import annotations
 
@@ -13,18 +15,28 @@ from report_builder import build, legend_of, of_pieces, surface
 from mapmore_cli.domain.scores import FIGURES, REPEATABILITY
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.reporting.figures.drawing import POINTS, compose, drawings
-from mapmore_cli.reporting.figures.segments import draw_courses, draw_levels, level_courses, level_figures, level_weights
+from mapmore_cli.reporting.figures.segments import (
+    draw_courses,
+    draw_levels,
+    level_courses,
+    level_figures,
+    level_weights,
+)
 from mapmore_cli.reporting.figures.style import figure_style, model_styles
 from mapmore_cli.reporting.inputs import MOST_LINES
 from mapmore_cli.reporting.score_tables import score_table
 
-NEAR = {f"near_{shift}": lambda p, e, shift=shift: surface(p, e) + shift for shift in range(9, 0, -1)}
+NEAR = {
+    f"near_{shift}": lambda p, e, shift=shift: surface(p, e) + shift for shift in range(9, 0, -1)
+}
 FAR = {"far": lambda p, e: surface(p, e) + 4000 * e**0.5}
 
 
 def drawing(inputs, name):
     with figure_style():
-        return next(found for found in drawings(name.partition("_")[0], inputs) if found.name == name)
+        return next(
+            found for found in drawings(name.partition("_")[0], inputs) if found.name == name
+        )
 
 
 @pytest.fixture(scope="module")
@@ -39,8 +51,14 @@ def outlier():
 
 @pytest.fixture(scope="module")
 def repeated(inputs):
-    floors = [replace(s, model=REPEATABILITY, rmse=3.0, nrmse=0.01) for s in inputs.validation.scores if s.model == "sarosi"]
-    return replace(inputs, validation=replace(inputs.validation, scores=(*inputs.validation.scores, *floors)))
+    floors = [
+        replace(s, model=REPEATABILITY, rmse=3.0, nrmse=0.01)
+        for s in inputs.validation.scores
+        if s.model == "sarosi"
+    ]
+    return replace(
+        inputs, validation=replace(inputs.validation, scores=(*inputs.validation.scores, *floors))
+    )
 
 
 class TestManyModels:
@@ -75,13 +93,20 @@ class TestFarOff:
             [curve.columns["force"] for curve in outlier.dataset.curves]
         ))  # fmt: skip
         with figure_style():
-            panels = {ax.get_title(loc="left"): ax for ax in compose(drawing(outlier, "error")).axes}
-        assert [text.get_text() for text in panels["far"].texts] == [f"beyond the scale: up to {errors.max():.3g} N"]
+            panels = {
+                ax.get_title(loc="left"): ax for ax in compose(drawing(outlier, "error")).axes
+            }
+        assert [text.get_text() for text in panels["far"].texts] == [
+            f"beyond the scale: up to {errors.max():.3g} N"
+        ]
         assert not panels["mapmore"].texts
 
     def test_an_own_model_that_is_worst_hides_nobody(self, outlier):
         predictions = outlier.validation.predictions
-        swapped = replace(outlier.validation, predictions={"far": predictions["far"], "mapmore": predictions["mapmore"]})
+        swapped = replace(
+            outlier.validation,
+            predictions={"far": predictions["far"], "mapmore": predictions["mapmore"]},
+        )
         assert replace(outlier, validation=swapped).far_off == ()
 
 
@@ -90,7 +115,11 @@ class TestRepeatability:
         plain, marked = drawing(inputs, "nrmse"), drawing(repeated, "nrmse")
         assert len(compose(marked).axes[0].patches) == len(compose(plain).axes[0].patches)
         lines = compose(marked).axes[0].lines[: 1 + len(compose(plain).axes[0].lines)]
-        assert [line.get_xdata()[0] for line in lines if len(set(line.get_xdata())) == 1 and len(line.get_xdata()) == 2] == [1.0]
+        assert [
+            line.get_xdata()[0]
+            for line in lines
+            if len(set(line.get_xdata())) == 1 and len(line.get_xdata()) == 2
+        ] == [1.0]
         assert "repeated measurements" in marked.caption
         assert "repeated measurements" not in plain.caption
 
@@ -102,13 +131,18 @@ class TestRepeatability:
 
     def test_the_table_says_what_it_is(self, inputs, repeated):
         units = repeated.validation.units
-        table, plain = score_table(repeated.validation.scores, units), score_table(inputs.validation.scores, units)
+        table, plain = (
+            score_table(repeated.validation.scores, units),
+            score_table(inputs.validation.scores, units),
+        )
         assert len(table.rows) == len(plain.rows) + 2
         assert any(note.startswith(REPEATABILITY) for note in table.notes)
         assert not any(note.startswith(REPEATABILITY) for note in plain.notes)
 
 
-NAMES = [name for name in FIGURES if name not in ("loops", "motion", "convergence")]  # of models with memory
+NAMES = [
+    name for name in FIGURES if name not in ("loops", "motion", "convergence")
+]  # of models with memory
 
 
 def boxes(figure):
@@ -122,13 +156,21 @@ def test_no_label_leaves_the_page_or_lies_on_another_panel(name, mixed):
         for drawing in drawings(name, mixed):
             figure = compose(drawing)
             width, height = figure.get_size_inches() * POINTS
-            top = min((legend.get_window_extent(RendererBase()).y0 for legend in figure.legends), default=height)
+            top = min(
+                (legend.get_window_extent(RendererBase()).y0 for legend in figure.legends),
+                default=height,
+            )
             found = boxes(figure)
             for left, low, right, high in found:
                 assert -0.1 <= left < right <= width + 0.1
                 assert -0.1 <= low < high <= top + 0.1
             for one, other in combinations(found, 2):
-                assert one[2] <= other[0] or other[2] <= one[0] or one[3] <= other[1] or other[3] <= one[1]
+                assert (
+                    one[2] <= other[0]
+                    or other[2] <= one[0]
+                    or one[3] <= other[1]
+                    or other[3] <= one[1]
+                )
 
 
 def test_panels_are_of_one_size_and_their_labels_in_line(inputs):
@@ -138,7 +180,11 @@ def test_panels_are_of_one_size_and_their_labels_in_line(inputs):
         assert np.ptp([panel.width for panel in panels]) < 1e-6
         assert panels[0].height == pytest.approx(2 * panels[1].height)
         boxes(figure)
-        labels = [ax.yaxis.label.get_window_extent(RendererBase()).x0 for ax in figure.axes if ax.get_ylabel()]
+        labels = [
+            ax.yaxis.label.get_window_extent(RendererBase()).x0
+            for ax in figure.axes
+            if ax.get_ylabel()
+        ]
         assert len(labels) >= 2
         assert np.ptp(labels) < 0.1
 
@@ -149,7 +195,10 @@ LEVELS = np.array([80.0, 150.0, 350.0])
 @pytest.fixture
 def shaped(inputs):
     """The same study with shape-preserving interpolation between the levels."""
-    return replace(inputs, model=of_pieces(inputs.model, fusion=replace(inputs.model.body.fusion, levels="pchip")))
+    return replace(
+        inputs,
+        model=of_pieces(inputs.model, fusion=replace(inputs.model.body.fusion, levels="pchip")),
+    )
 
 
 def test_triangles_peak_at_the_levels(ax, inputs):
@@ -161,7 +210,10 @@ def test_triangles_peak_at_the_levels(ax, inputs):
 
 
 def test_a_number_beyond_the_levels_is_not_drawn(ax, inputs):
-    fusion = replace(inputs.model.body.fusion, extrapolation={"pressure": (100.0, "saturate"), "strain": ("continue", "continue")})
+    fusion = replace(
+        inputs.model.body.fusion,
+        extrapolation={"pressure": (100.0, "saturate"), "strain": ("continue", "continue")},
+    )
     draw_levels(ax, LEVELS, *level_weights(replace(inputs.model.body, fusion=fusion), LEVELS))
     assert ax.lines[0].get_xdata().min() == 80
 

@@ -1,4 +1,6 @@
-"""The report of a model with memory: loops, what oscillates, what else would have served, free run beside one step."""
+"""The report of a model with memory: loops, what oscillates, what else would have served, free run
+beside one step.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,15 @@ from mapmore_cli.reporting.score_tables import score_table
 from mapmore_cli.reporting.tables import all_tables
 
 STEP = 0.01
-QUANTITIES = {q.name: q for q in (Quantity("time", "s"), Quantity("load", "N"), Quantity("pressure", "kPa"), Quantity("motion", "mm"))}
+QUANTITIES = {
+    q.name: q
+    for q in (
+        Quantity("time", "s"),
+        Quantity("load", "N"),
+        Quantity("pressure", "kPa"),
+        Quantity("motion", "mm"),
+    )
+}
 
 
 def report_of(dictionary, *, ridge=0.0, scale=False, held=0.5, free_run=False):
@@ -36,8 +46,12 @@ def report_of(dictionary, *, ridge=0.0, scale=False, held=0.5, free_run=False):
         motion[k] = 0.9 * motion[k - 1] + 0.004 * pressure[k - 1]
     motion += np.random.default_rng(1).normal(0, 0.01, n)
     columns = {"time": time, "load": np.full(n, 5.0), "pressure": pressure, "motion": motion}
-    curve = Curve("a", None, columns, time > (1 - held) * time[-1], ("a",), None, np.zeros(n, dtype=np.int64))
-    dataset = Dataset("motion", None, QUANTITIES, (Recording("a", "a.csv", columns, n, {}),), (curve,))
+    curve = Curve(
+        "a", None, columns, time > (1 - held) * time[-1], ("a",), None, np.zeros(n, dtype=np.int64)
+    )
+    dataset = Dataset(
+        "motion", None, QUANTITIES, (Recording("a", "a.csv", columns, n, {}),), (curve,)
+    )
     recipe = MemoryRecipe(
         target="motion",
         dictionary=tuple(dictionary),
@@ -51,9 +65,15 @@ def report_of(dictionary, *, ridge=0.0, scale=False, held=0.5, free_run=False):
     )
     fit = fit_with_memory(records_of([curve], STEP), recipe)
     limits = {name: (float(x.min()), float(x.max())) for name, x in columns.items()}
-    model = memory.build("demo", fit.model, None, (SegmentedCurve("a", None, (), (), limits, ()),), QUANTITIES)
+    model = memory.build(
+        "demo", fit.model, None, (SegmentedCurve("a", None, (), (), limits, ()),), QUANTITIES
+    )
     forecasts = {"mapmore": (forecast(model, curve),), "flat": (Forecast.of(np.full(n, 12.0)),)}
-    scores = [row for name, found in forecasts.items() for row in score_rows(name, "motion", found, dataset, divisor(dataset, "range"))]
+    scores = [
+        row
+        for name, found in forecasts.items()
+        for row in score_rows(name, "motion", found, dataset, divisor(dataset, "range"))
+    ]
     predictions = {name: tuple(one.values for one in found) for name, found in forecasts.items()}
     validation = Validation(predictions, {}, tuple(scores), {"motion": "mm"})
     result = FitResult(fit)
@@ -67,7 +87,11 @@ def fed_back():
 
 @pytest.fixture(scope="module")
 def driven():
-    return report_of(["pressure", "slow(pressure, 0.1)", "play(pressure, 0.2)", "resonance(pressure)"], ridge=1e-3, scale=True)
+    return report_of(
+        ["pressure", "slow(pressure, 0.1)", "play(pressure, 0.2)", "resonance(pressure)"],
+        ridge=1e-3,
+        scale=True,
+    )
 
 
 def test_loops_are_drawn_in_the_order_of_time_over_what_drives_them(fed_back):
@@ -97,17 +121,25 @@ def test_free_run_stands_beside_one_step_where_they_differ(fed_back, driven):
     assert 0 < own[-2] != own[-1] > 0
     assert own[-2] == pytest.approx(np.sqrt(1 - own[-3]))
     assert np.isnan(flat[-1])
-    assert not any("RRSE" in column.name for column in score_table(driven.validation.scores, {"motion": "mm"}).columns)
+    assert not any(
+        "RRSE" in column.name
+        for column in score_table(driven.validation.scores, {"motion": "mm"}).columns
+    )
 
 
 def test_the_states_tell_what_training_found(driven):
     rows = {(row[0], row[1]): row[2:] for row in tables_of(driven)["states"].rows}
     training = driven.dataset.curves[0].columns["pressure"][driven.dataset.curves[0].training]
-    assert rows["pressure", "training range, of which widths are parts"][:2] == (training.min(), training.max())
+    assert rows["pressure", "training range, of which widths are parts"][:2] == (
+        training.min(),
+        training.max(),
+    )
     frequency, damping = rows["pressure", "oscillator it drives"][2:]
     assert frequency > 0
     assert 0 < damping < 2
-    assert {name for name, what in rows if what == "scaled to [0, 1]"} == set(driven.fit.memory.model.states.names)
+    assert {name for name, what in rows if what == "scaled to [0, 1]"} == set(
+        driven.fit.memory.model.states.names
+    )
 
 
 def test_every_term_has_its_best_substitute(driven):

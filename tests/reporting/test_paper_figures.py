@@ -1,4 +1,6 @@
-"""Figures and tables for a paper: every panel a file of its own, the same bytes every time, and no name that a reader's program obeys."""
+"""Figures and tables for a paper: every panel a file of its own, the same bytes every time, and no
+name that a reader's program obeys.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,13 @@ from mapmore_cli.domain.foreign import tex_text
 from mapmore_cli.domain.models import Equation
 from mapmore_cli.domain.scores import FIGURES
 from mapmore_cli.reporting.figures import data
-from mapmore_cli.reporting.figures.drawing import DOTS_PER_INCH, WRITERS, compose, drawings, panel_of
+from mapmore_cli.reporting.figures.drawing import (
+    DOTS_PER_INCH,
+    WRITERS,
+    compose,
+    drawings,
+    panel_of,
+)
 from mapmore_cli.reporting.figures.style import figure_style, wrong_formula
 from mapmore_cli.reporting.inputs import FigureStyle
 from mapmore_cli.reporting.report import write_report
@@ -46,11 +54,19 @@ def test_every_panel_is_a_file_in_every_format_with_its_numbers(paper):
 
 
 def test_the_numbers_are_the_ones_that_were_drawn(paper, inputs):
-    rows = list(csv.DictReader((paper / "panels" / "fit.pressure=250.csv").read_text().splitlines()))
+    rows = list(
+        csv.DictReader((paper / "panels" / "fit.pressure=250.csv").read_text().splitlines())
+    )
     curve = inputs.dataset.curves[2]
-    assert [float(row["strain [1]"]) for row in rows] == pytest.approx(curve.columns["strain"], rel=1e-11)
-    assert [float(row["force [N]"]) for row in rows] == pytest.approx(curve.columns["force"], rel=1e-11)
-    assert [float(row["sarosi [N]"]) for row in rows] == pytest.approx(inputs.validation.predictions["sarosi"][2], rel=1e-11)
+    assert [float(row["strain [1]"]) for row in rows] == pytest.approx(
+        curve.columns["strain"], rel=1e-11
+    )
+    assert [float(row["force [N]"]) for row in rows] == pytest.approx(
+        curve.columns["force"], rel=1e-11
+    )
+    assert [float(row["sarosi [N]"]) for row in rows] == pytest.approx(
+        inputs.validation.predictions["sarosi"][2], rel=1e-11
+    )
     assert {row["data"] for row in rows} == {"validate"}
 
 
@@ -71,13 +87,16 @@ inputs = build()
 (drawing,) = drawings("nrmse", inputs)
 with figure_style():
     for suffix, written in WRITERS.items():
-        print(suffix, hashlib.sha256(written(compose(drawing, inputs.style, drawing.panels[0]), "nrmse", drawing.alt)).hexdigest())
+        print(suffix, hashlib.sha256(written(compose(drawing, inputs.style, drawing.panels[0]),
+            "nrmse", drawing.alt)).hexdigest())
 """
 
 
 def hashes(**environment: str) -> str:
     command = [sys.executable, "-c", SCRIPT, str(Path(__file__).parent)]
-    return subprocess.run(command, capture_output=True, text=True, check=True, env={**os.environ, **environment}).stdout
+    return subprocess.run(
+        command, capture_output=True, text=True, check=True, env={**os.environ, **environment}
+    ).stdout
 
 
 def test_another_process_on_another_day_writes_the_same_bytes():
@@ -116,8 +135,16 @@ def test_names_do_nothing_in_tex(tmp_path):
     assert len(files) > 12
     for path in files:
         text = path.read_text(encoding="utf-8")
-        labels = re.sub(r"\\catcode`\\[%^]=\\active\\def[%^]\{[^\n]*?\}(?=\\catcode|[^\\])", "", text) if path.suffix == ".pgf" else text
-        found = [match[0] for match in OBEYED.finditer(re.sub(r"(?m)^%.*$", "", labels)) if match[1] not in ("catcode", "def")]
+        labels = (
+            re.sub(r"\\catcode`\\[%^]=\\active\\def[%^]\{[^\n]*?\}(?=\\catcode|[^\\])", "", text)
+            if path.suffix == ".pgf"
+            else text
+        )
+        found = [
+            match[0]
+            for match in OBEYED.finditer(re.sub(r"(?m)^%.*$", "", labels))
+            if match[1] not in ("catcode", "def")
+        ]
         assert found == [], path.name
     assert all(len(path.name) < 120 and "/" not in path.stem for path in files)
 
@@ -141,13 +168,16 @@ def test_units_and_greek_letters_are_what_any_latex_prints():
 
 def test_equations_are_set_in_latex():
     names = [("pressure", r"\mathrm{pressure}"), ("p^2", "p^{2}")]
-    table = equations_table([Equation("a_1", *names[0])], {"pressure in Pa": [Equation("a_1", *names[1])]})
+    table = equations_table(
+        [Equation("a_1", *names[0])], {"pressure in Pa": [Equation("a_1", *names[1])]}
+    )
     assert to_latex(table).splitlines()[1:6] == [
         r"\begin{tabular}{lp{0.375\linewidth}p{0.375\linewidth}}",
         r"\toprule",
         r"id & equation & equation with pressure in Pa \\",
         r"\midrule",
-        r"a\_1 & {\raggedright\strut $\mathrm{pressure}$\strut\par} & {\raggedright\strut $p^{2}$\strut\par} \\",
+        r"a\_1 & {\raggedright\strut $\mathrm{pressure}$\strut\par} & {\raggedright\strut "
+        r"$p^{2}$\strut\par} \\",
     ]
     assert to_csv(table).splitlines() == [
         "id,equation,with pressure in Pa,latex,latex with pressure in Pa",
@@ -156,14 +186,18 @@ def test_equations_are_set_in_latex():
 
 
 def test_every_table_is_what_latex_can_read(paper, inputs):
-    """No column too many, no brace left open, no letter that pdfLaTeX does not know, no table of nothing."""
+    """No column too many, no brace left open, no letter that pdfLaTeX does not know, no table of
+    nothing.
+    """
     tables = {table.name: table for table in all_tables(inputs) if table.rows}
     assert {path.stem for path in (paper / "tables").glob("*.tex")} == set(tables)
     for name in tables:
         text = (paper / "tables" / f"{name}.tex").read_text(encoding="utf-8")
         assert text.isascii(), name
         *_, begin, top, head, middle = text[: text.index("\\midrule\n") + 9].splitlines()
-        columns = len(re.findall(r"[lr]|p\{[\d.]+\\linewidth\}", begin.removeprefix(r"\begin{tabular}")))
+        columns = len(
+            re.findall(r"[lr]|p\{[\d.]+\\linewidth\}", begin.removeprefix(r"\begin{tabular}"))
+        )
         rows = text[text.index("\\midrule\n") + 9 : text.index("\\bottomrule")].splitlines()
         assert (top, middle, len(rows)) == (r"\toprule", r"\midrule", len(tables[name].rows)), name
         for line in (head, *rows):
@@ -184,7 +218,9 @@ def test_panels_are_found_by_level_and_by_id(words, mixed):
 
 def test_a_panel_that_the_page_leaves_out_is_drawn_when_it_is_asked_for(inputs, monkeypatch):
     for drawing in drawings("fit", inputs):
-        assert "pressure=150" not in [panel.key for panel in drawing.panels]  # it trains: all training curves are in one panel
+        assert "pressure=150" not in [
+            panel.key for panel in drawing.panels
+        ]  # it trains: all training curves are in one panel
     drawing, panel = panel_of("fit", inputs, "150")
     assert [one.key for one in drawing.panels] == ["pressure=150"]
     curve = next(one for one in inputs.dataset.curves if one.id == "pressure=150")
@@ -200,21 +236,28 @@ def test_a_panel_that_the_page_leaves_out_is_drawn_when_it_is_asked_for(inputs, 
 
 def test_a_log_that_was_cut_is_found_by_its_name(inputs):
     first, second, *others = inputs.dataset.recordings
-    pieces = tuple(replace(one, id=f"Run 7#{place}", log="Run 7") for place, one in enumerate((first, second), start=1))
+    pieces = tuple(
+        replace(one, id=f"Run 7#{place}", log="Run 7")
+        for place, one in enumerate((first, second), start=1)
+    )
     cut = replace(inputs, dataset=replace(inputs.dataset, recordings=(*pieces, *others)))
     assert cut.ids_of("Run 7") == {"Run 7#1", "Run 7#2"}
     assert panel_of("data", cut, "Run 7")[1].key == "Run 7#1"
 
 
 def test_labels_and_colours_are_the_users(inputs):
-    style = FigureStyle(size=9, labels={"force": r"$F_\mathrm{m}$ (N)"}, palette=("#112233", "#445566"))
+    style = FigureStyle(
+        size=9, labels={"force": r"$F_\mathrm{m}$ (N)"}, palette=("#112233", "#445566")
+    )
     drawing = drawings("fit", replace(inputs, style=style))[0]
     with figure_style(style):
         top = compose(drawing, style, drawing.panels[0]).axes[0]
         assert top.yaxis.label.get_parse_math()
         assert top.get_ylabel() == r"$F_\mathrm{m}$ (N)"
         assert top.yaxis.label.get_fontsize() == 9
-        assert [line.get_color() for line in top.lines if line.get_label() in ("mapmore", "sarosi")] == ["#112233", "#445566"]
+        assert [
+            line.get_color() for line in top.lines if line.get_label() in ("mapmore", "sarosi")
+        ] == ["#112233", "#445566"]
         assert not top.title.get_parse_math()
     assert wrong_formula(r"$F_\mathrm{m}$ (N)") is None
     assert wrong_formula(r"$\input{x}$") is not None

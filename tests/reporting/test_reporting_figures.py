@@ -27,7 +27,12 @@ from mapmore_cli.reporting.figures.fit import (
     training_curve_fits,
 )
 from mapmore_cli.reporting.figures.nrmse import draw_nrmse, nrmse_bars
-from mapmore_cli.reporting.figures.segments import draw_segments, draw_weights, draw_zones, segment_curves
+from mapmore_cli.reporting.figures.segments import (
+    draw_segments,
+    draw_weights,
+    draw_zones,
+    segment_curves,
+)
 from mapmore_cli.reporting.figures.terms import term_steps, whole_curves
 from mapmore_cli.reporting.inputs import FigureStyle
 from mapmore_cli.reporting.table import title_of
@@ -41,7 +46,10 @@ def every(inputs):
 
 class TestThinning:
     @settings(deadline=None)
-    @given(arrays(float, st.integers(0, 400), elements=st.floats(-1e6, 1e6) | st.just(np.nan)), st.integers(2, 60))
+    @given(
+        arrays(float, st.integers(0, 400), elements=st.floats(-1e6, 1e6) | st.just(np.nan)),
+        st.integers(2, 60),
+    )
     def test_few_points_no_peak_lost(self, y, limit):
         rows = style.envelope(y, limit)
         assert len(rows) <= max(limit, 2)
@@ -70,7 +78,9 @@ class TestThinning:
         line = style.band(x, y)
         assert len(line.x) == style.STRETCHES
         assert np.abs(line.mean).max() < 0.5
-        np.testing.assert_array_equal((line.low, line.high), (np.full(style.STRETCHES, -1), np.full(style.STRETCHES, 1)))
+        np.testing.assert_array_equal(
+            (line.low, line.high), (np.full(style.STRETCHES, -1), np.full(style.STRETCHES, 1))
+        )
         assert not line.drawn_whole
 
     def test_a_band_has_no_points_where_there_are_no_samples(self):
@@ -125,14 +135,18 @@ class TestLabels:
 
     def test_every_lowest_axis_and_every_first_one_names_its_unit(self, every):
         for name, figure in every.items():
-            labels = [label for ax in figure.axes for label in (ax.get_xlabel(), ax.get_ylabel()) if label]
+            labels = [
+                label for ax in figure.axes for label in (ax.get_xlabel(), ax.get_ylabel()) if label
+            ]
             assert labels, name
             assert all(label.endswith(")") and "(" in label for label in labels), (name, labels)
 
     def test_no_letter_below_seven_points(self, every):
         for name, figure in every.items():
             figure.draw_without_rendering()
-            sizes = [text.get_fontsize() for text in figure.findobj(mpl.text.Text) if text.get_text()]
+            sizes = [
+                text.get_fontsize() for text in figure.findobj(mpl.text.Text) if text.get_text()
+            ]
             assert min(sizes) >= 7, name
 
     def test_widths_are_those_of_journal_columns(self, every):
@@ -144,7 +158,9 @@ class TestStyles:
         styles = style.model_styles(["mapmore", *"abcdef"])
         assert styles["mapmore"] == style.model_styles(["mapmore"])["mapmore"]
         assert len({look.colour for look in styles.values()}) == 7
-        assert len({str(look.dashes) for look in styles.values()}) == 7  # told apart without colour too
+        assert (
+            len({str(look.dashes) for look in styles.values()}) == 7
+        )  # told apart without colour too
         assert len({look.marker for look in styles.values()}) == 7
 
 
@@ -157,19 +173,28 @@ class TestFit:
         assert [line.get_label() for line in lines] == ["mapmore", "sarosi", "polynomial_2"]
         for line in lines:
             np.testing.assert_array_equal(line.get_xdata(), curve.columns["strain"])
-            np.testing.assert_array_equal(line.get_ydata(), inputs.validation.predictions[line.get_label()][2])
+            np.testing.assert_array_equal(
+                line.get_ydata(), inputs.validation.predictions[line.get_label()][2]
+            )
         assert set(dots.get_ydata()) <= set(curve.columns["force"])
         assert dots.get_ydata().max() == curve.columns["force"].max()
 
     def test_samples_are_put_in_order(self, inputs):
         curve = inputs.dataset.curves[2]
         shuffle = np.random.default_rng(1).permutation(curve.size)
-        mixed_up = replace(curve, columns={name: values[shuffle] for name, values in curve.columns.items()})
+        mixed_up = replace(
+            curve, columns={name: values[shuffle] for name, values in curve.columns.items()}
+        )
         predictions = {
-            name: tuple(y[shuffle] if i == 2 else y for i, y in enumerate(of)) for name, of in inputs.validation.predictions.items()
+            name: tuple(y[shuffle] if i == 2 else y for i, y in enumerate(of))
+            for name, of in inputs.validation.predictions.items()
         }
-        dataset = replace(inputs.dataset, curves=(*inputs.dataset.curves[:2], mixed_up, inputs.dataset.curves[3]))
-        changed = replace(inputs, dataset=dataset, validation=replace(inputs.validation, predictions=predictions))
+        dataset = replace(
+            inputs.dataset, curves=(*inputs.dataset.curves[:2], mixed_up, inputs.dataset.curves[3])
+        )
+        changed = replace(
+            inputs, dataset=dataset, validation=replace(inputs.validation, predictions=predictions)
+        )
         panel, same = curve_fit(inputs, 2), curve_fit(changed, 2)
         np.testing.assert_array_equal(panel.y, same.y)
         np.testing.assert_array_equal(panel.predictions["mapmore"], same.predictions["mapmore"])
@@ -197,7 +222,10 @@ class TestFit:
 
     def test_spans_reach_halfway_to_the_neighbours(self):
         x = np.array([0.0, 1.0, 2.0, 3.0, 4.0])
-        assert held_out_spans(x, np.array([True, False, False, True, True])) == [(0.0, 0.5), (2.5, 4.0)]
+        assert held_out_spans(x, np.array([True, False, False, True, True])) == [
+            (0.0, 0.5),
+            (2.5, 4.0),
+        ]
         assert held_out_spans(x, np.zeros(5, dtype=bool)) == []
 
     def test_scattered_samples_are_told_by_dots_alone(self, ax):
@@ -236,7 +264,10 @@ class TestTraining:
         draw_training_curves(ax, Figure().subplots(), panels, "mapmore", style.OWN_STYLE.colour)
         label_curves(ax, panels)
         assert [text.get_text() for text in ax.texts] == ["80 kPa", "150 kPa", "350 kPa"]
-        assert all(text.xy == (panel.x[0], panel.y[0]) for text, panel in zip(ax.texts, panels, strict=True))
+        assert all(
+            text.xy == (panel.x[0], panel.y[0])
+            for text, panel in zip(ax.texts, panels, strict=True)
+        )
 
     def test_names_that_would_cover_each_other_are_left_out(self, ax, inputs):
         panels = training_curve_fits(inputs)
@@ -250,7 +281,13 @@ class TestErrors:
     def test_all_samples_pooled_over_the_measured_value(self, inputs):
         panel = model_errors(inputs)[1]
         curve = inputs.dataset.curves[2]
-        expected = dict(zip(curve.columns["force"], inputs.validation.predictions["sarosi"][2] - curve.columns["force"], strict=True))
+        expected = dict(
+            zip(
+                curve.columns["force"],
+                inputs.validation.predictions["sarosi"][2] - curve.columns["force"],
+                strict=True,
+            )
+        )
         measured, error = panel.held_out
         assert (np.diff(measured) >= 0).all()
         assert dict(zip(measured, error, strict=True)) == expected
@@ -271,17 +308,27 @@ class TestNrmse:
 
     def test_bars_are_the_pooled_scores_in_per_cent(self, ax, inputs):
         self.bars(ax, inputs)
-        pooled = {(s.model, s.split): 100 * s.nrmse for s in inputs.validation.scores if s.curve == "all"}
-        expected = [pooled[model, split] for model in inputs.models for split in ("validate", "train")]
+        pooled = {
+            (s.model, s.split): 100 * s.nrmse for s in inputs.validation.scores if s.curve == "all"
+        }
+        expected = [
+            pooled[model, split] for model in inputs.models for split in ("validate", "train")
+        ]
         assert [patch.get_width() for patch in ax.patches] == pytest.approx(expected)
         assert ax.get_xlim()[0] == 0
-        assert [label.get_text() for label in ax.get_yticklabels()] == list(map(title_of, inputs.models))
+        assert [label.get_text() for label in ax.get_yticklabels()] == list(
+            map(title_of, inputs.models)
+        )
 
     def test_published_markers_only_where_given(self, ax, inputs):
         self.bars(ax, inputs, {"mapmore": 0.022, "somebody_else": 0.5})
         (markers,) = ax.lines
         assert markers.get_xdata() == pytest.approx([2.2])
-        assert ax.patches[0].get_y() < markers.get_ydata()[0] < ax.patches[0].get_y() + ax.patches[0].get_height()
+        assert (
+            ax.patches[0].get_y()
+            < markers.get_ydata()[0]
+            < ax.patches[0].get_y() + ax.patches[0].get_height()
+        )
         assert ax.texts[0].get_text().endswith("(published 2.2)")
 
     def test_nothing_published_no_marker_no_legend_entry(self, mixed, inputs):
@@ -359,12 +406,17 @@ class TestTraces:
         assert len(x) <= 1500
         at = dict(zip(recording.columns["time"], recording.columns["force"], strict=True))
         assert all(at[time] == force for time, force in zip(x, y, strict=True))
-        assert (y.min(), y.max()) == (recording.columns["force"].min(), recording.columns["force"].max())
+        assert (y.min(), y.max()) == (
+            recording.columns["force"].min(),
+            recording.columns["force"].max(),
+        )
 
     def test_without_time_the_sample_number_is_the_axis(self, inputs):
         recording = inputs.dataset.recordings[0]
         columns = {name: values for name, values in recording.columns.items() if name != "time"}
-        trace = traces(replace(recording, columns=columns), inputs.dataset.quantities, FigureStyle())[0]
+        trace = traces(
+            replace(recording, columns=columns), inputs.dataset.quantities, FigureStyle()
+        )[0]
         assert trace.x_label == "Sample (–)"
         assert trace.x[-1] == recording.rows_kept - 1
 
@@ -377,7 +429,9 @@ class TestTraces:
         first, *others = inputs.dataset.recordings
         empty = replace(first, columns={name: values[:0] for name, values in first.columns.items()})
         some = replace(inputs, dataset=replace(inputs.dataset, recordings=(empty, *others)))
-        assert [ax.get_title(loc="left") for ax in drawn(some, "data")["data"].axes[:3]] == [r.id for r in others]
+        assert [ax.get_title(loc="left") for ax in drawn(some, "data")["data"].axes[:3]] == [
+            r.id for r in others
+        ]
         none = replace(inputs, dataset=replace(inputs.dataset, recordings=(empty,)))
         assert drawn(none, "data") == {}
 
@@ -385,17 +439,24 @@ class TestTraces:
 class TestResiduals:
     def test_static_errors_are_tested_along_the_curve_and_over_every_input_that_varies(self):
         (drawing,) = drawings("residuals", build())
-        assert [panel.key for panel in drawing.panels] == ["autocorrelation", "strain"]  # one held-out level: pressure does not vary
+        assert [panel.key for panel in drawing.panels] == [
+            "autocorrelation",
+            "strain",
+        ]  # one held-out level: pressure does not vary
         assert "held-out samples" in drawing.caption
         curve = build().dataset.curves[2]
         errors = build().validation.predictions["mapmore"][2] - curve.columns["force"]
         centred = errors - errors.mean()
         values = drawing.panels[0].data["Autocorrelation (–)"]
         np.testing.assert_allclose(values[1], centred[:-1] @ centred[1:] / (centred @ centred))
-        assert "errors along strain are alike" in drawing.caption  # one term a segment leaves its shape
+        assert (
+            "errors along strain are alike" in drawing.caption
+        )  # one term a segment leaves its shape
 
     def test_training_errors_where_nothing_is_held_out(self):
-        (drawing,) = drawings("residuals", build(held_out=lambda _level, strain: np.zeros(len(strain), dtype=bool)))
+        (drawing,) = drawings(
+            "residuals", build(held_out=lambda _level, strain: np.zeros(len(strain), dtype=bool))
+        )
         assert [panel.key for panel in drawing.panels] == ["autocorrelation", "pressure", "strain"]
         assert "training samples" in drawing.caption
         assert len(drawing.panels[1].data["Pressure (kPa)"]) == 4

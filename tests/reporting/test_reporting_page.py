@@ -53,7 +53,16 @@ def test_files(folder):
         "terms.svg",
     }
     names = {path.stem for path in (folder / "tables").glob("*.csv")}
-    assert {"scores", "recordings", "levels", "segments", "terms", "coefficients", "equations", "formulas"} <= names
+    assert {
+        "scores",
+        "recordings",
+        "levels",
+        "segments",
+        "terms",
+        "coefficients",
+        "equations",
+        "formulas",
+    } <= names
 
 
 def test_only_the_formats_and_figures_asked_for(inputs, tmp_path):
@@ -94,14 +103,25 @@ def test_nothing_is_fetched_and_nothing_runs(page, folder):
 
 
 def test_the_page_forbids_what_it_does_not_need(page):
-    (policy,) = (attrs["content"] for attrs in page.named("meta") if attrs.get("http-equiv") == "Content-Security-Policy")
+    (policy,) = (
+        attrs["content"]
+        for attrs in page.named("meta")
+        if attrs.get("http-equiv") == "Content-Security-Policy"
+    )
     allowed = dict(part.split(maxsplit=1) for part in policy.split("; "))
-    assert allowed == {"default-src": "'none'", "style-src": "'unsafe-inline'", "base-uri": "'none'", "form-action": "'none'"}
+    assert allowed == {
+        "default-src": "'none'",
+        "style-src": "'unsafe-inline'",
+        "base-uri": "'none'",
+        "form-action": "'none'",
+    }
 
 
 def test_accessible(page):
     assert page.named("html") == [{"lang": "en"}]
-    assert all(attrs.get("role") == "img" and attrs.get("aria-label") for attrs in page.named("svg"))
+    assert all(
+        attrs.get("role") == "img" and attrs.get("aria-label") for attrs in page.named("svg")
+    )
     assert all(attrs.get("scope") in ("col", "row") for attrs in page.named("th"))
     assert len(page.named("caption")) == len(page.named("table"))
     headings = [int(tag[1]) for tag, _ in page.tags if re.fullmatch(r"h\d", tag)]
@@ -202,16 +222,28 @@ def test_a_formula_as_the_runs_own_model(inputs, tmp_path):
 
 def test_segments_that_cross_validation_dropped_are_called_unused(inputs, tmp_path):
     own = inputs.validation.formulas["sarosi"]
-    model = of_pieces(inputs.model, curves=tuple(replace(curve, segments=()) for curve in inputs.model.body.curves), backbone=own)
-    page = page_of(replace(inputs, fit=replace(inputs.fit, backbone=own), model=model), tmp_path, OF_SEGMENTS)
+    model = of_pieces(
+        inputs.model,
+        curves=tuple(replace(curve, segments=()) for curve in inputs.model.body.curves),
+        backbone=own,
+    )
+    page = page_of(
+        replace(inputs, fit=replace(inputs.fit, backbone=own), model=model), tmp_path, OF_SEGMENTS
+    )
     assert "did not help on left-out" in page.text
 
 
 def test_without_levels_and_without_figures(inputs, tmp_path):
-    curves = tuple(replace(curve, level=None, id=curve.recordings[0]) for curve in inputs.dataset.curves)
+    curves = tuple(
+        replace(curve, level=None, id=curve.recordings[0]) for curve in inputs.dataset.curves
+    )
     dataset = replace(inputs.dataset, level=None, curves=curves)
     plain = replace(
-        inputs, dataset=dataset, segmentation=(), fit=replace(inputs.fit, body=None), model=of_pieces(inputs.model, level=None, curves=())
+        inputs,
+        dataset=dataset,
+        segmentation=(),
+        fit=replace(inputs.fit, body=None),
+        model=of_pieces(inputs.model, level=None, curves=()),
     )
     page = page_of(plain, tmp_path, figures=())
     assert not page.named("svg")
@@ -219,7 +251,10 @@ def test_without_levels_and_without_figures(inputs, tmp_path):
 
 
 def test_forty_levels(tmp_path):
-    inputs = build(levels=list(range(60, 460, 10)), held_out=lambda _level, strain: np.arange(len(strain)) % 5 == 0)
+    inputs = build(
+        levels=list(range(60, 460, 10)),
+        held_out=lambda _level, strain: np.arange(len(strain)) % 5 == 0,
+    )
     page = page_of(inputs, tmp_path)
     assert len(page.named("details")) >= 4  # long tables are folded
     assert "9 of 40 curves with held-out samples are drawn" in page.text

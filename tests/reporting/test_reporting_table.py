@@ -13,7 +13,16 @@ from markdown_it import MarkdownIt
 from mapmore_cli.domain.foreign import printable
 from mapmore_cli.domain.scores import BASELINES, SIMPLE
 from mapmore_cli.modelling import literature
-from mapmore_cli.reporting.table import Column, Table, title_of, to_csv, to_html, to_latex, to_markdown, to_text
+from mapmore_cli.reporting.table import (
+    Column,
+    Table,
+    title_of,
+    to_csv,
+    to_html,
+    to_latex,
+    to_markdown,
+    to_text,
+)
 
 TABLE = Table(
     "demo",
@@ -53,7 +62,9 @@ def test_text_columns_line_up():
     assert lines[-1] == "A note."
     heading, rule, *rows = lines[2:-1]
     assert {len(line) for line in (heading, rule, *rows)} == {len(heading)}
-    assert rows[0].index("12.35") + 5 == heading.index("RMSE [N]") + 8  # numbers end where their heading ends
+    assert (
+        rows[0].index("12.35") + 5 == heading.index("RMSE [N]") + 8
+    )  # numbers end where their heading ends
 
 
 def test_markdown_escapes_the_pipe_and_aligns_numbers():
@@ -62,19 +73,57 @@ def test_markdown_escapes_the_pipe_and_aligns_numbers():
     assert "b\\|&lt;i>" in lines[5]
 
 
-MARKUP = ["<script>", "</b>", "&lt;", "[a](b)", "![a](b)", "[a]: b", "**", "_", "`", "$", "~~", "https://a.b", "www.a.b"]
-MARKUP += ["# ", "- ", "1. ", "> ", "\\", "<!--", "|", "---", "===", "<img src=x onerror=y>", "\n", " ", "a"]
+MARKUP = [
+    "<script>",
+    "</b>",
+    "&lt;",
+    "[a](b)",
+    "![a](b)",
+    "[a]: b",
+    "**",
+    "_",
+    "`",
+    "$",
+    "~~",
+    "https://a.b",
+    "www.a.b",
+]
+MARKUP += [
+    "# ",
+    "- ",
+    "1. ",
+    "> ",
+    "\\",
+    "<!--",
+    "|",
+    "---",
+    "===",
+    "<img src=x onerror=y>",
+    "\n",
+    " ",
+    "a",
+]
 
 
 @given(st.lists(st.sampled_from(MARKUP) | st.text(max_size=3), max_size=6).map("".join))
 def test_markdown_prints_a_text_and_does_nothing_else(text: str) -> None:
-    """As a reader of CommonMark with tables, links, strikethrough and raw HTML takes it: in title, heading, cell and note."""
-    table = to_markdown(Table("t", f"t{text}t", (Column(f"h{text}"), Column("n")), ((f"{text}", 1.0),), (text,)))
+    """As a reader of CommonMark with tables, links, strikethrough and raw HTML takes it: in title,
+    heading, cell and note.
+    """
+    table = to_markdown(
+        Table("t", f"t{text}t", (Column(f"h{text}"), Column("n")), ((f"{text}", 1.0),), (text,))
+    )
     found = MarkdownIt("commonmark", {"html": True}).enable(["table", "strikethrough"]).parse(table)
     kinds = {one.type for block in found for one in (block, *(block.children or ()))}
-    known = {f"{name}_{end}" for name in ("table", "thead", "tbody", "tr", "th", "td", "paragraph", "strong") for end in ("open", "close")}
+    known = {
+        f"{name}_{end}"
+        for name in ("table", "thead", "tbody", "tr", "th", "td", "paragraph", "strong")
+        for end in ("open", "close")
+    }
     assert kinds <= {*known, "inline", "text", "text_special"}, kinds
-    said = ["".join(one.content for one in block.children) for block in found if block.type == "inline"]
+    said = [
+        "".join(one.content for one in block.children) for block in found if block.type == "inline"
+    ]
     shown = printable(" ".join(text.split()))
     assert said.count(shown) == 2 if shown else True
 
@@ -86,7 +135,14 @@ def test_latex_escapes_what_latex_reads():
 
 
 def test_long_paths_may_break_and_short_ones_may_not():
-    html = to_html(Table("t", "t", (Column("file"), Column("model")), (("../data/a_b/<recording>_12.csv", "a/b"),)))
+    html = to_html(
+        Table(
+            "t",
+            "t",
+            (Column("file"), Column("model")),
+            (("../data/a_b/<recording>_12.csv", "a/b"),),
+        )
+    )
     assert "../<wbr>data/<wbr>a_b/<wbr>&lt;recording&gt;_12.csv" in html
     assert "<td>a/b</td>" in html
 
@@ -117,14 +173,18 @@ def test_html_cells_are_the_shown_ones_with_scoped_headings():
     assert cells.scopes == ["col"] * 4 + ["row"] * 2
 
 
-texts = st.text(st.characters(codec="utf-8", exclude_categories=("Cc", "Cf", "Zl", "Zp")), max_size=12)
+texts = st.text(
+    st.characters(codec="utf-8", exclude_categories=("Cc", "Cf", "Zl", "Zp")), max_size=12
+)
 numbers = st.floats(allow_nan=False, allow_infinity=False)
 
 
 @settings(deadline=None)
 @given(st.lists(st.tuples(texts, numbers, st.integers(), st.none()), min_size=1, max_size=5))
 def test_csv_parses_back(rows):
-    table = Table("t", "t", (Column("text"), Column("x", "N"), Column("n"), Column("none")), tuple(rows))
+    table = Table(
+        "t", "t", (Column("text"), Column("x", "N"), Column("n"), Column("none")), tuple(rows)
+    )
     read = list(csv.reader(io.StringIO(to_csv(table))))
     assert read[0] == ["text", "x [N]", "n", "none"]
     for (text, x, n, _), cells in zip(rows, read[1:], strict=True):
@@ -134,13 +194,16 @@ def test_csv_parses_back(rows):
         assert cells[3] == ""
 
 
-# Names of models as people write them -------------------------------------------------------------------------------------------------
+# Names of models as people write them
+# -------------------------------------------------------------------------------------------------
 
 
 def test_every_formula_has_a_title_of_its_own() -> None:
     titles = [literature.get(name).title for name in literature.names()]
     assert all(titles)
-    assert len({*titles, *BASELINES.values(), *SIMPLE.values()}) == len(titles) + len(BASELINES) + len(SIMPLE)
+    assert len({*titles, *BASELINES.values(), *SIMPLE.values()}) == len(titles) + len(
+        BASELINES
+    ) + len(SIMPLE)
     assert not any("_" in title for title in titles)
 
 
@@ -164,5 +227,9 @@ def test_a_page_has_titles_and_a_file_has_names() -> None:
     columns = (Column("model", form="model"), Column("curve"), Column("gaussian_process", "%"))
     table = Table("t", "t", columns, (("sarosi_hinged", "plane", 1.0),))
     html = to_html(table, title_of)
-    assert ("Sárosi, hinged" in html, "Gaussian process <span" in html, "<td>plane</td>" in html) == (True, True, True)
+    assert (
+        "Sárosi, hinged" in html,
+        "Gaussian process <span" in html,
+        "<td>plane</td>" in html,
+    ) == (True, True, True)
     assert to_csv(table).startswith("model,curve,gaussian_process [%]\nsarosi_hinged,")

@@ -27,23 +27,38 @@ class TestScores:
         table = score_table(inputs.validation.scores, {"force": "N"})
         assert column(table, "data") == ["validate"] * 3 + ["train"] * 3
         assert column(table, "model") == ["mapmore", "sarosi", "polynomial_2"] * 2
-        pooled = sorted((s for s in inputs.validation.scores if s.curve == "all"), key=lambda s: s.split, reverse=True)
+        pooled = sorted(
+            (s for s in inputs.validation.scores if s.curve == "all"),
+            key=lambda s: s.split,
+            reverse=True,
+        )
         assert column(table, "NRMSE [%]") == [100 * s.nrmse for s in pooled]
         assert column(table, "RMSE [N]") == [s.rmse for s in pooled]
         assert column(table, "max error [% FS]") == [100 * s.max_abs_error_fs for s in pooled]
 
     def test_the_normaliser_is_named_with_its_value(self, inputs):
-        score = next(s for s in inputs.validation.scores if s.split == "validate" and s.curve == "all")
+        score = next(
+            s for s in inputs.validation.scores if s.split == "validate" and s.curve == "all"
+        )
         notes = " ".join(score_table(inputs.validation.scores, {"force": "N"}).notes)
         assert f"max|force| over validate = {score.normaliser:.4g} N" in notes
 
     def test_published_numbers_stand_beside_the_validation_rows_only(self, inputs):
         table = tables_of(inputs)["scores"]
-        assert column(table, "published NRMSE [%]") == [pytest.approx(2.2), pytest.approx(2.5), pytest.approx(7.0), None, None, None]
+        assert column(table, "published NRMSE [%]") == [
+            pytest.approx(2.2),
+            pytest.approx(2.5),
+            pytest.approx(7.0),
+            None,
+            None,
+            None,
+        ]
         assert any("M2, section 5.1" in note for note in table.notes)
 
     def test_published_numbers_never_stand_beside_training_rows(self, alone):
-        table = score_table(alone.validation.scores, {"force": "N"}, Published("somewhere", rmse={"mapmore": 3.0}))
+        table = score_table(
+            alone.validation.scores, {"force": "N"}, Published("somewhere", rmse={"mapmore": 3.0})
+        )
         assert not any("published" in heading for heading in table.headings)
         assert "nothing is held out here" in table.notes[-1]
 
@@ -54,8 +69,14 @@ class TestScores:
         assert table.numeric[table.headings.index("published RMSE [N]")]
 
     def test_one_full_scale_is_named_once(self, inputs):
-        scores = [replace(s, normaliser=500.0, normaliser_name="max|force| over validate") for s in inputs.validation.scores]
-        assert score_table(scores, {"force": "N"}).notes[0] == "NRMSE: RMSE / FS, for all rows FS = max|force| over validate = 500 N."
+        scores = [
+            replace(s, normaliser=500.0, normaliser_name="max|force| over validate")
+            for s in inputs.validation.scores
+        ]
+        assert (
+            score_table(scores, {"force": "N"}).notes[0]
+            == "NRMSE: RMSE / FS, for all rows FS = max|force| over validate = 500 N."
+        )
 
     def test_no_published_column_where_nothing_is_published(self, mixed):
         assert not any("published" in heading for heading in tables_of(mixed)["scores"].headings)
@@ -79,21 +100,36 @@ class TestData:
 
     def test_resampled_recordings_are_named(self):
         recording = Recording("r1", "r1.csv", {"force": np.zeros(5)}, 100, {"missing value": 2})
-        table = recordings_table(Dataset("force", None, {"force": Quantity("force", "N")}, (recording,), ()))
+        table = recordings_table(
+            Dataset("force", None, {"force": Quantity("force", "N")}, (recording,), ())
+        )
         assert "r1" in table.notes[0]
 
     def test_levels_count_training_and_validation_samples(self, mixed):
         table = levels_table(mixed.dataset)
-        for curve, train, validate in zip(mixed.dataset.curves, column(table, "train"), column(table, "validate"), strict=True):
+        for curve, train, validate in zip(
+            mixed.dataset.curves, column(table, "train"), column(table, "validate"), strict=True
+        ):
             assert validate == np.sum(curve.held_out) > 0
             assert train + validate == curve.size
         assert column(table, "level [kPa]") == [80, 150, 250, 350]
 
     def test_levels_say_how_far_they_are_from_single_valued(self, inputs):
-        """A loop of 12 % of the largest force about a straight line errs by 6 % at least; one without a loop has no such column."""
+        """A loop of 12 % of the largest force about a straight line errs by 6 % at least; one
+        without a loop has no such column.
+        """
         there = np.linspace(0, 1, 50)
-        columns = {"strain": np.concatenate([there, there[::-1]]), "force": np.concatenate([94 - 50 * there, (82 - 50 * there)[::-1]])}
-        curve = replace(inputs.dataset.curves[0], columns=columns, held_out=np.zeros(100, dtype=bool), origin=None, at_rest=None)
+        columns = {
+            "strain": np.concatenate([there, there[::-1]]),
+            "force": np.concatenate([94 - 50 * there, (82 - 50 * there)[::-1]]),
+        }
+        curve = replace(
+            inputs.dataset.curves[0],
+            columns=columns,
+            held_out=np.zeros(100, dtype=bool),
+            origin=None,
+            at_rest=None,
+        )
         looped = replace(inputs.dataset, curves=(curve,))
         table = levels_table(looped, "strain")
         assert column(table, "single-valued [%]") == pytest.approx([100 * 6 / 94], rel=1e-6)
@@ -111,12 +147,16 @@ class TestModel:
             best, second = np.argsort(-fit.selection.err_all[0])[:2]
             assert row[2] == fit.candidates[best]
             assert row[5] == fit.candidates[second]
-            assert row[7] == pytest.approx(100 * (fit.selection.err_all[0, best] - fit.selection.err_all[0, second]))
+            assert row[7] == pytest.approx(
+                100 * (fit.selection.err_all[0, best] - fit.selection.err_all[0, second])
+            )
             assert row[9] == "max_terms"
 
     def test_a_single_candidate_has_no_runner_up_and_ties_are_flagged(self, inputs):
         first = inputs.fit.segments[0]
-        only = replace(first, selection=replace(first.selection, runner_up=np.array([-1]), tied=np.array([2])))
+        only = replace(
+            first, selection=replace(first.selection, runner_up=np.array([-1]), tied=np.array([2]))
+        )
         table = terms_table(replace(inputs.fit, body=PiecesFit((only,))))
         assert table.shown[0][5:9] == ("–", "–", "–", "2")
         assert any("Tied" in note for note in table.notes)
@@ -133,7 +173,9 @@ class TestModel:
             tied=np.zeros(3, int),
             stop="tolerance",
         )
-        rows = terms_table(replace(inputs.fit, body=PiecesFit((replace(first, selection=selection),)))).rows
+        rows = terms_table(
+            replace(inputs.fit, body=PiecesFit((replace(first, selection=selection),)))
+        ).rows
         assert [row[2] for row in rows] == ["strain^2", "1", "strain"]
         assert [row[4] for row in rows] == pytest.approx([70, 90, 95])
         assert [row[9] for row in rows] == [None, None, "tolerance"]
@@ -145,17 +187,25 @@ class TestModel:
             assert (lower, upper) == (pytest.approx(theta - half), pytest.approx(theta + half))
             assert physical == pytest.approx(fit.selection.theta[0] * fit.scaling.y_slope)
             assert physical_half == pytest.approx(half * abs(fit.scaling.y_slope))
-            assert half == pytest.approx(2.010 * fit.selection.theta_error[0], rel=1e-3)  # Student's t for 49 degrees of freedom, printed
+            assert half == pytest.approx(
+                2.010 * fit.selection.theta_error[0], rel=1e-3
+            )  # Student's t for 49 degrees of freedom, printed
             assert physical_half > 0
         assert any("independent" in note for note in table.notes)
 
     def test_segments_show_their_bounds_and_error(self, inputs):
         table = tables_of(inputs)["segments"]
-        for cut, rows in zip(inputs.segmentation, np.array_split(np.arange(len(table.rows)), len(inputs.segmentation)), strict=True):
+        for cut, rows in zip(
+            inputs.segmentation,
+            np.array_split(np.arange(len(table.rows)), len(inputs.segmentation)),
+            strict=True,
+        ):
             assert [table.rows[i][2] for i in rows] == pytest.approx(cut.boundaries[0][:-1])
             assert [table.rows[i][3] for i in rows] == pytest.approx(cut.boundaries[0][1:])
         fit = inputs.fit.segments[0]
-        assert column(table, "RMSE [N]")[0] == pytest.approx(math.sqrt(fit.selection.sse / 50) * abs(fit.scaling.y_slope))
+        assert column(table, "RMSE [N]")[0] == pytest.approx(
+            math.sqrt(fit.selection.sse / 50) * abs(fit.scaling.y_slope)
+        )
 
 
 class TestFormulas:
@@ -168,12 +218,18 @@ class TestFormulas:
         assert "a1" not in [cell for r in table.shown if r[0] == "sarosi" for cell in r]
 
     def test_a_formula_under_another_name_keeps_that_name(self, inputs):
-        formulas = {"sarosi_lm": replace(inputs.validation.formulas["sarosi"], method="levenberg_marquardt")}
-        table = tables_of(replace(inputs, validation=replace(inputs.validation, formulas=formulas)))["formulas"]
+        formulas = {
+            "sarosi_lm": replace(inputs.validation.formulas["sarosi"], method="levenberg_marquardt")
+        }
+        table = tables_of(
+            replace(inputs, validation=replace(inputs.validation, formulas=formulas))
+        )["formulas"]
         assert {row[0] for row in table.rows} == {"sarosi_lm"}
 
     def test_backbone_and_competitor_of_the_same_name_both_appear(self, inputs):
-        backbone = FormulaFit("sarosi", {"a1": 9.0}, {"a1": 0.1}, "at_bound", "variable projection", 1, 2.0, 3.0, 600)
+        backbone = FormulaFit(
+            "sarosi", {"a1": 9.0}, {"a1": 0.1}, "at_bound", "variable projection", 1, 2.0, 3.0, 600
+        )
         with_backbone = replace(inputs, fit=replace(inputs.fit, backbone=backbone))
         roles = [row[:3] for row in tables_of(with_backbone)["formulas"].rows if row[0] == "sarosi"]
         assert roles[0] == ("sarosi", "backbone", "at bound")
@@ -183,7 +239,9 @@ class TestFormulas:
 
     def test_cross_validation_marks_the_least_error(self, inputs):
         errors = (FoldError("backbone", 5.0, 3), FoldError("backbone + residual", 4.0, 3))
-        table = tables_of(replace(inputs, model=of_pieces(inputs.model, cross_validation=errors)))["cross_validation"]
+        table = tables_of(replace(inputs, model=of_pieces(inputs.model, cross_validation=errors)))[
+            "cross_validation"
+        ]
         assert column(table, "least error") == ["no", "yes"]
         assert column(table, "RMSE of left-out samples [N]") == [5.0, 4.0]
 
@@ -192,26 +250,56 @@ def test_formulas_that_are_one_model_are_named_once_each_pair() -> None:
     def fit(name: str, sse: float, status: str = "converged") -> FormulaFit:
         return FormulaFit(name, {"a": 1.0}, {"a": 0.1}, status, "-", 1, 1.0, sse, 50)
 
-    same = same_models([("tondu_lopez", fit("tondu_lopez", 2.0)), ("chou_hannaford", fit("chou_hannaford", 2.0 + 1e-10))])
+    same = same_models(
+        [
+            ("tondu_lopez", fit("tondu_lopez", 2.0)),
+            ("chou_hannaford", fit("chou_hannaford", 2.0 + 1e-10)),
+        ]
+    )
     assert len(same) == 1
     assert "tondu_lopez and chou_hannaford are one model here" in same[0]
     assert same_models([("a", fit("a", 2.0)), ("b", fit("b", 2.001))]) == ()
-    assert same_models([("a", fit("a", 2.0)), ("a again", fit("a", 2.0))]) == ()  # one formula, fitted in two ways
+    assert (
+        same_models([("a", fit("a", 2.0)), ("a again", fit("a", 2.0))]) == ()
+    )  # one formula, fitted in two ways
 
 
 def score(model: str, nrmse: float, split: str = "validate", curve: str = "all") -> Score:
-    return Score(model, "force", split, curve, 10, nrmse * 100, nrmse, 100.0, f"max|force| over {split}", 1.0, 0.01, 0.9)
+    return Score(
+        model,
+        "force",
+        split,
+        curve,
+        10,
+        nrmse * 100,
+        nrmse,
+        100.0,
+        f"max|force| over {split}",
+        1.0,
+        0.01,
+        0.9,
+    )
 
 
-OWN, BETTER, BEST = score("mapmore", 0.02), score("sarosi", 0.01), "the best competitor (Sárosi) reaches"
+OWN, BETTER, BEST = (
+    score("mapmore", 0.02),
+    score("sarosi", 0.01),
+    "the best competitor (Sárosi) reaches",
+)
 HEAD = "mapmore predicts force with an NRMSE of 2 % (RMSE 2 N) on the held-out data"
 VERDICTS = {
     "better than the best of the others": (
         [OWN, score("sarosi", 0.025), score("poly", 0.07)],
         f"{HEAD}; {BEST} 2.5 %: mapmore is better (0.8 times the RMSE).",
     ),
-    "worse is said to be worse": ([OWN, BETTER], f"{HEAD}; {BEST} 1 %: mapmore is worse (2 times the RMSE)."),
-    "nearly equal is no victory": ([OWN, score("sarosi", 0.0201)], f"{HEAD}; {BEST} 2.01 %: no difference to speak of."),
+    "worse is said to be worse": (
+        [OWN, BETTER],
+        f"{HEAD}; {BEST} 1 %: mapmore is worse (2 times the RMSE).",
+    ),
+    "nearly equal is no victory": (
+        [OWN, score("sarosi", 0.0201)],
+        f"{HEAD}; {BEST} 2.01 %: no difference to speak of.",
+    ),
     "training errors are called by their name": (
         [score("mapmore", 0.02, "train"), score("sarosi", 0.04, "train")],
         "on its own training data (nothing was held out, so this says little about new data); "
@@ -221,9 +309,15 @@ VERDICTS = {
         [score("mapmore", 0.001, "train"), score("sarosi", 0.02, "train"), OWN, BETTER],
         f"{HEAD}; {BEST} 1 %: mapmore is worse (2 times the RMSE).",
     ),
-    "a curve by itself does not count": ([OWN, BETTER, score("mapmore", 0.0001, curve="p=1")], "mapmore is worse (2 times the RMSE)."),
+    "a curve by itself does not count": (
+        [OWN, BETTER, score("mapmore", 0.0001, curve="p=1")],
+        "mapmore is worse (2 times the RMSE).",
+    ),
     "no competitor": ([OWN], f"{HEAD}; it was compared with no other model."),
-    "a competitor that diverged": ([OWN, score("sarosi", math.nan)], "no competitor gave a prediction to compare with."),
+    "a competitor that diverged": (
+        [OWN, score("sarosi", math.nan)],
+        "no competitor gave a prediction to compare with.",
+    ),
     "a perfect competitor": ([OWN, score("exact", 0.0)], "reaches 0 %: mapmore is worse."),
     "repeatability is told": (
         [OWN, score("sarosi", 0.04), score("repeatability", 0.01)],
@@ -245,4 +339,6 @@ def test_the_verdict(scores, said):
 
 
 def test_the_verdict_where_every_competitor_failed():
-    assert verdict([OWN], "mapmore", Quantity("force", "N"), ("sarosi",)).endswith("no competitor gave a prediction to compare with.")
+    assert verdict([OWN], "mapmore", Quantity("force", "N"), ("sarosi",)).endswith(
+        "no competitor gave a prediction to compare with."
+    )

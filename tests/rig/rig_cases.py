@@ -25,6 +25,10 @@ def spec(path: str, *changes: str) -> SimulationSpec:
     return load_as(DATASETS / f"{path}.yaml", SimulationSpec, changes).spec
 
 
-def friction(base: float, per_pressure: float, yields: Sequence[float], shares: Sequence[float]) -> Hysteresis:
+def friction(
+    base: float, per_pressure: float, yields: Sequence[float], shares: Sequence[float]
+) -> Hysteresis:
     """Friction of such stops; N, N/Pa."""
-    return Hysteresis(base, per_pressure, [Stop(*stop) for stop in zip(yields, shares, strict=True)])
+    return Hysteresis(
+        base, per_pressure, [Stop(*stop) for stop in zip(yields, shares, strict=True)]
+    )

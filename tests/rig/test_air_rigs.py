@@ -1,4 +1,6 @@
-"""H's random motion and joint, and P's muscle behind a regulator: the laws that they obey, and what is published."""
+"""H's random motion and joint, and P's muscle behind a regulator: the laws that they obey, and what
+is published.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,9 @@ from mapmore_cli.annexes.rig.waveform import Waveform, waveform_response
 @cache
 def closed_muscle():
     found = spec("muscle-like/random_velocity_16cm")
-    return ClosedMuscle(found.muscle, found.hysteresis, found.experiment.rubber, found.experiment.air)
+    return ClosedMuscle(
+        found.muscle, found.hysteresis, found.experiment.rubber, found.experiment.air
+    )
 
 
 def committed(path: str) -> dict[str, np.ndarray]:
@@ -41,11 +45,15 @@ def test_slow_air_keeps_its_temperature_and_fast_air_its_heat(start, change, pre
     chamber = volume(muscle.muscle, strain) + muscle.air.dead_volume
     for step, exponent in ((1.0, 1.0), (1e-7, muscle.air.heat_ratio)):
         absolute = muscle.closed_pressure(strain, pressure, step) + ATMOSPHERE
-        assert absolute[-1] * chamber[-1] ** exponent == pytest.approx(absolute[0] * chamber[0] ** exponent, rel=3e-3)
+        assert absolute[-1] * chamber[-1] ** exponent == pytest.approx(
+            absolute[0] * chamber[0] ** exponent, rel=3e-3
+        )
 
 
 def test_the_pressure_is_that_of_the_gas_and_its_warmth_integrated_apart():
-    """Pressure and temperature of a fixed mass as two equations: `p V = m R T`, `m c_v T' = -p V' + k (T_w - T)`."""
+    """Pressure and temperature of a fixed mass as two equations: `p V = m R T`, `m c_v T' = -p V' +
+    k (T_w - T)`.
+    """
     muscle, dt = closed_muscle(), 1e-3
     time = dt * np.arange(1500)
     strain = 0.12 + 0.08 * np.sin(2 * np.pi * 1.3 * time)
@@ -62,20 +70,29 @@ def test_the_pressure_is_that_of_the_gas_and_its_warmth_integrated_apart():
 
 
 def test_a_random_motion_is_what_its_columns_say():
-    motion = spec("muscle-like/random_velocity_16cm", "experiment.duration=6", "experiment.every=1").experiment
+    motion = spec(
+        "muscle-like/random_velocity_16cm", "experiment.duration=6", "experiment.every=1"
+    ).experiment
     found = random_velocity(closed_muscle(), motion, 4e5, recording_generator(1, "a"))
-    assert found["velocity"][1:-1] == pytest.approx(-np.gradient(found["length"], found["time"])[1:-1], abs=2e-3)
+    assert found["velocity"][1:-1] == pytest.approx(
+        -np.gradient(found["length"], found["time"])[1:-1], abs=2e-3
+    )
     assert np.abs(found["velocity"]).max() <= motion.speeds[1] * 1.01
     assert found["force"][0] == pytest.approx(10.0, abs=0.1)
     assert found["force"].min() >= 0.0
     drawn = found["length"] - found["length"][0]
     assert drawn.min() > -1e-9
-    assert np.corrcoef(drawn, found["pressure"])[0, 1] > 0.8  # a muscle that is drawn out holds less
+    assert (
+        np.corrcoef(drawn, found["pressure"])[0, 1] > 0.8
+    )  # a muscle that is drawn out holds less
 
 
 def test_fewer_logged_samples_are_those_of_the_full_record():
     changes = ("experiment.duration=8", "sensors.force.noise=0")
-    full, few = (recording(spec("muscle-like/random_velocity_12cm", *changes, f"experiment.every={n}"), 3e5) for n in (1, 40))
+    full, few = (
+        recording(spec("muscle-like/random_velocity_12cm", *changes, f"experiment.every={n}"), 3e5)
+        for n in (1, 40)
+    )
     assert few["force"] == pytest.approx(full["force"][::40])
     assert few["time"] == pytest.approx(full["time"][::40])
 
@@ -90,36 +107,65 @@ def test_what_one_muscle_of_the_joint_gives_the_other_takes():
     moved = driven(joint, setup.asked("driven", np.random.default_rng(1)))
     later = setup.clock > 0.5
     assert np.corrcoef(moved["pressure_1"][later], moved["pressure_2"][later])[0, 1] < -0.9
-    turning = setup.radius * (moved["force_1"] - moved["force_2"]) - setup.damping * moved["velocity_1"] / setup.radius
+    turning = (
+        setup.radius * (moved["force_1"] - moved["force_2"])
+        - setup.damping * moved["velocity_1"] / setup.radius
+    )
     acceleration = np.gradient(moved["velocity_1"], setup.clock) / setup.radius
-    assert np.corrcoef(turning[later], setup.inertia * acceleration[later])[0, 1] > 0.95  # but for the filter of the load cells
+    assert (
+        np.corrcoef(turning[later], setup.inertia * acceleration[later])[0, 1] > 0.95
+    )  # but for the filter of the load cells
 
 
 def test_a_stiff_tendon_is_none():
     """The states, step by step, come to what the filters of a muscle at closed valves have."""
     short = ("experiment.duration=1.5", "experiment.sample_time=0.005", "experiment.every=1")
     stiff = "experiment.tendon={stiffness: 2.0e+6, damping: 10000}"
-    studies = spec("muscle-like/random_velocity_16cm", *short), spec("muscle-like/tendon", *short, stiff)
-    plain, stiff = (random_velocity(closed_muscle(), study.experiment, 4e5, recording_generator(1, "a")) for study in studies)
+    studies = (
+        spec("muscle-like/random_velocity_16cm", *short),
+        spec("muscle-like/tendon", *short, stiff),
+    )
+    plain, stiff = (
+        random_velocity(closed_muscle(), study.experiment, 4e5, recording_generator(1, "a"))
+        for study in studies
+    )
     assert stiff["pressure"] == pytest.approx(plain["pressure"], rel=5e-3)
     assert stiff["force"] == pytest.approx(plain["force"], abs=1.0)
 
 
 def test_a_tendon_gives_way():
-    """What is drawn out is shared by tendon and muscle: the pressure, which the muscle's length makes, varies less, the force too."""
+    """What is drawn out is shared by tendon and muscle: the pressure, which the muscle's length
+    makes, varies less, the force too.
+    """
     short = ("experiment.duration=2", "experiment.every=1", "experiment.sample_time=0.005")
-    found = [recording(spec(f"muscle-like/{name}", *short), 5e5) for name in ("random_velocity_16cm", "tendon")]
+    found = [
+        recording(spec(f"muscle-like/{name}", *short), 5e5)
+        for name in ("random_velocity_16cm", "tendon")
+    ]
     assert np.ptp(found[0]["length"]) == pytest.approx(np.ptp(found[1]["length"]), rel=0.5)
     spans = [np.ptp(one["pressure"]) / np.ptp(one["length"]) for one in found]
     assert spans[1] < 0.9 * spans[0]
 
 
-@pytest.mark.parametrize(("name", "cause", "shipped"), [("valves", 3e5, "valves_300"), ("joint_random", "random", "joint_random")])
+@pytest.mark.parametrize(
+    ("name", "cause", "shipped"),
+    [("valves", 3e5, "valves_300"), ("joint_random", "random", "joint_random")],
+)
 def test_the_records_of_random_pressures_begin_as_shipped(name, cause, shipped):
     """But for the noise; what a regulator is told is what the muscle takes on a little later."""
-    short = spec(f"muscle-like/{name}", "experiment.duration=2", *(["experiment.every=2"] if name == "valves" else []))
+    short = spec(
+        f"muscle-like/{name}",
+        "experiment.duration=2",
+        *(["experiment.every=2"] if name == "valves" else []),
+    )
     made, committed_ = recording(short, cause), committed(f"muscle-like/{shipped}.csv")
-    columns = {"input": ("U", 0.0), "pressure": ("P", 10.0), "force": ("F", 3.0), "length": ("l", 0.2), "velocity": ("v", 5.0)}
+    columns = {
+        "input": ("U", 0.0),
+        "pressure": ("P", 10.0),
+        "force": ("F", 3.0),
+        "length": ("l", 0.2),
+        "velocity": ("v", 5.0),
+    }
     for number in ("",) if name == "valves" else ("_1", "_2"):
         for column, (head, noise) in columns.items():
             theirs = committed_[f"{head}{number}"][: len(made["time"])]
@@ -156,20 +202,34 @@ def test_a_command_repeats_within_its_bounds(shape, low, swing, frequency, wavel
     assert u.min() == pytest.approx(low)
     assert u.max() == pytest.approx(low + swing)
     period = round(1 / frequency / 0.01)
-    np.testing.assert_allclose(u[50 : 50 + (wavelengths - 1) * period], u[50 + period : 50 + wavelengths * period], atol=1e-9)
+    np.testing.assert_allclose(
+        u[50 : 50 + (wavelengths - 1) * period],
+        u[50 + period : 50 + wavelengths * period],
+        atol=1e-9,
+    )
     assert np.all(u[:50] == low)
 
 
 def test_shapes_begin_at_the_low_end_and_a_square_wave_at_the_high_one():
     quarter = np.array([0.0, 0.25, 0.5, 0.75])
-    shares = {shape: Waveform("any", shape, 0, 1, 1.0, 1).command(quarter).round(6).tolist() for shape in ("sine", "triangle", "square")}
-    assert shares == {"sine": [0, 0.5, 1, 0.5], "triangle": [0, 0.5, 1, 0.5], "square": [1, 1, 0, 0]}
+    shares = {
+        shape: Waveform("any", shape, 0, 1, 1.0, 1).command(quarter).round(6).tolist()
+        for shape in ("sine", "triangle", "square")
+    }
+    assert shares == {
+        "sine": [0, 0.5, 1, 0.5],
+        "triangle": [0, 0.5, 1, 0.5],
+        "square": [1, 1, 0, 0],
+    }
 
 
 @pytest.mark.parametrize(("bar", "centimetres"), FREE.items())
 def test_free_contraction_is_what_the_published_data_suggest(bar, centimetres):
     model = hanging()
-    start, end = (model.resting_strain(pressure, 0.0) for pressure in (float(model.setup.regulator.wanted(0.0)), bar * 1e5))
+    start, end = (
+        model.resting_strain(pressure, 0.0)
+        for pressure in (float(model.setup.regulator.wanted(0.0)), bar * 1e5)
+    )
     assert 100 * model.muscle.muscle.length * (end - start) == pytest.approx(centimetres, abs=0.3)
 
 
@@ -197,10 +257,20 @@ def test_the_waveforms_are_those_of_the_published_table():
         rows = list(csv.DictReader(lines))
     lows, swings = ([float(row[key]) for row in rows] for key in ("offset_V", "amplitude_V"))
     told = [
-        (row["experiment"], low, low + swing, float(row["frequency_Hz"]), int(row["wavelengths"]), float(row["load_kg"]))
+        (
+            row["experiment"],
+            low,
+            low + swing,
+            float(row["frequency_Hz"]),
+            int(row["wavelengths"]),
+            float(row["load_kg"]),
+        )
         for row, low, swing in zip(rows, lows, swings, strict=True)
     ]
     waveforms = spec("waveforms/validation").experiment.waveforms
-    assert [(each.name, each.low, each.high, each.frequency, each.wavelengths, each.load) for each in waveforms] == told
+    assert [
+        (each.name, each.low, each.high, each.frequency, each.wavelengths, each.load)
+        for each in waveforms
+    ] == told
     shapes = {each.name: each.shape for each in waveforms}
     assert shapes == dict.fromkeys(shapes, "sine") | {"triangle": "triangle", "square": "square"}

@@ -9,7 +9,13 @@ import pytest
 from rig_cases import MUSCLES, both, friction, spec
 from scipy.integrate import trapezoid
 
-from mapmore_cli.annexes.rig.load_cycle import Regulation, load_cycle, regulated_pressure, resting_strains, strain_path
+from mapmore_cli.annexes.rig.load_cycle import (
+    Regulation,
+    load_cycle,
+    regulated_pressure,
+    resting_strains,
+    strain_path,
+)
 from mapmore_cli.annexes.rig.muscle import zero_force_strain
 from mapmore_cli.annexes.rig.simulate import recording
 from mapmore_cli.domain.errors import SpecError
@@ -42,7 +48,9 @@ def test_one_loop_from_lock_to_zero_force_and_back(kind, kpa):
 @pytest.mark.parametrize("kpa", [0, 80, 350])
 def test_the_loop_dissipates_and_never_pushes(kind, kpa):
     truth = run(kind, kpa)
-    assert -trapezoid(truth["force"], truth["strain"]) > 0  # work put in while drawing out, less work got from contracting
+    assert (
+        -trapezoid(truth["force"], truth["strain"]) > 0
+    )  # work put in while drawing out, less work got from contracting
     assert truth["force"].min() >= 0
 
 
@@ -64,7 +72,9 @@ def test_the_actuator_turns_where_it_is_told_and_moves_at_one_speed():
     strain = strain_path(INNER, 0.2, time)
     moving = np.flatnonzero(np.diff(strain) != 0)
     rates = np.abs(np.diff(strain)[moving]) / 0.001
-    assert np.quantile(rates, [0.01, 0.99]) == pytest.approx(2 * [2 * 4.0 * 0.2 / (2 * (125 - 7 * 0.5))], rel=1e-3)
+    assert np.quantile(rates, [0.01, 0.99]) == pytest.approx(
+        2 * [2 * 4.0 * 0.2 / (2 * (125 - 7 * 0.5))], rel=1e-3
+    )
     pauses = np.flatnonzero(np.diff(moving) > 1)
     np.testing.assert_allclose(strain[moving[pauses] + 1] / 0.2, INNER.turns, atol=1e-9)
     assert np.diff(moving)[pauses] * 0.001 == pytest.approx([0.5] * 5, abs=2e-3)
@@ -73,12 +83,16 @@ def test_the_actuator_turns_where_it_is_told_and_moves_at_one_speed():
 
 @both
 def test_a_reversal_inside_the_loop_leaves_the_branch_and_comes_back_to_it(kind):
-    """What stop operators do: the inner loop closes, and the outer branch goes on as if nothing had been (Madelung)."""
+    """What stop operators do: the inner loop closes, and the outer branch goes on as if nothing had
+    been (Madelung).
+    """
     inner, outer = run(kind, 350, INNER), run(kind, 350)
     turn = int(np.argmax(inner["strain"]))
     falling = slice(turn, turn + int(np.argmin(inner["strain"][turn : turn + 2000])))
     stroke = inner["strain"].max()
-    last = int(np.flatnonzero(inner["strain"] > 0.69 * stroke)[-1])  # the end of the inner rise; the fall to zero follows
+    last = int(
+        np.flatnonzero(inner["strain"] > 0.69 * stroke)[-1]
+    )  # the end of the inner rise; the fall to zero follows
     fall = slice(last, last + int(np.argmin(inner["strain"][last:])))
     back = outer["strain"].argmax()
     for strains, branch in ((0.8, falling), (0.2, fall)):
@@ -112,8 +126,13 @@ def test_each_weight_hangs_where_the_muscle_balances_it():
 
 def test_repeats_are_averaged():
     """The mean of nine repeats scatters less around the weights' balance than one of them does."""
-    single, many = (spec("wrist/contraction_table", f"experiment.repeats={n}", "experiment.regulator_error=0") for n in (1, 9))
-    exact = resting_strains(single.muscle, single.hysteresis, 6e5, 9.81 * np.array(single.experiment.masses))
+    single, many = (
+        spec("wrist/contraction_table", f"experiment.repeats={n}", "experiment.regulator_error=0")
+        for n in (1, 9)
+    )
+    exact = resting_strains(
+        single.muscle, single.hysteresis, 6e5, 9.81 * np.array(single.experiment.masses)
+    )
     one, nine = (np.std(recording(table, 6e5)["strain"] - exact) for table in (single, many))
     assert nine < 0.6 * one
 

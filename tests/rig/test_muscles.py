@@ -1,4 +1,6 @@
-"""The synthetic muscles against published numbers, their own geometry and common sense; their friction."""
+"""The synthetic muscles against published numbers, their own geometry and common sense; their
+friction.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,12 @@ from hypothesis import strategies as st
 from rig_cases import BRAID, MUSCLES, TUBES, both, friction
 from scipy.integrate import quad, trapezoid
 
-from mapmore_cli.annexes.rig.muscle import effective_pressure, effective_pressure_slope, stop, zero_force_strain
+from mapmore_cli.annexes.rig.muscle import (
+    effective_pressure,
+    effective_pressure_slope,
+    stop,
+    zero_force_strain,
+)
 from mapmore_cli.annexes.rig.static_muscles import (
     energy_slope,
     geometric_slope_ratio,
@@ -51,16 +58,27 @@ def test_the_documented_forces_free_strains_and_lengths(kind):
 def test_pressures_and_strains_broadcast(kind):
     grid = MUSCLES[kind].force(np.array([[0.0], [80e3], [350e3]]), np.linspace(-0.01, 0.3, 7))
     assert grid.shape == (3, 7)
-    assert float(MUSCLES[kind].force(80e3, np.linspace(-0.01, 0.3, 7)[4])) == pytest.approx(grid[1, 4], rel=1e-12)
+    assert float(MUSCLES[kind].force(80e3, np.linspace(-0.01, 0.3, 7)[4])) == pytest.approx(
+        grid[1, 4], rel=1e-12
+    )
 
 
 def energy(muscle, strain):
-    """Mooney-Rivlin energy of the wall, J: `2 pi r0 t L0 (C10 (I1 - 3) + C01 (I2 - 3))`, its radius by the braid's inextensible fibres."""
+    """Mooney-Rivlin energy of the wall, J: `2 pi r0 t L0 (C10 (I1 - 3) + C01 (I2 - 3))`, its radius
+    by the braid's inextensible fibres.
+    """
     fibre = 1 / np.cos(muscle.braid_angle)
     around = np.sqrt(fibre**2 - (1 - strain) ** 2) / (fibre * np.sin(muscle.braid_angle))
     stretches = np.array([1 - strain, around, 1 / ((1 - strain) * around)])
     first, second = np.sum(stretches**2) - 3, np.sum(stretches**-2) - 3
-    return 2 * np.pi * muscle.radius * muscle.wall * muscle.length * (muscle.c10 * first + muscle.c01 * second)
+    return (
+        2
+        * np.pi
+        * muscle.radius
+        * muscle.wall
+        * muscle.length
+        * (muscle.c10 * first + muscle.c01 * second)
+    )
 
 
 @settings(deadline=None)
@@ -69,7 +87,9 @@ def test_virtual_work_slopes_are_the_derivatives(strain):
     h = 1e-5
     for value, slope in ((volume, volume_slope), (energy, energy_slope)):
         numeric = (value(BRAID, strain + h) - value(BRAID, strain - h)) / (2 * h)
-        assert float(slope(BRAID, np.float64(strain))) == pytest.approx(float(numeric), rel=1e-5, abs=1e-7)
+        assert float(slope(BRAID, np.float64(strain))) == pytest.approx(
+            float(numeric), rel=1e-5, abs=1e-7
+        )
 
 
 @settings(deadline=None, max_examples=25)
@@ -92,7 +112,9 @@ def test_the_volume_is_that_of_the_tapered_profile(strain):
 @settings(deadline=None)
 @given(alpha=st.floats(1e-3, 1.57), pressure=st.floats(0.0, 600e3))
 def test_the_peano_solver_returns_to_the_angle_that_it_is_given(alpha, pressure):
-    """From an angle follow strain and force in closed form; the solver has to find that force from the strain alone."""
+    """From an angle follow strain and force in closed form; the solver has to find that force from
+    the strain alone.
+    """
     driving = float(effective_pressure(pressure, TUBES.threshold, TUBES.threshold_width))
     width = TUBES.tube_width
     across = TUBES.tube_length - 2 * TUBES.end_loss * width * np.sin(alpha)
@@ -103,7 +125,9 @@ def test_the_peano_solver_returns_to_the_angle_that_it_is_given(alpha, pressure)
 
 def test_a_muscle_that_never_stops_pulling_is_refused():
     endless = replace(BRAID, braid_angle=np.deg2rad(12.0), c10=0.0, c01=0.0, taper=0.0)
-    with pytest.raises(SpecError, match=r"does not vanish between strains -0\.02 and 0\.36.*\n.*lower the pressure"):
+    with pytest.raises(
+        SpecError, match=r"does not vanish between strains -0\.02 and 0\.36.*\n.*lower the pressure"
+    ):
         free_strain(endless, 500e3)
 
 
@@ -111,7 +135,9 @@ def test_a_muscle_that_never_stops_pulling_is_refused():
 @given(pressure=st.floats(0, 6e5), strain=st.floats(-0.005, 0.25))
 def test_the_tension_is_the_static_force(pressure, strain):
     for chamber in (BRAID, TUBES):
-        assert chamber.respond(pressure, strain).tension == pytest.approx(float(chamber.force(pressure, strain)), rel=1e-6, abs=1e-5)
+        assert chamber.respond(pressure, strain).tension == pytest.approx(
+            float(chamber.force(pressure, strain)), rel=1e-6, abs=1e-5
+        )
 
 
 @settings(deadline=None)
@@ -121,34 +147,56 @@ def test_the_tubes_do_as_much_work_as_the_water(pressure, strain):
     width = TUBES.threshold_width
     step = 1e-4 * pressure
     low, high = (TUBES.respond(at, strain).tension for at in (pressure - step, pressure + step))
-    driven = float(effective_pressure(pressure + step, 6e3, width) - effective_pressure(pressure - step, 6e3, width))
-    assert TUBES.length * (high - low) / driven == pytest.approx(TUBES.respond(pressure, strain).displacement, rel=1e-4)
+    driven = float(
+        effective_pressure(pressure + step, 6e3, width)
+        - effective_pressure(pressure - step, 6e3, width)
+    )
+    assert TUBES.length * (high - low) / driven == pytest.approx(
+        TUBES.respond(pressure, strain).displacement, rel=1e-4
+    )
 
 
 @settings(deadline=None)
 @given(pressure=pressures, strain=strains)
 def test_the_tubes_volume_is_a_state(pressure, strain):
-    """Whichever way pressure and strain are reached, the volume is the same: the slopes are those of one function."""
+    """Whichever way pressure and strain are reached, the volume is the same: the slopes are those
+    of one function.
+    """
     dp, de = 1e-4 * pressure, 1e-6
-    crossed = (TUBES.respond(pressure, strain + de).filling - TUBES.respond(pressure, strain - de).filling) / (2 * de)
-    back = (TUBES.respond(pressure + dp, strain).displacement - TUBES.respond(pressure - dp, strain).displacement) / (2 * dp)
+    crossed = (
+        TUBES.respond(pressure, strain + de).filling - TUBES.respond(pressure, strain - de).filling
+    ) / (2 * de)
+    back = (
+        TUBES.respond(pressure + dp, strain).displacement
+        - TUBES.respond(pressure - dp, strain).displacement
+    ) / (2 * dp)
     assert crossed == pytest.approx(back, rel=1e-3, abs=1e-14)
 
 
 def test_a_locked_tube_fills_to_the_area_between_its_arcs():
-    """`n D w^2 (alpha - sin(alpha) cos(alpha))/(2 alpha^2)`, of tubes whose ends take nothing away."""
+    """`n D w^2 (alpha - sin(alpha) cos(alpha))/(2 alpha^2)`, of tubes whose ends take nothing
+    away.
+    """
     open_ended = replace(TUBES, end_loss=0.0)
     driving = float(effective_pressure(2e5, 6e3, 3e3))
     alpha = opening_angle(open_ended, driving, 0.0)
     area = open_ended.tube_width**2 * (alpha - np.sin(alpha) * np.cos(alpha)) / (2 * alpha**2)
-    filled = quad(lambda pressure: open_ended.respond(pressure, 0.0).filling, 0, 2e5, points=[1, 30, 1e3, 1e4], limit=500)[0]
+    filled = quad(
+        lambda pressure: open_ended.respond(pressure, 0.0).filling,
+        0,
+        2e5,
+        points=[1, 30, 1e3, 1e4],
+        limit=500,
+    )[0]
     assert filled == pytest.approx(4 * 0.046 * area, rel=1e-4)
     assert 1e-6 < filled < 20e-6
 
 
 def test_the_braid_moves_the_volume_within_it():
     moved = quad(lambda strain: BRAID.respond(1e5, strain).displacement, 0.0, 0.2)[0]
-    assert moved == pytest.approx(float(volume(BRAID, np.asarray(0.2)) - volume(BRAID, np.asarray(0.0))), rel=1e-6)
+    assert moved == pytest.approx(
+        float(volume(BRAID, np.asarray(0.2)) - volume(BRAID, np.asarray(0.0))), rel=1e-6
+    )
     assert BRAID.respond(1e5, 0.1).filling == 0
 
 
@@ -173,13 +221,21 @@ def test_one_angle_is_found_as_many_are(driving, strain):
 @given(alpha=st.floats(1e-3, 1.57) | st.floats(9.9e-3, 1.01e-2))
 def test_the_slope_ratio_belongs_to_the_geometric_strain(alpha):
     h = 1e-4 * alpha
-    slope = float(geometric_strain(np.asarray(alpha + h)) - geometric_strain(np.asarray(alpha - h))) / (2 * h)
+    slope = float(
+        geometric_strain(np.asarray(alpha + h)) - geometric_strain(np.asarray(alpha - h))
+    ) / (2 * h)
     assert geometric_slope_ratio(alpha) * alpha == pytest.approx(slope, rel=1e-5, abs=1e-12 / h)
 
 
 @pytest.mark.parametrize("pressure", [-5e4, 0.0, 2e3, 2.2e4, 1e5, 5e5])
 def test_the_slope_of_the_effective_pressure(pressure):
-    numeric = float(effective_pressure(pressure + 1, 2.2e4, 8e3) - effective_pressure(pressure - 1, 2.2e4, 8e3)) / 2
+    numeric = (
+        float(
+            effective_pressure(pressure + 1, 2.2e4, 8e3)
+            - effective_pressure(pressure - 1, 2.2e4, 8e3)
+        )
+        / 2
+    )
     assert effective_pressure_slope(pressure, 2.2e4, 8e3) == pytest.approx(numeric, abs=1e-9)
 
 
@@ -209,13 +265,17 @@ def test_time_does_not_matter(path, data):
         warp = np.sort(data.draw(st.lists(st.floats(0, 1), max_size=4)))
         pieces.append(np.concatenate([start + (end - start) * warp, [end]]))
         where.append(where[-1] + len(pieces[-1]))
-    np.testing.assert_allclose(stop(np.concatenate(pieces), YIELDS)[where], stop(path, YIELDS), atol=1e-9)
+    np.testing.assert_allclose(
+        stop(np.concatenate(pieces), YIELDS)[where], stop(path, YIELDS), atol=1e-9
+    )
 
 
 @settings(deadline=None)
 @given(peak=st.floats(1e-4, 0.1), back=st.floats(0, 1))
 def test_a_minor_loop_is_forgotten(peak, back):
-    """Return-point memory: from a turning point part of the way back and up to it again, as if it had not been left."""
+    """Return-point memory: from a turning point part of the way back and up to it again, as if it
+    had not been left.
+    """
     states = stop(np.array([0.0, peak, (1 - back) * peak, peak]), YIELDS)
     np.testing.assert_allclose(states[3], states[1], atol=1e-9)
     assert np.all(states[2] <= states[1])
@@ -224,7 +284,9 @@ def test_a_minor_loop_is_forgotten(peak, back):
 @settings(deadline=None)
 @given(path=paths, pressure=st.floats(0, 5e5))
 def test_friction_never_gives_work_back_over_a_closed_cycle(path, pressure):
-    cycle = np.concatenate([path, path[:1], path, path[:1]])  # twice, so that the second run starts from where it ends
+    cycle = np.concatenate(
+        [path, path[:1], path, path[:1]]
+    )  # twice, so that the second run starts from where it ends
     fine = np.concatenate([np.linspace(a, b, 50) for a, b in pairwise(cycle)])
     force = FRICTION.force(pressure, fine)
     second = slice(len(fine) // 2, None)
@@ -236,4 +298,6 @@ def test_the_dissipated_work_of_one_stop(amplitude):
     """Half-width r, yield strain y, relaxed start, to A and back: `r (2A - 5y/2)`."""
     one = friction(10.0, 0.0, [0.01], [1.0])
     path = np.concatenate([np.linspace(0, amplitude, 20001), np.linspace(amplitude, 0, 20001)])
-    assert trapezoid(one.force(0.0, path), path) == pytest.approx(10.0 * (2 * amplitude - 0.025), rel=1e-6)
+    assert trapezoid(one.force(0.0, path), path) == pytest.approx(
+        10.0 * (2 * amplitude - 0.025), rel=1e-6
+    )

@@ -14,7 +14,11 @@ from mapmore_cli.annexes.rig.sensors import Sensor, measure, recording_generator
 
 
 @settings(deadline=None)
-@given(resolution=st.sampled_from([0.1, 0.25, 1.1e-4, 3.0]), noise=st.floats(0, 5), level=st.floats(-1e3, 1e3))
+@given(
+    resolution=st.sampled_from([0.1, 0.25, 1.1e-4, 3.0]),
+    noise=st.floats(0, 5),
+    level=st.floats(-1e3, 1e3),
+)
 def test_readings_are_whole_steps_near_the_truth(resolution, noise, level):
     readings = Sensor(noise, resolution).read(np.full(50, level), np.random.default_rng(3))
     steps = readings / resolution
@@ -29,7 +33,9 @@ def test_noise_has_the_declared_size():
 
 
 def test_no_reading_is_minus_zero():
-    assert not np.signbit(Sensor(0.0, 0.1).read(np.array([-0.01, -0.0, 0.01]), np.random.default_rng(1))).any()
+    assert not np.signbit(
+        Sensor(0.0, 0.1).read(np.array([-0.01, -0.0, 0.01]), np.random.default_rng(1))
+    ).any()
 
 
 def test_seed_and_name_fix_the_numbers():
@@ -63,7 +69,9 @@ def pressure_at_rest(strain: np.ndarray) -> np.ndarray:
 
 def test_the_right_pressure_keeps_it_at_rest() -> None:
     reference = np.full(200, 0.05)
-    found = closed_loop(Spring(), NO_FRICTION, LIFT, Loop(5e-3, 0.0, 0.0), reference, pressure_at_rest(reference))
+    found = closed_loop(
+        Spring(), NO_FRICTION, LIFT, Loop(5e-3, 0.0, 0.0), reference, pressure_at_rest(reference)
+    )
     assert found["strain"] == pytest.approx(reference, abs=1e-9)
     assert wanted_force(LIFT, reference, 5e-3) == pytest.approx(np.full(200, LIFT.mass * GRAVITY))
 
@@ -71,10 +79,20 @@ def test_the_right_pressure_keeps_it_at_rest() -> None:
 def test_the_loop_takes_a_wrong_pressure_off_and_the_command_stays_in_its_limits() -> None:
     reference = np.full(800, 0.05)
     wrong = pressure_at_rest(reference) + 3e4
-    free, closed = (closed_loop(Spring(), NO_FRICTION, LIFT, loop, reference, wrong) for loop in (Loop(5e-3, 0, 0), Loop(5e-3, 2e5, 2e6)))
+    free, closed = (
+        closed_loop(Spring(), NO_FRICTION, LIFT, loop, reference, wrong)
+        for loop in (Loop(5e-3, 0, 0), Loop(5e-3, 2e5, 2e6))
+    )
     assert free["strain"][-1] == pytest.approx(0.08, abs=1e-4)
     assert closed["strain"][-1] == pytest.approx(0.05, abs=1e-4)
-    high = closed_loop(Spring(), NO_FRICTION, LIFT, Loop(5e-3, 1e8, 0.0), np.full(50, 0.5), pressure_at_rest(np.full(50, 0.1)))
+    high = closed_loop(
+        Spring(),
+        NO_FRICTION,
+        LIFT,
+        Loop(5e-3, 1e8, 0.0),
+        np.full(50, 0.5),
+        pressure_at_rest(np.full(50, 0.1)),
+    )
     assert (high["command"].min() >= 0.0) & (high["command"].max() <= LIFT.highest)
 
 
@@ -82,5 +100,7 @@ def test_friction_holds_it_back() -> None:
     holding = friction(30.0, 0.0, [0.002], [1.0])
     reference = np.full(400, 0.05)
     pushed = pressure_at_rest(reference) + 2e4
-    held = closed_loop(Spring(), holding, LIFT, Loop(5e-3, 0.0, 0.0), reference, pushed)["strain"][-1]
+    held = closed_loop(Spring(), holding, LIFT, Loop(5e-3, 0.0, 0.0), reference, pushed)["strain"][
+        -1
+    ]
     assert 0.05 < held < 0.055

@@ -8,7 +8,17 @@ import numpy as np
 import pytest
 from rig_cases import DATASETS, spec
 
-from mapmore_cli.annexes.rig.simulate import HEADER, SET_STEPS, causes_of, csv_text, decimals, label, recording, sensors, simulate
+from mapmore_cli.annexes.rig.simulate import (
+    HEADER,
+    SET_STEPS,
+    causes_of,
+    csv_text,
+    decimals,
+    label,
+    recording,
+    sensors,
+    simulate,
+)
 from mapmore_cli.domain.errors import SpecError, WriteError
 
 PEANO = "peano/load_cycles"
@@ -20,7 +30,11 @@ def silent(what, done, total):
 
 
 SHIPPED = [  # and which of its recordings
-    *((f"{kind}/{name}", slice(None)) for kind in ("mckibben", "peano") for name in ("load_cycles", "inner_loops_training")),
+    *(
+        (f"{kind}/{name}", slice(None))
+        for kind in ("mckibben", "peano")
+        for name in ("load_cycles", "inner_loops_training")
+    ),
     *((f"{kind}/inner_loops_validation", slice(None)) for kind in ("mckibben", "peano")),
     ("mckibben/step_responses", slice(1, 2)),
     ("peano/perturbations", slice(0, 1)),
@@ -32,18 +46,31 @@ SHIPPED = [  # and which of its recordings
 
 @pytest.mark.parametrize(("path", "some"), SHIPPED, ids=[path for path, _ in SHIPPED])
 def test_committed_recordings_regenerate(path, some):
-    """Another machine's libm may round a value to the neighbouring step: a few may differ, each by one step."""
+    """Another machine's libm may round a value to the neighbouring step: a few may differ, each by
+    one step.
+    """
     study = spec(path)
     resolutions = {name: sensor.resolution for name, sensor in sensors(study).items()}
-    steps = {"time": getattr(study.experiment, "sample_time", None), **SET_STEPS.get(study.experiment.type, {}), **resolutions}
+    steps = {
+        "time": getattr(study.experiment, "sample_time", None),
+        **SET_STEPS.get(study.experiment.type, {}),
+        **resolutions,
+    }
     for cause in causes_of(study)[some]:
         made = csv_text(recording(study, cause), decimals(study))
         committed = (DATASETS / path).with_name(f"{study.output}_{label(cause)}.csv").read_text()
         if made != committed:
             header, *_ = made.splitlines()
             assert header == committed.splitlines()[0]
-            ours, theirs = (np.loadtxt(text.splitlines()[1:], delimiter=",") for text in (made, committed))
-            flips = np.abs(np.round((ours - theirs) / [steps[name] for name in HEADER if HEADER[name] in header.split(",")]))
+            ours, theirs = (
+                np.loadtxt(text.splitlines()[1:], delimiter=",") for text in (made, committed)
+            )
+            flips = np.abs(
+                np.round(
+                    (ours - theirs)
+                    / [steps[name] for name in HEADER if HEADER[name] in header.split(",")]
+                )
+            )
             assert flips.max() <= 1
             assert flips.sum() <= 1 + 1e-3 * flips.size
 
@@ -61,7 +88,9 @@ def test_the_steps_are_those_of_the_paper():
     weights = [42, 66, 115, 213]
     for kind, pressures in (("mckibben", [80, 150, 250, 350]), ("peano", [80, 200, 350, 500])):
         steps = spec(f"{kind}/step_responses").experiment.steps
-        assert [(step.pressure / 1e3, step.weight) for step in steps] == list(zip(pressures, weights, strict=True))
+        assert [(step.pressure / 1e3, step.weight) for step in steps] == list(
+            zip(pressures, weights, strict=True)
+        )
 
 
 def test_another_pressure_leaves_the_others_as_they_were(tmp_path):
@@ -80,9 +109,16 @@ def test_another_seed_changes_the_noise_only():
 
 def test_progress_is_reported_for_each_recording(tmp_path):
     seen = []
-    simulate(spec(PEANO, *SHORT[1:], "experiment.pressures=[80, 82.5]"), tmp_path, lambda *step: seen.append(step))
+    simulate(
+        spec(PEANO, *SHORT[1:], "experiment.pressures=[80, 82.5]"),
+        tmp_path,
+        lambda *step: seen.append(step),
+    )
     assert seen == [("simulate", 1, 2), ("simulate", 2, 2)]
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["load_cycle_080.csv", "load_cycle_82.5.csv"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "load_cycle_080.csv",
+        "load_cycle_82.5.csv",
+    ]
 
 
 def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatch):
@@ -172,7 +208,9 @@ BAD = {
 }
 
 
-@pytest.mark.parametrize(("path", "change", "message"), [(path, *one) for path, some in BAD.items() for one in some])
+@pytest.mark.parametrize(
+    ("path", "change", "message"), [(path, *one) for path, some in BAD.items() for one in some]
+)
 def test_a_bad_spec_is_refused(path, change, message):
     with pytest.raises(SpecError, match=message):
         spec(path, change)

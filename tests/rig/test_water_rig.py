@@ -1,4 +1,6 @@
-"""Water, air and stop against their laws; step responses and strokes against what M2 says of its data."""
+"""Water, air and stop against their laws; step responses and strokes against what M2 says of its
+data.
+"""
 
 from __future__ import annotations
 
@@ -18,11 +20,24 @@ from mapmore_cli.annexes.rig.muscle import stop, stop_rates
 from mapmore_cli.annexes.rig.sensors import integrate, low_pass
 from mapmore_cli.annexes.rig.static_muscles import volume
 from mapmore_cli.annexes.rig.step_response import Bumper, Step, StepRig, step_response
-from mapmore_cli.annexes.rig.water import WATER_DENSITY, WATER_VISCOSITY, Pipe, Wall, WetMuscle, bubble_compliance
+from mapmore_cli.annexes.rig.water import (
+    WATER_DENSITY,
+    WATER_VISCOSITY,
+    Pipe,
+    Wall,
+    WetMuscle,
+    bubble_compliance,
+)
 from mapmore_cli.domain.errors import SpecError
 
 TUBE = Pipe(length=0.5, diameter=0.0045, loss=0.0)
-RESERVOIR = Reservoir(air_volume=2e-4, polytropic=1.2, supply_conductance=0.4e-8, exhaust_conductance=1e-8, critical_ratio=0.3)
+RESERVOIR = Reservoir(
+    air_volume=2e-4,
+    polytropic=1.2,
+    supply_conductance=0.4e-8,
+    exhaust_conductance=1e-8,
+    critical_ratio=0.3,
+)
 absolute = st.floats(2e4, 1e6)
 
 
@@ -31,7 +46,8 @@ def flow_at(reynolds: float) -> float:
 
 
 @pytest.mark.parametrize(
-    ("reynolds", "friction_factor"), [(10, 64 / 10), (200, 64 / 200), (2e4, 0.316 * 2e4**-0.25), (1e5, 0.316 * 1e5**-0.25)]
+    ("reynolds", "friction_factor"),
+    [(10, 64 / 10), (200, 64 / 200), (2e4, 0.316 * 2e4**-0.25), (1e5, 0.316 * 1e5**-0.25)],
 )
 def test_friction_is_poiseuilles_and_blasius(reynolds, friction_factor):
     speed = flow_at(reynolds) / TUBE.area
@@ -57,7 +73,11 @@ def test_a_valve_has_no_preferred_direction_and_flows_downhill(first, second):
 
 
 def test_a_choked_valve_does_not_feel_what_lies_behind_it():
-    assert valve_flow(1e-8, 0.3, 5e5, 1.5e5) == valve_flow(1e-8, 0.3, 5e5, 1e4) == pytest.approx(1e-8 * 5e5)
+    assert (
+        valve_flow(1e-8, 0.3, 5e5, 1.5e5)
+        == valve_flow(1e-8, 0.3, 5e5, 1e4)
+        == pytest.approx(1e-8 * 5e5)
+    )
 
 
 def test_a_closed_reservoir_gains_what_the_valve_lets_in():
@@ -89,7 +109,9 @@ BUMPER = Bumper(stiffness=3e5, damping=6.0, pretension=0.7)
 
 
 def wet_muscle(found):
-    return WetMuscle(found.muscle, found.hysteresis, found.experiment.rig.rubber, found.experiment.rig)
+    return WetMuscle(
+        found.muscle, found.hysteresis, found.experiment.rig.rubber, found.experiment.rig
+    )
 
 
 @cache
@@ -109,8 +131,20 @@ def swollen(kind, pressure, strain):
     if muscle is BRAID:
         inside = float(volume(muscle, np.asarray(strain)))
     else:
-        inside = quad(lambda p: muscle.respond(p, strain).filling, 0, pressure, points=[1, 30, 1e3, 1e4], limit=500)[0]
-        inside += quad(lambda e: muscle.respond(0.0, e).displacement, -1e-3, strain, points=[0.0, 1e-3], limit=500)[0]
+        inside = quad(
+            lambda p: muscle.respond(p, strain).filling,
+            0,
+            pressure,
+            points=[1, 30, 1e3, 1e4],
+            limit=500,
+        )[0]
+        inside += quad(
+            lambda e: muscle.respond(0.0, e).displacement,
+            -1e-3,
+            strain,
+            points=[0.0, 1e-3],
+            limit=500,
+        )[0]
     bubble = wet.rig.trapped_air * ATMOSPHERE / (ATMOSPHERE + pressure)
     return inside + wet.rig.wall.compliance * pressure - bubble
 
@@ -121,7 +155,9 @@ def test_water_is_conserved(kind):
     truth = response(kind)
     end = 2590
     came = trapezoid(truth["flow"][: end + 1], truth["time"][: end + 1])
-    there = swollen(kind, truth["muscle_pressure"][end], truth["strain"][end]) - swollen(kind, 0.0, truth["strain"][0])
+    there = swollen(kind, truth["muscle_pressure"][end], truth["strain"][end]) - swollen(
+        kind, 0.0, truth["strain"][0]
+    )
     assert came > 5e-6
     assert there == pytest.approx(came, rel=5e-3)
 
@@ -134,7 +170,9 @@ def test_the_plateau_is_an_equilibrium_within_the_friction(kind):
     assert at_end["pressure"] == pytest.approx(VALIDATION[kind], rel=5e-3)
     assert at_end["muscle_pressure"] == pytest.approx(at_end["pressure"], rel=5e-3)
     static = float(muscle.muscle.force(at_end["muscle_pressure"], at_end["strain"]))
-    assert abs(static - WEIGHT) < float(muscle.hysteresis.half_width(VALIDATION[kind])) + 0.01 * WEIGHT
+    assert (
+        abs(static - WEIGHT) < float(muscle.hysteresis.half_width(VALIDATION[kind])) + 0.01 * WEIGHT
+    )
     assert np.ptp(truth["strain"][2400:2590]) < 0.01 * at_end["strain"]
 
 
@@ -159,15 +197,26 @@ def test_the_peano_fills_before_it_moves():
 @both
 def test_a_finer_integration_changes_less_than_the_sensors_see(kind):
     short = rig(kind, "experiment.rest=0.02", "experiment.hold=0.6", "experiment.fall=0.3")
-    coarse, fine = (step_response(short, Step(VALIDATION[kind], WEIGHT), tolerance) for tolerance in (1e-6, 5e-7))
-    for name, noise in (("pressure", 400.0), ("muscle_pressure", 400.0), ("strain", 2e-5), ("force", 0.7), ("flow", 3e-7)):
+    coarse, fine = (
+        step_response(short, Step(VALIDATION[kind], WEIGHT), tolerance)
+        for tolerance in (1e-6, 5e-7)
+    )
+    for name, noise in (
+        ("pressure", 400.0),
+        ("muscle_pressure", 400.0),
+        ("strain", 2e-5),
+        ("force", 0.7),
+        ("flow", 3e-7),
+    ):
         assert np.abs(coarse[name] - fine[name]).max() < noise, name
 
 
 @settings(deadline=None)
 @given(depth=st.floats(-0.01, 0.01), speed=st.floats(-5, 5))
 def test_the_stop_never_gives_energy(depth, speed):
-    """It only pushes, and takes at least the power of a loss-free spring, which gives back what it takes on a closed path."""
+    """It only pushes, and takes at least the power of a loss-free spring, which gives back what it
+    takes on a closed path.
+    """
     spring = Bumper(BUMPER.stiffness, 0.0, BUMPER.pretension)
     assert BUMPER.push(depth, speed) >= 0
     assert BUMPER.push(depth, speed) * speed >= spring.push(depth, 0.0) * speed - 1e-9
@@ -177,14 +226,24 @@ def test_a_wall_bulges_late_and_both_its_laws_agree():
     wall = Wall(compliance=2e-12, relaxation_time=0.01)
     assert wall.growth(2e-7, 1e5) == 0
     assert wall.pressure(1e-7, wall.growth(1e-7, 3e5)) == pytest.approx(3e5)
-    path = integrate(lambda _, bulge: np.array([wall.growth(bulge[0], 1e5)]), np.zeros(1), np.linspace(0, 0.01, 11), np.array([1e-7]))
+    path = integrate(
+        lambda _, bulge: np.array([wall.growth(bulge[0], 1e5)]),
+        np.zeros(1),
+        np.linspace(0, 0.01, 11),
+        np.array([1e-7]),
+    )
     assert path[-1, 0] == pytest.approx(2e-7 * (1 - np.exp(-1)), rel=1e-4)
 
 
 def test_moving_stop_operators_are_those_of_the_path():
     yields = np.array([0.001, 0.004, 0.016])
     time = np.linspace(0, 1, 2001)
-    moved = integrate(lambda t, states: stop_rates(states, yields, 0.1 * np.cos(6 * t)), np.zeros(3), time, np.ones(3))
+    moved = integrate(
+        lambda t, states: stop_rates(states, yields, 0.1 * np.cos(6 * t)),
+        np.zeros(3),
+        time,
+        np.ones(3),
+    )
     np.testing.assert_allclose(moved, stop(0.1 * np.sin(6 * time) / 6, yields), atol=2e-3)
 
 
@@ -222,7 +281,9 @@ def test_a_slow_stroke_is_a_load_cycle(kind):
     changes = ("moves=[3]", "dwell=0.3", "sample_time=0.01", "rig.load_cell=20")
     slow = strokes(kind, *(f"experiment.{change}" for change in changes))
     away = slow["force"] - MUSCLES[kind].force(350e3, slow["strain"])
-    assert np.abs(away).max() < float(spec(f"{kind}/perturbations").hysteresis.half_width(350e3)) * 1.1
+    assert (
+        np.abs(away).max() < float(spec(f"{kind}/perturbations").hysteresis.half_width(350e3)) * 1.1
+    )
     assert away[100:300].mean() > 0 > away[400:600].mean()
 
 

@@ -45,7 +45,8 @@ units: {pressure: bar}
 data:
   files:
     - {path: "10mm_Unkink_*.csv.gz", set: {length: 182 mm}}
-    - {path: "10mm_kinked25_*.csv.gz", set: {length: 17.45 cm}, id: kinked, keep: [{quantity: time, outside: [1 min, 70 s]}]}
+    - {path: "10mm_kinked25_*.csv.gz", set: {length: 17.45 cm}, id: kinked, keep: [{quantity: time,
+        outside: [1 min, 70 s]}]}
     - plain.csv
   header: false
   columns:
@@ -120,14 +121,16 @@ MOTION = """\
 name: motion
 data:
   files: ["*.csv"]
-  columns: {time: {column: t}, pressure: {column: p}, load: {column: w}, displacement: {column: x, unit: mm}}
+  columns: {time: {column: t}, pressure: {column: p}, load: {column: w}, displacement: {column: x,
+      unit: mm}}
   resample: 10 ms
   split: {validate: {last: 0.5}}
 target: {column: displacement}
 dictionary:
   - lags: {of: [displacement, pressure], steps: [1, 2], order: 2}
   - products:
-      of: [pressure, "play(pressure, 0.16)", {slow: {of: [pressure], tau: [0.3 s, 1 s]}}, {delays: {of: [displacement], times: [50 ms]}}]
+      of: [pressure, "play(pressure, 0.16)", {slow: {of: [pressure], tau: [0.3 s, 1 s]}},
+          {delays: {of: [displacement], times: [50 ms]}}]
       order: 2
       with: [pressure]
   - terms: ["pressure*displacement[k-1]", "exp(-play(pressure, 0.2)/300)"]
@@ -140,21 +143,24 @@ data:
   files: ["${MAPMORE_DATA:-../../shared/data}/coiled_isotonic_steps/Sample 1 Final 200 grams.xlsx"]
   reader: xlsx
   header: false
-  columns: {time: {column: 2, unit: s}, pressure: {column: 3, unit: psi}, displacement: {column: 4, unit: mm, scale: -1}}
+  columns: {time: {column: 2, unit: s}, pressure: {column: 3, unit: psi}, displacement: {column: 4,
+      unit: mm, scale: -1}}
   gaps: {longer_than: 10 ms, action: split}
   resample: 10 ms
   split: {validate: {last: 0.5}}
 target: {column: displacement}
 dictionary:
   - products:
-      of: [{lags: {of: [pressure], steps: [0, 1]}}, {slow: {of: [pressure], tau: [0.05, 0.5, 5]}}, {play: {of: [pressure], count: 4}}]
+      of: [{lags: {of: [pressure], steps: [0, 1]}}, {slow: {of: [pressure], tau: [0.05, 0.5, 5]}},
+          {play: {of: [pressure], count: 4}}]
       order: 2
 fit: {max_terms: 12, stop: bic, ridge: auto}
 """
 
 FORCE = """\
 name: force
-data: {files: [a.csv], columns: {time: {column: 0}, pressure: {column: 1}, strain: {column: 2}, force: {column: 3}}}
+data: {files: [a.csv], columns: {time: {column: 0}, pressure: {column: 1}, strain: {column: 2},
+    force: {column: 3}}}
 target: static
 dictionary: [{polynomial: {of: [pressure, strain], order: 2}}]
 """
@@ -167,13 +173,17 @@ needs: {static: dmsp-20-88-static.yaml}
 data:
   files: ["../datasets/mckibben/step_response_*.csv"]
   reader: csv
-  columns: {time: {column: t, unit: s}, pressure: {column: P, unit: kPa}, strain: {column: eps}, force: {column: F, unit: N}}
-  derive: {strain_rate: {rate_of: strain, window: 40 ms, order: 3}, pressure_rate: {rate_of: pressure, window: 40 ms, order: 3}}
+  columns: {time: {column: t, unit: s}, pressure: {column: P, unit: kPa}, strain: {column: eps},
+      force: {column: F, unit: N}}
+  derive: {strain_rate: {rate_of: strain, window: 40 ms, order: 3},
+      pressure_rate: {rate_of: pressure, window: 40 ms, order: 3}}
   plateau: auto
-  levels: {of: step_pressure, at: [80, 150, 250, 350]}    # the pressure on the plateau of each recording
+  levels: {of: step_pressure, at: [80, 150, 250,
+      350]}    # the pressure on the plateau of each recording
   split: {validate: {step_pressure: [250]}}
 target: damping
-segment: {direction: {of: pressure_rate, dead_band: 5 kPa/s}, step_pressure: none}    # none | levels
+segment: {direction: {of: pressure_rate, dead_band: 5 kPa/s},
+    step_pressure: none}    # none | levels
 dictionary:
   - polynomial: {of: [strain, strain_rate, pressure, pressure_rate], order: 2, constant: false}
 fit: {max_terms: 1, train_level: highest}
@@ -181,14 +191,25 @@ validate: {against: [none, linear_viscous, reynolds, peternel, {static: sarosi, 
 """
 
 FED_BACK = MOTION.replace(
-    "{slow: {of: [pressure]", '{play: {of: ["displacement[k-1]"], count: 2}}, {slow: {of: ["stop(displacement[k-2], 0.1)"]'
+    "{slow: {of: [pressure]",
+    '{play: {of: ["displacement[k-1]"], count: 2}}, {slow: {of: ["stop(displacement[k-2], 0.1)"]',
 )
 FED_BACK = FED_BACK.replace("exp(-play(pressure, 0.2)", "exp(-slow(displacement[k-1], 0.2)")
-IN_FREE_RUN = MOTION.replace("max_terms: 4", "max_terms: 4, criterion: free_run, stop: free_run, select: free_run")
+IN_FREE_RUN = MOTION.replace(
+    "max_terms: 4", "max_terms: 4, criterion: free_run, stop: free_run, select: free_run"
+)
 PAST_FORCE = FORCE.replace("of: [pressure, strain]", 'of: [pressure, "force[k-1]"]')
 
 GOOD = {
-    **{"static": STATIC, "measured": MEASURED, "logs": LOGS, "formula": FORMULA, "damping": DAMPING, "motion": MOTION, "record": RECORD},
+    **{
+        "static": STATIC,
+        "measured": MEASURED,
+        "logs": LOGS,
+        "formula": FORMULA,
+        "damping": DAMPING,
+        "motion": MOTION,
+        "record": RECORD,
+    },
     **{"fed back": FED_BACK, "in free run": IN_FREE_RUN, "force": FORCE, "past force": PAST_FORCE},
 }
 

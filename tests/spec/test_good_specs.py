@@ -34,7 +34,10 @@ def test_the_static_study(tmp_path: Path) -> None:
 
 
 def test_a_quantity_without_a_canonical_name_is_in_the_unit_of_its_column(tmp_path: Path) -> None:
-    heated = STATIC.replace("force:    {", "heat: {column: T, unit: degC}\n    share: {column: w, unit: '%'}\n    force:    {")
+    heated = STATIC.replace(
+        "force:    {",
+        "heat: {column: T, unit: degC}\n    share: {column: w, unit: '%'}\n    force:    {",
+    )
     assert load_text(tmp_path, heated).spec.units == {"heat": "degC"}
     said = heated.replace("target: static", "units: {heat: K}\ntarget: static")
     assert load_text(tmp_path, said).spec.units == {"heat": "K"}
@@ -45,7 +48,12 @@ def test_numbers_with_units_are_in_the_units_of_the_model(tmp_path: Path) -> Non
     data = spec.data
     assert data.files == [
         FileEntry(path="10mm_Unkink_*.csv.gz", set={"length": 0.182}),
-        FileEntry(path="10mm_kinked25_*.csv.gz", set={"length": 0.1745}, id="kinked", keep=[Keep(quantity="time", outside=(60.0, 70.0))]),
+        FileEntry(
+            path="10mm_kinked25_*.csv.gz",
+            set={"length": 0.1745},
+            id="kinked",
+            keep=[Keep(quantity="time", outside=(60.0, 70.0))],
+        ),
         "plain.csv",
     ]
     assert data.columns["force"].offset == 0.009  # in the column's own unit, kN
@@ -56,11 +64,20 @@ def test_numbers_with_units_are_in_the_units_of_the_model(tmp_path: Path) -> Non
     assert data.keep[2].below == 0.005  # a rate by another name: m/s
     assert data.levels == Levels(of="strain", at=[0.0, 0.04, 0.08], within=0.01)
     assert data.split.hold_out is not None
-    assert data.split.hold_out.quantities == {"strain": [0.04], "pressure": Between(between=[(2.0, 2.6), (4.0, 4.6)])}
+    assert data.split.hold_out.quantities == {
+        "strain": [0.04],
+        "pressure": Between(between=[(2.0, 2.6), (4.0, 4.6)]),
+    }
     assert data.split.hold_out.fraction == 0.25
     assert spec.segment["pressure"] == Cuts(method="breakpoints", at=[1.0, 2.0])
-    assert spec.fuse.extrapolation == {"strain": BelowAbove(below=0.01, above="saturate"), "pressure": "continue_linear"}
-    assert spec.validation.against == ["sarosi", Competitor(model="sarosi", method="levenberg_marquardt", as_="sarosi_lm")]
+    assert spec.fuse.extrapolation == {
+        "strain": BelowAbove(below=0.01, above="saturate"),
+        "pressure": "continue_linear",
+    }
+    assert spec.validation.against == [
+        "sarosi",
+        Competitor(model="sarosi", method="levenberg_marquardt", as_="sarosi_lm"),
+    ]
     assert spec.validation.require == {"rmse": 0.005, "nrmse": 0.05, "r2": 0.9}
     assert spec.report.published is not None
     assert spec.report.published.nrmse == {"sarosi": 0.025}
@@ -68,7 +85,13 @@ def test_numbers_with_units_are_in_the_units_of_the_model(tmp_path: Path) -> Non
 
 def test_logs_in_their_dialects(tmp_path: Path) -> None:
     data = load_text(tmp_path, LOGS).spec.data
-    assert (data.header, data.skip_rows, data.delimiter, data.decimal, data.encoding) == (2, 1, ";", ",", "latin-1")
+    assert (data.header, data.skip_rows, data.delimiter, data.decimal, data.encoding) == (
+        2,
+        1,
+        ";",
+        ",",
+        "latin-1",
+    )
     timed, paired = data.join
     assert (timed.shift, timed.max_gap, timed.root, timed.header) == (-40.2, 0.1, "train[*]", True)
     assert timed.columns["pressure"].offset == pytest.approx(14.503773773, rel=1e-9)  # psi
@@ -78,7 +101,9 @@ def test_logs_in_their_dialects(tmp_path: Path) -> None:
     assert data.resample == 0.0005
 
 
-@pytest.mark.parametrize("study", [*GOOD.values(), *SHIPPED], ids=[*GOOD, *(path.stem for path in SHIPPED)])
+@pytest.mark.parametrize(
+    "study", [*GOOD.values(), *SHIPPED], ids=[*GOOD, *(path.stem for path in SHIPPED)]
+)
 def test_the_resolved_text_loads_to_the_same_spec(tmp_path: Path, study: str | Path) -> None:
     loaded = load(study) if isinstance(study, Path) else load_text(tmp_path, study)
     again = load_text(tmp_path, loaded.resolved)
@@ -96,15 +121,24 @@ def test_the_resolved_text_says_the_defaults(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new"),
     [
-        ("segment:\n  strain: {method: even, count: 4}", "segment: {pressure: none, strain: {method: even, count: 1}}"),
+        (
+            "segment:\n  strain: {method: even, count: 4}",
+            "segment: {pressure: none, strain: {method: even, count: 1}}",
+        ),
         ("segment:\n  strain: {method: even, count: 4}", "segment: {pressure: levels}"),
         ("target: static", "target: hysteresis"),
         ("at: [80, 150, 250, 350]", "at: auto"),
         ("at: [80, 150, 250, 350]", "at: [0.8 bar, 1.5 bar, 250, 350000 Pa], within: 35"),
         ("split: {validate: {pressure: [250]}}", "split: {leave_one_level_out: true}"),
-        ("split: {validate: {pressure: [250]}}", "split: {validate: {recordings: [load_cycle_150]}}"),
+        (
+            "split: {validate: {pressure: [250]}}",
+            "split: {validate: {recordings: [load_cycle_150]}}",
+        ),
         ("split: {validate: {pressure: [250]}}", "split: {validate: {last: 50 %}}"),
-        ("{pressure: [250]}", "{pressure: [260]}"),  # whether it names 250, the scatter of the samples says
+        (
+            "{pressure: [250]}",
+            "{pressure: [260]}",
+        ),  # whether it names 250, the scatter of the samples says
         ("against: [sarosi, polynomial_2]", "against: []"),
         ("samples: 200}", "samples: 0x20}"),
     ],
@@ -128,11 +162,19 @@ def test_the_damping_example(tmp_path: Path) -> None:
     assert spec.segment["direction"] == CutByDirection(of="pressure_rate", dead_band=5.0)
     assert spec.validation.against[-1].label == "sarosi+reynolds"  # type: ignore[union-attr]
     assert units_of(spec)["step_pressure"] == "kPa"
-    assert [signal.name for signal in signals_of(spec)] == ["strain_rate", "pressure_rate", "direction"]
+    assert [signal.name for signal in signals_of(spec)] == [
+        "strain_rate",
+        "pressure_rate",
+        "direction",
+    ]
 
 
 def test_numbers_of_motion_carry_units(tmp_path: Path) -> None:
-    text = DAMPING.replace("5 kPa/s", "0.05 bar/s").replace("plateau: auto", "plateau: [900 ms, 2 s]").replace("highest", "3.5 bar")
+    text = (
+        DAMPING.replace("5 kPa/s", "0.05 bar/s")
+        .replace("plateau: auto", "plateau: [900 ms, 2 s]")
+        .replace("highest", "3.5 bar")
+    )
     spec = load_text(tmp_path, text.replace("[80, 150, 250, 350]", "[0.8 bar, 150, 250, 350]")).spec
     assert spec.segment["direction"] == CutByDirection(of="pressure_rate", dead_band=5.0)
     assert spec.data.plateau == (0.9, 2.0)
@@ -148,8 +190,15 @@ def test_a_sum_is_the_default_of_a_dynamic_target_without_a_dictionary(tmp_path:
 
 
 def test_weights_between_step_pressures_go_by_the_pressure(tmp_path: Path) -> None:
-    spec = load_text(tmp_path, DAMPING.replace("step_pressure: none}", "step_pressure: levels}")).spec
-    assert recipe_of("damping", spec.data.levels, spec.segment, spec.dictionary, spec.fit, spec.fuse).level == "pressure"
+    spec = load_text(
+        tmp_path, DAMPING.replace("step_pressure: none}", "step_pressure: levels}")
+    ).spec
+    assert (
+        recipe_of(
+            "damping", spec.data.levels, spec.segment, spec.dictionary, spec.fit, spec.fuse
+        ).level
+        == "pressure"
+    )
 
 
 BREAKPOINTS = "{method: breakpoints, at: [100 kPa, 2]}"
@@ -163,29 +212,56 @@ BREAKPOINTS = "{method: breakpoints, at: [100 kPa, 2]}"
             *(STATIC, EVEN, "{method: gradient, count: 3, window: 2 %, separation: 0.05}"),
             {"strain": Cuts("gradient", 3, window=0.02, separation=0.05)},
         ),
-        (STATIC, EVEN, "{method: optimal, count: 2, grid: 30, min_samples: 4}", {"strain": Cuts("optimal", 2, grid=30, min_samples=4)}),
-        (MEASURED, BREAKPOINTS, "{method: gradient, count: 2, window: 50 kPa}", {"pressure": Cuts("gradient", 2, window=0.5)}),  # bar
+        (
+            STATIC,
+            EVEN,
+            "{method: optimal, count: 2, grid: 30, min_samples: 4}",
+            {"strain": Cuts("optimal", 2, grid=30, min_samples=4)},
+        ),
+        (
+            MEASURED,
+            BREAKPOINTS,
+            "{method: gradient, count: 2, window: 50 kPa}",
+            {"pressure": Cuts("gradient", 2, window=0.5)},
+        ),  # bar
     ],
 )
-def test_methods_with_their_settings(base: str, old: str, cuts: str, meant: object, tmp_path: Path) -> None:
+def test_methods_with_their_settings(
+    base: str, old: str, cuts: str, meant: object, tmp_path: Path
+) -> None:
     assert cuts_of(load_text(tmp_path, base.replace(old, cuts)).spec.segment) == meant
 
 
 def test_the_way_between_levels_reaches_the_recipe(tmp_path: Path) -> None:
     text = STATIC.replace(
-        FUSE, "model: {backbone: sarosi}\nfuse: {levels: pchip, align: threshold, shrink: 1, transition: linear, z_s: 0.25,"
+        FUSE,
+        "model: {backbone: sarosi}\nfuse: {levels: pchip, align: threshold, shrink: 1, "
+        "transition: linear, z_s: 0.25,",
     )
     spec = load_text(tmp_path, text).spec
-    recipe = recipe_of("force", spec.data.levels, spec.segment, spec.dictionary, spec.fit, spec.fuse)
-    assert (recipe.fuse.levels, recipe.fuse.align, recipe.fuse.shrink) == ("pchip", "threshold", 1.0)
+    recipe = recipe_of(
+        "force", spec.data.levels, spec.segment, spec.dictionary, spec.fit, spec.fuse
+    )
+    assert (recipe.fuse.levels, recipe.fuse.align, recipe.fuse.shrink) == (
+        "pchip",
+        "threshold",
+        1.0,
+    )
 
 
 def test_segments_depend_on_the_fit_only_where_boundaries_try_it(tmp_path: Path) -> None:
-    """A change of `fit` must not cut the curves anew, unless boundaries are optimal for that fit."""
+    """A change of `fit` must not cut the curves anew, unless boundaries are optimal for that
+    fit.
+    """
     more_terms = STATIC.replace("max_terms: 1", "max_terms: 2")
     optimal = "{method: optimal, count: 4}"
-    assert segment_slice(load_text(tmp_path, STATIC).spec) == segment_slice(load_text(tmp_path, more_terms).spec)
-    tried = (segment_slice(load_text(tmp_path, text.replace(EVEN, optimal)).spec) for text in (STATIC, more_terms))
+    assert segment_slice(load_text(tmp_path, STATIC).spec) == segment_slice(
+        load_text(tmp_path, more_terms).spec
+    )
+    tried = (
+        segment_slice(load_text(tmp_path, text.replace(EVEN, optimal)).spec)
+        for text in (STATIC, more_terms)
+    )
     assert next(tried) != next(tried)
 
 

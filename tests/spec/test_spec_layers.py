@@ -1,4 +1,6 @@
-"""What lies over and under a file: the environment, inherited files, overrides of the command line."""
+"""What lies over and under a file: the environment, inherited files, overrides of the command
+line.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,8 @@ from mapmore_cli.spec.loader import LoadedSpec, load
 from mapmore_cli.spec.tree import Loc
 from mapmore_cli.spec.yaml_loader import as_overrides, escaped, expand
 
-# Environment -------------------------------------------------------------------------------------------------------------------------
+# Environment
+# --------------------------------------------------------------------------------------------------
 
 
 def test_variables_are_expanded(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -23,7 +26,10 @@ def test_variables_are_expanded(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MAPMORE_EMPTY", "")
     monkeypatch.delenv("MAPMORE_UNSET", raising=False)
     assert (
-        expand("${MAPMORE_LAB}/${MAPMORE_UNSET:-a b}/${MAPMORE_LAB:-x}${MAPMORE_EMPTY:-y}${MAPMORE_EMPTY}${MAPMORE_UNSET:-}")
+        expand(
+            "${MAPMORE_LAB}/${MAPMORE_UNSET:-a "
+            "b}/${MAPMORE_LAB:-x}${MAPMORE_EMPTY:-y}${MAPMORE_EMPTY}${MAPMORE_UNSET:-}"
+        )
         == "lab7/a b/lab7y"
     )
     assert expand("$LAB $ {LAB} $${MAPMORE_LAB} }") == "$LAB $ {LAB} ${MAPMORE_LAB} }"
@@ -35,16 +41,25 @@ def test_escaped_text_stays_as_it_is(text: str) -> None:
     assert expand(escaped(text)) == text
 
 
-@pytest.mark.parametrize("text", ["${}", "${1A}", "${A", "${A:b}", "${A-b}", "${A:-${B}}", "${ A }"])
+@pytest.mark.parametrize(
+    "text", ["${}", "${1A}", "${A", "${A:b}", "${A-b}", "${A:-${B}}", "${ A }"]
+)
 def test_what_is_no_variable_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match="is not"):
         expand(text)
 
 
 @pytest.mark.parametrize(
-    "text", ["fit:\n  max_terms: ${MAPMORE_TERMS}", "muscle: {name: 'a ${MAPMORE_KEY} b'}", "muscle: {length: '${MAPMORE_TERMS} mm'}"]
+    "text",
+    [
+        "fit:\n  max_terms: ${MAPMORE_TERMS}",
+        "muscle: {name: 'a ${MAPMORE_KEY} b'}",
+        "muscle: {length: '${MAPMORE_TERMS} mm'}",
+    ],
 )
-def test_variables_stand_in_paths_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str) -> None:
+def test_variables_stand_in_paths_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str
+) -> None:
     monkeypatch.setenv("MAPMORE_TERMS", "3")
     monkeypatch.setenv("MAPMORE_KEY", "secret")
     message = refusal(tmp_path, FORMULA + text)
@@ -62,7 +77,9 @@ def test_only_variables_of_ours_are_read(tmp_path: Path, monkeypatch: pytest.Mon
     assert load_text(tmp_path, text).spec.data.files == ["secret/a.csv"]
 
 
-def test_an_unset_variable_is_an_error_at_its_place_and_hides_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_unset_variable_is_an_error_at_its_place_and_hides_no_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.delenv("MAPMORE_NOWHERE", raising=False)
     text = FORMULA.replace("[a.csv]", '["${MAPMORE_NOWHERE}/a.csv"]') + "fit:\n  stpo: bic\n"
     message = refusal(tmp_path, text)
@@ -72,15 +89,21 @@ def test_an_unset_variable_is_an_error_at_its_place_and_hides_no_other(tmp_path:
     assert message.count("spec.yaml:") == 2
 
 
-def test_a_variable_in_the_value_of_a_variable_is_not_expanded_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_variable_in_the_value_of_a_variable_is_not_expanded_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("MAPMORE_ODD", "${MAPMORE_HOME}")
-    loaded = load_text(tmp_path, FORMULA.replace("[a.csv]", '["${MAPMORE_ODD}/a.csv"]') + "muscle: {name: '$${ODD}'}\n")
+    loaded = load_text(
+        tmp_path,
+        FORMULA.replace("[a.csv]", '["${MAPMORE_ODD}/a.csv"]') + "muscle: {name: '$${ODD}'}\n",
+    )
     assert loaded.spec.data.files == ["${MAPMORE_HOME}/a.csv"]
     assert loaded.spec.muscle.name == "${ODD}"
     assert load_text(tmp_path, loaded.resolved).spec == loaded.spec
 
 
-# Inheritance -------------------------------------------------------------------------------------------------------------------------
+# Inheritance
+# --------------------------------------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -90,7 +113,8 @@ def family(tmp_path: Path) -> Path:
         (tmp_path / folder).mkdir()
     (tmp_path / "deep" / "root.yaml").write_text(STATIC)
     (tmp_path / "base.yaml").write_text(
-        "extends: deep/root.yaml\nfit: {max_terms: 3}\nmuscle: {kind: peano}\ndata:\n  levels: {at: [1, 2 bar]}\n"
+        "extends: deep/root.yaml\nfit: {max_terms: 3}\nmuscle: {kind: peano}\ndata:\n  "
+        "levels: {at: [1, 2 bar]}\n"
     )
     (tmp_path / "child" / "spec.yaml").write_text(
         "extends: ../base.yaml\nname: heir\ndata: {split: {validate: {pressure: [2 bar]}}}\n"
@@ -102,7 +126,12 @@ def family(tmp_path: Path) -> Path:
 def test_mappings_merge_deeply_and_other_values_replace(family: Path) -> None:
     spec = load(family / "child" / "spec.yaml").spec
     assert (spec.name, spec.muscle.kind, spec.muscle.length) == ("heir", "peano", 0.088)
-    assert (spec.fit.max_terms, spec.fit.scaling, spec.fuse.z_s, spec.fuse.transition) == (3, "unit_square", 0.1, "linear")
+    assert (spec.fit.max_terms, spec.fit.scaling, spec.fuse.z_s, spec.fuse.transition) == (
+        3,
+        "unit_square",
+        0.1,
+        "linear",
+    )
     assert spec.data.levels is not None
     assert (spec.data.levels.of, spec.data.levels.at) == ("pressure", [1.0, 200.0])
     assert len(spec.dictionary) == 1
@@ -111,20 +140,36 @@ def test_mappings_merge_deeply_and_other_values_replace(family: Path) -> None:
 def test_relative_paths_start_at_the_file_that_they_are_written_in(family: Path) -> None:
     loaded = load(family / "child" / "spec.yaml")
     assert loaded.folder == family / "child"
-    assert loaded.spec.data.files == ["../datasets/mckibben/load_cycle_*.csv"]  # root.yaml lies in deep/, beside child/
+    assert loaded.spec.data.files == [
+        "../datasets/mckibben/load_cycle_*.csv"
+    ]  # root.yaml lies in deep/, beside child/
     (family / "base.yaml").write_text(
-        "extends: deep/root.yaml\ndata: {files: [x.csv, {path: 'd/*.csv'}, /abs/y.csv], levels: {at: [1, 2 bar]}}\n"
+        "extends: deep/root.yaml\ndata: {files: [x.csv, {path: 'd/*.csv'}, /abs/y.csv], "
+        "levels: {at: [1, 2 bar]}}\n"
     )
     files = load(family / "child" / "spec.yaml").spec.data.files
-    assert [file if isinstance(file, str) else file.path for file in files] == ["../x.csv", "../d/*.csv", "/abs/y.csv"]
+    assert [file if isinstance(file, str) else file.path for file in files] == [
+        "../x.csv",
+        "../d/*.csv",
+        "/abs/y.csv",
+    ]
 
 
-def test_paths_in_inherited_settings_start_there_too_and_their_quantities_wait(family: Path) -> None:
+def test_paths_in_inherited_settings_start_there_too_and_their_quantities_wait(
+    family: Path,
+) -> None:
     settings = "{data.files: [x.csv, {path: d/*.csv, set: {pressure: 2 bar}}], units.pressure: bar}"
-    (family / "base.yaml").write_text(f"extends: deep/root.yaml\nvalidate: {{against: [{{set: {settings}, as: other}}]}}\n")
-    rival = load(family / "child" / "spec.yaml", ["data.levels=null", "data.split=null"]).spec.validation.against[-1]
+    (family / "base.yaml").write_text(
+        f"extends: deep/root.yaml\nvalidate: {{against: [{{set: {settings}, as: other}}]}}\n"
+    )
+    rival = load(
+        family / "child" / "spec.yaml", ["data.levels=null", "data.split=null"]
+    ).spec.validation.against[-1]
     assert isinstance(rival, Competitor)
-    assert rival.set == {"data.files": ["../x.csv", {"path": "../d/*.csv", "set": {"pressure": "2 bar"}}], "units.pressure": "bar"}
+    assert rival.set == {
+        "data.files": ["../x.csv", {"path": "../d/*.csv", "set": {"pressure": "2 bar"}}],
+        "units.pressure": "bar",
+    }
 
 
 @pytest.mark.parametrize(
@@ -138,12 +183,16 @@ def test_paths_in_inherited_settings_start_there_too_and_their_quantities_wait(f
         ((), "child/spec.yaml:1:1"),
     ],
 )
-def test_a_value_is_placed_in_the_file_that_it_or_the_section_around_it_comes_from(family: Path, loc: Loc, place: str) -> None:
+def test_a_value_is_placed_in_the_file_that_it_or_the_section_around_it_comes_from(
+    family: Path, loc: Loc, place: str
+) -> None:
     assert load(family / "child" / "spec.yaml").where(*loc) == f"{family}/{place}"
 
 
 def test_a_mistake_in_an_inherited_file_is_shown_there(family: Path) -> None:
-    (family / "base.yaml").write_text("extends: deep/root.yaml\nfit: {max_trems: 3}\ndata: {levels: {at: [1 bar, 2 bra]}}\n")
+    (family / "base.yaml").write_text(
+        "extends: deep/root.yaml\nfit: {max_trems: 3}\ndata: {levels: {at: [1 bar, 2 bra]}}\n"
+    )
     with pytest.raises(SpecError) as caught:
         load(family / "child" / "spec.yaml")
     message = str(caught.value)
@@ -175,15 +224,23 @@ def test_what_cannot_be_extended(tmp_path: Path, text: str, words: list[str]) ->
 
 def test_a_circle_of_files_is_refused(family: Path) -> None:
     (family / "deep" / "root.yaml").write_text("extends: ../child/spec.yaml\n")
-    with pytest.raises(SpecError, match=r"in a circle: spec.yaml -> base.yaml -> root.yaml -> spec.yaml"):
+    with pytest.raises(
+        SpecError, match=r"in a circle: spec.yaml -> base.yaml -> root.yaml -> spec.yaml"
+    ):
         load(family / "child" / "spec.yaml")
 
 
-# Overrides ---------------------------------------------------------------------------------------------------------------------------
+# Overrides
+# --------------------------------------------------------------------------------------------------
 
 
 def test_overrides_set_scalars_lists_items_and_new_sections(tmp_path: Path) -> None:
-    overrides = ["fit.max_terms=2", "data.levels.at=[80, 1.5 bar, 250]", "data.levels.at.2=300 kPa", "data.split.validate.pressure.0=300"]
+    overrides = [
+        "fit.max_terms=2",
+        "data.levels.at=[80, 1.5 bar, 250]",
+        "data.levels.at.2=300 kPa",
+        "data.split.validate.pressure.0=300",
+    ]
     overrides += [
         "model.backbone=sarosi",
         "muscle.length=9 cm",
@@ -192,7 +249,12 @@ def test_overrides_set_scalars_lists_items_and_new_sections(tmp_path: Path) -> N
         "validate.require={rmse: 1}",
     ]
     spec = load_text(tmp_path, STATIC, overrides).spec
-    assert (spec.fit.max_terms, spec.model.backbone, spec.muscle.length, spec.name) == (2, "sarosi", 0.09, "other")
+    assert (spec.fit.max_terms, spec.model.backbone, spec.muscle.length, spec.name) == (
+        2,
+        "sarosi",
+        0.09,
+        "other",
+    )
     assert spec.data.levels is not None
     assert spec.data.levels.at == [80.0, 150.0, 300.0]
     assert spec.dictionary[0].polynomial is not None
@@ -201,26 +263,50 @@ def test_overrides_set_scalars_lists_items_and_new_sections(tmp_path: Path) -> N
 
 
 def test_the_last_override_of_a_key_counts_and_null_restores_a_default(tmp_path: Path) -> None:
-    spec = load_text(tmp_path, STATIC, ["fuse.z_s=0.1", "fuse.z_s=0.2", "fuse.extrapolation=null", "data.split=", "data.split={}"]).spec
+    spec = load_text(
+        tmp_path,
+        STATIC,
+        ["fuse.z_s=0.1", "fuse.z_s=0.2", "fuse.extrapolation=null", "data.split=", "data.split={}"],
+    ).spec
     assert (spec.fuse.z_s, spec.fuse.extrapolation, spec.data.split.hold_out) == (0.2, None, None)
 
 
 @pytest.mark.parametrize(
     ("override", "words"),
     [
-        ("fit.max_term=2", ["--set fit.max_term=2: unknown key `max_term` in `fit`", "did you mean `max_terms`?"]),
-        ("fit.max_terms=two", ["--set fit.max_terms=two: `fit.max_terms` should be a whole number"]),
-        ("fit.max_terms.deep=2", ["--set fit.max_terms.deep=2: `deep` leads into a value that has no keys"]),
-        ("data.levels.at.4=2", ["--set data.levels.at.4=2: there is no item `4` in a list of 4", "from 0"]),
+        (
+            "fit.max_term=2",
+            ["--set fit.max_term=2: unknown key `max_term` in `fit`", "did you mean `max_terms`?"],
+        ),
+        (
+            "fit.max_terms=two",
+            ["--set fit.max_terms=two: `fit.max_terms` should be a whole number"],
+        ),
+        (
+            "fit.max_terms.deep=2",
+            ["--set fit.max_terms.deep=2: `deep` leads into a value that has no keys"],
+        ),
+        (
+            "data.levels.at.4=2",
+            ["--set data.levels.at.4=2: there is no item `4` in a list of 4", "from 0"],
+        ),
         ("data.levels.at.-1=2", ["there is no item `-1`"]),
         ("muscle.length=3 kPa", ["--set muscle.length=3 kPa: unit 'kPa' (a pressure)"]),
-        ("data.levels.of=presure", ["--set data.levels.of=presure: there is no quantity `presure`"]),
+        (
+            "data.levels.of=presure",
+            ["--set data.levels.of=presure: there is no quantity `presure`"],
+        ),
         ("fit.max_terms=[1", ["--set fit.max_terms=[1: not valid YAML"]),
         ("extends=other.yaml", ["--set extends=other.yaml: unknown key `extends`"]),
-        ("data.files.0=${MAPMORE_NO}", ["--set data.files.0=${MAPMORE_NO}: environment variable MAPMORE_NO is not set"]),
+        (
+            "data.files.0=${MAPMORE_NO}",
+            ["--set data.files.0=${MAPMORE_NO}: environment variable MAPMORE_NO is not set"],
+        ),
     ],
 )
-def test_a_wrong_override_is_placed_at_itself(tmp_path: Path, override: str, words: list[str]) -> None:
+def test_a_wrong_override_is_placed_at_itself(
+    tmp_path: Path, override: str, words: list[str]
+) -> None:
     message = refusal(tmp_path, STATIC, [override])
     assert all(word in message for word in words), message
 
@@ -247,8 +333,13 @@ def test_settings_keep_their_texts_on_their_way(tmp_path: Path) -> None:
 
 def test_null_removes_what_is_inherited(tmp_path: Path) -> None:
     (tmp_path / "base.yaml").write_text(STATIC)
-    heir = "extends: base.yaml\ndata: {columns: {strain: null}, cycles: null, split: null}\nsegment: null\n"
-    with pytest.raises(SpecError, match="there is no quantity `strain` in this study"):  # of the dictionary
+    heir = (
+        "extends: base.yaml\ndata: {columns: {strain: null}, cycles: null, split: null}\n"
+        "segment: null\n"
+    )
+    with pytest.raises(
+        SpecError, match="there is no quantity `strain` in this study"
+    ):  # of the dictionary
         load_text(tmp_path, heir)
     spec = load_text(tmp_path, f"{heir}dictionary: [{{terms: [pressure]}}]\nvalidate: null").spec
     assert "strain" not in spec.data.columns
@@ -260,11 +351,18 @@ def test_null_removes_what_is_inherited(tmp_path: Path) -> None:
 
 
 def test_the_resolved_text_runs_in_another_folder(family: Path, tmp_path: Path) -> None:
-    """Every relative path starts there: files, needed specs, competitors' specs and settings, patterns of held-out files with a folder."""
+    """Every relative path starts there: files, needed specs, competitors' specs and settings,
+    patterns of held-out files with a folder.
+    """
     variation = "{set: {data.files: [y/*.csv], fit.max_terms: 2}, as: b}"
-    more = f"\nneeds: {{static: ../static.yaml}}\nvalidate: {{against: [{{run: other/o.yaml}}, {variation}]}}\n"
+    more = (
+        f"\nneeds: {{static: ../static.yaml}}\nvalidate: {{against: [{{run: other/o.yaml}}, "
+        f"{variation}]}}\n"
+    )
     child = family / "child" / "spec.yaml"
-    child.write_text(child.read_text().replace("pressure: [2 bar]", "files: [x.csv, d/*.csv]") + more)
+    child.write_text(
+        child.read_text().replace("pressure: [2 bar]", "files: [x.csv, d/*.csv]") + more
+    )
     loaded = load(child)
     folder = tmp_path / "runs" / "deep" / "here"
     folder.mkdir(parents=True)
@@ -275,10 +373,17 @@ def test_the_resolved_text_runs_in_another_folder(family: Path, tmp_path: Path) 
         return [(spec_folder / path).resolve() for path in paths]
 
     def paths_of(one: LoadedSpec) -> list[str]:
-        competitors = [entry for entry in one.spec.validation.against if isinstance(entry, Competitor)]
+        competitors = [
+            entry for entry in one.spec.validation.against if isinstance(entry, Competitor)
+        ]
         assert competitors[1].set is not None
         files = [file if isinstance(file, str) else file.path for file in one.spec.data.files]
-        return [*files, str(one.spec.needs.static), str(competitors[0].run), *competitors[1].set["data.files"]]
+        return [
+            *files,
+            str(one.spec.needs.static),
+            str(competitors[0].run),
+            *competitors[1].set["data.files"],
+        ]
 
     assert absolute(again.folder, paths_of(again)) == absolute(loaded.folder, paths_of(loaded))
     assert again.spec.data.split.hold_out is not None

@@ -15,8 +15,10 @@ from mapmore_cli.spec import units
 from mapmore_cli.spec.units import check_unit, convert, default_unit, is_quantity, parse_quantity
 
 ALONE = {
-    "time": "s", "pressure": "kPa", "strain": "1", "force": "N", "length": "m", "displacement": "m", "load": "N", "input": "V",
-    "pressure_rate": "kPa/s", "strain_rate": "1/s", "length_rate": "m/s", "step_pressure": "kPa", "temperature": "1",
+    "time": "s", "pressure": "kPa", "strain": "1", "force": "N", "length": "m", "displacement": "m",
+        "load": "N", "input": "V",
+    "pressure_rate": "kPa/s", "strain_rate": "1/s", "length_rate": "m/s", "step_pressure": "kPa",
+        "temperature": "1",
 }  # fmt: skip
 CHANGES = {"pressure": "bar", "time": "ms", "force_rate": "N/s"}
 RATES = {"v": "displacement", "a": "v"}
@@ -26,12 +28,15 @@ RATES = {"v": "displacement", "a": "v"}
     ("name", "changes", "rates", "unit"),
     [
         *((name, {}, {}, unit) for name, unit in ALONE.items()),
-        ("pressure", CHANGES, {}, "bar"), ("pressure_rate", CHANGES, {}, "bar/ms"), ("force_rate", CHANGES, {}, "N/s"),
+        ("pressure", CHANGES, {}, "bar"), ("pressure_rate", CHANGES, {}, "bar/ms"), ("force_rate",
+            CHANGES, {}, "N/s"),
         ("v", {}, RATES, "m/s"), ("a", {}, RATES, "m/s/s"), ("a", {"v": "mm/s"}, RATES, "mm/s/s"),
         ("b", {}, {"b": "c", "c": "b"}, "1/s/s"),  # a circle, which is reported elsewhere
     ],
 )  # fmt: skip
-def test_default_units(name: str, changes: dict[str, str], rates: dict[str, str], unit: str) -> None:
+def test_default_units(
+    name: str, changes: dict[str, str], rates: dict[str, str], unit: str
+) -> None:
     """The units of the spec come first, and rates follow them."""
     assert default_unit(name, changes, rates) == unit
 
@@ -43,12 +48,17 @@ PSI = 0.45359237 * 9.80665 / 0.0254**2
 @pytest.mark.parametrize(
     ("source", "target", "factor"),
     [
-        ("bar", "kPa", 100), ("psi", "kPa", PSI / 1000), ("MPa", "kPa", 1000), ("Pa", "kPa", 1e-3), ("mbar", "kPa", 0.1),
-        ("mm", "m", 1e-3), ("cm", "m", 1e-2), ("um", "m", 1e-6), ("µm", "m", 1e-6), ("in", "m", 0.0254),
+        ("bar", "kPa", 100), ("psi", "kPa", PSI / 1000), ("MPa", "kPa", 1000), ("Pa", "kPa", 1e-3),
+            ("mbar", "kPa", 0.1),
+        ("mm", "m", 1e-3), ("cm", "m", 1e-2), ("um", "m", 1e-6), ("µm", "m", 1e-6), ("in", "m",
+            0.0254),
         ("ms", "s", 1e-3), ("min", "s", 60), ("h", "s", 3600), ("us", "s", 1e-6),
-        ("kN", "N", 1000), ("lbf", "N", 0.45359237 * 9.80665), ("kgf", "N", 9.80665), ("mV", "V", 1e-3),
-        ("%", "1", 0.01), ("1", "%", 100), ("%/s", "1/s", 0.01), ("mm/m", "1", 1e-3), ("kPa/ms", "kPa/s", 1000), ("(kPa)/s", "Pa/ms", 1),
-        ("(1)/s", "%/s", 100), ("N/mm^2", "kPa", 1000), ("N/mm**2", "kPa", 1000), (" bar ", "kPa", 100),
+        ("kN", "N", 1000), ("lbf", "N", 0.45359237 * 9.80665), ("kgf", "N", 9.80665), ("mV", "V",
+            1e-3),
+        ("%", "1", 0.01), ("1", "%", 100), ("%/s", "1/s", 0.01), ("mm/m", "1", 1e-3), ("kPa/ms",
+            "kPa/s", 1000), ("(kPa)/s", "Pa/ms", 1),
+        ("(1)/s", "%/s", 100), ("N/mm^2", "kPa", 1000), ("N/mm**2", "kPa", 1000), (" bar ", "kPa",
+            100),
     ],
 )  # fmt: skip
 def test_conversions_of_numbers_and_arrays(source: str, target: str, factor: float) -> None:
@@ -65,14 +75,25 @@ def test_a_temperature_has_an_offset() -> None:
 
 def test_everyday_units_need_no_pint() -> None:
     code = (
-        "import sys; from mapmore_cli.spec.units import convert; convert(1.0, 'kPa', 'kPa'); convert(88.0, 'mm', 'm'); "
+        "import sys; from mapmore_cli.spec.units import convert; convert(1.0, 'kPa', 'kPa'); "
+        "convert(88.0, 'mm', 'm'); "
         "assert 'pint' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
 @pytest.mark.parametrize(
-    ("unit", "factor"), [("N*m", 1.0), ("N m", 1.0), ("N·m", 1.0), ("Nm", 1.0), ("mNm", 1e-3), ("Nmm", 1e-3), ("N cm", 0.01), ("kNm", 1e3)]
+    ("unit", "factor"),
+    [
+        ("N*m", 1.0),
+        ("N m", 1.0),
+        ("N·m", 1.0),
+        ("Nm", 1.0),
+        ("mNm", 1e-3),
+        ("Nmm", 1e-3),
+        ("N cm", 0.01),
+        ("kNm", 1e3),
+    ],
 )
 def test_a_torque_as_people_write_it(unit: str, factor: float) -> None:
     assert convert(1.0, unit, "N*m") == pytest.approx(factor, rel=1e-12)
@@ -116,29 +137,40 @@ def test_check_unit() -> None:
 @pytest.mark.parametrize(
     ("text", "unit", "value"),
     [
-        ("250 kPa", "kPa", 250), ("1.1 bar", "kPa", 110), ("88 mm", "m", 0.088), ("-40.2 s", "s", -40.2), ("50%", "1", 0.5), ("3", "N", 3),
-        (".5e1 m", "mm", 5000), ("+2 kPa/s", "Pa/s", 2000), (" 7  ms ", "s", 0.007), ("1e-3bar", "Pa", 100), ("17.45 cm", "m", 0.1745),
+        ("250 kPa", "kPa", 250), ("1.1 bar", "kPa", 110), ("88 mm", "m", 0.088), ("-40.2 s", "s",
+            -40.2), ("50%", "1", 0.5), ("3", "N", 3),
+        (".5e1 m", "mm", 5000), ("+2 kPa/s", "Pa/s", 2000), (" 7  ms ", "s", 0.007), ("1e-3bar",
+            "Pa", 100), ("17.45 cm", "m", 0.1745),
     ],
 )  # fmt: skip
 def test_parse_quantity_gives_the_exact_decimal(text: str, unit: str, value: float) -> None:
     assert parse_quantity(text, unit) == value
 
 
-@pytest.mark.parametrize("text", ["", "kPa", "kPa 3", "--3 kPa", "1,5 kPa", "0x10 N", "nan N", "٣ kPa"])
+@pytest.mark.parametrize(
+    "text", ["", "kPa", "kPa 3", "--3 kPa", "1,5 kPa", "0x10 N", "nan N", "٣ kPa"]
+)
 def test_text_that_is_no_quantity(text: str) -> None:
     with pytest.raises(SpecError):
         parse_quantity(text, "kPa")
 
 
 def test_only_a_number_with_something_after_it_is_a_quantity() -> None:
-    assert [is_quantity(text) for text in ("3 kPa", "3kPa", "-.5 %", "3", "kPa", "saturate", "3 4")] == [True] * 3 + [False] * 3 + [True]
+    assert [
+        is_quantity(text) for text in ("3 kPa", "3kPa", "-.5 %", "3", "kPa", "saturate", "3 4")
+    ] == [True] * 3 + [False] * 3 + [True]
 
 
 @settings(deadline=None)
-@given(st.floats(-1e12, 1e12, allow_subnormal=False), st.sampled_from([("kPa", "psi"), ("mm", "in"), ("%", "1"), ("kPa/ms", "bar/s")]))
+@given(
+    st.floats(-1e12, 1e12, allow_subnormal=False),
+    st.sampled_from([("kPa", "psi"), ("mm", "in"), ("%", "1"), ("kPa/ms", "bar/s")]),
+)
 def test_there_and_back(value: float, pair: tuple[str, str]) -> None:
     assert convert(convert(value, *pair), *reversed(pair)) == pytest.approx(value, rel=1e-12)
-    assert parse_quantity(f"{value!r} {pair[0]}", pair[1]) == pytest.approx(convert(value, *pair), rel=1e-14)
+    assert parse_quantity(f"{value!r} {pair[0]}", pair[1]) == pytest.approx(
+        convert(value, *pair), rel=1e-14
+    )
 
 
 @given(st.text(st.sampled_from("kPabrsm1%/*^()-°Cµ 29_."), max_size=12))
@@ -152,8 +184,18 @@ def test_any_text_is_a_unit_or_refused(text: str) -> None:
 def test_the_table_of_everyday_units_is_pints():
     rates = [f"{unit}/{time}" for unit in units._EVERYDAY for time in ("s", "ms", "min")]
     known = [*units._EVERYDAY, *rates]
-    factors = [(a, b, factor) for a in known for b in known if (factor := units._everyday_factor(a, b)) is not None]
+    factors = [
+        (a, b, factor)
+        for a in known
+        for b in known
+        if (factor := units._everyday_factor(a, b)) is not None
+    ]
     assert len(factors) > 500
     for source, target, factor in factors:
-        expected = units._registry().Quantity(1.0, units._parsed(source)).to(units._parsed(target)).magnitude
+        expected = (
+            units._registry()
+            .Quantity(1.0, units._parsed(source))
+            .to(units._parsed(target))
+            .magnitude
+        )
         assert factor == pytest.approx(expected, rel=1e-15)

@@ -1,4 +1,6 @@
-"""Specs that are written for people: short, on one line where it fits, with the line for editors."""
+"""Specs that are written for people: short, on one line where it fits, with the line for
+editors.
+"""
 
 from __future__ import annotations
 
@@ -15,14 +17,24 @@ from mapmore_cli.spec.yaml_loader import dump, parse
 MODELINE = "# yaml-language-server: $schema="
 values = st.recursive(
     st.none() | st.booleans() | st.integers() | st.text(max_size=20),
-    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(min_size=1, max_size=8), inner, max_size=4),
+    lambda inner: (
+        st.lists(inner, max_size=4)
+        | st.dictionaries(st.text(min_size=1, max_size=8), inner, max_size=4)
+    ),
     max_leaves=20,
 )
 
 
 def test_what_is_short_stands_on_one_line() -> None:
-    ends = {"ends": {"of": "strain", "widths": [0.03, 0.1, 0.3], "with": ["pressure", "pressure^2"]}}
-    text = dump({"dictionary": [{"polynomial": {"of": ["strain", "pressure"], "order": 2}}, ends], "fit": {"max_terms": 8, "stop": "bic"}})
+    ends = {
+        "ends": {"of": "strain", "widths": [0.03, 0.1, 0.3], "with": ["pressure", "pressure^2"]}
+    }
+    text = dump(
+        {
+            "dictionary": [{"polynomial": {"of": ["strain", "pressure"], "order": 2}}, ends],
+            "fit": {"max_terms": 8, "stop": "bic"},
+        }
+    )
     assert text.splitlines() == [
         "dictionary:",
         "- polynomial: {of: [strain, pressure], order: 2}",
@@ -43,7 +55,14 @@ def test_the_line_for_editors_leads_from_the_new_place(tmp_path: Path) -> None:
     (folder / "a.yaml").write_text(f"{MODELINE}../experiment.schema.json\n{STATIC}")
     loaded = load(folder / "a.yaml")
     found = tmp_path / "runs" / "a"
-    assert loaded.resolved_in(found, given_only=True).splitlines()[0] == f"{MODELINE}../../experiment.schema.json"
+    assert (
+        loaded.resolved_in(found, given_only=True).splitlines()[0]
+        == f"{MODELINE}../../experiment.schema.json"
+    )
     assert not loaded.resolved_in(found).startswith("#")
     (folder / "b.yaml").write_text(f"{MODELINE}https://example.org/s.json\n{STATIC}")
-    assert load(folder / "b.yaml").resolved_in(found, given_only=True).startswith(f"{MODELINE}https://example.org/s.json\n")
+    assert (
+        load(folder / "b.yaml")
+        .resolved_in(found, given_only=True)
+        .startswith(f"{MODELINE}https://example.org/s.json\n")
+    )

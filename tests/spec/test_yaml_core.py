@@ -32,14 +32,19 @@ def tree(text: str) -> Node:
 @pytest.mark.parametrize(
     ("text", "value"),
     [
-        ("1e-3", 0.001), ("1E5", 1e5), ("1.5e+3", 1500.0), (".5", 0.5), ("5.", 5.0), ("-0.0", -0.0), ("+1.0", 1.0), ("12e03", 12000.0),
+        ("1e-3", 0.001), ("1E5", 1e5), ("1.5e+3", 1500.0), (".5", 0.5), ("5.", 5.0), ("-0.0", -0.0),
+            ("+1.0", 1.0), ("12e03", 12000.0),
         ("010", 10), ("-7", -7), ("+7", 7), ("0o10", 8), ("0x1F", 31), ("0", 0),
-        ("no", "no"), ("yes", "yes"), ("on", "on"), ("off", "off"), ("y", "y"), ("n", "n"), ("No", "No"),
+        ("no", "no"), ("yes", "yes"), ("on", "on"), ("off", "off"), ("y", "y"), ("n", "n"), ("No",
+            "No"),
         ("true", True), ("True", True), ("FALSE", False), ("tRUE", "tRUE"),
         ("null", None), ("Null", None), ("~", None), ("", None), ("nULL", "nULL"),
-        ("1:30", "1:30"), ("190:20:30", "190:20:30"), ("2024-01-31", "2024-01-31"), ("2024-01-31T10:00:00Z", "2024-01-31T10:00:00Z"),
-        ("1_000", "1_000"), ("0b101", "0b101"), ("0o8", "0o8"), ("1e", "1e"), ("e5", "e5"), (".", "."), ("1.2.3", "1.2.3"), ("=", "="),
-        ("٣", "٣"), ("<<", "<<"), (".inf", math.inf), ("-.INF", -math.inf), ("'1'", "1"), ('"true"', "true"), ("!!str 12", "12"),
+        ("1:30", "1:30"), ("190:20:30", "190:20:30"), ("2024-01-31", "2024-01-31"),
+            ("2024-01-31T10:00:00Z", "2024-01-31T10:00:00Z"),
+        ("1_000", "1_000"), ("0b101", "0b101"), ("0o8", "0o8"), ("1e", "1e"), ("e5", "e5"), (".",
+            "."), ("1.2.3", "1.2.3"), ("=", "="),
+        ("٣", "٣"), ("<<", "<<"), (".inf", math.inf), ("-.INF", -math.inf), ("'1'", "1"), ('"true"',
+            "true"), ("!!str 12", "12"),
         ("!!float 3", 3.0), ("!!int 3", 3),
     ],
 )  # fmt: skip
@@ -79,12 +84,36 @@ def complaint(text: str) -> str:
 
 
 TEXT = st.text(st.characters(codec="utf-8"), max_size=12)
-SCALARS = st.none() | st.booleans() | st.integers(-(10**20), 10**20) | st.floats(allow_nan=False) | TEXT
-LOOKALIKES = ["1e-3", "no", "010", "0o10", "1:30", "~", "", "null", "+1", ".inf", "2024-01-31", "true", "a: b", "- x", "# c", "0x1"]
+SCALARS = (
+    st.none() | st.booleans() | st.integers(-(10**20), 10**20) | st.floats(allow_nan=False) | TEXT
+)
+LOOKALIKES = [
+    "1e-3",
+    "no",
+    "010",
+    "0o10",
+    "1:30",
+    "~",
+    "",
+    "null",
+    "+1",
+    ".inf",
+    "2024-01-31",
+    "true",
+    "a: b",
+    "- x",
+    "# c",
+    "0x1",
+]
 
 
 @settings(deadline=None)
-@given(st.dictionaries(TEXT.filter(lambda key: "${" not in key), st.recursive(SCALARS, lambda inner: st.lists(inner, max_size=3))))
+@given(
+    st.dictionaries(
+        TEXT.filter(lambda key: "${" not in key),
+        st.recursive(SCALARS, lambda inner: st.lists(inner, max_size=3)),
+    )
+)
 def test_what_is_dumped_is_read_back(value: object) -> None:
     text = dump(value).replace("${", "$${")
     back = plain(tree(text))
@@ -97,13 +126,21 @@ def test_text_that_looks_like_something_else_stays_text(text: str) -> None:
     assert plain(tree(dump({"k": text}))) == {"k": text}
 
 
-@given(st.text(st.sampled_from(" \t\n-:,[]{}&*!|>'\"%@`#?ab1.\x00\x85\ufeff$"), max_size=30) | st.text(max_size=30))
+@given(
+    st.text(st.sampled_from(" \t\n-:,[]{}&*!|>'\"%@`#?ab1.\x00\x85\ufeff$"), max_size=30)
+    | st.text(max_size=30)
+)
 def test_any_text_is_read_or_refused(text: str) -> None:
     message = complaint(text)
     assert not message or message.startswith("t.yaml:")
 
 
-@given(st.integers(0, len(STATIC) - 1), st.sampled_from(["\t", "[", "}", ":", "&a", "*a", "!", "'", "\n", "- ", "\x07", "%", "${", "é"]))
+@given(
+    st.integers(0, len(STATIC) - 1),
+    st.sampled_from(
+        ["\t", "[", "}", ":", "&a", "*a", "!", "'", "\n", "- ", "\x07", "%", "${", "é"]
+    ),
+)
 def test_a_spec_with_one_slip_is_read_or_refused_with_a_place(place: int, slip: str) -> None:
     message = complaint(STATIC[:place] + slip + STATIC[place:])
     assert not message or message.startswith("t.yaml:")
@@ -117,7 +154,8 @@ def test_a_spec_with_one_slip_is_read_or_refused_with_a_place(place: int, slip: 
         ("- a\n- b\n", ["spec.yaml:1:1: the top level is no mapping", "key: value"]),
         ("just text", ["spec.yaml:1:1: the top level is no mapping"]),
         ("name: a\ndata:\n\tfiles: []\n", ["spec.yaml:3:1", "indent with spaces"]),
-        ("name: a\nname: b\n", ["spec.yaml:2:1: key `name` stands twice; first on line 1", "remove one"]),
+        ("name: a\nname: b\n", ["spec.yaml:2:1: key `name` stands twice; first on line 1",
+            "remove one"]),
         ("name: a: b\n", ["spec.yaml:1:8", "quote a text"]),
         ("name: [a\nb: c\n", ["spec.yaml:2:2", "bracket"]),
         ('name: "a\n', ["not valid YAML"]),
@@ -131,7 +169,8 @@ def test_a_spec_with_one_slip_is_read_or_refused_with_a_place(place: int, slip: 
         ("name: !!int x\n", ["'x' is no int"]),
         ("name: " + "9" * 5000, ["spec.yaml:1:7"]),
         ("name: a\0b\n", ["spec.yaml:1:8: control character #x0000"]),
-        (b"name: a\nmuscle: {name: caf\xe9}\n", ["spec.yaml:2:19: byte 0xe9 is not UTF-8", "save the file as UTF-8"]),
+        (b"name: a\nmuscle: {name: caf\xe9}\n", ["spec.yaml:2:19: byte 0xe9 is not UTF-8",
+            "save the file as UTF-8"]),
         ("name: grün\n".encode("utf-16"), ["spec.yaml:1:1: byte 0xff is not UTF-8"]),
         (b"\x89HDF\r\n\x1a\n" + bytes(range(256)), ["spec.yaml:1:1: byte 0x89"]),
     ],
@@ -158,10 +197,12 @@ def test_a_missing_file_and_a_folder_are_refused(tmp_path: Path) -> None:
         ("name: " + "[" * 100_000, "levels deep"),
         ("name: " + "{a: " * 5000, "levels deep"),
         ("\n".join(" " * i + "a:" for i in range(500)), "levels deep"),
-        ("a: &a [x]\n" + "".join(f"{c}: &{c} [{','.join(['*' + p] * 9)}]\n" for p, c in pairwise("abcdefghi")), "multiply"),
+        ("a: &a [x]\n" + "".join(f"{c}: &{c} [{','.join(['*' + p] * 9)}]\n" for p,
+            c in pairwise("abcdefghi")), "multiply"),
         ("a: &a [*a]\n", "contains itself"),
         ("a: &a {b: *a}\n", "contains itself"),
-        ("".join(f"a{i}: &a{i} [{f'*a{i - 1}' if i else 1}]\n" for i in range(200)), "nest too deeply"),
+        ("".join(f"a{i}: &a{i} [{f'*a{i - 1}' if i else 1}]\n" for i in range(200)),
+            "nest too deeply"),
         ("name: " + "x" * 6_000_000, "larger than 5000 kB"),
         ("name: " + "x" * 900_000, "`name` is too long: 900000 characters"),
         ("name: '" + "x" * 900_000 + "'", "`name` is too long: 900000 characters"),
@@ -178,7 +219,10 @@ def test_hostile_input_is_refused_in_good_time(tmp_path: Path, text: str, words:
 def test_a_long_list_is_no_bomb_and_aliases_still_are(tmp_path: Path) -> None:
     """What is counted is what aliases repeat: thirty thousand runs are thirty thousand lines."""
     path = tmp_path / "c.yaml"
-    path.write_text("campaign: c\nbase: s.yaml\nruns:\n" + "".join(f"  - {{name: r{i}}}\n" for i in range(30_000)))
+    path.write_text(
+        "campaign: c\nbase: s.yaml\nruns:\n"
+        + "".join(f"  - {{name: r{i}}}\n" for i in range(30_000))
+    )
     campaign, entries = load_campaign(path)
     assert (len(campaign.runs), entries[-1].overrides) == (30_000, ('name="r29999"',))
     one = "a: &a [" + ",".join(["1"] * 1000) + "]\n"
@@ -189,7 +233,9 @@ def test_specs_with_a_thousand_variations_are_read_by_their_tree_once(tmp_path: 
     source = SourceText("s.yaml", tmp_path, "a: [1, 2]\na: 3\n")
     problems: list[Mistake] = []
     assert parse(source, problems) is parse(replace(source), problems)
-    assert [problem.message for problem in problems] == [problems[0].message] * 2  # each reading tells of a key that stands twice
+    assert [problem.message for problem in problems] == [
+        problems[0].message
+    ] * 2  # each reading tells of a key that stands twice
 
 
 def test_the_reference_reader_agrees_where_both_versions_of_yaml_do() -> None:

@@ -24,7 +24,14 @@ from stored_records import records, same
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.fits import FormulaFit, Scaling, Segment, SegmentedCurve, SegmentFit, Selection
+from mapmore_cli.domain.fits import (
+    FormulaFit,
+    Scaling,
+    Segment,
+    SegmentedCurve,
+    SegmentFit,
+    Selection,
+)
 from mapmore_cli.domain.models import CurveFunction, Fusion, Model, Pieces, SegmentFunction
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity, Recording
 from mapmore_cli.domain.results import FitResult, PiecesFit, Validation
@@ -40,13 +47,21 @@ from mapmore_cli.storage.artefacts.schema import (
 
 KINDS: dict[str, tuple[Callable[..., None], Callable[[Path], Any], st.SearchStrategy[Any]]] = {
     "dataset": (artefacts.write_dataset, artefacts.read_dataset, records(Dataset)),
-    "segmentation": (artefacts.write_segmentation, artefacts.read_segmentation, records(SegmentationFile).map(lambda file: file.curves)),
+    "segmentation": (
+        artefacts.write_segmentation,
+        artefacts.read_segmentation,
+        records(SegmentationFile).map(lambda file: file.curves),
+    ),
     "fit": (artefacts.write_fit, artefacts.read_fit, records(FitResult)),
     "model": (artefacts.write_model, artefacts.read_model, records(Model)),
     "validation": (artefacts.write_validation, artefacts.read_validation, records(Validation)),
 }
 NUMBER = TypeVar("NUMBER", bound=np.generic)
-QUIET = settings(deadline=None, max_examples=12, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
+QUIET = settings(
+    deadline=None,
+    max_examples=12,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -71,7 +86,9 @@ def test_what_is_written_is_read_back(kind: str, tmp_path: Path) -> None:
 
 def examples() -> dict[str, Any]:
     """One small but complete record of every kind."""
-    scaling = Scaling("unit_square", "left", ("strain",), np.array([4.0]), np.array([-0.1]), 735.0, 12.0)
+    scaling = Scaling(
+        "unit_square", "left", ("strain",), np.array([4.0]), np.array([-0.1]), 735.0, 12.0
+    )
     missing = np.array([[0.2, 0.3, 0.9], [0.1, np.nan, np.nan]])
     selection = Selection(
         chosen=np.array([2, 0]),
@@ -91,16 +108,40 @@ def examples() -> dict[str, Any]:
         stop="max_terms",
     )
     parameters = {"a1": 1.5, "a2": 2.5, "a3": -30.0, "a4": 0.5, "a5": 0.1, "a6": 0.2}
-    formula = FormulaFit("sarosi", parameters, {"a1": 0.1, "a3": np.nan}, "converged", "variable projection", 4, 81.0, 3.5, 80)
-    pressure, strain, force = Quantity("pressure", "kPa"), Quantity("strain", "1"), Quantity("force", "N")
+    formula = FormulaFit(
+        "sarosi",
+        parameters,
+        {"a1": 0.1, "a3": np.nan},
+        "converged",
+        "variable projection",
+        4,
+        81.0,
+        3.5,
+        80,
+    )
+    pressure, strain, force = (
+        Quantity("pressure", "kPa"),
+        Quantity("strain", "1"),
+        Quantity("force", "N"),
+    )
     x = np.linspace(0, 0.2, 5)
     columns = {"strain": x, "force": 700 - 3000 * x, "pressure": np.full(5, 250.0)}
     id_, held = "pressure=250/strain:1", np.array([False, False, True, False, True])
     boundaries, limits = (np.array([0.0, 0.2]),), {"strain": (0.0, 0.2), "pressure": (250.0, 250.0)}
     numbers = (selection.theta, selection.theta_error, selection.g, selection.err)
-    function = SegmentFunction(id_, (1,), ("strain^2", "1"), *numbers, scaling, 40, 12.5, "max_terms")
-    fusion = Fusion(extrapolation={"strain": ("continue", 0.0), "pressure": ("saturate", "saturate")})
-    pieces = Pieces("pressure", ("strain",), (CurveFunction("pressure=250", 250.0, boundaries, limits, (function,)),), fusion, formula)
+    function = SegmentFunction(
+        id_, (1,), ("strain^2", "1"), *numbers, scaling, 40, 12.5, "max_terms"
+    )
+    fusion = Fusion(
+        extrapolation={"strain": ("continue", 0.0), "pressure": ("saturate", "saturate")}
+    )
+    pieces = Pieces(
+        "pressure",
+        ("strain",),
+        (CurveFunction("pressure=250", 250.0, boundaries, limits, (function,)),),
+        fusion,
+        formula,
+    )
     segment = Segment(id_, "pressure=250", (1,), np.arange(3))
     return {
         "dataset": Dataset(
@@ -110,10 +151,23 @@ def examples() -> dict[str, Any]:
             (Recording("cycle", "data/cycle.csv", columns, 6, {"missing": 1}),),
             (Curve("pressure=250", 250.0, columns, held, ("cycle",)),),
         ),
-        "segmentation": (SegmentedCurve("pressure=250", 250.0, ("strain",), boundaries, limits, (segment,)),),
-        "fit": FitResult(PiecesFit((SegmentFit(id_, "pressure=250", (1,), ("1", "strain", "strain^2"), scaling, selection),)), formula),
+        "segmentation": (
+            SegmentedCurve("pressure=250", 250.0, ("strain",), boundaries, limits, (segment,)),
+        ),
+        "fit": FitResult(
+            PiecesFit(
+                (
+                    SegmentFit(
+                        id_, "pressure=250", (1,), ("1", "strain", "strain^2"), scaling, selection
+                    ),
+                )
+            ),
+            formula,
+        ),
         "model": Model("demo", force, (pressure, strain), pieces),
-        "validation": Validation({"mapmore": (x,), "m2/x": (x,)}, {"sarosi": formula}, (), {"force": "N"}),
+        "validation": Validation(
+            {"mapmore": (x,), "m2/x": (x,)}, {"sarosi": formula}, (), {"force": "N"}
+        ),
     }
 
 
@@ -138,7 +192,10 @@ def arrays_of(path: Path) -> dict[str, tuple[str, str]]:
     with h5py.File(path) as file:
         file.visit(names.append)
         arrays = {name: file[name].attrs for name in names if isinstance(file[name], h5py.Dataset)}
-        return {name: (attributes["unit"], attributes["description"]) for name, attributes in arrays.items()}
+        return {
+            name: (attributes["unit"], attributes["description"])
+            for name, attributes in arrays.items()
+        }
 
 
 def test_every_array_says_its_unit_and_what_it_is(written: dict[str, Path]) -> None:
@@ -164,7 +221,10 @@ def test_later_stages_hand_the_units_on(tmp_path: Path) -> None:
     path, all_examples = tmp_path / "segment.h5", examples()
     artefacts.write_segmentation(path, all_examples["segmentation"])
     assert arrays_of(path)["curves/000/boundaries/000"][0] == "[strain]"
-    dataset = replace(all_examples["dataset"], quantities={**all_examples["dataset"].quantities, "strain": Quantity("strain", "%")})
+    dataset = replace(
+        all_examples["dataset"],
+        quantities={**all_examples["dataset"].quantities, "strain": Quantity("strain", "%")},
+    )
     artefacts.write_segmentation(path, all_examples["segmentation"], artefacts.units_of(dataset))
     assert arrays_of(path)["curves/000/boundaries/000"][0] == "%"
 
@@ -186,13 +246,18 @@ def test_units_in_brackets(unit: str, known: dict[str, str], expected: str) -> N
 def test_fit_file_shows_how_terms_were_chosen(written: dict[str, Path]) -> None:
     with h5py.File(written["fit"]) as file:
         fit = json.loads(file["document"].asstr()[()])["body"]["segments"][0]
-        assert [fit["candidates"][i] for i in file["body/segments/000/selection/chosen"][()]] == ["strain^2", "1"]
+        assert [fit["candidates"][i] for i in file["body/segments/000/selection/chosen"][()]] == [
+            "strain^2",
+            "1",
+        ]
         assert file[fit["selection"]["err_all"]["array"]].shape == (2, 3)
         assert np.isnan(file["body/segments/000/selection/g_all"][1, 2])
 
 
 def test_segmentation_holds_rows_and_no_samples(tmp_path: Path) -> None:
-    curve = replace(examples()["segmentation"][0], segments=(Segment("s", "c", (1,), np.arange(20_000)),))
+    curve = replace(
+        examples()["segmentation"][0], segments=(Segment("s", "c", (1,), np.arange(20_000)),)
+    )
     artefacts.write_segmentation(tmp_path / "s.h5", (curve,))
     with h5py.File(tmp_path / "s.h5") as file:
         rows = file["curves/000/segments/000/rows"]
@@ -211,13 +276,24 @@ def test_model_carries_long_provenance(tmp_path: Path) -> None:
 
 def test_bytes_do_not_depend_on_process_or_time(tmp_path: Path, written: dict[str, Path]) -> None:
     script = (
-        "import sys; from pathlib import Path; sys.path.insert(0, sys.argv[1]); import test_artefacts as t\n"
-        "for kind, record in t.examples().items(): t.KINDS[kind][0](Path(sys.argv[2]) / f'{kind}.h5', record)"
+        "import sys; from pathlib import Path; sys.path.insert(0, sys.argv[1]); import "
+        "test_artefacts as t\n"
+        "for kind, record in t.examples().items(): t.KINDS[kind][0](Path(sys.argv[2]) / "
+        "f'{kind}.h5', record)"
     )
     other = tmp_path / "other"
     other.mkdir()
-    environment = {**os.environ, "PYTHONHASHSEED": "7", "HOSTNAME": "elsewhere", "OPENBLAS_NUM_THREADS": "1"}
-    subprocess.run([sys.executable, "-c", script, str(Path(__file__).parent), str(other)], check=True, env=environment)
+    environment = {
+        **os.environ,
+        "PYTHONHASHSEED": "7",
+        "HOSTNAME": "elsewhere",
+        "OPENBLAS_NUM_THREADS": "1",
+    }
+    subprocess.run(
+        [sys.executable, "-c", script, str(Path(__file__).parent), str(other)],
+        check=True,
+        env=environment,
+    )
     for kind, path in written.items():
         assert path.read_bytes() == (other / path.name).read_bytes(), kind
 
@@ -287,7 +363,9 @@ def write_document(file: h5py.File, text: str) -> None:
         lambda file: file.move(SEGMENT, "body/segments/001"),
     ],
 )
-def test_damaged_content_is_a_data_error(damage: Callable[[h5py.File], None], written: dict[str, Path]) -> None:
+def test_damaged_content_is_a_data_error(
+    damage: Callable[[h5py.File], None], written: dict[str, Path]
+) -> None:
     with pytest.raises(DataError, match=r"fit\.h5"):
         artefacts.read_fit(changed(written["fit"], damage))
 
@@ -295,13 +373,29 @@ def test_damaged_content_is_a_data_error(damage: Callable[[h5py.File], None], wr
 @pytest.mark.parametrize(
     "text",
     [
-        *("", "{", "[]", "null", "[" * 100_000, '{"curves": ' + "1" * 5000 + "}", '{"curves": NaN}', '{"curves": -Infinity}'),
-        *('{"curves": [], "curves": []}', '{"curves": [], "a": {"b": 1, "b": 2}}', '{"curves": 1e999}', "\ufeff{}"),
+        *(
+            "",
+            "{",
+            "[]",
+            "null",
+            "[" * 100_000,
+            '{"curves": ' + "1" * 5000 + "}",
+            '{"curves": NaN}',
+            '{"curves": -Infinity}',
+        ),
+        *(
+            '{"curves": [], "curves": []}',
+            '{"curves": [], "a": {"b": 1, "b": 2}}',
+            '{"curves": 1e999}',
+            "\ufeff{}",
+        ),
     ],
 )
 def test_documents_that_are_no_plain_json_are_refused(text: str, written: dict[str, Path]) -> None:
     with pytest.raises(DataError, match="is not a valid segmentation"):
-        artefacts.read_segmentation(changed(written["segmentation"], lambda file: write_document(file, text)))
+        artefacts.read_segmentation(
+            changed(written["segmentation"], lambda file: write_document(file, text))
+        )
 
 
 @pytest.mark.parametrize(
@@ -332,7 +426,10 @@ def test_another_kind_is_named(written: dict[str, Path]) -> None:
         artefacts.read_model(written["fit"])
 
 
-@pytest.mark.parametrize(("version", "readable"), [("3.9", True), *((other, False) for other in ("2.1", "1.2", "4.0", "10.0", "one"))])
+@pytest.mark.parametrize(
+    ("version", "readable"),
+    [("3.9", True), *((other, False) for other in ("2.1", "1.2", "4.0", "10.0", "one"))],
+)
 def test_format_versions(version: str, readable: bool, written: dict[str, Path]) -> None:
     changed(written["model"], lambda file: file.attrs.__setitem__("format_version", version))
     if readable:
@@ -350,7 +447,8 @@ def test_names_that_are_no_text_are_refused(name: str, tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-# A stored dataclass needs no layout of its own: what its fields are says how they lie in a file ------------------------------------------
+# A stored dataclass needs no layout of its own: what its fields are says how they lie in a file
+# ------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -377,7 +475,9 @@ def stored(tmp_path: Path, record: Any) -> Any:
 
 def test_every_form_comes_back_and_what_is_not_stored_has_its_default(tmp_path: Path) -> None:
     limits, course = {"force": (0.0, 1.0)}, np.array([1.0, 2.0])
-    spring = Spring(2.0, "coiled", (Quantity("force", "N"),), ("a", "b"), course, limits, {"pitch": 0.5}, 0.1, 7)
+    spring = Spring(
+        2.0, "coiled", (Quantity("force", "N"),), ("a", "b"), course, limits, {"pitch": 0.5}, 0.1, 7
+    )
     assert same(stored(tmp_path, spring), spring)
     plain = replace(spring, sizes={}, turns=1, preload=math.nan)
     assert same(stored(tmp_path, plain), plain)
@@ -385,7 +485,10 @@ def test_every_form_comes_back_and_what_is_not_stored_has_its_default(tmp_path: 
         assert {"sizes", "turns"}.isdisjoint(json.loads(file["document"].asstr()[()]))
 
 
-@pytest.mark.parametrize(("change", "words"), [({"stiffness": -1.0}, "is not between 0"), ({"shape": "round"}, "is none of straight")])
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [({"stiffness": -1.0}, "is not between 0"), ({"shape": "round"}, "is none of straight")],
+)
 def test_marks_of_a_type_are_checked(change: dict[str, Any], words: str, tmp_path: Path) -> None:
     spring = Spring(2.0, "coiled", (), (), np.zeros(0), {})
     with pytest.raises(DataError, match=words):
@@ -404,7 +507,9 @@ def test_a_key_that_is_added_to_the_joining_is_stored(tmp_path: Path) -> None:
 
 @dataclass
 class Alias:
-    """As NumPy 2.5 has `NDArray`: `type NDArray[T] = ndarray[Any, dtype[T]]`, which Python 3.11 cannot say."""
+    """As NumPy 2.5 has `NDArray`: `type NDArray[T] = ndarray[Any, dtype[T]]`, which Python 3.11
+    cannot say.
+    """
 
     __value__: Any
 
@@ -422,7 +527,9 @@ def test_aliases_of_types_are_looked_through() -> None:
 def test_the_pages_of_the_format_follow_the_declarations() -> None:
     page = (Path(__file__).parents[2] / "docs" / "file-format.md").read_text(encoding="utf-8")
     headings = set(re.findall(r"^### (\w+)$", described(), re.MULTILINE))
-    assert set(re.findall(r"\]\(#(\w+)\)", described())) <= {heading.lower() for heading in headings}
+    assert set(re.findall(r"\]\(#(\w+)\)", described())) <= {
+        heading.lower() for heading in headings
+    }
     assert f"format {artefacts.FORMAT_VERSION}" in page
     for kind in artefacts.KINDS:
         assert f"kind `{kind.name}`" in page

@@ -12,7 +12,14 @@ import pytest
 
 from mapmore_cli.domain.errors import WriteError
 from mapmore_cli.storage import atomic, run_folder
-from mapmore_cli.storage.atomic import is_special, refusals_told, replacing, unfinished_beside, write_bytes, write_text
+from mapmore_cli.storage.atomic import (
+    is_special,
+    refusals_told,
+    replacing,
+    unfinished_beside,
+    write_bytes,
+    write_text,
+)
 from mapmore_cli.storage.run_folder import open_run_folder, recover, run_lock, stage_folder, swap_in
 from mapmore_cli.storage.run_record import stamps_of, take_stamp
 from mapmore_cli.storage.tables.lines import replaced
@@ -29,7 +36,9 @@ def test_write_replaces_the_whole_file(tmp_path: Path) -> None:
 def test_what_is_written_into_and_what_is_replaced(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     special = ("/dev/stdout", "/dev/null", "/dev/fd/1", "/proc/self/fd/1", tmp_path / "pipe")
-    assert [is_special(Path(path)) for path in (*special, tmp_path / "a", "/dev/shm/runs/demo/run.json")] == [True] * 5 + [False] * 2
+    assert [
+        is_special(Path(path)) for path in (*special, tmp_path / "a", "/dev/shm/runs/demo/run.json")
+    ] == [True] * 5 + [False] * 2
 
 
 def full_disk(*_arguments: Any) -> None:
@@ -40,17 +49,25 @@ def interrupt(*_arguments: Any) -> None:
     raise KeyboardInterrupt
 
 
-@pytest.mark.parametrize(("fault", "told"), [(full_disk, WriteError), (interrupt, KeyboardInterrupt)])
-def test_a_write_that_breaks_off_keeps_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: Any, told: Any) -> None:
+@pytest.mark.parametrize(
+    ("fault", "told"), [(full_disk, WriteError), (interrupt, KeyboardInterrupt)]
+)
+def test_a_write_that_breaks_off_keeps_the_old_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: Any, told: Any
+) -> None:
     write_text(tmp_path / "a.txt", "old")
     monkeypatch.setattr(os, "fsync", fault)
     with pytest.raises(told) as caught:
         write_text(tmp_path / "a.txt", "new")
-    assert fault is interrupt or ("No space left" in caught.value.message and "room" in caught.value.remedy)
+    assert fault is interrupt or (
+        "No space left" in caught.value.message and "room" in caught.value.remedy
+    )
     assert [file.read_text() for file in tmp_path.iterdir()] == ["old"]
 
 
-def test_files_of_a_stage_are_flushed_once_before_they_take_their_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_files_of_a_stage_are_flushed_once_before_they_take_their_place(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     flushed: list[int] = []
     monkeypatch.setattr(os, "fsync", lambda handle: flushed.append(os.fstat(handle).st_ino))
     with stage_folder(tmp_path, "report") as out:
@@ -96,15 +113,27 @@ def test_stamps_of_folders_name_every_file(tmp_path: Path) -> None:
     (tmp_path / "report" / "tables").mkdir(parents=True)
     for name in ("report/index.html", "report/tables/a.csv", "fit.h5"):
         (tmp_path / name).write_text(name)
-    assert list(stamps_of(tmp_path, ("fit.h5", "report"))) == ["fit.h5", "report/index.html", "report/tables/a.csv"]
+    assert list(stamps_of(tmp_path, ("fit.h5", "report"))) == [
+        "fit.h5",
+        "report/index.html",
+        "report/tables/a.csv",
+    ]
 
 
-def test_places_that_cannot_be_the_folder_of_a_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_places_that_cannot_be_the_folder_of_a_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (tmp_path / "runs").write_text("")
-    for name, words in (("runs", "runs: is a file"), ("runs/demo", "runs: is a file"), ("x" * 300, "too long")):
+    for name, words in (
+        ("runs", "runs: is a file"),
+        ("runs/demo", "runs: is a file"),
+        ("x" * 300, "too long"),
+    ):
         with pytest.raises(WriteError, match=words):
             open_run_folder(tmp_path / name)
-    monkeypatch.setattr(os, "access", lambda _path, _mode: False)  # permissions do not bind the superuser
+    monkeypatch.setattr(
+        os, "access", lambda _path, _mode: False
+    )  # permissions do not bind the superuser
     with pytest.raises(WriteError, match="may not write"):
         open_run_folder(tmp_path / "demo")
 
@@ -124,7 +153,9 @@ def test_folders_are_swapped_whole(tmp_path: Path) -> None:
     assert (tmp_path / "report" / "index.html").read_text() == "new"
 
 
-def test_failed_swap_puts_the_old_folder_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_failed_swap_puts_the_old_folder_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     new_report(tmp_path, "old")
     rename = Path.rename
 
@@ -174,7 +205,10 @@ def killed_while_it_writes(path: Path) -> None:
     """A process that dies with an unfinished file, and with an unfinished folder, for `path`."""
     child = os.fork()
     if child == 0:
-        with unfinished_beside(path) as file, unfinished_beside(path.with_name("folder"), folder=True) as folder:
+        with (
+            unfinished_beside(path) as file,
+            unfinished_beside(path.with_name("folder"), folder=True) as folder,
+        ):
             file.write_text("half")
             (folder / "half").write_text("half")
             os.kill(os.getpid(), signal.SIGKILL)
@@ -183,7 +217,12 @@ def killed_while_it_writes(path: Path) -> None:
 
 def test_the_next_write_clears_away_what_a_killed_one_left(tmp_path: Path) -> None:
     killed_while_it_writes(tmp_path / "model.c")
-    precious = [".tmp-0123456789ab-other.c", ".tmp-model.c", "x.tmp-0123456789ab-model.c", ".tmp-0123456789AB-model.c"]
+    precious = [
+        ".tmp-0123456789ab-other.c",
+        ".tmp-model.c",
+        "x.tmp-0123456789ab-model.c",
+        ".tmp-0123456789AB-model.c",
+    ]
     for name in precious:
         (tmp_path / name).write_text("precious")
     assert len(list(tmp_path.iterdir())) == 2 + len(precious)
@@ -212,7 +251,9 @@ def test_what_another_process_is_writing_stays(tmp_path: Path) -> None:
     assert [path.read_bytes() for path in tmp_path.iterdir()] == [b"theirs"]
 
 
-def test_a_file_that_was_taken_for_abandoned_is_begun_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_that_was_taken_for_abandoned_is_begun_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Another process may look between the making of a file and the lock on it."""
     touch, begun = Path.touch, list[Path]()
 
@@ -248,7 +289,10 @@ def test_what_a_killed_start_leaves_is_no_folder_of_the_user(tmp_path: Path) -> 
 
 def test_a_folder_in_place_of_the_lock(tmp_path: Path) -> None:
     (tmp_path / ".lock").mkdir()
-    with pytest.raises(WriteError, match="is a folder or a link, where the lock"), run_lock(tmp_path):
+    with (
+        pytest.raises(WriteError, match="is a folder or a link, where the lock"),
+        run_lock(tmp_path),
+    ):
         pass
 
 
@@ -262,6 +306,9 @@ def test_a_file_system_without_locks(number, tmp_path, monkeypatch):
         raise OSError(number, os.strerror(number))
 
     monkeypatch.setattr(fcntl, "flock", refused)
-    with pytest.raises(WriteError, match=rf"cannot be locked \({os.strerror(number)}\)") as told, run_lock(tmp_path):
+    with (
+        pytest.raises(WriteError, match=rf"cannot be locked \({os.strerror(number)}\)") as told,
+        run_lock(tmp_path),
+    ):
         pass
     assert told.value.remedy == "choose a local folder with --runs"

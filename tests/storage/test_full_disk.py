@@ -1,4 +1,6 @@
-"""A disk that fills up, or Ctrl-C, while HDF5 writes, which would crash at the exit of the program; and while a column is spooled."""
+"""A disk that fills up, or Ctrl-C, while HDF5 writes, which would crash at the exit of the program;
+and while a column is spooled.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,12 @@ pytest.importorskip("resource", reason="the size of files can be limited on POSI
 
 def told_by(script: str, *arguments: object) -> str:
     """What a program of its own says."""
-    done = subprocess.run([sys.executable, "-c", script, *map(str, arguments)], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", script, *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert (done.returncode, done.stderr) == (0, "")
     return done.stdout
 
@@ -29,7 +36,8 @@ from mapmore_cli.storage.artefacts import read_dataset, write_dataset
 def dataset(n):
     columns = {"force": np.random.default_rng(0).normal(size=n), "strain": np.arange(n) * 1.0}
     curve = Curve("all", None, columns, np.zeros(n, bool), ())
-    return Dataset("force", None, {"force": Quantity("force", "N"), "strain": Quantity("strain", "1")}, (), (curve,))
+    return Dataset("force", None, {"force": Quantity("force", "N"), "strain": Quantity("strain",
+        "1")}, (), (curve,))
 
 path = Path(sys.argv[1])
 write_dataset(path, dataset(10))
@@ -61,7 +69,9 @@ def test_room_enough(tmp_path: Path) -> None:
 
 
 def written(folder: Path, limit: int, n: int) -> tuple[str, int]:
-    """What was told of n samples in a file of limited size, and how many the file has afterwards."""
+    """What was told of n samples in a file of limited size, and how many the file has
+    afterwards.
+    """
     *told, kept = told_by(SCRIPT, folder / "ingest.h5", limit, n).splitlines()
     assert [file.name for file in folder.iterdir()] == ["ingest.h5"]
     return "\n".join(told), int(kept)
@@ -89,9 +99,14 @@ print(read_dataset(path).curves[0].size)
 
 @pytest.mark.parametrize("call", [1, 2, 5])
 def test_an_interruption_is_not_lost_within_hdf5(tmp_path: Path, call: int) -> None:
-    """Found by torture: raised while HDF5 called back, it was swallowed, or came out as another error."""
+    """Found by torture: raised while HDF5 called back, it was swallowed, or came out as another
+    error.
+    """
     start = SCRIPT[: SCRIPT.index("resource.setrlimit")]
-    assert told_by(start + INTERRUPTED, tmp_path / "ingest.h5", call).splitlines() == ["interrupted", "10"]
+    assert told_by(start + INTERRUPTED, tmp_path / "ingest.h5", call).splitlines() == [
+        "interrupted",
+        "10",
+    ]
     assert [file.name for file in tmp_path.iterdir()] == ["ingest.h5"]
 
 

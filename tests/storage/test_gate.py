@@ -1,4 +1,6 @@
-"""The gate of names: each text that a result file holds is checked when it is read, or is a free text that is only shown escaped."""
+"""The gate of names: each text that a result file holds is checked when it is read, or is a free
+text that is only shown escaped.
+"""
 
 from __future__ import annotations
 
@@ -15,10 +17,22 @@ from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Dataset, Quantity
 from mapmore_cli.domain.results import FitResult, Validation
 from mapmore_cli.storage import artefacts
-from mapmore_cli.storage.artefacts.schema import SegmentationFile, bodies, stored_fields, taken_apart
+from mapmore_cli.storage.artefacts.schema import (
+    SegmentationFile,
+    bodies,
+    stored_fields,
+    taken_apart,
+)
 
 FREE = {
-    *("Dataset.notes", "FitResult.notes", "Model.notes", "MotionFit.notes", "FormulaFit.notes", "Validation.warnings"),
+    *(
+        "Dataset.notes",
+        "FitResult.notes",
+        "Model.notes",
+        "MotionFit.notes",
+        "FormulaFit.notes",
+        "Validation.warnings",
+    ),
     *("Recording.source", "Recording.dropped"),  # a path, and the conditions that left samples out
     "FormulaFit.definition",  # a formula's source, which the parser reads
 }
@@ -44,12 +58,24 @@ def texts(type_: Any, seen: set[Any]) -> Iterator[tuple[str, Any]]:
 
 def test_every_text_passes_a_gate_or_is_free() -> None:
     seen: set[Any] = set()
-    found = [text for root in (Dataset, SegmentationFile, FitResult, Model, Validation) for text in texts(root, seen)]
+    found = [
+        text
+        for root in (Dataset, SegmentationFile, FitResult, Model, Validation)
+        for text in texts(root, seen)
+    ]
     assert len(found) > 60
     assert {name for name, own in found if own.kind is str and not own.checks} == FREE
 
 
-NAMES = ["Übung 7 µ = 3; (a), b", "O'Brien's", "pressure=150/strain:2", "試料", "a & b % # {c} ^ ~", "m2/x", "e\u0301"]
+NAMES = [
+    "Übung 7 µ = 3; (a), b",
+    "O'Brien's",
+    "pressure=150/strain:2",
+    "試料",
+    "a & b % # {c} ^ ~",
+    "m2/x",
+    "e\u0301",
+]
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -66,7 +92,9 @@ HOSTILE = ["\"+__import__('os')+\"", "$(touch x)", "`x`", "\\input{x}", "</scrip
 @pytest.mark.parametrize("name", [*HOSTILE, *NAMES, "", "2x", "a-b", "*/"])
 def test_names_of_quantities_are_identifiers(name: str, tmp_path: Path) -> None:
     """As the name of the output, which ran as code where it was exported."""
-    artefacts.write_model(tmp_path / "m.h5", replace(examples()["model"], output=Quantity(name, "N")))
+    artefacts.write_model(
+        tmp_path / "m.h5", replace(examples()["model"], output=Quantity(name, "N"))
+    )
     with pytest.raises(DataError, match="output/name, is no name of a quantity"):
         artefacts.read_model(tmp_path / "m.h5")
 

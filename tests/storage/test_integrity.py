@@ -1,4 +1,6 @@
-"""Files from strangers: what may be read, what is refused before any value is read, and whether values are those that were written."""
+"""Files from strangers: what may be read, what is refused before any value is read, and whether
+values are those that were written.
+"""
 
 from __future__ import annotations
 
@@ -64,7 +66,9 @@ def model(tmp_path: Path) -> Path:
         (put(f"{SEGMENT}/scaling/slope", data=np.array([4.0], "<f4")), "slope, is no array"),
     ],
 )
-def test_forms_that_cannot_be_are_named(change: Callable[[h5py.File], Any], words: str, model: Path) -> None:
+def test_forms_that_cannot_be_are_named(
+    change: Callable[[h5py.File], Any], words: str, model: Path
+) -> None:
     with pytest.raises(DataError, match="is not a valid model: ") as caught:
         artefacts.read_model(changed(model, change))
     assert words in caught.value.message
@@ -77,28 +81,63 @@ def parts_that_do_not_fit() -> Iterator[tuple[str, Any]]:
     pieces, (function,) = model.body, model.body.curves
     bodies: list[Any] = [
         replace(pieces, fusion=replace(pieces.fusion, extrapolation={"strain": ("continue", 0.0)})),
-        replace(pieces, fusion=replace(pieces.fusion, extrapolation={"strain": ("saturate",), "pressure": ("guess", 0.0)})),
+        replace(
+            pieces,
+            fusion=replace(
+                pieces.fusion, extrapolation={"strain": ("saturate",), "pressure": ("guess", 0.0)}
+            ),
+        ),
         replace(pieces, level=""),
         replace(pieces, level=None),
         replace(pieces, variables=("pressure",)),
         replace(pieces, curves=pieces.curves * 2),
-        replace(pieces, curves=(function, replace(function, level=300.0, limits={**function.limits, "speed": (0.0, 1.0)}))),
+        replace(
+            pieces,
+            curves=(
+                function,
+                replace(function, level=300.0, limits={**function.limits, "speed": (0.0, 1.0)}),
+            ),
+        ),
         replace(pieces, curves=(function, replace(function, level=300.0, segments=()))),
         replace(pieces, curves=(replace(function, boundaries=(np.array([0.2, 0.1]),)),)),
         replace(pieces, curves=(replace(function, boundaries=(np.array([0.0]),)),)),
-        replace(pieces, curves=(replace(function, segments=(replace(function.segments[0], terms=("1", "import(os)")),)),)),
-        replace(pieces, curves=(replace(function, segments=(replace(function.segments[0], terms=("1", "velocity")),)),)),
+        replace(
+            pieces,
+            curves=(
+                replace(
+                    function, segments=(replace(function.segments[0], terms=("1", "import(os)")),)
+                ),
+            ),
+        ),
+        replace(
+            pieces,
+            curves=(
+                replace(
+                    function, segments=(replace(function.segments[0], terms=("1", "velocity")),)
+                ),
+            ),
+        ),
         replace(pieces, backbone=replace(fit.backbone, name="nobody")),
         replace(pieces, backbone=replace(fit.backbone, parameters={"a1": 1.0})),
         Sum(()),
         Sum((Part(model, 1.0, {"time": "strain"}),)),
     ]
     memory = MemoryModel("force", NO_STATES, ("1",), np.ones(1), np.ones(1), 0.0, (0.0, 1.0))
-    strange = (("pressure", "speed[k-1]"), ("pressure", "pressure"), ("play(pressure, 0.1)",), ("slow(resonance(strain)[k-1], 0.1)",))
-    bodies += [Memory(replace(memory, states=replace(NO_STATES, names=names)), (), None) for names in strange]
+    strange = (
+        ("pressure", "speed[k-1]"),
+        ("pressure", "pressure"),
+        ("play(pressure, 0.1)",),
+        ("slow(resonance(strain)[k-1], 0.1)",),
+    )
+    bodies += [
+        Memory(replace(memory, states=replace(NO_STATES, names=names)), (), None)
+        for names in strange
+    ]
     bodies.append(Memory(replace(memory, output="strain"), (), None))
     section = MotionSection("1", 1, "all", 0.1, 0.1, np.ones(1))
-    motion = Motion("pressure", "force", 0.1, "hard", (), False, 0.0, ("pressure",), (section,), (0.0, 1.0))
+    motion = Motion(
+        "pressure", "force", 0.1, "hard", (), False, 0.0, ("pressure",), (section,), (0.0, 1.0)
+    )
     others: list[dict[str, Any]] = [
         {"output": "strain"},
         {"input": "speed", "drives": ("speed",)},
@@ -115,7 +154,15 @@ def parts_that_do_not_fit() -> Iterator[tuple[str, Any]]:
     for cell in ((2,), ()):
         yield "segmentation", (replace(curve, segments=(replace(segment, cell=cell),)),)
     (piece,) = fit.body.segments
-    yield "fit", replace(fit, body=PiecesFit((replace(piece, selection=replace(piece.selection, chosen=np.array([0, 0]))),)))
+    yield (
+        "fit",
+        replace(
+            fit,
+            body=PiecesFit(
+                (replace(piece, selection=replace(piece.selection, chosen=np.array([0, 0]))),)
+            ),
+        ),
+    )
 
 
 NO_STATES = StateSet(("pressure",), 0.1, {}, {}, np.zeros(0), np.zeros(0), 0.0)
@@ -123,8 +170,12 @@ NO_STATES = StateSet(("pressure",), 0.1, {}, {}, np.zeros(0), np.zeros(0), 0.0)
 
 @pytest.mark.parametrize(("kind", "record"), [*parts_that_do_not_fit()])
 @pytest.mark.filterwarnings("ignore")
-def test_parts_that_do_not_fit_together_are_no_fault_of_the_program(kind: str, record: Any, tmp_path: Path) -> None:
-    """Found by structure-aware fuzzing: `predict` and `show` ended as internal faults. No checksum vouches for such a file."""
+def test_parts_that_do_not_fit_together_are_no_fault_of_the_program(
+    kind: str, record: Any, tmp_path: Path
+) -> None:
+    """Found by structure-aware fuzzing: `predict` and `show` ended as internal faults. No checksum
+    vouches for such a file.
+    """
     path = tmp_path / "file.h5"
     KINDS[kind][0](path, record)
     with suppress(MapmoreError):
@@ -132,8 +183,13 @@ def test_parts_that_do_not_fit_together_are_no_fault_of_the_program(kind: str, r
 
 
 @pytest.mark.parametrize("value", [np.zeros(3), h5py.Empty("f8"), 1.5, b"\xff\xfe"])
-@pytest.mark.parametrize(("attribute", "words"), [("kind", "not one of mapmore's"), ("checksum", "the checksum does not match")])
-def test_attributes_of_the_root_that_are_no_text(attribute: str, words: str, value: Any, model: Path) -> None:
+@pytest.mark.parametrize(
+    ("attribute", "words"),
+    [("kind", "not one of mapmore's"), ("checksum", "the checksum does not match")],
+)
+def test_attributes_of_the_root_that_are_no_text(
+    attribute: str, words: str, value: Any, model: Path
+) -> None:
     with pytest.raises(DataError, match=words):
         artefacts.read_model(changed(model, lambda file: file.attrs.__setitem__(attribute, value)))
 
@@ -161,18 +217,50 @@ def _million_links(file: h5py.File) -> None:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (put(THETA, shape=(2,), dtype="<f8", external=[("secret", 0, 16)]), "takes its values from other files"),
+        (
+            put(THETA, shape=(2,), dtype="<f8", external=[("secret", 0, 16)]),
+            "takes its values from other files",
+        ),
         (_virtual_dataset, "takes its values from other files"),
         (_external_link, "body, is a link to somewhere else"),
-        (lambda file: file.__setitem__("body/again", h5py.SoftLink("/body")), "again, is a link to somewhere else"),
+        (
+            lambda file: file.__setitem__("body/again", h5py.SoftLink("/body")),
+            "again, is a link to somewhere else",
+        ),
         (lambda file: file.__setitem__("body/again", file["body"]), "is linked more than once"),
         (_million_links, "is linked more than once"),
         (put(THETA, data=np.zeros(2), compression="lzf"), "a filter other than gzip"),
-        (put(THETA, shape=(10**9,), dtype="<f8", chunks=(1000,), compression="gzip"), "MB of values"),
-        (put(THETA, shape=(2,), dtype="<f8", chunks=(10**8,), maxshape=(None,), compression="gzip"), "chunks of more than"),
-        (lambda file: file.__setitem__("too", np.array([file["document"].ref], dtype=h5py.ref_dtype)), "holds neither numbers nor texts"),
-        (put("document", data="x" * 10, dtype=h5py.string_dtype()), "nor texts of a declared length"),
-        (lambda file: file["body"].attrs.create("more", ["x" * 99] * 99, dtype=h5py.string_dtype()), "has the attribute 'more'"),
+        (
+            put(THETA, shape=(10**9,), dtype="<f8", chunks=(1000,), compression="gzip"),
+            "MB of values",
+        ),
+        (
+            put(
+                THETA,
+                shape=(2,),
+                dtype="<f8",
+                chunks=(10**8,),
+                maxshape=(None,),
+                compression="gzip",
+            ),
+            "chunks of more than",
+        ),
+        (
+            lambda file: file.__setitem__(
+                "too", np.array([file["document"].ref], dtype=h5py.ref_dtype)
+            ),
+            "holds neither numbers nor texts",
+        ),
+        (
+            put("document", data="x" * 10, dtype=h5py.string_dtype()),
+            "nor texts of a declared length",
+        ),
+        (
+            lambda file: file["body"].attrs.create(
+                "more", ["x" * 99] * 99, dtype=h5py.string_dtype()
+            ),
+            "has the attribute 'more'",
+        ),
         (lambda file: file.attrs.create("more", np.zeros(3000)), "has the attribute 'more'"),
         (lambda file: [file.attrs.create(f"a{i}", 1) for i in range(101)], "attributes"),
         (lambda file: file["body"].create_group("/".join(["inner"] * 80)), "groups deep"),
@@ -193,7 +281,9 @@ def test_what_the_format_does_not_know_is_refused_before_it_is_read(
 
 
 def test_attributes_that_refer_to_one_text_many_times_are_not_read(model: Path) -> None:
-    """A text of a megabyte that `kind` refers to 4000 times took 8 GB before anything was looked over."""
+    """A text of a megabyte that `kind` refers to 4000 times took 8 GB before anything was looked
+    over.
+    """
     text = np.array(["x" * 100_000] * 200, dtype=object)
     changed(model, lambda file: file.attrs.create("kind", text, dtype=h5py.string_dtype()))
     for read in (artefacts.read_model, artefacts.kind_of):
@@ -217,7 +307,11 @@ def test_a_changed_value_is_found_by_the_checksum(kind: str, tmp_path: Path) -> 
     path = tmp_path / "file.h5"
     write, read, _ = KINDS[kind]
     write(path, examples()[kind])
-    changes = {"dataset": ("level", "force"), "segmentation": ("curves/000/variables", ["force"]), "fit": ("notes", ["other"])}
+    changes = {
+        "dataset": ("level", "force"),
+        "segmentation": ("curves/000/variables", ["force"]),
+        "fit": ("notes", ["other"]),
+    }
     changed(path, put(*changes.get(kind, ("notes" if kind == "model" else "warnings", ["other"]))))
     with pytest.raises(DataError, match="the checksum does not match") as caught:
         read(path)
@@ -229,7 +323,9 @@ def test_a_changed_value_is_found_by_the_checksum(kind: str, tmp_path: Path) -> 
 
 def test_a_file_without_a_checksum_is_told(model: Path) -> None:
     told: list[str] = []
-    read = artefacts.read_model(changed(model, lambda file: file.attrs.__delitem__("checksum")), told.append)
+    read = artefacts.read_model(
+        changed(model, lambda file: file.attrs.__delitem__("checksum")), told.append
+    )
     assert same(read, examples()["model"])
     assert ["has no checksum" in message for message in told] == [True]
     with pytest.warns(UserWarning, match="has no checksum"):
@@ -248,7 +344,9 @@ def test_a_file_of_a_newer_minor_version_cannot_be_verified(model: Path) -> None
     assert "cannot be verified" in told[0]
 
 
-def test_a_fault_of_the_program_is_not_blamed_on_the_file(model: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_fault_of_the_program_is_not_blamed_on_the_file(
+    model: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def faulty(*_: Any) -> Any:
         raise TypeError("a slip of ours")
 
@@ -260,6 +358,8 @@ def test_a_fault_of_the_program_is_not_blamed_on_the_file(model: Path, monkeypat
 def test_flipped_bits_are_found_or_change_nothing() -> None:
     """A few of each kind; `make fuzz` tries 200."""
     script = Path(__file__).parents[1] / "fuzz" / "artefacts.py"
-    done = subprocess.run([sys.executable, str(script), "10"], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, str(script), "10"], capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, done.stdout + done.stderr
     assert done.stdout.count("10 tried") == len(KINDS)

@@ -17,10 +17,15 @@ def write(folder: Path, slope: float) -> None:
     columns = {"strain": np.arange(5.0), "force": slope * np.arange(5)}
     curve = Curve("a", None, columns, np.zeros(5, dtype=np.bool_), ("a",))
     quantities = {"strain": Quantity("strain", "1"), "force": Quantity("force", "N")}
-    write_dataset(folder / DATASET, Dataset("force", None, quantities, (Recording("a", "a.csv", columns, 5, {}),), (curve,)))
+    write_dataset(
+        folder / DATASET,
+        Dataset("force", None, quantities, (Recording("a", "a.csv", columns, 5, {}),), (curve,)),
+    )
 
 
-def test_results_stay_in_memory_until_their_file_is_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_results_stay_in_memory_until_their_file_is_replaced(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     write(tmp_path, 2.0)
     first = RunFiles(tmp_path).dataset()
     assert RunFiles(tmp_path).dataset() is first

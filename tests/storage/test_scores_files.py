@@ -21,18 +21,38 @@ from mapmore_cli.domain.foreign import csv_cell
 from mapmore_cli.domain.scores import Score, ScoreTable
 from mapmore_cli.storage.run_record import read_scores, write_scores
 
-ROW = Score("mapmore", "force", "validate", "pressure=250", 40, 12.3456789012345, 0.02, 617.0, "max|force|", 30.0, 0.05, 1 / 3)
+ROW = Score(
+    "mapmore",
+    "force",
+    "validate",
+    "pressure=250",
+    40,
+    12.3456789012345,
+    0.02,
+    617.0,
+    "max|force|",
+    30.0,
+    0.05,
+    1 / 3,
+)
 COLUMNS = [field.name for field in fields(Score)]
 
 
 def written(folder: Path, *rows: Score) -> list[dict[str, Any]]:
     """The rows of scores.json, which scores.csv has as well."""
-    write_scores(folder, ScoreTable(rows, {"force": "N"}, ("sarosi",), ("worse than the mean",)), "demo")
+    write_scores(
+        folder, ScoreTable(rows, {"force": "N"}, ("sarosi",), ("worse than the mean",)), "demo"
+    )
     found = json.loads((folder / "scores.json").read_text(encoding="utf-8"))["scores"]
     with (folder / "scores.csv").open(newline="", encoding="utf-8") as file:
         table = list(csv.DictReader(file))
-    plain = [{key: csv_cell(cell) if isinstance(cell, str) else cell for key, cell in row.items()} for row in found]
-    assert [{key: "" if cell is None else str(cell) for key, cell in row.items()} for row in plain] == table
+    plain = [
+        {key: csv_cell(cell) if isinstance(cell, str) else cell for key, cell in row.items()}
+        for row in found
+    ]
+    assert [
+        {key: "" if cell is None else str(cell) for key, cell in row.items()} for row in plain
+    ] == table
     return found
 
 
@@ -41,7 +61,11 @@ def test_document(tmp_path: Path) -> None:
     text = (tmp_path / "scores.json").read_text(encoding="utf-8")
     document = json.loads(text)
     assert list(document) == ["name", "target", "units", "scores", "failed", "warnings"]
-    assert (document["name"], document["target"], document["units"]) == ("demo", "force", {"force": "N"})
+    assert (document["name"], document["target"], document["units"]) == (
+        "demo",
+        "force",
+        {"force": "N"},
+    )
     assert list(row) == COLUMNS
     assert row["rmse"] == 12.3456789012  # 12 significant digits
     assert row["r2"] == 0.333333333333
@@ -50,7 +74,10 @@ def test_document(tmp_path: Path) -> None:
     assert len(written(tmp_path, ROW, replace(ROW, model='odd, "name"', curve="all"))) == 2
 
 
-@pytest.mark.parametrize(("number", "shown"), [(math.nan, None), (math.inf, None), (-math.inf, None), (-0.0, 0.0), (np.float64(2.5), 2.5)])
+@pytest.mark.parametrize(
+    ("number", "shown"),
+    [(math.nan, None), (math.inf, None), (-math.inf, None), (-0.0, 0.0), (np.float64(2.5), 2.5)],
+)
 def test_numbers_as_they_are_written(number: float, shown: float | None, tmp_path: Path) -> None:
     (row,) = written(tmp_path, replace(ROW, rmse=number))
     assert repr(row["rmse"]) == repr(shown)
@@ -60,15 +87,36 @@ def test_numbers_as_they_are_written(number: float, shown: float | None, tmp_pat
 @given(scores=st.lists(records(Score), max_size=3))
 def test_digits_survive(scores: list[Score], tmp_path: Path) -> None:
     for score, row in zip(scores, written(tmp_path, *scores), strict=True):
-        assert row["rmse"] == (pytest.approx(score.rmse, rel=1e-11, abs=0) if math.isfinite(score.rmse) else None)
+        assert row["rmse"] == (
+            pytest.approx(score.rmse, rel=1e-11, abs=0) if math.isfinite(score.rmse) else None
+        )
     back = read_scores(tmp_path / "scores.json")
-    assert (back.units, back.failed, back.warnings) == ({"force": "N"}, ("sarosi",), ("worse than the mean",))
+    assert (back.units, back.failed, back.warnings) == (
+        {"force": "N"},
+        ("sarosi",),
+        ("worse than the mean",),
+    )
     for score, read in zip(scores, back.scores, strict=True):
-        assert read.rmse == pytest.approx(score.rmse, rel=1e-11, abs=0) or not math.isfinite(score.rmse)
-        assert same(replace(read, **{name: getattr(score, name) for name in COLUMNS if isinstance(getattr(score, name), float)}), score)
+        assert read.rmse == pytest.approx(score.rmse, rel=1e-11, abs=0) or not math.isfinite(
+            score.rmse
+        )
+        assert same(
+            replace(
+                read,
+                **{
+                    name: getattr(score, name)
+                    for name in COLUMNS
+                    if isinstance(getattr(score, name), float)
+                },
+            ),
+            score,
+        )
 
 
-@pytest.mark.parametrize("text", ["", "[]", "{}", '{"scores": [3]}', '{"scores": [{"model": "x"}], "units": {}}', "[" * 100_000])
+@pytest.mark.parametrize(
+    "text",
+    ["", "[]", "{}", '{"scores": [3]}', '{"scores": [{"model": "x"}], "units": {}}', "[" * 100_000],
+)
 def test_a_file_that_says_something_else_is_refused(text: str, tmp_path: Path) -> None:
     (tmp_path / "scores.json").write_text(text)
     with pytest.raises(DataError, match="no table of scores") as refused:
@@ -80,7 +128,9 @@ def test_a_file_that_says_something_else_is_refused(text: str, tmp_path: Path) -
 def test_a_count_that_is_none_is_wrong_data(count: str, tmp_path: Path) -> None:
     written(tmp_path, ROW)
     path = tmp_path / "scores.json"
-    path.write_text(path.read_text(encoding="utf-8").replace('"n": 40', f'"n": {count}'), encoding="utf-8")
+    path.write_text(
+        path.read_text(encoding="utf-8").replace('"n": 40', f'"n": {count}'), encoding="utf-8"
+    )
     with pytest.raises(DataError, match="no table of scores"):
         read_scores(path)
     with pytest.raises(DataError, match="neither"):

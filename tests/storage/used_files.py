@@ -1,4 +1,6 @@
-"""A result file shown and used by the program in every way, without a checksum that vouches for its values."""
+"""A result file shown and used by the program in every way, without a checksum that vouches for its
+values.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,9 @@ from mapmore_cli.storage import artefacts
 
 
 def use(path: Path, chance: random.Random) -> None:
-    """`show`, and with a model `predict` and `export`, all of them unverified; MapmoreError where one of them is refused."""
+    """`show`, and with a model `predict` and `export`, all of them unverified; MapmoreError where
+    one of them is refused.
+    """
     with suppress(OSError, KeyError, RuntimeError), h5py.File(path, "r+") as file:
         del file.attrs["checksum"]
     with redirect_stdout(StringIO()) as shown:
@@ -31,7 +35,9 @@ def use(path: Path, chance: random.Random) -> None:
             view = of_file(path, reporter.warn, True)
         print_view(view, False)
         print_view(view, True)
-    json.loads(shown.getvalue()[shown.getvalue().index("\n{\n") if "\n{\n" in shown.getvalue() else 0 :])
+    json.loads(
+        shown.getvalue()[shown.getvalue().index("\n{\n") if "\n{\n" in shown.getvalue() else 0 :]
+    )
     if artefacts.kind_of(path) == "model":
         with Reporter(quiet=True) as reporter, np.errstate(all="ignore"):
             model: Model = artefacts.read_model(path, reporter.warn, unverified=True)
@@ -43,8 +49,12 @@ def use(path: Path, chance: random.Random) -> None:
 
 def table_of(model: Model) -> Iterator[str]:
     """Rows of all that a model may ask for."""
-    names = dict.fromkeys(["time", *(quantity.name for quantity in model.inputs), model.output.name])
-    names |= dict.fromkeys(name for name in model.fed_signals) if hasattr(model, "fed_signals") else {}
+    names = dict.fromkeys(
+        ["time", *(quantity.name for quantity in model.inputs), model.output.name]
+    )
+    names |= (
+        dict.fromkeys(name for name in model.fed_signals) if hasattr(model, "fed_signals") else {}
+    )
     yield ",".join(names) + "\n"
     for row in range(12):
         yield ",".join(str(0.1 * row + 0.01 * place) for place, _ in enumerate(names)) + "\n"

@@ -1,4 +1,6 @@
-"""A few disturbed commands; `make torture` tries as many as one likes. Every instant of a run: tests/pipeline."""
+"""A few disturbed commands; `make torture` tries as many as one likes. Every instant of a run:
+tests/pipeline.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,9 @@ print(json.dumps({"ends": {how: found.total() for how, found in ends.items()}, "
 def test_disturbed_commands_leave_whole_files(tmp_path: Path) -> None:
     import json
 
-    done = subprocess.run([sys.executable, "-c", SCRIPT], cwd=HERE, capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", SCRIPT], cwd=HERE, capture_output=True, text=True, check=True
+    )
     outcome = json.loads(done.stdout.splitlines()[-1])
     assert outcome["wrong"] == []
     assert sum(outcome["ends"].values()) == 4

@@ -1,8 +1,10 @@
-"""Disturbs commands at random instants and looks at what is left: `python tests/torture/torture.py COUNT [SEED]`.
+"""Disturbs commands at random instants and looks at what is left: `python tests/torture/torture.py
+COUNT [SEED]`.
 
-Each trial starts from the results of older settings. A command is begun in a fork and is killed, interrupted, left without room on the
-disk or without the right to write, or meets a second one. Afterwards every file is whole, old or new. The same command again comes to its
-end, and leaves, byte for byte, what it leaves undisturbed.
+Each trial starts from the results of older settings. A command is begun in a fork and is killed,
+interrupted, left without room on the disk or without the right to write, or meets a second one.
+Afterwards every file is whole, old or new. The same command again comes to its end, and leaves,
+byte for byte, what it leaves undisturbed.
 """
 
 from __future__ import annotations
@@ -36,21 +38,30 @@ from mapmore_cli.storage.run_folder import LOCK
 RUN_RECORD = "run.json"  # tells seconds, so its bytes differ from run to run
 NEW = ("--set", "fit.max_terms=2", "--set", "segment.strain.count=3")
 COMMANDS: Mapping[str, tuple[str, ...]] = {
-    **{stage: (stage, "one.yaml", *NEW, "-q") for stage in ("ingest", "segment", "fit", "fuse", "validate", "report")},
+    **{
+        stage: (stage, "one.yaml", *NEW, "-q")
+        for stage in ("ingest", "segment", "fit", "fuse", "validate", "report")
+    },
     "run": ("run", "one.yaml", *NEW, "-q"),
     "freeze": ("freeze", "runs/one", "--tag", "new", "--archive", "archive"),
     "compare": ("compare", "archive/one@old", "runs/one", "--figure", "drift.svg"),
     "export": ("export", "runs/one/model.h5", "--to", "c", "-o", "out", "-q"),
     "batch": ("batch", "one.yaml", "two.yaml", "--jobs", "2", "-q"),
 }
-BATCHES = 25  # trials, of which one is of the last command: the processes of `batch` import everything anew, which takes long
+# trials, of which one is of the last command: the processes of `batch` import everything anew,
+# which takes long
+BATCHES = 25
 DONE = (0, 6)  # a missed limit is an end too
 PATIENCE = 60.0  # seconds for a lock that a dying worker holds
 
 
-def begin(folder: Path, arguments: tuple[str, ...], before: Callable[[], None] = lambda: None) -> int:
+def begin(
+    folder: Path, arguments: tuple[str, ...], before: Callable[[], None] = lambda: None
+) -> int:
     """Start a command in a fork, everything imported already; its process."""
-    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # until the fork is where it may be interrupted
+    signal.pthread_sigmask(
+        signal.SIG_BLOCK, {signal.SIGINT}
+    )  # until the fork is where it may be interrupted
     child = os.fork()
     if child:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
@@ -63,7 +74,9 @@ def begin(folder: Path, arguments: tuple[str, ...], before: Callable[[], None] =
         os.dup2(log, 1)
         os.dup2(log, 2)
         sys.argv = ["mapmore", *arguments]
-        signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell that starts this in the background has it ignored
+        signal.signal(
+            signal.SIGINT, signal.default_int_handler
+        )  # a shell that starts this in the background has it ignored
         before()
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
         mapmore()
@@ -85,23 +98,33 @@ def end_of(child: int) -> int:
 
 def contents(folder: Path) -> dict[str, bytes]:
     """All files below a folder but locks and records."""
-    paths = sorted(path for path in folder.rglob("*") if path.is_file() and path.name not in (LOCK, RUN_RECORD, ".batch.lock"))
+    paths = sorted(
+        path
+        for path in folder.rglob("*")
+        if path.is_file() and path.name not in (LOCK, RUN_RECORD, ".batch.lock")
+    )
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}
 
 
 def struck(how: str, child: int, delay: float) -> None:
-    """Disturb a process from outside at a random instant: SIGKILL, or Ctrl-C, which the terminal sends to the whole group."""
+    """Disturb a process from outside at a random instant: SIGKILL, or Ctrl-C, which the terminal
+    sends to the whole group.
+    """
     if how in ("killed", "two at once"):
         time.sleep(delay)
         os.kill(child, signal.SIGKILL)
     elif how == "interrupted":
         time.sleep(delay)
-        with suppress(ProcessLookupError, PermissionError):  # it has ended, or has no group of its own yet
+        with suppress(
+            ProcessLookupError, PermissionError
+        ):  # it has ended, or has no group of its own yet
             os.killpg(child, signal.SIGINT)
 
 
 def little_room(size: int) -> None:
-    """No file can grow beyond some kilobytes; what is said goes nowhere, since that is a file here."""
+    """No file can grow beyond some kilobytes; what is said goes nowhere, since that is a file
+    here.
+    """
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 1)
     os.dup2(nowhere, 2)
@@ -109,7 +132,9 @@ def little_room(size: int) -> None:
 
 
 def no_rights() -> None:
-    """The folders of results may not be written; where root runs this, it gives up its privileges first."""
+    """The folders of results may not be written; where root runs this, it gives up its privileges
+    first.
+    """
     for name in ("runs/one", "runs", "archive", "out", "."):
         if Path(name).is_dir():
             Path(name).chmod(0o555)
@@ -124,13 +149,21 @@ def restored(folder: Path) -> None:
         place.chmod(0o755)
 
 
-DISTURBANCES: Mapping[str, int] = {"killed": 60, "interrupted": 15, "full disk": 10, "read-only": 5, "two at once": 10}
+DISTURBANCES: Mapping[str, int] = {
+    "killed": 60,
+    "interrupted": 15,
+    "full disk": 10,
+    "read-only": 5,
+    "two at once": 10,
+}
 """In per cent of the trials."""
 
 
 @dataclass(frozen=True)
 class Bench:
-    """Where every trial of one command starts, what it leaves undisturbed, and how many seconds it takes."""
+    """Where every trial of one command starts, what it leaves undisturbed, and how many seconds it
+    takes.
+    """
 
     start: Path
     after: dict[str, bytes]
@@ -148,17 +181,26 @@ def prepare(root: Path, name: str) -> Bench:
     return Bench(start, contents(done), time.monotonic() - began)
 
 
-def trial(bench: Bench, name: str, how: str, chance: random.Random, folder: Path) -> tuple[str, list[str]]:
+def trial(
+    bench: Bench, name: str, how: str, chance: random.Random, folder: Path
+) -> tuple[str, list[str]]:
     """Disturb a command once; how it ended, and what is wrong afterwards."""
     shutil.rmtree(folder, ignore_errors=True)
     shutil.copytree(bench.start, folder)
     old = contents(folder)
-    before = {"full disk": partial(little_room, chance.choice([0, 200, 3_000, 9_000, 20_000])), "read-only": no_rights}
+    before = {
+        "full disk": partial(little_room, chance.choice([0, 200, 3_000, 9_000, 20_000])),
+        "read-only": no_rights,
+    }
     other = begin(folder, COMMANDS[name]) if how == "two at once" else None
     child = begin(folder, COMMANDS[name], before.get(how, lambda: None))
     struck(how, child, chance.uniform(0, 1.1 * bench.seconds))
     code = end_of(child)
-    wrong = [] if code in (*DONE, 4, 7, 130, -signal.SIGKILL, -signal.SIGINT) else [f"ended with {code}: {said(folder)}"]
+    wrong = (
+        []
+        if code in (*DONE, 4, 7, 130, -signal.SIGKILL, -signal.SIGINT)
+        else [f"ended with {code}: {said(folder)}"]
+    )
     if other is not None and (second := end_of(other)) not in (*DONE, 7):
         wrong.append(f"the other ended with {second}: {said(folder)}")
     restored(folder)
@@ -169,11 +211,15 @@ def trial(bench: Bench, name: str, how: str, chance: random.Random, folder: Path
     for record in folder.rglob(RUN_RECORD):
         json.loads(record.read_text())
     again = repeated(folder, name)
-    if again not in DONE and not (name == "freeze" and again == 7 and (folder / "archive" / "one@new").is_dir()):
+    if again not in DONE and not (
+        name == "freeze" and again == 7 and (folder / "archive" / "one@new").is_dir()
+    ):
         wrong.append(f"the next one ends with {again}: {said(folder)}")
     after = contents(folder)
     if after != bench.after:
-        different = sorted(place for place in {*after, *bench.after} if after.get(place) != bench.after.get(place))
+        different = sorted(
+            place for place in {*after, *bench.after} if after.get(place) != bench.after.get(place)
+        )
         wrong.append(f"the next one leaves others: {', '.join(different)[:300]}")
     return f"ended with {code}", wrong
 
@@ -181,7 +227,11 @@ def trial(bench: Bench, name: str, how: str, chance: random.Random, folder: Path
 def repeated(folder: Path, name: str) -> int:
     """Run the command again, as soon as no dying worker holds a run."""
     deadline = time.monotonic() + PATIENCE
-    while (code := end_of(begin(folder, COMMANDS[name]))) == 7 and "another process" in said(folder) and time.monotonic() < deadline:
+    while (
+        (code := end_of(begin(folder, COMMANDS[name]))) == 7
+        and "another process" in said(folder)
+        and time.monotonic() < deadline
+    ):
         time.sleep(0.1)
     return code
 
@@ -192,7 +242,9 @@ def said(folder: Path) -> str:
 
 
 def warm_up(folder: Path, names: tuple[str, ...]) -> None:
-    """Make the results of older settings, here: what is imported by and by is there for all forks."""
+    """Make the results of older settings, here: what is imported by and by is there for all
+    forks.
+    """
     for spec in ("one", "two")[: 1 + ("batch" in names)]:
         write_study(folder, spec)
         called(folder, ("run", f"{spec}.yaml", "-q"))
@@ -217,9 +269,17 @@ def called(folder: Path, arguments: tuple[str, ...]) -> None:
         os.chdir(here)
 
 
-def torture(count: int, seed: int, names: tuple[str, ...] = (*COMMANDS,)) -> tuple[dict[str, Counter[str]], list[str]]:
-    """Disturb commands `count` times in turn; how the trials of every disturbance ended, and what was wrong."""
-    chance, ends, wrong = random.Random(seed), {how: Counter[str]() for how in DISTURBANCES}, list[str]()
+def torture(
+    count: int, seed: int, names: tuple[str, ...] = (*COMMANDS,)
+) -> tuple[dict[str, Counter[str]], list[str]]:
+    """Disturb commands `count` times in turn; how the trials of every disturbance ended, and what
+    was wrong.
+    """
+    chance, ends, wrong = (
+        random.Random(seed),
+        {how: Counter[str]() for how in DISTURBANCES},
+        list[str](),
+    )
     with TemporaryDirectory() as place:
         root = Path(place)
         old = root / "old"
@@ -242,7 +302,10 @@ def main(count: int, seed: int) -> int:
     ends, wrong = torture(count, seed)
     print("| disturbance | trials | how the command ended |\n|---|---:|---|")
     for how, found in ends.items():
-        print(f"| {how} | {found.total()} | {', '.join(f'{count} {end}' for end, count in sorted(found.items()))} |")
+        print(
+            f"| {how} | {found.total()} | "
+            f"{', '.join(f'{count} {end}' for end, count in sorted(found.items()))} |"
+        )
     print(*wrong, sep="\n")
     return 1 if wrong else 0
 

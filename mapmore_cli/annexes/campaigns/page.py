@@ -29,7 +29,8 @@ if TYPE_CHECKING:
 class Expanded:
     """A campaign with the numbers of its runs among all jobs, and their names for messages.
 
-    A run is called by its own name, else by that of its spec, with its folder where another is called alike.
+    A run is called by its own name, else by that of its spec, with its folder where another is
+    called alike.
     """
 
     campaign: Campaign
@@ -37,8 +38,12 @@ class Expanded:
     names: tuple[str, ...]
 
 
-def expanded(configs: Sequence[Path], overrides: Sequence[str]) -> tuple[list[Expanded], list[Entry]]:
-    """Every campaign among the files, and every run to do: a spec stands for itself. `overrides` come last."""
+def expanded(
+    configs: Sequence[Path], overrides: Sequence[str]
+) -> tuple[list[Expanded], list[Entry]]:
+    """Every campaign among the files, and every run to do: a spec stands for itself. `overrides`
+    come last.
+    """
     campaigns: list[Expanded] = []
     entries: list[Entry] = []
     for config in configs:
@@ -47,10 +52,17 @@ def expanded(configs: Sequence[Path], overrides: Sequence[str]) -> tuple[list[Ex
             continue
         campaign, runs = load_campaign(config)
         bases = [str(run.base or campaign.base) for run in campaign.runs]
-        short = [run.name or PurePosixPath(base).stem for run, base in zip(campaign.runs, bases, strict=True)]
+        short = [
+            run.name or PurePosixPath(base).stem
+            for run, base in zip(campaign.runs, bases, strict=True)
+        ]
         uses = Counter(short)
-        names = tuple(name if uses[name] == 1 else base for name, base in zip(short, bases, strict=True))
-        campaigns.append(Expanded(campaign, tuple(range(len(entries), len(entries) + len(runs))), names))
+        names = tuple(
+            name if uses[name] == 1 else base for name, base in zip(short, bases, strict=True)
+        )
+        campaigns.append(
+            Expanded(campaign, tuple(range(len(entries), len(entries) + len(runs))), names)
+        )
         entries += [Entry(entry.config, (*entry.overrides, *overrides), config) for entry in runs]
     return campaigns, entries
 
@@ -64,19 +76,29 @@ def specs_of(entries: Sequence[Entry]) -> list[LoadedSpec | None]:
     return specs
 
 
-def run_names(entries: Sequence[Entry], campaigns: Sequence[Expanded], specs: Sequence[LoadedSpec | None]) -> list[str]:
+def run_names(
+    entries: Sequence[Entry], campaigns: Sequence[Expanded], specs: Sequence[LoadedSpec | None]
+) -> list[str]:
     """Return the name of every run; where its spec is wrong, what it is called in messages.
 
-    Raises UsageError where two of the runs, their variations and the campaigns have one name, which would be the same folder.
+    Raises UsageError where two of the runs, their variations and the campaigns have one name, which
+    would be the same folder.
     """
-    called = {number: name for campaign in campaigns for number, name in zip(campaign.jobs, campaign.names, strict=True)}
+    called = {
+        number: name
+        for campaign in campaigns
+        for number, name in zip(campaign.jobs, campaign.names, strict=True)
+    }
     names: list[str] = []
     owners: dict[str, str] = {}
 
     def claim(folder: str, owner: str) -> None:
         alike = folder.lower()  # one folder, where capitals do not count in names of files
         if alike in owners:
-            raise UsageError(f"{owners[alike]} and {owner} have the same name, '{folder}'", "give each a `name` of its own")
+            raise UsageError(
+                f"{owners[alike]} and {owner} have the same name, '{folder}'",
+                "give each a `name` of its own",
+            )
         owners[alike] = owner
 
     for campaign in campaigns:
@@ -96,13 +118,18 @@ def run_names(entries: Sequence[Entry], campaigns: Sequence[Expanded], specs: Se
 
 
 def refuse_foreign_folders(campaigns: Sequence[Expanded], runs: Path) -> None:
-    """Raise WriteError where the page of a campaign has no place: better before its runs are done."""
+    """Raise WriteError where the page of a campaign has no place: better before its runs are
+    done.
+    """
     for one in campaigns:
         refuse_foreign(runs / one.campaign.campaign, CAMPAIGN_RECORD)
 
 
-def write_page(campaign: Campaign, results: Mapping[str, Finished | BaseException], runs: Path) -> tuple[Path, tuple[Table, ...]]:
-    """Write `RUNS/CAMPAIGN/index.html` with its figures and tables; `results` are those of its runs by name, in their order.
+def write_page(
+    campaign: Campaign, results: Mapping[str, Finished | BaseException], runs: Path
+) -> tuple[Path, tuple[Table, ...]]:
+    """Write `RUNS/CAMPAIGN/index.html` with its figures and tables; `results` are those of its runs
+    by name, in their order.
 
     Returns the path of the page, and the tables on it.
     """
@@ -114,26 +141,44 @@ def write_page(campaign: Campaign, results: Mapping[str, Finished | BaseExceptio
     scores = scores_of(campaign, results)
     tables = campaign_tables(scores)
     figures = [rendered(drawing) for drawing in campaign_figures(scores)]
-    failed = {name: told(result) for name, result in results.items() if isinstance(result, BaseException)}
-    pages = {name: f"../{result.name}/{RUN_PAGE}" for name, result in results.items() if not isinstance(result, BaseException)}
+    failed = {
+        name: told(result) for name, result in results.items() if isinstance(result, BaseException)
+    }
+    pages = {
+        name: f"../{result.name}/{RUN_PAGE}"
+        for name, result in results.items()
+        if not isinstance(result, BaseException)
+    }
     folder = runs / campaign.campaign
     with refusals_told(folder):
         refuse_foreign(folder, CAMPAIGN_RECORD)
         (folder / "tables").mkdir(parents=True, exist_ok=True)
-        write_text(folder / CAMPAIGN_RECORD, json.dumps({"creator": "mapmore", "campaign": campaign.campaign}) + "\n")
+        write_text(
+            folder / CAMPAIGN_RECORD,
+            json.dumps({"creator": "mapmore", "campaign": campaign.campaign}) + "\n",
+        )
         for table in tables:
             write_text(folder / "tables" / f"{table.name}.csv", to_csv(table))
         for figure in figures:
             write_text(folder / f"{figure.name}.svg", figure.svg)
-        write_text(folder / "index.html", render_campaign(campaign.title or campaign.campaign, tables, figures, pages, failed))
+        write_text(
+            folder / "index.html",
+            render_campaign(campaign.title or campaign.campaign, tables, figures, pages, failed),
+        )
     return folder / "index.html", tables
 
 
-def scores_of(campaign: Campaign, results: Mapping[str, Finished | BaseException]) -> CampaignScores:
+def scores_of(
+    campaign: Campaign, results: Mapping[str, Finished | BaseException]
+) -> CampaignScores:
     """Return what its tables are made of: the results of its runs by name, one for each."""
     from mapmore_cli.reporting.campaign import CampaignScores
 
-    pairs = [(variant, run) for variant, run in zip(campaign.runs, results.values(), strict=True) if not isinstance(run, BaseException)]
+    pairs = [
+        (variant, run)
+        for variant, run in zip(campaign.runs, results.values(), strict=True)
+        if not isinstance(run, BaseException)
+    ]
     finished = [run for _, run in pairs]
     return CampaignScores(
         {run.name: run.table.scores for run in finished},

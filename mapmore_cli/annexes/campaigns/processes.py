@@ -1,4 +1,6 @@
-"""Worker processes on this machine: one job each at a time, and none that outlives the process which started it."""
+"""Worker processes on this machine: one job each at a time, and none that outlives the process
+which started it.
+"""
 
 from __future__ import annotations
 
@@ -23,38 +25,62 @@ J = TypeVar("J")
 T = TypeVar("T")
 
 ATTEMPTS = 2
-"""How often a job is started whose worker dies: once more may help where another program filled the memory, and no more."""
+"""How often a job is started whose worker dies: once more may help where another program filled the
+memory, and no more.
+"""
 
 
 class Workers(Protocol):
-    """Where jobs are done: processes of this machine, or a cluster. A context manager, which ends its workers' jobs when it is left."""
+    """Where jobs are done: processes of this machine, or a cluster. A context manager, which ends
+    its workers' jobs when it is left.
+    """
 
     def __enter__(self) -> Workers: ...
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None) -> None: ...
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        where: TracebackType | None,
+    ) -> None: ...
 
-    def each(self, function: Callable[[J], T], jobs: Sequence[J]) -> Iterator[tuple[int, T | BaseException]]:
-        """Call `function` with every job, several at a time; yield the number of each with what came of it, as they end."""
+    def each(
+        self, function: Callable[[J], T], jobs: Sequence[J]
+    ) -> Iterator[tuple[int, T | BaseException]]:
+        """Call `function` with every job, several at a time; yield the number of each with what
+        came of it, as they end.
+        """
 
 
 @dataclass
 class LocalWorkers:
-    """At most `count` processes. A job whose worker dies is started once more, which `tell` is told with the job's number."""
+    """At most `count` processes. A job whose worker dies is started once more, which `tell` is told
+    with the job's number.
+    """
 
     count: int
     tell: Callable[[int, str], None] = lambda _number, _message: None
-    _pools: list[ProcessPoolExecutor] = field(default_factory=list)  # of one process each: one that dies takes no other job with it
+    _pools: list[ProcessPoolExecutor] = field(
+        default_factory=list
+    )  # of one process each: one that dies takes no other job with it
 
     def __enter__(self) -> LocalWorkers:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None) -> None:
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        where: TracebackType | None,
+    ) -> None:
         for worker in active_children() if kind is not None else ():
             worker.terminate()  # run folders can bear that at any instant
         for pool in self._pools:
             pool.shutdown(wait=False, cancel_futures=True)
 
-    def each(self, function: Callable[[J], T], jobs: Sequence[J]) -> Iterator[tuple[int, T | BaseException]]:
+    def each(
+        self, function: Callable[[J], T], jobs: Sequence[J]
+    ) -> Iterator[tuple[int, T | BaseException]]:
         """Do the jobs in the order that is given, as far as workers are free."""
         while len(self._pools) < min(self.count, len(jobs)):
             self._pools.append(_one_process())
@@ -92,20 +118,30 @@ def worker_died(times: int) -> MapmoreError:
 def _one_process() -> ProcessPoolExecutor:
     try:
         # Spawned, not forked: a fork of a process with BLAS threads or an open HDF5 file may hang.
-        return ProcessPoolExecutor(1, mp_context=get_context("spawn"), initializer=end_with_parent, initargs=(os.getpid(),))
+        return ProcessPoolExecutor(
+            1, mp_context=get_context("spawn"), initializer=end_with_parent, initargs=(os.getpid(),)
+        )
     except OSError as fault:  # the system keeps the locks between processes as small files
         what = f"no worker process can be started: {os.strerror(fault.errno or 0)}"
-        raise WriteError(what, "make room in shared memory (/dev/shm) and on the disk, or use `mapmore run` for each spec") from fault
+        raise WriteError(
+            what,
+            "make room in shared memory (/dev/shm) and on the disk, or use `mapmore run` for "
+            "each spec",
+        ) from fault
 
 
 def end_with_parent(parent: int) -> None:
-    """Have this worker process killed when its parent ends, in whatever way: by the system where that is Linux, else by a thread."""
+    """Have this worker process killed when its parent ends, in whatever way: by the system where
+    that is Linux, else by a thread.
+    """
     killed_with(parent)
     Thread(target=_watch_parent, daemon=True).start()
 
 
 def _watch_parent() -> NoReturn:
-    """Wait for the end of a pipe that only the parent holds open. Run folders can bear an end at any instant."""
+    """Wait for the end of a pipe that only the parent holds open. Run folders can bear an end at
+    any instant.
+    """
     watched = parent_process()
     if watched is not None:
         watched.join()
@@ -114,7 +150,9 @@ def _watch_parent() -> NoReturn:
 
 @contextmanager
 def _deaf_to_interrupts() -> Iterator[None]:
-    """Let processes that start meanwhile hear no Ctrl-C: else each of them would answer it with a traceback. Here it waits."""
+    """Let processes that start meanwhile hear no Ctrl-C: else each of them would answer it with a
+    traceback. Here it waits.
+    """
     if sys.platform == "win32":
         heard = signal.signal(signal.SIGINT, signal.SIG_IGN)
         try:
@@ -131,7 +169,9 @@ def _deaf_to_interrupts() -> Iterator[None]:
 
 @contextmanager
 def stoppable() -> Iterator[None]:
-    """Let SIGTERM and SIGHUP raise `Stopped`, so that what has begun is ended; a signal that is ignored, as under `nohup`, stays so."""
+    """Let SIGTERM and SIGHUP raise `Stopped`, so that what has begun is ended; a signal that is
+    ignored, as under `nohup`, stays so.
+    """
 
     def stop(number: int, _frame: FrameType | None) -> NoReturn:
         raise Stopped(number)

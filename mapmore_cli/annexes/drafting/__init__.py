@@ -1,1 +1,3 @@
-"""A first spec for recordings that nobody has described yet: what `mapmore init` does, step by step."""
+"""A first spec for recordings that nobody has described yet: what `mapmore init` does, step by
+step.
+"""

@@ -1,4 +1,6 @@
-"""The structure of a draft is searched on its training data; the model is then made in memory, and scored as a run would score it."""
+"""The structure of a draft is searched on its training data; the model is then made in memory, and
+scored as a run would score it.
+"""
 
 from __future__ import annotations
 
@@ -35,21 +37,32 @@ if TYPE_CHECKING:
 BUDGET = 20.0
 """Seconds of computing time of each process, in which the structure of a draft is searched."""
 
-WORSE, MUCH_WORSE = 1.02, 1.2  # times the error of a plainer model, from which a model is told to be worse, and is doubtful
+WORSE, MUCH_WORSE = (
+    1.02,
+    1.2,
+)  # times the error of a plainer model, from which a model is told to be worse, and is doubtful
 MODEL = ("segment", "dictionary", "model", "fit", "fuse")
 
 
 @dataclass(frozen=True)
 class Trial:
-    """The scores of a draft's own model, and of the best of those plainer ones that anybody would try first."""
+    """The scores of a draft's own model, and of the best of those plainer ones that anybody would
+    try first.
+    """
 
     own: Score
     plainer: Score | None = None
 
     @property
     def bad(self) -> bool:
-        """True where the mean of what was measured, or a plainer model, says much more of the data, or nothing can be said."""
-        return not np.isfinite([self.own.rmse, self.own.nrmse]).all() or self.own.r2 <= 0 or self._beaten(MUCH_WORSE)
+        """True where the mean of what was measured, or a plainer model, says much more of the data,
+        or nothing can be said.
+        """
+        return (
+            not np.isfinite([self.own.rmse, self.own.nrmse]).all()
+            or self.own.r2 <= 0
+            or self._beaten(MUCH_WORSE)
+        )
 
     def _beaten(self, times: float) -> bool:
         return self.plainer is not None and self.own.rmse > times * self.plainer.rmse
@@ -63,12 +76,20 @@ class Trial:
             return f"no finite error {where}"
         if not np.isfinite(self.own.nrmse):
             return f"no NRMSE {where}: the measured values are zero, or all alike"
-        told = f"NRMSE {per_cent(self.own)} {where}" + (", worse than their mean" if self.own.r2 <= 0 else "")
-        return f"{told}; {self.plainer.model} has {per_cent(self.plainer)} there" if self.plainer and self._beaten(WORSE) else told
+        told = f"NRMSE {per_cent(self.own)} {where}" + (
+            ", worse than their mean" if self.own.r2 <= 0 else ""
+        )
+        return (
+            f"{told}; {self.plainer.model} has {per_cent(self.plainer)} there"
+            if self.plainer and self._beaten(WORSE)
+            else told
+        )
 
 
 def scored(loaded: LoadedSpec, dataset: Dataset) -> Trial:
-    """Make the model of a spec of its dataset, and score it beside formulas and plainer models. Raises as a run would."""
+    """Make the model of a spec of its dataset, and score it beside formulas and plainer models.
+    Raises as a run would.
+    """
     model = refitted(model_choices(loaded.spec), dataset)
     validation = loaded.spec.validation
     seen = dataset if validation.as_ is None else scored_as(validation.as_, dataset, model)
@@ -78,14 +99,21 @@ def scored(loaded: LoadedSpec, dataset: Dataset) -> Trial:
     said = {OWN: tuple(forecast(model, curve, seen.target) for curve in seen.curves)}
     said |= {one.name: one.forecasts for one in rivals if not one.failed}
     scale = divisor(seen, validation.normaliser)
-    rows = [row for name, found in on_common_rows(said).items() for row in score_rows(name, seen.target, found, seen, scale)]
+    rows = [
+        row
+        for name, found in on_common_rows(said).items()
+        for row in score_rows(name, seen.target, found, seen, scale)
+    ]
     own, *others = deciding(rows)
     known = [row for row in others if np.isfinite(row.rmse)]
     return Trial(own, min(known, key=lambda row: row.rmse, default=None))
 
 
-def proven(draft: Draft, folder: Path, budget: float | None = None, progress: Progress = lambda *_: None) -> Draft:
-    """Return the draft with the structure that a search finds, or the first of its simpler forms for which it does, and what it scored.
+def proven(
+    draft: Draft, folder: Path, budget: float | None = None, progress: Progress = lambda *_: None
+) -> Draft:
+    """Return the draft with the structure that a search finds, or the first of its simpler forms
+    for which it does, and what it scored.
 
     The search takes `budget` seconds of computing time, by default `BUDGET`.
     Raises DataError where there is none.
@@ -105,31 +133,55 @@ def proven(draft: Draft, folder: Path, budget: float | None = None, progress: Pr
 
 
 def _simpler(draft: Draft) -> Iterator[Draft]:
-    """Yield the draft, then without one thing after the other that data may be too few or too odd for, at last as a straight line."""
+    """Yield the draft, then without one thing after the other that data may be too few or too odd
+    for, at last as a straight line.
+    """
     yield draft
-    for keys in (("validate",), ("data.cycles", "data.keep", "data.derive"), ("data.split",), ("data.levels",)):
+    for keys in (
+        ("validate",),
+        ("data.cycles", "data.keep", "data.derive"),
+        ("data.split",),
+        ("data.levels",),
+    ):
         simpler = draft.without(*keys)
         if simpler.spec != draft.spec:
             draft = simpler
             yield draft
-    beside = [name for entry in draft.data["files"] if isinstance(entry, dict) for name in entry.get("set", {})]
-    inputs = [name for name in (*draft.data["columns"], *beside) if name not in ("time", draft.output)]
+    beside = [
+        name
+        for entry in draft.data["files"]
+        if isinstance(entry, dict)
+        for name in entry.get("set", {})
+    ]
+    inputs = [
+        name for name in (*draft.data["columns"], *beside) if name not in ("time", draft.output)
+    ]
     draft = draft.without("data.resample", "data.gaps")
-    yield draft.with_section("dictionary", [{"polynomial": {"of": inputs[:1], "order": 1}}], "a straight line: the least that is a model")
+    yield draft.with_section(
+        "dictionary",
+        [{"polynomial": {"of": inputs[:1], "order": 1}}],
+        "a straight line: the least that is a model",
+    )
 
 
 def _tried(draft: Draft, folder: Path, budget: float, progress: Progress) -> tuple[Draft, Trial]:
-    """Return the draft with a model, and its scores; MapmoreError for what `check`, `run` or the search have against it."""
+    """Return the draft with a model, and its scores; MapmoreError for what `check`, `run` or the
+    search have against it.
+    """
 
     def checked(spec: dict[str, Any]) -> tuple[LoadedSpec, Dataset]:
         loaded = load_text(dump(spec), "draft.yaml", folder)
         found = inspect(loaded)
         if found.verdict is not None or found.dataset is None:
-            raise DataError("; ".join(issue.message for issue in found.issues if issue.severity == "error"))
+            raise DataError(
+                "; ".join(issue.message for issue in found.issues if issue.severity == "error")
+            )
         return loaded, found.dataset
 
     if "dictionary" not in draft.spec:
-        loaded, dataset = checked({**draft.without("validate").spec, "model": {"type": AUTO, "budget": budget}})
+        loaded, dataset = checked(
+            {**draft.without("validate").spec, "model": {"type": AUTO, "budget": budget}}
+        )
         draft = _with_structure(draft, search(dataset, reads(loaded.spec), progress, beside=False))
     return draft, scored(*checked(draft.spec))
 
@@ -142,7 +194,15 @@ def _with_structure(draft: Draft, found: Search) -> Draft:
         sections[section] = {**sections.get(section, {}), inner: value} if inner else value
     for key in (key for key in MODEL if sections.get(key)):
         draft = draft.with_section(key, sections[key])
-    tried = f"{len(found.tried)} structures{f', {found.cut} more not for want of time (--budget)' if found.cut else ''}"
-    why = f"found by search: {found.found.words}; of {tried}, the simplest that errs as little as the best on left-out training data"
+    tried = (
+        f"{len(found.tried)} "
+        f"structures{f', {found.cut} more not for want of time (--budget)' if found.cut else ''}"
+    )
+    why = (
+        f"found by search: {found.found.words}; of {tried}, the simplest that errs as little "
+        "as the best on left-out training data"
+    )
     place = next(key for key in ("dictionary", "model", "segment") if sections.get(key))
-    return replace(draft.noted((place,), f"{why} ({found.found.error:.2g} of the range)"), found=found)
+    return replace(
+        draft.noted((place,), f"{why} ({found.found.error:.2g} of the range)"), found=found
+    )

@@ -1,6 +1,8 @@
-"""What C and Python have in common: names, numbers, functions, expressions and statements; and the templates of files.
+"""What C and Python have in common: names, numbers, functions, expressions and statements; and the
+templates of files.
 
-A template takes `Code` and numbers as they stand. It writes every other text as a literal of its language.
+A template takes `Code` and numbers as they stand. It writes every other text as a literal of its
+language.
 """
 
 from __future__ import annotations
@@ -21,8 +23,28 @@ from mapmore_cli.domain.errors import DataError, UsageError
 from mapmore_cli.domain.foreign import WORDS, c_string, identifiers, plain, tex_text, xml_text
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.modelling.expressions.states import IDENTIFIER
-from mapmore_cli.modelling.expressions.syntax import Call, Condition, Expression, Name, Number, Power, Product, Sum
-from mapmore_cli.modelling.program.statements import NOTHING, Block, Choose, Keep, Let, Program, Queue, Recall, Statement, Use
+from mapmore_cli.modelling.expressions.syntax import (
+    Call,
+    Condition,
+    Expression,
+    Name,
+    Number,
+    Power,
+    Product,
+    Sum,
+)
+from mapmore_cli.modelling.program.statements import (
+    NOTHING,
+    Block,
+    Choose,
+    Keep,
+    Let,
+    Program,
+    Queue,
+    Recall,
+    Statement,
+    Use,
+)
 from mapmore_cli.modelling.program.values import COMPARE
 
 
@@ -41,12 +63,23 @@ def word(text: str) -> Code:
 
 
 def code(form: str, *parts: Code | str | float) -> Code:
-    """Return a form of ours with its braces filled: with code and numbers, and with texts that are identifiers."""
-    return Code(form.format(*(word(one) if isinstance(one, str) and not isinstance(one, Code) else one for one in parts)))
+    """Return a form of ours with its braces filled: with code and numbers, and with texts that are
+    identifiers.
+    """
+    return Code(
+        form.format(
+            *(
+                word(one) if isinstance(one, str) and not isinstance(one, Code) else one
+                for one in parts
+            )
+        )
+    )
 
 
 def texts_of(part: object) -> Iterator[str]:
-    """Yield every text within a part of a program, all but notes and the functions of expressions, which are known ones."""
+    """Yield every text within a part of a program, all but notes and the functions of expressions,
+    which are known ones.
+    """
     if isinstance(part, str):
         yield part
     elif isinstance(part, Expression):
@@ -78,23 +111,54 @@ class Dialect:
 
 
 C_FUNCTIONS = {
-    **{name: name for name in ("exp", "log", "sqrt", "sin", "cos", "tan", "atan", "sinh", "cosh", "tanh", "expm1", "log1p", "pow")},
+    **{
+        name: name
+        for name in (
+            "exp",
+            "log",
+            "sqrt",
+            "sin",
+            "cos",
+            "tan",
+            "atan",
+            "sinh",
+            "cosh",
+            "tanh",
+            "expm1",
+            "log1p",
+            "pow",
+        )
+    },
     "abs": "fabs",
     "sign": "sign_of",
 }
 LARGEST, SMALLEST = 3.4028234e38, 1e-37
-"""Of a single-precision number; what lies beyond is held at the one, and is zero below the other."""
+"""Of a single-precision number; what lies beyond is held at the one, and is zero below the other.
+"""
 
-DOUBLE = Dialect(lambda value: Code(repr(float(value))), C_FUNCTIONS, lambda name, text: f"const double {name} = {text};", "NAN")
+DOUBLE = Dialect(
+    lambda value: Code(repr(float(value))),
+    C_FUNCTIONS,
+    lambda name, text: f"const double {name} = {text};",
+    "NAN",
+)
 SINGLE = Dialect(
-    number=lambda value: code("{!r}f", 0.0 if abs(value) < SMALLEST else min(max(float(value), -LARGEST), LARGEST)),
-    functions={name: text if text == "sign_of" else f"{text}f" for name, text in C_FUNCTIONS.items()},
+    number=lambda value: code(
+        "{!r}f", 0.0 if abs(value) < SMALLEST else min(max(float(value), -LARGEST), LARGEST)
+    ),
+    functions={
+        name: text if text == "sign_of" else f"{text}f" for name, text in C_FUNCTIONS.items()
+    },
     constant=lambda name, text: f"const float {name} = {text};",
     nothing="NAN",
 )
 NUMPY = Dialect(
     number=DOUBLE.number,
-    functions={**{name: f"np.{name}" for name in C_FUNCTIONS}, "atan": "np.arctan", "pow": "np.power"},
+    functions={
+        **{name: f"np.{name}" for name in C_FUNCTIONS},
+        "atan": "np.arctan",
+        "pow": "np.power",
+    },
     constant=lambda name, text: f"{name} = {text}",
     nothing="np.nan",
 )
@@ -104,9 +168,11 @@ SCALAR = replace(NUMPY, quotient=lambda dividend, divisor: f"np.divide({dividend
 
 @dataclass
 class Expressions:
-    """Writes expressions, and the lines that they need before them: powers and function values that occur again get a name.
+    """Writes expressions, and the lines that they need before them: powers and function values that
+    occur again get a name.
 
-    They are computed in the same order as `terms.compiled` computes them, so that all languages round alike.
+    They are computed in the same order as `terms.compiled` computes them, so that all languages
+    round alike.
     """
 
     dialect: Dialect
@@ -119,7 +185,9 @@ class Expressions:
 
     def inner(self, own_lines: bool = True) -> Expressions:
         """For a block within: it knows what is known here, and keeps to itself what it finds."""
-        return Expressions(self.dialect, self.names, self.fresh, [] if own_lines else self.lines, dict(self.known))
+        return Expressions(
+            self.dialect, self.names, self.fresh, [] if own_lines else self.lines, dict(self.known)
+        )
 
     def condition(self, condition: Condition) -> str:
         """Return a comparison."""
@@ -138,7 +206,10 @@ class Expressions:
                 text = "-" if first == Number(-1.0) else self._atom(first, front=True)
                 for factor in others:
                     if isinstance(factor, Power) and factor.exponent < 0:
-                        text = self.dialect.quotient("-1.0" if text == "-" else text, self._power(factor.base, -factor.exponent))
+                        text = self.dialect.quotient(
+                            "-1.0" if text == "-" else text,
+                            self._power(factor.base, -factor.exponent),
+                        )
                     else:
                         text += ("" if text == "-" else " * ") + self._atom(factor)
                 return text
@@ -166,12 +237,18 @@ class Expressions:
             case Call(function, argument):
                 return function, f"{self.dialect.functions[function]}({self.text(argument)})"
             case Power(base, exponent) if exponent < 0:
-                return "inverse", self.dialect.quotient(self.dialect.number(1.0), self._power(base, -exponent))
+                return "inverse", self.dialect.quotient(
+                    self.dialect.number(1.0), self._power(base, -exponent)
+                )
             case Power(base, exponent) if exponent.is_integer():
                 half = exponent // 2
                 return "power", f"{self._power(base, half)} * {self._power(base, exponent - half)}"
             case Power(base, exponent):
-                return "power", f"{self.dialect.functions['pow']}({self.text(base)}, {self.dialect.number(exponent)})"
+                return (
+                    "power",
+                    f"{self.dialect.functions['pow']}({self.text(base)}, "
+                    f"{self.dialect.number(exponent)})",
+                )
 
     def _power(self, base: Expression, exponent: float) -> str:
         return self._atom(base if exponent == 1.0 else Power(base, exponent))
@@ -192,7 +269,9 @@ class Statements(ABC):
         """Raise DataError where a name of the program is no identifier."""
         own, kept = self.program, self.program.kept
         limits = tuple((limit.value, limit.at) for limit in own.limits)
-        for text in {*texts_of((own.functions, own.body, limits, kept.numbers, kept.queues))} - {*COMPARE}:
+        for text in {*texts_of((own.functions, own.body, limits, kept.numbers, kept.queues))} - {
+            *COMPARE
+        }:
             word(text)
 
     def expressions(self) -> Expressions:
@@ -201,7 +280,11 @@ class Statements(ABC):
         return Expressions(self.dialect, self._name, lambda stem: f"{stem}{next(numbers)}")
 
     def _name(self, name: str) -> str:
-        return f"{self.state}{name}" if name in self.program.kept.numbers else self.places.get(name, name)
+        return (
+            f"{self.state}{name}"
+            if name in self.program.kept.numbers
+            else self.places.get(name, name)
+        )
 
     def block(self, block: Block, expressions: Expressions) -> tuple[list[str], list[str]]:
         """Return the lines of a block, behind those that `expressions` has, and its results."""
@@ -217,7 +300,9 @@ class Statements(ABC):
                 case Let(name, value):
                     lines.append(self.dialect.constant(name, expressions.text(value)))
                 case Use(names, function, arguments):
-                    lines.extend(self._used(names, function, [expressions.text(one) for one in arguments]))
+                    lines.extend(
+                        self._used(names, function, [expressions.text(one) for one in arguments])
+                    )
                 case Choose():
                     self._chosen(statement, expressions)
                 case Recall(name, queue, steps):
@@ -226,7 +311,9 @@ class Statements(ABC):
                     lines.append(self._kept(f"{self.state}{kept}", expressions.text(value)))
                 case Queue(queue, value):
                     size = self.program.kept.queues[queue]
-                    lines.extend(self._queued(f"{self.state}{queue}", expressions.text(value), size))
+                    lines.extend(
+                        self._queued(f"{self.state}{queue}", expressions.text(value), size)
+                    )
 
     @abstractmethod
     def _used(self, names: Sequence[str], function: str, arguments: Sequence[str]) -> list[str]: ...
@@ -244,7 +331,18 @@ class Statements(ABC):
     def _queued(self, queue: str, text: str, size: int) -> list[str]: ...
 
 
-RESERVED = frozenset([*(word.lower() for word in WORDS), "model", "co_simulation", "numpy", "aux", "con", "nul", "prn"])
+RESERVED = frozenset(
+    [
+        *(word.lower() for word in WORDS),
+        "model",
+        "co_simulation",
+        "numpy",
+        "aux",
+        "con",
+        "nul",
+        "prn",
+    ]
+)
 """Words of the languages, names of what lies around a model, and what Windows keeps for devices."""
 
 LONGEST = 40
@@ -255,26 +353,45 @@ PYTHON = ("np", "float", "s", "finite", "_beyond", "state", "State", "step", "ev
 
 
 def identifier(name: str) -> Code:
-    """Return the name with `_` for what C does not allow; `model_` goes before a digit and before a reserved word.
+    """Return the name with `_` for what C does not allow; `model_` goes before a digit and before a
+    reserved word.
 
-    The same before `x` and `x_...`: `x_reset` is an input in C. Raises UsageError where there is no letter and no digit in it.
+    The same before `x` and `x_...`: `x_reset` is an input in C. Raises UsageError where there is no
+    letter and no digit in it.
     """
     found = re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_")[:LONGEST].rstrip("_")
     if not found:
-        raise UsageError(f"the model is called `{name}`, which has no letter that C allows in a name", "give the study another name")
+        raise UsageError(
+            f"the model is called `{name}`, which has no letter that C allows in a name",
+            "give the study another name",
+        )
     first = found.lower().partition("_")[0]
-    return word(f"model_{found}" if first[0].isdigit() or first == "x" or found.lower() in RESERVED else found)
+    return word(
+        f"model_{found}"
+        if first[0].isdigit() or first == "x" or found.lower() in RESERVED
+        else found
+    )
 
 
 def names_of_inputs(inputs: Sequence[Quantity], functions: Sequence[str] = ()) -> dict[str, str]:
     """Return what each input is called in code beside some `functions`, by its name."""
     names = [quantity.name for quantity in inputs]
-    return dict(zip(names, identifiers(names, [*PYTHON, *functions, *(f"x_{name}" for name in names)]), strict=True))
+    return dict(
+        zip(
+            names,
+            identifiers(names, [*PYTHON, *functions, *(f"x_{name}" for name in names)]),
+            strict=True,
+        )
+    )
 
 
 def renamed(names: Mapping[str, str]) -> list[str]:
     """Return a line for each input that is called otherwise here."""
-    return [f"The input {name} is called {other} here." for name, other in names.items() if name != other]
+    return [
+        f"The input {name} is called {other} here."
+        for name, other in names.items()
+        if name != other
+    ]
 
 
 LITERALS: Mapping[str, Callable[[str], str]] = {
@@ -298,25 +415,41 @@ def templates(language: str) -> Environment:
         raise TypeError(f"not a text, and no number: {value!r}")
 
     loader = PackageLoader(__package__, "sources")
-    found = Environment(loader=loader, undefined=StrictUndefined, finalize=written, trim_blocks=True, lstrip_blocks=True)
+    found = Environment(
+        loader=loader,
+        undefined=StrictUndefined,
+        finalize=written,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
     found.keep_trailing_newline = True
-    found.filters |= {"word": word, "note": note, "listed": lambda parts: Code(", ".join(str(written(one)) for one in parts))}
+    found.filters |= {
+        "word": word,
+        "note": note,
+        "listed": lambda parts: Code(", ".join(str(written(one)) for one in parts)),
+    }
     found.filters["unit"] = lambda quantity: note(f"{quantity.name} [{quantity.unit}]")
     return found
 
 
 def note(text: str) -> Code:
-    """Return a text for the inside of a comment, which nothing in it can end; it belongs nowhere else."""
+    """Return a text for the inside of a comment, which nothing in it can end; it belongs nowhere
+    else.
+    """
     return Code(plain(text))
 
 
 def rendered(template: str, **words: object) -> Code:
     """Return a file of `sources/` with the words put in."""
-    return Code(templates(template.rpartition(".")[2]).get_template(f"{template}.jinja").render(words))
+    return Code(
+        templates(template.rpartition(".")[2]).get_template(f"{template}.jinja").render(words)
+    )
 
 
 def lines_of_code(lines: Iterable[str]) -> list[Code]:
-    """Return what `Statements` wrote, as code: its constructor has seen every name of the program."""
+    """Return what `Statements` wrote, as code: its constructor has seen every name of the
+    program.
+    """
     return list(map(Code, lines))
 
 

@@ -12,7 +12,14 @@ from mapmore_cli.annexes.exporting.dialect import identifier
 from mapmore_cli.annexes.exporting.fmu import fmu_sources
 from mapmore_cli.annexes.exporting.python_module import python_module
 from mapmore_cli.annexes.exporting.table import table_files, tex_equations
-from mapmore_cli.annexes.exporting.verifying import CompilerMissing, built, library_place, verify_c, verify_module, verify_unit
+from mapmore_cli.annexes.exporting.verifying import (
+    CompilerMissing,
+    built,
+    library_place,
+    verify_c,
+    verify_module,
+    verify_unit,
+)
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.modelling.kinds import runs_over_time
@@ -27,17 +34,25 @@ OLDEST = (1980, 1, 1, 0, 0, 0)
 
 
 def exported(
-    model: Model, to: str, *, single: bool = False, grid: str | None = None, verify: bool = True, warn: Warn = lambda _text: None
+    model: Model,
+    to: str,
+    *,
+    single: bool = False,
+    grid: str | None = None,
+    verify: bool = True,
+    warn: Warn = lambda _text: None,
 ) -> dict[str, bytes]:
-    """Return the files of a model in one of the languages that `mapmore export --to` knows; C may be of `single` precision.
+    """Return the files of a model in one of the languages that `mapmore export --to` knows; C may
+    be of `single` precision.
 
     `csv` has the points of a `grid`; a `table` those of a `grid` or of the training range.
 
-    C, units and modules are compared with `predict` where `verify` is set. `warn` is told where a unit has no binary for this machine,
-    and where nothing could be compared for want of a compiler.
+    C, units and modules are compared with `predict` where `verify` is set. `warn` is told where a
+    unit has no binary for this machine, and where nothing could be compared for want of a compiler.
 
-    Raises UsageError for a grid that is malformed or goes beyond the training range, and for a name that has no letter; DataError where a
-    part of the model is no closed expression; MapmoreError where the code that was written has other numbers than `predict`.
+    Raises UsageError for a grid that is malformed or goes beyond the training range, and for a name
+    that has no letter; DataError where a part of the model is no closed expression; MapmoreError
+    where the code that was written has other numbers than `predict`.
     """
     match to:
         case "c":
@@ -60,7 +75,12 @@ def exported(
         case "mujoco" | "simulink":
             texts = (mujoco_files if to == "mujoco" else simulink_files)(model)
         case "table":
-            return table_files(model, None if grid is None else grid_axes(grid, [quantity.name for quantity in model.inputs]))
+            return table_files(
+                model,
+                None
+                if grid is None
+                else grid_axes(grid, [quantity.name for quantity in model.inputs]),
+            )
         case _:
             assert grid is not None
             texts = {f"{identifier(model.name)}.csv": _table(model, grid)}
@@ -68,19 +88,28 @@ def exported(
 
 
 def _unit(model: Model, verify: bool, warn: Warn) -> bytes:
-    """Return a functional mock-up unit, a zip file without dates: its sources, and the binary of this machine where there is a compiler."""
+    """Return a functional mock-up unit, a zip file without dates: its sources, and the binary of
+    this machine where there is a compiler.
+    """
     units = dict.fromkeys(quantity.unit for quantity in (*model.inputs, model.output))
     known = {unit: base for unit in units if (base := base_units(unit)) is not None}
     unit = fmu_sources(model, known, f"mapmore {__version__}")
     files = {name: text.encode() for name, text in unit.files.items()}
     try:
-        sources = {name.removeprefix("sources/"): text for name, text in unit.files.items() if name.startswith("sources/")}
+        sources = {
+            name.removeprefix("sources/"): text
+            for name, text in unit.files.items()
+            if name.startswith("sources/")
+        }
         if verify:
             verify_unit(model, sources, unit.compiled)
         place = library_place(unit.name)
         files[place] = built(sources, unit.compiled)
     except CompilerMissing as reason:
-        warn(f"{reason}: the unit has sources and no binary, so that the tool that imports it has to compile them")
+        warn(
+            f"{reason}: the unit has sources and no binary, so that the tool that imports it "
+            "has to compile them"
+        )
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w") as archive:
         for name, data in files.items():
@@ -93,13 +122,26 @@ def _unit(model: Model, verify: bool, warn: Warn) -> bytes:
 
 
 def _table(model: Model, grid: str) -> str:
-    """Return a lookup table within the range in which the model was trained: what lies outside would be looked up as if it were known."""
+    """Return a lookup table within the range in which the model was trained: what lies outside
+    would be looked up as if it were known.
+    """
     if runs_over_time(model):
-        raise UsageError("--grid: this model has memory, and a grid has no time", "export it as C or NumPy")
-    lines = predicted_lines(model, grid_lines(grid, [quantity.name for quantity in model.inputs]), "--grid")
+        raise UsageError(
+            "--grid: this model has memory, and a grid has no time", "export it as C or NumPy"
+        )
+    lines = predicted_lines(
+        model, grid_lines(grid, [quantity.name for quantity in model.inputs]), "--grid"
+    )
     header, *rows = (line.rstrip("\n").split(",") for line in lines)
     place = header.index(FLAG)
     if outside := [row for row in rows if row[place] == "true"]:
-        what = f"--grid: {len(outside)} of {len(rows)} points lie outside of the training range, as {','.join(outside[0])}"
-        raise UsageError(what, "keep the grid within the range, or take `mapmore predict --grid`, which marks such points")
+        what = (
+            f"--grid: {len(outside)} of {len(rows)} points lie outside of the training range, "
+            f"as {','.join(outside[0])}"
+        )
+        raise UsageError(
+            what,
+            "keep the grid within the range, or take `mapmore predict --grid`, which marks "
+            "such points",
+        )
     return "".join(",".join(row[:place] + row[place + 1 :]) + "\n" for row in (header, *rows))

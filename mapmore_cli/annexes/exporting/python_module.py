@@ -1,7 +1,9 @@
-"""A model as a Python module: of NumPy for whole arrays, or of nothing but Python for one sample at a time.
+"""A model as a Python module: of NumPy for whole arrays, or of nothing but Python for one sample at
+a time.
 
-The second is the first with the few functions of NumPy that the model uses written out. It is for controllers and simulators that call
-Python sample by sample (SOFA, PyElastica, callbacks of MuJoCo); for whole arrays NumPy is many times faster.
+The second is the first with the few functions of NumPy that the model uses written out. It is for
+controllers and simulators that call Python sample by sample (SOFA, PyElastica, callbacks of
+MuJoCo); for whole arrays NumPy is many times faster.
 """
 
 from __future__ import annotations
@@ -35,21 +37,32 @@ from mapmore_cli.modelling.program.values import INPUT
 def python_module(model: Model, plain: bool = False) -> tuple[str, str]:
     """Return name and text of the module, of NumPy or of `plain` Python.
 
-    It has `evaluate` of all inputs, with memory `State` and `step` of a state and the inputs, and `outside_range`. Plain ones have the same
-    by the name of the output as well, without memory `derivatives`, and `reset`, which makes a new state.
+    It has `evaluate` of all inputs, with memory `State` and `step` of a state and the inputs, and
+    `outside_range`. Plain ones have the same by the name of the output as well, without memory
+    `derivatives`, and `reset`, which makes a new state.
 
-    Raises UsageError where the model's name has nothing that a module may be called; DataError where a part of the model is no closed
-    expression.
+    Raises UsageError where the model's name has nothing that a module may be called; DataError
+    where a part of the model is no closed expression.
     """
     name, program, dialect = identifier(model.name), program_of(model), SCALAR if plain else NUMPY
-    stem = f"model_{name}" if name in sys.stdlib_module_names else name  # NumPy would import it for Python's own
+    stem = (
+        f"model_{name}" if name in sys.stdlib_module_names else name
+    )  # NumPy would import it for Python's own
     functions = [function.name for function in program.functions]
     names = names_of_inputs(model.inputs, functions)
     taken = [*PYTHON, "outside_range", "derivatives", "reset", "math", *functions]
-    words = {"model": model, "names": names, "plain": plain, "renamed": renamed(names), "tolerance": OUTSIDE_TOLERANCE}
+    words = {
+        "model": model,
+        "names": names,
+        "plain": plain,
+        "renamed": renamed(names),
+        "tolerance": OUTSIDE_TOLERANCE,
+    }
     words |= {"output": word(identifiers([model.output.name], taken)[0]), "kept": program.kept}
     words |= {"memory": program.step is not None, "step": program.step}
-    arrays = [code("{}{} = np.asarray({}, dtype=float)", INPUT, name, own) for name, own in names.items()]
+    arrays = [
+        code("{}{} = np.asarray({}, dtype=float)", INPUT, name, own) for name, own in names.items()
+    ]
     finite = [code("np.isfinite({}{})", INPUT, name) for name in names]
     words |= {"arrays": arrays, "finite": Code(" & ".join(finite) or "np.True_")}
     statements = PythonStatements(program, dialect, "s.")
@@ -76,15 +89,28 @@ class PythonStatements(Statements):
         found = []
         for function in self.program.functions:
             lines, results = self.block(function.body, self.expressions())
-            note = docstring(f"{function.note[:1].upper()}{function.note[1:]}.") if function.note else []
+            note = (
+                docstring(f"{function.note[:1].upper()}{function.note[1:]}.")
+                if function.note
+                else []
+            )
             lines = [*note, *lines, f"return {', '.join(results)}"]
             found.append((function.name, function.parameters, lines_of_code(lines)))
         return found
 
     def checks(self) -> tuple[list[Code], Code]:
-        """Return whether each limit is exceeded, and the lines before; limits are of inputs, or of expressions of them."""
+        """Return whether each limit is exceeded, and the lines before; limits are of inputs, or of
+        expressions of them.
+        """
         expressions = self.expressions()
-        self.write([one for one in self.program.body.statements if isinstance(one, Let) and one.name.startswith("input_")], expressions)
+        self.write(
+            [
+                one
+                for one in self.program.body.statements
+                if isinstance(one, Let) and one.name.startswith("input_")
+            ],
+            expressions,
+        )
         checks = [f"_beyond({self._limit(limit, expressions)})" for limit in self.program.limits]
         return lines_of_code(expressions.lines), Code(" | ".join(checks) or "np.False_")
 
@@ -93,7 +119,10 @@ class PythonStatements(Statements):
         if limit.at is None or len(limit.levels) == 1:
             return f"{value}, {float(limit.low[0])!r}, {float(limit.high[0])!r}"
         at = expressions.text(limit.at)
-        ends = [f"np.interp({at}, {limit.levels.tolist()}, {values.tolist()})" for values in (limit.low, limit.high)]
+        ends = [
+            f"np.interp({at}, {limit.levels.tolist()}, {values.tolist()})"
+            for values in (limit.low, limit.high)
+        ]
         return f"{value}, {', '.join(ends)}"
 
     def _used(self, names: Sequence[str], function: str, arguments: Sequence[str]) -> list[str]:

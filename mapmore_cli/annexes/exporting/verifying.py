@@ -1,6 +1,8 @@
-"""Exported code is compiled and run beside `predict` before it is written: on random points within and beyond the training range.
+"""Exported code is compiled and run beside `predict` before it is written: on random points within
+and beyond the training range.
 
-It runs in a process of its own, with a limit of time: no code that follows from a file runs in ours.
+It runs in a process of its own, with a limit of time: no code that follows from a file runs in
+ours.
 """
 
 from __future__ import annotations
@@ -49,15 +51,28 @@ class CompilerFailed(CompilerMissing):
 
 
 def library_place(name: str) -> str:
-    """Return where the shared library of this machine lies in a unit of FMI 2.0; raises CompilerMissing where it has no name for it."""
-    if sys.platform not in SYSTEMS or platform.machine().lower() not in ("x86_64", "amd64", "i386", "i686", "arm64"):
-        raise CompilerMissing(f"FMI 2.0 has no name for this machine ({sys.platform}, {platform.machine()})")
+    """Return where the shared library of this machine lies in a unit of FMI 2.0; raises
+    CompilerMissing where it has no name for it.
+    """
+    if sys.platform not in SYSTEMS or platform.machine().lower() not in (
+        "x86_64",
+        "amd64",
+        "i386",
+        "i686",
+        "arm64",
+    ):
+        raise CompilerMissing(
+            f"FMI 2.0 has no name for this machine ({sys.platform}, {platform.machine()})"
+        )
     system, ending = SYSTEMS[sys.platform]
     return f"binaries/{system}{8 * struct.calcsize('P')}/{name}.{ending}"
 
 
-def built(files: Mapping[str, str], compiled: Sequence[str], flags: Sequence[str] = LIBRARY) -> bytes:
-    """Return the library, or without its flags the program, that those of the files are compiled to.
+def built(
+    files: Mapping[str, str], compiled: Sequence[str], flags: Sequence[str] = LIBRARY
+) -> bytes:
+    """Return the library, or without its flags the program, that those of the files are compiled
+    to.
 
     Raises CompilerMissing where there is no compiler, CompilerFailed where it refuses the files.
     """
@@ -77,36 +92,52 @@ def built(files: Mapping[str, str], compiled: Sequence[str], flags: Sequence[str
     raise CompilerFailed(why)
 
 
-def _compiled(compiler: str, files: Mapping[str, str], compiled: Sequence[str], flags: Sequence[str]) -> bytes:
+def _compiled(
+    compiler: str, files: Mapping[str, str], compiled: Sequence[str], flags: Sequence[str]
+) -> bytes:
     with tempfile.TemporaryDirectory() as folder:
         for name, text in files.items():
             (Path(folder) / name).write_text(text, encoding="utf-8")
         line = [compiler, *FLAGS, *flags, *compiled, "-o", "built", "-lm"]
-        subprocess.run(line, cwd=folder, check=True, capture_output=True, text=True, timeout=SECONDS)
+        subprocess.run(
+            line, cwd=folder, check=True, capture_output=True, text=True, timeout=SECONDS
+        )
         return (Path(folder) / "built").read_bytes()
 
 
 POINTS = 100
 CLOSE, CLOSE_SINGLE = 1e-6, 1e-2
-"""How far code may lie from `predict`, relative to the value or to a tenth of the median; a wrong input or term is farther by far."""
+"""How far code may lie from `predict`, relative to the value or to a tenth of the median; a wrong
+input or term is farther by far.
+"""
 
 
 def verify_c(model: Model, name: str, texts: Mapping[str, str], single: bool) -> None:
     """Compile the C of a model and compare it.
 
-    Raises CompilerMissing where there is no compiler; MapmoreError where it refuses the code, or its numbers are others.
+    Raises CompilerMissing where there is no compiler; MapmoreError where it refuses the code, or
+    its numbers are others.
     """
     compiled = [f"{name}.c", f"{name}_main.c"]
     _verify_program(model, texts, compiled, CLOSE_SINGLE if single else CLOSE)
 
 
 def verify_unit(model: Model, texts: Mapping[str, str], compiled: Sequence[str]) -> None:
-    """Compile the sources of a functional mock-up unit and compare what it answers to a tool; raises as `verify_c`."""
-    _verify_program(model, {**texts, "verify-unit.c": source("verify-unit.c")}, [*compiled, "verify-unit.c"], CLOSE)
+    """Compile the sources of a functional mock-up unit and compare what it answers to a tool;
+    raises as `verify_c`.
+    """
+    _verify_program(
+        model,
+        {**texts, "verify-unit.c": source("verify-unit.c")},
+        [*compiled, "verify-unit.c"],
+        CLOSE,
+    )
 
 
 def verify_module(model: Model, text: str, each: bool = False) -> None:
-    """Import a module and compare it, sample by sample where it takes `each` alone; raises MapmoreError as `verify_c`."""
+    """Import a module and compare it, sample by sample where it takes `each` alone; raises
+    MapmoreError as `verify_c`.
+    """
     columns, memory = points(model), program_of(model).step is not None
     given = [columns[quantity.name].tolist() for quantity in model.inputs]
     measured = [columns[output].tolist() for output in fed_back(model)]
@@ -115,8 +146,12 @@ def verify_module(model: Model, text: str, each: bool = False) -> None:
         for name, code in (("exported.py", text), ("verify.py", driver)):
             (Path(folder) / name).write_text(code, encoding="utf-8")
         libraries = str(Path(np.__file__).parents[1])
-        job = json.dumps({"path": [folder, libraries], "given": given, "measured": measured, "rows": POINTS})
-        said = _said(model, [sys.executable, "-I", "-S", "-B", str(Path(folder) / "verify.py")], job)
+        job = json.dumps(
+            {"path": [folder, libraries], "given": given, "measured": measured, "rows": POINTS}
+        )
+        said = _said(
+            model, [sys.executable, "-I", "-S", "-B", str(Path(folder) / "verify.py")], job
+        )
     found, outside = np.array(said.split(), dtype=np.float64).reshape(2, POINTS)
     _compare(model, columns, found, outside != 0, CLOSE)
 
@@ -124,7 +159,9 @@ def verify_module(model: Model, text: str, each: bool = False) -> None:
 def _said(model: Model, command: Sequence[str], given: str) -> str:
     """Return what code says in a process of its own; raises MapmoreError where it fails."""
     try:
-        return subprocess.run(command, input=given, capture_output=True, text=True, check=True, timeout=SECONDS).stdout
+        return subprocess.run(
+            command, input=given, capture_output=True, text=True, check=True, timeout=SECONDS
+        ).stdout
     except subprocess.CalledProcessError as fault:
         why = (fault.stderr.strip() or f"it ends with {fault.returncode}").splitlines()[-1]
         raise _unequal(model, why) from fault
@@ -135,12 +172,16 @@ def _said(model: Model, command: Sequence[str], given: str) -> str:
 
 
 def points(model: Model) -> Columns:
-    """Return random points around the training range, a fifth of it beyond; for a model with memory a recording, with its output."""
+    """Return random points around the training range, a fifth of it beyond; for a model with memory
+    a recording, with its output.
+    """
     rng, code = np.random.default_rng(1), program_of(model)
     columns = {"time": (code.step or 1.0) * np.arange(float(POINTS))}
     for quantity in model.inputs:
         known = [limit for limit in code.limits if limit.inputs == {quantity.name}]
-        known = [limit for limit in known if limit.value == Name(f"{INPUT}{quantity.name}")] or known  # and not of what follows from it
+        known = [
+            limit for limit in known if limit.value == Name(f"{INPUT}{quantity.name}")
+        ] or known  # and not of what follows from it
         low = min((float(limit.low.min()) for limit in known), default=-1.0)
         high = max((float(limit.high.max()) for limit in known), default=1.0)
         if quantity.name != "time" or code.step is None:  # the clock of a recording is even
@@ -150,10 +191,15 @@ def points(model: Model) -> Columns:
     return columns
 
 
-def _verify_program(model: Model, texts: Mapping[str, str], compiled: Sequence[str], close: float) -> None:
+def _verify_program(
+    model: Model, texts: Mapping[str, str], compiled: Sequence[str], close: float
+) -> None:
     columns = points(model)
     names = [*(quantity.name for quantity in model.inputs), *fed_back(model)]
-    rows = "\n".join(" ".join(map(repr, row)) for row in zip(*(columns[name].tolist() for name in names), strict=True))
+    rows = "\n".join(
+        " ".join(map(repr, row))
+        for row in zip(*(columns[name].tolist() for name in names), strict=True)
+    )
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         place = Path(folder) / "verify.exe"
         try:
@@ -172,10 +218,18 @@ def _compare(model: Model, columns: Columns, found: Array, outside: Array, close
         expected = simulate(model, columns).values
         size = np.abs(expected[np.isfinite(expected)])
         room = close * np.maximum(np.abs(expected), 0.1 * (np.median(size) if size.size else 0.0))
-        equal = (np.abs(found - expected) <= room) | (found == expected) | (np.isnan(found) & np.isnan(expected))
+        equal = (
+            (np.abs(found - expected) <= room)
+            | (found == expected)
+            | (np.isnan(found) & np.isnan(expected))
+        )
     for row in np.flatnonzero(~equal | (outside != outside_range(model, columns)))[:1]:
-        where = ", ".join(f"{quantity.name} = {columns[quantity.name][row]:.6g}" for quantity in model.inputs)
-        raise _unequal(model, f"it is {found[row]:.9g} where `predict` has {expected[row]:.9g}, at {where}")
+        where = ", ".join(
+            f"{quantity.name} = {columns[quantity.name][row]:.6g}" for quantity in model.inputs
+        )
+        raise _unequal(
+            model, f"it is {found[row]:.9g} where `predict` has {expected[row]:.9g}, at {where}"
+        )
 
 
 def _unequal(model: Model, what: str) -> MapmoreError:

@@ -1,4 +1,6 @@
-"""What to try and what to measure next, by training data alone: models that were made without some of it, and what they say of it."""
+"""What to try and what to measure next, by training data alone: models that were made without some
+of it, and what they say of it.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,13 @@ from mapmore_cli.modelling.kinds import parameters
 from mapmore_cli.modelling.literature.backbone import fit_formula, pooled_training
 from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.modelling.validation.significance import geometric_mean, simplest_of
-from mapmore_cli.pipeline.runner import FOUND, SEARCH_STAGE, OnStage, bring_up_to_date, search_stages
+from mapmore_cli.pipeline.runner import (
+    FOUND,
+    SEARCH_STAGE,
+    OnStage,
+    bring_up_to_date,
+    search_stages,
+)
 from mapmore_cli.pipeline.staleness import as_found
 from mapmore_cli.spec.loader import LoadedSpec, load
 from mapmore_cli.spec.yaml_loader import as_overrides
@@ -44,39 +52,63 @@ class Listeners(TypedDict):
     on_stage: OnStage
 
 
-def tune(loaded: LoadedSpec, over: Mapping[str, Sequence[Any]], runs: Path, **listeners: Unpack[Listeners]) -> Tuning:
-    """Try every combination of settings (`over`, by their place in the spec) on training data that its models were made without.
+def tune(
+    loaded: LoadedSpec,
+    over: Mapping[str, Sequence[Any]],
+    runs: Path,
+    **listeners: Unpack[Listeners],
+) -> Tuning:
+    """Try every combination of settings (`over`, by their place in the spec) on training data that
+    its models were made without.
 
-    The data are ingested in the folder of the run; nothing else is written. Held-out samples are dropped before anything is computed.
+    The data are ingested in the folder of the run; nothing else is written. Held-out samples are
+    dropped before anything is computed.
 
-    Raises UsageError where a setting changes the data, so that errors could not be compared; SpecError, DataError, FitError where the spec
-    is wrong with some setting, or no combination can be fitted.
+    Raises UsageError where a setting changes the data, so that errors could not be compared;
+    SpecError, DataError, FitError where the spec is wrong with some setting, or no combination can
+    be fitted.
     """
     variants = list(_variants(loaded, over))
     outcome = bring_up_to_date(loaded, runs, "ingest", **listeners)
     dataset = training_only(RunFiles(outcome.run_dir).dataset())
     split, levels = loaded.spec.data.split, loaded.spec.data.levels
-    held = levels is not None and (split.leave_one_level_out or (split.hold_out is not None and levels.of in split.hold_out.quantities))
+    held = levels is not None and (
+        split.leave_one_level_out
+        or (split.hold_out is not None and levels.of in split.hold_out.quantities)
+    )
     folds = folds_of(dataset, model_choices(loaded.spec), loaded.spec.validation.normaliser, held)
-    trials = shared_out(lambda variant: _tried(*variant, folds), variants, partial(listeners["progress"], "combinations"))
+    trials = shared_out(
+        lambda variant: _tried(*variant, folds),
+        variants,
+        partial(listeners["progress"], "combinations"),
+    )
     return _ranked(loaded.spec.name, folds, trials)
 
 
-def _variants(loaded: LoadedSpec, over: Mapping[str, Sequence[Any]]) -> Iterator[tuple[dict[str, Any], ModelChoices]]:
+def _variants(
+    loaded: LoadedSpec, over: Mapping[str, Sequence[Any]]
+) -> Iterator[tuple[dict[str, Any], ModelChoices]]:
     for values in product(*over.values()):
         settings = dict(zip(over, values, strict=True))
         spec = load(loaded.path, (*loaded.overrides, *as_overrides(settings))).spec
         if slice_of(spec) != slice_of(loaded.spec):
-            what = f"--over {', '.join(over)}: changes the data, so that errors could not be compared"
+            what = (
+                f"--over {', '.join(over)}: changes the data, so that errors could not be compared"
+            )
             raise UsageError(what, "tune how the model is made of them")
         choices = model_choices(spec)
         if choices.kind == "sum":
-            raise SpecError(f"{loaded.path}: a sum of other runs has no settings of its own", "tune the specs that it adds up")
+            raise SpecError(
+                f"{loaded.path}: a sum of other runs has no settings of its own",
+                "tune the specs that it adds up",
+            )
         yield settings, choices
 
 
 def _tried(settings: Mapping[str, Any], choices: ModelChoices, folds: Folds) -> Trial:
-    """Return the errors on the folds, of models that were made without them; where a fit fails, why."""
+    """Return the errors on the folds, of models that were made without them; where a fit fails,
+    why.
+    """
     try:
         size = parameters(refitted(choices, folds.dataset))
         errors = errors_of(choices, folds, refitted)
@@ -84,29 +116,50 @@ def _tried(settings: Mapping[str, Any], choices: ModelChoices, folds: Folds) -> 
         return Trial(settings, failure=fault.message)
     lost = sum(not np.isfinite(error) for error in errors)
     if lost:
-        return Trial(settings, size, failure=f"no finite prediction on {lost} of {len(errors)} folds")
+        return Trial(
+            settings, size, failure=f"no finite prediction on {lost} of {len(errors)} folds"
+        )
     return Trial(settings, size, tuple(errors), geometric_mean(errors))
 
 
 def _ranked(name: str, folds: Folds, trials: Sequence[Trial]) -> Tuning:
-    """Return the trials with what they err beyond the best, and the simplest within one standard error.
+    """Return the trials with what they err beyond the best, and the simplest within one standard
+    error.
 
     Raises FitError where none of them could be fitted.
     """
     usable = [number for number, trial in enumerate(trials) if trial.errors]
     if not usable:
-        raise FitError(f"{name}: no combination could be fitted without some of the data: {trials[0].failure}", "try simpler settings")
-    rank = simplest_of([trials[i].parameters for i in usable], np.array([trials[i].errors for i in usable]))
+        raise FitError(
+            f"{name}: no combination could be fitted without some of the data: {trials[0].failure}",
+            "try simpler settings",
+        )
+    rank = simplest_of(
+        [trials[i].parameters for i in usable], np.array([trials[i].errors for i in usable])
+    )
     told = list(trials)
     for place, number in enumerate(usable):
-        told[number] = replace(trials[number], excess=float(rank.excess[place]), spread=float(rank.spread[place]))
-    return Tuning(name, folds.left_out, folds.full_scale, tuple(told), told[usable[rank.best]], told[usable[rank.chosen]])
+        told[number] = replace(
+            trials[number], excess=float(rank.excess[place]), spread=float(rank.spread[place])
+        )
+    return Tuning(
+        name,
+        folds.left_out,
+        folds.full_scale,
+        tuple(told),
+        told[usable[rank.best]],
+        told[usable[rank.chosen]],
+    )
 
 
-def searched(loaded: LoadedSpec, runs: Path, budget: str | None, **listeners: Unpack[Listeners]) -> tuple[Search, Path]:
-    """Search the structure of a study, whatever its spec says of it; return what was tried, and the spec that was found.
+def searched(
+    loaded: LoadedSpec, runs: Path, budget: str | None, **listeners: Unpack[Listeners]
+) -> tuple[Search, Path]:
+    """Search the structure of a study, whatever its spec says of it; return what was tried, and the
+    spec that was found.
 
-    Raises SpecError, DataError or FitError where the data cannot be read, or no structure can be fitted.
+    Raises SpecError, DataError or FitError where the data cannot be read, or no structure can be
+    fitted.
     """
     asked: dict[str, Any] = {"model.type": AUTO}
     if loaded.spec.model.type != AUTO:
@@ -116,21 +169,30 @@ def searched(loaded: LoadedSpec, runs: Path, budget: str | None, **listeners: Un
     loaded = load(loaded.path, (*loaded.overrides, *as_overrides(asked)))
     outcome = bring_up_to_date(loaded, runs, SEARCH_STAGE, stages=search_stages(), **listeners)
     path = outcome.run_dir / FOUND
-    write_text(path, as_found(loaded, outcome.run_dir).resolved_in(outcome.run_dir, given_only=True))
+    write_text(
+        path, as_found(loaded, outcome.run_dir).resolved_in(outcome.run_dir, given_only=True)
+    )
     return read_search(outcome.run_dir / SEARCH), path
 
 
 COMMITTEE = ("sarosi_hinged", "sarosi")
-"""Formulas of the committee, of those whose inputs the study has; a process without a formula belongs to it as well."""
+"""Formulas of the committee, of those whose inputs the study has; a process without a formula
+belongs to it as well.
+"""
 
 ASTRAY = 2.0
-"""Range of a formula over the map, measured values included, over theirs: beyond that it is no member."""
+"""Range of a formula over the map, measured values included, over theirs: beyond that it is no
+member.
+"""
 
 STEPS = {1: 201, 2: 41, 3: 13}
 """Steps of the grid of places along each of so many inputs."""
 
 EQUAL = "On measured muscles, no rule was better than equal distances (docs/planning.md)."
-MAP = "On six measured maps, such points left 0.3 to 1.2 times the error of evenly spread ones, 0.84 in the mean (docs/planning.md)."
+MAP = (
+    "On six measured maps, such points left 0.3 to 1.2 times the error of evenly spread ones, "
+    "0.84 in the mean (docs/planning.md)."
+)
 FORECAST = "How many more is a forecast: it holds on average, and single cases miss it by much."
 
 
@@ -147,13 +209,16 @@ def plan(
     prices: Mapping[str, float],
     **listeners: Unpack[Listeners],
 ) -> Plan:
-    """Rank the measurements that could be made: levels where the study has some, else (or with `points`) points of a map.
+    """Rank the measurements that could be made: levels where the study has some, else (or with
+    `points`) points of a map.
 
-    The data are ingested in the folder of the run; nothing else is written. Held-out values are not used. `until` is the wanted half
-    width, in per cent of the largest |target| (`2%`) or in the target's unit; `prices` say what a change of each quantity costs.
+    The data are ingested in the folder of the run; nothing else is written. Held-out values are not
+    used. `until` is the wanted half width, in per cent of the largest |target| (`2%`) or in the
+    target's unit; `prices` say what a change of each quantity costs.
 
-    Raises SpecError for a model that runs over time, and a sum of other runs; DataError where there is nothing to plan by: a single level,
-    or a single place; UsageError where `until` is no size or levels are planned, or a price is of a quantity that the study does not set.
+    Raises SpecError for a model that runs over time, and a sum of other runs; DataError where there
+    is nothing to plan by: a single level, or a single place; UsageError where `until` is no size or
+    levels are planned, or a price is of a quantity that the study does not set.
     """
     searched = loaded.spec.model.type == "auto"
     if not searched:
@@ -167,7 +232,9 @@ def plan(
     wanted = None if until is None else _size_of(until, largest)
     if dataset.level is not None and points is None:
         if wanted is not None:
-            raise UsageError("--until: there is no forecast of levels", "add `--points 5`, or leave it out")
+            raise UsageError(
+                "--until: there is no forecast of levels", "add `--points 5`, or leave it out"
+            )
         planned = _of_levels(loaded.spec.name, whole, prices)
     else:
         planned = _of_points(loaded.spec.name, choices, dataset, points or 5, wanted, prices)
@@ -179,38 +246,61 @@ def _refuse(loaded: LoadedSpec) -> ModelChoices:
     """How the model is made, where levels or points can be left out of it."""
     choices = model_choices(loaded.spec)
     if choices.over_time:
-        raise SpecError(f"{loaded.path}: a model over time has no levels or points to measure next", "plan with a static study")
+        raise SpecError(
+            f"{loaded.path}: a model over time has no levels or points to measure next",
+            "plan with a static study",
+        )
     if choices.kind == "sum":
-        raise SpecError(f"{loaded.path}: a sum of other runs has no measurements of its own", "plan with the specs that it adds up")
+        raise SpecError(
+            f"{loaded.path}: a sum of other runs has no measurements of its own",
+            "plan with the specs that it adds up",
+        )
     return choices
 
 
 def _size_of(text: str, largest: float) -> float:
-    """Return a half width in the target's unit: `2%` of the `largest` |target|, or a number; raises UsageError for anything else."""
+    """Return a half width in the target's unit: `2%` of the `largest` |target|, or a number; raises
+    UsageError for anything else.
+    """
     number, percent = text.strip().removesuffix("%"), text.strip().endswith("%")
     try:
         value = float(number)
     except ValueError:
         value = float("nan")
     if not 0 < value < float("inf"):
-        raise UsageError(f"--until {text}: is no size", "write, for example, `--until 2%`, or a number in the target's unit")
+        raise UsageError(
+            f"--until {text}: is no size",
+            "write, for example, `--until 2%`, or a number in the target's unit",
+        )
     return value * largest / 100 if percent else value
 
 
 def _checked(prices: Mapping[str, float], names: Sequence[str]) -> None:
     if wrong := next((name for name in prices if name not in names), None):
-        raise UsageError(f"--cost {wrong}: the plan does not set it", f"name one of {', '.join(names)}")
+        raise UsageError(
+            f"--cost {wrong}: the plan does not set it", f"name one of {', '.join(names)}"
+        )
 
 
 def _of_levels(name: str, whole: Dataset, prices: Mapping[str, float]) -> Planned:
-    """Return the middles of the gaps between levels, the widest first; held-out levels are measured already."""
+    """Return the middles of the gaps between levels, the widest first; held-out levels are measured
+    already.
+    """
     level = str(whole.level)
     _checked(prices, (level,))
     places = np.unique([curve.level for curve in whole.curves if curve.level is not None])
     if len(places) < 2:
-        raise DataError(f"{name}: there is a single level of {level}", "measure its lowest and its highest value first")
+        raise DataError(
+            f"{name}: there is a single level of {level}",
+            "measure its lowest and its highest value first",
+        )
     order = np.argsort(-np.diff(places), kind="stable")
-    found = tuple(Candidate({level: float(places[i : i + 2].mean())}, "between", gap=float(np.diff(places)[i])) for i in order)
+    found = tuple(
+        Candidate(
+            {level: float(places[i : i + 2].mean())}, "between", gap=float(np.diff(places)[i])
+        )
+        for i in order
+    )
     low, high = places[order[0] : order[0] + 2]
     why = f"No gap between levels is wider than that from {low:g} to {high:g}. {EQUAL}"
     unknown = np.full(len(places), np.nan)
@@ -218,18 +308,30 @@ def _of_levels(name: str, whole: Dataset, prices: Mapping[str, float]) -> Planne
 
 
 def _of_points(
-    name: str, choices: ModelChoices, dataset: Dataset, count: int, wanted: float | None, prices: Mapping[str, float]
+    name: str,
+    choices: ModelChoices,
+    dataset: Dataset,
+    count: int,
+    wanted: float | None,
+    prices: Mapping[str, float],
 ) -> Planned:
     """Return the next points."""
     columns = pooled_training(dataset.curves)
     inputs = [quantity.name for quantity in refitted(choices, dataset).inputs]
     names = tuple(one for one in inputs if np.ptp(columns[one]) > 0)
     if not names:
-        raise DataError(f"{name}: all training samples have the same inputs", "measure a second place first")
+        raise DataError(
+            f"{name}: all training samples have the same inputs", "measure a second place first"
+        )
     if len(names) > max(STEPS):
-        raise SpecError(f"{name}: a map of {len(names)} inputs is not planned", f"plan with {max(STEPS)} inputs or fewer")
+        raise SpecError(
+            f"{name}: a map of {len(names)} inputs is not planned",
+            f"plan with {max(STEPS)} inputs or fewer",
+        )
     _checked(prices, names)
-    x, y = of_points.thinned(np.column_stack([columns[one] for one in names]), columns[dataset.target])
+    x, y = of_points.thinned(
+        np.column_stack([columns[one] for one in names]), columns[dataset.target]
+    )
     measured = of_points.Measured(names, x, y)
     places = measured.grid(STEPS[len(names)])
     formulas = formulas_of(dataset, measured, places)
@@ -237,15 +339,23 @@ def _of_points(
     planned = of_points.Committee(measured, places, formulas)
     found, halves = of_points.chosen(planned, names, count, prices)
     notes = [MAP] if len(names) == 2 else []
-    forecast = None if wanted is None else of_points.until(of_points.Committee(measured, places, formulas), wanted)
+    forecast = (
+        None
+        if wanted is None
+        else of_points.until(of_points.Committee(measured, places, formulas), wanted)
+    )
     notes.append("Half widths are right on average; single ones miss by a factor of up to three.")
     return found, of_points.picture(planned, measured, halves), forecast, tuple(notes)
 
 
-def formulas_of(dataset: Dataset, measured: of_points.Measured, places: Array) -> dict[str, tuple[Array, Array]]:
-    """Return what each member of the committee says of the measured points and of the places; of none, nothing.
+def formulas_of(
+    dataset: Dataset, measured: of_points.Measured, places: Array
+) -> dict[str, tuple[Array, Array]]:
+    """Return what each member of the committee says of the measured points and of the places; of
+    none, nothing.
 
-    A formula that leaves the measured values by their range, as one of few points does, is no member.
+    A formula that leaves the measured values by their range, as one of few points does, is no
+    member.
     """
     found = {"none": (np.zeros(len(measured.y)), np.zeros(len(places)))}
     for name in COMMITTEE:
@@ -257,7 +367,9 @@ def formulas_of(dataset: Dataset, measured: of_points.Measured, places: Array) -
             continue
         if not fit.failed:
             columns = (dict(zip(measured.names, at.T, strict=True)) for at in (measured.x, places))
-            at_measured, at_places = (literature.of(fit).predict(fit.parameters, inputs) for inputs in columns)
+            at_measured, at_places = (
+                literature.of(fit).predict(fit.parameters, inputs) for inputs in columns
+            )
             if np.ptp(np.append(measured.y, at_places)) <= ASTRAY * np.ptp(measured.y):
                 found[name] = (at_measured, at_places)
     return found

@@ -1,8 +1,9 @@
 """The next points of a map of two or more inputs.
 
-Several models, each with a Gaussian process of what it leaves, stand in a committee. A point counts by the product of the committee's
-spread and the processes' deviation, times `SLACK` where the muscle is expected to pull less than 2 % of its largest force. Points are taken
-one after the other, each as if it had measured what the committee expects (docs/planning.md).
+Several models, each with a Gaussian process of what it leaves, stand in a committee. A point counts
+by the product of the committee's spread and the processes' deviation, times `SLACK` where the
+muscle is expected to pull less than 2 % of its largest force. Points are taken one after the other,
+each as if it had measured what the committee expects (docs/planning.md).
 """
 
 from __future__ import annotations
@@ -22,15 +23,22 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.results import Candidate, Picture, Until
 from mapmore_cli.modelling.validation.intervals import NORMAL
 
-SHORTEST, LONGEST = 0.1, 5.0  # bounds of the lengths, of inputs in the unit square: few points say nothing of shorter ones
+SHORTEST, LONGEST = (
+    0.1,
+    5.0,
+)  # bounds of the lengths, of inputs in the unit square: few points say nothing of shorter ones
 
 SIZE, NOISE = (0.3, 3.0), (1e-3, 0.5)
-"""Bounds of the deviation of the process and of the noise, as parts of the root mean square of the values."""
+"""Bounds of the deviation of the process and of the noise, as parts of the root mean square of the
+values.
+"""
 
 
 @dataclass(frozen=True)
 class GaussianProcess:
-    """Points x (n, d) with values y (n,); lengths (d,); deviation of the process and of the noise, in the unit of y."""
+    """Points x (n, d) with values y (n,); lengths (d,); deviation of the process and of the noise,
+    in the unit of y.
+    """
 
     x: Array
     y: Array
@@ -41,12 +49,19 @@ class GaussianProcess:
     @property
     def covariance(self) -> Array:
         """That of the values, (n, n)."""
-        return np.asarray(self.deviation**2 * matern(self.x, self.x, self.lengths) + self.noise**2 * np.eye(len(self.y)))
+        return np.asarray(
+            self.deviation**2 * matern(self.x, self.x, self.lengths)
+            + self.noise**2 * np.eye(len(self.y))
+        )
 
     def predict(self, at: Array) -> tuple[Array, Array]:
-        """Return mean and standard deviation of the process, without noise, at points (m, d): (m,) each."""
+        """Return mean and standard deviation of the process, without noise, at points (m, d): (m,)
+        each.
+        """
         factor = np.linalg.cholesky(self.covariance)
-        half = solve_triangular(factor, self.deviation**2 * matern(self.x, at, self.lengths), lower=True)
+        half = solve_triangular(
+            factor, self.deviation**2 * matern(self.x, at, self.lengths), lower=True
+        )
         mean = half.T @ solve_triangular(factor, self.y, lower=True)
         return mean, np.sqrt(np.maximum(self.deviation**2 - np.sum(half**2, axis=0), 0.0))
 
@@ -56,18 +71,24 @@ class GaussianProcess:
 
 
 def matern(a: Array, b: Array, lengths: Array) -> Array:
-    """Return `(1 + r + r^2/3) exp(-r)`, r = sqrt(5) |(a - b)/lengths|, for points (n, d) and (m, d): (n, m)."""
+    """Return `(1 + r + r^2/3) exp(-r)`, r = sqrt(5) |(a - b)/lengths|, for points (n, d) and (m,
+    d): (n, m).
+    """
     difference = (a[:, None, :] - b[None, :, :]) / lengths
     r = math.sqrt(5) * np.sqrt(np.sum(difference**2, axis=2))
     return np.asarray((1 + r + r**2 / 3) * np.exp(-r))
 
 
 def fitted(x: Array, y: Array) -> GaussianProcess:
-    """Return the process of greatest marginal likelihood for points (n, d) in the unit square and values (n,) about zero."""
+    """Return the process of greatest marginal likelihood for points (n, d) in the unit square and
+    values (n,) about zero.
+    """
     scale = float(np.sqrt(np.mean(y**2))) or 1.0
 
     def made(q: Array) -> GaussianProcess:
-        return GaussianProcess(x, y, np.exp(q[:-2]), scale * math.exp(q[-2]), scale * math.exp(q[-1]))
+        return GaussianProcess(
+            x, y, np.exp(q[:-2]), scale * math.exp(q[-2]), scale * math.exp(q[-1])
+        )
 
     def cost(q: Array) -> float:
         factor = cho_factor(made(q).covariance, lower=True)
@@ -78,14 +99,21 @@ def fitted(x: Array, y: Array) -> GaussianProcess:
     return made(minimize(cost, np.log([0.5] * d + [1.0, 0.05]), method="L-BFGS-B", bounds=bounds).x)
 
 
-SLACK, LITTLE = 0.15, 0.02  # weight of points where less than this part of the largest |target| is expected
-MOST_MEASURED = 150  # points that the processes are fitted to: spread over the samples, so that a curve of thousands counts by its course
+SLACK, LITTLE = (
+    0.15,
+    0.02,
+)  # weight of points where less than this part of the largest |target| is expected
+# points that the processes are fitted to: spread over the samples, so that a curve of thousands
+# counts by its course
+MOST_MEASURED = 150
 MOST_POINTS = 100  # points up to which a forecast goes
 
 
 @dataclass(frozen=True)
 class Measured:
-    """A map as measured: inputs by name and values, (n,) each, and what each formula of the committee says there and elsewhere."""
+    """A map as measured: inputs by name and values, (n,) each, and what each formula of the
+    committee says there and elsewhere.
+    """
 
     names: tuple[str, ...]
     x: Array
@@ -97,7 +125,9 @@ class Measured:
 
     def grid(self, steps: int) -> Array:
         """Points of a grid within the hull of what was measured, (m, d)."""
-        every = np.array(list(itertools.product(np.linspace(0.0, 1.0, steps), repeat=len(self.names))))
+        every = np.array(
+            list(itertools.product(np.linspace(0.0, 1.0, steps), repeat=len(self.names)))
+        )
         with suppress(QhullError):  # measured along a line
             if len(self.names) > 1:
                 every = every[Delaunay(self.scaled(self.x)).find_simplex(every, tol=1e-9) >= 0]
@@ -105,7 +135,9 @@ class Measured:
 
 
 def thinned(x: Array, y: Array) -> tuple[Array, Array]:
-    """Return at most `MOST_MEASURED` of the points, spread over them: each next is the one farthest from those taken (maximin)."""
+    """Return at most `MOST_MEASURED` of the points, spread over them: each next is the one farthest
+    from those taken (maximin).
+    """
     if len(y) <= MOST_MEASURED:
         return x, y
     span = np.ptp(x, axis=0)
@@ -120,17 +152,23 @@ def thinned(x: Array, y: Array) -> tuple[Array, Array]:
 
 
 class Committee:
-    """Processes of what each formula leaves, on a fixed set of places; measured values are added one by one.
+    """Processes of what each formula leaves, on a fixed set of places; measured values are added
+    one by one.
 
-    `places` are candidates, (m, d); `formulas` has by name what each says of the measured points, (n,), and of the places, (m,).
+    `places` are candidates, (m, d); `formulas` has by name what each says of the measured points,
+    (n,), and of the places, (m,).
     """
 
-    def __init__(self, measured: Measured, places: Array, formulas: Mapping[str, tuple[Array, Array]]) -> None:
+    def __init__(
+        self, measured: Measured, places: Array, formulas: Mapping[str, tuple[Array, Array]]
+    ) -> None:
         self.places, self.scaled = places, measured.scaled(places)
         self.largest = float(np.abs(measured.y).max()) or 1.0
         x = measured.scaled(measured.x)
         self._base = [elsewhere for _, elsewhere in formulas.values()]
-        self._own: list[GaussianProcess] = [fitted(x, measured.y - here) for here, _ in formulas.values()]
+        self._own: list[GaussianProcess] = [
+            fitted(x, measured.y - here) for here, _ in formulas.values()
+        ]
         self.noise = float(np.mean([own.noise for own in self._own]))
         self._update()
 
@@ -142,7 +180,9 @@ class Committee:
 
     @property
     def error(self) -> Array:
-        """Expected error of a prediction at every place, (m,): of the committee and of the processes."""
+        """Expected error of a prediction at every place, (m,): of the committee and of the
+        processes.
+        """
         return np.asarray(np.hypot(self.spread, self.deviation))
 
     @property
@@ -152,40 +192,73 @@ class Committee:
 
     @property
     def score(self) -> Array:
-        """How much a measurement at every place is worth, (m,): without a spread (a committee of one), the variance."""
+        """How much a measurement at every place is worth, (m,): without a spread (a committee of
+        one), the variance.
+        """
         spread = self.spread if len(self._own) > 1 else self.deviation
-        return np.asarray(spread * self.deviation * np.where(np.abs(self.expected) < LITTLE * self.largest, SLACK, 1.0))
+        return np.asarray(
+            spread
+            * self.deviation
+            * np.where(np.abs(self.expected) < LITTLE * self.largest, SLACK, 1.0)
+        )
 
     def add(self, number: int) -> None:
         """Take a place as measured, with the value that is expected there."""
         left = [float(self.expected[number] - base[number]) for base in self._base]
-        self._own = [own.joined(self.scaled[number], value) for own, value in zip(self._own, left, strict=True)]
+        self._own = [
+            own.joined(self.scaled[number], value)
+            for own, value in zip(self._own, left, strict=True)
+        ]
         self._update()
 
 
 def chosen(
     committee: Committee, names: Sequence[str], count: int, prices: Mapping[str, float]
 ) -> tuple[tuple[Candidate, ...], tuple[Array, Array]]:
-    """Return the next points, in the order in which they are worth most, and the half widths at all places before and after them.
+    """Return the next points, in the order in which they are worth most, and the half widths at all
+    places before and after them.
 
-    Worth is divided by cost. The first time that a quantity takes a value costs its price; at the least, a point costs the lowest price.
+    Worth is divided by cost. The first time that a quantity takes a value costs its price; at the
+    least, a point costs the lowest price.
     """
-    before, places, found, numbers = committee.half, committee.places, list[Candidate](), list[int]()
+    before, places, found, numbers = (
+        committee.half,
+        committee.places,
+        list[Candidate](),
+        list[int](),
+    )
     each = np.array([prices.get(name, 1.0) for name in names])
     for _ in range(count):
-        new = np.column_stack([~np.isin(column, taken) for column, taken in zip(places.T, places[numbers].T, strict=True)])
+        new = np.column_stack(
+            [
+                ~np.isin(column, taken)
+                for column, taken in zip(places.T, places[numbers].T, strict=True)
+            ]
+        )
         cost = np.maximum(new @ each, each.min()) if prices else np.ones(len(places))
         number = int(np.argmax(committee.score / cost))
         numbers.append(number)
         error, half = float(committee.error[number]), float(committee.half[number])
         committee.add(number)
         at = dict(zip(names, places[number].tolist(), strict=True))
-        found.append(Candidate(at, "point", math.nan, half, float(committee.half[number]), error, float(cost[number])))
+        found.append(
+            Candidate(
+                at,
+                "point",
+                math.nan,
+                half,
+                float(committee.half[number]),
+                error,
+                float(cost[number]),
+            )
+        )
     return tuple(found), (before, committee.half)
 
 
 def until(committee: Committee, wanted: float) -> Until:
-    """Return how many more points bring the widest half width to `wanted`; the committee is changed."""
+    """Return how many more points bring the widest half width to `wanted`; the committee is
+    changed.
+    """
     widest = float(committee.half.max())
     more, least = 0, widest
     while least > wanted and more < MOST_POINTS:

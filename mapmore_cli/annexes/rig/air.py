@@ -1,4 +1,6 @@
-"""Air: valves by ISO 6358, a reservoir over water, a pressure regulator, and a muscle that air fills."""
+"""Air: valves by ISO 6358, a reservoir over water, a pressure regulator, and a muscle that air
+fills.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,13 @@ import numpy as np
 from annotated_types import Interval
 from scipy.signal import lfilter
 
-from mapmore_cli.annexes.rig.muscle import IN_KPA, SLACK_WIDTH, MovingMuscle, softplus, zero_force_strain
+from mapmore_cli.annexes.rig.muscle import (
+    IN_KPA,
+    SLACK_WIDTH,
+    MovingMuscle,
+    softplus,
+    zero_force_strain,
+)
 from mapmore_cli.annexes.rig.sensors import low_pass
 from mapmore_cli.annexes.rig.static_muscles import McKibben, volume, volume_slope
 from mapmore_cli.domain.arrays import Array, Columns
@@ -20,20 +28,30 @@ ATMOSPHERE = 101_325.0
 """p0, Pa."""
 
 TOLERANCE = 1e-5
-"""Of each step of an integration of air, relative to a state and to its scale: it moves what is seen by less than a sensor's step."""
+"""Of each step of an integration of air, relative to a state and to its scale: it moves what is
+seen by less than a sensor's step.
+"""
 
 LAMINAR_RATIO = 0.995
-"""Pressure ratio above which a valve's flow is taken as linear: ISO 6358's slope is infinite at equal pressures."""
+"""Pressure ratio above which a valve's flow is taken as linear: ISO 6358's slope is infinite at
+equal pressures.
+"""
 
 
-def valve_flow(conductance: float, critical_ratio: float, upstream: float, downstream: float) -> float:
-    """Volume flow at p0 through a valve, m3/s, between absolute pressures (Pa); negative where `downstream` is the higher.
+def valve_flow(
+    conductance: float, critical_ratio: float, upstream: float, downstream: float
+) -> float:
+    """Volume flow at p0 through a valve, m3/s, between absolute pressures (Pa); negative where
+    `downstream` is the higher.
 
-    `q = C p1 psi`, `psi = 1` for `p2/p1 <= b` (choked), else `sqrt(1 - ((p2/p1 - b)/(1 - b))^2)`; ISO 6358 at reference temperature.
+    `q = C p1 psi`, `psi = 1` for `p2/p1 <= b` (choked), else `sqrt(1 - ((p2/p1 - b)/(1 - b))^2)`;
+    ISO 6358 at reference temperature.
     """
     high, low = max(upstream, downstream), min(upstream, downstream)
     ratio = low / high
-    psi = sqrt(1.0 - (max(min(ratio, LAMINAR_RATIO) - critical_ratio, 0.0) / (1.0 - critical_ratio)) ** 2)
+    psi = sqrt(
+        1.0 - (max(min(ratio, LAMINAR_RATIO) - critical_ratio, 0.0) / (1.0 - critical_ratio)) ** 2
+    )
     fade = min(1.0, (1.0 - ratio) / (1.0 - LAMINAR_RATIO))
     flow = conductance * high * psi * fade
     return flow if upstream >= downstream else -flow
@@ -41,7 +59,9 @@ def valve_flow(conductance: float, critical_ratio: float, upstream: float, downs
 
 @dataclass(frozen=True)
 class Reservoir(Settings):
-    """Bottle of water under air, filled through a supply valve and emptied through an exhaust valve."""
+    """Bottle of water under air, filled through a supply valve and emptied through an exhaust
+    valve.
+    """
 
     air_volume: Positive  # V_a, m3; taken as constant
     polytropic: Annotated[float, Interval(ge=1, le=1.4)]  # n of its air
@@ -50,21 +70,33 @@ class Reservoir(Settings):
     critical_ratio: Annotated[float, Interval(ge=0, lt=0.99)]  # b of both valves
 
     def rate(self, pressure: float, outflow: float, inflow: float) -> float:
-        """`dP_a/dt = n/V_a (q p0 - (P_a + p0) Q)`, Pa/s: gauge `pressure`, water `outflow` Q, air `inflow` q at p0 (m3/s)."""
-        return self.polytropic / self.air_volume * (inflow * ATMOSPHERE - (pressure + ATMOSPHERE) * outflow)
+        """`dP_a/dt = n/V_a (q p0 - (P_a + p0) Q)`, Pa/s: gauge `pressure`, water `outflow` Q, air
+        `inflow` q at p0 (m3/s).
+        """
+        return (
+            self.polytropic
+            / self.air_volume
+            * (inflow * ATMOSPHERE - (pressure + ATMOSPHERE) * outflow)
+        )
 
     def supplied(self, pressure: float, supply: float) -> float:
         """Air flow q, m3/s, from a supply at gauge pressure `supply`."""
-        return valve_flow(self.supply_conductance, self.critical_ratio, supply + ATMOSPHERE, pressure + ATMOSPHERE)
+        return valve_flow(
+            self.supply_conductance, self.critical_ratio, supply + ATMOSPHERE, pressure + ATMOSPHERE
+        )
 
     def exhausted(self, pressure: float) -> float:
         """Air flow q, m3/s, into the reservoir from the room: negative while it empties."""
-        return valve_flow(self.exhaust_conductance, self.critical_ratio, ATMOSPHERE, pressure + ATMOSPHERE)
+        return valve_flow(
+            self.exhaust_conductance, self.critical_ratio, ATMOSPHERE, pressure + ATMOSPHERE
+        )
 
 
 @dataclass(frozen=True)
 class Regulator(Settings):
-    """Proportional pressure regulator: its wanted pressure lags the input, its ISO 6358 valve opens in proportion to what is missing."""
+    """Proportional pressure regulator: its wanted pressure lags the input, its ISO 6358 valve opens
+    in proportion to what is missing.
+    """
 
     slope: Annotated[Positive, IN_KPA]  # of the wanted pressure, Pa/V
     offset: Annotated[float, IN_KPA]  # at no input, Pa
@@ -76,7 +108,9 @@ class Regulator(Settings):
     critical_ratio: Annotated[float, Interval(ge=0, lt=0.99)]
 
     def wanted(self, command: Array | float) -> Array:
-        """Pressure that an input (V) asks for once it has settled, Pa: `max(slope u + offset, 0)`."""
+        """Pressure that an input (V) asks for once it has settled, Pa: `max(slope u + offset,
+        0)`.
+        """
         return np.maximum(self.slope * np.asarray(command) + self.offset, 0.0)
 
     def command(self, wanted: Array) -> Array:
@@ -87,8 +121,15 @@ class Regulator(Settings):
         """Air flow into the muscle at p0, m3/s."""
         opening = min(max((wanted - pressure) / self.band, -1.0), 1.0)
         if opening > 0.0:
-            return opening * valve_flow(self.supply_conductance, self.critical_ratio, self.supply + ATMOSPHERE, pressure + ATMOSPHERE)
-        return opening * valve_flow(self.exhaust_conductance, self.critical_ratio, pressure + ATMOSPHERE, ATMOSPHERE)
+            return opening * valve_flow(
+                self.supply_conductance,
+                self.critical_ratio,
+                self.supply + ATMOSPHERE,
+                pressure + ATMOSPHERE,
+            )
+        return opening * valve_flow(
+            self.exhaust_conductance, self.critical_ratio, pressure + ATMOSPHERE, ATMOSPHERE
+        )
 
 
 @dataclass(frozen=True)
@@ -102,34 +143,48 @@ class Air(Settings):
 
 @dataclass(frozen=True)
 class ClosedMuscle(MovingMuscle):
-    """A McKibben muscle full of air (H section II.A): its valves are closed, or a regulator drives its pressure.
+    """A McKibben muscle full of air (H section II.A): its valves are closed, or a regulator drives
+    its pressure.
 
-    Behind closed valves the pressure follows the volume: air is compressed while the muscle is drawn out, warms up, and gives the warmth to
-    the wall. States, `(k,)`: wanted pressure and pressure (Pa), then the losses.
+    Behind closed valves the pressure follows the volume: air is compressed while the muscle is
+    drawn out, warms up, and gives the warmth to the wall. States, `(k,)`: wanted pressure and
+    pressure (Pa), then the losses.
     """
 
     muscle: McKibben
     air: Air
 
     def taut_strain(self, pressure: float, force: float) -> float:
-        """Strain at which the muscle at `pressure` (Pa) pulls with `force` (N), friction and rubber relaxed."""
+        """Strain at which the muscle at `pressure` (Pa) pulls with `force` (N), friction and rubber
+        relaxed.
+        """
         return zero_force_strain(lambda strain: float(self.muscle.force(pressure, strain)) - force)
 
     def move(self, strain: Array, pressure: float, sample_time: float, cut_off: float) -> Columns:
-        """Return True `pressure` (Pa) and `force` (N) along a path of strains `(n,)` from where the valves were closed at `pressure`.
+        """Return True `pressure` (Pa) and `force` (N) along a path of strains `(n,)` from where the
+        valves were closed at `pressure`.
 
-        `F = softplus(F_static(P, e) - h(P, e) - s)`, with a Maxwell element s of rubber, behind the load cell's filter of `cut_off` (Hz).
+        `F = softplus(F_static(P, e) - h(P, e) - s)`, with a Maxwell element s of rubber, behind the
+        load cell's filter of `cut_off` (Hz).
         """
         gas = self.closed_pressure(strain, pressure, sample_time)
         driving = np.maximum(gas, 0.0)
-        pull = self.muscle.force(driving, strain) - self.hysteresis.force(driving, strain) - self._rubber(strain, sample_time)
-        return {"pressure": gas, "force": low_pass(softplus(pull, SLACK_WIDTH), cut_off, sample_time)}
+        pull = (
+            self.muscle.force(driving, strain)
+            - self.hysteresis.force(driving, strain)
+            - self._rubber(strain, sample_time)
+        )
+        return {
+            "pressure": gas,
+            "force": low_pass(softplus(pull, SLACK_WIDTH), cut_off, sample_time),
+        }
 
     def closed_pressure(self, strain: Array, pressure: float, sample_time: float) -> Array:
         """Gauge pressure `(n,)`, Pa, of a fixed mass of air.
 
-        Energy, `V p' + gamma p V' = (gamma - 1) k (T_w - T)`, is linear in `u = p V^gamma` (p absolute), with `tau = m c_v/k`:
-        `u' = (p_0 V_0 V^(gamma-1) - u)/tau`. So u follows by a first-order filter: adiabatic while fast, isothermal while slow.
+        Energy, `V p' + gamma p V' = (gamma - 1) k (T_w - T)`, is linear in `u = p V^gamma` (p
+        absolute), with `tau = m c_v/k`: `u' = (p_0 V_0 V^(gamma-1) - u)/tau`. So u follows by a
+        first-order filter: adiabatic while fast, isothermal while slow.
         """
         chamber = volume(self.muscle, strain) + self.air.dead_volume
         gamma, absolute = self.air.heat_ratio, pressure + ATMOSPHERE
@@ -157,20 +212,36 @@ class ClosedMuscle(MovingMuscle):
         """Return the same of a muscle that cannot push."""
         return float(softplus(self.tension(states, strain), SLACK_WIDTH))
 
-    def rates(self, states: Array, strain: float, strain_rate: float, regulator: Regulator | None, asked: float) -> Array:
-        """Rates of the states while a regulator is `asked` for a pressure (Pa); without one, `asked` is the air shut in, `p V` at the wall.
+    def rates(
+        self,
+        states: Array,
+        strain: float,
+        strain_rate: float,
+        regulator: Regulator | None,
+        asked: float,
+    ) -> Array:
+        """Rates of the states while a regulator is `asked` for a pressure (Pa); without one,
+        `asked` is the air shut in, `p V` at the wall.
 
-        `p_w' = (asked - p_w)/lag`; `p' = gamma/V (q p0 - p V' e')` (p absolute), and shut in `p' = -gamma/V p V' e' + (asked/V - p)/tau`.
+        `p_w' = (asked - p_w)/lag`; `p' = gamma/V (q p0 - p V' e')` (p absolute), and shut in `p' =
+        -gamma/V p V' e' + (asked/V - p)/tau`.
         """
         wanted, pressure = states[:2].tolist()
         absolute = pressure + ATMOSPHERE
         chamber = float(volume(self.muscle, np.asarray(strain))) + self.air.dead_volume
         work = absolute * float(volume_slope(self.muscle, np.asarray(strain))) * strain_rate
         if regulator is None:
-            filled = [0.0, -self.air.heat_ratio / chamber * work + (asked / chamber - absolute) / self.air.cooling_time]
+            filled = [
+                0.0,
+                -self.air.heat_ratio / chamber * work
+                + (asked / chamber - absolute) / self.air.cooling_time,
+            ]
         else:
             inflow = regulator.inflow(wanted, pressure) * ATMOSPHERE
-            filled = [(asked - wanted) / regulator.lag, self.air.heat_ratio / chamber * (inflow - work)]
+            filled = [
+                (asked - wanted) / regulator.lag,
+                self.air.heat_ratio / chamber * (inflow - work),
+            ]
         return np.array([*filled, *self.rates_of_losses(states[2:], strain_rate)])
 
     def _rubber(self, strain: Array, sample_time: float) -> Array:

@@ -1,4 +1,5 @@
-"""Two muscles against each other on a joint (H section II.D): moved by a motor at closed valves, or driven through their valves.
+"""Two muscles against each other on a joint (H section II.D): moved by a motor at closed valves, or
+driven through their valves.
 
 Muscle 1, the flexor, shortens with the angle; muscle 2, the extensor, is drawn out.
 """
@@ -30,7 +31,8 @@ Asked = Callable[[float], float]
 
 @dataclass(frozen=True, kw_only=True)
 class Antagonists(Settings):
-    """Two muscles on a joint (H section II.D): `closed` swings it by a motor at closed valves, `driven` drives the pressures in antiphase.
+    """Two muscles on a joint (H section II.D): `closed` swings it by a motor at closed valves,
+    `driven` drives the pressures in antiphase.
 
     `random` drives each pressure along a `course` of its own. The spec's `muscle` is the flexor.
     """
@@ -42,7 +44,9 @@ class Antagonists(Settings):
     sample_time: Positive  # s
     frequency: Positive  # Hz
     amplitude: Positive  # of the closed swing, rad
-    pressure: Annotated[Positive, IN_KPA]  # at which the valves are closed, and at which both muscles are at angle zero, Pa
+    pressure: Annotated[
+        Positive, IN_KPA
+    ]  # at which the valves are closed, and at which both muscles are at angle zero, Pa
     pressures: Annotated[tuple[Pressure, Pressure], ListToo()]  # between which they are driven, Pa
     taut: Positive  # force of both muscles at angle zero, N
     rest: RestLength
@@ -68,11 +72,16 @@ class Antagonists(Settings):
     def asked(self, name: str, rng: np.random.Generator) -> tuple[Asked, Asked]:
         """Return two pressures over time: random, or sines in antiphase."""
         if name == "random" and self.course is not None:
-            first, second = (self.course.drawn(self.pressure, self.duration, own) for own in rng.spawn(2))
+            first, second = (
+                self.course.drawn(self.pressure, self.duration, own) for own in rng.spawn(2)
+            )
             return lambda time: float(first(time)), lambda time: float(second(time))
         low, high = self.pressures
         middle, reach, turn = 0.5 * (low + high), 0.5 * (high - low), 2.0 * np.pi * self.frequency
-        return lambda time: middle + reach * np.sin(turn * time), lambda time: middle - reach * np.sin(turn * time)
+        return (
+            lambda time: middle + reach * np.sin(turn * time),
+            lambda time: middle - reach * np.sin(turn * time),
+        )
 
 
 @dataclass(frozen=True)
@@ -87,18 +96,28 @@ class Joint:
     def muscles(self) -> tuple[ClosedMuscle, ClosedMuscle]:
         """Flexor and extensor, full of air."""
         air, rubber = self.setup.air, self.setup.rubber
-        first, second = (ClosedMuscle(muscle, self.hysteresis, rubber, air) for muscle in (self.flexor, self.setup.extensor))
+        first, second = (
+            ClosedMuscle(muscle, self.hysteresis, rubber, air)
+            for muscle in (self.flexor, self.setup.extensor)
+        )
         return first, second
 
     @cached_property
     def _upright(self) -> Array:
         """Strains at the angle zero."""
-        return np.array([muscle.taut_strain(self.setup.pressure, self.setup.taut) for muscle in self.muscles])
+        return np.array(
+            [muscle.taut_strain(self.setup.pressure, self.setup.taut) for muscle in self.muscles]
+        )
 
     @cached_property
     def _at_rest(self) -> Array:
         """Strains at the rest lengths."""
-        return np.array([muscle.taut_strain(self.setup.rest.pressure, self.setup.rest.force) for muscle in self.muscles])
+        return np.array(
+            [
+                muscle.taut_strain(self.setup.rest.pressure, self.setup.rest.force)
+                for muscle in self.muscles
+            ]
+        )
 
     def strain(self, which: int, angle: Array) -> Array:
         """Strain of a muscle at angles in rad."""
@@ -107,11 +126,17 @@ class Joint:
 
     def elongation(self, which: int, angle: Array) -> Array:
         """Length of a muscle beyond its rest length, m, at angles in rad."""
-        return np.asarray((self._at_rest[which] - self.strain(which, angle)) * self.muscles[which].muscle.length)
+        return np.asarray(
+            (self._at_rest[which] - self.strain(which, angle)) * self.muscles[which].muscle.length
+        )
 
     def observed(self, which: int, angle: Array, rate: Array, moved: Columns) -> Columns:
         """Columns of one muscle, its number behind their names: those of `random_velocity`."""
-        columns = {**moved, "length": self.elongation(which, angle), "velocity": SIGNS[which] * self.setup.radius * rate}
+        columns = {
+            **moved,
+            "length": self.elongation(which, angle),
+            "velocity": SIGNS[which] * self.setup.radius * rate,
+        }
         return {f"{name}_{which + 1}": values for name, values in columns.items()}
 
 
@@ -119,39 +144,64 @@ def swung(joint: Joint) -> Columns:
     """Truth while a motor swings the joint, valves closed in both muscles."""
     setup = joint.setup
     time, turn = setup.clock, 2.0 * np.pi * setup.frequency
-    angle, rate = setup.amplitude * np.sin(turn * time), setup.amplitude * turn * np.cos(turn * time)
+    angle, rate = (
+        setup.amplitude * np.sin(turn * time),
+        setup.amplitude * turn * np.cos(turn * time),
+    )
     columns = {"time": time}
     for which, muscle in enumerate(joint.muscles):
-        moved = muscle.move(joint.strain(which, angle), setup.pressure, setup.sample_time, setup.load_cell)
+        moved = muscle.move(
+            joint.strain(which, angle), setup.pressure, setup.sample_time, setup.load_cell
+        )
         columns |= joint.observed(which, angle, rate, moved)
     return columns
 
 
 def driven(joint: Joint, asked: tuple[Asked, Asked]) -> Columns:
-    """Truth while regulators are asked for two pressures (Pa) over time, and the joint moves as it will; their `input` in V.
+    """Truth while regulators are asked for two pressures (Pa) over time, and the joint moves as it
+    will; their `input` in V.
 
     `J a'' = r (F_1 - F_2) - d a'`; the muscles as `ClosedMuscle.rates` has them.
     """
     setup, times = joint.setup, joint.setup.clock
-    starts = [muscle.at_rest(float(wanted(0.0))) for muscle, wanted in zip(joint.muscles, asked, strict=True)]
+    starts = [
+        muscle.at_rest(float(wanted(0.0)))
+        for muscle, wanted in zip(joint.muscles, asked, strict=True)
+    ]
 
     def rates(time: float, states: Array) -> Array:
         angle, rate = states[:2].tolist()
         pulls, changes = [], []
-        for which, (muscle, own) in enumerate(zip(joint.muscles, np.split(states[2:], 2), strict=True)):
+        for which, (muscle, own) in enumerate(
+            zip(joint.muscles, np.split(states[2:], 2), strict=True)
+        ):
             strain = float(joint.strain(which, np.asarray(angle)))
             strain_rate = SIGNS[which] * setup.radius * rate / muscle.muscle.length
             pulls.append(muscle.pull(own, strain))
-            changes.append(muscle.rates(own, strain, strain_rate, setup.regulator, float(asked[which](time))))
+            changes.append(
+                muscle.rates(own, strain, strain_rate, setup.regulator, float(asked[which](time)))
+            )
         turning = setup.radius * (pulls[0] - pulls[1]) - setup.damping * rate
         return np.concatenate([[rate, turning / setup.inertia], *changes])
 
     scales = np.concatenate([[0.1, 1.0], *(muscle.scales for muscle in joint.muscles)])
     states = integrate(rates, np.concatenate([[0.0, 0.0], *starts]), times, scales, TOLERANCE)
     columns = {"time": times}
-    for which, (muscle, own) in enumerate(zip(joint.muscles, np.split(states[:, 2:], 2, axis=1), strict=True)):
-        force = np.array([muscle.pull(row, float(e)) for row, e in zip(own, joint.strain(which, states[:, 0]), strict=True)])
-        moved = {"input": setup.regulator.command(np.array([asked[which](time) for time in times.tolist()])), "pressure": own[:, 1]}
+    for which, (muscle, own) in enumerate(
+        zip(joint.muscles, np.split(states[:, 2:], 2, axis=1), strict=True)
+    ):
+        force = np.array(
+            [
+                muscle.pull(row, float(e))
+                for row, e in zip(own, joint.strain(which, states[:, 0]), strict=True)
+            ]
+        )
+        moved = {
+            "input": setup.regulator.command(
+                np.array([asked[which](time) for time in times.tolist()])
+            ),
+            "pressure": own[:, 1],
+        }
         moved["force"] = low_pass(force, setup.load_cell, setup.sample_time)
         columns |= joint.observed(which, states[:, 0], states[:, 1], moved)
     return columns

@@ -1,8 +1,9 @@
 """The quasi-static load cycle at constant pressure (M1 section IV.A, M2 section 4.3).
 
-The muscle is locked at its starting length (zero strain) and pressurised; it slowly contracts until its force is zero and is slowly drawn
-out again. Recorded is the loop at constant pressure; pressurising before it and venting after it are not. With further turns the actuator
-reverses inside of that loop, which M1 leaves as future work.
+The muscle is locked at its starting length (zero strain) and pressurised; it slowly contracts until
+its force is zero and is slowly drawn out again. Recorded is the loop at constant pressure;
+pressurising before it and venting after it are not. With further turns the actuator reverses inside
+of that loop, which M1 leaves as future work.
 """
 
 from __future__ import annotations
@@ -17,7 +18,15 @@ from annotated_types import Ge, Interval, Len
 from scipy.interpolate import CubicHermiteSpline
 from scipy.signal import lfilter
 
-from mapmore_cli.annexes.rig.muscle import GRAVITY, IN_KPA, SLACK_WIDTH, Hysteresis, StaticMuscle, softplus, zero_force_strain
+from mapmore_cli.annexes.rig.muscle import (
+    GRAVITY,
+    IN_KPA,
+    SLACK_WIDTH,
+    Hysteresis,
+    StaticMuscle,
+    softplus,
+    zero_force_strain,
+)
 from mapmore_cli.annexes.rig.sensors import Pressures, clock, distinct, integrate, pressure_label
 from mapmore_cli.annexes.rig.water import DrivingPressure, WaterRig, WetMuscle, observe
 from mapmore_cli.domain.arrays import Array, Columns
@@ -34,15 +43,21 @@ class Regulation(Settings):
 
 @dataclass(frozen=True, kw_only=True)
 class LoadCycles(Settings):
-    """One slow contraction and extension at each pressure (M1 section IV.A); with more `turns`, reversals inside of that loop."""
+    """One slow contraction and extension at each pressure (M1 section IV.A); with more `turns`,
+    reversals inside of that loop.
+    """
 
     type: Literal["load_cycles"]
     pressures: Pressures
     duration: Positive  # of each recording, s
     sample_time: Positive  # s
     dwell: NonNegative  # rest before, between and after the moves, s
-    turns: Annotated[Sequence[Annotated[float, Interval(ge=0, le=1)]], Len(1)] = (1.0,)  # of the stroke, which begins and ends at zero
-    least_stroke: Annotated[float, Interval(gt=0, le=0.2)]  # strain reached even where the muscle has no force
+    turns: Annotated[Sequence[Annotated[float, Interval(ge=0, le=1)]], Len(1)] = (
+        1.0,
+    )  # of the stroke, which begins and ends at zero
+    least_stroke: Annotated[
+        float, Interval(gt=0, le=0.2)
+    ]  # strain reached even where the muscle has no force
     regulation: Regulation
 
     def __post_init__(self) -> None:
@@ -51,25 +66,46 @@ class LoadCycles(Settings):
         if rests * self.dwell >= self.duration:
             raise ValueError(f"{rests} rests of `dwell` leave no time to move: lengthen `duration`")
         if any(after == before for before, after in pairwise([0.0, *self.turns, 0.0])):
-            raise ValueError("the actuator must move from each of `turns` to the next, beginning and ending at zero")
+            raise ValueError(
+                "the actuator must move from each of `turns` to the next, beginning and "
+                "ending at zero"
+            )
         if 100 * self.sample_time > self.duration:
             raise ValueError("fewer than 100 samples: shorten `sample_time` or lengthen `duration`")
 
 
-def load_cycle(muscle: StaticMuscle, hysteresis: Hysteresis, cycle: LoadCycles, pressure: float, rng: np.random.Generator) -> Columns:
-    """Return True `time` (s), `pressure` (Pa), `strain` and `force` (N) of one cycle at the set `pressure` (Pa), each `(n,)`.
+def load_cycle(
+    muscle: StaticMuscle,
+    hysteresis: Hysteresis,
+    cycle: LoadCycles,
+    pressure: float,
+    rng: np.random.Generator,
+) -> Columns:
+    """Return True `time` (s), `pressure` (Pa), `strain` and `force` (N) of one cycle at the set
+    `pressure` (Pa), each `(n,)`.
 
-    `F = softplus(F_static(P, e) - h(P, e))`: hysteresis takes from the pull in contraction and adds to it in extension.
+    `F = softplus(F_static(P, e) - h(P, e))`: hysteresis takes from the pull in contraction and adds
+    to it in extension.
     """
     time = clock(cycle.duration, cycle.sample_time)
     strain = strain_path(cycle, turning_strain(muscle, hysteresis, cycle, pressure), time)
-    actual = regulated_pressure(cycle.regulation, cycle.sample_time, pressure, rng.standard_normal(len(time)))
+    actual = regulated_pressure(
+        cycle.regulation, cycle.sample_time, pressure, rng.standard_normal(len(time))
+    )
     pull = muscle.force(actual, strain) - hysteresis.force(actual, strain)
-    return {"time": time, "pressure": actual, "strain": strain, "force": softplus(pull, SLACK_WIDTH)}
+    return {
+        "time": time,
+        "pressure": actual,
+        "strain": strain,
+        "force": softplus(pull, SLACK_WIDTH),
+    }
 
 
-def turning_strain(muscle: StaticMuscle, hysteresis: Hysteresis, cycle: LoadCycles, pressure: float) -> float:
-    """Strain at which the contracting muscle's force has fallen to zero, or the least stroke where that is further.
+def turning_strain(
+    muscle: StaticMuscle, hysteresis: Hysteresis, cycle: LoadCycles, pressure: float
+) -> float:
+    """Strain at which the contracting muscle's force has fallen to zero, or the least stroke where
+    that is further.
 
     Friction stops the muscle a little short of its static free strain.
     """
@@ -82,7 +118,9 @@ def turning_strain(muscle: StaticMuscle, hysteresis: Hysteresis, cycle: LoadCycl
 
 
 def strain_path(cycle: LoadCycles, stroke: float, time: Array) -> Array:
-    """Strain `(n,)`: rest at zero, moves from turn to turn and back to zero at one speed, rests between them, rest."""
+    """Strain `(n,)`: rest at zero, moves from turn to turn and back to zero at one speed, rests
+    between them, rest.
+    """
     ends = stroke * np.array([0.0, *cycle.turns, 0.0])
     distances = np.abs(np.diff(ends))
     moves = (cycle.duration - len(ends) * cycle.dwell) * distances / distances.sum()
@@ -91,10 +129,14 @@ def strain_path(cycle: LoadCycles, stroke: float, time: Array) -> Array:
     return np.interp(time, np.cumsum([0.0, *spans]), np.repeat(ends, 2))
 
 
-def regulated_pressure(regulation: Regulation, sample_time: float, pressure: float, shocks: Array) -> Array:
-    """Pressure `(n,)`, Pa: `P (1 + ripple x)`, x a stationary first-order Gauss-Markov process of unit variance.
+def regulated_pressure(
+    regulation: Regulation, sample_time: float, pressure: float, shocks: Array
+) -> Array:
+    """Pressure `(n,)`, Pa: `P (1 + ripple x)`, x a stationary first-order Gauss-Markov process of
+    unit variance.
 
-    `x[k] = a x[k-1] + sqrt(1 - a^2) shocks[k]`, `a = exp(-dt/tau)`, x[0] = shocks[0]. A vented muscle has no ripple.
+    `x[k] = a x[k-1] + sqrt(1 - a^2) shocks[k]`, `a = exp(-dt/tau)`, x[0] = shocks[0]. A vented
+    muscle has no ripple.
     """
     memory = np.exp(-sample_time / regulation.correlation_time)
     driven = np.sqrt(1.0 - memory**2) * shocks
@@ -104,32 +146,50 @@ def regulated_pressure(regulation: Regulation, sample_time: float, pressure: flo
 
 @dataclass(frozen=True)
 class ContractionTable(Settings):
-    """Contraction at each pressure under each load, repeated and averaged (W section II): a table for each pressure."""
+    """Contraction at each pressure under each load, repeated and averaged (W section II): a table
+    for each pressure.
+    """
 
     type: Literal["contraction_table"]
     pressures: Pressures
     masses: Annotated[Sequence[NonNegative], Len(1)]  # kg, in the order in which they are hung on
     repeats: Annotated[int, Ge(1)]
-    regulator_error: Annotated[NonNegative, IN_KPA]  # standard deviation of the pressure from one repeat to the next, Pa
+    regulator_error: Annotated[
+        NonNegative, IN_KPA
+    ]  # standard deviation of the pressure from one repeat to the next, Pa
 
 
 def contraction_table(
-    muscle: StaticMuscle, hysteresis: Hysteresis, table: ContractionTable, pressure: float, rng: np.random.Generator
+    muscle: StaticMuscle,
+    hysteresis: Hysteresis,
+    table: ContractionTable,
+    pressure: float,
+    rng: np.random.Generator,
 ) -> Columns:
-    """Return True `pressure` (Pa), `strain` and `force` (N) of one repeat, each `(n,)` for n masses.
+    """Return True `pressure` (Pa), `strain` and `force` (N) of one repeat, each `(n,)` for n
+    masses.
 
-    The regulator keeps what it happens to settle on; the force is the weight alone. Friction holds a muscle that has contracted a little
-    short of its free strain, and one that is drawn out a little less far than without it.
+    The regulator keeps what it happens to settle on; the force is the weight alone. Friction holds
+    a muscle that has contracted a little short of its free strain, and one that is drawn out a
+    little less far than without it.
     """
     actual = max(pressure + table.regulator_error * float(rng.standard_normal()), 0.0)
     weights = GRAVITY * np.asarray(table.masses, dtype=np.float64)
-    return {"pressure": np.full(len(weights), actual), "strain": resting_strains(muscle, hysteresis, actual, weights), "force": weights}
+    return {
+        "pressure": np.full(len(weights), actual),
+        "strain": resting_strains(muscle, hysteresis, actual, weights),
+        "force": weights,
+    }
 
 
-def resting_strains(muscle: StaticMuscle, hysteresis: Hysteresis, pressure: float, weights: Array) -> Array:
-    """Strains `(n,)` at which the pull balances each weight in turn, along the path that begins relaxed at zero strain.
+def resting_strains(
+    muscle: StaticMuscle, hysteresis: Hysteresis, pressure: float, weights: Array
+) -> Array:
+    """Strains `(n,)` at which the pull balances each weight in turn, along the path that begins
+    relaxed at zero strain.
 
-    `F(P, e) - h = w`, with the stop operators carried along: from the strain before, each moves straight to the next.
+    `F(P, e) - h = w`, with the stop operators carried along: from the strain before, each moves
+    straight to the next.
     """
     strains, at, stops = [], 0.0, np.zeros(len(hysteresis.yield_strains))
     half_width = float(hysteresis.half_width(pressure))
@@ -139,7 +199,11 @@ def resting_strains(muscle: StaticMuscle, hysteresis: Hysteresis, pressure: floa
             return np.clip(stops + (strain - at) / hysteresis.yield_strains, -1.0, 1.0)
 
         def unbalanced(strain: float, weight: float = float(weight)) -> float:
-            return float(muscle.force(pressure, strain)) - half_width * float(carried(strain) @ hysteresis.shares) - weight
+            return (
+                float(muscle.force(pressure, strain))
+                - half_width * float(carried(strain) @ hysteresis.shares)
+                - weight
+            )
 
         strain = zero_force_strain(unbalanced, STRETCHED)
         stops, at = carried(strain), strain
@@ -148,17 +212,23 @@ def resting_strains(muscle: StaticMuscle, hysteresis: Hysteresis, pressure: floa
 
 
 STRETCHED = -0.08
-"""Strain from which on an equilibrium is looked for: a weight may draw the muscle out beyond its length at rest."""
+"""Strain from which on an equilibrium is looked for: a weight may draw the muscle out beyond its
+length at rest.
+"""
 
 
 @dataclass(frozen=True)
 class Perturbations(Settings):
-    """The muscle is stretched and released at constant pressure, at several speeds, smoothly, with rests between (M2 section 6.2)."""
+    """The muscle is stretched and released at constant pressure, at several speeds, smoothly, with
+    rests between (M2 section 6.2).
+    """
 
     type: Literal["perturbation"]
     pressures: Annotated[Sequence[DrivingPressure], Len(1), distinct(pressure_label)]
     between: Pair  # stretched and contracted end, as fractions of the free strain
-    moves: Annotated[Sequence[Positive], Len(1)]  # duration of each stretch, and of the release after it, s
+    moves: Annotated[
+        Sequence[Positive], Len(1)
+    ]  # duration of each stretch, and of the release after it, s
     dwell: Positive  # before, between and after the moves, s
     sample_time: Positive  # s
     rig: WaterRig
@@ -166,19 +236,30 @@ class Perturbations(Settings):
     def __post_init__(self) -> None:
         """Refuse ends in the wrong order, and too few samples."""
         if not 0.0 <= self.between[0] < self.between[1] <= 1.0:
-            raise ValueError("`between` needs two fractions of the free strain, the stretched end first: [0.2, 0.8]")
+            raise ValueError(
+                "`between` needs two fractions of the free strain, the stretched end first: "
+                "[0.2, 0.8]"
+            )
         if 10 * self.sample_time > min(self.dwell, *self.moves):
-            raise ValueError("each move and `dwell` need ten samples: shorten `sample_time` or lengthen them")
+            raise ValueError(
+                "each move and `dwell` need ten samples: shorten `sample_time` or lengthen them"
+            )
 
     def corners(self, free: float) -> tuple[Array, Array]:
-        """Return times (s) and strains, `(4 m + 2,)` for m moves, at which rests begin and end; `free` is the free strain."""
-        spans = [self.dwell, *(span for move in self.moves for span in (move, self.dwell, move, self.dwell))]
+        """Return times (s) and strains, `(4 m + 2,)` for m moves, at which rests begin and end;
+        `free` is the free strain.
+        """
+        spans = [
+            self.dwell,
+            *(span for move in self.moves for span in (move, self.dwell, move, self.dwell)),
+        ]
         ends = np.resize([free * end for end in reversed(self.between)], 2 * len(self.moves) + 1)
         return np.cumsum([0.0, *spans]), np.repeat(ends, 2)
 
 
 def perturbation(muscle: WetMuscle, strokes: Perturbations, pressure: float) -> Columns:
-    """Truth of one recording, columns `(n,)` as those of `observe`, at a constant `pressure` (Pa) of the reservoir.
+    """Truth of one recording, columns `(n,)` as those of `observe`, at a constant `pressure` (Pa)
+    of the reservoir.
 
     It begins with still water, and with friction and rubber relaxed.
     """

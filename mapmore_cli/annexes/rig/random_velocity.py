@@ -1,4 +1,6 @@
-"""A motor moves a muscle at random velocities (H section II.A); H's outlook has a tendon in series, and controlled valves."""
+"""A motor moves a muscle at random velocities (H section II.A); H's outlook has a tendon in series,
+and controlled valves.
+"""
 
 from __future__ import annotations
 
@@ -41,7 +43,9 @@ class Course(Settings):
     pace: Annotated[tuple[Positive, Positive], ListToo()]  # shortest and longest move, s
 
     def drawn(self, start: float, end: float, rng: np.random.Generator) -> CubicHermiteSpline:
-        """Return the pressure over time from `start` (Pa) to the time `end` (s): cubic moves, at rest at both ends."""
+        """Return the pressure over time from `start` (Pa) to the time `end` (s): cubic moves, at
+        rest at both ends.
+        """
         times, places = [0.0], [start]
         while times[-1] <= end:
             places.append(float(rng.uniform(*self.between)))
@@ -59,14 +63,18 @@ class Valves(Settings):
 
 @dataclass(frozen=True)
 class RandomVelocity(Settings):
-    """A motor moves the muscle at random velocities for a while, valves closed at an initial pressure (H section II.A), or controlled."""
+    """A motor moves the muscle at random velocities for a while, valves closed at an initial
+    pressure (H section II.A), or controlled.
+    """
 
     type: Literal["random_velocity"]
     pressures: Pressures  # initial ones
     duration: Positive  # s
     sample_time: Positive  # of the simulation, s
     every: Annotated[int, Ge(1)]  # samples that the file has one of
-    speeds: Annotated[tuple[Positive, Positive], ListToo()]  # slowest and fastest peak of a move, m/s
+    speeds: Annotated[
+        tuple[Positive, Positive], ListToo()
+    ]  # slowest and fastest peak of a move, m/s
     rest: RestLength
     taut: Positive  # force with which the rope is drawn taut before the valves close, N
     drawn_out: Annotated[float, Interval(ge=-0.01, le=0.3)]  # strain at the far end of the stroke
@@ -81,18 +89,24 @@ class RandomVelocity(Settings):
         if self.speeds[0] > self.speeds[1]:
             raise ValueError("`speeds` needs the slower one first: [0.02, 0.2]")
         if 100 * self.sample_time * self.every > self.duration:
-            raise ValueError("fewer than 100 samples: shorten `sample_time`, keep more of them, or lengthen `duration`")
+            raise ValueError(
+                "fewer than 100 samples: shorten `sample_time`, keep more of them, or "
+                "lengthen `duration`"
+            )
 
 
 SHORTEST_MOVE = 0.05
 """s."""
 
 
-def random_velocity(muscle: ClosedMuscle, motion: RandomVelocity, pressure: float, rng: np.random.Generator) -> Columns:
+def random_velocity(
+    muscle: ClosedMuscle, motion: RandomVelocity, pressure: float, rng: np.random.Generator
+) -> Columns:
     """Truth of one record at an initial `pressure` (Pa), `(n,)` each.
 
-    `time` (s), `pressure` (Pa), `length` (m, of elongation from the rest length), `velocity` (m/s, shortening positive), `force` (N);
-    with a regulator its `input` (V). Length and velocity are those of muscle and tendon together.
+    `time` (s), `pressure` (Pa), `length` (m, of elongation from the rest length), `velocity` (m/s,
+    shortening positive), `force` (N); with a regulator its `input` (V). Length and velocity are
+    those of muscle and tendon together.
     """
     length = muscle.muscle.length
     soft = 0.0 if motion.tendon is None else 1.0 / (motion.tendon.stiffness * length)
@@ -104,7 +118,12 @@ def random_velocity(muscle: ClosedMuscle, motion: RandomVelocity, pressure: floa
     else:
         moved = _moved(muscle, motion, path, start, pressure, time, rng)
     rest = muscle.taut_strain(motion.rest.pressure, motion.rest.force) - soft * motion.rest.force
-    columns = {"time": time, **moved, "length": (rest - path(time)) * length, "velocity": path(time, 1) * length}
+    columns = {
+        "time": time,
+        **moved,
+        "length": (rest - path(time)) * length,
+        "velocity": path(time, 1) * length,
+    }
     return {name: values[:: motion.every] for name, values in columns.items()}
 
 
@@ -117,12 +136,15 @@ def _moved(
     time: Array,
     rng: np.random.Generator,
 ) -> Columns:
-    """`pressure` (Pa), `force` (N) and a regulator's `input` (V), along a `path` of the strain of muscle and tendon together.
+    """`pressure` (Pa), `force` (N) and a regulator's `input` (V), along a `path` of the strain of
+    muscle and tendon together.
 
     `F = k L0 (e_muscle - e) + c L0 (e_muscle' - e')`; the first state is the muscle's strain.
     """
     length, tendon, valves = muscle.muscle.length, motion.tendon, motion.valves
-    shut_in = (pressure + ATMOSPHERE) * (float(volume(muscle.muscle, np.asarray(start))) + muscle.air.dead_volume)
+    shut_in = (pressure + ATMOSPHERE) * (
+        float(volume(muscle.muscle, np.asarray(start))) + muscle.air.dead_volume
+    )
     regulator = None if valves is None else valves.regulator
     asked = None if valves is None else valves.course.drawn(pressure, time[-1], rng.spawn(1)[0])
 
@@ -134,16 +156,49 @@ def _moved(
         if tendon is not None:
             pulled = tendon.stiffness * length * (strain - float(path(at)))
             rate += (muscle.pull(states[1:], strain) - pulled) / (tendon.damping * length)
-        return np.array([rate, *muscle.rates(states[1:], strain, rate, regulator, shut_in if asked is None else float(asked(at)))])
+        return np.array(
+            [
+                rate,
+                *muscle.rates(
+                    states[1:],
+                    strain,
+                    rate,
+                    regulator,
+                    shut_in if asked is None else float(asked(at)),
+                ),
+            ]
+        )
 
-    states = integrate(rates, np.array([start, *muscle.at_rest(pressure)]), time, np.array([0.1, *muscle.scales]), TOLERANCE)
-    force = np.array([muscle.pull(row[1:], strain_at(at, row)) for at, row in zip(time.tolist(), states, strict=True)])
-    moved = {"pressure": states[:, 2], "force": low_pass(force, motion.load_cell, motion.sample_time)}
-    return moved if asked is None or regulator is None else {"input": regulator.command(asked(time)), **moved}
+    states = integrate(
+        rates,
+        np.array([start, *muscle.at_rest(pressure)]),
+        time,
+        np.array([0.1, *muscle.scales]),
+        TOLERANCE,
+    )
+    force = np.array(
+        [
+            muscle.pull(row[1:], strain_at(at, row))
+            for at, row in zip(time.tolist(), states, strict=True)
+        ]
+    )
+    moved = {
+        "pressure": states[:, 2],
+        "force": low_pass(force, motion.load_cell, motion.sample_time),
+    }
+    return (
+        moved
+        if asked is None or regulator is None
+        else {"input": regulator.command(asked(time)), **moved}
+    )
 
 
-def _path(start: float, motion: RandomVelocity, length: float, end: float, rng: np.random.Generator) -> CubicHermiteSpline:
-    """Strain over time: cubic moves, at rest at both ends, between places drawn over the whole stroke."""
+def _path(
+    start: float, motion: RandomVelocity, length: float, end: float, rng: np.random.Generator
+) -> CubicHermiteSpline:
+    """Strain over time: cubic moves, at rest at both ends, between places drawn over the whole
+    stroke.
+    """
     times, places = [0.0], [start]
     while times[-1] <= end:
         place = float(rng.uniform(motion.drawn_out, start))

@@ -1,4 +1,6 @@
-"""What every experiment needs: names of its recordings, its clock, the integration of its equations, instruments and logger."""
+"""What every experiment needs: names of its recordings, its clock, the integration of its
+equations, instruments and logger.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,9 @@ def pressure_label(pressure: float) -> str:
     return f"{pressure / 1e3:03g}"
 
 
-def distinct(label: Callable[[Any], str], mistake: str = "each pressure makes one recording: name it once") -> After:
+def distinct(
+    label: Callable[[Any], str], mistake: str = "each pressure makes one recording: name it once"
+) -> After:
     """Refuse a list in which two items would give files of one name."""
 
     def refuse_twins(items: Sequence[Any]) -> Sequence[Any]:
@@ -52,13 +56,22 @@ LONGEST_STEP = 0.01
 """s; so that no step of the integration passes over a short motion."""
 
 
-def integrate(rates: Rates, start: Array, time: Array, scales: Array, tolerance: float = TOLERANCE) -> Array:
+def integrate(
+    rates: Rates, start: Array, time: Array, scales: Array, tolerance: float = TOLERANCE
+) -> Array:
     """States `(n, k)` at the times `(n,)`, from `start` `(k,)` at the first of them.
 
     Raises `SpecError` where the equations cannot be solved.
     """
     solution = solve_ivp(
-        rates, (time[0], time[-1]), start, method="RK45", t_eval=time, rtol=tolerance, atol=tolerance * scales, max_step=LONGEST_STEP
+        rates,
+        (time[0], time[-1]),
+        start,
+        method="RK45",
+        t_eval=time,
+        rtol=tolerance,
+        atol=tolerance * scales,
+        max_step=LONGEST_STEP,
     )
     if not solution.success or not np.all(np.isfinite(solution.y)):
         raise SpecError(
@@ -68,8 +81,12 @@ def integrate(rates: Rates, start: Array, time: Array, scales: Array, tolerance:
     return np.asarray(solution.y.T)
 
 
-def integrate_phases(phases: Iterable[tuple[Rates, Array]], start: Array, scales: Array, tolerance: float = TOLERANCE) -> Array:
-    """States `(n, k)` at the times of all phases, rates and times each: one begins with the last time of the one before."""
+def integrate_phases(
+    phases: Iterable[tuple[Rates, Array]], start: Array, scales: Array, tolerance: float = TOLERANCE
+) -> Array:
+    """States `(n, k)` at the times of all phases, rates and times each: one begins with the last
+    time of the one before.
+    """
     path = [start[np.newaxis]]
     for rates, time in phases:
         path.append(integrate(rates, path[-1][-1], time, scales, tolerance)[1:])
@@ -77,7 +94,8 @@ def integrate_phases(phases: Iterable[tuple[Rates, Array]], start: Array, scales
 
 
 def low_pass(force: Array, cut_off: float, sample_time: float) -> Array:
-    """Force `(n,)` behind a second-order low-pass with `cut_off` Hz at -3 dB, which had settled on the first sample.
+    """Force `(n,)` behind a second-order low-pass with `cut_off` Hz at -3 dB, which had settled on
+    the first sample.
 
     Its two poles are real and equal, so that it neither rings nor turns a pull into a push:
     `y[k] = a y[k-1] + (1 - a) x[k]`, twice, `a = exp(-2 pi f dt)`, `f = cut_off/sqrt(sqrt(2) - 1)`.
@@ -97,14 +115,23 @@ class Sensor(Settings):
     def read(self, truth: Array, rng: np.random.Generator) -> Array:
         """Return readings `(n,)`: whole multiples of `resolution`."""
         noisy = truth + self.noise * rng.standard_normal(len(truth))
-        return np.asarray(np.round(noisy / self.resolution) * self.resolution + 0.0)  # + 0.0 turns -0 into 0
+        return np.asarray(
+            np.round(noisy / self.resolution) * self.resolution + 0.0
+        )  # + 0.0 turns -0 into 0
 
 
 def recording_generator(seed: int, recording: str) -> np.random.Generator:
-    """Random numbers of one recording, by its name: they stay the same whatever other recordings are made beside it."""
+    """Random numbers of one recording, by its name: they stay the same whatever other recordings
+    are made beside it.
+    """
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=tuple(recording.encode())))
 
 
 def measure(truth: Columns, sensors: Mapping[str, Sensor], rng: np.random.Generator) -> Columns:
-    """Return the columns as logged, in the units of `truth`; a column without a sensor (the clock) is passed on."""
-    return {name: sensors[name].read(values, rng) if name in sensors else values for name, values in truth.items()}
+    """Return the columns as logged, in the units of `truth`; a column without a sensor (the clock)
+    is passed on.
+    """
+    return {
+        name: sensors[name].read(values, rng) if name in sensors else values
+        for name, values in truth.items()
+    }

@@ -1,6 +1,7 @@
 """`mapmore simulate`: runs a synthetic rig and writes what its logger would have written.
 
-The same spec gives the same bytes on one machine; on another, a value may round to the neighbouring quantisation step.
+The same spec gives the same bytes on one machine; on another, a value may round to the neighbouring
+quantisation step.
 """
 
 from __future__ import annotations
@@ -14,7 +15,14 @@ import numpy as np
 
 from mapmore_cli.annexes.rig.air import ClosedMuscle
 from mapmore_cli.annexes.rig.antagonists import Antagonists, Joint, driven, swung
-from mapmore_cli.annexes.rig.load_cycle import ContractionTable, LoadCycles, Perturbations, contraction_table, load_cycle, perturbation
+from mapmore_cli.annexes.rig.load_cycle import (
+    ContractionTable,
+    LoadCycles,
+    Perturbations,
+    contraction_table,
+    load_cycle,
+    perturbation,
+)
 from mapmore_cli.annexes.rig.random_velocity import RandomVelocity, random_velocity
 from mapmore_cli.annexes.rig.sensors import Sensor, measure, pressure_label, recording_generator
 from mapmore_cli.annexes.rig.static_muscles import McKibben
@@ -31,14 +39,31 @@ from mapmore_cli.storage.atomic import refusals_told, write_text
 KPA = 1e3
 """Pa; the rig computes in Pa, recordings say kPa."""
 
-UNITS = {"pressure": KPA, "muscle_pressure": KPA, "flow": 1e-3 / 60.0, "displacement": 1e-3, "length": 1e-3, "velocity": 1e-3}
+UNITS = {
+    "pressure": KPA,
+    "muscle_pressure": KPA,
+    "flow": 1e-3 / 60.0,
+    "displacement": 1e-3,
+    "length": 1e-3,
+    "velocity": 1e-3,
+}
 """Of the recordings, in SI units: kPa, L/min, mm, mm/s; the other columns have the rig's own."""
 
 HEADER = {
-    **{"time": "t", "input": "U", "pressure": "P", "strain": "eps", "force": "F", "flow": "Q", "muscle_pressure": "Pm"},
+    **{
+        "time": "t",
+        "input": "U",
+        "pressure": "P",
+        "strain": "eps",
+        "force": "F",
+        "flow": "Q",
+        "muscle_pressure": "Pm",
+    },
     **{"displacement": "x", "load": "W", "length": "l", "velocity": "v"},
 }
-"""Column of the file for each quantity: s, V, kPa, 1, N, L/min, kPa, mm, N, mm, mm/s; of two muscles, `P_1` is the first one's."""
+"""Column of the file for each quantity: s, V, kPa, 1, N, L/min, kPa, mm, N, mm, mm/s; of two
+muscles, `P_1` is the first one's.
+"""
 
 SET_STEPS = {
     **{kind: {"input": 0.001} for kind in ("waveforms", "random_velocity", "antagonists")},
@@ -47,19 +72,27 @@ SET_STEPS = {
 """Steps in the files of what is set and not measured: V, N."""
 
 Cause = float | Step | Waveform | str
-"""What tells one recording of a simulation from another: its pressure (Pa), its step or waveform, or a name."""
+"""What tells one recording of a simulation from another: its pressure (Pa), its step or waveform,
+or a name.
+"""
 
 
-def simulate(spec: SimulationSpec, folder: Path, progress: Progress, force: bool = False) -> list[Path]:
-    """Write one recording for each pressure or waveform into `folder` (made where missing); return their paths, in the order of the spec.
+def simulate(
+    spec: SimulationSpec, folder: Path, progress: Progress, force: bool = False
+) -> list[Path]:
+    """Write one recording for each pressure or waveform into `folder` (made where missing); return
+    their paths, in the order of the spec.
 
-    Raises `WriteError` where a file cannot be written, or exists and is not to be replaced by `force`; files are replaced whole.
+    Raises `WriteError` where a file cannot be written, or exists and is not to be replaced by
+    `force`; files are replaced whole.
     """
     causes = causes_of(spec)
     paths = [folder / f"{spec.output}_{label(cause)}.csv" for cause in causes]
     standing = [path for path in paths if path.is_file()]
     if standing and not force:
-        raise WriteError(f"{standing[0]}: exists already", "write elsewhere with -o, or replace it with --force")
+        raise WriteError(
+            f"{standing[0]}: exists already", "write elsewhere with -o, or replace it with --force"
+        )
     with refusals_told(folder):
         folder.mkdir(parents=True, exist_ok=True)
     for done, (cause, path) in enumerate(zip(causes, paths, strict=True), start=1):
@@ -71,7 +104,11 @@ def simulate(spec: SimulationSpec, folder: Path, progress: Progress, force: bool
 def causes_of(spec: SimulationSpec) -> list[Cause]:
     """Return one cause for each recording."""
     match spec.experiment:
-        case Waveforms(waveforms=causes) | StepResponses(steps=causes) | Antagonists(recordings=causes):
+        case (
+            Waveforms(waveforms=causes)
+            | StepResponses(steps=causes)
+            | Antagonists(recordings=causes)
+        ):
             return [*causes]
         case experiment:
             return [*experiment.pressures]
@@ -87,15 +124,35 @@ def label(cause: Cause) -> str:
 
 
 def recording(spec: SimulationSpec, cause: Cause) -> Columns:
-    """Return readings, each `(n,)`, by the names and in the units of `HEADER`: those that the experiment measures."""
+    """Return readings, each `(n,)`, by the names and in the units of `HEADER`: those that the
+    experiment measures.
+    """
     pressure = cause.pressure if isinstance(cause, Step) else cause
-    rng = recording_generator(spec.seed, f"pressure={pressure / KPA:g}" if isinstance(pressure, float) else f"waveform={label(cause)}")
+    rng = recording_generator(
+        spec.seed,
+        f"pressure={pressure / KPA:g}"
+        if isinstance(pressure, float)
+        else f"waveform={label(cause)}",
+    )
     seen = sensors(spec)
     read: list[Columns] = []
     for _ in range(spec.experiment.repeats if isinstance(spec.experiment, ContractionTable) else 1):
-        in_units = {name: values / UNITS.get(quantity(name), 1.0) for name, values in truth(spec, cause, rng).items()}
-        read.append(measure(in_units, {name: seen[quantity(name)] for name in in_units if quantity(name) in seen}, rng))
-    return {name: np.mean([one[name] for one in read], axis=0) for name in read[0]} if len(read) > 1 else read[0]
+        in_units = {
+            name: values / UNITS.get(quantity(name), 1.0)
+            for name, values in truth(spec, cause, rng).items()
+        }
+        read.append(
+            measure(
+                in_units,
+                {name: seen[quantity(name)] for name in in_units if quantity(name) in seen},
+                rng,
+            )
+        )
+    return (
+        {name: np.mean([one[name] for one in read], axis=0) for name in read[0]}
+        if len(read) > 1
+        else read[0]
+    )
 
 
 def quantity(name: str) -> str:
@@ -118,7 +175,9 @@ def truth(spec: SimulationSpec, cause: Cause, rng: np.random.Generator) -> Colum
         case Waveforms() as setup, McKibben() as braid, Waveform() as waveform:
             return waveform_response(setup.rig(braid, friction), waveform)
         case RandomVelocity(rubber=rubber, air=air) as motion, McKibben() as braid, float(pressure):
-            return random_velocity(ClosedMuscle(braid, friction, rubber, air), motion, pressure, rng)
+            return random_velocity(
+                ClosedMuscle(braid, friction, rubber, air), motion, pressure, rng
+            )
         case Antagonists() as setup, McKibben() as flexor, str(name):
             joint = Joint(flexor, friction, setup)
             return swung(joint) if name == "closed" else driven(joint, setup.asked(name, rng))
@@ -132,23 +191,42 @@ def sensors(spec: SimulationSpec) -> dict[str, Sensor]:
 
 def decimals(spec: SimulationSpec) -> dict[str, int]:
     """Digits after the point that each column needs: those of its quantisation step, none more."""
-    clock = {} if isinstance(spec.experiment, ContractionTable) else {"time": spec.experiment.sample_time}
-    steps = {**clock, **SET_STEPS.get(spec.experiment.type, {}), **{name: sensor.resolution for name, sensor in sensors(spec).items()}}
-    exponents = {name: int(Decimal(repr(step)).normalize().as_tuple().exponent) for name, step in steps.items()}
+    clock = (
+        {}
+        if isinstance(spec.experiment, ContractionTable)
+        else {"time": spec.experiment.sample_time}
+    )
+    steps = {
+        **clock,
+        **SET_STEPS.get(spec.experiment.type, {}),
+        **{name: sensor.resolution for name, sensor in sensors(spec).items()},
+    }
+    exponents = {
+        name: int(Decimal(repr(step)).normalize().as_tuple().exponent)
+        for name, step in steps.items()
+    }
     return {name: max(0, -exponent) for name, exponent in exponents.items()}
 
 
 def csv_text(columns: Columns, digits: Mapping[str, int]) -> str:
     """Return the file: a header, and a line for each sample."""
-    names = [f"{of}{number}" for number in ("", "_1", "_2") for of in HEADER if f"{of}{number}" in columns]
-    formatted = [[f"{value:.{digits[quantity(name)]}f}" for value in columns[name]] for name in names]
+    names = [
+        f"{of}{number}"
+        for number in ("", "_1", "_2")
+        for of in HEADER
+        if f"{of}{number}" in columns
+    ]
+    formatted = [
+        [f"{value:.{digits[quantity(name)]}f}" for value in columns[name]] for name in names
+    ]
     header = [HEADER[quantity(name)] + name.removeprefix(quantity(name)) for name in names]
     lines = [",".join(header), *map(",".join, zip(*formatted, strict=True))]
     return "\n".join(lines) + "\n"
 
 
 def write_example(folder: Path, progress: Progress) -> list[Path]:
-    """Write the study, the rig and its simulated recordings into a folder, which is made where missing; their paths, the study first.
+    """Write the study, the rig and its simulated recordings into a folder, which is made where
+    missing; their paths, the study first.
 
     Raises WriteError where the folder is not empty, or cannot be written.
     """
@@ -157,6 +235,11 @@ def write_example(folder: Path, progress: Progress) -> list[Path]:
     with refusals_told(folder):
         folder.mkdir(parents=True, exist_ok=True)
         for name in ("rig.yaml", "study.yaml"):
-            write_text(folder / name, files("mapmore_cli.annexes.rig").joinpath("example_study", name).read_text(encoding="utf-8"))
+            write_text(
+                folder / name,
+                files("mapmore_cli.annexes.rig")
+                .joinpath("example_study", name)
+                .read_text(encoding="utf-8"),
+            )
     recordings = simulate(load_as(folder / "rig.yaml", SimulationSpec, ()).spec, folder, progress)
     return [folder / "study.yaml", folder / "rig.yaml", *recordings]

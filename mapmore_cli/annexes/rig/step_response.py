@@ -1,6 +1,8 @@
-"""The step response (M2 section 4.1): a weight rests on a stop, below a slightly tensioned muscle that is suddenly put under pressure.
+"""The step response (M2 section 4.1): a weight rests on a stop, below a slightly tensioned muscle
+that is suddenly put under pressure.
 
-The muscle lifts the weight, holds it until it has come to rest, is exhausted, and the weight draws it out again until it falls on the stop.
+The muscle lifts the weight, holds it until it has come to rest, is exhausted, and the weight draws
+it out again until it falls on the stop.
 """
 
 from __future__ import annotations
@@ -22,7 +24,9 @@ from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.declared import NonNegative, Positive, Settings
 
 ABOVE_WATER = (1e5, 0.1, 1.0)
-"""Size of the states that stand before the wet muscle's: reservoir pressure (Pa), strain, strain rate (1/s)."""
+"""Size of the states that stand before the wet muscle's: reservoir pressure (Pa), strain, strain
+rate (1/s).
+"""
 
 
 @dataclass(frozen=True)
@@ -34,8 +38,12 @@ class Bumper(Settings):
     pretension: Positive  # of the muscle while the weight rests on the stop, N
 
     def push(self, depth: float, speed: float) -> float:
-        """Force on the weight, N: `k d (1 + c d')` at depth d > 0 (m) and speed d' (m/s) into the stop; it never holds the weight back."""
-        return max(self.stiffness * depth * (1.0 + self.damping * speed), 0.0) if depth > 0.0 else 0.0
+        """Force on the weight, N: `k d (1 + c d')` at depth d > 0 (m) and speed d' (m/s) into the
+        stop; it never holds the weight back.
+        """
+        return (
+            max(self.stiffness * depth * (1.0 + self.damping * speed), 0.0) if depth > 0.0 else 0.0
+        )
 
 
 @dataclass(frozen=True)
@@ -48,7 +56,9 @@ class Step(Settings):
 
 @dataclass(frozen=True)
 class StepResponses(Settings):
-    """A weight is suddenly lifted and dropped again, once for each step (M2 section 4.1, table 3)."""
+    """A weight is suddenly lifted and dropped again, once for each step (M2 section 4.1, table
+    3).
+    """
 
     type: Literal["step_responses"]
     steps: Annotated[Sequence[Step], Len(1), distinct(lambda step: pressure_label(step.pressure))]
@@ -63,9 +73,15 @@ class StepResponses(Settings):
     def __post_init__(self) -> None:
         """Refuse weights that do not rest on their stop, and too few samples."""
         if any(step.weight <= self.bumper.pretension for step in self.steps):
-            raise ValueError("each weight must exceed the `pretension`, or it would hang free of its stop from the start")
+            raise ValueError(
+                "each weight must exceed the `pretension`, or it would hang free of its stop "
+                "from the start"
+            )
         if 10 * self.sample_time > min(self.rest, self.hold, self.fall):
-            raise ValueError("`rest`, `hold` and `fall` need ten samples each: shorten `sample_time` or lengthen them")
+            raise ValueError(
+                "`rest`, `hold` and `fall` need ten samples each: shorten `sample_time` or "
+                "lengthen them"
+            )
 
     def clocks(self) -> list[Array]:
         """Sample times, s, of the three phases; each ends with the sample that begins the next."""
@@ -76,7 +92,9 @@ class StepResponses(Settings):
 
 @dataclass(frozen=True)
 class StepRig:
-    """The rig of M2's figure 8, set up for step responses; its states are those of `ABOVE_WATER`, then the wet muscle's."""
+    """The rig of M2's figure 8, set up for step responses; its states are those of `ABOVE_WATER`,
+    then the wet muscle's.
+    """
 
     muscle: WetMuscle
     setup: StepResponses
@@ -87,7 +105,9 @@ class StepRig:
         return np.concatenate([ABOVE_WATER, self.muscle.scales])
 
     def at_rest(self) -> Array:
-        """States without pressure: the muscle pulls with its pretension, the stop carries the rest of the weight."""
+        """States without pressure: the muscle pulls with its pretension, the stop carries the rest
+        of the weight.
+        """
         wet = self.muscle.at_rest(0.0)
 
         def excess(strain: float) -> float:
@@ -95,25 +115,43 @@ class StepRig:
 
         return np.concatenate([[0.0, zero_force_strain(excess), 0.0], wet])
 
-    def rates(self, _time: float, states: Array, supply: float | None, weight: float, touch: float) -> Array:
-        """Rates of the states, with the valve on a `supply` pressure (Pa) or, None, on exhaust; the `weight` (N) touches at `touch`."""
+    def rates(
+        self, _time: float, states: Array, supply: float | None, weight: float, touch: float
+    ) -> Array:
+        """Rates of the states, with the valve on a `supply` pressure (Pa) or, None, on exhaust; the
+        `weight` (N) touches at `touch`.
+        """
         pressure, strain, strain_rate = states[: len(ABOVE_WATER)].tolist()
         wet = states[len(ABOVE_WATER) :]
         length = self.muscle.muscle.length
         pull, wet_rates = self.muscle.respond(wet, pressure, strain, strain_rate)
         reservoir = self.setup.reservoir
-        inflow = reservoir.exhausted(pressure) if supply is None else reservoir.supplied(pressure, supply)
+        inflow = (
+            reservoir.exhausted(pressure)
+            if supply is None
+            else reservoir.supplied(pressure, supply)
+        )
         push = self.setup.bumper.push(length * (touch - strain), -length * strain_rate)
         acceleration = (pull + push - weight) * GRAVITY / (weight * length)
-        return np.concatenate([[reservoir.rate(pressure, float(wet[0]), inflow), strain_rate, acceleration], wet_rates])
+        return np.concatenate(
+            [
+                [reservoir.rate(pressure, float(wet[0]), inflow), strain_rate, acceleration],
+                wet_rates,
+            ]
+        )
 
 
 def step_response(rig: StepRig, step: Step, tolerance: float = TOLERANCE) -> Columns:
     """Truth of one recording, columns `(n,)` as those of `observe`."""
     states, bumper = rig.at_rest(), rig.setup.bumper
-    touch = states[1] + (step.weight - bumper.pretension) / (bumper.stiffness * rig.muscle.muscle.length)
+    touch = states[1] + (step.weight - bumper.pretension) / (
+        bumper.stiffness * rig.muscle.muscle.length
+    )
     clocks = rig.setup.clocks()
-    motions = [partial(rig.rates, supply=supply, weight=step.weight, touch=touch) for supply in (None, step.pressure, None)]
+    motions = [
+        partial(rig.rates, supply=supply, weight=step.weight, touch=touch)
+        for supply in (None, step.pressure, None)
+    ]
     along = integrate_phases(zip(motions, clocks, strict=True), states, rig.scales, tolerance)
     time = np.concatenate([clocks[0][:1], *(clock[1:] for clock in clocks)])
     return observe(rig.muscle, time, along[:, 1], along[:, len(ABOVE_WATER) :])

@@ -1,7 +1,8 @@
-"""A muscle at the end of M2's water line: reservoir, line, pressure sensor, tube, muscle (M2 section 4.1 and 6.3).
+"""A muscle at the end of M2's water line: reservoir, line, pressure sensor, tube, muscle (M2
+section 4.1 and 6.3).
 
-The sensor sits before the tube. What M2 calls damping force is for the most part what the tube's flow takes from the pressure on its
-way to the muscle.
+The sensor sits before the tube. What M2 calls damping force is for the most part what the tube's
+flow takes from the pressure on its way to the muscle.
 """
 
 from __future__ import annotations
@@ -29,7 +30,9 @@ WATER_VISCOSITY = 1.0e-3
 """Dynamic, Pa s."""
 
 BLASIUS_REYNOLDS = (64.0 / 0.316) ** (4.0 / 3.0)
-"""Reynolds number (1187) at which laminar `64/Re` and Blasius' `0.316 Re^-0.25` give the same friction factor."""
+"""Reynolds number (1187) at which laminar `64/Re` and Blasius' `0.316 Re^-0.25` give the same
+friction factor.
+"""
 
 
 @dataclass(frozen=True)
@@ -51,9 +54,11 @@ class Pipe(Settings):
         return WATER_DENSITY * self.length / self.area
 
     def drop(self, flow: float) -> float:
-        """Pressure lost to a steady `flow` (m3/s), Pa, of its sign: `R Q (1 + (Re/1187)^3)^(1/4) + K rho u |u|/2`.
+        """Pressure lost to a steady `flow` (m3/s), Pa, of its sign: `R Q (1 + (Re/1187)^3)^(1/4) +
+        K rho u |u|/2`.
 
-        `R = 128 mu L/(pi d^4)` is the laminar resistance; the bracket blends into Blasius' law, `Re^(3/4)` as large.
+        `R = 128 mu L/(pi d^4)` is the laminar resistance; the bracket blends into Blasius' law,
+        `Re^(3/4)` as large.
         """
         speed = flow / self.area
         reynolds = WATER_DENSITY * abs(speed) * self.diameter / WATER_VISCOSITY
@@ -64,7 +69,9 @@ class Pipe(Settings):
 
 @dataclass(frozen=True)
 class Wall(Settings):
-    """Soft wall of hose or muscle: it bulges by a volume W, late; `P = (W + tau W')/C` (Kelvin and Voigt)."""
+    """Soft wall of hose or muscle: it bulges by a volume W, late; `P = (W + tau W')/C` (Kelvin and
+    Voigt).
+    """
 
     compliance: Positive  # C, m3/Pa
     relaxation_time: Positive  # tau, s
@@ -92,7 +99,9 @@ class WaterRig(Settings):
 
 
 def bubble_compliance(volume: float, pressure: float) -> float:
-    """`-dV/dP = V0 p0/(P + p0)^2`, m3/Pa, of air trapped in water: `volume` V0 at no gauge `pressure`, isothermal."""
+    """`-dV/dP = V0 p0/(P + p0)^2`, m3/Pa, of air trapped in water: `volume` V0 at no gauge
+    `pressure`, isothermal.
+    """
     return volume * ATMOSPHERE / (pressure + ATMOSPHERE) ** 2
 
 
@@ -115,7 +124,9 @@ LOSSES = len(WATER_SCALES)
 
 @dataclass(frozen=True)
 class WetMuscle(MovingMuscle):
-    """A muscle, its losses and the water that drives it; `(k,)` states: `Water`, then the losses."""
+    """A muscle, its losses and the water that drives it; `(k,)` states: `Water`, then the
+    losses.
+    """
 
     rig: WaterRig
 
@@ -126,18 +137,28 @@ class WetMuscle(MovingMuscle):
 
     def at_rest(self, pressure: float) -> Array:
         """States `(k,)` of still water at `pressure` (Pa), with relaxed friction and rubber."""
-        water = Water(0.0, self.rig.hose.compliance * pressure, 0.0, pressure, self.rig.wall.compliance * pressure)
+        water = Water(
+            0.0,
+            self.rig.hose.compliance * pressure,
+            0.0,
+            pressure,
+            self.rig.wall.compliance * pressure,
+        )
         return np.concatenate([water, self.relaxed])
 
     def sensor_pressure(self, water: Water) -> float:
         """P1, Pa, in the hose between line and tube."""
         return self.rig.hose.pressure(water.hose, water.line_flow - water.tube_flow)
 
-    def respond(self, states: Array, source: float, strain: float, strain_rate: float) -> tuple[float, Array]:
-        """Pull (N) and rates `(k,)` of the states behind a `source` pressure (Pa), at `strain`, moving at `strain_rate` (1/s).
+    def respond(
+        self, states: Array, source: float, strain: float, strain_rate: float
+    ) -> tuple[float, Array]:
+        """Pull (N) and rates `(k,)` of the states behind a `source` pressure (Pa), at `strain`,
+        moving at `strain_rate` (1/s).
 
-        `I1 Q1' = P_a - P1 - dp1(Q1)`, `W1' = Q1 - Q2`, `I2 Q2' = P1 - Pm - dp2(Q2)`, `(dV/dP + C_air) Pm' = Q2 - V_e e' - W'`; pull
-        `softplus(tension - friction - s)`, all at the pressure in the muscle.
+        `I1 Q1' = P_a - P1 - dp1(Q1)`, `W1' = Q1 - Q2`, `I2 Q2' = P1 - Pm - dp2(Q2)`, `(dV/dP +
+        C_air) Pm' = Q2 - V_e e' - W'`; pull `softplus(tension - friction - s)`, all at the pressure
+        in the muscle.
         """
         water, losses, rig = Water(*states[:LOSSES].tolist()), states[LOSSES:], self.rig
         muscle = self.muscle.respond(water.pressure, strain)
@@ -147,7 +168,8 @@ class WetMuscle(MovingMuscle):
         changes = Water(
             line_flow=(source - sensor - rig.line.drop(water.line_flow)) / rig.line.inertance,
             hose=water.line_flow - water.tube_flow,
-            tube_flow=(sensor - water.pressure - rig.tube.drop(water.tube_flow)) / rig.tube.inertance,
+            tube_flow=(sensor - water.pressure - rig.tube.drop(water.tube_flow))
+            / rig.tube.inertance,
             pressure=(water.tube_flow - muscle.displacement * strain_rate - growth) / compliance,
             bulge=growth,
         )
@@ -158,10 +180,16 @@ class WetMuscle(MovingMuscle):
 def observe(muscle: WetMuscle, time: Array, strain: Array, wet: Array) -> Columns:
     """Columns `(n,)` along the muscle's states `wet` `(n, k)`, evenly spaced in time.
 
-    `time` (s), `pressure` at the sensor before the tube (Pa), `strain`, `force` behind the load cell's amplifier (N),
-    `flow` through the tube (m3/s, positive towards the muscle), `muscle_pressure` in the muscle (Pa).
+    `time` (s), `pressure` at the sensor before the tube (Pa), `strain`, `force` behind the load
+    cell's amplifier (N), `flow` through the tube (m3/s, positive towards the muscle),
+    `muscle_pressure` in the muscle (Pa).
     """
-    pull = np.array([muscle.respond(states, 0.0, at, 0.0)[0] for states, at in zip(wet, strain.tolist(), strict=True)])
+    pull = np.array(
+        [
+            muscle.respond(states, 0.0, at, 0.0)[0]
+            for states, at in zip(wet, strain.tolist(), strict=True)
+        ]
+    )
     water = Water(*wet.T[:LOSSES])
     return {
         "time": time,

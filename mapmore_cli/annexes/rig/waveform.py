@@ -1,7 +1,9 @@
-"""A regulator's input follows a waveform, and a hanging muscle lifts its lower end (P section 2.4, table 2).
+"""A regulator's input follows a waveform, and a hanging muscle lifts its lower end (P section 2.4,
+table 2).
 
-Between input and motion stand the regulator's lag, its valve, the air in the muscle, friction, rubber and the mass that hangs on it. The
-displacement counts from where the muscle rests without load and input.
+Between input and motion stand the regulator's lag, its valve, the air in the muscle, friction,
+rubber and the mass that hangs on it. The displacement counts from where the muscle rests without
+load and input.
 """
 
 from __future__ import annotations
@@ -28,7 +30,9 @@ Command = Annotated[float, Interval(ge=0, le=10)]
 
 @dataclass(frozen=True)
 class Waveform(Settings):
-    """One recording: rest, then so many wavelengths, which begin at the low end (a square wave at the high one)."""
+    """One recording: rest, then so many wavelengths, which begin at the low end (a square wave at
+    the high one).
+    """
 
     name: Name
     shape: Literal["sine", "triangle", "square"]
@@ -36,7 +40,9 @@ class Waveform(Settings):
     high: Command
     frequency: Positive  # Hz
     wavelengths: Annotated[int, Ge(1)]
-    rest_at: Command = 0.0  # input before the first wavelength, under which the muscle has come to rest
+    rest_at: Command = (
+        0.0  # input before the first wavelength, under which the muscle has come to rest
+    )
     load: NonNegative = 0.0  # that hangs on the muscle beside its own end, kg
 
     def __post_init__(self) -> None:
@@ -45,9 +51,11 @@ class Waveform(Settings):
             raise ValueError("`low` must lie below `high`")
 
     def command(self, time: Array) -> Array:
-        """Input (n,), V, at times in s from the first wavelength on. Of the phase p, from 0 to 1 in each wavelength:
+        """Input (n,), V, at times in s from the first wavelength on. Of the phase p, from 0 to 1 in
+        each wavelength:
 
-        sine `(1 - cos 2 pi p)/2`, triangle `1 - |1 - 2p|`, square `1` for p < 1/2, else `0`, as a share of the way from low to high.
+        sine `(1 - cos 2 pi p)/2`, triangle `1 - |1 - 2p|`, square `1` for p < 1/2, else `0`, as a
+        share of the way from low to high.
         """
         # A sample belongs to the wavelength that begins with it, however its time is rounded.
         phase = np.mod(time * self.frequency + 1e-9, 1.0)
@@ -63,11 +71,18 @@ class Waveform(Settings):
 
 @dataclass(frozen=True)
 class Waveforms(Settings):
-    """The input of a regulator follows waveforms, one recording each; a hanging McKibben muscle moves (P section 2.4, table 2)."""
+    """The input of a regulator follows waveforms, one recording each; a hanging McKibben muscle
+    moves (P section 2.4, table 2).
+    """
 
     type: Literal["waveforms"]
     waveforms: Annotated[
-        Sequence[Waveform], Len(1), distinct(lambda waveform: waveform.name, "each waveform makes one recording: give it a name of its own")
+        Sequence[Waveform],
+        Len(1),
+        distinct(
+            lambda waveform: waveform.name,
+            "each waveform makes one recording: give it a name of its own",
+        ),
     ]
     rest: Positive  # before the first wavelength, s
     sample_time: Positive  # s
@@ -80,7 +95,9 @@ class Waveforms(Settings):
     def __post_init__(self) -> None:
         """Refuse too few samples."""
         if 10 * self.sample_time > min(1.0 / waveform.frequency for waveform in self.waveforms):
-            raise ValueError("each wavelength needs ten samples: shorten `sample_time` or lower `frequency`")
+            raise ValueError(
+                "each wavelength needs ten samples: shorten `sample_time` or lower `frequency`"
+            )
 
     def rig(self, muscle: McKibben, hysteresis: Hysteresis) -> WaveformRig:
         """Return the rig with a muscle that hangs in it."""
@@ -90,13 +107,17 @@ class Waveforms(Settings):
 
 @dataclass(frozen=True)
 class WaveformRig:
-    """The rig of P's figure 2; `(k,)` states are strain and strain rate (1/s), then the muscle's."""
+    """The rig of P's figure 2; `(k,)` states are strain and strain rate (1/s), then the
+    muscle's.
+    """
 
     muscle: ClosedMuscle
     setup: Waveforms
 
     def resting_strain(self, pressure: float, load: float) -> float:
-        """Strain at which the muscle holds its end and a `load` (kg), with relaxed friction and rubber, at `pressure` (Pa)."""
+        """Strain at which the muscle holds its end and a `load` (kg), with relaxed friction and
+        rubber, at `pressure` (Pa).
+        """
         return self.muscle.taut_strain(pressure, (self.setup.end_mass + load) * GRAVITY)
 
     def at_rest(self, command: float, load: float) -> Array:
@@ -108,16 +129,25 @@ class WaveformRig:
         """Rates of the states: `m L0 e'' = F(p, e) - h - s - m g`, and those of the muscle."""
         strain, strain_rate = states[:2].tolist()
         mass, own, regulator = self.setup.end_mass + waveform.load, states[2:], self.setup.regulator
-        acceleration = (self.muscle.tension(own, strain) - mass * GRAVITY) / (mass * self.muscle.muscle.length)
+        acceleration = (self.muscle.tension(own, strain) - mass * GRAVITY) / (
+            mass * self.muscle.muscle.length
+        )
         settled = float(regulator.wanted(waveform.command(np.asarray(time - self.setup.rest))))
-        return np.array([strain_rate, acceleration, *self.muscle.rates(own, strain, strain_rate, regulator, settled)])
+        return np.array(
+            [
+                strain_rate,
+                acceleration,
+                *self.muscle.rates(own, strain, strain_rate, regulator, settled),
+            ]
+        )
 
 
 def waveform_response(rig: WaveformRig, waveform: Waveform) -> Columns:
-    """Truth of one recording, from the beginning of the rest to the end of the last wavelength, each `(n,)`.
+    """Truth of one recording, from the beginning of the rest to the end of the last wavelength,
+    each `(n,)`.
 
-    `time` (s), `input` (V), `pressure` in the muscle (Pa), `displacement` of its lower end (m, upwards), `load` on it (N, as a load cell
-    between end and load feels it: `m (g + L0 e'')`).
+    `time` (s), `input` (V), `pressure` in the muscle (Pa), `displacement` of its lower end (m,
+    upwards), `load` on it (N, as a load cell between end and load feels it: `m (g + L0 e'')`).
     """
     setup, load, motion = rig.setup, waveform.load, partial(rig.rates, waveform=waveform)
     time = clock(setup.rest + waveform.wavelengths / waveform.frequency, setup.sample_time)
@@ -125,8 +155,15 @@ def waveform_response(rig: WaveformRig, waveform: Waveform) -> Columns:
     corners = setup.rest + 0.5 / waveform.frequency * np.arange(2 * waveform.wavelengths)
     ends = pairwise([0, *np.searchsorted(time, corners - 1e-9), len(time) - 1])
     phases = [(motion, time[first : last + 1]) for first, last in ends if last > first]
-    states = integrate_phases(phases, rig.at_rest(waveform.rest_at, load), np.array([0.1, 1.0, *rig.muscle.scales]), TOLERANCE)
-    accelerations = np.array([motion(float(at), state)[1] for at, state in zip(time, states, strict=True)])
+    states = integrate_phases(
+        phases,
+        rig.at_rest(waveform.rest_at, load),
+        np.array([0.1, 1.0, *rig.muscle.scales]),
+        TOLERANCE,
+    )
+    accelerations = np.array(
+        [motion(float(at), state)[1] for at, state in zip(time, states, strict=True)]
+    )
     length = rig.muscle.muscle.length
     zero = rig.resting_strain(float(setup.regulator.wanted(0.0)), 0.0)
     return {

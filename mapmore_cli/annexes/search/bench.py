@@ -1,4 +1,6 @@
-"""What all structures of a search are tried on: training samples, and the folds that are left out of them in turn."""
+"""What all structures of a search are tried on: training samples, and the folds that are left out
+of them in turn.
+"""
 
 from __future__ import annotations
 
@@ -21,17 +23,21 @@ LONGEST_FOLD = 1 / 3
 """Of a recording at most that a fold leaves out, where the study holds longer runs out."""
 
 BEHIND = (0.2, 0.35, 0.5)
-"""Shares of every recording's end that are left out in turn, where the study holds ends out: what drifts is to be foretold."""
+"""Shares of every recording's end that are left out in turn, where the study holds ends out: what
+drifts is to be foretold.
+"""
 
 MOST_PARTS = 6
 """Levels or recordings that are left out in turn, evenly chosen of more."""
 
 FAIR = (0.2, 1.2)
-"""Times an even share of the training samples that a recording has, which is left out: without a larger one too little is learnt, and a
-smaller one says nothing."""
+"""Times an even share of the training samples that a recording has, which is left out: without a
+larger one too little is learnt, and a smaller one says nothing."""
 
 MOST_SAMPLES, MOST_STEPS = 6_000, 12_000
-"""Training samples that structures without memory are tried on, of more an even share; and those of any, in long pieces."""
+"""Training samples that structures without memory are tried on, of more an even share; and those of
+any, in long pieces.
+"""
 
 Masks = tuple[BoolArray, ...]
 """For every curve the samples that a fold leaves out."""
@@ -52,10 +58,12 @@ class Slice:
 
 @dataclass(frozen=True)
 class Bench:
-    """What all structures are tried on: training samples alone, and what is left out of them in turn.
+    """What all structures are tried on: training samples alone, and what is left out of them in
+    turn.
 
-    The first `blocks` of the folds are stretches of curves, the others whole levels, recordings or ends of them. `weights` (f,) add up to
-    1. `thinned` are the same with an even share of the samples, for models without memory. Errors are divided by `scale`.
+    The first `blocks` of the folds are stretches of curves, the others whole levels, recordings or
+    ends of them. `weights` (f,) add up to 1. `thinned` are the same with an even share of the
+    samples, for models without memory. Errors are divided by `scale`.
     """
 
     dataset: Dataset
@@ -76,7 +84,11 @@ class Bench:
         ends, asked = _holds_out(study)
         bands = () if situation.timed else _bands(training, part.held_out, situation.moving)
         blocks = bands or _blocks(training, situation.moving or situation.inputs, held_run(study))
-        parts, which = (_ends(training), f"each of {len(BEHIND)} ends of recordings") if ends else _parts(training)
+        parts, which = (
+            (_ends(training), f"each of {len(BEHIND)} ends of recordings")
+            if ends
+            else _parts(training)
+        )
         asked = len(parts) > 0 and (asked or part.by_level or ends)
         weight = (2 / 3 if asked else 1 / 2 if situation.timed else 1 / 4) * bool(parts)
         if len(parts) == 1:  # the only inner level
@@ -84,14 +96,26 @@ class Bench:
         thinning = thinning_of(training)
         name = "recording" if "time" in training.curves[0].columns else "curve"
         inner = "" if name == "recording" else "inner "
-        values = np.concatenate([curve.columns[training.target][curve.training] for curve in training.curves])
+        values = np.concatenate(
+            [curve.columns[training.target][curve.training] for curve in training.curves]
+        )
         return cls(
             training,
             (*blocks, *parts),
-            replace(training, curves=tuple(kept(curve, rows) for curve, rows in zip(training.curves, thinning, strict=True))),
-            tuple(tuple(mask[rows] for mask, rows in zip(fold, thinning, strict=True)) for fold in (*blocks, *parts)),
+            replace(
+                training,
+                curves=tuple(
+                    kept(curve, rows) for curve, rows in zip(training.curves, thinning, strict=True)
+                ),
+            ),
+            tuple(
+                tuple(mask[rows] for mask, rows in zip(fold, thinning, strict=True))
+                for fold in (*blocks, *parts)
+            ),
             len(blocks),
-            np.repeat([(1 - weight) / len(blocks), weight / max(len(parts), 1)], [len(blocks), len(parts)]),
+            np.repeat(
+                [(1 - weight) / len(blocks), weight / max(len(parts), 1)], [len(blocks), len(parts)]
+            ),
             f"each of {len(bands)} bands of an input, as wide as those held out"
             if bands
             else f"each of {BLOCKS} {inner}stretches of the training samples of every {name}",
@@ -103,13 +127,20 @@ class Bench:
 
 
 def searchable(dataset: Dataset) -> Dataset:
-    """Return the training samples; in recordings, with the inputs between them, which states follow, but without the held-out outputs.
+    """Return the training samples; in recordings, with the inputs between them, which states
+    follow, but without the held-out outputs.
 
-    Without these inputs, whatever follows slowly would begin anew behind every piece that is held out, and look worse than it is.
+    Without these inputs, whatever follows slowly would begin anew behind every piece that is held
+    out, and look worse than it is.
     """
     if "time" not in dataset.curves[0].columns:
         return training_only(dataset)
-    return replace(dataset, curves=tuple(_within(curve, dataset.target) for curve in dataset.curves if curve.training.any()))
+    return replace(
+        dataset,
+        curves=tuple(
+            _within(curve, dataset.target) for curve in dataset.curves if curve.training.any()
+        ),
+    )
 
 
 def _within(curve: Curve, target: str) -> Curve:
@@ -124,15 +155,19 @@ def _within(curve: Curve, target: str) -> Curve:
 
 
 def shortened(dataset: Dataset, run: int) -> Dataset:
-    """At most so many samples, where recordings are longer: of each one some even pieces, which are no shorter than a held-out `run`.
+    """At most so many samples, where recordings are longer: of each one some even pieces, which are
+    no shorter than a held-out `run`.
 
-    Each piece begins from measured outputs: shorter ones would flatter models that feed their output back.
+    Each piece begins from measured outputs: shorter ones would flatter models that feed their
+    output back.
     """
     total = sum(curve.size for curve in dataset.curves)
     if total <= MOST_STEPS or "time" not in dataset.curves[0].columns:
         return dataset
     share = MOST_STEPS / total
-    return replace(dataset, curves=tuple(kept(curve, _pieces(curve, share, run)) for curve in dataset.curves))
+    return replace(
+        dataset, curves=tuple(kept(curve, _pieces(curve, share, run)) for curve in dataset.curves)
+    )
 
 
 def _pieces(curve: Curve, share: float, run: int) -> BoolArray:
@@ -147,72 +182,116 @@ def _pieces(curve: Curve, share: float, run: int) -> BoolArray:
 def thinning_of(dataset: Dataset) -> list[BoolArray]:
     """Return an even share of the samples of every curve."""
     most = max(MOST_SAMPLES // max(len(dataset.curves), 1), 1)
-    return [curve.training & ((np.cumsum(curve.training) - 1) % -(-curve.training.sum() // most) == 0) for curve in dataset.curves]
+    return [
+        curve.training & ((np.cumsum(curve.training) - 1) % -(-curve.training.sum() // most) == 0)
+        for curve in dataset.curves
+    ]
 
 
 def _blocks(dataset: Dataset, inputs: Sequence[str], run: int) -> tuple[Masks, ...]:
-    """Stretches of every recording in the order of time; without a clock, inner ones of every curve along each of the inputs.
+    """Stretches of every recording in the order of time; without a clock, inner ones of every curve
+    along each of the inputs.
 
-    In recordings they are as long as the longest `run` that is held out, one or several of each recording. What lies at the end of an
-    input can only be extrapolated: that would decide, and is not what is asked.
+    In recordings they are as long as the longest `run` that is held out, one or several of each
+    recording. What lies at the end of an input can only be extrapolated: that would decide, and is
+    not what is asked.
     """
     if "time" in dataset.curves[0].columns:
-        each = [_stretches([log[curve.training[log]] for log in curve.logs], run, curve.size) for curve in dataset.curves]
+        each = [
+            _stretches([log[curve.training[log]] for log in curve.logs], run, curve.size)
+            for curve in dataset.curves
+        ]
         return tuple(zip(*each, strict=True))
     folds: list[Masks] = []
     for name in inputs:
         sorted_rows = [np.argsort(curve.columns[name], kind="stable") for curve in dataset.curves]
-        every = [contiguous([rows], BLOCKS + 2, curve.size) for rows, curve in zip(sorted_rows, dataset.curves, strict=True)]
+        every = [
+            contiguous([rows], BLOCKS + 2, curve.size)
+            for rows, curve in zip(sorted_rows, dataset.curves, strict=True)
+        ]
         folds += list(zip(*every, strict=True))[1:-1]
     return tuple(folds)
 
 
 def _stretches(logs: Sequence[IntArray], run: int, size: int) -> list[BoolArray]:
-    """Masks (size,) of five folds: short runs several times in each recording, or one long run, which those of other folds may overlap."""
+    """Masks (size,) of five folds: short runs several times in each recording, or one long run,
+    which those of other folds may overlap.
+    """
     longest = max(map(len, logs))
     if run <= longest / BLOCKS:
-        return contiguous(logs, BLOCKS, size, int(np.clip(longest / (BLOCKS * max(run, 1)), 1, BLOCKS)))
+        return contiguous(
+            logs, BLOCKS, size, int(np.clip(longest / (BLOCKS * max(run, 1)), 1, BLOCKS))
+        )
     masks = np.zeros((BLOCKS, size), dtype=np.bool_)
     for rows in logs:
         length = math.ceil(len(rows) * min(run / longest, LONGEST_FOLD))
-        for mask, first in zip(masks, np.linspace(0, len(rows) - length, BLOCKS).round().astype(int), strict=True):
+        for mask, first in zip(
+            masks, np.linspace(0, len(rows) - length, BLOCKS).round().astype(int), strict=True
+        ):
             mask[rows[first : first + length]] = True
     return list(masks)
 
 
 def held_run(study: Dataset) -> int:
     """Return the usual length of a run of held-out samples: that in which half of them lie."""
-    out = np.concatenate([[0], *([*curve.held_out[log].astype(int), 0] for curve in study.curves for log in curve.logs)])
+    out = np.concatenate(
+        [
+            [0],
+            *(
+                [*curve.held_out[log].astype(int), 0]
+                for curve in study.curves
+                for log in curve.logs
+            ),
+        ]
+    )
     edges = np.flatnonzero(np.diff(out))
     runs = np.sort(edges[1::2] - edges[::2])
     return int(runs[np.searchsorted(np.cumsum(runs), runs.sum() / 2)]) if len(runs) else 0
 
 
 def _bands(dataset: Dataset, held_out: Holdout | None, inputs: Sequence[str]) -> tuple[Masks, ...]:
-    """Bands of an input that are as wide as those that the study holds out of it, in the middles of even parts of what trains.
+    """Bands of an input that are as wide as those that the study holds out of it, in the middles of
+    even parts of what trains.
 
-    Blocks in the order of time hold every value of an input that was swept more than once: left out, they ask for nothing between.
+    Blocks in the order of time hold every value of an input that was swept more than once: left
+    out, they ask for nothing between.
     """
     folds: list[Masks] = []
     for name, bands in ({} if held_out is None else held_out.quantities).items():
         if name not in inputs or not isinstance(bands, Between):
             continue
-        values = np.sort(np.concatenate([curve.columns[name][curve.training] for curve in dataset.curves]))
+        values = np.sort(
+            np.concatenate([curve.columns[name][curve.training] for curve in dataset.curves])
+        )
         half = float(np.median([high - low for low, high in bands.between])) / 2
         places = np.linspace(values[0], values[-1], 1 + 100 * BLOCKS)
-        free = places[~np.logical_or.reduce([(low <= places) & (places <= high) for low, high in bands.between])]
+        free = places[
+            ~np.logical_or.reduce(
+                [(low <= places) & (places <= high) for low, high in bands.between]
+            )
+        ]
         for middle in free[np.linspace(0, len(free) - 1, 2 * BLOCKS + 1)[1::2].astype(int)]:
-            fold = tuple(curve.training & (np.abs(curve.columns[name] - middle) <= half) for curve in dataset.curves)
+            fold = tuple(
+                curve.training & (np.abs(curve.columns[name] - middle) <= half)
+                for curve in dataset.curves
+            )
             folds += [fold] if any(mask.any() for mask in fold) else []
     return tuple(folds) if len(folds) > 1 else ()
 
 
 def _holds_out(study: Dataset) -> tuple[bool, bool]:
-    """Whether most of what a study holds out lies behind the training samples of the same recording, and whether it is whole curves."""
+    """Whether most of what a study holds out lies behind the training samples of the same
+    recording, and whether it is whole curves.
+    """
     held = sum(int(curve.held_out.sum()) for curve in study.curves)
     whole = sum(curve.size for curve in study.curves if curve.held_out.all())
     timed = "time" in study.curves[0].columns
-    ends = [int(np.argmax(curve.training[log][::-1])) for curve in study.curves for log in curve.logs if curve.training[log].any()]
+    ends = [
+        int(np.argmax(curve.training[log][::-1]))
+        for curve in study.curves
+        for log in curve.logs
+        if curve.training[log].any()
+    ]
     return timed and 2 * sum(ends) > held, 2 * whole > held
 
 
@@ -230,13 +309,24 @@ def _ends(dataset: Dataset) -> tuple[Masks, ...]:
 
 
 def _parts(dataset: Dataset) -> tuple[tuple[Masks, ...], str]:
-    """Inner levels, or recordings where there are no levels; none where there are fewer than two recordings of a fair size."""
+    """Inner levels, or recordings where there are no levels; none where there are fewer than two
+    recordings of a fair size.
+    """
     sizes = np.array([curve.training.sum() for curve in dataset.curves])
     low, high = (bound * sizes.sum() / np.count_nonzero(sizes) for bound in FAIR)
     by_level = dataset.level is not None
-    numbers = np.flatnonzero(sizes)[1:-1] if by_level else np.flatnonzero((low <= sizes) & (sizes <= high))
+    numbers = (
+        np.flatnonzero(sizes)[1:-1]
+        if by_level
+        else np.flatnonzero((low <= sizes) & (sizes <= high))
+    )
     if len(numbers) < (1 if by_level else 2):
         return (), ""
-    numbers = numbers[np.linspace(0, len(numbers) - 1, min(len(numbers), MOST_PARTS)).round().astype(int)]
-    folds = tuple(tuple(curve.training & (number == out) for number, curve in enumerate(dataset.curves)) for out in numbers)
+    numbers = numbers[
+        np.linspace(0, len(numbers) - 1, min(len(numbers), MOST_PARTS)).round().astype(int)
+    ]
+    folds = tuple(
+        tuple(curve.training & (number == out) for number, curve in enumerate(dataset.curves))
+        for out in numbers
+    )
     return folds, f"each of {len(folds)} {'inner levels' if by_level else 'recordings'}"

@@ -1,4 +1,6 @@
-"""Candidates: pieces of a spec in which words in capitals stand for names and numbers of the study."""
+"""Candidates: pieces of a spec in which words in capitals stand for names and numbers of the
+study.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,9 @@ DECADES = (10, 30, 100, 300)
 
 @dataclass(frozen=True)
 class Candidate:
-    """A structure: its kind, what it is called, and the sections of a spec that make it (`segment`, `dictionary`, `fuse.KEY`)."""
+    """A structure: its kind, what it is called, and the sections of a spec that make it (`segment`,
+    `dictionary`, `fuse.KEY`).
+    """
 
     kind: str
     words: str
@@ -38,18 +42,26 @@ class Candidate:
 
 
 def candidates(family: Mapping[str, Any], of: Situation) -> Iterator[Candidate]:
-    """Yield what a family offers for a study: its `candidates` with the words filled in, and its `fit` where they have no other."""
+    """Yield what a family offers for a study: its `candidates` with the words filled in, and its
+    `fit` where they have no other.
+    """
     if family.get("timed") and not of.timed:
         return
     for one in family["candidates"]:
-        loops = [(name, filled(values, vocabulary(of))) for name, values in one.get("for", {}).items()]
-        for values in product(*(values for _, values in loops)) if _applies(one.get("when", {}), of) else ():
+        loops = [
+            (name, filled(values, vocabulary(of))) for name, values in one.get("for", {}).items()
+        ]
+        for values in (
+            product(*(values for _, values in loops)) if _applies(one.get("when", {}), of) else ()
+        ):
             words = vocabulary(of, **dict(zip((name for name, _ in loops), values, strict=True)))
             yield _candidate(one, family, of, words)
 
 
 def _applies(when: Mapping[str, int], of: Situation) -> bool:
-    """Return whether a study is as a candidate wants it: of `MOST` at most, of all else at least so many."""
+    """Return whether a study is as a candidate wants it: of `MOST` at most, of all else at least so
+    many.
+    """
     has = {
         "inputs": len(of.inputs),
         "most_moving": len(of.moving),
@@ -62,10 +74,14 @@ def _applies(when: Mapping[str, int], of: Situation) -> bool:
         "levels": of.curves if of.level in of.inputs else when.get("levels", 0),
         "by_level": of.level is not None and len(of.inputs) == 2 and of.curves > 1,
     }
-    return bool(of.inputs) and all(has[key] <= n if key in MOST else has[key] >= n for key, n in when.items())
+    return bool(of.inputs) and all(
+        has[key] <= n if key in MOST else has[key] >= n for key, n in when.items()
+    )
 
 
-def _candidate(one: Mapping[str, Any], family: Mapping[str, Any], of: Situation, words: Mapping[str, Any]) -> Candidate:
+def _candidate(
+    one: Mapping[str, Any], family: Mapping[str, Any], of: Situation, words: Mapping[str, Any]
+) -> Candidate:
     """Return a candidate with its words filled in."""
     parts = {key: filled(part, words) for key, part in one.items() if key not in ("when", "for")}
     kind, name = parts.pop("kind", family["kind"]), parts.pop("words")
@@ -75,17 +91,23 @@ def _candidate(one: Mapping[str, Any], family: Mapping[str, Any], of: Situation,
     fit = {**family["fit"], **parts["fit"]}
     if not of.timed and kind != "simple":
         fit["max_terms"] = ceil(fit["max_terms"] * max(len(of.inputs) + 1, 3) / 3)
-    return Candidate(kind, name, {**parts, "segment": {**pooled, **parts.get("segment", {})}, "fit": fit})
+    return Candidate(
+        kind, name, {**parts, "segment": {**pooled, **parts.get("segment", {})}, "fit": fit}
+    )
 
 
 def vocabulary(of: Situation, **more: Any) -> dict[str, Any]:
     """Return what the words in capitals stand for; `more` are those of a loop (`for`).
 
-    - `INPUTS`, `MOVING` (within a recording), `SWEPT` (the one that moves most), `OTHERS`, `LEVEL`, `TARGET`: quantities.
-    - `REST`, `FIRST_REST`, `MOVING_REST`: inputs without the one that a loop is about, and the first, or all, of them that move.
-    - `PLANE`, `QUADRATIC`, `CUBIC`: how many monomials these have. `SLOW_ORDER`: of products of slow states.
+    - `INPUTS`, `MOVING` (within a recording), `SWEPT` (the one that moves most), `OTHERS`, `LEVEL`,
+      `TARGET`: quantities.
+    - `REST`, `FIRST_REST`, `MOVING_REST`: inputs without the one that a loop is about, and the
+      first, or all, of them that move.
+    - `PLANE`, `QUADRATIC`, `CUBIC`: how many monomials these have. `SLOW_ORDER`: of products of
+      slow states.
     - `FORMULAS`: those whose quantities are there.
-    - `AROUND_ZERO`: inputs that take both signs. `VELOCITIES`: these, and the rates of at most two others.
+    - `AROUND_ZERO`: inputs that take both signs. `VELOCITIES`: these, and the rates of at most two
+      others.
     - `SIGNS`, `RATES`: smooth signs of velocities, and of changes.
     - `DECADES`, `MIDDLE_DECADES`: time constants, s.
     - `BACK`, `NOW_AND_BACK`: 1 .. `ORDER`, and with 0 before.
@@ -93,7 +115,10 @@ def vocabulary(of: Situation, **more: Any) -> dict[str, Any]:
     inputs, moving = [*of.inputs], [*of.moving]
     without = more.get("OUT", more.get("VELOCITY"))
     rest = [name for name in moving if name != without]
-    signs = [*of.around_zero, *(f"rate({name})" for name in moving if name not in of.around_zero and len(moving) <= 2)]
+    signs = [
+        *of.around_zero,
+        *(f"rate({name})" for name in moving if name not in of.around_zero and len(moving) <= 2),
+    ]
     taus = [steps * of.step for steps in DECADES if 2 * steps <= of.steps] if of.step else []
     return {
         "INPUTS": inputs,
@@ -105,13 +130,20 @@ def vocabulary(of: Situation, **more: Any) -> dict[str, Any]:
         "REST": [name for name in inputs if name != without],
         "FIRST_REST": rest[:1],
         "MOVING_REST": rest,
-        **{word: comb(len(inputs) + order, order) for order, word in enumerate(("PLANE", "QUADRATIC", "CUBIC"), 1)},
+        **{
+            word: comb(len(inputs) + order, order)
+            for order, word in enumerate(("PLANE", "QUADRATIC", "CUBIC"), 1)
+        },
         "SLOW_ORDER": 3 if len(inputs) == 1 else 2,
         "FORMULAS": [*_formulas(of)],
         "AROUND_ZERO": [name for name in moving if name in of.around_zero],
         "VELOCITIES": signs,
         "SIGNS": [*_signs(of)],
-        "RATES": [f"tanh(({u} - {u}[k-{n}])/{part * size:.2g})" for (u, n), size in of.changes.items() for part in SLOPES],
+        "RATES": [
+            f"tanh(({u} - {u}[k-{n}])/{part * size:.2g})"
+            for (u, n), size in of.changes.items()
+            for part in SLOPES
+        ],
         "DECADES": taus,
         "MIDDLE_DECADES": taus[1:3],
         "BACK": [*range(1, more.get("ORDER", 0) + 1)],
@@ -121,10 +153,14 @@ def vocabulary(of: Situation, **more: Any) -> dict[str, Any]:
 
 
 def _formulas(of: Situation) -> Iterator[str]:
-    """Yield formulas whose quantities are among the inputs, with no dimensions and fewer parameters than there are samples."""
+    """Yield formulas whose quantities are among the inputs, with no dimensions and fewer parameters
+    than there are samples.
+    """
     for name in FORMULAS:
         formula = literature.get(name)
-        of_target = of.target == FORCE and formula.fitted_to == TARGET and {*formula.inputs} <= {*of.inputs}
+        of_target = (
+            of.target == FORCE and formula.fitted_to == TARGET and {*formula.inputs} <= {*of.inputs}
+        )
         if of_target and not formula.dimensions and len(formula.parameters) < of.samples:
             yield name
 
@@ -132,7 +168,11 @@ def _formulas(of: Situation) -> Iterator[str]:
 def _signs(of: Situation) -> Iterator[str]:
     """Yield smooth signs of inputs that pass through zero, and of what follows them closely."""
     for name, size in of.around_zero.items():
-        for text in (name, *(f"slow({name}, {steps * (of.step or 0):.3g})" for steps in FOLLOWED)) if name in of.moving else ():
+        for text in (
+            (name, *(f"slow({name}, {steps * (of.step or 0):.3g})" for steps in FOLLOWED))
+            if name in of.moving
+            else ()
+        ):
             yield from (f"tanh({text}/{slope * size:.2g})" for slope in SLOPES)
 
 
@@ -142,14 +182,22 @@ WORD = re.compile(r"[A-Z][A-Z_]+|\bN\b")
 def filled(part: Any, words: Mapping[str, Any]) -> Any:
     """Return a piece of a spec with its words filled in.
 
-    A word for several things stands for each of them in a list. `{every: TEXT, WORD: values, ...}` is the text for all of their values.
+    A word for several things stands for each of them in a list. `{every: TEXT, WORD: values, ...}`
+    is the text for all of their values.
     """
     match part:
         case str():
-            return words[part] if part in words else WORD.sub(lambda found: str(words.get(found[0], found[0])), part)
+            return (
+                words[part]
+                if part in words
+                else WORD.sub(lambda found: str(words.get(found[0], found[0])), part)
+            )
         case {"every": text}:
             loops = {name: filled(each, words) for name, each in part.items() if name != "every"}
-            return [filled(text, {**words, **dict(zip(loops, some, strict=True))}) for some in product(*loops.values())]
+            return [
+                filled(text, {**words, **dict(zip(loops, some, strict=True))})
+                for some in product(*loops.values())
+            ]
         case Mapping():
             found = {filled(key, words): filled(one, words) for key, one in part.items()}
             return {key: one for key, one in found.items() if key == "of" or one != []}
@@ -159,7 +207,11 @@ def filled(part: Any, words: Mapping[str, Any]) -> Any:
 
 
 def _spliced(one: Any, value: Any) -> list[Any]:
-    """Return what one item of a list stands for: several, or none where it is a family of states `of` nothing."""
-    if isinstance(value, Mapping) and any(isinstance(each, Mapping) and each.get("of") == [] for each in value.values()):
+    """Return what one item of a list stands for: several, or none where it is a family of states
+    `of` nothing.
+    """
+    if isinstance(value, Mapping) and any(
+        isinstance(each, Mapping) and each.get("of") == [] for each in value.values()
+    ):
         return []
     return value if isinstance(value, list) and not isinstance(one, list) else [value]

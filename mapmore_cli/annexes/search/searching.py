@@ -1,4 +1,6 @@
-"""`model: {type: auto}`: structures tried on training data alone, the one that is taken, and the spec that it makes."""
+"""`model: {type: auto}`: structures tried on training data alone, the one that is taken, and the
+spec that it makes.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,15 @@ import numpy as np
 import yaml
 from pydantic import TypeAdapter
 
-from mapmore_cli.annexes.search.bench import Bench, Masks, Slice, held_run, searchable, shortened, thinning_of
+from mapmore_cli.annexes.search.bench import (
+    Bench,
+    Masks,
+    Slice,
+    held_run,
+    searchable,
+    shortened,
+    thinning_of,
+)
 from mapmore_cli.annexes.search.candidate import Candidate, candidates
 from mapmore_cli.annexes.search.situation import situation_of
 from mapmore_cli.domain.arrays import Array, BoolArray
@@ -40,22 +50,35 @@ if TYPE_CHECKING:
     from mapmore_cli.fitting.stage import Progress
 
 FAMILIES = ("tables", "states", "friction", "feedback")
-"""Files of candidates in the order in which they are tried: where time is short, the last ones are left out."""
+"""Files of candidates in the order in which they are tried: where time is short, the last ones are
+left out.
+"""
 
 MOST_PARAMETERS = 28
-"""Of a structure that is taken for a table, or as many as the cubic of all inputs has; what has more is only shown."""
+"""Of a structure that is taken for a table, or as many as the cubic of all inputs has; what has
+more is only shown.
+"""
 
 LESS = 0.9
 """Times the error of the structure that was found, below which a black box errs clearly less."""
 
 WHOLE = 0.5
-"""Share of the left-out samples that a structure predicts at least: long lags say nothing of short recordings."""
+"""Share of the left-out samples that a structure predicts at least: long lags say nothing of short
+recordings.
+"""
 
-BY_MEAN = "the fewest parameters of those within one standard error of the best (2 to 20 %), a plain model within 2 %"
-BY_MEDIAN = "the least median error, 5 % of the logarithm of the number of parameters added, or a plain model within 2 % of it"
+BY_MEAN = (
+    "the fewest parameters of those within one standard error of the best (2 to 20 %), a "
+    "plain model within 2 %"
+)
+BY_MEDIAN = (
+    "the least median error, 5 % of the logarithm of the number of parameters added, or a "
+    "plain model within 2 % of it"
+)
 
 PLAIN, BLACK_BOX = ("simple", "formula"), "black box"
-"""Kinds that are found where they are as good as anything, and one of those that are never found."""
+"""Kinds that are found where they are as good as anything, and one of those that are never found.
+"""
 
 SHOWN = (BLACK_BOX, "papers")
 """Kinds that stand in the table and are not taken."""
@@ -64,7 +87,11 @@ SHOWN = (BLACK_BOX, "papers")
 @cache
 def family(name: str) -> Mapping[str, Any]:
     """Return a file of candidates."""
-    text = files("mapmore_cli.annexes.search").joinpath(f"families/{name}.yaml").read_text(encoding="utf-8")
+    text = (
+        files("mapmore_cli.annexes.search")
+        .joinpath(f"families/{name}.yaml")
+        .read_text(encoding="utf-8")
+    )
     found: Mapping[str, Any] = yaml.safe_load(text)
     return found
 
@@ -78,7 +105,8 @@ def search(
 ) -> Search:
     """Try every candidate on left-out training samples, and choose.
 
-    Held-out outputs are dropped before anything is computed. With `beside`, black boxes are tried on the same folds.
+    Held-out outputs are dropped before anything is computed. With `beside`, black boxes are tried
+    on the same folds.
 
     Raises
     ------
@@ -91,31 +119,71 @@ def search(
     past = situation.timed
     uneven = _uneven(dataset) if past else ()
     if part.by_level or uneven or not past:
-        # a model that runs along recordings cannot be fitted without a level; any other takes its share from all of their samples
-        training, situation = whole, replace(situation_of(whole, part.ignored, part.model.inputs), step=None)
+        # a model that runs along recordings cannot be fitted without a level; any other takes its
+        # share from all of their samples
+        training, situation = (
+            whole,
+            replace(situation_of(whole, part.ignored, part.model.inputs), step=None),
+        )
     listed = [one for name in FAMILIES for one in candidates(family(name), situation)]
     bench = Bench.of(training, situation, part, dataset)
     budget = Budget(part.model.budget)
     folds = [*range(len(bench.folds)), None]
-    jobs: list[Callable[[], Any]] = [partial(_tried, one, bench, fold, budget) for one in listed for fold in folds]
+    jobs: list[Callable[[], Any]] = [
+        partial(_tried, one, bench, fold, budget) for one in listed for fold in folds
+    ]
     second = min(1, len(jobs))  # what a copy begins with
     if beside:
-        jobs.insert(second, partial(black_boxes, bench.dataset, bench.folds, thinning_of(bench.dataset), situation.inputs, past))
-    done = shared_out(lambda job: job(), jobs, lambda done, total: progress("structures", done * len(listed) // total, len(listed)))
+        jobs.insert(
+            second,
+            partial(
+                black_boxes,
+                bench.dataset,
+                bench.folds,
+                thinning_of(bench.dataset),
+                situation.inputs,
+                past,
+            ),
+        )
+    done = shared_out(
+        lambda job: job(),
+        jobs,
+        lambda done, total: progress("structures", done * len(listed) // total, len(listed)),
+    )
     boxes: Mapping[str, Sequence[Left]] = done.pop(second) if beside else {}
-    outcomes = [_outcome(one, done[place * len(folds) :][: len(folds)], bench.blocks) for place, one in enumerate(listed)]
+    outcomes = [
+        _outcome(one, done[place * len(folds) :][: len(folds)], bench.blocks)
+        for place, one in enumerate(listed)
+    ]
     tried = [one for one in outcomes if one is not None]
     cut = len(outcomes) - len(tried)
-    tried += [_Outcome(Tried(BLACK_BOX, name.replace("_", " "), {}), left) for name, left in boxes.items()]
+    tried += [
+        _Outcome(Tried(BLACK_BOX, name.replace("_", " "), {}), left) for name, left in boxes.items()
+    ]
     most = None if situation.timed else max(MOST_PARAMETERS, comb(len(situation.inputs) + 3, 3))
     found = _chosen(tried, bench, most)
-    late = (f"the budget of {part.model.budget:g} s ended before {cut} of {len(listed)} structures were tried",) if cut else ()
-    told = _told(found, bench, lambda: strongest(bench.thinned.curves, _residual(tried[found.chosen], bench), situation.inputs, past))
+    late = (
+        (
+            f"the budget of {part.model.budget:g} s ended before {cut} of {len(listed)} "
+            "structures were tried",
+        )
+        if cut
+        else ()
+    )
+    told = _told(
+        found,
+        bench,
+        lambda: strongest(
+            bench.thinned.curves, _residual(tried[found.chosen], bench), situation.inputs, past
+        ),
+    )
     return replace(found, cut=cut, notes=(*late, *uneven, *told))
 
 
 def _uneven(dataset: Dataset) -> tuple[str, ...]:
-    """Return what the fit of a model with memory would refuse in the recordings, held-out parts included."""
+    """Return what the fit of a model with memory would refuse in the recordings, held-out parts
+    included.
+    """
     try:
         records_of(dataset.curves, time_step(dataset.curves))
     except DataError as fault:
@@ -125,7 +193,9 @@ def _uneven(dataset: Dataset) -> tuple[str, ...]:
 
 @dataclass
 class Budget:
-    """The budget of a search: seconds of work on structures in each process, so that a busy machine tries what an idle one does."""
+    """The budget of a search: seconds of work on structures in each process, so that a busy machine
+    tries what an idle one does.
+    """
 
     seconds: float
     worked: float = 0.0
@@ -137,21 +207,37 @@ class Budget:
 
 
 def _chosen(outcomes: Sequence[_Outcome], bench: Bench, most: int | None) -> Search:
-    """Score all structures and black boxes on the rows that all of them predict, and take one structure."""
+    """Score all structures and black boxes on the rows that all of them predict, and take one
+    structure.
+    """
     usable = [number for number, one in enumerate(outcomes) if not one.tried.failure]
     tried = [one.tried for one in outcomes]
-    eligible = np.array([tried[i].family not in SHOWN and (most is None or tried[i].parameters <= most) for i in usable], dtype=np.bool_)
+    eligible = np.array(
+        [
+            tried[i].family not in SHOWN and (most is None or tried[i].parameters <= most)
+            for i in usable
+        ],
+        dtype=np.bool_,
+    )
     if not eligible.any():
         reasons = next((one.failure for one in tried if one.failure), "there was no time for any")
-        raise FitError(f"no structure could be fitted without some of the data: {reasons}", "name one, or raise `model.budget`")
+        raise FitError(
+            f"no structure could be fitted without some of the data: {reasons}",
+            "name one, or raise `model.budget`",
+        )
     errors = _on_common_rows([outcomes[number].left for number in usable]) / bench.scale
     sizes = [tried[number].parameters for number in usable]
     rank = simplest_of(sizes, errors, bench.weights, eligible, median=most is None)
-    as_good = np.flatnonzero(eligible & (rank.excess <= WITHIN[0]) & (np.asarray(sizes) <= sizes[rank.chosen]))
+    as_good = np.flatnonzero(
+        eligible & (rank.excess <= WITHIN[0]) & (np.asarray(sizes) <= sizes[rank.chosen])
+    )
     plain = [i for i in as_good if tried[usable[i]].family in PLAIN]
     chosen = min(plain, key=lambda i: (sizes[i], rank.excess[i]), default=rank.chosen)
     for place, number in enumerate(usable):
-        blocks, parts = (float(np.sqrt(np.mean(of**2))) if of.size else np.nan for of in np.split(errors[place], [bench.blocks]))
+        blocks, parts = (
+            float(np.sqrt(np.mean(of**2))) if of.size else np.nan
+            for of in np.split(errors[place], [bench.blocks])
+        )
         tried[number] = replace(
             tried[number],
             errors=tuple(errors[place].tolist()),
@@ -161,36 +247,64 @@ def _chosen(outcomes: Sequence[_Outcome], bench: Bench, most: int | None) -> Sea
             spread=float(rank.spread[place]),
         )
     names = ("search", bench.dataset.target, bench.left_out, bench.parts_left_out, bench.scale)
-    return Search(*names, tuple(tried), usable[rank.best], usable[int(chosen)], BY_MEDIAN if most is None else BY_MEAN)
+    return Search(
+        *names,
+        tuple(tried),
+        usable[rank.best],
+        usable[int(chosen)],
+        BY_MEDIAN if most is None else BY_MEAN,
+    )
 
 
 def _told(found: Search, bench: Bench, hint: Callable[[], str]) -> list[str]:
-    """Return what a reader is told of the table: that more adds nothing, or that a black box errs clearly less."""
-    kind = f"left-out {bench.parts_left_out.rpartition(' ')[2]}" if bench.asks_parts else "left-out stretches"
+    """Return what a reader is told of the table: that more adds nothing, or that a black box errs
+    clearly less.
+    """
+    kind = (
+        f"left-out {bench.parts_left_out.rpartition(' ')[2]}"
+        if bench.asks_parts
+        else "left-out stretches"
+    )
     own, best, told = found.found, found.tried[found.best], []
     if own.family in PLAIN and found.chosen != found.best:
-        told.append(f"{own.words} is as good as structures with more parameters: {best.words} adds nothing that left-out data show")
-    errs = {one.words: one.parts if bench.asks_parts else one.error for one in found.tried if one.family == BLACK_BOX}
+        told.append(
+            f"{own.words} is as good as structures with more parameters: {best.words} adds "
+            "nothing that left-out data show"
+        )
+    errs = {
+        one.words: one.parts if bench.asks_parts else one.error
+        for one in found.tried
+        if one.family == BLACK_BOX
+    }
     mine = own.parts if bench.asks_parts else own.error
     name = min(errs, key=lambda one: errs[one], default="")
     if name and errs[name] < LESS * mine:
         left = f"; what is left depends most on {words}" if (words := hint()) else ""
-        told.append(f"{name} errs {mine / errs[name]:.2g} times less on {kind}: the structure lacks something{left}")
+        told.append(
+            f"{name} errs {mine / errs[name]:.2g} times less on {kind}: the structure lacks "
+            f"something{left}"
+        )
     return told
 
 
 def _residual(outcome: _Outcome, bench: Bench) -> list[Array]:
-    """Return the left-out errors of a structure on the blocks, (n_c,) of each thinned curve; NaN where there are none."""
+    """Return the left-out errors of a structure on the blocks, (n_c,) of each thinned curve; NaN
+    where there are none.
+    """
     residual = [np.full(curve.size, np.nan) for curve in bench.thinned.curves]
     for fold, (left, ready) in zip(bench.thinned_folds[: bench.blocks], outcome.left, strict=False):
         ends = np.cumsum([int(out.sum()) for out in fold])[:-1]
-        for values, out, part, known in zip(residual, fold, np.split(left, ends), np.split(ready, ends), strict=True):
+        for values, out, part, known in zip(
+            residual, fold, np.split(left, ends), np.split(ready, ends), strict=True
+        ):
             values[out] = np.where(known, part, np.nan)
     return residual
 
 
 def _on_common_rows(predicted: Sequence[Sequence[Left]]) -> Array:
-    """RMSE of every structure on every fold, on the rows that all structures predict, (s, f); infinite where a run diverged."""
+    """RMSE of every structure on every fold, on the rows that all structures predict, (s, f);
+    infinite where a run diverged.
+    """
     found = np.empty((len(predicted), len(predicted[0])))
     for fold in range(found.shape[1]):
         common = np.logical_and.reduce([one[fold][1] for one in predicted])
@@ -203,7 +317,9 @@ def _on_common_rows(predicted: Sequence[Sequence[Left]]) -> Array:
 
 @dataclass(frozen=True)
 class _Fold:
-    """What came of a structure in one fold: its left-out errors, or with nothing left out its parameters; or why it failed."""
+    """What came of a structure in one fold: its left-out errors, or with nothing left out its
+    parameters; or why it failed.
+    """
 
     seconds: float = 0.0
     left: Left | None = None
@@ -237,14 +353,22 @@ def _fitted(choices: ModelChoices, bench: Bench, fold: int | None) -> _Fold:
     slow = choices.over_time
     dataset, folds = (bench.dataset, bench.folds) if slow else (bench.thinned, bench.thinned_folds)
     if fold is not None:
-        return _Fold(left=_left_out(choices, dataset, folds[fold], thinning_of(dataset) if slow else None))
+        return _Fold(
+            left=_left_out(choices, dataset, folds[fold], thinning_of(dataset) if slow else None)
+        )
     model = refit(choices, dataset)
-    failure = "goes on by itself: its start still rings late in a recording" if slow and rings(model, dataset) else ""
+    failure = (
+        "goes on by itself: its start still rings late in a recording"
+        if slow and rings(model, dataset)
+        else ""
+    )
     return _Fold(parameters=parameters(model), failure=failure)
 
 
 def _outcome(candidate: Candidate, folds: Sequence[_Fold | None], blocks: int) -> _Outcome | None:
-    """Return what came of a structure in all folds, of which the first are blocks; None where the time was over before."""
+    """Return what came of a structure in all folds, of which the first are blocks; None where the
+    time was over before.
+    """
     known = [fold for fold in folds if fold is not None]
     if len(known) < len(folds):
         return None
@@ -254,34 +378,65 @@ def _outcome(candidate: Candidate, folds: Sequence[_Fold | None], blocks: int) -
         failure = "needs a longer past than most left-out samples have"
     seconds = round(sum(fold.seconds for fold in known), 2)
     size = 0 if failure else known[-1].parameters
-    return _Outcome(Tried(candidate.kind, candidate.words, candidate.sections, size, seconds=seconds, failure=failure), left)
+    return _Outcome(
+        Tried(
+            candidate.kind,
+            candidate.words,
+            candidate.sections,
+            size,
+            seconds=seconds,
+            failure=failure,
+        ),
+        left,
+    )
 
 
 SHIFT, SWING = 0.1, 0.1
-"""Of the range, by which a run begins higher; of the largest difference that makes, what may still swing in the second half."""
+"""Of the range, by which a run begins higher; of the largest difference that makes, what may still
+swing in the second half.
+"""
 
 
 def rings(model: Model, dataset: Dataset) -> bool:
-    """Tell whether a free run that begins a tenth of the range higher still swings about the measured one late in the longest recording.
+    """Tell whether a free run that begins a tenth of the range higher still swings about the
+    measured one late in the longest recording.
 
-    Where inputs repeat, a model with poles on the unit circle continues the record as a clock does, whatever drives it. An integrator keeps
-    its offset, and does not swing.
+    Where inputs repeat, a model with poles on the unit circle continues the record as a clock does,
+    whatever drives it. An integrator keeps its offset, and does not swing.
     """
     if not fed_back(model):
         return False
     curve = max(dataset.curves, key=lambda one: one.size)
     output = curve.columns[dataset.target]
-    higher = replace(curve, columns={**curve.columns, dataset.target: output + SHIFT * float(np.nanmax(output) - np.nanmin(output))})
+    higher = replace(
+        curve,
+        columns={
+            **curve.columns,
+            dataset.target: output + SHIFT * float(np.nanmax(output) - np.nanmin(output)),
+        },
+    )
     apart = forecast(model, higher).values - forecast(model, curve).values
     late = apart[curve.size // 2 :]
-    return bool(np.nanstd(late) > SWING * np.nanmax(np.abs(apart))) if np.isfinite(late).any() else False
+    return (
+        bool(np.nanstd(late) > SWING * np.nanmax(np.abs(apart)))
+        if np.isfinite(late).any()
+        else False
+    )
 
 
-def _left_out(choices: ModelChoices, dataset: Dataset, fold: Masks, rows: Sequence[BoolArray] | None) -> Left:
-    """Errors of the model without a fold on the samples of the fold, and which of them it predicts; of an even share of `rows`."""
-    shares = [out if rows is None else out & rows[number] for number, out in enumerate(fold) if out.any()]
+def _left_out(
+    choices: ModelChoices, dataset: Dataset, fold: Masks, rows: Sequence[BoolArray] | None
+) -> Left:
+    """Errors of the model without a fold on the samples of the fold, and which of them it predicts;
+    of an even share of `rows`.
+    """
+    shares = [
+        out if rows is None else out & rows[number] for number, out in enumerate(fold) if out.any()
+    ]
     errors, ready = [np.zeros(0)], [np.zeros(0, dtype=np.bool_)]
-    for (curve, _, said), counted in zip(left_out_of(dataset, fold, partial(refit, choices)), shares, strict=True):
+    for (curve, _, said), counted in zip(
+        left_out_of(dataset, fold, partial(refit, choices)), shares, strict=True
+    ):
         errors.append((said.values - curve.columns[dataset.target])[counted])
         ready.append(said.ready[counted])
     return np.concatenate(errors), np.concatenate(ready)
@@ -295,7 +450,14 @@ _MODEL = TypeAdapter(ModelChoice)
 def choices_of(sections: Mapping[str, Any], part: Slice) -> ModelChoices:
     """Return the sections of a candidate as the spec would have them."""
     segment = _CUTS.validate_python(sections.get("segment", {}))
-    fuse = replace(part.fuse, **{key.partition(".")[2]: value for key, value in sections.items() if key.startswith("fuse.")})
+    fuse = replace(
+        part.fuse,
+        **{
+            key.partition(".")[2]: value
+            for key, value in sections.items()
+            if key.startswith("fuse.")
+        },
+    )
     model = _MODEL.validate_python(sections.get("model", {}))
     from mapmore_cli.modelling import literature
 
@@ -303,17 +465,40 @@ def choices_of(sections: Mapping[str, Any], part: Slice) -> ModelChoices:
     needed = literature.get(name).dimensions if name not in (None, AUTO) else ()
     lengths = {key: value for key, value in part.lengths.items() if key in needed}
     entries = _ENTRIES.validate_python(sections.get("dictionary", []))
-    return ModelChoices(part.levels, segment, entries, model, Fit(**sections.get("fit", {})), lengths, None, "search", fuse, (), ())
+    return ModelChoices(
+        part.levels,
+        segment,
+        entries,
+        model,
+        Fit(**sections.get("fit", {})),
+        lengths,
+        None,
+        "search",
+        fuse,
+        (),
+        (),
+    )
 
 
 def settings_of(found: Search) -> dict[str, Any]:
     """Return the sections that were found, as settings on top of the spec."""
-    empty: dict[str, Any] = {"segment": {}, "dictionary": [], "model": {"type": "mapmore"}, "fit": {}}
+    empty: dict[str, Any] = {
+        "segment": {},
+        "dictionary": [],
+        "model": {"type": "mapmore"},
+        "fit": {},
+    }
     return {**empty, **found.found.sections}
 
 
 def formula_beside(found: Search) -> str | None:
-    """Return the formula of the literature that erred least of those tried; None where none was, or where it is what was found."""
-    formulas = [one for one in found.tried if not one.failure and one.sections.get("model", {}).get("type") == "literature"]
+    """Return the formula of the literature that erred least of those tried; None where none was, or
+    where it is what was found.
+    """
+    formulas = [
+        one
+        for one in found.tried
+        if not one.failure and one.sections.get("model", {}).get("type") == "literature"
+    ]
     best = min(formulas, key=lambda one: one.excess, default=None)
     return None if best is None or best is found.found else str(best.sections["model"]["name"])

@@ -1,4 +1,6 @@
-"""What is known of a study before its structure is searched: names, counts and steps, of the training samples alone."""
+"""What is known of a study before its structure is searched: names, counts and steps, of the
+training samples alone.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,9 @@ WITHIN = (1, 3)
 """Steps over which changes are told."""
 
 FEWEST_IN_ORDER = 0.5
-"""Share of the training samples that lie in recordings at even steps, from which on a model with memory is tried."""
+"""Share of the training samples that lie in recordings at even steps, from which on a model with
+memory is tried.
+"""
 
 
 @dataclass(frozen=True)
@@ -34,18 +38,20 @@ class Situation:
     Attributes
     ----------
     target, inputs
-        The output, and every other quantity that varies, the one that is swept first and the level last.
+        The output, and every other quantity that varies, the one that is swept first and the level
+        last.
     level
         The quantity that is held within a curve; None without levels.
     samples, curves
         Training samples, and curves that have some.
     step, longest
-        Time between samples and duration of the longest recording, s; None where recordings are not at even steps, so that nothing can be
-        said of the past.
+        Time between samples and duration of the longest recording, s; None where recordings are not
+        at even steps, so that nothing can be said of the past.
     around_zero
         Inputs that take both signs, each with its root mean square.
     changes
-        The root mean square of how far an input moves within some steps, by its name and the number of steps.
+        The root mean square of how far an input moves within some steps, by its name and the number
+        of steps.
     """
 
     target: str
@@ -80,19 +86,32 @@ class Situation:
         return 0 if self.step is None else round(self.longest / self.step)
 
 
-def situation_of(dataset: Dataset, ignored: Sequence[str] = (), inputs: Sequence[str] | None = None) -> Situation:
-    """Look at the training samples of a dataset; `ignored` are no inputs, `inputs` are all of them where they are given."""
+def situation_of(
+    dataset: Dataset, ignored: Sequence[str] = (), inputs: Sequence[str] | None = None
+) -> Situation:
+    """Look at the training samples of a dataset; `ignored` are no inputs, `inputs` are all of them
+    where they are given.
+    """
     training = [curve for curve in dataset.curves if curve.training.any()]
     pooled = {
         name: np.concatenate([curve.columns[name][curve.training] for curve in training])
         for name in training[0].columns
         if name in dataset.quantities
     }
-    wanted = inputs if inputs is not None else [name for name in pooled if name not in (dataset.target, *NOT_INPUTS, *ignored)]
+    wanted = (
+        inputs
+        if inputs is not None
+        else [name for name in pooled if name not in (dataset.target, *NOT_INPUTS, *ignored)]
+    )
     varied = [name for name in wanted if np.ptp(pooled[name]) > 0]
     apart = varied if inputs is not None else list(_different(varied, pooled, dataset.level))
-    spread = {name: _within([curve.columns[name][curve.training] for curve in training], pooled[name]) for name in apart}
-    ordered = sorted(apart, key=lambda name: (name == dataset.level, -round(spread[name], 3), apart.index(name)))
+    spread = {
+        name: _within([curve.columns[name][curve.training] for curve in training], pooled[name])
+        for name in apart
+    }
+    ordered = sorted(
+        apart, key=lambda name: (name == dataset.level, -round(spread[name], 3), apart.index(name))
+    )
     step, longest = _step(training) if "time" in pooled else (None, 0.0)
     return Situation(
         target=dataset.target,
@@ -103,24 +122,51 @@ def situation_of(dataset: Dataset, ignored: Sequence[str] = (), inputs: Sequence
         curves=len(training),
         step=step,
         longest=longest,
-        around_zero={name: float(np.sqrt(np.mean(pooled[name] ** 2))) for name in ordered if pooled[name].min() < 0 < pooled[name].max()},
-        changes={} if step is None else dict(_changes(training, [name for name in ordered if name != dataset.level])),
+        around_zero={
+            name: float(np.sqrt(np.mean(pooled[name] ** 2)))
+            for name in ordered
+            if pooled[name].min() < 0 < pooled[name].max()
+        },
+        changes={}
+        if step is None
+        else dict(_changes(training, [name for name in ordered if name != dataset.level])),
     )
 
 
-def _changes(curves: Sequence[Curve], names: Sequence[str]) -> Iterator[tuple[tuple[str, int], float]]:
-    """How far each input moves within some steps, root mean square over all recordings; without those that stand still."""
+def _changes(
+    curves: Sequence[Curve], names: Sequence[str]
+) -> Iterator[tuple[tuple[str, int], float]]:
+    """How far each input moves within some steps, root mean square over all recordings; without
+    those that stand still.
+    """
     for name in names:
         for steps in WITHIN:
-            parts = [(curve.columns[name][log], curve.training[log]) for curve in curves for log in curve.logs if len(log) > steps]
-            moved = np.concatenate([np.zeros(1), *((x[steps:] - x[:-steps])[known[steps:] & known[:-steps]] for x, known in parts)])
+            parts = [
+                (curve.columns[name][log], curve.training[log])
+                for curve in curves
+                for log in curve.logs
+                if len(log) > steps
+            ]
+            moved = np.concatenate(
+                [
+                    np.zeros(1),
+                    *(
+                        (x[steps:] - x[:-steps])[known[steps:] & known[:-steps]]
+                        for x, known in parts
+                    ),
+                ]
+            )
             size = float(np.sqrt(np.mean(moved**2)))
             if size > 0:
                 yield (name, steps), size
 
 
-def _different(names: Sequence[str], pooled: Mapping[str, Array], level: str | None) -> Iterator[str]:
-    """Yield the names without those that are a straight line of another, of which a level, a canonical and a later one are kept."""
+def _different(
+    names: Sequence[str], pooled: Mapping[str, Array], level: str | None
+) -> Iterator[str]:
+    """Yield the names without those that are a straight line of another, of which a level, a
+    canonical and a later one are kept.
+    """
     kept: list[str] = []
     for name in sorted(names, key=lambda one: (one != level, -names.index(one))):
         if all(abs(correlation(pooled[name], pooled[other])) < 1 - SAME for other in kept):
@@ -134,15 +180,23 @@ def _within(parts: Sequence[Array], whole: Array) -> float:
 
 
 def _step(curves: Sequence[Curve]) -> tuple[float | None, float]:
-    """Return the even time step and the longest uninterrupted recording, s; None where the most samples are not in order at even steps."""
+    """Return the even time step and the longest uninterrupted recording, s; None where the most
+    samples are not in order at even steps.
+    """
     steps = [np.diff(curve.columns["time"][log]) for curve in curves for log in curve.logs]
     every = np.concatenate(steps) if steps else np.zeros(0)
     if not len(every) or (usual := float(np.median(every))) <= 0:
         return None, 0.0
-    slack = UNEVEN * usual + 4 * np.finfo(np.float64).eps * max(float(np.abs(curve.columns["time"]).max()) for curve in curves)
+    slack = UNEVEN * usual + 4 * np.finfo(np.float64).eps * max(
+        float(np.abs(curve.columns["time"]).max()) for curve in curves
+    )
     early = (every >= 0) & (every < usual - slack)
     lengths = [_longest_run(np.abs(one - usual) <= slack) for one in steps]
-    if early.any() or np.mean(np.abs(every - usual) <= slack) < FEWEST_IN_ORDER or max(lengths) < FEWEST_IN_A_RECORD:
+    if (
+        early.any()
+        or np.mean(np.abs(every - usual) <= slack) < FEWEST_IN_ORDER
+        or max(lengths) < FEWEST_IN_A_RECORD
+    ):
         return None, 0.0
     return usual, usual * max(lengths)
 

@@ -28,17 +28,32 @@ SEARCH = "search.json"
 
 
 def reads(spec: ExperimentSpec) -> Slice:
-    """Return the slice of the spec. Rates by which samples are kept, groups, and what the target is made of, or makes, are no inputs."""
+    """Return the slice of the spec. Rates by which samples are kept, groups, and what the target is
+    made of, or makes, are no inputs.
+    """
     rules = spec.data.derive
     rates = {name for name, rule in rules.items() if not isinstance(rule, str)}
-    ignored = (*_kin(spec.target_quantity, spec), *(rule.quantity for rule in spec.data.keep if rule.quantity in rates))
+    ignored = (
+        *_kin(spec.target_quantity, spec),
+        *(rule.quantity for rule in spec.data.keep if rule.quantity in rates),
+    )
     ignored += () if spec.data.groups is None else (spec.data.groups.of,)
     split = spec.data.split
-    return Slice(spec.data.levels, spec.model, spec.fuse, spec.muscle.lengths, split.hold_out, ignored, split.leave_one_level_out)
+    return Slice(
+        spec.data.levels,
+        spec.model,
+        spec.fuse,
+        spec.muscle.lengths,
+        split.hold_out,
+        ignored,
+        split.leave_one_level_out,
+    )
 
 
 def _kin(target: str, spec: ExperimentSpec) -> tuple[str, ...]:
-    """Return the target (of which another may be a component), the one quantity that it is derived from, and what is derived from it."""
+    """Return the target (of which another may be a component), the one quantity that it is derived
+    from, and what is derived from it.
+    """
     sources = {name: _sources(rule) for name, rule in spec.data.derive.items()}
     made = {target}
     while more := {name for name, of in sources.items() if of & made} - made:
@@ -64,7 +79,10 @@ def run(part: Slice, workspace: Workspace) -> None:
     found = search(dataset, part, workspace.progress)
     for note in found.notes:
         workspace.warn(note)
-    write_text(workspace.out / SEARCH, json.dumps(_plain(asdict(found)), indent=1, ensure_ascii=False) + "\n")
+    write_text(
+        workspace.out / SEARCH,
+        json.dumps(_plain(asdict(found)), indent=1, ensure_ascii=False) + "\n",
+    )
 
 
 STAGE = Stage(name="search", revision=10, outputs=(SEARCH,), reads=reads, run=run)
@@ -87,16 +105,24 @@ def read_search(path: Path) -> Search:
         return float("nan") if value is None else value
 
     tried = tuple(
-        Tried(**{**one, "errors": tuple(map(number, one["errors"])), **{k: number(one[k]) for k in ("error", "parts", "excess", "spread")}})
+        Tried(
+            **{
+                **one,
+                "errors": tuple(map(number, one["errors"])),
+                **{k: number(one[k]) for k in ("error", "parts", "excess", "spread")},
+            }
+        )
         for one in document["tried"]
     )
     return Search(**{**document, "tried": tried, "notes": tuple(document["notes"])})
 
 
 def as_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
-    """Return the spec with the structure that its search has found; as it is where nothing was found yet.
+    """Return the spec with the structure that its search has found; as it is where nothing was
+    found yet.
 
-    Where it names no competitors, the formula that erred least in the search is one: the page says what it reaches on the held-out data.
+    Where it names no competitors, the formula that erred least in the search is one: the page says
+    what it reaches on the held-out data.
     """
     from mapmore_cli.spec.loader import load
     from mapmore_cli.spec.yaml_loader import as_overrides

@@ -1,4 +1,5 @@
-"""The rules of `mapmore check`: functions that yield what they find in a subject. To add one, name it in a list of `applied`.
+"""The rules of `mapmore check`: functions that yield what they find in a subject. To add one, name
+it in a list of `applied`.
 
 What the readers and the spec refuse by themselves is no business of a rule.
 """
@@ -27,8 +28,8 @@ Rule = Callable[["Subject"], Iterator[Issue]]
 class Subject:
     """A spec with its recordings, and with the dataset where it could be `made` of them.
 
-    `where(*loc)` is the `file:line:column` of a part of the spec; `units` gives the unit of every quantity of the recordings, `folder`
-    is where their sources start.
+    `where(*loc)` is the `file:line:column` of a part of the spec; `units` gives the unit of every
+    quantity of the recordings, `folder` is where their sources start.
     """
 
     spec: ExperimentSpec
@@ -67,7 +68,9 @@ class Subject:
         return float(np.abs(ends if unit is None else convert(ends, self.units[name], unit)).max())
 
     def source(self, name: str) -> str:
-        """Where the spec says what a quantity is: its column, its expression, or the files that it is set for."""
+        """Where the spec says what a quantity is: its column, its expression, or the files that it
+        is set for.
+        """
         for section in ("columns", "derive"):
             if name in getattr(self.spec.data, section):
                 return self.where("data", section, name)

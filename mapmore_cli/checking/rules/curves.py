@@ -1,4 +1,6 @@
-"""Rules about curves: enough samples to fit, held-out data within reach, steps that terms with memory can count, and shapes to follow."""
+"""Rules about curves: enough samples to fit, held-out data within reach, steps that terms with
+memory can count, and shapes to follow.
+"""
 
 from __future__ import annotations
 
@@ -34,26 +36,40 @@ def few_samples(subject: Subject) -> Iterator[Issue]:
         if curve.size < FEWEST:
             message = f"{curve.id} has {curve.size} sample{'s' if curve.size > 1 else ''}"
             remedy = "leave the level out, widen `levels.within`, or loosen `keep`"
-            yield Issue("warning", "few-samples", subject.where("data", "levels"), message, remedy, "data")
+            yield Issue(
+                "warning", "few-samples", subject.where("data", "levels"), message, remedy, "data"
+            )
 
 
 def segments(subject: Subject) -> Iterator[Issue]:
     """Every segment needs more training samples than terms."""
     spec, dataset = subject.spec, subject.dataset
-    fits_decide = any(isinstance(cut, Cuts) and cut.method == "optimal" for cut in spec.segment.values())
+    fits_decide = any(
+        isinstance(cut, Cuts) and cut.method == "optimal" for cut in spec.segment.values()
+    )
     if spec.model.type != "mapmore" or fits_decide:
         return
     by_level = level_of(spec.data.levels, spec.segment) is not None
     try:
         cut = cut_by_course(dataset.curves, by_level, cuts_of(spec.segment), dataset.target)
     except DataError as error:
-        yield Issue("error", "empty-segment", subject.where("segment"), error.message, error.remedy or "use fewer segments", "data")
+        yield Issue(
+            "error",
+            "empty-segment",
+            subject.where("segment"),
+            error.message,
+            error.remedy or "use fewer segments",
+            "data",
+        )
         return
     least = 1 if spec.fit.max_terms == AUTO else spec.fit.most_terms
     for curve in cut:
         short = [piece for piece in curve.segments if len(piece.rows) <= least]
         if short:
-            told = ", ".join(f"{one.id} has {len(one.rows)} training sample{'s' * (len(one.rows) != 1)}" for one in short)
+            told = ", ".join(
+                f"{one.id} has {len(one.rows)} training sample{'s' * (len(one.rows) != 1)}"
+                for one in short
+            )
             message = f"{told}: too few for {least} term{'s' * (least > 1)}"
             remedy = "use fewer segments, lower `fit.max_terms`, or keep more samples of this curve"
             yield Issue("error", "short-segment", subject.where("segment"), message, remedy, "data")
@@ -66,23 +82,40 @@ def beyond_training(subject: Subject) -> Iterator[Issue]:
         return
     chosen = {*([dataset.level] if dataset.level else ()), *hold_out.quantities}
     for name in dict.fromkeys((*sorted(chosen), *_inputs(subject))):
-        training, validation = _values(dataset, name, held_out=False), _values(dataset, name, held_out=True)
+        training, validation = (
+            _values(dataset, name, held_out=False),
+            _values(dataset, name, held_out=True),
+        )
         if not training.size:
             continue
         outside = validation[beyond(validation, training, BEYOND)]
         if outside.size > (0 if name in chosen else SOME * validation.size):
             share = "" if name in chosen else f"{outside.size / validation.size:.0%} of the "
-            reached = f"{outside.min():.6g}" + (f" to {outside.max():.6g}" if np.ptp(outside) else "")
+            reached = f"{outside.min():.6g}" + (
+                f" to {outside.max():.6g}" if np.ptp(outside) else ""
+            )
             within = f"the training range {training.min():.6g} to {training.max():.6g}"
             message = f"{share}validation samples have {name} {reached}, outside of {within}"
             place = subject.where("data", "split", "validate", name)
-            yield Issue("warning", "validation-outside", place, message, "hold out an inner value, unless extrapolation is what you test")
+            yield Issue(
+                "warning",
+                "validation-outside",
+                place,
+                message,
+                "hold out an inner value, unless extrapolation is what you test",
+            )
 
 
 def _inputs(subject: Subject) -> list[str]:
-    """Return the measured quantities that the model is a function of, but the time; the target has its own past in a free run."""
+    """Return the measured quantities that the model is a function of, but the time; the target has
+    its own past in a free run.
+    """
     spec = subject.spec
-    texts = [text for loc, _, family in entries_of(spec.dictionary) for _, text, _ in texts_in(loc, family)]
+    texts = [
+        text
+        for loc, _, family in entries_of(spec.dictionary)
+        for _, text, _ in texts_in(loc, family)
+    ]
     formula = formula_called(spec, spec.model.backbone or spec.model.name)
     used = {*spec.segment, *(formula.inputs if formula is not None else ())}
     used |= {name for text in texts for name in re.findall(r"[A-Za-z_]\w*", text)}
@@ -91,10 +124,16 @@ def _inputs(subject: Subject) -> list[str]:
 
 
 def _values(dataset: Dataset, name: str, held_out: bool) -> Array:
-    """Return a quantity's samples on one side of the split; of the level quantity, the levels themselves."""
+    """Return a quantity's samples on one side of the split; of the level quantity, the levels
+    themselves.
+    """
     parts = []
     for curve in dataset.curves:
-        values = curve.columns[name] if name != dataset.level or curve.level is None else np.full(curve.size, curve.level)
+        values = (
+            curve.columns[name]
+            if name != dataset.level or curve.level is None
+            else np.full(curve.size, curve.level)
+        )
         parts.append(values[curve.held_out == held_out])
     return np.concatenate(parts)
 
@@ -108,61 +147,108 @@ def even_steps(subject: Subject) -> Iterator[Issue]:
         step = time_step(curves)
         records = records_of(curves, step)
     except DataError as fault:
-        yield Issue("error", "uneven-steps", subject.where("data"), fault.message, fault.remedy or "", "data")
+        yield Issue(
+            "error",
+            "uneven-steps",
+            subject.where("data"),
+            fault.message,
+            fault.remedy or "",
+            "data",
+        )
         return
     breaks = len(records) - sum(len(curve.logs) for curve in curves)
     if breaks > 0:
         middle = int(np.median([record.size for record in records]))
         gaps = f"{breaks} gap{'s' if breaks > 1 else ''}"
-        message = f"memory begins anew at {gaps} within recordings: half of the pieces are of {middle} samples or less"
-        remedy = f"add `resample: {step:.6g} s` to `data`, and `gaps: {{longer_than: ..., action: split}}` for those too long to fill"
+        message = (
+            f"memory begins anew at {gaps} within recordings: half of the pieces are of "
+            f"{middle} samples or less"
+        )
+        remedy = (
+            f"add `resample: {step:.6g} s` to `data`, and `gaps: {{longer_than: ..., action: "
+            f"split}}` for those too long to fill"
+        )
         yield Issue("warning", "memory-breaks", subject.where("data"), message, remedy)
 
 
 def single_valued(subject: Subject) -> Iterator[Issue]:
-    """Find loops: they have two values at one place, of which a model without memory has one, so that its error has a floor."""
+    """Find loops: they have two values at one place, of which a model without memory has one, so
+    that its error has a floor.
+    """
     spec, dataset = subject.spec, subject.dataset
     moving = spec.runs_over_time or spec.target in ("hysteresis", "damping", "dynamic")
     if moving or spec.data.cycles is not None or dataset.level is None:
         return
     others = [name for name in spec.data.measured if name != "time"]
-    names = [name for name in dict.fromkeys(("pressure", *POSITIONS, *others)) if name in dataset.quantities]
+    names = [
+        name
+        for name in dict.fromkeys(("pressure", *POSITIONS, *others))
+        if name in dataset.quantities
+    ]
     swept = [name for name in names if name not in (dataset.level, dataset.target)]
-    swept = [name for name in swept if any(np.ptp(curve.columns[name]) for curve in dataset.curves)][:1]
+    swept = [
+        name for name in swept if any(np.ptp(curve.columns[name]) for curve in dataset.curves)
+    ][:1]
     if not swept:
         return
-    found = floors(*([curve.columns[name] for curve in dataset.curves] for name in (swept[0], dataset.target)))
-    told = [f"{100 * floor:.2g} % at {dataset.curves[number].id}" for number, floor in enumerate(found) if floor > WORTH]
+    found = floors(
+        *([curve.columns[name] for curve in dataset.curves] for name in (swept[0], dataset.target))
+    )
+    told = [
+        f"{100 * floor:.2g} % at {dataset.curves[number].id}"
+        for number, floor in enumerate(found)
+        if floor > WORTH
+    ]
     if told:
-        best = f"no model without memory does better than {', '.join(told)} of the largest {dataset.target}"
+        best = (
+            f"no model without memory does better than {', '.join(told)} of the largest "
+            f"{dataset.target}"
+        )
         message = f"curves over {swept[0]} are not single-valued: {best}"
-        remedy = f"where the muscle was loaded and unloaded, split the branches by `cycles: {{over: {swept[0]}}}`, or accept this floor"
+        remedy = (
+            "where the muscle was loaded and unloaded, split the branches by `cycles: "
+            f"{{over: {swept[0]}}}`, or accept this floor"
+        )
         yield Issue("hint", "not-single-valued", subject.where("target"), message, remedy)
 
 
 def loops_apart(subject: Subject) -> Iterator[Issue]:
-    """Loops that do not follow from those at the next levels, so that no model of the level tells one that was not measured."""
+    """Loops that do not follow from those at the next levels, so that no model of the level tells
+    one that was not measured.
+    """
     data, dataset = subject.spec.data, subject.dataset
     if subject.spec.target != "hysteresis" or data.cycles is None or dataset.level is None:
         return
     found = neighbourhood(dataset.curves, data.cycles.over, dataset.target)
     if found is not None and not found.tells:
-        message = f"a loop hardly follows from those at the next levels ({found}): expect no more of a level that was not measured"
+        message = (
+            f"a loop hardly follows from those at the next levels ({found}): expect no more "
+            "of a level that was not measured"
+        )
         surface = f"`segment: {{{dataset.level}: none}}`, with {dataset.level} in the dictionary"
-        remedy = f"look whether all cycles were driven alike, and as often before; one smooth surface may err less ({surface})"
+        remedy = (
+            "look whether all cycles were driven alike, and as often before; one smooth "
+            f"surface may err less ({surface})"
+        )
         yield Issue("hint", "loops-apart", subject.where("target"), message, remedy)
 
 
 def wrong_way_round(subject: Subject) -> Iterator[Issue]:
-    """Where the force was set and the length measured, the noise lies in the length, and force over strain may be a wall."""
+    """Where the force was set and the length measured, the noise lies in the length, and force over
+    strain may be a wall.
+    """
     if subject.spec.target != "static" or not subject.has("force"):
         return
     position = next((name for name in POSITIONS if subject.has(name)), None)
     if position is not None and (step := force_set(subject.recordings, position)) is not None:
-        steps = f"force goes in even steps of {step:.4g} {subject.units['force']} and {position} does not"
+        steps = (
+            f"force goes in even steps of {step:.4g} {subject.units['force']} and {position} "
+            "does not"
+        )
         message = f"{steps}: the force was set, and {position} measured"
         remedy = (
-            f"try `target: {{column: {position}}}` with force among the inputs: the noise lies in the {position}; "
+            f"try `target: {{column: {position}}}` with force among the inputs: the noise "
+            f"lies in the {position}; "
             "`validate: {as: force}` inverts the model, and scores it as force"
         )
         yield Issue("hint", "wrong-way-round", subject.where("target"), message, remedy)

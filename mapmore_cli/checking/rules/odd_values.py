@@ -24,14 +24,22 @@ def spikes_in(subject: Subject) -> Iterator[Issue]:
         for recording in (one for one in subject.recordings if name in one.columns):
             values = recording.columns[name]
             found = spikes(values)
-            found = found if (limit := _vacuum(subject, name)) is None else found[values[found] >= limit]
+            found = (
+                found
+                if (limit := _vacuum(subject, name)) is None
+                else found[values[found] >= limit]
+            )
             if not 0 < found.size <= max(1.0, MOST_SPIKES * values.size):
                 continue
             first, unit = int(found[0]), subject.units[name]
             between = f"between {values[first - 1]:.6g} and {values[first + 1]:.6g} {unit}".rstrip()
-            message = f"{_first_of(subject, recording, found)}: {name} is {values[first]:.6g} for one sample, {between}"
+            message = (
+                f"{_first_of(subject, recording, found)}: {name} is {values[first]:.6g} for "
+                f"one sample, {between}"
+            )
             remedy = (
-                f"leave it out, as with `keep: [{{quantity: {name}, above: ...}}]`, or empty its cell; where it is real, nothing is wrong"
+                f"leave it out, as with `keep: [{{quantity: {name}, above: ...}}]`, or empty "
+                "its cell; where it is real, nothing is wrong"
             )
             yield Issue("warning", "spike", subject.source(name), message, remedy, "data")
 
@@ -47,12 +55,19 @@ def below_vacuum(subject: Subject) -> Iterator[Issue]:
                 lowest = f"{recording.columns[name][found].min():.6g} {subject.units[name]}"
                 below = f"below absolute zero ({limit:.4g} {subject.units[name]} of a gauge)"
                 message = f"{_first_of(subject, recording, found)}: {name} is {lowest}, {below}"
-                remedy = f"mend its `unit`, `scale` or `offset`, or leave them out, as `keep: [{{quantity: {name}, above: {limit:.4g}}}]`"
-                yield Issue("warning", "below-vacuum", subject.source(name), message, remedy, "data")
+                remedy = (
+                    "mend its `unit`, `scale` or `offset`, or leave them out, as `keep: "
+                    f"[{{quantity: {name}, above: {limit:.4g}}}]`"
+                )
+                yield Issue(
+                    "warning", "below-vacuum", subject.source(name), message, remedy, "data"
+                )
 
 
 def _vacuum(subject: Subject, name: str) -> float | None:
-    """Return the least value of a gauge pressure in its unit; None for other quantities, and for differences of pressures."""
+    """Return the least value of a gauge pressure in its unit; None for other quantities, and for
+    differences of pressures.
+    """
     if name != "pressure" and not name.startswith("pressure_"):
         return None
     try:
@@ -62,10 +77,21 @@ def _vacuum(subject: Subject, name: str) -> float | None:
 
 
 def _first_of(subject: Subject, recording: Recording, found: IntArray) -> str:
-    """Name the first of some samples: by its row in the file, where all rows were kept, and by its time; and how many more there are."""
+    """Name the first of some samples: by its row in the file, where all rows were kept, and by its
+    time; and how many more there are.
+    """
     data, first = subject.spec.data, int(found[0])
-    by_rows = data.reader in WITH_ROWS and recording.rows_kept == recording.rows_read and data.every == 1 and not recording.log
-    place = f"{recording.source}:row {data.skip_rows + int(data.header) + first + 1}" if by_rows else f"{recording.id}: sample {first + 1}"
+    by_rows = (
+        data.reader in WITH_ROWS
+        and recording.rows_kept == recording.rows_read
+        and data.every == 1
+        and not recording.log
+    )
+    place = (
+        f"{recording.source}:row {data.skip_rows + int(data.header) + first + 1}"
+        if by_rows
+        else f"{recording.id}: sample {first + 1}"
+    )
     time = recording.columns.get("time")
     at = "" if time is None else f" (time {time[first]:.6g} {subject.units['time']})"
     return place + at + (f" and {found.size - 1} more" if found.size > 1 else "")

@@ -1,4 +1,6 @@
-"""Rules about what should tell the target: a column that it was computed from, and inputs that leave a difference untold."""
+"""Rules about what should tell the target: a column that it was computed from, and inputs that
+leave a difference untold.
+"""
 
 from __future__ import annotations
 
@@ -12,24 +14,42 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.recording import Recording
 
 FEWEST_IN_LINE = 10  # samples, below which a straight line may be chance
-OF_A_LINE = 1e-4  # of the range of the target, that a straight line leaves of what was computed by one
+OF_A_LINE = (
+    1e-4  # of the range of the target, that a straight line leaves of what was computed by one
+)
 HARDLY_REPEATED = 0.1  # of the range of the target: a difference that hardly is repeatability
-IN_COMMON = 0.9  # of the samples of the longer recording, that two of the same inputs have in common
+IN_COMMON = (
+    0.9  # of the samples of the longer recording, that two of the same inputs have in common
+)
 
 
 def computed_from(subject: Subject) -> Iterator[Issue]:
-    """Find a target that is a straight line of another column, in each recording with an offset of its own."""
+    """Find a target that is a straight line of another column, in each recording with an offset of
+    its own.
+    """
     target = subject.spec.target_quantity
     if target not in subject.spec.data.columns or not subject.has(target):
         return
     for name in subject.spec.data.columns:
-        if name in (target, "time") or not subject.has(name) or same_signals([subject.pooled(name), subject.pooled(target)]):
+        if (
+            name in (target, "time")
+            or not subject.has(name)
+            or same_signals([subject.pooled(name), subject.pooled(target)])
+        ):
             continue  # the last of them is told as an error
-        slopes = [_slope_of_line(one.columns[name], one.columns[target]) for one in subject.recordings]
+        slopes = [
+            _slope_of_line(one.columns[name], one.columns[target]) for one in subject.recordings
+        ]
         known = np.array([slope for slope in slopes if slope is not None])
         if None not in slopes and np.ptp(known) <= OF_A_LINE * np.abs(known).max():
-            message = f"{target} is {known[0]:.6g} times {name}, plus a constant of each recording, to {OF_A_LINE:g} of its range"
-            remedy = f"was it computed from {name}? Then it is no measurement: name the column of a sensor, or `derive` it"
+            message = (
+                f"{target} is {known[0]:.6g} times {name}, plus a constant of each recording, "
+                f"to {OF_A_LINE:g} of its range"
+            )
+            remedy = (
+                f"was it computed from {name}? Then it is no measurement: name the column of "
+                "a sensor, or `derive` it"
+            )
             yield Issue("warning", "computed-from", subject.source(target), message, remedy)
 
 
@@ -44,15 +64,27 @@ def _slope_of_line(x: Array, y: Array) -> float | None:
 
 
 def untold_difference(subject: Subject) -> Iterator[Issue]:
-    """Find recordings with equal inputs and another output: what made the difference was not recorded, or a file has another's name."""
+    """Find recordings with equal inputs and another output: what made the difference was not
+    recorded, or a file has another's name.
+    """
     target = subject.spec.target_quantity
-    inputs = [name for name in subject.spec.data.quantities if name not in (target, "time") and subject.has(name)]
-    if not inputs or not subject.has(target) or not any(np.ptp(subject.span(name)) for name in inputs):
+    inputs = [
+        name
+        for name in subject.spec.data.quantities
+        if name not in (target, "time") and subject.has(name)
+    ]
+    if (
+        not inputs
+        or not subject.has(target)
+        or not any(np.ptp(subject.span(name)) for name in inputs)
+    ):
         return
     low, high = subject.span(target)
     groups: dict[tuple[str, ...], list[Recording]] = {}
     for recording in (one for one in subject.recordings if one.rows_kept >= FEWEST_SAME):
-        begins = tuple(f"{value:.4g}" for name in inputs for value in recording.columns[name][:FEWEST_IN_LINE])
+        begins = tuple(
+            f"{value:.4g}" for name in inputs for value in recording.columns[name][:FEWEST_IN_LINE]
+        )
         same = groups.setdefault(begins, [])
         twin = next((other for other in same if _equal_inputs(other, recording, inputs)), None)
         if twin is None:
@@ -62,12 +94,27 @@ def untold_difference(subject: Subject) -> Iterator[Issue]:
         apart = float(np.abs(twin.columns[target][:both] - recording.columns[target][:both]).max())
         if apart > OF_A_LINE * (high - low):
             share = f"{apart:.4g} {subject.units[target]} ({apart / (high - low):.2g} of its range)"
-            message = f"{recording.source} has the same {', '.join(inputs)} as {twin.source}, and {target} differs by up to {share}"
-            remedy = "set what differed for the files (`set: {specimen: 2}`), or correct a name; repeats of one test show its repeatability"
+            message = (
+                f"{recording.source} has the same {', '.join(inputs)} as {twin.source}, and "
+                f"{target} differs by up to {share}"
+            )
+            remedy = (
+                "set what differed for the files (`set: {specimen: 2}`), or correct a name; "
+                "repeats of one test show its repeatability"
+            )
             large = apart > HARDLY_REPEATED * (high - low)
-            yield Issue("warning" if large else "hint", "untold-difference", subject.source(target), message, remedy, "data")
+            yield Issue(
+                "warning" if large else "hint",
+                "untold-difference",
+                subject.source(target),
+                message,
+                remedy,
+                "data",
+            )
 
 
 def _equal_inputs(one: Recording, other: Recording, inputs: list[str]) -> bool:
     few, many = sorted((one.rows_kept, other.rows_kept))
-    return few >= IN_COMMON * many and all(np.allclose(one.columns[n][:few], other.columns[n][:few], rtol=1e-6, atol=0) for n in inputs)
+    return few >= IN_COMMON * many and all(
+        np.allclose(one.columns[n][:few], other.columns[n][:few], rtol=1e-6, atol=0) for n in inputs
+    )

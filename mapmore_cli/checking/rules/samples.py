@@ -16,29 +16,56 @@ MUCH = 0.5  # of the samples, lost for a reason that the spec does not ask for
 MOST = 0.95  # of the samples, left out on purpose
 UNSETTLED = 0.2  # of the samples
 AT_REST = 0.5  # of the largest value: nearer to zero nothing is clipped
-CLIPPED, LONGEST, FAR_MORE = 0.01, 20, 10  # share, number, and times any other number, of samples at one end
-FROM_SENSORS = ("force", "pressure", "load")  # what hardly stops by itself at one number: its sensor does
+CLIPPED, LONGEST, FAR_MORE = (
+    0.01,
+    20,
+    10,
+)  # share, number, and times any other number, of samples at one end
+FROM_SENSORS = (
+    "force",
+    "pressure",
+    "load",
+)  # what hardly stops by itself at one number: its sensor does
 PARTS_OF_FORCE = ("hysteresis", "damping")  # targets that lie around zero, wherever the force does
 HINGED = "sarosi_hinged"  # the formula that is made for a slack foot
-HELD, MOVED = 0.05, 0.2  # movement within a recording, relative to the largest value: at most of what is held, at least of what is not
+HELD, MOVED = (
+    0.05,
+    0.2,
+    # movement within a recording, relative to the largest value: at most of what is held, at least
+    # of
+    # what is not
+)
 
 
 def constant(subject: Subject) -> Iterator[Issue]:
-    """Find quantities that never change: they explain nothing, and such a target needs no explanation."""
+    """Find quantities that never change: they explain nothing, and such a target needs no
+    explanation.
+    """
     for name in subject.spec.data.columns:
         low, high = subject.span(name)
         if low == high and sum(one.rows_kept for one in subject.recordings) > 1:
             target = name == subject.spec.target_quantity
             message = f"{name} is {low:g} in every sample"
             remedy = "name another column" if target else "name another column, or leave it out"
-            yield Issue("error" if target else "warning", "constant", subject.source(name), message, remedy, "data")
+            yield Issue(
+                "error" if target else "warning",
+                "constant",
+                subject.source(name),
+                message,
+                remedy,
+                "data",
+            )
 
 
 def offset(subject: Subject) -> Iterator[Issue]:
     """Find a target that lies far from zero: any model errs by little of its largest value."""
     spec = subject.spec
     name = spec.validation.as_ or spec.target_quantity
-    if spec.target in PARTS_OF_FORCE or spec.validation.normaliser == "range" or not subject.has(name):
+    if (
+        spec.target in PARTS_OF_FORCE
+        or spec.validation.normaliser == "range"
+        or not subject.has(name)
+    ):
         return
     values = subject.pooled(name)
     if abs(values.mean()) > FAR_FROM_ZERO * np.ptp(values) > 0:
@@ -49,57 +76,116 @@ def offset(subject: Subject) -> Iterator[Issue]:
 
 
 def same_signal(subject: Subject) -> Iterator[Issue]:
-    """Find a signal that is there twice, as a sensor's volts and what is computed of them: neither explains the other."""
+    """Find a signal that is there twice, as a sensor's volts and what is computed of them: neither
+    explains the other.
+    """
     names = [name for name in subject.spec.data.measured if name != "time" and subject.has(name)]
     for family in evidence.same_signals([subject.pooled(name) for name in names]):
         told = " and ".join(names[place] for place in family)
-        target = subject.spec.target_quantity in (names[place] for place in family)  # two inputs may be so, as the muscles of one joint
-        remedy = "keep the one of them that was measured; another sensor has to tell the other quantity"
-        message = f"{told} are one signal: each is the other times a constant, plus one (correlation {evidence.SAME} or more)"
-        yield Issue("error" if target else "hint", "same-signal", subject.source(names[family[-1]]), message, remedy)
+        target = subject.spec.target_quantity in (
+            names[place] for place in family
+        )  # two inputs may be so, as the muscles of one joint
+        remedy = (
+            "keep the one of them that was measured; another sensor has to tell the other quantity"
+        )
+        message = (
+            f"{told} are one signal: each is the other times a constant, plus one "
+            f"(correlation {evidence.SAME} or more)"
+        )
+        yield Issue(
+            "error" if target else "hint",
+            "same-signal",
+            subject.source(names[family[-1]]),
+            message,
+            remedy,
+        )
 
 
 def clipped(subject: Subject) -> Iterator[Issue]:
-    """Find sensors at their end: they read one number for long, where they otherwise hardly read any twice."""
+    """Find sensors at their end: they read one number for long, where they otherwise hardly read
+    any twice.
+    """
     levels = subject.spec.data.levels
-    for name in (name for name in subject.spec.data.columns if name != "time" and (levels is None or name != levels.of)):
-        for recording in (one for one in subject.recordings if name in one.columns and one.rows_kept):
+    for name in (
+        name
+        for name in subject.spec.data.columns
+        if name != "time" and (levels is None or name != levels.of)
+    ):
+        for recording in (
+            one for one in subject.recordings if name in one.columns and one.rows_kept
+        ):
             values = recording.columns[name]
-            ends = max(np.count_nonzero(values == values.max()), np.count_nonzero(values == values.min()))
+            ends = max(
+                np.count_nonzero(values == values.max()), np.count_nonzero(values == values.min())
+            )
             if ends <= max(LONGEST, CLIPPED * len(values)):
                 continue
             numbers, counts = np.unique(values, return_counts=True)
             for end, side in ((0, "above"), (-1, "below")):
                 usual = int(np.delete(counts, end).max(initial=0))
-                at_rest = abs(numbers[end]) < AT_REST * subject.largest(name)  # a slack muscle pulls with nothing for long
-                if not usual or at_rest or counts[end] <= max(LONGEST, FAR_MORE * usual, CLIPPED * len(values)):
+                at_rest = abs(numbers[end]) < AT_REST * subject.largest(
+                    name
+                )  # a slack muscle pulls with nothing for long
+                if (
+                    not usual
+                    or at_rest
+                    or counts[end] <= max(LONGEST, FAR_MORE * usual, CLIPPED * len(values))
+                ):
                     continue
                 at = f"{numbers[end]:.6g} {subject.units[name]}"
                 count = f"{counts[end]} of {len(values)} samples have {name} at exactly {at}"
                 message = f"{recording.name}: {count}: clipped, or a limit that it has"
-                leave_out = f"leave them out, as `keep: [{{quantity: {name}, {side}: {numbers[end]:.6g}}}]`"
-                remedy = f"where the sensor is at its end, {leave_out}; where {name} itself stops there (a stop, a full tank), keep them"
+                leave_out = (
+                    f"leave them out, as `keep: [{{quantity: {name}, {side}: {numbers[end]:.6g}}}]`"
+                )
+                remedy = (
+                    f"where the sensor is at its end, {leave_out}; where {name} itself stops "
+                    "there (a stop, a full tank), keep them"
+                )
                 known = name in FROM_SENSORS
-                yield Issue("warning" if known else "hint", "clipped", subject.source(name), message, remedy, "data")
+                yield Issue(
+                    "warning" if known else "hint",
+                    "clipped",
+                    subject.source(name),
+                    message,
+                    remedy,
+                    "data",
+                )
 
 
 def cycles_of_noise(subject: Subject) -> Iterator[Issue]:
     """Find cycles of a quantity that was held, which are cycles of its noise."""
     cycles = subject.spec.data.cycles
-    others = [name for name in ("pressure", *POSITIONS) if cycles and name != cycles.over and subject.has(name)]
+    others = [
+        name
+        for name in ("pressure", *POSITIONS)
+        if cycles and name != cycles.over and subject.has(name)
+    ]
     if cycles is None or not others or not subject.has(cycles.over):
         return
     moves = {name: _movement(subject, name) for name in (cycles.over, *others)}
     most = max(others, key=moves.__getitem__)
     if moves[cycles.over] < HELD and moves[most] > MOVED:
-        held = f"{cycles.over} moves by {moves[cycles.over]:.1%} of its largest value within a recording, and {most} by {moves[most]:.0%}"
-        message, remedy = f"{held}: `cycles` cuts noise", f"say `cycles: {{over: {most}}}`, and `levels` of {cycles.over}"
+        held = (
+            f"{cycles.over} moves by {moves[cycles.over]:.1%} of its largest value within a "
+            f"recording, and {most} by {moves[most]:.0%}"
+        )
+        message, remedy = (
+            f"{held}: `cycles` cuts noise",
+            f"say `cycles: {{over: {most}}}`, and `levels` of {cycles.over}",
+        )
         yield Issue("warning", "cycles-of-noise", subject.where("data", "cycles"), message, remedy)
 
 
 def _movement(subject: Subject, name: str) -> float:
-    """How far a quantity moves within the recordings, in the middle, relative to the largest value; the ends may be glitches."""
-    spans = [np.ptp(np.quantile(one.columns[name], (0.05, 0.95))) for one in subject.recordings if one.rows_kept]
+    """How far a quantity moves within the recordings, in the middle, relative to the largest value;
+    the ends may be glitches.
+    """
+    spans = [
+        np.ptp(np.quantile(one.columns[name], (0.05, 0.95)))
+        for one in subject.recordings
+        if one.rows_kept
+    ]
     return float(np.median(spans)) / (subject.largest(name) or 1.0)
 
 
@@ -108,59 +194,113 @@ def force_never_pulls(subject: Subject) -> Iterator[Issue]:
     if subject.has("force"):
         low, high = subject.span("force")
         if high <= 0 and low < 0:
-            message = f"the force is never positive (it runs from {low:.4g} to {high:.4g}): its sign looks turned"
-            yield Issue("warning", "force-never-positive", subject.source("force"), message, "say `scale: -1`, so that pull is positive")
+            message = (
+                f"the force is never positive (it runs from {low:.4g} to {high:.4g}): its "
+                "sign looks turned"
+            )
+            yield Issue(
+                "warning",
+                "force-never-positive",
+                subject.source("force"),
+                message,
+                "say `scale: -1`, so that pull is positive",
+            )
 
 
 def recorded_twice(subject: Subject) -> Iterator[Issue]:
-    """Find copied files: they count twice, and a copy among the validation data makes these worthless."""
+    """Find copied files: they count twice, and a copy among the validation data makes these
+    worthless.
+    """
     curves = subject.made.curves if subject.made else ()
     held_out = {name for curve in curves if curve.held_out.all() for name in curve.recordings}
     alike: dict[tuple[object, ...], list[Recording]] = {}
     for recording in (recording for recording in subject.recordings if recording.rows_kept):
-        measured = sorted(recording.columns.keys() & subject.spec.data.columns)  # what is set for a file does not make it another
+        measured = sorted(
+            recording.columns.keys() & subject.spec.data.columns
+        )  # what is set for a file does not make it another
         columns = [recording.columns[name] for name in measured]
-        same = alike.setdefault((*measured, recording.rows_kept, *(float(one[-1]) for one in columns)), [])
+        same = alike.setdefault(
+            (*measured, recording.rows_kept, *(float(one[-1]) for one in columns)), []
+        )
         twin = next((other for other in same if _same_samples(recording, other, measured)), None)
         same.append(recording)
         if twin is None:
             continue
         leak = (twin.id in held_out) != (recording.id in held_out)
-        message = f"it has the same samples as {twin.name}" + (", and one of them validates the other" if leak else "")
-        yield Issue("error" if leak else "warning", "recorded-twice", recording.name, message, "leave one of them out", "data")
+        message = f"it has the same samples as {twin.name}" + (
+            ", and one of them validates the other" if leak else ""
+        )
+        yield Issue(
+            "error" if leak else "warning",
+            "recorded-twice",
+            recording.name,
+            message,
+            "leave one of them out",
+            "data",
+        )
 
 
 def _same_samples(one: Recording, other: Recording, names: Sequence[str]) -> bool:
-    return all(np.array_equal(one.columns[name], other.columns[name], equal_nan=True) for name in names)
+    return all(
+        np.array_equal(one.columns[name], other.columns[name], equal_nan=True) for name in names
+    )
 
 
 def many_dropped(subject: Subject) -> Iterator[Issue]:
-    """Find samples that are lost rather than left out: missing values, and those that are at no level."""
+    """Find samples that are lost rather than left out: missing values, and those that are at no
+    level.
+    """
     conditions = {"missing value": ("data", "missing"), "no level": ("data", "levels")}
     read = sum(recording.rows_read for recording in subject.recordings)
     for reason, loc in conditions.items():
-        lost = sum(n for r in subject.recordings for why, n in r.dropped.items() if why.startswith(reason))
+        lost = sum(
+            n for r in subject.recordings for why, n in r.dropped.items() if why.startswith(reason)
+        )
         if lost > MUCH * read:
             message = f"{lost / read:.0%} of {read} samples are lost: {reason}"
-            yield Issue("warning", "many-dropped", subject.where(*loc), message, "look at the columns, or at `levels`", "data")
+            yield Issue(
+                "warning",
+                "many-dropped",
+                subject.where(*loc),
+                message,
+                "look at the columns, or at `levels`",
+                "data",
+            )
     for recording in subject.recordings:
         lost = sum(recording.dropped.values())
-        if recording.rows_kept < (1 - MOST) * (recording.rows_kept + lost):  # resampling loses nothing
+        if recording.rows_kept < (1 - MOST) * (
+            recording.rows_kept + lost
+        ):  # resampling loses nothing
             why = "; ".join(f"{count}: {reason}" for reason, count in recording.dropped.items())
             message = f"{recording.rows_kept} of {recording.rows_read} samples are kept ({why})"
-            yield Issue("hint", "few-kept", recording.name, message, "see whether `data.keep` and `data.levels` mean this", "data")
+            yield Issue(
+                "hint",
+                "few-kept",
+                recording.name,
+                message,
+                "see whether `data.keep` and `data.levels` mean this",
+                "data",
+            )
 
 
 def unsettled(subject: Subject) -> Iterator[Issue]:
     """While the pressure changes, the force lags: the sensor sits at the valve."""
     data = subject.spec.data
     asked = any(keep.quantity.endswith("_rate") for keep in data.keep) or data.cycles is not None
-    if subject.spec.target != "static" or asked or subject.dataset.level == "pressure" or not subject.has("time", "pressure"):
+    if (
+        subject.spec.target != "static"
+        or asked
+        or subject.dataset.level == "pressure"
+        or not subject.has("time", "pressure")
+    ):
         return
     found = evidence.settling(subject.recordings, subject.units["time"])
     if found is not None and found.share < 1 - UNSETTLED:
         unit = f"{subject.units['pressure']}/s"
-        message = f"the pressure changes by more than {found.limit:g} {unit} in {1 - found.share:.0%} of the samples: hardly static"
+        message = (
+            f"the pressure changes by more than {found.limit:g} {unit} in "
+            f"{1 - found.share:.0%} of the samples: hardly static"
+        )
         window = f"{1000 * found.window:g} ms"
         remedy = (
             f"derive `pressure_rate: {{rate_of: pressure, window: {window}, order: 2}}` and "
@@ -170,7 +310,9 @@ def unsettled(subject: Subject) -> Iterator[Issue]:
 
 
 def slack_foot(subject: Subject) -> Iterator[Issue]:
-    """Find a slack foot: a plain formula spends its terms on that corner, for which `sarosi_hinged` is made."""
+    """Find a slack foot: a plain formula spends its terms on that corner, for which `sarosi_hinged`
+    is made.
+    """
     model = subject.spec.model
     if subject.spec.target != "static" or HINGED in (model.backbone, model.name):
         return
@@ -179,5 +321,14 @@ def slack_foot(subject: Subject) -> Iterator[Issue]:
     found = evidence.slack_foot(*(subject.pooled(name) for name in ("pressure", "strain", "force")))
     if found is not None:
         low, high = found.threshold.min(), found.threshold.max()
-        message = f"the muscle is slack below {low:.0f} to {high:.0f} {subject.units['pressure']}, more so the more it is contracted"
-        yield Issue("hint", "slack-foot", subject.where("model"), message, f"try `model: {{type: mapmore, backbone: {HINGED}}}`")
+        message = (
+            f"the muscle is slack below {low:.0f} to {high:.0f} {subject.units['pressure']}, "
+            "more so the more it is contracted"
+        )
+        yield Issue(
+            "hint",
+            "slack-foot",
+            subject.where("model"),
+            message,
+            f"try `model: {{type: mapmore, backbone: {HINGED}}}`",
+        )

@@ -16,8 +16,13 @@ from mapmore_cli.storage.readers import READERS
 LARGEST_STRAIN = 1.5  # of any muscle
 LARGEST_PRESSURE = 5000.0  # kPa
 PRESSURE_IN_BAR = (1.0, 12.0)  # largest value: a usual supply in bar
-STRONGEST_PULL = 25.0  # times pressure and bore area; a braid of 20 degrees reaches 14 at zero strain
-LONGEST_STEP, SAMPLES_OF_A_LOGGER = 0.2, 1000  # s between samples, in a record of a logger, which has so many
+STRONGEST_PULL = (
+    25.0  # times pressure and bore area; a braid of 20 degrees reaches 14 at zero strain
+)
+LONGEST_STEP, SAMPLES_OF_A_LOGGER = (
+    0.2,
+    1000,
+)  # s between samples, in a record of a logger, which has so many
 LONGEST_RECORD = 12 * 3600.0  # s
 
 
@@ -25,28 +30,49 @@ def strain_in_per_cent(subject: Subject) -> Iterator[Issue]:
     """Find strains above 1.5, which were meant in per cent."""
     largest = subject.largest("strain", "1")
     if largest > LARGEST_STRAIN:
-        message = f"strain reaches {largest:.3g}, which is {100 * largest:.4g} %: it looks like per cent read as a fraction"
-        yield Issue("error", "strain-in-per-cent", subject.source("strain"), message, 'say `unit: "%"`')
+        message = (
+            f"strain reaches {largest:.3g}, which is {100 * largest:.4g} %: it looks like per "
+            "cent read as a fraction"
+        )
+        yield Issue(
+            "error", "strain-in-per-cent", subject.source("strain"), message, 'say `unit: "%"`'
+        )
 
 
 def pressure_in_pascals(subject: Subject) -> Iterator[Issue]:
     """Find pressures above 5 MPa, which were meant in Pa."""
     largest = subject.largest("pressure", "kPa")
     if largest > LARGEST_PRESSURE:
-        message = f"pressure reaches {largest:.6g} kPa: it looks like Pa read as {_declared(subject, 'pressure')}"
-        yield Issue("error", "pressure-in-pascals", subject.source("pressure"), message, "say `unit: Pa`")
+        message = (
+            f"pressure reaches {largest:.6g} kPa: it looks like Pa read as "
+            f"{_declared(subject, 'pressure')}"
+        )
+        yield Issue(
+            "error", "pressure-in-pascals", subject.source("pressure"), message, "say `unit: Pa`"
+        )
 
 
 def pressure_in_bar(subject: Subject) -> Iterator[Issue]:
     """Find pressures that never exceed a few kPa, which may have been meant in bar."""
     largest = subject.largest("pressure", "kPa")
-    if PRESSURE_IN_BAR[0] <= largest <= PRESSURE_IN_BAR[1] and _declared(subject, "pressure") == "kPa":
+    if (
+        PRESSURE_IN_BAR[0] <= largest <= PRESSURE_IN_BAR[1]
+        and _declared(subject, "pressure") == "kPa"
+    ):
         message = f"pressure reaches no more than {largest:.3g} kPa: it may be bar"
-        yield Issue("warning", "pressure-in-bar", subject.source("pressure"), message, "say `unit: bar` if it is")
+        yield Issue(
+            "warning",
+            "pressure-in-bar",
+            subject.source("pressure"),
+            message,
+            "say `unit: bar` if it is",
+        )
 
 
 def pull_of_the_bore(subject: Subject) -> Iterator[Issue]:
-    """No muscle pulls much harder than a braided one, `F = P pi r^2 (3/tan^2 - 1/sin^2)(braid angle)` at zero strain."""
+    """No muscle pulls much harder than a braided one, `F = P pi r^2 (3/tan^2 - 1/sin^2)(braid
+    angle)` at zero strain.
+    """
     diameter = subject.spec.muscle.diameter
     if diameter is None or not subject.has("pressure", "force"):
         return
@@ -54,7 +80,8 @@ def pull_of_the_bore(subject: Subject) -> Iterator[Issue]:
     pull = convert(subject.span("force")[1], subject.units["force"], "N")
     if bore > 0 and pull > STRONGEST_PULL * bore:
         message = (
-            f"the force reaches {pull:.4g} N, {pull / bore:.0f} times pressure times bore area; {STRONGEST_PULL:g} is more than braids give"
+            f"the force reaches {pull:.4g} N, {pull / bore:.0f} times pressure times bore "
+            f"area; {STRONGEST_PULL:g} is more than braids give"
         )
         remedy = "look at the pressure's unit (psi, bar?), the force's and `muscle.diameter`"
         yield Issue("warning", "force-too-large", subject.source("pressure"), message, remedy)
@@ -63,11 +90,18 @@ def pull_of_the_bore(subject: Subject) -> Iterator[Issue]:
 def time_in_milliseconds(subject: Subject) -> Iterator[Issue]:
     """Find slow stamps, which may be in ms: a logger takes many samples a second.
 
-    Names that tell the unit are believed, and so is a spec that tells it, or the step from sample to sample.
+    Names that tell the unit are believed, and so is a spec that tells it, or the step from sample
+    to sample.
     """
     data = subject.spec.data
     column = data.columns.get("time")
-    if column is None or column.unit is not None or data.every > 1 or data.resample is not None or not subject.has("time"):
+    if (
+        column is None
+        or column.unit is not None
+        or data.every > 1
+        or data.resample is not None
+        or not subject.has("time")
+    ):
         return
     label = read_label(column.column) if isinstance(column.column, str) else None
     if label is not None and label.unit is not None:
@@ -78,8 +112,17 @@ def time_in_milliseconds(subject: Subject) -> Iterator[Issue]:
             continue
         step, length = float(np.median(np.diff(time))), float(time[-1] - time[0])
         if step > LONGEST_STEP or length > LONGEST_RECORD:
-            message = f"{recording.name}: one sample every {step:.3g} s, {length / 3600:.3g} hours in all, which is slow for a muscle"
-            yield Issue("hint", "time-in-milliseconds", subject.source("time"), message, "say `unit: ms` if the stamps are in ms")
+            message = (
+                f"{recording.name}: one sample every {step:.3g} s, {length / 3600:.3g} hours "
+                "in all, which is slow for a muscle"
+            )
+            yield Issue(
+                "hint",
+                "time-in-milliseconds",
+                subject.source("time"),
+                message,
+                "say `unit: ms` if the stamps are in ms",
+            )
             return  # the others are of the same logger
 
 
@@ -87,9 +130,21 @@ def unit_in_the_name(subject: Subject) -> Iterator[Issue]:
     """Find columns whose name tells another unit: one called `P_psi` is hardly in kPa."""
     for name, column in subject.spec.data.columns.items():
         label = read_label(column.column) if isinstance(column.column, str) else None
-        if label is not None and label.quantity == name and (declared := _contradicted(subject, name, label.unit)):
-            message = f"column '{column.column}' is read in {declared}, but its name says {label.unit}"
-            yield Issue("warning", "unit-in-name", subject.source(name), message, f'say `unit: "{label.unit}"`, or rename the column')
+        if (
+            label is not None
+            and label.quantity == name
+            and (declared := _contradicted(subject, name, label.unit))
+        ):
+            message = (
+                f"column '{column.column}' is read in {declared}, but its name says {label.unit}"
+            )
+            yield Issue(
+                "warning",
+                "unit-in-name",
+                subject.source(name),
+                message,
+                f'say `unit: "{label.unit}"`, or rename the column',
+            )
 
 
 def unit_line(subject: Subject) -> Iterator[Issue]:
@@ -100,7 +155,11 @@ def unit_line(subject: Subject) -> Iterator[Issue]:
         return
     path = subject.folder / subject.recordings[0].source
     for top in peek(path, data.skip_rows + int(data.header)):
-        if all(getattr(data, key) == value for key, value in top.settings.items() if key in type(data).model_fields):
+        if all(
+            getattr(data, key) == value
+            for key, value in top.settings.items()
+            if key in type(data).model_fields
+        ):
             names, *below = [list(map(str, row)) for row in top.rows[data.skip_rows :]] or [[]]
             yield from _units_below(subject, [name.strip() for name in names], below)
             return
@@ -108,16 +167,33 @@ def unit_line(subject: Subject) -> Iterator[Issue]:
 
 def _units_below(subject: Subject, names: list[str], below: list[list[str]]) -> Iterator[Issue]:
     for name, column in subject.spec.data.columns.items():
-        place = column.column if isinstance(column.column, int) else names.index(column.column) if column.column in names else None
+        place = (
+            column.column
+            if isinstance(column.column, int)
+            else names.index(column.column)
+            if column.column in names
+            else None
+        )
         texts = [row[place] for row in below if place is not None and place < len(row)]
         unit = next((found for text in texts if (found := unit_in(name, text)) is not None), None)
         if declared := _contradicted(subject, name, unit):
-            message = f"column '{column.column}' is read in {declared}, but the line under its name says {unit}"
-            yield Issue("warning", "unit-line", subject.source(name), message, f'say `unit: "{unit}"`, or `scale` if the line is wrong')
+            message = (
+                f"column '{column.column}' is read in {declared}, but the line under its name "
+                f"says {unit}"
+            )
+            yield Issue(
+                "warning",
+                "unit-line",
+                subject.source(name),
+                message,
+                f'say `unit: "{unit}"`, or `scale` if the line is wrong',
+            )
 
 
 def _contradicted(subject: Subject, name: str, told: str | None) -> str:
-    """Return the unit that a column without a scale is read in, where another one is told; else the empty text."""
+    """Return the unit that a column without a scale is read in, where another one is told; else the
+    empty text.
+    """
     column = subject.spec.data.columns[name]
     declared = column.unit or default_unit(name, subject.spec.units)
     if told is None or column.scale != 1.0:

@@ -1,7 +1,9 @@
-"""From sections of the spec to models: one file for each kind of model, found by the name of the kind.
+"""From sections of the spec to models: one file for each kind of model, found by the name of the
+kind.
 
-A kind has two functions, which read and write no files: `fit(part, given)` returns a FitResult, `build(part, given, result)` the model
-that is made of it. The stages call them one by one, with files between; `refit` calls them in one go.
+A kind has two functions, which read and write no files: `fit(part, given)` returns a FitResult,
+`build(part, given, result)` the model that is made of it. The stages call them one by one, with
+files between; `refit` calls them in one go.
 """
 
 from __future__ import annotations
@@ -24,12 +26,17 @@ if TYPE_CHECKING:
 
 def added_up(_path: str) -> Model:
     """Refuse to fit a sum where the models of its runs are not known."""
-    raise SpecError("a sum of the models of other runs is not fitted itself", "do this with the specs that it adds up")
+    raise SpecError(
+        "a sum of the models of other runs is not fitted itself",
+        "do this with the specs that it adds up",
+    )
 
 
 @dataclass(frozen=True)
 class Given:
-    """Hold what a model is made of: data, segmentation, and the models of needed runs by the path of their spec."""
+    """Hold what a model is made of: data, segmentation, and the models of needed runs by the path
+    of their spec.
+    """
 
     dataset: Dataset
     segmentation: Sequence[SegmentedCurve]
@@ -38,7 +45,9 @@ class Given:
 
 
 def fit(part: FitChoices, given: Given) -> FitResult:
-    """Fit what the kind of model asks for: every segment, one model with memory, a formula, or nothing where models are added up."""
+    """Fit what the kind of model asks for: every segment, one model with memory, a formula, or
+    nothing where models are added up.
+    """
     found: FitResult = _kind(part).fit(part, given)
     return found
 
@@ -49,11 +58,21 @@ def build(part: ModelChoices, given: Given, result: FitResult) -> Model:
     return found
 
 
-def refit(part: ModelChoices, dataset: Dataset, model_of: Callable[[str], Model] = added_up) -> Model:
-    """Return the model of the training samples of a dataset, made in one go, every choice included, as cross-validation does."""
+def refit(
+    part: ModelChoices, dataset: Dataset, model_of: Callable[[str], Model] = added_up
+) -> Model:
+    """Return the model of the training samples of a dataset, made in one go, every choice included,
+    as cross-validation does.
+    """
     from mapmore_cli.fitting.kinds.pieces import segmented
 
-    given = Given(dataset, segmented(dataset, part.levels, part.segment, part.dictionary, part.model.backbone, part.fit), model_of)
+    given = Given(
+        dataset,
+        segmented(
+            dataset, part.levels, part.segment, part.dictionary, part.model.backbone, part.fit
+        ),
+        model_of,
+    )
     return build(part, given, fit(part, given))
 
 

@@ -52,13 +52,17 @@ class FitChoices:
 
 @dataclass(frozen=True)
 class ModelChoices(FitChoices):
-    """What the model depends on: cross-validation of a backbone repeats the fit; a sum is made of the models of needed runs."""
+    """What the model depends on: cross-validation of a backbone repeats the fit; a sum is made of
+    the models of needed runs.
+    """
 
     name: str
     fuse: Fuse
     signals: tuple[Signal, ...]
     summands: tuple[str, ...]
-    intervals: bool = False  # whether models are made without each part of the training data in turn
+    intervals: bool = (
+        False  # whether models are made without each part of the training data in turn
+    )
 
     @property
     def joined(self) -> Fuse:
@@ -67,29 +71,44 @@ class ModelChoices(FitChoices):
 
 
 def with_definitions(spec: ExperimentSpec) -> ExperimentSpec:
-    """Return the spec with the definition of each own formula in the place of its name, so that what a stage reads needs nothing else."""
+    """Return the spec with the definition of each own formula in the place of its name, so that
+    what a stage reads needs nothing else.
+    """
     if not spec.own_formulas and spec.model.family is None:
         return spec
     units = units_of(spec)
     family = spec.model.family
     relative = None if family is None else family.definition(metres_of(units[family.of]))
-    found = {name: one.definition(units, units[spec.target_quantity]) for name, one in spec.own_formulas.items()}
+    found = {
+        name: one.definition(units, units[spec.target_quantity])
+        for name, one in spec.own_formulas.items()
+    }
 
     def put(name: str | None) -> str | None:
         return name if name is None else found.get(name, name)
 
     def summed(parts: Sequence[Summand] | None) -> list[Summand] | None:
-        return None if parts is None else [replace(part, formula=put(part.formula)) for part in parts]
+        return (
+            None if parts is None else [replace(part, formula=put(part.formula)) for part in parts]
+        )
 
     def rival(one: str | Competitor) -> str | Competitor:
         if isinstance(one, str):
-            return one if one not in found else Competitor.model_validate({"model": found[one], "as": one})
+            return (
+                one
+                if one not in found
+                else Competitor.model_validate({"model": found[one], "as": one})
+            )
         changed = {key: put(getattr(one, key)) for key in ("model", "static", "damping")}
         return one.model_copy(update={**changed, "sum": summed(one.sum), "as_": one.label})
 
     model = spec.model
-    named = replace(model, backbone=put(model.backbone), name=relative or put(model.name), sum=summed(model.sum))
-    validation = spec.validation.model_copy(update={"against": [rival(one) for one in spec.validation.against]})
+    named = replace(
+        model, backbone=put(model.backbone), name=relative or put(model.name), sum=summed(model.sum)
+    )
+    validation = spec.validation.model_copy(
+        update={"against": [rival(one) for one in spec.validation.against]}
+    )
     return spec.model_copy(update={"model": named, "validation": validation})
 
 
@@ -100,16 +119,20 @@ def metres_of(unit: str) -> float:
 
 
 def lengths_of(spec: ExperimentSpec) -> dict[str, float | None]:
-    """Return the muscle's dimensions (m) where the formula that is the model or its backbone has one."""
+    """Return the muscle's dimensions (m) where the formula that is the model or its backbone has
+    one.
+    """
     name = spec.model.name or spec.model.backbone
     needed = literature.get(name).dimensions if name not in (None, AUTO) else ()
     return {name: length for name, length in spec.muscle.lengths.items() if name in needed}
 
 
 def level_of(levels: Levels | None, segment: SegmentSection) -> str | None:
-    """Return the quantity whose curves are interpolated: that of `levels`, unless `segment: {<quantity>: none}` pools its curves.
+    """Return the quantity whose curves are interpolated: that of `levels`, unless `segment:
+    {<quantity>: none}` pools its curves.
 
-    Curves of step responses stand at the pressure of their plateau; the weights go by the pressure itself, which is known at any time.
+    Curves of step responses stand at the pressure of their plateau; the weights go by the pressure
+    itself, which is known at any time.
     """
     if levels is None or segment.get(levels.of) == "none":
         return None

@@ -1,4 +1,6 @@
-"""From the dictionary of a spec to the names of its candidate terms, and from its derivations to signals that a model can repeat."""
+"""From the dictionary of a spec to the names of its candidate terms, and from its derivations to
+signals that a model can repeat.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,14 @@ from mapmore_cli.modelling.expressions.families import delays, lags, operated, p
 from mapmore_cli.modelling.pieces.recipe import CutByDirection
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.sections.data import Direction, Rate
-from mapmore_cli.spec.sections.dictionary import AlongRange, Delays, DictionaryEntry, Lags, Polynomial, Products
+from mapmore_cli.spec.sections.dictionary import (
+    AlongRange,
+    Delays,
+    DictionaryEntry,
+    Lags,
+    Polynomial,
+    Products,
+)
 from mapmore_cli.spec.units import convert, default_unit
 
 
@@ -36,42 +45,65 @@ def signal_of(name: str, rule: Rate | Direction, units: Mapping[str, str]) -> Si
 def derivations_of(spec: ExperimentSpec) -> dict[str, str | Rate | Direction]:
     """Return what the spec derives, with the direction that segments are cut by."""
     cuts = {name: cut for name, cut in spec.segment.items() if isinstance(cut, CutByDirection)}
-    return {**spec.data.derive, **{name: Direction(direction_of=cut.of, dead_band=cut.dead_band) for name, cut in cuts.items()}}
+    return {
+        **spec.data.derive,
+        **{
+            name: Direction(direction_of=cut.of, dead_band=cut.dead_band)
+            for name, cut in cuts.items()
+        },
+    }
 
 
 def units_of(spec: ExperimentSpec) -> dict[str, str]:
-    """Return the model's unit of every quantity; a rate by any name has the unit of its quantity per unit of time."""
-    rates = {name: rule.rate_of for name, rule in spec.data.derive.items() if isinstance(rule, Rate)}
+    """Return the model's unit of every quantity; a rate by any name has the unit of its quantity
+    per unit of time.
+    """
+    rates = {
+        name: rule.rate_of for name, rule in spec.data.derive.items() if isinstance(rule, Rate)
+    }
     return {name: default_unit(name, spec.units, rates) for name in spec.quantities}
 
 
 def signals_of(spec: ExperimentSpec) -> tuple[Signal, ...]:
     """All rates and directions of a study, each after the one that it follows from."""
     units = units_of(spec)
-    signals = {name: signal_of(name, rule, units) for name, rule in derivations_of(spec).items() if not isinstance(rule, str)}
-    order = graphlib.TopologicalSorter({name: {signal.of} for name, signal in signals.items()}).static_order()
+    signals = {
+        name: signal_of(name, rule, units)
+        for name, rule in derivations_of(spec).items()
+        if not isinstance(rule, str)
+    }
+    order = graphlib.TopologicalSorter(
+        {name: {signal.of} for name, signal in signals.items()}
+    ).static_order()
     return tuple(signals[name] for name in order if name in signals)
 
 
 @dataclass(frozen=True)
 class Clock:
-    """What terms with memory go by, in s: the time between samples, and the duration of the longest piece that trains."""
+    """What terms with memory go by, in s: the time between samples, and the duration of the longest
+    piece that trains.
+    """
 
     step: float
     longest: float
 
 
 def terms_of(dictionary: Sequence[DictionaryEntry], clock: Clock | None = None) -> tuple[str, ...]:
-    """Names of all candidate terms in the order of the dictionary, each once; terms with memory need a `clock`.
+    """Names of all candidate terms in the order of the dictionary, each once; terms with memory
+    need a `clock`.
 
-    Raises SpecError where products are wanted with a term that is none of theirs; DataError where there would be more of them than memory
-    allows.
+    Raises SpecError where products are wanted with a term that is none of theirs; DataError where
+    there would be more of them than memory allows.
     """
-    return tuple(dict.fromkeys(term for entry in dictionary for term in _terms(entry, clock, constant=True)))
+    return tuple(
+        dict.fromkeys(term for entry in dictionary for term in _terms(entry, clock, constant=True))
+    )
 
 
 def _terms(entry: DictionaryEntry, clock: Clock | None, *, constant: bool) -> Sequence[str]:
-    """Return the terms of one family; within products, where `constant` is false, without the constant."""
+    """Return the terms of one family; within products, where `constant` is false, without the
+    constant.
+    """
     name, family = entry.family
     if isinstance(family, list):
         return [_printed(text) for text in family]
@@ -93,9 +125,19 @@ def _terms(entry: DictionaryEntry, clock: Clock | None, *, constant: bool) -> Se
 def _along_range(family: AlongRange, *, constant: bool) -> list[str]:
     window = getattr(family, "window", None)
     windows = window if isinstance(window, list) else [window]
-    changes = [f"({family.of} - {family.of}[k-{one}]){power}" for one in windows for power in ("", "^2")]
-    factors = [text for name in family.partners for text in (changes if window and name == "change" else [name])]
-    texts = [to_text(candidate(f"({factor})*{one}")) for factor in ["1", *factors] for one in family.functions]
+    changes = [
+        f"({family.of} - {family.of}[k-{one}]){power}" for one in windows for power in ("", "^2")
+    ]
+    factors = [
+        text
+        for name in family.partners
+        for text in (changes if window and name == "change" else [name])
+    ]
+    texts = [
+        to_text(candidate(f"({factor})*{one}"))
+        for factor in ["1", *factors]
+        for one in family.functions
+    ]
     return texts if constant else [text for text in texts if text != "1"]
 
 
@@ -109,14 +151,24 @@ def _canonical(text: str) -> str:
 
 
 def _monomials(of: Sequence[str], family: Polynomial | Lags, *, constant: bool) -> list[str]:
-    return [to_text(term) for term in products(of, family.order, constant=family.constant and constant)]
+    return [
+        to_text(term) for term in products(of, family.order, constant=family.constant and constant)
+    ]
 
 
 def _products(family: Products, clock: Clock | None, *, constant: bool) -> list[str]:
-    parts = [[_canonical(part)] if isinstance(part, str) else _terms(part, clock, constant=False) for part in family.of]
+    parts = [
+        [_canonical(part)] if isinstance(part, str) else _terms(part, clock, constant=False)
+        for part in family.of
+    ]
     of = list(dict.fromkeys(term for part in parts for term in part))
     partners = None if family.partners is None else [_canonical(text) for text in family.partners]
     for partner in partners or ():
         if partner not in of:
-            raise SpecError(f"products: `{partner}` of `with` is none of the terms `of` them", f"there are {', '.join(of)}")
-    return [to_text(term) for term in products(of, family.order, partners, family.constant and constant)]
+            raise SpecError(
+                f"products: `{partner}` of `with` is none of the terms `of` them",
+                f"there are {', '.join(of)}",
+            )
+    return [
+        to_text(term) for term in products(of, family.order, partners, family.constant and constant)
+    ]

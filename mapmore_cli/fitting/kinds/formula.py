@@ -24,7 +24,14 @@ def build(part: ModelChoices, given: Given, result: FitResult) -> Model:
     assert result.formula is not None
     quantities = given.dataset.quantities
     level = level_of(part.levels, part.segment)
-    return formula.build(part.name, quantities[given.dataset.target], result.formula, level, given.segmentation, quantities)
+    return formula.build(
+        part.name,
+        quantities[given.dataset.target],
+        result.formula,
+        level,
+        given.segmentation,
+        quantities,
+    )
 
 
 def fitted(name: str, part: FitChoices, dataset: Dataset) -> FormulaFit:
@@ -33,8 +40,13 @@ def fitted(name: str, part: FitChoices, dataset: Dataset) -> FormulaFit:
     Raises FitError where it did not converge to anything usable: the model stands on it.
     """
     model = part.model
-    found = fit_formula(name, dataset.curves, dataset.target, model.method, part.lengths, model.starts)
+    found = fit_formula(
+        name, dataset.curves, dataset.target, model.method, part.lengths, model.starts
+    )
     if found.failed:
         reasons = "; ".join(found.notes) or "no finite parameters were found"
-        raise FitError(f"the fit of {found.name} failed: {reasons}", "take another formula, or build the model without one")
+        raise FitError(
+            f"the fit of {found.name} failed: {reasons}",
+            "take another formula, or build the model without one",
+        )
     return found

@@ -22,8 +22,8 @@ from mapmore_cli.modelling.selection import MemoryRecipe
 def fit(part: FitChoices, given: Given) -> FitResult:
     """One model of all recordings, of what the backbone leaves where there is one.
 
-    Raises DataError where recordings are not sampled alike, or too few samples have a history; FitError where the fit of the backbone
-    failed.
+    Raises DataError where recordings are not sampled alike, or too few samples have a history;
+    FitError where the fit of the backbone failed.
     """
     dataset = given.dataset
     backbone = None if part.model.backbone is None else fitted(part.model.backbone, part, dataset)
@@ -31,13 +31,28 @@ def fit(part: FitChoices, given: Given) -> FitResult:
     step = time_step(curves)
     records = records_of(curves, step)
     clock = Clock(step, step * max(int(record.training.sum()) for record in records))
-    asked = taken(MemoryRecipe, part.fit, target=dataset.target, dictionary=terms_of(part.dictionary, clock), step=step)
+    asked = taken(
+        MemoryRecipe,
+        part.fit,
+        target=dataset.target,
+        dictionary=terms_of(part.dictionary, clock),
+        step=step,
+    )
     recipe = replace(asked, dictionary=with_ranges(records, asked))
-    found = fit_with_memory(records, recipe, lambda done, total: given.progress("models", done, total))
+    found = fit_with_memory(
+        records, recipe, lambda done, total: given.progress("models", done, total)
+    )
     return FitResult(found, backbone, () if found.identified is None else found.identified.notes)
 
 
 def build(part: ModelChoices, given: Given, result: FitResult) -> Model:
     """Return the model, with the training range of its inputs."""
     assert result.memory is not None
-    return memory.build(part.name, result.memory.model, result.backbone, given.segmentation, given.dataset.quantities, result.notes)
+    return memory.build(
+        part.name,
+        result.memory.model,
+        result.backbone,
+        given.segmentation,
+        given.dataset.quantities,
+        result.notes,
+    )

@@ -8,7 +8,13 @@ from typing import TYPE_CHECKING
 
 from mapmore_cli.domain.results import FitResult, PiecesFit
 from mapmore_cli.fitting.kinds import Given
-from mapmore_cli.fitting.kinds.choices import FitChoices, ModelChoices, SegmentSection, by_trial, level_of
+from mapmore_cli.fitting.kinds.choices import (
+    FitChoices,
+    ModelChoices,
+    SegmentSection,
+    by_trial,
+    level_of,
+)
 from mapmore_cli.fitting.kinds.dictionary import terms_of
 from mapmore_cli.fitting.kinds.formula import fitted
 from mapmore_cli.modelling.pieces.recipe import Cut, Fuse, Recipe
@@ -29,9 +35,16 @@ def cuts_of(segment: SegmentSection) -> dict[str, Cut]:
 
 
 def recipe_of(
-    target: str, levels: Levels | None, segment: SegmentSection, dictionary: Sequence[DictionaryEntry], fit: Fit, fuse: Fuse
+    target: str,
+    levels: Levels | None,
+    segment: SegmentSection,
+    dictionary: Sequence[DictionaryEntry],
+    fit: Fit,
+    fuse: Fuse,
 ) -> Recipe:
-    """Return the whole recipe; without candidate terms where one model with memory stands in place of the segments."""
+    """Return the whole recipe; without candidate terms where one model with memory stands in place
+    of the segments.
+    """
     level = level_of(levels, segment)
     return Recipe(
         target=target,
@@ -45,43 +58,73 @@ def recipe_of(
 
 
 def segmented(
-    dataset: Dataset, levels: Levels | None, segment: SegmentSection, dictionary: Sequence[DictionaryEntry], backbone: str | None, fit: Fit
+    dataset: Dataset,
+    levels: Levels | None,
+    segment: SegmentSection,
+    dictionary: Sequence[DictionaryEntry],
+    backbone: str | None,
+    fit: Fit,
 ) -> tuple[SegmentedCurve, ...]:
-    """Cut every training curve over its own range; what is fitted there is what the backbone leaves, which costs of intervals go by."""
+    """Cut every training curve over its own range; what is fitted there is what the backbone
+    leaves, which costs of intervals go by.
+    """
     from mapmore_cli.modelling.literature.backbone import fit_formula
     from mapmore_cli.modelling.pieces.build import segment as cut
 
     recipe = recipe_of(dataset.target, levels, segment, dictionary, fit, Fuse())
-    formula = fit_formula(backbone, dataset.curves, dataset.target) if backbone and by_trial(segment) else None
+    formula = (
+        fit_formula(backbone, dataset.curves, dataset.target)
+        if backbone and by_trial(segment)
+        else None
+    )
     return cut(trained_at(dataset.curves, fit.train_level), recipe, formula)
 
 
 def fit(part: FitChoices, given: Given) -> FitResult:
-    """Return the terms of every segment, fitted to what the backbone leaves where there is one; raises FitError where its fit failed."""
+    """Return the terms of every segment, fitted to what the backbone leaves where there is one;
+    raises FitError where its fit failed.
+    """
     from mapmore_cli.modelling.pieces import build as method
 
     curves, recipe = _trained(part, given.dataset)
     backbone, notes = _backbone(part, given, curves, recipe)
     total = sum(len(curve.segments) for curve in given.segmentation)
     done = count(1)
-    segments = method.fit(curves, given.segmentation, recipe, backbone, lambda: given.progress("segments", next(done), total))
+    segments = method.fit(
+        curves,
+        given.segmentation,
+        recipe,
+        backbone,
+        lambda: given.progress("segments", next(done), total),
+    )
     return FitResult(PiecesFit(segments), backbone, notes)
 
 
 def _trained(part: FitChoices, dataset: Dataset) -> tuple[Sequence[Curve], Recipe]:
     """Return the curves, of which some train, and the whole recipe."""
-    recipe = recipe_of(dataset.target, part.levels, part.segment, part.dictionary, part.fit, part.joined)
+    recipe = recipe_of(
+        dataset.target, part.levels, part.segment, part.dictionary, part.fit, part.joined
+    )
     return trained_at(dataset.curves, part.fit.train_level), recipe
 
 
-def _backbone(part: FitChoices, given: Given, curves: Sequence[Curve], recipe: Recipe) -> tuple[FormulaFit | None, tuple[str, ...]]:
-    """Return the formula that the spec names, or the one that left-out levels choose, fitted; and on what grounds it was chosen."""
+def _backbone(
+    part: FitChoices, given: Given, curves: Sequence[Curve], recipe: Recipe
+) -> tuple[FormulaFit | None, tuple[str, ...]]:
+    """Return the formula that the spec names, or the one that left-out levels choose, fitted; and
+    on what grounds it was chosen.
+    """
     name = part.model.backbone
     notes: tuple[str, ...] = ()
     if name == AUTO:
         from mapmore_cli.modelling.pieces.cross_validation import choose_backbone
 
-        choice = choose_backbone(curves, recipe, given.dataset.quantities, lambda done, of: given.progress("backbones by folds", done, of))
+        choice = choose_backbone(
+            curves,
+            recipe,
+            given.dataset.quantities,
+            lambda done, of: given.progress("backbones by folds", done, of),
+        )
         name, notes = choice.name, (choice.note,)
     return (None if name is None else fitted(name, part, given.dataset)), notes
 
@@ -93,7 +136,9 @@ def backbone_name(part: FitChoices, dataset: Dataset) -> str | None:
 
 
 def build(part: ModelChoices, given: Given, result: FitResult) -> Model:
-    """Fuse; on a backbone, keep as much of the residual as left-out training data support, unless the spec says how much."""
+    """Fuse; on a backbone, keep as much of the residual as left-out training data support, unless
+    the spec says how much.
+    """
     from mapmore_cli.modelling.pieces import build as method
     from mapmore_cli.modelling.pieces.cross_validation import with_trusted_residual
 
@@ -102,4 +147,6 @@ def build(part: ModelChoices, given: Given, result: FitResult) -> Model:
     model = method.fuse(part.name, curves, given.segmentation, result, recipe, quantities)
     if result.backbone is None or recipe.fuse.shrink != AUTO:
         return model
-    return with_trusted_residual(model, curves, recipe, quantities, lambda done, total: given.progress("folds", done, total))
+    return with_trusted_residual(
+        model, curves, recipe, quantities, lambda done, total: given.progress("folds", done, total)
+    )

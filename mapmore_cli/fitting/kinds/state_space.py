@@ -16,16 +16,25 @@ from mapmore_cli.modelling.motion.problem import MotionRecipe
 def fit(part: FitChoices, given: Given) -> FitResult:
     """Every section, on all recordings.
 
-    Raises DataError where recordings are not sampled alike, the input never changes, or a section has too few samples; SpecError, FitError
-    where the solver refuses the sections, or finds no stable one.
+    Raises DataError where recordings are not sampled alike, the input never changes, or a section
+    has too few samples; SpecError, FitError where the solver refuses the sections, or finds no
+    stable one.
     """
     curves = given.dataset.curves
     step = time_step(curves)
     recipe = taken(MotionRecipe, part.model, output=given.dataset.target, step=step)
-    return FitResult(fit_motion(records_of(curves, step), recipe, lambda done, total: given.progress("sections", done, total)))
+    return FitResult(
+        fit_motion(
+            records_of(curves, step),
+            recipe,
+            lambda done, total: given.progress("sections", done, total),
+        )
+    )
 
 
 def build(part: ModelChoices, given: Given, result: FitResult) -> Model:
     """Return the model, with the training range of its inputs."""
     assert result.motion is not None
-    return motion.build(part.name, result.motion.model, given.segmentation, given.dataset.quantities, result.notes)
+    return motion.build(
+        part.name, result.motion.model, given.segmentation, given.dataset.quantities, result.notes
+    )

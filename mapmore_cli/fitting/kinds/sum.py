@@ -15,7 +15,13 @@ from mapmore_cli.fitting.kinds import Given
 from mapmore_cli.fitting.kinds.choices import FitChoices, ModelChoices
 from mapmore_cli.modelling.expressions import Name, parse
 from mapmore_cli.modelling.literature.backbone import pooled_training
-from mapmore_cli.modelling.sums.joint import Summand, fit_jointly, refuse_shared_names, split, sum_of
+from mapmore_cli.modelling.sums.joint import (
+    Summand,
+    fit_jointly,
+    refuse_shared_names,
+    split,
+    sum_of,
+)
 from mapmore_cli.spec.sections import model as sections
 
 
@@ -30,36 +36,59 @@ def fit(part: FitChoices, given: Given) -> FitResult:
     training = pooled_training(given.dataset.curves)
     found = fit_jointly(formulas, training, training[given.dataset.target])
     if found.failed:
-        raise FitError(f"the fit of {found.name} failed: {'; '.join(found.notes)}", "take other formulas")
+        raise FitError(
+            f"the fit of {found.name} failed: {'; '.join(found.notes)}", "take other formulas"
+        )
     return FitResult(found)
 
 
 def build(part: ModelChoices, given: Given, result: FitResult) -> Model:
-    """Return the sum: static plus damping, the models of runs that the spec names, or formulas that were fitted together."""
+    """Return the sum: static plus damping, the models of runs that the spec names, or formulas that
+    were fitted together.
+    """
     dataset, model_of = given.dataset, given.model_of
     output, quantities = dataset.quantities[dataset.target], dataset.quantities
     if part.model.sum is None:
-        return sum_of(part.name, [Part(model_of(path)) for path in part.summands], output, quantities)
+        return sum_of(
+            part.name, [Part(model_of(path)) for path in part.summands], output, quantities
+        )
     if result.formula is not None:
-        return sum_of(part.name, formula_parts(summands_of(part.model.sum), result.formula, dataset), output, quantities)
-    parts = [Part(model_of(str(one.model)), float(one.sign), dict(one.inputs)) for one in part.model.sum]
-    refuse_shared_names([(one.model.name, [q.name for q in one.model.inputs], one.inputs) for one in parts])
+        return sum_of(
+            part.name,
+            formula_parts(summands_of(part.model.sum), result.formula, dataset),
+            output,
+            quantities,
+        )
+    parts = [
+        Part(model_of(str(one.model)), float(one.sign), dict(one.inputs)) for one in part.model.sum
+    ]
+    refuse_shared_names(
+        [(one.model.name, [q.name for q in one.model.inputs], one.inputs) for one in parts]
+    )
     return sum_of(part.name, parts, output, quantities)
 
 
 def summands_of(parts: Sequence[sections.Summand]) -> list[Summand]:
     """Return the parts that are formulas."""
-    return [Summand(part.formula, float(part.sign), dict(part.inputs)) for part in parts if part.formula is not None]
+    return [
+        Summand(part.formula, float(part.sign), dict(part.inputs))
+        for part in parts
+        if part.formula is not None
+    ]
 
 
 def formula_parts(summands: Sequence[Summand], joint: FormulaFit, dataset: Dataset) -> list[Part]:
-    """Each formula of a joint fit as a model of its own inputs, with the range that they trained on."""
+    """Each formula of a joint fit as a model of its own inputs, with the range that they trained
+    on.
+    """
     training = pooled_training(dataset.curves)
     parts = []
     for number, (one, fit) in enumerate(zip(summands, split(joint, summands), strict=True), 1):
         inputs = one.own_inputs(training)
         limits = {name: (float(np.min(x)), float(np.max(x))) for name, x in inputs.items()}
-        quantities = tuple(Quantity(name, _unit(one.inputs.get(name, name), dataset)) for name in sorted(inputs))
+        quantities = tuple(
+            Quantity(name, _unit(one.inputs.get(name, name), dataset)) for name in sorted(inputs)
+        )
         body = Formula(fit, None, (CurveRange("all", None, limits),))
         model = Model(f"{fit.name}_{number}", dataset.quantities[dataset.target], quantities, body)
         parts.append(Part(model, one.sign, dict(one.inputs)))
@@ -67,7 +96,9 @@ def formula_parts(summands: Sequence[Summand], joint: FormulaFit, dataset: Datas
 
 
 def _unit(text: str, dataset: Dataset) -> str:
-    """Return the unit of an input, where it is a quantity as it stands or another sign of it; else that of a plain number."""
+    """Return the unit of an input, where it is a quantity as it stands or another sign of it; else
+    that of a plain number.
+    """
     source = parse(text)
     names = sorted(source.names)
     plain = len(names) == 1 and source in (Name(names[0]), parse(f"-{names[0]}"))

@@ -1,4 +1,6 @@
-"""Candidate terms and formulas as small syntax trees: read, evaluated, differentiated, printed; never `eval`ed."""
+"""Candidate terms and formulas as small syntax trees: read, evaluated, differentiated, printed;
+never `eval`ed.
+"""
 
 from mapmore_cli.modelling.expressions.calculus import affine, derivative, exponents, substitute
 from mapmore_cli.modelling.expressions.evaluation import (
@@ -12,7 +14,15 @@ from mapmore_cli.modelling.expressions.evaluation import (
 from mapmore_cli.modelling.expressions.parsing import candidate, parse
 from mapmore_cli.modelling.expressions.printing import to_latex, to_text
 from mapmore_cli.modelling.expressions.states import ExpressionError, Operated, state
-from mapmore_cli.modelling.expressions.syntax import Expression, Name, Number, add, call, multiply, power
+from mapmore_cli.modelling.expressions.syntax import (
+    Expression,
+    Name,
+    Number,
+    add,
+    call,
+    multiply,
+    power,
+)
 
 __all__ = [
     "Expression",

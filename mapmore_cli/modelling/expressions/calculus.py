@@ -35,13 +35,22 @@ def derivative(expression: Expression, name: str) -> Expression:
             return add(*(derivative(term, name) for term in terms))
         case Product(factors):
             slopes = [derivative(factor, name) for factor in factors]
-            return add(*(multiply(*factors[:i], slope, *factors[i + 1 :]) for i, slope in enumerate(slopes) if slope != ZERO))
+            return add(
+                *(
+                    multiply(*factors[:i], slope, *factors[i + 1 :])
+                    for i, slope in enumerate(slopes)
+                    if slope != ZERO
+                )
+            )
         case Power(base, exponent):
             within = exponent - 1 >= -MAX_EXPONENT
             lower = power(base, exponent - 1) if within else multiply(expression, power(base, -1))
             return multiply(Number(exponent), lower, derivative(base, name))
         case Call(function, argument):
-            return multiply(substitute(parse(FUNCTIONS[function].slope), {"x": argument}), derivative(argument, name))
+            return multiply(
+                substitute(parse(FUNCTIONS[function].slope), {"x": argument}),
+                derivative(argument, name),
+            )
     return ZERO
 
 
@@ -65,7 +74,9 @@ def exponents(expression: Expression) -> dict[str, float] | None:
     """Exponent of every name in a monomial `prod_j name_j^e_j`; None for any other expression."""
     found: dict[str, float] = {}
     for factor in expression.factors if isinstance(expression, Product) else (expression,):
-        base, exponent = (factor.base, factor.exponent) if isinstance(factor, Power) else (factor, 1.0)
+        base, exponent = (
+            (factor.base, factor.exponent) if isinstance(factor, Power) else (factor, 1.0)
+        )
         if not isinstance(base, Name):
             return None
         found[base.name] = found.get(base.name, 0.0) + exponent
@@ -73,9 +84,11 @@ def exponents(expression: Expression) -> dict[str, float] | None:
 
 
 def affine(expression: Expression, slope: float, intercept: float) -> Expression:
-    """`slope*expression + intercept` as a person would write a scaled variable: `(expression - centre)/width`.
+    """`slope*expression + intercept` as a person would write a scaled variable: `(expression -
+    centre)/width`.
 
-    The width is kept positive, `(centre - expression)/width`, where the slope is negative (M2 eq 8's `m x + c`).
+    The width is kept positive, `(centre - expression)/width`, where the slope is negative (M2 eq
+    8's `m x + c`).
 
     Examples
     --------

@@ -12,11 +12,21 @@ from mapmore_cli.domain.arrays import Array, Columns, Value
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.expressions.operator import FUNCTIONS
 from mapmore_cli.modelling.expressions.printing import to_text
-from mapmore_cli.modelling.expressions.syntax import Call, Expression, Name, Number, Power, Product, Sum
+from mapmore_cli.modelling.expressions.syntax import (
+    Call,
+    Expression,
+    Name,
+    Number,
+    Power,
+    Product,
+    Sum,
+)
 
 
 class NotFinite(DataError, ValueError):
-    """A term without a finite value on a row of the data: `term` is its text, `row` the 0-based row."""
+    """A term without a finite value on a row of the data: `term` is its text, `row` the 0-based
+    row.
+    """
 
     def __init__(self, term: str, row: int, inputs: str) -> None:
         super().__init__(
@@ -27,7 +37,9 @@ class NotFinite(DataError, ValueError):
         self.row = row
 
 
-BLOCK = 8192  # rows at a time in a dictionary: shared powers of a block stay in the processor's cache, and memory stays bounded
+# rows at a time in a dictionary: shared powers of a block stay in the processor's cache, and memory
+# stays bounded
+BLOCK = 8192
 
 
 def evaluate(expression: Expression, columns: Columns, n: int | None = None) -> Array:
@@ -36,8 +48,8 @@ def evaluate(expression: Expression, columns: Columns, n: int | None = None) -> 
     - `columns`: quantities by name, each `(n,)`, or `()` for a parameter that holds for every row.
     - `n`: number of rows; the length of the first column where it is left out.
 
-    Values that are not finite (a logarithm of a negative number, a division by zero) are left in, without a warning.
-    Raises `DataError` where a column is absent or of another length.
+    Values that are not finite (a logarithm of a negative number, a division by zero) are left in,
+    without a warning. Raises `DataError` where a column is absent or of another length.
     """
     if n is None:
         n = next((len(column) for column in columns.values() if np.ndim(column)), None)
@@ -53,7 +65,8 @@ def dictionary_matrix(terms: Sequence[Expression], columns: Columns, n: int) -> 
     """Regressors `P`, `(n, M)` in Fortran order: column j is term j on every row (M2 eq 2).
 
     Powers and function values that several terms share are computed once.
-    Raises `NotFinite` with the first row where a term has no finite value, `DataError` as `evaluate` does.
+    Raises `NotFinite` with the first row where a term has no finite value, `DataError` as
+    `evaluate` does.
     """
     matrix = np.empty((n, len(terms)), order="F")
     for rows, block in dictionary_blocks(terms, columns, n):
@@ -61,8 +74,12 @@ def dictionary_matrix(terms: Sequence[Expression], columns: Columns, n: int) -> 
     return matrix
 
 
-def dictionary_blocks(terms: Sequence[Expression], columns: Columns, n: int) -> Iterator[tuple[slice, Array]]:
-    """Yield the rows of `dictionary_matrix` in blocks, `(b, M)`, with where they stand; the whole is never there. Raises as it does."""
+def dictionary_blocks(
+    terms: Sequence[Expression], columns: Columns, n: int
+) -> Iterator[tuple[slice, Array]]:
+    """Yield the rows of `dictionary_matrix` in blocks, `(b, M)`, with where they stand; the whole
+    is never there. Raises as it does.
+    """
     values = _needed(terms, columns, n)
     program = compiled(tuple(terms))
     for start in range(0, n, BLOCK):
@@ -75,15 +92,26 @@ def dictionary_blocks(terms: Sequence[Expression], columns: Columns, n: int) -> 
         for term, column in zip(terms, block.T, strict=True):
             if not np.isfinite(column).all():
                 row = start + int(np.argmin(np.isfinite(column)))
-                inputs = {name: values[name][row] if values[name].ndim else values[name] for name in sorted(term.names)}
-                raise NotFinite(to_text(term), row, ", ".join(f"{name} = {value:.6g}" for name, value in inputs.items()))
+                inputs = {
+                    name: values[name][row] if values[name].ndim else values[name]
+                    for name in sorted(term.names)
+                }
+                raise NotFinite(
+                    to_text(term),
+                    row,
+                    ", ".join(f"{name} = {value:.6g}" for name, value in inputs.items()),
+                )
         yield rows, block
 
 
-def stacked_matrices(terms: Sequence[Expression], columns: Columns, parameters: Columns, n: int) -> Array:
-    """Regressors of several sets of parameters at once, `(s, n, M)`; values that are not finite are left in.
+def stacked_matrices(
+    terms: Sequence[Expression], columns: Columns, parameters: Columns, n: int
+) -> Array:
+    """Regressors of several sets of parameters at once, `(s, n, M)`; values that are not finite are
+    left in.
 
-    `columns` are `(n,)` each, `parameters` `(s,)` each. Raises `DataError` where a column is absent or of another length.
+    `columns` are `(n,)` each, `parameters` `(s,)` each. Raises `DataError` where a column is absent
+    or of another length.
     """
     (sets,) = {len(values) for values in parameters.values()}
     of_set = {name: values[:, None] for name, values in parameters.items()}
@@ -95,26 +123,39 @@ def stacked_matrices(terms: Sequence[Expression], columns: Columns, parameters: 
     return stack
 
 
-def _needed(terms: Sequence[Expression], columns: Columns, n: int, known: Columns = MappingProxyType({})) -> dict[str, Array]:
-    """Return what the terms are evaluated on: columns of n rows, and what is `known` in other shapes."""
+def _needed(
+    terms: Sequence[Expression], columns: Columns, n: int, known: Columns = MappingProxyType({})
+) -> dict[str, Array]:
+    """Return what the terms are evaluated on: columns of n rows, and what is `known` in other
+    shapes.
+    """
     needed = dict(known)
     for name in sorted(frozenset[str]().union(*(term.names for term in terms)) - known.keys()):
         if name not in columns:
-            raise DataError(f"there is no column `{name}`", f"there are: {', '.join(columns) or 'none'}")
+            raise DataError(
+                f"there is no column `{name}`", f"there are: {', '.join(columns) or 'none'}"
+            )
         needed[name] = np.asarray(columns[name], dtype=float)
         if needed[name].shape not in ((n,), ()):
-            raise DataError(f"the column `{name}` has the shape {needed[name].shape}, expected ({n},)")
+            raise DataError(
+                f"the column `{name}` has the shape {needed[name].shape}, expected ({n},)"
+            )
     return needed
 
 
 Shared = list[Value | None]  # what was computed so far of the parts that may occur again
-Part = Callable[[Mapping[str, Value], Shared], Value]  # a node with everything below it, as a function of columns
+Part = Callable[
+    [Mapping[str, Value], Shared], Value
+]  # a node with everything below it, as a function of columns
 Known = dict[Expression, Part]
 
 
 @lru_cache(maxsize=4096)
-def compiled(expressions: tuple[Expression, ...]) -> Callable[[Mapping[str, Value]], Iterator[Value]]:
-    """Return what yields the values of `expressions` in order; powers and function values that several share are computed once.
+def compiled(
+    expressions: tuple[Expression, ...],
+) -> Callable[[Mapping[str, Value]], Iterator[Value]]:
+    """Return what yields the values of `expressions` in order; powers and function values that
+    several share are computed once.
 
     An array may be a column itself, or shared with a later value: do not change it.
     """
@@ -130,7 +171,9 @@ def compiled(expressions: tuple[Expression, ...]) -> Callable[[Mapping[str, Valu
 
 
 def part_of(expression: Expression, known: Known) -> Part:
-    """Return a node ready to be evaluated; `known` has the powers and function values of those that it is evaluated with."""
+    """Return a node ready to be evaluated; `known` has the powers and function values of those that
+    it is evaluated with.
+    """
     match expression:
         case Number(value):
             constant = np.float64(value)
@@ -200,7 +243,11 @@ def _computed(expression: Power | Call, known: Known) -> Part:
             divisor = _power(base, -exponent, known)
             return lambda columns, shared: np.float64(1.0) / divisor(columns, shared)
         case Power(base, exponent) if exponent.is_integer():
-            half = exponent // 2  # x^5 = x^2 x^3: a few multiplications, shared between terms, where a general power costs fifty
+            half = (
+                exponent // 2
+                # x^5 = x^2 x^3: a few multiplications, shared between terms, where a general power
+                # costs fifty
+            )
             left, right = _power(base, half, known), _power(base, exponent - half, known)
             return lambda columns, shared: left(columns, shared) * right(columns, shared)
         case Power(base, exponent):

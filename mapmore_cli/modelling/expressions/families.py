@@ -1,4 +1,6 @@
-"""Families of candidate terms: states with memory, and products of states and quantities; and how much memory a dictionary needs."""
+"""Families of candidate terms: states with memory, and products of states and quantities; and how
+much memory a dictionary needs.
+"""
 
 from __future__ import annotations
 
@@ -16,8 +18,12 @@ from mapmore_cli.modelling.expressions.syntax import MAX_EXPONENT, Expression, m
 
 
 def lags(of: Sequence[str], steps: Sequence[int]) -> tuple[str, ...]:
-    """Every state `of` so many samples ago, step by step: `force[k-1]`; the state itself for no step."""
-    return tuple((Lagged(state(name), step) if step else state(name)).name for step in steps for name in of)
+    """Every state `of` so many samples ago, step by step: `force[k-1]`; the state itself for no
+    step.
+    """
+    return tuple(
+        (Lagged(state(name), step) if step else state(name)).name for step in steps for name in of
+    )
 
 
 def delays(of: Sequence[str], times: Sequence[float], step: float) -> tuple[str, ...]:
@@ -25,33 +31,48 @@ def delays(of: Sequence[str], times: Sequence[float], step: float) -> tuple[str,
     return tuple(dict.fromkeys(lags(of, [round(time / step) for time in times])))
 
 
-def operated(family: str, of: Sequence[str], numbers: Sequence[float | tuple[float, ...]] = ()) -> tuple[str, ...]:
-    """Return operators of a `family` on every state `of`, with each of `numbers` (`slow(pressure, 0.5)`) or none: `resonance(pressure)`.
+def operated(
+    family: str, of: Sequence[str], numbers: Sequence[float | tuple[float, ...]] = ()
+) -> tuple[str, ...]:
+    """Return operators of a `family` on every state `of`, with each of `numbers` (`slow(pressure,
+    0.5)`) or none: `resonance(pressure)`.
 
     Raises `ValueError` for numbers that do not fit the operator.
     """
     names = [operator.name for operator in families()[family]]
     each = [own if isinstance(own, tuple) else (float(own),) for own in numbers] or [()]
-    return tuple(state(Operated(name, state(one), own).name).name for own in each for one in of for name in names)
+    return tuple(
+        state(Operated(name, state(one), own).name).name
+        for own in each
+        for one in of
+        for name in names
+    )
 
 
-def products(of: Sequence[str], order: int, partners: Sequence[str] | None = None, constant: bool = True) -> tuple[Expression, ...]:
-    """Every product of quantities, states or other terms `of`, of total degree up to `order`; the constant first, then degree by degree.
+def products(
+    of: Sequence[str], order: int, partners: Sequence[str] | None = None, constant: bool = True
+) -> tuple[Expression, ...]:
+    """Every product of quantities, states or other terms `of`, of total degree up to `order`; the
+    constant first, then degree by degree.
 
-    Within a degree, powers of what is earlier in `of` come first. The factors of a product are in alphabetical order, so that its text does
-    not depend on `of`. With `partners`, a product holds powers of at most one state besides those of `partners`: for order 2 and one
-    partner p these are all states, all squares and p times every state.
+    Within a degree, powers of what is earlier in `of` come first. The factors of a product are in
+    alphabetical order, so that its text does not depend on `of`. With `partners`, a product holds
+    powers of at most one state besides those of `partners`: for order 2 and one partner p these are
+    all states, all squares and p times every state.
 
     Examples
     --------
     >>> from mapmore_cli.modelling.expressions import to_text
     >>> [to_text(term) for term in products(["strain", "pressure"], 2)]
     ['1', 'strain', 'pressure', 'strain^2', 'pressure*strain', 'pressure^2']
-    >>> [to_text(term) for term in products(["p", "play(p, 0.1)", "p[k-1]"], 2, partners=["p"], constant=False)]
-    ['p', 'play(p, 0.1)', 'p[k-1]', 'p^2', 'p*play(p, 0.1)', 'p*p[k-1]', 'play(p, 0.1)^2', 'p[k-1]^2']
+    >>> [to_text(term) for term in products(["p", "play(p, 0.1)", "p[k-1]"], 2, partners=["p"],
+    constant=False)]
+    ['p', 'play(p, 0.1)', 'p[k-1]', 'p^2', 'p*play(p, 0.1)', 'p*p[k-1]', 'play(p, 0.1)^2',
+    'p[k-1]^2']
 
-    Raises ValueError for an order outside of 0..20, a state named twice, or a partner that is none of the states; DataError where there
-    would be more of them than memory allows, before any is built.
+    Raises ValueError for an order outside of 0..20, a state named twice, or a partner that is none
+    of the states; DataError where there would be more of them than memory allows, before any is
+    built.
     """
     if not 0 <= order <= MAX_EXPONENT:
         raise ValueError(f"the order must lie in 0..{MAX_EXPONENT}, not {order}")
@@ -62,16 +83,32 @@ def products(of: Sequence[str], order: int, partners: Sequence[str] | None = Non
         raise ValueError(f"the partner {min(free - set(of))} is none of the states")
     refuse_beyond_memory(count_products(len(of), order, len(free)))
     degrees = range(0 if constant else 1, order + 1)
-    chosen = [names for degree in degrees for names in combinations_with_replacement(of, degree) if len(set(names) - free) <= 1]
+    chosen = [
+        names
+        for degree in degrees
+        for names in combinations_with_replacement(of, degree)
+        if len(set(names) - free) <= 1
+    ]
     trees = {name: candidate(name) for name in of}
-    return tuple(multiply(*(power(trees[name], count) for name, count in sorted(Counter(names).items()))) for names in chosen)
+    return tuple(
+        multiply(*(power(trees[name], count) for name, count in sorted(Counter(names).items())))
+        for names in chosen
+    )
 
 
 def count_products(states: int, order: int, partners: int) -> int:
-    """How many products `products` gives of so many states, of which so many are partners, the constant included."""
+    """How many products `products` gives of so many states, of which so many are partners, the
+    constant included.
+    """
     of_partners = math.comb(partners + order, order)
-    with_another = sum(math.comb(partners + order - degree, order - degree) for degree in range(1, order + 1))
-    return math.comb(states + order, order) if partners == states else of_partners + (states - partners) * with_another
+    with_another = sum(
+        math.comb(partners + order - degree, order - degree) for degree in range(1, order + 1)
+    )
+    return (
+        math.comb(states + order, order)
+        if partners == states
+        else of_partners + (states - partners) * with_another
+    )
 
 
 SHARE = 0.5  # of the installed memory, what one fit may take: other programs need some as well
@@ -79,7 +116,9 @@ ASSUMED = 4_000_000_000  # bytes of memory where the system does not say
 
 
 def products_bytes(candidates: int) -> int:
-    """Bytes of what selection needs of a dictionary that is built block by block: three matrices (M+1, M+1)."""
+    """Bytes of what selection needs of a dictionary that is built block by block: three matrices
+    (M+1, M+1).
+    """
     return 3 * 8 * (candidates + 1) ** 2
 
 
@@ -98,11 +137,17 @@ def fits_whole(samples: int, candidates: int) -> bool:
 
 
 def refuse_beyond_memory(candidates: int) -> None:
-    """Raise DataError where so many candidates are too many even block by block, saying what they would need and what there is."""
+    """Raise DataError where so many candidates are too many even block by block, saying what they
+    would need and what there is.
+    """
     needed, room = products_bytes(candidates), usable_memory()
     if needed > room:
-        sizes = [f"{size / 1e9:.3g} GB" if size >= 1e8 else f"{size / 1e6:.3g} MB" for size in (needed, room)]
+        sizes = [
+            f"{size / 1e9:.3g} GB" if size >= 1e8 else f"{size / 1e6:.3g} MB"
+            for size in (needed, room)
+        ]
         raise DataError(
-            f"a dictionary of {candidates} candidates needs {sizes[0]} of memory for their products alone; {sizes[1]} may be used",
+            f"a dictionary of {candidates} candidates needs {sizes[0]} of memory for their "
+            f"products alone; {sizes[1]} may be used",
             "lower the order of the products, use fewer states, or restrict the products by `with`",
         )

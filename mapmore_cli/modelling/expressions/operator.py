@@ -1,7 +1,9 @@
-"""Functions of one argument, which expressions and recursions may call; and operators with memory: the form of a file in `operators/`.
+"""Functions of one argument, which expressions and recursions may call; and operators with memory:
+the form of a file in `operators/`.
 
-An operator turns a state x into a new one by a causal rule that is the same at all times. Its file says how it is written, its
-recursion, how it is printed, and what a spec may set of it. Nothing else knows of it.
+An operator turns a state x into a new one by a causal rule that is the same at all times. Its file
+says how it is written, its recursion, how it is printed, and what a spec may set of it. Nothing
+else knows of it.
 """
 
 from __future__ import annotations
@@ -18,7 +20,9 @@ from mapmore_cli.domain.arrays import Array
 
 
 class Function(NamedTuple):
-    """A function of one argument: how NumPy computes it, its derivative by x as text, and its LaTeX with `#` for the argument."""
+    """A function of one argument: how NumPy computes it, its derivative by x as text, and its LaTeX
+    with `#` for the argument.
+    """
 
     compute: np.ufunc
     slope: str
@@ -52,7 +56,8 @@ class Parameter:
     - `unit`: the unit that a name's number is in; `1` for a ratio.
     - `example`: a value as a spec's author would write it.
     - `above`, `below`: what it has to be larger and smaller than.
-    - `between`: least and greatest value that training tries, of the time between samples and the longest piece's duration, both s.
+    - `between`: least and greatest value that training tries, of the time between samples and the
+      longest piece's duration, both s.
     """
 
     key: str
@@ -84,14 +89,18 @@ class Setting:
 
 
 class Arithmetic:
-    """What a recursion computes with beside `+ - * / **` and comparisons: here whole columns, elsewhere floats or statements of a program.
+    """What a recursion computes with beside `+ - * / **` and comparisons: here whole columns,
+    elsewhere floats or statements of a program.
 
-    `then` and `otherwise` are values, or functions without arguments that compute one; for columns both are computed.
+    `then` and `otherwise` are values, or functions without arguments that compute one; for columns
+    both are computed.
     """
 
     def where(self, condition: Any, then: Any, otherwise: Any) -> Any:
         """Return `then` where the condition holds, else `otherwise`."""
-        return np.where(condition, *(side() if callable(side) else side for side in (then, otherwise)))
+        return np.where(
+            condition, *(side() if callable(side) else side for side in (then, otherwise))
+        )
 
     def clip(self, x: Any, low: Any, high: Any) -> Any:
         """Return x, held at low and high."""
@@ -121,10 +130,12 @@ COLUMNS, FLOATS = Arithmetic(), _Floats()
 
 @dataclass(frozen=True)
 class Recursion:
-    """An operator from one sample to the next: `s[k] = next(m, s[k-1], ..., s[k-p], x[k], ..., x[k-q])`.
+    """An operator from one sample to the next: `s[k] = next(m, s[k-1], ..., s[k-p], x[k], ...,
+    x[k-q])`.
 
-    This is the one definition of an operator: values along a recording, steps of a free run, derivatives and exported code follow
-    from it. `next` is called with floats, with columns and with the names of a program, so it branches by `m.where` and not by `if`.
+    This is the one definition of an operator: values along a recording, steps of a free run,
+    derivatives and exported code follow from it. `next` is called with floats, with columns and
+    with the names of a program, so it branches by `m.where` and not by `if`.
 
     - `own`, `source`: how many past values of its own, p, and of its source, q, it needs.
     - `next`: the new value, of the arithmetic m and p + q + 1 numbers in the order above.
@@ -140,9 +151,17 @@ class Recursion:
 
 
 def linear(past: Sequence[float], driven: Sequence[float], steady: float = 1.0) -> Recursion:
-    """Return the recursion `s[k] = sum_i past_i s[k-i] + sum_j driven_j x[k-j]`, i from 1, j from 0; at rest s is `steady` times x."""
+    """Return the recursion `s[k] = sum_i past_i s[k-i] + sum_j driven_j x[k-j]`, i from 1, j from
+    0; at rest s is `steady` times x.
+    """
     weights = (*past, *driven)
-    return Recursion(len(past), len(driven) - 1, lambda _m, *values: sum(map(mul, weights, values)), lambda x: steady * x, weights)
+    return Recursion(
+        len(past),
+        len(driven) - 1,
+        lambda _m, *values: sum(map(mul, weights, values)),
+        lambda x: steady * x,
+        weights,
+    )
 
 
 @dataclass(frozen=True)
@@ -153,14 +172,19 @@ class Operator:
     - `summary`: what a spec's author reads of its family.
     - `recursion`: from one sample to the next.
     - `parameters`: its numbers, in the order of its name.
-    - `needs`: what training has to find of the source: its `range`, which widths are fractions of; or the `oscillator` that it drives,
+    - `needs`: what training has to find of the source: its `range`, which widths are fractions of;
+      or the `oscillator` that it drives,
       where the name has no numbers.
-    - `starts`: where training can find its numbers: sets of them to begin from, of the time between samples and the longest piece's
+    - `starts`: where training can find its numbers: sets of them to begin from, of the time between
+      samples and the longest piece's
       duration, s.
-    - `spread`: numbers where a spec gives a `count` of them: of that count, the time between samples and the longest piece's duration, both
+    - `spread`: numbers where a spec gives a `count` of them: of that count, the time between
+      samples and the longest piece's duration, both
       s.
-    - `family`: the key of the spec's family that writes it, if that is not its name: a family may write several operators.
-    - `along`: a faster way to compute its values on one uninterrupted piece, (n,), which begins at rest; None takes the recursion.
+    - `family`: the key of the spec's family that writes it, if that is not its name: a family may
+      write several operators.
+    - `along`: a faster way to compute its values on one uninterrupted piece, (n,), which begins at
+      rest; None takes the recursion.
     """
 
     name: str
@@ -189,26 +213,37 @@ class Operator:
         return rf"\mathrm{{{self.name.replace('_', chr(92) + '_')}}}"
 
 
-# Run along a piece of a recording -------------------------------------------------------------------------------------------------
+# Run along a piece of a recording
+# -------------------------------------------------------------------------------------------------
 
 
 def along(operator: Operator, x: Array, setting: Setting) -> Array:
-    """Return the state along one uninterrupted piece, (n,); NaN where the source x is NaN at the beginning, at rest then."""
+    """Return the state along one uninterrupted piece, (n,); NaN where the source x is NaN at the
+    beginning, at rest then.
+    """
     values = np.full(len(x), np.nan)
     known = ~np.isnan(x)
     if known.any():
         begin = int(np.argmax(known))
-        values[begin:] = operator.along(x[begin:], setting) if operator.along else followed(operator.recursion(setting), x[begin:])
+        values[begin:] = (
+            operator.along(x[begin:], setting)
+            if operator.along
+            else followed(operator.recursion(setting), x[begin:])
+        )
     return values
 
 
 def followed(rule: Recursion, x: Array) -> Array:
     """Return a recursion along x, (n,), as if x had always been x[0] before.
 
-    A linear one is a filter, one without memory is computed for all samples at once, any other sample by sample.
+    A linear one is a filter, one without memory is computed for all samples at once, any other
+    sample by sample.
     """
     if rule.own == 0:
-        delayed = [np.concatenate([np.full(min(lag, len(x)), x[0]), x[: len(x) - lag]]) for lag in range(rule.source + 1)]
+        delayed = [
+            np.concatenate([np.full(min(lag, len(x)), x[0]), x[: len(x) - lag]])
+            for lag in range(rule.source + 1)
+        ]
         return np.asarray(rule.next(COLUMNS, *delayed))
     rest = float(rule.rest(float(x[0])))
     if rule.weights is not None:

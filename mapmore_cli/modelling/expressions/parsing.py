@@ -6,8 +6,8 @@
     power    = atom [ ("^" | "**") signed ]            the exponent must be constant
     atom     = number | name | state | function "(" sum ")" | "(" sum ")"
 
-A state with memory (`expressions.states`), as `force[k-1]`, is one name. Length and depth are limited, so that hostile text ends in an
-`ExpressionError` and never in a `RecursionError`.
+A state with memory (`expressions.states`), as `force[k-1]`, is one name. Length and depth are
+limited, so that hostile text ends in an `ExpressionError` and never in a `RecursionError`.
 """
 
 from __future__ import annotations
@@ -20,8 +20,25 @@ from functools import lru_cache, partial
 from mapmore_cli.modelling.expressions.evaluation import evaluate
 from mapmore_cli.modelling.expressions.operator import FUNCTIONS
 from mapmore_cli.modelling.expressions.printing import to_text
-from mapmore_cli.modelling.expressions.states import ExpressionError, Token, Tokens, opens_state, read_state
-from mapmore_cli.modelling.expressions.syntax import MAX_EXPONENT, Call, Expression, Name, Number, add, call, multiply, negate, power
+from mapmore_cli.modelling.expressions.states import (
+    ExpressionError,
+    Token,
+    Tokens,
+    opens_state,
+    read_state,
+)
+from mapmore_cli.modelling.expressions.syntax import (
+    MAX_EXPONENT,
+    Call,
+    Expression,
+    Name,
+    Number,
+    add,
+    call,
+    multiply,
+    negate,
+    power,
+)
 
 RANGED = ("unit", "own_unit")
 """Mark what waits for a training range (`expressions.ranged`)."""
@@ -45,13 +62,21 @@ def parse(text: str, ranged: Callable[[str, Expression], Expression] | None = No
     '6*strain^2 - exp(-strain/0.02)'
     """
     if len(text) > MAX_LENGTH:
-        raise ExpressionError(f"the expression has {len(text)} characters, more than {MAX_LENGTH}", MAX_LENGTH)
+        raise ExpressionError(
+            f"the expression has {len(text)} characters, more than {MAX_LENGTH}", MAX_LENGTH
+        )
     parser = _Parser(text)
     parser.ranged = ranged
     expression = parser.sum()
     parser.expect("end", "an operator")
-    if len(text) > MAX_LENGTH // 10 and (length := len(to_text(expression))) > MAX_LENGTH:  # written out, nothing grows tenfold
-        raise ExpressionError(f"the expression has {length} characters when it is written out, more than {MAX_LENGTH}", len(text))
+    if (
+        len(text) > MAX_LENGTH // 10 and (length := len(to_text(expression))) > MAX_LENGTH
+    ):  # written out, nothing grows tenfold
+        raise ExpressionError(
+            f"the expression has {length} characters when it is written out, more than "
+            f"{MAX_LENGTH}",
+            len(text),
+        )
     return expression
 
 
@@ -78,13 +103,19 @@ class _Parser(Tokens):
 
     def _misfit(self, message: str) -> ExpressionError:
         """Return the error at the next token; some stand in names of states only."""
-        message = f"unexpected character {self.next.text!r}" if self.next.kind in ("[", "]", ",") else message
+        message = (
+            f"unexpected character {self.next.text!r}"
+            if self.next.kind in ("[", "]", ",")
+            else message
+        )
         return ExpressionError(message, self.next.position)
 
     def _product(self) -> Expression:
         factors = [self._signed()]
         while self.next.kind in ("*", "/"):
-            factors.append(self._signed() if self.take().kind == "*" else power(self._signed(), -1.0))
+            factors.append(
+                self._signed() if self.take().kind == "*" else power(self._signed(), -1.0)
+            )
         return multiply(*factors)
 
     def _signed(self) -> Expression:
@@ -103,10 +134,14 @@ class _Parser(Tokens):
         exponent = self._signed()
         self._depth -= 1
         if exponent.names:
-            raise ExpressionError("the exponent must be a constant; write exp(b*log(a)) for a^b", start)
+            raise ExpressionError(
+                "the exponent must be a constant; write exp(b*log(a)) for a^b", start
+            )
         value = float(evaluate(exponent, {}, 1)[0])
         if not abs(value) <= MAX_EXPONENT:
-            raise ExpressionError(f"the exponent {value:g} is beyond {MAX_EXPONENT} in magnitude", start)
+            raise ExpressionError(
+                f"the exponent {value:g} is beyond {MAX_EXPONENT} in magnitude", start
+            )
         return power(base, value)
 
     def _atom(self) -> Expression:
@@ -130,7 +165,9 @@ class _Parser(Tokens):
                 return self.ranged(token.text, self._bracket())
             return call(_function(token), self._bracket())
         if token.text in FUNCTIONS:
-            raise ExpressionError(f"`{token.text}` is a function: write {token.text}(...)", token.position)
+            raise ExpressionError(
+                f"`{token.text}` is a function: write {token.text}(...)", token.position
+            )
         return Name(token.text)
 
     def _bracket(self) -> Expression:
@@ -143,7 +180,9 @@ class _Parser(Tokens):
     def _enter(self, position: int) -> None:
         self._depth += 1
         if self._depth > MAX_DEPTH:
-            raise ExpressionError(f"more than {MAX_DEPTH} brackets and exponents inside each other", position)
+            raise ExpressionError(
+                f"more than {MAX_DEPTH} brackets and exponents inside each other", position
+            )
 
 
 def _function(token: Token) -> str:

@@ -7,25 +7,44 @@ import re
 from mapmore_cli.modelling.expressions.operator import FUNCTIONS
 from mapmore_cli.modelling.expressions.operators import OPERATORS
 from mapmore_cli.modelling.expressions.states import Lagged, Measured, State, number_text, state
-from mapmore_cli.modelling.expressions.syntax import ONE, Call, Expression, Name, Number, Power, Product, Sum, negate, power
+from mapmore_cli.modelling.expressions.syntax import (
+    ONE,
+    Call,
+    Expression,
+    Name,
+    Number,
+    Power,
+    Product,
+    Sum,
+    negate,
+    power,
+)
 
-_SUM, _PRODUCT, _POWER, _ATOM = range(4)  # how tightly a text binds; an operand that binds less than its place needs is put in brackets
+_SUM, _PRODUCT, _POWER, _ATOM = range(
+    4
+)  # how tightly a text binds; an operand that binds less than its place needs is put in brackets
 
 _Bound = tuple[str, int]
 
 
 def to_text(expression: Expression, digits: int | None = None) -> str:
-    """Canonical text: `parse(to_text(e)) == e` where `digits` is left out; else numbers are rounded to so many digits."""
+    """Canonical text: `parse(to_text(e)) == e` where `digits` is left out; else numbers are rounded
+    to so many digits.
+    """
     return _Text(digits).printed(expression)[0]
 
 
 def to_latex(expression: Expression, digits: int | None = None) -> str:
-    r"""LaTeX for mathematics mode: names upright, parameters such as `a1` in italics with an index, quotients as `\frac`."""
+    r"""LaTeX for mathematics mode: names upright, parameters such as `a1` in italics with an index,
+    quotients as `\frac`.
+    """
     return _Latex(digits).printed(expression)[0]
 
 
 class _Text:
-    """How expressions look as text; numbers have so many significant digits, None for all that they need."""
+    """How expressions look as text; numbers have so many significant digits, None for all that they
+    need.
+    """
 
     brackets = "({})"
 
@@ -54,11 +73,21 @@ class _Text:
         return text if bound >= needed else self.brackets.format(text)
 
     def digits_of(self, value: float) -> str:
-        return number_text(value) if self.digits is None else f"{value:.{self.digits}g}".removesuffix(".0")
+        return (
+            number_text(value)
+            if self.digits is None
+            else f"{value:.{self.digits}g}".removesuffix(".0")
+        )
 
     def sum(self, terms: tuple[Expression, ...]) -> str:
-        (first, minus), *rest = [(self.operand(size, _PRODUCT), minus) for size, minus in map(_sign, terms)]
-        return "-" * minus + first + "".join((" - " if minus else " + ") + text for text, minus in rest)
+        (first, minus), *rest = [
+            (self.operand(size, _PRODUCT), minus) for size, minus in map(_sign, terms)
+        ]
+        return (
+            "-" * minus
+            + first
+            + "".join((" - " if minus else " + ") + text for text, minus in rest)
+        )
 
     def number(self, value: float) -> _Bound:
         return self.digits_of(value), _ATOM if value >= 0 else _PRODUCT
@@ -70,7 +99,9 @@ class _Text:
         return f"{function}({argument})", _ATOM
 
     def power(self, base: str, exponent: float) -> str:
-        return f"{base}^{number_text(exponent) if exponent.is_integer() else self.digits_of(exponent)}"
+        return (
+            f"{base}^{number_text(exponent) if exponent.is_integer() else self.digits_of(exponent)}"
+        )
 
     def product(self, expression: Expression) -> str:
         factors, minus = _factors(expression)
@@ -109,13 +140,17 @@ class _Latex(_Text):
         above = [factor for factor in factors if _inverse(factor) is None] or [ONE]
         if not below:
             return "-" * minus + self._side_by_side(above)
-        numerator, denominator = (self.printed(f[0])[0] if len(f) == 1 else self._side_by_side(f) for f in (above, below))
+        numerator, denominator = (
+            self.printed(f[0])[0] if len(f) == 1 else self._side_by_side(f) for f in (above, below)
+        )
         return "-" * minus + rf"\frac{{{numerator}}}{{{denominator}}}"
 
     def _side_by_side(self, factors: list[Expression]) -> str:
         text = ""
         for factor in factors:
-            latex = self.operand(factor, _PRODUCT if isinstance(factor, Number) and not text else _POWER)
+            latex = self.operand(
+                factor, _PRODUCT if isinstance(factor, Number) and not text else _POWER
+            )
             text += (r" \cdot " if latex[0].isdigit() else r" \, ") * bool(text) + latex
         return text
 
@@ -135,7 +170,11 @@ def _factors(expression: Expression) -> tuple[tuple[Expression, ...], bool]:
 
 def _inverse(factor: Expression) -> Expression | None:
     """Return what `factor` divides by; None where it multiplies."""
-    return power(factor.base, -factor.exponent) if isinstance(factor, Power) and factor.exponent < 0 else None
+    return (
+        power(factor.base, -factor.exponent)
+        if isinstance(factor, Power) and factor.exponent < 0
+        else None
+    )
 
 
 def _state_latex(found: State) -> _Bound:
@@ -149,4 +188,6 @@ def _state_latex(found: State) -> _Bound:
         case Lagged(source, steps):
             return f"{_state_latex(source)[0]}[k-{steps}]", _ATOM
     index = ", ".join(f"{number:g}" for number in found.numbers)
-    return OPERATORS[found.operator].latex + f"_{{{index}}}" * bool(index) + rf"\left({_state_latex(found.source)[0]}\right)", _POWER
+    return OPERATORS[found.operator].latex + f"_{{{index}}}" * bool(
+        index
+    ) + rf"\left({_state_latex(found.source)[0]}\right)", _POWER

@@ -1,4 +1,5 @@
-"""Candidate terms that wait for a training range: x in `unit(x)` runs from 0 to 1 along it, in `own_unit(x)` it has the unit of the model.
+"""Candidate terms that wait for a training range: x in `unit(x)` runs from 0 to 1 along it, in
+`own_unit(x)` it has the unit of the model.
 
 `abs(unit(strain - 0.1))^3` becomes `abs((strain - 93)/830)^3`.
 """
@@ -19,7 +20,9 @@ DIGITS = 4
 """Significant digits of a width, and of a place as part of the range: enough, and short."""
 
 Courses = tuple[tuple[str, tuple[float, float, float, float]], ...]
-"""Least and greatest training value of inputs and states: in the coordinate of the terms, and in the unit of the model."""
+"""Least and greatest training value of inputs and states: in the coordinate of the terms, and in
+the unit of the model.
+"""
 
 
 def placed(texts: tuple[str, ...], courses: Courses) -> tuple[str, ...]:
@@ -27,18 +30,28 @@ def placed(texts: tuple[str, ...], courses: Courses) -> tuple[str, ...]:
     if not any(RANGED[0] in text for text in texts):
         return texts
     has_own = any(RANGED[1] in text for text in texts)
-    return _placed(texts, tuple((name, (*_without_rounding(*ends[:2]), *(ends[2:] if has_own else ()))) for name, ends in courses))
+    return _placed(
+        texts,
+        tuple(
+            (name, (*_without_rounding(*ends[:2]), *(ends[2:] if has_own else ())))
+            for name, ends in courses
+        ),
+    )
 
 
 def _without_rounding(low: float, high: float) -> tuple[float, float]:
-    """Return the ends of a range without the last digits, in which segments that are scaled alike differ."""
+    """Return the ends of a range without the last digits, in which segments that are scaled alike
+    differ.
+    """
     width = float(f"{high - low:.9g}") or 1.0
     low = round(low / width, 9) * width
     return low, low + width if high > low else low
 
 
 @lru_cache(maxsize=64)
-def _placed(texts: tuple[str, ...], courses: tuple[tuple[str, tuple[float, ...]], ...]) -> tuple[str, ...]:
+def _placed(
+    texts: tuple[str, ...], courses: tuple[tuple[str, tuple[float, ...]], ...]
+) -> tuple[str, ...]:
     ranges = dict(courses)
 
     def line(unit: str, distance: Expression) -> Expression:
@@ -50,7 +63,10 @@ def _placed(texts: tuple[str, ...], courses: tuple[tuple[str, tuple[float, ...]]
         part, digits = start / (start - end), DIGITS - 1 - math.floor(math.log10(width))
         if unit != RANGED[0]:  # a place that somebody gave keeps more digits
             part, digits = (part - own[0]) / (own[1] - own[0] or 1.0), digits + 2
-        return _over(Name(name) - round(low + (high - low) * part, digits), float(f"{width / (end - start):.{DIGITS}g}"))
+        return _over(
+            Name(name) - round(low + (high - low) * part, digits),
+            float(f"{width / (end - start):.{DIGITS}g}"),
+        )
 
     return tuple(dict.fromkeys(to_text(parse(text, line)) for text in texts))
 

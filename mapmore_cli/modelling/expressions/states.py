@@ -1,4 +1,5 @@
-"""States with memory as names, `force[k-1]`, `slow(play(pressure, 0.16), 0.3)`; and the tokens that they and expressions are read from.
+"""States with memory as names, `force[k-1]`, `slow(play(pressure, 0.16), 0.3)`; and the tokens that
+they and expressions are read from.
 
     state    = ( quantity | operator "(" state { "," number } ")" ) [ "[" "k" "-" steps "]" ]
 
@@ -28,7 +29,9 @@ _TOKEN = re.compile(
 
 
 class ExpressionError(ValueError):
-    """Text that is no expression; `position` is the 0-based offset of the first character that does not fit."""
+    """Text that is no expression; `position` is the 0-based offset of the first character that does
+    not fit.
+    """
 
     def __init__(self, message: str, position: int = 0) -> None:
         super().__init__(message)
@@ -105,7 +108,9 @@ class Token(NamedTuple):
 
 
 class Tokens:
-    """The tokens of a text, read one after the other; `next` is the one to be read. Raises ExpressionError where none begins."""
+    """The tokens of a text, read one after the other; `next` is the one to be read. Raises
+    ExpressionError where none begins.
+    """
 
     def __init__(self, text: str) -> None:
         self._rest = iter([_token(match) for match in _TOKEN.finditer(text)])
@@ -126,7 +131,9 @@ def _token(match: re.Match[str]) -> Token:
     kind = str(match.lastgroup)
     if kind == "other":
         raise ExpressionError(f"unexpected character {match[kind]!r}", match.start(kind))
-    return Token(match[kind].replace("**", "^") if kind == "mark" else kind, match[kind], match.start(kind))
+    return Token(
+        match[kind].replace("**", "^") if kind == "mark" else kind, match[kind], match.start(kind)
+    )
 
 
 @lru_cache(maxsize=4096)
@@ -140,14 +147,20 @@ def state(text: str) -> State:
 
 
 def opens_state(name: Token, mark: Token) -> bool:
-    """Whether the identifier `name`, with `mark` behind it, begins the name of a state with memory."""
+    """Whether the identifier `name`, with `mark` behind it, begins the name of a state with
+    memory.
+    """
     return mark.kind == "[" or (mark.kind == "(" and name.text in OPERATORS)
 
 
 def read_state(tokens: Tokens, name: Token, depth: int = 0) -> State:
-    """Return the state that begins with the token `name` and goes on with `tokens`; raises ExpressionError at what does not fit."""
+    """Return the state that begins with the token `name` and goes on with `tokens`; raises
+    ExpressionError at what does not fit.
+    """
     if name.kind != "name" or name.text in FUNCTIONS:
-        raise ExpressionError("expected the name of a quantity or of an operator with memory", name.position)
+        raise ExpressionError(
+            "expected the name of a quantity or of an operator with memory", name.position
+        )
     if depth > MAX_NESTING:
         raise ExpressionError(f"more than {MAX_NESTING} operators inside each other", name.position)
     source = _operated(tokens, name, depth) if tokens.skip("(") else Measured(name.text)
@@ -155,7 +168,9 @@ def read_state(tokens: Tokens, name: Token, depth: int = 0) -> State:
     if not tokens.skip("["):
         return source
     k, minus, steps, end = (tokens.take().text for _ in range(4))
-    if (k, minus, end) != ("k", "-", "]") or not (steps.isdigit() and len(steps) < 8 and 1 <= int(steps) <= MAX_STEPS):
+    if (k, minus, end) != ("k", "-", "]") or not (
+        steps.isdigit() and len(steps) < 8 and 1 <= int(steps) <= MAX_STEPS
+    ):
         raise ExpressionError("a delay is written [k-1], [k-2], ...", start)
     return Lagged(source, int(steps))
 
@@ -164,7 +179,11 @@ def _operated(tokens: Tokens, name: Token, depth: int) -> Operated:
     """Return the operator of that name with what stands in its bracket."""
     operator = OPERATORS.get(name.text)
     if operator is None:
-        raise ExpressionError(f"there is no operator with memory `{name.text[:40]}`; there are {', '.join(OPERATORS)}", name.position)
+        raise ExpressionError(
+            f"there is no operator with memory `{name.text[:40]}`; there are "
+            f"{', '.join(OPERATORS)}",
+            name.position,
+        )
     source = read_state(tokens, tokens.take(), depth + 1)
     numbers: list[float] = []
     while tokens.skip(","):
@@ -178,9 +197,13 @@ def _operated(tokens: Tokens, name: Token, depth: int) -> Operated:
         raise ExpressionError(f"expected `,` or `)` after what `{name.text}` works on", closing)
     if len(numbers) not in operator.counts:
         wanted = " or ".join(map(str, operator.counts))
-        raise ExpressionError(f"`{name.text}` takes {wanted} number(s) after its source, not {len(numbers)}", closing)
+        raise ExpressionError(
+            f"`{name.text}` takes {wanted} number(s) after its source, not {len(numbers)}", closing
+        )
     for number, parameter in zip(numbers, operator.parameters, strict=False):
         if not parameter.above < number < parameter.below:
             limits = f"lies between {parameter.above:g} and {parameter.below:g}"
-            raise ExpressionError(f"`{parameter.key}` of `{name.text}` {limits}, not {number:g}", closing)
+            raise ExpressionError(
+                f"`{parameter.key}` of `{name.text}` {limits}, not {number:g}", closing
+            )
     return Operated(name.text, source, tuple(numbers))

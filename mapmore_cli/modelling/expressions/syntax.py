@@ -1,8 +1,9 @@
 """The syntax tree of expressions, and the constructors that keep it in a light canonical form.
 
-Build trees with `add`, `multiply`, `power` and `call`; they flatten nested sums and products, drop zeros and ones, and fold the numbers
-of a product into one in front. Subtraction is a factor of -1 and division an exponent of -1, so six kinds of node are enough. The folding
-never changes a value that is finite without it, but for rounding.
+Build trees with `add`, `multiply`, `power` and `call`; they flatten nested sums and products, drop
+zeros and ones, and fold the numbers of a product into one in front. Subtraction is a factor of -1
+and division an exponent of -1, so six kinds of node are enough. The folding never changes a value
+that is finite without it, but for rounding.
 """
 
 from __future__ import annotations
@@ -26,7 +27,9 @@ Operation = Callable[[Any, Operand], "Expression"]
 
 @dataclass_transform(frozen_default=True)
 def _node(cls: Class) -> Class:
-    """Return a frozen dataclass that keeps its hash: trees are looked up often, and to hash one walks all of it."""
+    """Return a frozen dataclass that keeps its hash: trees are looked up often, and to hash one
+    walks all of it.
+    """
     made: Any = dataclass(frozen=True)(cls)
     walked = made.__hash__
 
@@ -41,8 +44,12 @@ def _node(cls: Class) -> Class:
 
 
 def _both_ways(made: Callable[[Expression, Expression], Expression]) -> tuple[Operation, Operation]:
-    """Return an operation whose other operand, an expression or a number, stands on the right, and one where it stands on the left."""
-    return lambda left, right: made(left, expression(right)), lambda right, left: made(expression(left), right)
+    """Return an operation whose other operand, an expression or a number, stands on the right, and
+    one where it stands on the left.
+    """
+    return lambda left, right: made(left, expression(right)), lambda right, left: made(
+        expression(left), right
+    )
 
 
 def _compared(comparison: str) -> Callable[[Any, Operand], Condition]:
@@ -69,13 +76,20 @@ class Expression:
                 return part.names
         return frozenset()
 
-    __array_ufunc__ = None  # a number of NumPy's leaves arithmetic with an expression to the expression
+    __array_ufunc__ = (
+        None  # a number of NumPy's leaves arithmetic with an expression to the expression
+    )
 
     __add__, __radd__ = _both_ways(lambda left, right: add(left, right))
     __sub__, __rsub__ = _both_ways(lambda left, right: add(left, negate(right)))
     __mul__, __rmul__ = _both_ways(lambda left, right: multiply(left, right))
     __truediv__, __rtruediv__ = _both_ways(lambda left, right: multiply(left, power(right, -1)))
-    __lt__, __le__, __gt__, __ge__ = _compared("<"), _compared("<="), _compared(">"), _compared(">=")
+    __lt__, __le__, __gt__, __ge__ = (
+        _compared("<"),
+        _compared("<="),
+        _compared(">"),
+        _compared(">="),
+    )
 
     def __pow__(self, exponent: float) -> Expression:
         return power(self, exponent)
@@ -93,12 +107,16 @@ class Number(Expression):
     def __post_init__(self) -> None:
         if not math.isfinite(self.value):
             raise ExpressionError(f"{self.value} is not a finite number")
-        object.__setattr__(self, "value", self.value + 0.0)  # there is one zero: -0.0 would have a sign that its text cannot keep
+        object.__setattr__(
+            self, "value", self.value + 0.0
+        )  # there is one zero: -0.0 would have a sign that its text cannot keep
 
 
 @_node
 class Name(Expression):
-    """A quantity or a parameter, by an identifier that is not a function's name; or a state with memory, by its canonical text."""
+    """A quantity or a parameter, by an identifier that is not a function's name; or a state with
+    memory, by its canonical text.
+    """
 
     name: str
 
@@ -133,7 +151,9 @@ class Power(Expression):
 
     def __post_init__(self) -> None:
         if not abs(self.exponent) <= MAX_EXPONENT:
-            raise ExpressionError(f"the exponent {self.exponent:g} is beyond {MAX_EXPONENT} in magnitude")
+            raise ExpressionError(
+                f"the exponent {self.exponent:g} is beyond {MAX_EXPONENT} in magnitude"
+            )
 
 
 @_node
@@ -146,14 +166,19 @@ class Call(Expression):
 
 @dataclass(frozen=True)
 class Condition:
-    """`left comparison right`, with `<`, `<=`, `>`, `>=` or `==`; false where a side is not a number."""
+    """`left comparison right`, with `<`, `<=`, `>`, `>=` or `==`; false where a side is not a
+    number.
+    """
 
     left: Expression
     comparison: str
     right: Expression
 
     def __bool__(self) -> bool:
-        raise TypeError("a condition of a program is neither true nor false before the program runs: branch by `where`")
+        raise TypeError(
+            "a condition of a program is neither true nor false before the program runs: "
+            "branch by `where`"
+        )
 
 
 ZERO, ONE = Number(0.0), Number(1.0)
@@ -165,8 +190,15 @@ def expression(value: Operand) -> Expression:
 
 
 def add(*terms: Expression) -> Expression:
-    """Sum of `terms`, nested sums flattened, zeros dropped, and all numbers folded into the first."""
-    flat = [part for term in terms for part in (term.terms if isinstance(term, Sum) else (term,)) if part != ZERO]
+    """Sum of `terms`, nested sums flattened, zeros dropped, and all numbers folded into the
+    first.
+    """
+    flat = [
+        part
+        for term in terms
+        for part in (term.terms if isinstance(term, Sum) else (term,))
+        if part != ZERO
+    ]
     numbers = {place: part.value for place, part in enumerate(flat) if isinstance(part, Number)}
     if len(numbers) > 1 and math.isfinite(whole := sum(numbers.values())):
         first, *others = numbers
@@ -178,8 +210,14 @@ def add(*terms: Expression) -> Expression:
 
 
 def multiply(*factors: Expression) -> Expression:
-    """Product of `factors`, nested products flattened, ones dropped, and all numbers folded into one in front."""
-    flat = [part for factor in factors for part in (factor.factors if isinstance(factor, Product) else (factor,))]
+    """Product of `factors`, nested products flattened, ones dropped, and all numbers folded into
+    one in front.
+    """
+    flat = [
+        part
+        for factor in factors
+        for part in (factor.factors if isinstance(factor, Product) else (factor,))
+    ]
     if ZERO in flat:
         return ZERO
     numbers = _folded([part.value for part in flat if isinstance(part, Number)])
@@ -203,7 +241,9 @@ def power(base: Expression, exponent: float) -> Expression:
 def call(function: str, argument: Expression) -> Expression:
     """`function(argument)`, for one of `FUNCTIONS`."""
     if function not in FUNCTIONS:
-        raise ExpressionError(f"there is no function `{function}`; there are {', '.join(FUNCTIONS)}")
+        raise ExpressionError(
+            f"there is no function `{function}`; there are {', '.join(FUNCTIONS)}"
+        )
     return Call(function, argument)
 
 
@@ -213,7 +253,9 @@ def negate(expression: Expression) -> Expression:
 
 
 def _folded(numbers: list[float]) -> list[float]:
-    """Return the product of the numbers, as none where it is one; as their magnitudes where it would overflow or lose digits."""
+    """Return the product of the numbers, as none where it is one; as their magnitudes where it
+    would overflow or lose digits.
+    """
     product = math.prod(numbers)
     if sys.float_info.min <= abs(product) < math.inf:
         return [] if product == 1.0 else [product]

@@ -2,8 +2,9 @@
 
 M1 eq 2-4, M2 eq 2-8; S. A. Billings, *Nonlinear System Identification*, Wiley 2013, chapter 3.
 
-`frols` selects as on paper (`tests/modelling/frols/textbook.py`) in forms that are fast and keep their digits: one greedy choice
-(`select`), and two forms of what is left of the candidates (`engine`).
+`frols` selects as on paper (`tests/modelling/frols/textbook.py`) in forms that are fast and keep
+their digits: one greedy choice (`select`), and two forms of what is left of the candidates
+(`engine`).
 """
 
 from mapmore_cli.modelling.frols.engine import frols, frols_streamed, reads_once

@@ -1,5 +1,6 @@
-"""`frols` and `frols_streamed`, and the forms of the method: on the Gram matrix a tall dictionary is read once; on an orthonormal basis of
-the chosen columns it is read in every step, and keeps all digits. Its triangular factor may stand for it.
+"""`frols` and `frols_streamed`, and the forms of the method: on the Gram matrix a tall dictionary
+is read once; on an orthonormal basis of the chosen columns it is read in every step, and keeps all
+digits. Its triangular factor may stand for it.
 """
 
 from __future__ import annotations
@@ -12,21 +13,43 @@ from numpy.typing import ArrayLike
 
 from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.fits import Selection
-from mapmore_cli.modelling.frols.moments import Blocks, checked, gram, row_blocks, safe_scale, scaled
-from mapmore_cli.modelling.frols.select import RANK_TOLERANCE, TIE_TOLERANCE, DigitsLost, Remainders, Stopping, selected
+from mapmore_cli.modelling.frols.moments import (
+    Blocks,
+    checked,
+    gram,
+    row_blocks,
+    safe_scale,
+    scaled,
+)
+from mapmore_cli.modelling.frols.select import (
+    RANK_TOLERANCE,
+    TIE_TOLERANCE,
+    DigitsLost,
+    Remainders,
+    Stopping,
+    selected,
+)
 
-PIVOT_TOLERANCE = 1e-6  # a downdated `q'q` below this fraction of `p'p` has lost too many digits (anything of 1e-4..1e-10 would serve)
-RESIDUAL_TOLERANCE = 1e-9  # a downdated residual sum of squares below this fraction of its last explicit value has lost too many digits
+# a downdated `q'q` below this fraction of `p'p` has lost too many digits (anything of 1e-4..1e-10
+# would serve)
+PIVOT_TOLERANCE = 1e-6
+# a downdated residual sum of squares below this fraction of its last explicit value has lost too
+# many digits
+RESIDUAL_TOLERANCE = 1e-9
 
-ROUNDING = 8 * float(np.finfo(np.float64).eps)  # error of a product `p'y`, as a fraction of `|p| |y|`, whatever n is
+ROUNDING = 8 * float(
+    np.finfo(np.float64).eps
+)  # error of a product `p'y`, as a fraction of `|p| |y|`, whatever n is
 LEAST_DIGITS = 1e-6  # relative accuracy that an ERR must have to be reported
 BALANCE = 1e-12  # how far the sum of ERR may be from what the residual says
 
 
 class GramRemainders(Remainders):
-    """Remainders known by their products only, O(M k) a step: of `matrix`, the `Z'Z` of scaled columns, (M+1, M+1).
+    """Remainders known by their products only, O(M k) a step: of `matrix`, the `Z'Z` of scaled
+    columns, (M+1, M+1).
 
-    Their `blocks` are read once more where the residual is so small that its digits are lost in those of `y'y`.
+    Their `blocks` are read once more where the residual is so small that its digits are lost in
+    those of `y'y`.
     """
 
     def __init__(self, matrix: Array, blocks: Blocks) -> None:
@@ -36,7 +59,9 @@ class GramRemainders(Remainders):
         self.picks: list[int] = []
 
     def reductions(self) -> tuple[Array, Array]:
-        """See `Remainders`. Raises DigitsLost where a live `q'q` is mostly rounding error, or the winner is not clear."""
+        """See `Remainders`. Raises DigitsLost where a live `q'q` is mostly rounding error, or the
+        winner is not clear.
+        """
         if (self.squares < PIVOT_TOLERANCE * self.pp)[self.live].any():
             raise DigitsLost
         g, err = super().reductions()
@@ -49,15 +74,24 @@ class GramRemainders(Remainders):
 
     def _clear_winner(self, err: Array) -> bool:
         best = int(np.nanargmax(err))
-        error, product = ROUNDING * np.sqrt(self.pp[best] * self.sse_of_products), abs(self.products[best])
+        error, product = (
+            ROUNDING * np.sqrt(self.pp[best] * self.sse_of_products),
+            abs(self.products[best]),
+        )
         if error <= TIE_TOLERANCE * product:
             return True
-        return bool(error <= LEAST_DIGITS * product and np.count_nonzero(err >= err[best] * (1 - error / product)) == 1)
+        return bool(
+            error <= LEAST_DIGITS * product
+            and np.count_nonzero(err >= err[best] * (1 - error / product)) == 1
+        )
 
     def choose(self, pick: int) -> Array:
         """See `Remainders`."""
         length = np.sqrt(self.squares[pick])
-        row: Array = np.append(self.gram[pick] - self.rows[:, pick] @ self.rows[:, :-1], self.products[pick]) / length
+        row: Array = (
+            np.append(self.gram[pick] - self.rows[:, pick] @ self.rows[:, :-1], self.products[pick])
+            / length
+        )
         row[pick] = length
         self.rows = np.vstack([self.rows, row])
         self.picks.append(pick)
@@ -68,10 +102,12 @@ class GramRemainders(Remainders):
         return row
 
     def _renew(self) -> None:
-        """Form products with the residual itself instead of y, so that they keep their digits however small it is.
+        """Form products with the residual itself instead of y, so that they keep their digits
+        however small it is.
 
-        What rounding left of the chosen columns in `r = y - P_chosen theta` is `U U'r`, with `R' U'r = P_chosen'r`. Raises DigitsLost where
-        residual and sum of ERR together are not `y'y`: the chosen columns have lost too many digits.
+        What rounding left of the chosen columns in `r = y - P_chosen theta` is `U U'r`, with `R'
+        U'r = P_chosen'r`. Raises DigitsLost where residual and sum of ERR together are not `y'y`:
+        the chosen columns have lost too many digits.
         """
         R = np.triu(self.rows[:, self.picks])
         theta = np.linalg.solve(R, self.rows[:, -1])
@@ -88,17 +124,28 @@ class GramRemainders(Remainders):
             raise DigitsLost
 
 
-SMALL = 2**16  # number of values up to which a dictionary counts as small: there digits come before speed
-LOST, LOST_OF_SMALL = 1e-6, 1e-2  # a candidate gets an explicit remainder when its downdated `q'q` has fallen to this fraction of `p'p`
-RENEWED = 1e-2  # the products `y'q` are computed afresh when the residual sum of squares has fallen by this factor since they last were
+SMALL = (
+    2**16
+)  # number of values up to which a dictionary counts as small: there digits come before speed
+LOST, LOST_OF_SMALL = (
+    1e-6,
+    1e-2,
+    # a candidate gets an explicit remainder when its downdated `q'q` has fallen to this fraction of
+    # `p'p`
+)
+# the products `y'q` are computed afresh when the residual sum of squares has fallen by this factor
+# since they last were
+RENEWED = 1e-2
 
 
 class BasisRemainders(Remainders):
-    """Remainders of the candidates `P`, (n, M), and of `y`, (n,), by an orthonormal basis of up to `limit` chosen columns.
+    """Remainders of the candidates `P`, (n, M), and of `y`, (n,), by an orthonormal basis of up to
+    `limit` chosen columns.
 
-    `q'q` and `y'q` are downdated by `u'P` of each new direction u. A candidate that loses digits that way gets an explicit remainder
-    `q = p - U U'p`, orthogonalised twice ("twice is enough": Giraud and Langou 2005) and again in every later step, with norm and product
-    computed from it: nothing is lost in ill-conditioned dictionaries, at a cost for those candidates only.
+    `q'q` and `y'q` are downdated by `u'P` of each new direction u. A candidate that loses digits
+    that way gets an explicit remainder `q = p - U U'p`, orthogonalised twice ("twice is enough":
+    Giraud and Langou 2005) and again in every later step, with norm and product computed from it:
+    nothing is lost in ill-conditioned dictionaries, at a cost for those candidates only.
     """
 
     def __init__(self, P: Array, y: Array, limit: int) -> None:
@@ -112,7 +159,9 @@ class BasisRemainders(Remainders):
     def choose(self, pick: int) -> Array:
         """See `Remainders`."""
         held = self.explicit == pick
-        unit = self._cleared(self._cleared(self.remainders[:, held][:, 0] if held.any() else self.P[:, pick]))
+        unit = self._cleared(
+            self._cleared(self.remainders[:, held][:, 0] if held.any() else self.P[:, pick])
+        )
         length = np.linalg.norm(unit)
         unit /= length
         row = np.append(self.P.T @ unit, unit @ self.residual)
@@ -129,17 +178,23 @@ class BasisRemainders(Remainders):
         return row
 
     def _renew(self) -> None:
-        """Form norms and products from explicit remainders where downdating has lost the digits; dependent candidates drop out."""
+        """Form norms and products from explicit remainders where downdating has lost the digits;
+        dependent candidates drop out.
+        """
         lost = self.live & (self.squares < self.lost_below)
         lost[self.explicit] = False
         kept = self.live[self.explicit]
         self.explicit = np.append(self.explicit[kept], np.flatnonzero(lost))
         if len(self.explicit) == 0:
             return
-        self.remainders = self._cleared(np.column_stack([self.remainders[:, kept], self._cleared(self.P[:, lost])]))
+        self.remainders = self._cleared(
+            np.column_stack([self.remainders[:, kept], self._cleared(self.P[:, lost])])
+        )
         self.squares[self.explicit] = _column_squares(self.remainders)
         self.products[self.explicit] = self.remainders.T @ self.residual
-        self.live[self.explicit] = self.squares[self.explicit] > RANK_TOLERANCE * self.pp[self.explicit]
+        self.live[self.explicit] = (
+            self.squares[self.explicit] > RANK_TOLERANCE * self.pp[self.explicit]
+        )
 
     def _cleared(self, vectors: Array) -> Array:
         """Return a vector, or the columns of a matrix, without what lies in the basis."""
@@ -151,31 +206,46 @@ def _column_squares(P: Array) -> Array:
     return np.asarray(np.einsum("ij,ij->j", P, P))
 
 
-GRAM_COLUMNS_PER_TERM = 16  # one `syrk` over so many takes about as long as a matrix-vector product, of which the basis needs one a term
+# one `syrk` over so many takes about as long as a matrix-vector product, of which the basis needs
+# one a term
+GRAM_COLUMNS_PER_TERM = 16
 
 
 def frols(
-    P: ArrayLike, y: ArrayLike, max_terms: int | None = None, tolerance: float = 0.0, *, stop: str = "tolerance", names: Sequence[str] = ()
+    P: ArrayLike,
+    y: ArrayLike,
+    max_terms: int | None = None,
+    tolerance: float = 0.0,
+    *,
+    stop: str = "tolerance",
+    names: Sequence[str] = (),
 ) -> Selection:
     """Select the few columns of `P` that explain `y`, one after the other by error reduction ratio.
 
-    In each iteration every unselected regressor is orthogonalised against the selected ones (M2 eq 2), its coefficient is
-    `g = y'q / q'q` (eq 3) and its error reduction ratio `ERR = g^2 q'q / y'y` (eq 4), with the uncentred `y'y`; the highest wins
-    (eq 5). The coefficients of the original regressors follow from `A theta = g`.
+    In each iteration every unselected regressor is orthogonalised against the selected ones (M2 eq
+    2), its coefficient is `g = y'q / q'q` (eq 3) and its error reduction ratio `ERR = g^2 q'q /
+    y'y` (eq 4), with the uncentred `y'y`; the highest wins (eq 5). The coefficients of the original
+    regressors follow from `A theta = g`.
 
-    A tall dictionary is read once, for `P'P`; where that loses digits, once more, for its triangular factor. A small or wide one is read
-    for every term. The selection does not depend on which; neither `P` nor `y` is changed, or copied unless its squares overflow.
+    A tall dictionary is read once, for `P'P`; where that loses digits, once more, for its
+    triangular factor. A small or wide one is read for every term. The selection does not depend on
+    which; neither `P` nor `y` is changed, or copied unless its squares overflow.
 
     - `P`: candidate regressors, (n, M), in either memory order; `y`: dependent variable, (n,).
-    - `max_terms`: limit on the number of terms (M2 eq 7 read as: stop after that many); None for no limit.
-    - `tolerance`: stop when `1 - sum ERR <= tolerance` (M2 eq 6). Where a column of `P` is constant, it counts out first: what is
+    - `max_terms`: limit on the number of terms (M2 eq 7 read as: stop after that many); None for no
+      limit.
+    - `tolerance`: stop when `1 - sum ERR <= tolerance` (M2 eq 6). Where a column of `P` is
+      constant, it counts out first: what is
       left has to be that fraction of the squares about the mean of `y`.
-    - `stop`: `tolerance`; or `bic`, `aicc`, `press`: go on to `max_terms`, or until rounding error is left (1e-28 of `y'y`, or no
-      independent candidate), and keep the number of terms at which the criterion is least. `press` reads `P` once more.
-    - `names` of the candidates, (M,), for tables and messages; `p0`, `p1`, ... where they have none.
+    - `stop`: `tolerance`; or `bic`, `aicc`, `press`: go on to `max_terms`, or until rounding error
+      is left (1e-28 of `y'y`, or no
+      independent candidate), and keep the number of terms at which the criterion is least. `press`
+      reads `P` once more.
+    - `names` of the candidates, (M,), for tables and messages; `p0`, `p1`, ... where they have
+      none.
 
-    Raises DataError where `P` or `y` has a value that is not finite, with its column and row; ValueError where the shapes or the names do
-    not fit, or `max_terms` is below one.
+    Raises DataError where `P` or `y` has a value that is not finite, with its column and row;
+    ValueError where the shapes or the names do not fit, or `max_terms` is below one.
 
     >>> x = np.linspace(0, 1, 50)
     >>> P = np.column_stack([x**0, x, x**2])
@@ -190,32 +260,44 @@ def frols(
     stopping = Stopping(max_terms, tolerance, stop)
     P, y = np.asarray(P, dtype=np.float64), np.asarray(y, dtype=np.float64)
     if P.ndim != 2 or y.ndim != 1 or len(P) != len(y) or P.size == 0:
-        raise ValueError(f"P must be (n, M) and y (n,), neither empty; they are {P.shape} and {y.shape}")
+        raise ValueError(
+            f"P must be (n, M) and y (n,), neither empty; they are {P.shape} and {y.shape}"
+        )
     n, M = P.shape
     if len(names) not in (0, M):
         raise ValueError(f"{len(names)} names for {M} candidates")
-    found = _by_gram(row_blocks(P, y), stopping) if reads_once(n, M, stopping.limit(n, M)) else _by_basis(P, y, stopping)
+    found = (
+        _by_gram(row_blocks(P, y), stopping)
+        if reads_once(n, M, stopping.limit(n, M))
+        else _by_basis(P, y, stopping)
+    )
     return replace(found, candidates=tuple(names)) if names else found
 
 
-def frols_streamed(blocks: Blocks, max_terms: int | None = None, tolerance: float = 0.0, *, stop: str = "tolerance") -> Selection:
-    """`frols` of a dictionary that comes in row blocks and never as a whole: memory O(M^2 + block), whatever n is.
+def frols_streamed(
+    blocks: Blocks, max_terms: int | None = None, tolerance: float = 0.0, *, stop: str = "tolerance"
+) -> Selection:
+    """`frols` of a dictionary that comes in row blocks and never as a whole: memory O(M^2 + block),
+    whatever n is.
 
-    Each call of `blocks` yields `P (b, M)` and `y (b,)` of one block after the other, best of a few thousand rows. Most records need one
-    pass. There is another where the normal equations lose digits (an ill-conditioned or dependent dictionary, a residual sum of squares
-    below 1e-9 of `y'y`), two where squares of the values overflow or vanish, one for `press`, and one where a tolerance may end the choice.
+    Each call of `blocks` yields `P (b, M)` and `y (b,)` of one block after the other, best of a few
+    thousand rows. Most records need one pass. There is another where the normal equations lose
+    digits (an ill-conditioned or dependent dictionary, a residual sum of squares below 1e-9 of
+    `y'y`), two where squares of the values overflow or vanish, one for `press`, and one where a
+    tolerance may end the choice.
 
-    Raises DataError where a value is not finite, with its column and its row counted over all blocks; ValueError where the shapes do not
-    fit, there is no row, or `max_terms` is below one.
+    Raises DataError where a value is not finite, with its column and its row counted over all
+    blocks; ValueError where the shapes do not fit, there is no row, or `max_terms` is below one.
     """
     return _by_gram(checked(blocks), Stopping(max_terms, tolerance, stop))
 
 
 def reads_once(n: int, M: int, terms: int) -> bool:
-    """Whether `frols` forms `P'P`, as `frols_streamed` does, so that the dictionary need not be there as a whole.
+    """Whether `frols` forms `P'P`, as `frols_streamed` does, so that the dictionary need not be
+    there as a whole.
 
-    It does not of a small dictionary, which costs nothing anyway and keeps more digits on the basis; nor of one so wide that reading it
-    once for every term costs less.
+    It does not of a small dictionary, which costs nothing anyway and keeps more digits on the
+    basis; nor of one so wide that reading it once for every term costs less.
     """
     return n * M > SMALL and n > M and GRAM_COLUMNS_PER_TERM * (terms + 2) >= M
 
@@ -228,7 +310,11 @@ def _by_gram(blocks: Blocks, stopping: Stopping) -> Selection:
     try:
         return selected(GramRemainders(matrix, rows), *rest)
     except DigitsLost:
-        P, y = map(np.concatenate, zip(*rows(), strict=True)) if samples * len(scale) <= SMALL else triangle(rows)
+        P, y = (
+            map(np.concatenate, zip(*rows(), strict=True))
+            if samples * len(scale) <= SMALL
+            else triangle(rows)
+        )
         return selected(BasisRemainders(P, y, limit), *rest)
 
 
@@ -243,11 +329,13 @@ def _by_basis(P: Array, y: Array, stopping: Stopping) -> Selection:
 
 
 def triangle(blocks: Blocks) -> tuple[Array, Array]:
-    """Triangular factor of `Z = [P y]`, (M+1, M+1), split into its P and y: `Z = Q R` with orthonormal columns of Q.
+    """Triangular factor of `Z = [P y]`, (M+1, M+1), split into its P and y: `Z = Q R` with
+    orthonormal columns of Q.
 
-    Inner products of columns of R are those of Z, therefore FROLS chooses the same terms, with the same numbers, on R as on Z. Unlike
-    `Z'Z`, Householder's R loses nothing. Blocks are folded in one after the other (J. Demmel et al. 2012, "Communication-optimal parallel
-    and sequential QR and LU factorizations", sequential TSQR), so the memory is O(M^2 + block).
+    Inner products of columns of R are those of Z, therefore FROLS chooses the same terms, with the
+    same numbers, on R as on Z. Unlike `Z'Z`, Householder's R loses nothing. Blocks are folded in
+    one after the other (J. Demmel et al. 2012, "Communication-optimal parallel and sequential QR
+    and LU factorizations", sequential TSQR), so the memory is O(M^2 + block).
     """
     factor = np.empty((0, 0))
     for P, y in blocks():

@@ -1,4 +1,6 @@
-"""The regression engine as an estimator that keeps the protocol of scikit-learn, which it does not need."""
+"""The regression engine as an estimator that keeps the protocol of scikit-learn, which it does not
+need.
+"""
 
 from __future__ import annotations
 
@@ -27,14 +29,17 @@ class NotFitted(ValueError, AttributeError):
 
 @dataclass(eq=False, repr=False)
 class FROLS:
-    """Few terms of a polynomial in the columns of X, selected by error reduction ratio (`mapmore_cli.modelling.frols`).
+    """Few terms of a polynomial in the columns of X, selected by error reduction ratio
+    (`mapmore_cli.modelling.frols`).
 
     - `order`: total degree of the candidate monomials; `constant`: whether the constant is one.
     - `max_terms`, `tolerance`, `stop`: as in `frols`.
 
-    `X` and `y` may be arrays and frames of any kind. Units, and values that are missing or masked, are refused.
+    `X` and `y` may be arrays and frames of any kind. Units, and values that are missing or masked,
+    are refused.
 
-    After `fit`, `terms_`, `coef_` and `err_` are the terms, their coefficients and error reduction ratios, (k,).
+    After `fit`, `terms_`, `coef_` and `err_` are the terms, their coefficients and error reduction
+    ratios, (k,).
 
     >>> x = np.linspace(0, 1, 50)
     >>> model = FROLS(order=2, max_terms=2).fit(np.column_stack([x, np.cos(9 * x)]), 3 * x**2 - 1)
@@ -57,18 +62,37 @@ class FROLS:
         names, values = _column_names(X), _table(X)
         target = _target(y, len(values))
         if len(values) < 2:
-            raise ValueError(f"n_samples={len(values)}: at least 2 samples are needed to fit a model, and there is 1 sample")
-        columns = names if names is not None and all(map(IDENTIFIER.fullmatch, names)) else [f"x{i}" for i in range(values.shape[1])]
+            raise ValueError(
+                f"n_samples={len(values)}: at least 2 samples are needed to fit a model, and "
+                "there is 1 sample"
+            )
+        columns = (
+            names
+            if names is not None and all(map(IDENTIFIER.fullmatch, names))
+            else [f"x{i}" for i in range(values.shape[1])]
+        )
         refuse_beyond_memory(comb(values.shape[1] + self.order, self.order))
         candidates = products(columns, self.order, constant=self.constant)
         P = dictionary_matrix(candidates, dict(zip(columns, values.T, strict=True)), len(values))
-        found = frols(P, target, self.max_terms, self.tolerance, stop=self.stop, names=tuple(map(to_text, candidates)))
+        found = frols(
+            P,
+            target,
+            self.max_terms,
+            self.tolerance,
+            stop=self.stop,
+            names=tuple(map(to_text, candidates)),
+        )
         self.n_features_in_ = values.shape[1]
         self.__dict__.pop("feature_names_in_", None)
         if names is not None:
             self.feature_names_in_ = np.array(names, dtype=object)
         self._columns, self._terms = tuple(columns), tuple(candidates[i] for i in found.chosen)
-        self.terms_, self.coef_, self.err_, self.selection_ = found.names, found.theta, found.err, found
+        self.terms_, self.coef_, self.err_, self.selection_ = (
+            found.names,
+            found.theta,
+            found.err,
+            found,
+        )
         return self
 
     def predict(self, X: ArrayLike) -> Array:
@@ -80,8 +104,13 @@ class FROLS:
             raise ValueError(_other_names(list(own), names))
         values = _table(X)
         if values.shape[1] != self.n_features_in_:
-            raise ValueError(f"X has {values.shape[1]} features, but FROLS is expecting {self.n_features_in_} features as input")
-        P = dictionary_matrix(self._terms, dict(zip(self._columns, values.T, strict=True)), len(values))
+            raise ValueError(
+                f"X has {values.shape[1]} features, but FROLS is expecting "
+                f"{self.n_features_in_} features as input"
+            )
+        P = dictionary_matrix(
+            self._terms, dict(zip(self._columns, values.T, strict=True)), len(values)
+        )
         return np.asarray(P @ self.coef_)
 
     def score(self, X: ArrayLike, y: ArrayLike) -> float:
@@ -93,7 +122,9 @@ class FROLS:
 
     @property
     def table_(self) -> list[dict[str, Any]]:
-        """A row for each term, in the order of selection: `{"term", "coefficient", "standard_error", "err"}`."""
+        """A row for each term, in the order of selection: `{"term", "coefficient",
+        "standard_error", "err"}`.
+        """
         self._check_fitted()
         return self.selection_.table()
 
@@ -101,7 +132,10 @@ class FROLS:
     def equations_(self) -> tuple[str, ...]:
         """The model as text, six digits."""
         self._check_fitted()
-        parts = [f"{c:.6g}" if t == "1" else f"{c:.6g}*{t}" for t, c in zip(self.terms_, self.coef_, strict=True)]
+        parts = [
+            f"{c:.6g}" if t == "1" else f"{c:.6g}*{t}"
+            for t, c in zip(self.terms_, self.coef_, strict=True)
+        ]
         return (" + ".join(parts).replace("+ -", "- ") or "0",)
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:  # noqa: ARG002 - scikit-learn's protocol
@@ -113,12 +147,19 @@ class FROLS:
         known = self.get_params()
         for name, value in given.items():
             if name not in known:
-                raise ValueError(f"Invalid parameter {name!r} for estimator {self!r}. Valid parameters are: {sorted(known)}.")
+                raise ValueError(
+                    f"Invalid parameter {name!r} for estimator {self!r}. Valid parameters "
+                    f"are: {sorted(known)}."
+                )
             setattr(self, name, value)
         return self
 
     def __repr__(self) -> str:
-        changed = [f"{one.name}={value!r}" for one in fields(self) if (value := getattr(self, one.name)) != one.default]
+        changed = [
+            f"{one.name}={value!r}"
+            for one in fields(self)
+            if (value := getattr(self, one.name)) != one.default
+        ]
         return f"FROLS({', '.join(changed)})"
 
     def __sklearn_tags__(self) -> Any:
@@ -136,11 +177,15 @@ class FROLS:
 
     def _check_fitted(self) -> None:
         if not hasattr(self, "coef_"):
-            raise _of_sklearn("NotFittedError", NotFitted)("This FROLS instance is not fitted yet: call `fit` first")
+            raise _of_sklearn("NotFittedError", NotFitted)(
+                "This FROLS instance is not fitted yet: call `fit` first"
+            )
 
 
 def _column_names(X: Any) -> list[str] | None:
-    """Return the names of a frame's columns; None where there are none, or they are not all text."""
+    """Return the names of a frame's columns; None where there are none, or they are not all
+    text.
+    """
     labels = labels_of(X) or ()
     names = [label for label in labels if isinstance(label, str)]
     if len(set(names)) < len(names):
@@ -151,10 +196,15 @@ def _column_names(X: Any) -> list[str] | None:
 def _table(X: Any) -> Array:
     """Return a table of numbers, (n, m); raises `ValueError` or `TypeError` for anything else."""
     if hasattr(X, "toarray"):
-        raise TypeError("Sparse data was passed for X, but dense data is required. Use '.toarray()' to convert to a dense numpy array.")
+        raise TypeError(
+            "Sparse data was passed for X, but dense data is required. Use '.toarray()' to "
+            "convert to a dense numpy array."
+        )
     values = _numbers(X, "X")
     if values.ndim != 2:
-        hint = "Reshape your data: X.reshape(-1, 1) for one feature, X.reshape(1, -1) for one sample"
+        hint = (
+            "Reshape your data: X.reshape(-1, 1) for one feature, X.reshape(1, -1) for one sample"
+        )
         raise ValueError(f"Expected 2D array, got {values.ndim}D array instead. {hint}")
     if 0 in values.shape:
         what = f"0 feature(s) (shape={values.shape})" if len(values) else "0 sample(s)"
@@ -168,7 +218,9 @@ def _target(y: Any, rows: int) -> Array:
     values = _numbers(y, "y")
     if values.ndim == 2 and values.shape[1] == 1:
         kind = _of_sklearn("DataConversionWarning", UserWarning)
-        warnings.warn("A column-vector y was passed when a 1d array was expected.", kind, stacklevel=3)
+        warnings.warn(
+            "A column-vector y was passed when a 1d array was expected.", kind, stacklevel=3
+        )
         values = values[:, 0]
     if values.ndim != 1:
         raise ValueError(f"y should be a 1d array, got an array of shape {values.shape} instead.")
@@ -199,7 +251,10 @@ def _numbers(values: Any, name: str) -> Array:
     except DataError as fault:
         raise NotNumbers(fault.message) from fault
     if not np.isfinite(found).all():
-        raise ValueError("Input contains NaN or infinity: missing and masked values are such. Leave their rows out.")
+        raise ValueError(
+            "Input contains NaN or infinity: missing and masked values are such. Leave their "
+            "rows out."
+        )
     return found
 
 
@@ -207,6 +262,16 @@ def _other_names(own: list[str], given: list[str]) -> str:
     """Return what scikit-learn says of frames whose columns differ."""
     told = ["The feature names should match those that were passed during fit."]
     unseen, missing = sorted({*given} - {*own}), sorted({*own} - {*given})
-    for words, names in (("unseen at fit time", unseen), ("seen at fit time, yet now missing", missing)):
+    for words, names in (
+        ("unseen at fit time", unseen),
+        ("seen at fit time, yet now missing", missing),
+    ):
         told += [f"Feature names {words}:", *(f"- {name}" for name in names)] if names else []
-    return "\n".join(told if unseen or missing else [*told, "Feature names must be in the same order as they were in fit."]) + "\n"
+    return (
+        "\n".join(
+            told
+            if unseen or missing
+            else [*told, "Feature names must be in the same order as they were in fit."]
+        )
+        + "\n"
+    )

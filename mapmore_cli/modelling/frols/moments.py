@@ -1,6 +1,7 @@
 """Row blocks: the only way in which a tall dictionary is read, so that it need not fit into memory.
 
-`Z = [P y]` stands for the candidates with the dependent variable as one more column; arrays of `M + 1` values run over its columns.
+`Z = [P y]` stands for the candidates with the dependent variable as one more column; arrays of `M +
+1` values run over its columns.
 """
 
 from __future__ import annotations
@@ -16,8 +17,14 @@ from mapmore_cli.domain.errors import DataError
 Blocks = Callable[[], Iterable[tuple[Array, Array]]]
 """Starts a pass over the rows: yields `P (b, M)` and `y (b,)` of one block after the other."""
 
-BLOCK = 4096  # rows at a time: a block of a common dictionary stays in the processor's cache between its products
-SMALLEST, LARGEST = 1e-140, 1e140  # sums of squares between these can be multiplied with each other without overflow or loss by underflow
+# rows at a time: a block of a common dictionary stays in the processor's cache between its products
+BLOCK = 4096
+SMALLEST, LARGEST = (
+    1e-140,
+    1e140,
+    # sums of squares between these can be multiplied with each other without overflow or loss by
+    # underflow
+)
 
 
 def row_blocks(P: Array, y: Array) -> Blocks:
@@ -40,8 +47,16 @@ def checked(blocks: Blocks) -> Blocks:
         width = None
         for P, y in blocks():
             P, y = np.asarray(P, dtype=np.float64), np.asarray(y, dtype=np.float64)
-            if P.ndim != 2 or y.ndim != 1 or len(P) != len(y) or P.shape[1] != (width or P.shape[1]):
-                raise ValueError(f"a block must be P (b, M) and y (b,) with M as in the first; they are {P.shape} and {y.shape}")
+            if (
+                P.ndim != 2
+                or y.ndim != 1
+                or len(P) != len(y)
+                or P.shape[1] != (width or P.shape[1])
+            ):
+                raise ValueError(
+                    "a block must be P (b, M) and y (b,) with M as in the first; they are "
+                    f"{P.shape} and {y.shape}"
+                )
             width = P.shape[1]
             yield from row_blocks(P, y)()
 
@@ -50,14 +65,20 @@ def checked(blocks: Blocks) -> Blocks:
 
 def scaled(blocks: Blocks, scale: Array) -> Blocks:
     """Return the blocks with each column of `Z` divided by its `scale`, (M+1,)."""
-    return blocks if (scale == 1.0).all() else standardised(blocks, Standard(np.zeros(len(scale)), scale))
+    return (
+        blocks
+        if (scale == 1.0).all()
+        else standardised(blocks, Standard(np.zeros(len(scale)), scale))
+    )
 
 
 def safe_scale(squares: Array, blocks: Blocks) -> Array:
-    """Powers of two, (M+1,), that bring the columns of `Z` near one where their sums of `squares`, (M+1,), left the safe range; else one.
+    """Powers of two, (M+1,), that bring the columns of `Z` near one where their sums of `squares`,
+    (M+1,), left the safe range; else one.
 
-    Sums are infinite or NaN where a value is not finite or its square overflows, zero where squares vanish. There values are looked at one
-    by one. Raises DataError where one is not finite, with its column and row.
+    Sums are infinite or NaN where a value is not finite or its square overflows, zero where squares
+    vanish. There values are looked at one by one. Raises DataError where one is not finite, with
+    its column and row.
     """
     scale = np.ones(len(squares))
     unsafe = np.flatnonzero(~((squares > SMALLEST) & (squares < LARGEST)))
@@ -67,7 +88,9 @@ def safe_scale(squares: Array, blocks: Blocks) -> Array:
 
 
 def power_of_two(positive: Array) -> Array:
-    """Return the power of two next above each value; one where the value is zero. Division by it is exact."""
+    """Return the power of two next above each value; one where the value is zero. Division by it is
+    exact.
+    """
     return np.ldexp(1.0, np.where(positive > 0, np.frexp(positive)[1], 0))
 
 
@@ -81,7 +104,10 @@ def _largest(blocks: Blocks, columns: IntArray) -> Array:
             row, place = np.argwhere(~np.isfinite(values))[0]
             name, remedy = "y", "drop or mend the sample before the fit"
             if columns[place] != M:
-                name, remedy = f"candidate {columns[place]}", "drop or mend the sample, or leave the term out"
+                name, remedy = (
+                    f"candidate {columns[place]}",
+                    "drop or mend the sample, or leave the term out",
+                )
             raise DataError(f"{name} is not finite at row {start + row}", remedy)
         np.maximum(largest, np.abs(values).max(axis=0), out=largest)
         start += len(y)
@@ -89,10 +115,12 @@ def _largest(blocks: Blocks, columns: IntArray) -> Array:
 
 
 def gram(blocks: Blocks) -> tuple[Array, Array, int]:
-    """Return `Z'Z`, (M+1, M+1), of columns divided by powers of two that bring its diagonal between 1/4 and 1, these, (M+1,), and n.
+    """Return `Z'Z`, (M+1, M+1), of columns divided by powers of two that bring its diagonal between
+    1/4 and 1, these, (M+1,), and n.
 
-    One pass over the blocks; three where squares overflow or vanish: the values are then scaled instead of the sums. Raises DataError where
-    a value is not finite, with its column and row; ValueError where there is no row, or no column.
+    One pass over the blocks; three where squares overflow or vanish: the values are then scaled
+    instead of the sums. Raises DataError where a value is not finite, with its column and row;
+    ValueError where there is no row, or no column.
     """
     matrix, samples = _sum_of_products(blocks)
     scale = safe_scale(np.diag(matrix), blocks)
@@ -109,7 +137,9 @@ def _sum_of_products(blocks: Blocks) -> tuple[Array, int]:
         if not samples:
             total = np.zeros((M + 1, M + 1))
         with np.errstate(over="ignore", invalid="ignore"):  # `safe_scale` looks for the cause
-            total[:M, :M] += P.T @ P  # NumPy sees the transpose and calls syrk, for either memory order, without a copy
+            total[:M, :M] += (
+                P.T @ P
+            )  # NumPy sees the transpose and calls syrk, for either memory order, without a copy
             total[M, :M] += P.T @ y
             total[M, M] += y @ y
         samples += len(y)
@@ -124,7 +154,9 @@ CONSTANT = 1e-12  # a column that spreads less than this fraction of its magnitu
 
 @dataclass(frozen=True)
 class Standard:
-    """Mean and standard deviation of the columns of `Z = [P y]`, (M+1,) each; a constant column has an infinite one, and becomes zero."""
+    """Mean and standard deviation of the columns of `Z = [P y]`, (M+1,) each; a constant column has
+    an infinite one, and becomes zero.
+    """
 
     centre: Array
     spread: Array
@@ -140,7 +172,9 @@ class Moments:
 
     def without(self, other: Moments) -> Moments:
         """Return what is left when some of the rows are taken out."""
-        return Moments(self.samples - other.samples, self.sums - other.sums, self.products - other.products)
+        return Moments(
+            self.samples - other.samples, self.sums - other.sums, self.products - other.products
+        )
 
     @property
     def mean(self) -> Array:
@@ -155,17 +189,21 @@ class Moments:
 
 
 def standard(blocks: Blocks, centred: bool = True) -> Standard:
-    """Mean and standard deviation over all rows, in one pass; in three where squares overflow or vanish.
+    """Mean and standard deviation over all rows, in one pass; in three where squares overflow or
+    vanish.
 
-    Columns that are not `centred` keep their means, and have their root mean square as spread. Raises DataError where a value is not
-    finite, with its column and row; ValueError where there is no row.
+    Columns that are not `centred` keep their means, and have their root mean square as spread.
+    Raises DataError where a value is not finite, with its column and row; ValueError where there is
+    no row.
     """
     first, shift, variance = _spread(blocks, centred)
     scale = safe_scale(variance, blocks)
     if (scale != 1.0).any():
         first, shift, variance = _spread(scaled(blocks, scale), centred)
     spread = np.sqrt(np.maximum(variance, 0.0))
-    return Standard(scale * (first + shift), np.where(spread > CONSTANT * np.abs(first), scale * spread, np.inf))
+    return Standard(
+        scale * (first + shift), np.where(spread > CONSTANT * np.abs(first), scale * spread, np.inf)
+    )
 
 
 def uncentred(blocks: Blocks) -> Standard:
@@ -174,13 +212,17 @@ def uncentred(blocks: Blocks) -> Standard:
 
 
 def _spread(blocks: Blocks, centred: bool) -> tuple[Array, Array, Array]:
-    """Return the origin (the first row where `centred`), the mean as seen from there, and the variance, (M+1,) each."""
+    """Return the origin (the first row where `centred`), the mean as seen from there, and the
+    variance, (M+1,) each.
+    """
     origin, sums, squares, samples = np.zeros(0), np.zeros(1), np.zeros(1), 0
     with np.errstate(over="ignore", invalid="ignore"):  # `safe_scale` looks for the cause
         for P, y in blocks():
             if samples == 0 and len(y):
                 origin = np.append(P[0], y[0]) if centred else np.zeros(P.shape[1] + 1)
-            if centred and len(y):  # from the first row: squares of large means would swallow the spread
+            if centred and len(
+                y
+            ):  # from the first row: squares of large means would swallow the spread
                 P, y = P - origin[:-1], y - origin[-1]
                 sums = sums + np.append(P.sum(axis=0), y.sum())
             squares = squares + np.append(np.einsum("ij,ij->j", P, P), y @ y)
@@ -202,7 +244,9 @@ def standardised(blocks: Blocks, by: Standard) -> Blocks:
 
 
 def moments(blocks: Blocks) -> Moments:
-    """Return sums of the columns of standardised blocks and of their products, in one pass; memory O(M^2 + block)."""
+    """Return sums of the columns of standardised blocks and of their products, in one pass; memory
+    O(M^2 + block).
+    """
     sums = np.zeros(1)
 
     def summed() -> Iterator[tuple[Array, Array]]:

@@ -1,8 +1,10 @@
-"""Regularised FROLS: orthogonal selection on the covariance matrix plus a ridge, backward pruning, and the choice of the ridge.
+"""Regularised FROLS: orthogonal selection on the covariance matrix plus a ridge, backward pruning,
+and the choice of the ridge.
 
-With z the centred columns divided by their standard deviations, `G = Z'Z/n + ridge I` and `h = Z'y/n`, selection minimises
-`theta' G theta - 2 h' theta` greedily (regularised orthogonal least squares, with one ridge for all terms). Any `Q` with `Q'Q = G` stands
-for the data, therefore the engine for plain data does the selection.
+With z the centred columns divided by their standard deviations, `G = Z'Z/n + ridge I` and `h =
+Z'y/n`, selection minimises `theta' G theta - 2 h' theta` greedily (regularised orthogonal least
+squares, with one ridge for all terms). Any `Q` with `Q'Q = G` stands for the data, therefore the
+engine for plain data does the selection.
 """
 
 from __future__ import annotations
@@ -24,7 +26,9 @@ from mapmore_cli.modelling.selection import LEAST_RIDGE
 
 @dataclass(frozen=True)
 class Regularised:
-    """The covariance `C` of standardised columns `[P y]`, (M+1, M+1), over n samples, with a ridge."""
+    """The covariance `C` of standardised columns `[P y]`, (M+1, M+1), over n samples, with a
+    ridge.
+    """
 
     covariance: Array
     samples: int
@@ -46,27 +50,36 @@ class Regularised:
 
     def coefficients(self, chosen: IntArray) -> Array:
         """`theta = G^-1 h` of some of the candidates, (k,)."""
-        return np.asarray(cho_solve(cho_factor(self.gram[np.ix_(chosen, chosen)]), self.products[chosen]))
+        return np.asarray(
+            cho_solve(cho_factor(self.gram[np.ix_(chosen, chosen)]), self.products[chosen])
+        )
 
     def reductions(self, chosen: IntArray) -> Array:
-        """(M,) by how much each candidate reduces the regularised error beside the `chosen` ones."""
+        """(M,) by how much each candidate reduces the regularised error beside the `chosen`
+        ones.
+        """
         rows = self.gram[chosen]
         solved = cho_solve(cho_factor(rows[:, chosen]), rows) if len(chosen) else rows
         squares = np.diag(self.gram) - np.einsum("ij,ij->j", rows, solved)
-        return np.asarray((self.products - self.products[chosen] @ solved) ** 2 / np.maximum(squares, self.ridge))
+        return np.asarray(
+            (self.products - self.products[chosen] @ solved) ** 2 / np.maximum(squares, self.ridge)
+        )
 
     def unexplained(self, chosen: IntArray, theta: Array) -> float:
         """`SSE / y'y` of the chosen terms on the samples, without the ridge's penalty."""
-        explained = theta @ (2 * self.products[chosen] - self.covariance[np.ix_(chosen, chosen)] @ theta)
+        explained = theta @ (
+            2 * self.products[chosen] - self.covariance[np.ix_(chosen, chosen)] @ theta
+        )
         total = float(self.covariance[-1, -1])
         return max(0.0, 1 - float(explained) / total) if total > 0 else 0.0
 
 
 def select(data: Regularised, max_terms: int, among: IntArray | None = None) -> Selection:
-    """Forward selection of up to `max_terms` candidates, of all or of `among` (m,), in standardised units.
+    """Forward selection of up to `max_terms` candidates, of all or of `among` (m,), in standardised
+    units.
 
-    ERR is that of the regularised problem: `1 - sum ERR` is `(SSE/n + ridge theta'theta) / (y'y/n)`. Candidates that were excluded are NaN
-    in the tables.
+    ERR is that of the regularised problem: `1 - sum ERR` is `(SSE/n + ridge theta'theta) /
+    (y'y/n)`. Candidates that were excluded are NaN in the tables.
     """
     M = len(data.covariance) - 1
     columns = np.arange(M) if among is None else among
@@ -88,9 +101,11 @@ def select(data: Regularised, max_terms: int, among: IntArray | None = None) -> 
 
 
 def prune(data: Regularised, chosen: IntArray) -> list[IntArray]:
-    """Subsets of `chosen` of 1, 2, ... terms: the term of the least `theta_i^2 / (G^-1)_ii` goes first.
+    """Subsets of `chosen` of 1, 2, ... terms: the term of the least `theta_i^2 / (G^-1)_ii` goes
+    first.
 
-    That is by how much the regularised error grows when term i is left out and the others are fitted again.
+    That is by how much the regularised error grows when term i is left out and the others are
+    fitted again.
     """
     subsets = [np.asarray(chosen)]
     while len(subsets[0]) > 1:
@@ -102,39 +117,63 @@ def prune(data: Regularised, chosen: IntArray) -> list[IntArray]:
 
 
 def substitutes(data: Regularised, chosen: IntArray) -> tuple[IntArray, Array]:
-    """For every chosen term the candidate that would serve best in its place, and how well, (k,) each.
+    """For every chosen term the candidate that would serve best in its place, and how well, (k,)
+    each.
 
-    The share is the substitute's reduction of the regularised error over the term's own, both beside the other chosen terms; -1 and NaN
-    where there is no other candidate. With `H = G_cc^-1` of the chosen terms, `w = H G_c`, `s = diag G - sum_i G_ci w_i` and
-    `p = h - w'h_c`, leaving out term i makes these `s_j + w_ij^2/H_ii` and `p_j + w_ij theta_i/H_ii`, and the reduction is `p^2/s`.
+    The share is the substitute's reduction of the regularised error over the term's own, both
+    beside the other chosen terms; -1 and NaN where there is no other candidate. With `H = G_cc^-1`
+    of the chosen terms, `w = H G_c`, `s = diag G - sum_i G_ci w_i` and `p = h - w'h_c`, leaving out
+    term i makes these `s_j + w_ij^2/H_ii` and `p_j + w_ij theta_i/H_ii`, and the reduction is
+    `p^2/s`.
     """
     if not 0 < len(chosen) < len(data.gram):
         return np.full(len(chosen), -1), np.full(len(chosen), np.nan)
     rows, inverse = data.gram[chosen], np.linalg.inv(data.gram[np.ix_(chosen, chosen)])
-    theta, without, w = inverse @ data.products[chosen], 1 / np.diag(inverse)[:, None], inverse @ rows
+    theta, without, w = (
+        inverse @ data.products[chosen],
+        1 / np.diag(inverse)[:, None],
+        inverse @ rows,
+    )
     p = data.products - data.products[chosen] @ w + w * without * theta[:, None]
     s = np.diag(data.gram) - np.einsum("ij,ij->j", rows, w) + w**2 * without
     reductions = p**2 / np.maximum(s, data.ridge)
     reductions[:, chosen] = -1.0
     best = np.argmax(reductions, axis=1)
     own = theta**2 * without[:, 0]
-    return best, np.divide(reductions.max(axis=1), own, out=np.full(len(chosen), np.nan), where=own > 0)
+    return best, np.divide(
+        reductions.max(axis=1), own, out=np.full(len(chosen), np.nan), where=own > 0
+    )
 
 
-RIDGES = (1e-5, 1e-4, 5e-4, 2e-3, 1e-2, 5e-2)  # candidates, as fractions of a standardised candidate's own variance
+RIDGES = (
+    1e-5,
+    1e-4,
+    5e-4,
+    2e-3,
+    1e-2,
+    5e-2,
+)  # candidates, as fractions of a standardised candidate's own variance
 
 
 def choose_ridge(total: Moments, blocks: Sequence[Moments], forward: int, max_terms: int) -> float:
     """Return the ridge whose models predict left-out blocks of samples best, the weaker of equals.
 
-    For each ridge and each block a model of `max_terms` terms is selected (forward, then pruned) on the other blocks. Everything comes from
-    sums of products, so the rows are not read again.
+    For each ridge and each block a model of `max_terms` terms is selected (forward, then pruned) on
+    the other blocks. Everything comes from sums of products, so the rows are not read again.
     """
-    errors = [sum(_left_out_error(total.without(block), block, ridge, forward, max_terms) for block in blocks) for ridge in RIDGES]
+    errors = [
+        sum(
+            _left_out_error(total.without(block), block, ridge, forward, max_terms)
+            for block in blocks
+        )
+        for ridge in RIDGES
+    ]
     return RIDGES[int(np.argmin(errors))]
 
 
-def _left_out_error(training: Moments, held: Moments, ridge: float, forward: int, max_terms: int) -> float:
+def _left_out_error(
+    training: Moments, held: Moments, ridge: float, forward: int, max_terms: int
+) -> float:
     data = Regularised(training.covariance, training.samples, ridge)
     chosen = select(data, forward).chosen
     if not len(chosen):
@@ -143,20 +182,30 @@ def _left_out_error(training: Moments, held: Moments, ridge: float, forward: int
     combination = np.zeros(len(held.sums))  # residual = combination'z - constant
     combination[[*kept, -1]] = [*-data.coefficients(kept), 1.0]
     constant = float(combination @ training.mean)
-    return float(combination @ held.products @ combination - 2 * constant * (combination @ held.sums) + held.samples * constant**2)
+    return float(
+        combination @ held.products @ combination
+        - 2 * constant * (combination @ held.sums)
+        + held.samples * constant**2
+    )
 
 
 def ridge_press(blocks: Blocks, data: Regularised, subsets: Sequence[IntArray]) -> Array:
-    """`PRESS = sum_i (r_i / (1 - h_i))^2` of each subset, (m,), in one pass over standardised blocks; infinite where a leverage is one.
+    """`PRESS = sum_i (r_i / (1 - h_i))^2` of each subset, (m,), in one pass over standardised
+    blocks; infinite where a leverage is one.
 
-    The leverage is `h_i = 1/n + z_i' G^-1 z_i / n`: of the mean, and of the terms. A ridge makes it exact but for the change of means and
-    standard deviations by one sample.
+    The leverage is `h_i = 1/n + z_i' G^-1 z_i / n`: of the mean, and of the terms. A ridge makes it
+    exact but for the change of means and standard deviations by one sample.
     """
-    models = [(kept, cho_factor(data.gram[np.ix_(kept, kept)]), data.coefficients(kept)) for kept in subsets]
+    models = [
+        (kept, cho_factor(data.gram[np.ix_(kept, kept)]), data.coefficients(kept))
+        for kept in subsets
+    ]
     total = np.zeros(len(subsets))
     for P, y in blocks():
         for place, (kept, factor, theta) in enumerate(models):
             Z = P[:, kept]
             left = 1 - (1 + np.einsum("ij,ji->i", Z, cho_solve(factor, Z.T))) / data.samples
-            total[place] += np.square((y - Z @ theta) / np.where(left > FULL_LEVERAGE, left, np.nan)).sum()
+            total[place] += np.square(
+                (y - Z @ theta) / np.where(left > FULL_LEVERAGE, left, np.nan)
+            ).sum()
     return np.where(np.isnan(total), np.inf, total)

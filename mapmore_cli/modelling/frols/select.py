@@ -1,4 +1,6 @@
-"""The greedy choice of FROLS, whatever holds the remainders; and the criteria that choose the number of terms."""
+"""The greedy choice of FROLS, whatever holds the remainders; and the criteria that choose the
+number of terms.
+"""
 
 from __future__ import annotations
 
@@ -13,18 +15,26 @@ from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.fits import Selection
 from mapmore_cli.modelling.frols.moments import Blocks, scaled, standard
 
-TIE_TOLERANCE = 1e-9  # candidates whose ERR lies within this fraction of the best are tied; the lower dictionary index wins
-NO_GAIN = 1e-28  # the square of rounding error: a smaller ERR explains nothing, and a smaller residual leaves nothing to explain
-RANK_TOLERANCE = 1e-24  # a regressor counts as dependent when `q'q <= RANK_TOLERANCE p'p`: what remains is then rounding error
+# candidates whose ERR lies within this fraction of the best are tied; the lower dictionary index
+# wins
+TIE_TOLERANCE = 1e-9
+# the square of rounding error: a smaller ERR explains nothing, and a smaller residual leaves
+# nothing to explain
+NO_GAIN = 1e-28
+# a regressor counts as dependent when `q'q <= RANK_TOLERANCE p'p`: what remains is then rounding
+# error
+RANK_TOLERANCE = 1e-24
 CRITERIA = ("tolerance", "bic", "aicc", "press")  # rules for the number of terms
 
 
 @dataclass(frozen=True)
 class Stopping:
-    """When enough terms are chosen: `max_terms` (None: no limit), or all but the fraction `tolerance` is explained.
+    """When enough terms are chosen: `max_terms` (None: no limit), or all but the fraction
+    `tolerance` is explained.
 
-    The fraction is one of `y'y`, or of the squares about the mean: see `to_explain`. The criteria `bic`, `aicc` and `press` choose
-    the number of terms afterwards, among all that can be had: no tolerance ends them.
+    The fraction is one of `y'y`, or of the squares about the mean: see `to_explain`. The criteria
+    `bic`, `aicc` and `press` choose the number of terms afterwards, among all that can be had: no
+    tolerance ends them.
     """
 
     max_terms: int | None
@@ -47,9 +57,11 @@ class DigitsLost(Exception):
 
 
 class Remainders:
-    """What the chosen terms leave of y, `sse` of `yy`, and of every candidate: the vectors `q` of M2 eq 2, in whatever form.
+    """What the chosen terms leave of y, `sse` of `yy`, and of every candidate: the vectors `q` of
+    M2 eq 2, in whatever form.
 
-    `squares` `q'q` and `products` `y'q`, (M,) each, are downdated from step to step; `pp` are the candidates' own squares.
+    `squares` `q'q` and `products` `y'q`, (M,) each, are downdated from step to step; `pp` are the
+    candidates' own squares.
     """
 
     def __init__(self, pp: Array, products: Array, yy: float) -> None:
@@ -58,7 +70,9 @@ class Remainders:
         self.live = pp > 0
 
     def reductions(self) -> tuple[Array, Array]:
-        """`g = y'q / q'q` (M2 eq 3), `ERR = g^2 q'q / y'y` (eq 4), (M,) each; NaN where chosen or dependent. Raises DigitsLost."""
+        """`g = y'q / q'q` (M2 eq 3), `ERR = g^2 q'q / y'y` (eq 4), (M,) each; NaN where chosen or
+        dependent. Raises DigitsLost.
+        """
         g = np.full(len(self.products), np.nan)
         np.divide(self.products, self.squares, out=g, where=self.live)
         return g, g * self.products / (self.yy or 1.0)
@@ -66,7 +80,8 @@ class Remainders:
     def choose(self, pick: int) -> Array:
         """Orthogonalise the others against candidate `pick`.
 
-        Returns `u'[P y]`, (M+1,), with `u` the pick's remainder at unit length: one row of the triangular factor. Raises DigitsLost.
+        Returns `u'[P y]`, (M+1,), with `u` the pick's remainder at unit length: one row of the
+        triangular factor. Raises DigitsLost.
         """
         raise NotImplementedError
 
@@ -77,7 +92,9 @@ class Remainders:
 
 
 class Step(NamedTuple):
-    """One iteration: the pick, `g` and ERR of all candidates, (M,), the row of the triangular factor, (M+1,), what is left of `y'y`."""
+    """One iteration: the pick, `g` and ERR of all candidates, (M,), the row of the triangular
+    factor, (M+1,), what is left of `y'y`.
+    """
 
     pick: int
     g: Array
@@ -88,12 +105,17 @@ class Step(NamedTuple):
     sse: float
 
 
-def greedy(remainders: Remainders, stopping: Stopping, limit: int, whole: Callable[[], float]) -> tuple[list[Step], str]:
-    """Choose the candidate of the highest ERR (M2 eq 5) until the error is within the tolerance (eq 6) or `limit` terms are chosen (eq 7).
+def greedy(
+    remainders: Remainders, stopping: Stopping, limit: int, whole: Callable[[], float]
+) -> tuple[list[Step], str]:
+    """Choose the candidate of the highest ERR (M2 eq 5) until the error is within the tolerance (eq
+    6) or `limit` terms are chosen (eq 7).
 
-    `whole()` is the sum of squares that the tolerance is a fraction of, at most `y'y`; it is asked for only where it can matter.
-    Returns the steps and why they end: `tolerance`; `max_terms`; `no_gain` where no candidate explains anything; `rank` where none is
-    independent of the chosen ones. A residual of rounding error ends them by any rule. Raises DigitsLost as the remainders do.
+    `whole()` is the sum of squares that the tolerance is a fraction of, at most `y'y`; it is asked
+    for only where it can matter. Returns the steps and why they end: `tolerance`; `max_terms`;
+    `no_gain` where no candidate explains anything; `rank` where none is independent of the chosen
+    ones. A residual of rounding error ends them by any rule. Raises DigitsLost as the remainders
+    do.
     """
     steps: list[Step] = []
     by_tolerance = stopping.criterion == "tolerance"
@@ -107,7 +129,9 @@ def greedy(remainders: Remainders, stopping: Stopping, limit: int, whole: Callab
         pick, *tied = _best(err).tolist()
         others = _best(np.where(np.arange(len(err)) == pick, np.nan, err)).tolist()
         row = remainders.choose(pick)
-        steps.append(Step(pick, g, err, others[0] if others else -1, len(tied), row, remainders.sse))
+        steps.append(
+            Step(pick, g, err, others[0] if others else -1, len(tied), row, remainders.sse)
+        )
         left = remainders.sse
         if left <= NO_GAIN * yy or (left <= tolerance * yy and left <= tolerance * whole()):
             return steps, "tolerance" if by_tolerance else "no_gain"
@@ -116,14 +140,18 @@ def greedy(remainders: Remainders, stopping: Stopping, limit: int, whole: Callab
 
 def _best(err: Array) -> IntArray:
     """Return the candidates of the highest ERR that tie; none where every ERR is NaN."""
-    return np.flatnonzero(err >= np.max(err, initial=-np.inf, where=~np.isnan(err)) * (1 - TIE_TOLERANCE))
+    return np.flatnonzero(
+        err >= np.max(err, initial=-np.inf, where=~np.isnan(err)) * (1 - TIE_TOLERANCE)
+    )
 
 
 def to_explain(blocks: Blocks, samples: int, yy: float) -> float:
-    """Sum of squares that a tolerance is a fraction of: `y'y`; less what the constant explains where a candidate is constant.
+    """Sum of squares that a tolerance is a fraction of: `y'y`; less what the constant explains
+    where a candidate is constant.
 
-    A constant explains nearly all of a target that stands far from zero, as a length does, and nothing of what it does. A target
-    that is constant itself is explained by one. Reads the blocks once.
+    A constant explains nearly all of a target that stands far from zero, as a length does, and
+    nothing of what it does. A target that is constant itself is explained by one. Reads the blocks
+    once.
     """
     known = standard(blocks)
     constant = np.isinf(known.spread) & (known.centre != 0)
@@ -132,13 +160,17 @@ def to_explain(blocks: Blocks, samples: int, yy: float) -> float:
     return samples * float(known.spread[-1]) ** 2
 
 
-ROUNDING = 1e-30  # floor of the unexplained fraction: below it the residual is rounding error, and more terms explain nothing
+# floor of the unexplained fraction: below it the residual is rounding error, and more terms explain
+# nothing
+ROUNDING = 1e-30
 
 
 def information_criterion(name: str, unexplained: Array, n: int) -> Array:
-    """Value of a criterion after 1, 2, ... terms of n samples, (k,); the least is the best. Infinite where the samples are too few.
+    """Value of a criterion after 1, 2, ... terms of n samples, (k,); the least is the best.
+    Infinite where the samples are too few.
 
-    With SSE the residual sum of squares after k terms, of which `unexplained` (k,) is the fraction of `y'y`:
+    With SSE the residual sum of squares after k terms, of which `unexplained` (k,) is the fraction
+    of `y'y`:
 
     - `bic`: `n ln(SSE/n) + k ln n` (Schwarz 1978);
     - `aicc`: `n ln(SSE/n) + 2k + 2k(k+1)/(n-k-1)` (Hurvich and Tsai 1989).
@@ -148,7 +180,9 @@ def information_criterion(name: str, unexplained: Array, n: int) -> Array:
     if name == "bic":
         return np.asarray(likelihood + k * np.log(n))
     freedom = n - k - 1
-    return np.where(freedom > 0, likelihood + 2 * k + 2 * k * (k + 1) / np.maximum(freedom, 1), np.inf)
+    return np.where(
+        freedom > 0, likelihood + 2 * k + 2 * k * (k + 1) / np.maximum(freedom, 1), np.inf
+    )
 
 
 def fewest(values: Array) -> int:
@@ -156,15 +190,18 @@ def fewest(values: Array) -> int:
     return int(np.argmin(values)) + 1
 
 
-FULL_LEVERAGE = 1e-8  # a sample with `1 - h` below this alone decides a coefficient; its error when left out is unknown
+# a sample with `1 - h` below this alone decides a coefficient; its error when left out is unknown
+FULL_LEVERAGE = 1e-8
 
 
 def press(blocks: Blocks, chosen: IntArray, factor: Array, projections: Array) -> Array:
-    """`PRESS_k = sum_i (r_ik / (1 - h_ik))^2` after 1, 2, ... terms (Allen 1974), (k,); infinite where a sample has leverage one.
+    """`PRESS_k = sum_i (r_ik / (1 - h_ik))^2` after 1, 2, ... terms (Allen 1974), (k,); infinite
+    where a sample has leverage one.
 
-    Of the `chosen` candidates (k,), `factor` is the upper triangular R, (k, k), and `projections` are `c = U'y`, (k,). The rows of the
-    orthonormal basis are those of `U = P_chosen R^-1`; its first k columns give the leverages `h_ik = sum_j U_ij^2` and the residuals
-    `r_ik = y_i - sum_j U_ij c_j`.
+    Of the `chosen` candidates (k,), `factor` is the upper triangular R, (k, k), and `projections`
+    are `c = U'y`, (k,). The rows of the orthonormal basis are those of `U = P_chosen R^-1`; its
+    first k columns give the leverages `h_ik = sum_j U_ij^2` and the residuals `r_ik = y_i - sum_j
+    U_ij c_j`.
     """
     total = np.zeros(len(chosen))
     for P, y in blocks():
@@ -175,11 +212,19 @@ def press(blocks: Blocks, chosen: IntArray, factor: Array, projections: Array) -
     return np.where(np.isnan(total), np.inf, total)
 
 
-def selected(remainders: Remainders, stopping: Stopping, limit: int, scale: Array, samples: int, blocks: Blocks) -> Selection:
-    """Return the greedy choice, at the number of terms that the stop rule prefers. Raises DigitsLost as `greedy`.
+def selected(
+    remainders: Remainders,
+    stopping: Stopping,
+    limit: int,
+    scale: Array,
+    samples: int,
+    blocks: Blocks,
+) -> Selection:
+    """Return the greedy choice, at the number of terms that the stop rule prefers. Raises
+    DigitsLost as `greedy`.
 
-    The remainders are of columns of `Z = [P y]` divided by `scale`, (M+1,); `blocks` are the rows of `Z`, read
-    for `press`, and where the tolerance may end the choice.
+    The remainders are of columns of `Z = [P y]` divided by `scale`, (M+1,); `blocks` are the rows
+    of `Z`, read for `press`, and where the tolerance may end the choice.
     """
     whole = cache(lambda: to_explain(scaled(blocks, scale), samples, remainders.yy))
     steps, stop = greedy(remainders, stopping, limit, whole)
@@ -187,18 +232,28 @@ def selected(remainders: Remainders, stopping: Stopping, limit: int, scale: Arra
     if k and stopping.criterion == "press":
         best = fewest(press(scaled(blocks, scale), *_factor(steps, len(scale))))
     elif k and stopping.criterion != "tolerance":
-        best = fewest(information_criterion(stopping.criterion, np.array([step.sse for step in steps]) / remainders.yy, samples))
-    return _selection(steps[:best], stopping.criterion if best < k else stop, remainders.yy, scale, samples)
+        best = fewest(
+            information_criterion(
+                stopping.criterion, np.array([step.sse for step in steps]) / remainders.yy, samples
+            )
+        )
+    return _selection(
+        steps[:best], stopping.criterion if best < k else stop, remainders.yy, scale, samples
+    )
 
 
 def _factor(steps: Sequence[Step], width: int) -> tuple[IntArray, Array, Array]:
-    """Return the chosen indices, (k,), their triangular factor R (k, k), and the projections `c = U'y` (k,)."""
+    """Return the chosen indices, (k,), their triangular factor R (k, k), and the projections `c =
+    U'y` (k,).
+    """
     chosen = np.array([step.pick for step in steps], dtype=np.int64)
     rows = np.array([step.row for step in steps]).reshape(len(steps), width)
     return chosen, np.triu(rows[:, chosen]), rows[:, -1]
 
 
-def _selection(steps: Sequence[Step], stop: str, yy: float, scale: Array, samples: int) -> Selection:
+def _selection(
+    steps: Sequence[Step], stop: str, yy: float, scale: Array, samples: int
+) -> Selection:
     k, M = len(steps), len(scale) - 1
     chosen, R, projections = _factor(steps, len(scale))
     lengths, sse = np.diag(R), steps[-1].sse if k else yy
@@ -224,7 +279,9 @@ def _selection(steps: Sequence[Step], stop: str, yy: float, scale: Array, sample
 
 
 def in_units(found: Selection, scale: Array) -> Selection:
-    """Return a selection of columns of `Z = [P y]` divided by `scale`, (M+1,), as one of the columns themselves."""
+    """Return a selection of columns of `Z = [P y]` divided by `scale`, (M+1,), as one of the
+    columns themselves.
+    """
     y, columns = float(scale[-1]), scale[:-1]
     chosen = columns[found.chosen]
     return replace(
@@ -240,8 +297,12 @@ def in_units(found: Selection, scale: Array) -> Selection:
 
 
 def widened(found: Selection, among: IntArray, M: int) -> Selection:
-    """Return a selection of the candidates `among`, (m,), as one of all M; the tables are NaN for the others."""
+    """Return a selection of the candidates `among`, (m,), as one of all M; the tables are NaN for
+    the others.
+    """
     tables = np.full((2, len(found.chosen), M), np.nan)
     tables[:, :, among] = found.g_all, found.err_all
     runner_up = np.where(found.runner_up >= 0, among[found.runner_up], -1)
-    return replace(found, chosen=among[found.chosen], g_all=tables[0], err_all=tables[1], runner_up=runner_up)
+    return replace(
+        found, chosen=among[found.chosen], g_all=tables[0], err_all=tables[1], runner_up=runner_up
+    )

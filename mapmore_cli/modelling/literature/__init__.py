@@ -1,6 +1,7 @@
 """Models of the literature, selectable by name and fitted on the same training data as MAPMORE.
 
-Adding a formula is one file in `formulas/`, with a `FORMULA`, or with `FORMULAS` where some are nearly the same.
+Adding a formula is one file in `formulas/`, with a `FORMULA`, or with `FORMULAS` where some are
+nearly the same.
 """
 
 from __future__ import annotations
@@ -22,7 +23,18 @@ from mapmore_cli.modelling.literature.problem import Nonlinear
 
 KIND = Kind("formula", Body, FormulaFit, "literature")
 
-__all__ = ["LOAD_CYCLES", "TARGET", "Formula", "LiteratureModel", "Nonlinear", "UnknownFormula", "get", "names", "of", "reference"]
+__all__ = [
+    "LOAD_CYCLES",
+    "TARGET",
+    "Formula",
+    "LiteratureModel",
+    "Nonlinear",
+    "UnknownFormula",
+    "get",
+    "names",
+    "of",
+    "reference",
+]
 
 
 class UnknownFormula(KeyError):
@@ -34,7 +46,11 @@ class UnknownFormula(KeyError):
         self.suggestion = next(iter(difflib.get_close_matches(name, names(), n=1)), None)
 
     def __str__(self) -> str:
-        hint = f"did you mean `{self.suggestion}`?" if self.suggestion else f"there are: {', '.join(names())}"
+        hint = (
+            f"did you mean `{self.suggestion}`?"
+            if self.suggestion
+            else f"there are: {', '.join(names())}"
+        )
         return f"there is no formula `{self.name}`; {hint}"
 
 
@@ -45,7 +61,9 @@ def _published() -> dict[str, LiteratureModel]:
     for file in pkgutil.iter_modules(formulas.__path__):
         module = import_module(f"{formulas.__name__}.{file.name}")
         for formula in getattr(module, "FORMULAS", None) or (module.FORMULA,):
-            found[formula.name] = replace(formula, about=(formula.about or module.__doc__ or "").strip())
+            found[formula.name] = replace(
+                formula, about=(formula.about or module.__doc__ or "").strip()
+            )
     return dict(sorted(found.items()))
 
 
@@ -55,7 +73,9 @@ def names() -> tuple[str, ...]:
 
 
 def get(name: str) -> LiteratureModel:
-    """Return the formula called `name`, or defined by it; raises `UnknownFormula` with the nearest name."""
+    """Return the formula called `name`, or defined by it; raises `UnknownFormula` with the nearest
+    name.
+    """
     if is_family(name):
         from mapmore_cli.modelling.literature.family import family_of
 
@@ -76,9 +96,16 @@ COMPONENTS = {"static": "Static force", "damping": "Damping force", "dynamic": "
 
 
 def reference() -> str:
-    """Return every formula with its equation, source and inputs as Markdown, by the force that it gives."""
-    sections = {title: [one for one in _published().values() if one.component == word] for word, title in COMPONENTS.items()}
-    return "\n".join(f"## {title}\n\n" + "\n".join(map(_described, found)) for title, found in sections.items())
+    """Return every formula with its equation, source and inputs as Markdown, by the force that it
+    gives.
+    """
+    sections = {
+        title: [one for one in _published().values() if one.component == word]
+        for word, title in COMPONENTS.items()
+    }
+    return "\n".join(
+        f"## {title}\n\n" + "\n".join(map(_described, found)) for title, found in sections.items()
+    )
 
 
 def _described(formula: LiteratureModel) -> str:
@@ -88,7 +115,12 @@ def _described(formula: LiteratureModel) -> str:
     lines.append(f"- source: {formula.reference}")
     lines.append(f"- inputs: {', '.join(formula.inputs) or 'none'}")
     if formula.dimensions:
-        lines.append(f"- needs: the {' and the '.join(formula.dimensions)} of the muscle (`muscle: {{{formula.dimensions[0]}: ...}}`)")
+        lines.append(
+            f"- needs: the {' and the '.join(formula.dimensions)} of the muscle (`muscle: "
+            f"{{{formula.dimensions[0]}: ...}}`)"
+        )
     if formula.fitted_to == LOAD_CYCLES:
-        lines.append("- needs: a static study (`needs: {static: ...}`), whose load cycles it is fitted to")
+        lines.append(
+            "- needs: a static study (`needs: {static: ...}`), whose load cycles it is fitted to"
+        )
     return "\n".join(lines) + "\n"

@@ -1,6 +1,7 @@
 """A formula of the literature as backbone, with MAPMORE explaining what it leaves.
 
-M1's outlook asks for physics-based static terms: a known formula and a few local corrections keep the model readable.
+M1's outlook asks for physics-based static terms: a known formula and a few local corrections keep
+the model readable.
 """
 
 from __future__ import annotations
@@ -20,7 +21,10 @@ from mapmore_cli.modelling import literature
 
 def pooled(parts: Sequence[tuple[Curve, BoolArray]]) -> dict[str, Array]:
     """Columns of the chosen samples of all curves."""
-    return {name: np.concatenate([curve.columns[name][rows] for curve, rows in parts]) for name in parts[0][0].columns}
+    return {
+        name: np.concatenate([curve.columns[name][rows] for curve, rows in parts])
+        for name in parts[0][0].columns
+    }
 
 
 def pooled_training(curves: Sequence[Curve]) -> dict[str, Array]:
@@ -40,8 +44,9 @@ def fit_formula(
 ) -> FormulaFit:
     """Fit a formula to the training samples of all curves.
 
-    `lengths` are the muscle's `length` and `diameter`, in m, for formulas that have one of them; `starts` names published starting values.
-    `advice` is about what to measure, for the reader of the fit: folds have none.
+    `lengths` are the muscle's `length` and `diameter`, in m, for formulas that have one of them;
+    `starts` names published starting values. `advice` is about what to measure, for the reader of
+    the fit: folds have none.
     """
     columns = pooled_training(curves)
     key = _digest(columns, name, target, method, starts, advice, *sorted(lengths.items()))
@@ -55,7 +60,9 @@ def fit_formula(
 
 MOST_KEPT = 512
 _FITTED: dict[bytes, FormulaFit] = {}
-"""Fits by what they follow from: backbone, its choice, left-out data and competitors ask the same formula of the same samples."""
+"""Fits by what they follow from: backbone, its choice, left-out data and competitors ask the same
+formula of the same samples.
+"""
 
 
 def _keep(key: bytes, fit: FormulaFit) -> None:
@@ -72,8 +79,12 @@ def _digest(columns: Columns, *how: object) -> bytes:
 
 
 def residual_of(curve: Curve, target: str, backbone: FormulaFit | None) -> Curve:
-    """Return the curve with its target replaced by what the backbone leaves; unchanged without one."""
+    """Return the curve with its target replaced by what the backbone leaves; unchanged without
+    one.
+    """
     if backbone is None:
         return curve
-    rest = curve.columns[target] - literature.of(backbone).predict(backbone.parameters, curve.columns)
+    rest = curve.columns[target] - literature.of(backbone).predict(
+        backbone.parameters, curve.columns
+    )
     return replace(curve, columns={**curve.columns, target: rest})

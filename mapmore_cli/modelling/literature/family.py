@@ -1,10 +1,12 @@
-"""Muscles of one make as a family: one function of pressure and strain, times a largest force that follows from a dimension.
+"""Muscles of one make as a family: one function of pressure and strain, times a largest force that
+follows from a dimension.
 
     F = zero + S(l) f(P, strain),   S(l) = a atan(b (l - dead))   or   a l^b
 
-f is the hinged Sárosi formula, fitted to the forces of all specimens over their own largest ones; `zero` is the mean of their forces when
-slack. b has a prior, since a few specimens hardly show it: of the rest length of McKibben muscles, 19.03 1/m and a dead length of 7.5 mm
-(Bolen, Elzein, Pang, Hunt, Actuators 2026, of 31 muscles of 10 mm); of a diameter, the power 2.
+f is the hinged Sárosi formula, fitted to the forces of all specimens over their own largest ones;
+`zero` is the mean of their forces when slack. b has a prior, since a few specimens hardly show it:
+of the rest length of McKibben muscles, 19.03 1/m and a dead length of 7.5 mm (Bolen, Elzein, Pang,
+Hunt, Actuators 2026, of 31 muscles of 10 mm); of a diameter, the power 2.
 """
 
 from __future__ import annotations
@@ -29,7 +31,9 @@ from mapmore_cli.modelling.literature.own import FamilySettings, definition, for
 
 NAME = "family"
 SPREAD, SCATTER = 0.3, 0.05
-"""Deviation of the prior of ln b, and of the logarithms of the largest forces of specimens of one dimension."""
+"""Deviation of the prior of ln b, and of the logarithms of the largest forces of specimens of one
+dimension.
+"""
 
 LOW, HIGH = 0.02, 0.995
 """Shares of a specimen's samples below its slack force and below its largest one."""
@@ -51,7 +55,11 @@ def family_of(text: str) -> Family:
         found = dict(json.loads(text)["family"])
         metres = float(found.pop("metres"))
         settings = FamilySettings(**found)
-        if not isinstance(parse(settings.of), Name) or not metres > 0 or settings.scale not in ("saturating", "power"):
+        if (
+            not isinstance(parse(settings.of), Name)
+            or not metres > 0
+            or settings.scale not in ("saturating", "power")
+        ):
             raise TypeError("no quantity, unit or scale of a family")
     except (KeyError, TypeError, AttributeError, RecursionError, OverflowError) as error:
         raise ValueError(f"this defines no family: {type(error).__name__}: {error}") from error
@@ -69,25 +77,37 @@ def family_of(text: str) -> Family:
 
 def _scale_text(settings: FamilySettings, metres: float) -> str:
     length = settings.of if metres == 1.0 else f"{metres!r}*{settings.of}"
-    return f"a*atan(b*({length} - {settings.dead!r}))" if settings.scale == "saturating" else f"a*exp(b*log({length}))"
+    return (
+        f"a*atan(b*({length} - {settings.dead!r}))"
+        if settings.scale == "saturating"
+        else f"a*exp(b*log({length}))"
+    )
 
 
 @dataclass(frozen=True)
 class Family(Formula):
-    """A formula with a fit of its own, of all specimens at once; one unit of the quantity that they differ in is so many `metres`."""
+    """A formula with a fit of its own, of all specimens at once; one unit of the quantity that they
+    differ in is so many `metres`.
+    """
 
     settings: FamilySettings = field(kw_only=True)
     metres: float = field(kw_only=True)
 
-    def fit(self, columns: Columns, y: Array, method: str | None = None, *, advice: bool = True) -> FormulaFit:
-        """Fit the scales of all specimens and their common function; standard errors are those of the function.
+    def fit(
+        self, columns: Columns, y: Array, method: str | None = None, *, advice: bool = True
+    ) -> FormulaFit:
+        """Fit the scales of all specimens and their common function; standard errors are those of
+        the function.
 
         Raises DataError where all samples are of one specimen.
         """
         of = self.settings.of
         which, number = np.unique(columns[of], return_inverse=True)
         if len(which) < 2:
-            raise DataError(f"a family of one: {of} is {which[0]:g} in all training data", "add recordings of another specimen")
+            raise DataError(
+                f"a family of one: {of} is {which[0]:g} in all training data",
+                "add recordings of another specimen",
+            )
         ends = np.array([_ends(y[number == i]) for i in range(len(which))])
         zero, largest = ends.T
         a, b = self._law(which * self.metres, largest)
@@ -96,7 +116,9 @@ class Family(Formula):
         parameters = {"zero": float(zero.mean()), "a": a, "b": b, **shape.parameters}
         residual = self.predict(parameters, columns) - y
         unknown = dict.fromkeys(("zero", "a", "b"), math.nan)
-        ratios = ", ".join(f"{of} {one:g}: {force:.4g}" for one, force in zip(which, largest, strict=True))
+        ratios = ", ".join(
+            f"{of} {one:g}: {force:.4g}" for one, force in zip(which, largest, strict=True)
+        )
         notes = (f"learnt from {len(which)} specimens; largest force by {ratios}", *shape.notes)
         return replace(
             shape,
@@ -120,16 +142,25 @@ class Family(Formula):
 
         def cost(log_b: float) -> float:
             rest = np.log(largest) - shape(log_b)
-            return float(np.sum((rest - rest.mean()) ** 2)) / SCATTER**2 + ((log_b - centre) / SPREAD) ** 2
+            return (
+                float(np.sum((rest - rest.mean()) ** 2)) / SCATTER**2
+                + ((log_b - centre) / SPREAD) ** 2
+            )
 
         centre = math.log(self.settings.centre)
-        best = float(minimize_scalar(cost, bounds=(centre - 2, centre + 2), method="bounded", options={"xatol": 1e-10}).x)
+        best = float(
+            minimize_scalar(
+                cost, bounds=(centre - 2, centre + 2), method="bounded", options={"xatol": 1e-10}
+            ).x
+        )
         return math.exp(float(np.mean(np.log(largest) - shape(best)))), math.exp(best)
 
     def equation(self, fit: FormulaFit) -> Expression:
         """Return the formula with its numbers, the hinge as a person would write it."""
         text = f"zero + ({_scale_text(self.settings, self.metres)})*({PRINTED})"
-        return substitute(parse(text), {name: Number(value) for name, value in fit.parameters.items()})
+        return substitute(
+            parse(text), {name: Number(value) for name, value in fit.parameters.items()}
+        )
 
 
 def _ends(y: Array) -> tuple[float, float]:
@@ -139,18 +170,34 @@ def _ends(y: Array) -> tuple[float, float]:
     return zero, float(high) - zero
 
 
-def adapted(fit: FormulaFit, columns: Mapping[str, Array], target: Array, dimension: float) -> FormulaFit:
-    """Return the formula of a new specimen of the family: `zero + q_force S f(P, q_strain strain)`, of pressure and strain alone.
+def adapted(
+    fit: FormulaFit, columns: Mapping[str, Array], target: Array, dimension: float
+) -> FormulaFit:
+    """Return the formula of a new specimen of the family: `zero + q_force S f(P, q_strain strain)`,
+    of pressure and strain alone.
 
-    `columns` hold the specimen's pressure and strain, (n,) each, `target` its forces; without rows, the scales are one. The scales have a
-    prior of one, +-15 %; samples of one strain err together and count as one, of 5 % of the force.
+    `columns` hold the specimen's pressure and strain, (n,) each, `target` its forces; without rows,
+    the scales are one. The scales have a prior of one, +-15 %; samples of one strain err together
+    and count as one, of 5 % of the force.
     """
     family = family_of(fit.definition)
     known = {name: value for name, value in fit.parameters.items() if name != "zero"}
-    numbers: dict[str, Expression] = {name: Number(float(value)) for name, value in {**known, family.settings.of: dimension}.items()}
-    body = substitute(parse(family.text.removeprefix("zero + ")), {**numbers, "strain": parse("q_strain*strain")})
+    numbers: dict[str, Expression] = {
+        name: Number(float(value))
+        for name, value in {**known, family.settings.of: dimension}.items()
+    }
+    body = substitute(
+        parse(family.text.removeprefix("zero + ")), {**numbers, "strain": parse("q_strain*strain")}
+    )
     text = f"zero + q_force*({to_text(body)})"
-    made = definition(f"{NAME}, adapted", family.reference, text, {"zero": None, "q_force": None, "q_strain": WITHIN}, {}, None)
+    made = definition(
+        f"{NAME}, adapted",
+        family.reference,
+        text,
+        {"zero": None, "q_force": None, "q_strain": WITHIN},
+        {},
+        None,
+    )
     start = np.array([1.0, 1.0])
 
     def parameters(q: Array) -> dict[str, float]:
@@ -188,5 +235,7 @@ def adapted(fit: FormulaFit, columns: Mapping[str, Array], target: Array, dimens
 def _weights(strain: Array) -> Array:
     """Roots of the weights of samples, (n,): those of one strain err together, and count as one."""
     span = float(np.ptp(strain)) or 1.0
-    _, number, counts = np.unique(np.round(strain / span, 2), return_inverse=True, return_counts=True)
+    _, number, counts = np.unique(
+        np.round(strain / span, 2), return_inverse=True, return_counts=True
+    )
     return np.asarray(1 / np.sqrt(counts[number]))

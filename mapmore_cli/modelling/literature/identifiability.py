@@ -1,7 +1,8 @@
 """Which parameters of a fit the data do not show, and which measurement would show them.
 
-The test is on the Jacobian at the solution, so it needs no new data: a measurement that somebody might add is a set of rows with one input
-moved to where nothing was measured, and its worth is what it takes from the standard error.
+The test is on the Jacobian at the solution, so it needs no new data: a measurement that somebody
+might add is a set of rows with one input moved to where nothing was measured, and its worth is what
+it takes from the standard error.
 """
 
 from __future__ import annotations
@@ -21,37 +22,53 @@ FURTHER = 0.5
 """How far beyond the measured range a further measurement is tried, as a share of that range."""
 
 SHARE = 0.1
-"""Part of a parameter in a direction that changes nothing, from which on it is called undetermined."""
+"""Part of a parameter in a direction that changes nothing, from which on it is called undetermined.
+"""
 
 Jacobian = Callable[[Columns], Array]
 """Derivatives for the p parameters on rows of inputs, `(n, p)`."""
 
 
 def half_width(error: float, freedom: int, level: float = 0.95) -> float:
-    """Half of the confidence interval of a parameter: `t_{(1 + level)/2, freedom} error`; NaN where the error is unknown.
+    """Half of the confidence interval of a parameter: `t_{(1 + level)/2, freedom} error`; NaN where
+    the error is unknown.
 
-    It holds for independent errors of equal size. The samples of a record over time are neighbours, and theirs are not: there it is too
-    narrow.
+    It holds for independent errors of equal size. The samples of a record over time are neighbours,
+    and theirs are not: there it is too narrow.
     """
     from scipy.special import stdtrit
 
     return float(stdtrit(freedom, 0.5 * (1.0 + level)) * error) if freedom > 0 else float("nan")
 
 
-def hints(parameters: Mapping[str, float], errors: Mapping[str, float], jacobian: Jacobian, columns: Columns) -> Iterator[str]:
+def hints(
+    parameters: Mapping[str, float],
+    errors: Mapping[str, float],
+    jacobian: Jacobian,
+    columns: Columns,
+) -> Iterator[str]:
     """Yield a sentence for each measurement that would show parameters which these data do not.
 
-    - `parameters`, `errors`: values and standard errors by name, in the order of the Jacobian's columns; errors are NaN where the rank is
+    - `parameters`, `errors`: values and standard errors by name, in the order of the Jacobian's
+      columns; errors are NaN where the rank is
       deficient.
-    - `jacobian`, `columns`: the derivatives at the solution as a function of inputs, and the inputs of the fit, `(n,)` each.
+    - `jacobian`, `columns`: the derivatives at the solution as a function of inputs, and the inputs
+      of the fit, `(n,)` each.
     """
     n = len(next(iter(columns.values())))
-    share = {name: column[np.linspace(0, n - 1, min(n, ROWS)).astype(int)] for name, column in columns.items()}
+    share = {
+        name: column[np.linspace(0, n - 1, min(n, ROWS)).astype(int)]
+        for name, column in columns.items()
+    }
     weak = _weak(parameters, errors, jacobian(share), n - len(parameters))
     if not weak:
         return
     helped: dict[str, list[str]] = {}
-    found = {where: spread for where, rows in _measurements(share) if (spread := _spread(jacobian, share, rows)) is not None}
+    found = {
+        where: spread
+        for where, rows in _measurements(share)
+        if (spread := _spread(jacobian, share, rows)) is not None
+    }
     for i in weak:
         best = min(found, key=lambda where: found[where][i], default=None)
         if best is None or np.isinf(found[best][i]):
@@ -59,21 +76,38 @@ def hints(parameters: Mapping[str, float], errors: Mapping[str, float], jacobian
         helped.setdefault(best, []).append(list(parameters)[i])
     for where, names in helped.items():
         verb, width = ("is", "its value") if len(names) == 1 else ("are", "their values")
-        yield f"{', '.join(names)} {verb} not identified (95 % interval wider than {width}): measure {where}"
+        yield (
+            f"{', '.join(names)} {verb} not identified (95 % interval wider than {width}): "
+            f"measure {where}"
+        )
 
 
-def _weak(parameters: Mapping[str, float], errors: Mapping[str, float], jacobian: Array, freedom: int) -> list[int]:
-    """Return indices of the parameters whose interval reaches beyond zero, or that share in a direction which changes nothing."""
+def _weak(
+    parameters: Mapping[str, float], errors: Mapping[str, float], jacobian: Array, freedom: int
+) -> list[int]:
+    """Return indices of the parameters whose interval reaches beyond zero, or that share in a
+    direction which changes nothing.
+    """
     lengths = np.linalg.norm(jacobian, axis=0)
     _, s, vt = np.linalg.svd(jacobian / np.where(lengths > 0.0, lengths, 1.0), full_matrices=False)
     null = vt[s <= linear.RANK_TOLERANCE * s[:1]]
     if len(null) or np.isnan(list(errors.values())).all():
-        return [i for i in range(len(parameters)) if lengths[i] == 0.0 or (len(null) and np.abs(null[:, i]).max() > SHARE)]
-    return [i for i, name in enumerate(parameters) if half_width(errors[name], freedom) > abs(parameters[name])]
+        return [
+            i
+            for i in range(len(parameters))
+            if lengths[i] == 0.0 or (len(null) and np.abs(null[:, i]).max() > SHARE)
+        ]
+    return [
+        i
+        for i, name in enumerate(parameters)
+        if half_width(errors[name], freedom) > abs(parameters[name])
+    ]
 
 
 def _measurements(columns: Columns) -> Iterator[tuple[str, Columns]]:
-    """Yield the rows with one input moved: below its range (not through zero), above it, and between its levels where these are few."""
+    """Yield the rows with one input moved: below its range (not through zero), above it, and
+    between its levels where these are few.
+    """
     for name, column in columns.items():
         low, high = float(column.min()), float(column.max())
         reach = FURTHER * (high - low or abs(high) or 1.0)
@@ -84,11 +118,16 @@ def _measurements(columns: Columns) -> Iterator[tuple[str, Columns]]:
         levels = np.unique(column)
         if 1 < len(levels) <= 10:
             middles = 0.5 * (levels[:-1] + levels[1:])
-            yield f"at more values of {name} between {low:.3g} and {high:.3g}", {**columns, name: np.resize(middles, len(column))}
+            yield (
+                f"at more values of {name} between {low:.3g} and {high:.3g}",
+                {**columns, name: np.resize(middles, len(column))},
+            )
 
 
 def _spread(jacobian: Jacobian, columns: Columns, further: Columns) -> Array | None:
-    """Relative standard errors, `(p,)`, with the further rows measured too; infinite for what they still do not show."""
+    """Relative standard errors, `(p,)`, with the further rows measured too; infinite for what they
+    still do not show.
+    """
     try:
         both = np.vstack([jacobian(columns), jacobian(further)])
     except NotFinite:

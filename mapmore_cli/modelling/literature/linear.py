@@ -9,16 +9,20 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 
 RANK_TOLERANCE = 1e-13
-"""Singular values below this fraction of the largest are rounding (exactly dependent columns leave about 1e-16)."""
+"""Singular values below this fraction of the largest are rounding (exactly dependent columns leave
+about 1e-16).
+"""
 
 
 @dataclass(frozen=True)
 class LinearFit:
-    """The minimum-norm solutions of `min |Phi beta - y|` with unit columns; of one problem, or of s of them with a first axis more.
+    """The minimum-norm solutions of `min |Phi beta - y|` with unit columns; of one problem, or of s
+    of them with a first axis more.
 
     - `beta`: `(m,)`, in the units of the given columns.
     - `basis`: `(n, m)` orthonormal basis of the columns' space, zero beyond the rank.
-    - `residual`: `(n,)`, `Phi beta - y`, taken as the part of -y outside of the basis; infinite where Phi or y is.
+    - `residual`: `(n,)`, `Phi beta - y`, taken as the part of -y outside of the basis; infinite
+      where Phi or y is.
     """
 
     beta: Array
@@ -34,7 +38,8 @@ class LinearFit:
 def solve(phi: Array, y: Array) -> LinearFit:
     """Least squares with regressors `phi`, `(n, m)`, and target `y`, `(n,)`.
 
-    Columns are scaled to unit length first, so that neither the solution nor the rank depends on units.
+    Columns are scaled to unit length first, so that neither the solution nor the rank depends on
+    units.
     """
     found = solve_each(phi[None], y[None])
     return LinearFit(found.beta[0], found.basis[0], found.residual[0])
@@ -58,7 +63,9 @@ def solve_each(phi: Array, y: Array) -> LinearFit:
 
 
 def least_sse(phi: Array, y: Array) -> Array:
-    """`min |Phi beta - y|^2` alone of several problems, `(s,)`: with `[Phi y] = Q R`, only R is left to solve (m + 1 rows)."""
+    """`min |Phi beta - y|^2` alone of several problems, `(s,)`: with `[Phi y] = Q R`, only R is
+    left to solve (m + 1 rows).
+    """
     columns = np.concatenate([phi, y[:, :, None]], axis=2)
     sound = np.asarray(np.isfinite(columns).all(axis=(1, 2)))
     triangles = np.asarray(np.linalg.qr(np.where(sound[:, None, None], columns, 0.0), mode="r"))
@@ -69,8 +76,8 @@ def least_sse(phi: Array, y: Array) -> Array:
 def standard_errors(jacobian: Array, sse: float) -> tuple[Array, int, float]:
     """Return standard errors `(p,)`, rank and condition from a Jacobian `(n, p)` at the solution.
 
-    `cov = sse/(n - p) (J'J)^-1`; NaN where the rank is deficient or no degree of freedom is left. The condition is that of the space
-    which is left when the rank is deficient.
+    `cov = sse/(n - p) (J'J)^-1`; NaN where the rank is deficient or no degree of freedom is left.
+    The condition is that of the space which is left when the rank is deficient.
     """
     n, p = jacobian.shape
     lengths = _lengths(jacobian)
@@ -84,9 +91,13 @@ def standard_errors(jacobian: Array, sse: float) -> tuple[Array, int, float]:
 
 
 def _lengths(columns: Array) -> Array:
-    """Lengths of columns, `(n, m)`, or of several sets of them, `(s, n, m)`; one for a column of zeros."""
+    """Lengths of columns, `(n, m)`, or of several sets of them, `(s, n, m)`; one for a column of
+    zeros.
+    """
     largest = np.abs(columns).max(axis=-2, keepdims=True)
     largest[largest == 0.0] = 1.0
-    lengths = largest * np.linalg.norm(columns / largest, axis=-2, keepdims=True)  # squares of tiny or huge columns would leave the range
+    lengths = largest * np.linalg.norm(
+        columns / largest, axis=-2, keepdims=True
+    )  # squares of tiny or huge columns would leave the range
     lengths[lengths == 0.0] = 1.0
     return np.asarray(lengths[..., 0, :])

@@ -1,4 +1,6 @@
-"""Formulas that a spec defines: an expression with its parameters, as a text that travels with the fit and the model file."""
+"""Formulas that a spec defines: an expression with its parameters, as a text that travels with the
+fit and the model file.
+"""
 
 from __future__ import annotations
 
@@ -19,10 +21,12 @@ from mapmore_cli.modelling.literature.problem import Nonlinear
 
 @dataclass(frozen=True, kw_only=True)
 class FamilySettings(Settings):
-    """What specimens of a family differ in: the quantity `of`, one value for each, as the rest length.
+    """What specimens of a family differ in: the quantity `of`, one value for each, as the rest
+    length.
 
-    The largest force follows from it: `scale: saturating` is `a atan(rate (l - dead))` of a length, `power` is `a l^rate`. `rate` is the
-    centre of a prior (19.03 per metre, of a power 2), `dead` the length in m of the fittings (0.0075).
+    The largest force follows from it: `scale: saturating` is `a atan(rate (l - dead))` of a length,
+    `power` is `a l^rate`. `rate` is the centre of a prior (19.03 per metre, of a power 2), `dead`
+    the length in m of the fittings (0.0075).
     """
 
     of: str
@@ -36,8 +40,12 @@ class FamilySettings(Settings):
         return self.rate or (19.03 if self.scale == "saturating" else 2.0)
 
     def definition(self, metres: float) -> str:
-        """Return the family as a text that travels with its fit; one unit of `of` is so many `metres` (1 for other quantities)."""
-        return json.dumps({"family": {**vars(self), "rate": self.centre, "metres": metres}}, sort_keys=True)
+        """Return the family as a text that travels with its fit; one unit of `of` is so many
+        `metres` (1 for other quantities).
+        """
+        return json.dumps(
+            {"family": {**vars(self), "rate": self.centre, "metres": metres}}, sort_keys=True
+        )
 
 
 def is_family(name: str) -> bool:
@@ -49,7 +57,9 @@ GIVEN = "given"
 """The name of starting values that a definition has."""
 
 NEAREST = 1e-4
-"""Share of the larger bound: what lies nearer to zero is not sought where the bounds lie on both sides of it."""
+"""Share of the larger bound: what lies nearer to zero is not sought where the bounds lie on both
+sides of it.
+"""
 
 LONGEST = 100_000
 """Characters of a definition."""
@@ -68,8 +78,17 @@ def definition(
     units: dict[str, str],
     starts: dict[str, float] | None,
 ) -> str:
-    """Return the definition as canonical JSON: `bounds` are of every parameter, None where the formula is linear in it."""
-    found = {"name": name, "reference": reference, "text": text, "bounds": bounds, "units": units, "starts": starts}
+    """Return the definition as canonical JSON: `bounds` are of every parameter, None where the
+    formula is linear in it.
+    """
+    found = {
+        "name": name,
+        "reference": reference,
+        "text": text,
+        "bounds": bounds,
+        "units": units,
+        "starts": starts,
+    }
     return json.dumps(found, sort_keys=True)
 
 
@@ -77,7 +96,8 @@ def definition(
 def formula_of(text: str) -> Formula:
     """Return the formula of a definition.
 
-    Raises ValueError for a text that defines no formula; an expression that is none is an `ExpressionError`.
+    Raises ValueError for a text that defines no formula; an expression that is none is an
+    `ExpressionError`.
     """
     if len(text) > LONGEST:
         raise ValueError(f"the definition has {len(text)} characters, more than {LONGEST}")
@@ -96,7 +116,11 @@ def formula_of(text: str) -> Formula:
                 for name, ends in sorted(found["bounds"].items())
                 if ends is not None
             ),
-            published_starts={GIVEN: {name: float(value) for name, value in found["starts"].items()}} if found["starts"] else {},
+            published_starts={
+                GIVEN: {name: float(value) for name, value in found["starts"].items()}
+            }
+            if found["starts"]
+            else {},
             start=RANDOM,
             units={str(name): str(unit) for name, unit in found["units"].items()},
             definition=text,
@@ -108,8 +132,12 @@ def formula_of(text: str) -> Formula:
 
 
 def units_of_parameters(fit: FormulaFit) -> Mapping[str, str]:
-    """Return the units that a spec gives the parameters of its own formula; none for a formula of the literature."""
-    return formula_of(fit.definition).units if fit.definition and not is_family(fit.definition) else {}
+    """Return the units that a spec gives the parameters of its own formula; none for a formula of
+    the literature.
+    """
+    return (
+        formula_of(fit.definition).units if fit.definition and not is_family(fit.definition) else {}
+    )
 
 
 def _intervals(low: float, high: float) -> Iterator[tuple[float, float]]:

@@ -1,4 +1,6 @@
-"""A least-squares problem: one formula, one set of rows, in coordinates that no change of units moves; and what its solution holds."""
+"""A least-squares problem: one formula, one set of rows, in coordinates that no change of units
+moves; and what its solution holds.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,14 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.modelling.expressions import Expression, Number, dictionary_matrix, evaluate, stacked_matrices, substitute
+from mapmore_cli.modelling.expressions import (
+    Expression,
+    Number,
+    dictionary_matrix,
+    evaluate,
+    stacked_matrices,
+    substitute,
+)
 from mapmore_cli.modelling.literature import linear
 
 SMOOTH = 0.01  # of a range: what bends over less is lost in means of neighbouring samples
@@ -21,8 +30,8 @@ SMOOTH = 0.01  # of a range: what bends over less is lost in means of neighbouri
 class Nonlinear:
     """A parameter that enters its formula nonlinearly.
 
-    It is sought as the dimensionless coordinate `c = value * max|per|`, `value / max|of|` or the value itself, in `intervals`: inclusive,
-    ascending, and none of them across zero.
+    It is sought as the dimensionless coordinate `c = value * max|per|`, `value / max|of|` or the
+    value itself, in `intervals`: inclusive, ascending, and none of them across zero.
     """
 
     name: str
@@ -45,14 +54,22 @@ class Nonlinear:
 
     @property
     def shortest(self) -> float:
-        """The shortest part of the range of `per` or `of` over which the formula can bend; infinite for an absolute value."""
+        """The shortest part of the range of `per` or `of` over which the formula can bend; infinite
+        for an absolute value.
+        """
         if self.per is not None:
             return 1.0 / max(map(abs, self.bounds))
-        return min(abs(end) for interval in self.intervals for end in interval) if self.of is not None else math.inf
+        return (
+            min(abs(end) for interval in self.intervals for end in interval)
+            if self.of is not None
+            else math.inf
+        )
 
     def written(self, c: float) -> str:
         """Return a coordinate as a person would write the value."""
-        return f"{c:g}" + (f"/max|{self.per}|" if self.per else f" max|{self.of}|" if self.of else "")
+        return f"{c:g}" + (
+            f"/max|{self.per}|" if self.per else f" max|{self.of}|" if self.of else ""
+        )
 
 
 @dataclass(frozen=True)
@@ -64,7 +81,8 @@ class Problem:
     - `expression`: the formula, of inputs and parameters.
     - `linear`: names of the m parameters `beta` in which the formula is linear.
     - `nonlinear`: the k parameters with coordinates `c`.
-    - `gradient`: derivative of the formula for every parameter, linear and nonlinear; those for `linear` are the regressors.
+    - `gradient`: derivative of the formula for every parameter, linear and nonlinear; those for
+      `linear` are the regressors.
     - `columns`, `y`: the inputs and the target, each `(n,)`.
     - `counts`: number of samples that each row stands for, `(n,)`; None where each is one.
     - `start`: a published value to start from for every parameter, where one is asked for.
@@ -80,7 +98,9 @@ class Problem:
     start: Mapping[str, float] | None = None
 
     def target(self, c: Array) -> Array:
-        """`y - f0(c)`, `(n,)`, times the roots of the counts, as every residual and regressor is."""
+        """`y - f0(c)`, `(n,)`, times the roots of the counts, as every residual and regressor
+        is.
+        """
         return np.asarray(self.each_target(c[None])[0])
 
     @cached_property
@@ -90,7 +110,9 @@ class Problem:
 
     def residual(self, beta: Array, c: Array) -> Array:
         """Return formula minus target, `(n,)`; not finite where the formula overflows."""
-        return self._weights * (evaluate(self.expression, self._with(self.values(beta, c)), len(self.y)) - self.y)
+        return self._weights * (
+            evaluate(self.expression, self._with(self.values(beta, c)), len(self.y)) - self.y
+        )
 
     def sse(self, beta: Array, c: Array) -> float:
         """Sum of squares of the residual."""
@@ -110,14 +132,25 @@ class Problem:
         if self.offset == Number(0.0):
             return np.broadcast_to(self._weights * self.y, (len(c), len(self.y)))
         values = self._each(np.zeros((len(c), len(self.linear))), c)
-        return self._weights * (self.y - stacked_matrices([self.offset], self.columns, values, len(self.y))[:, :, 0])
+        return self._weights * (
+            self.y - stacked_matrices([self.offset], self.columns, values, len(self.y))[:, :, 0]
+        )
 
     def each_slopes(self, beta: Array, c: Array) -> Array:
-        """Return derivative of the formula for c at several places `(beta, c)`: `(s, n, k)`, not finite where it overflows."""
-        return self._matrices(tuple(parameter.name for parameter in self.nonlinear), self._each(beta, c)) / self.spans
+        """Return derivative of the formula for c at several places `(beta, c)`: `(s, n, k)`, not
+        finite where it overflows.
+        """
+        return (
+            self._matrices(
+                tuple(parameter.name for parameter in self.nonlinear), self._each(beta, c)
+            )
+            / self.spans
+        )
 
     def jacobian(self, beta: Array, c: Array) -> Array:
-        """Return derivative of the formula for `(beta, c)`, `(n, m + k)`; raises `NotFinite` where it overflows."""
+        """Return derivative of the formula for `(beta, c)`, `(n, m + k)`; raises `NotFinite` where
+        it overflows.
+        """
         matrix = self._matrix(self.names, self.values(beta, c))
         matrix[:, len(self.linear) :] /= self.spans
         return matrix
@@ -148,21 +181,33 @@ class Problem:
 
     @cached_property
     def at_levels(self) -> Problem:
-        """A linear problem at the levels that were held, where these leave parameters undetermined; else the problem as it is.
+        """A linear problem at the levels that were held, where these leave parameters undetermined;
+        else the problem as it is.
 
-        Values that are nominally equal scatter a little. That raises the numerical rank, and what is fitted to the scatter explodes between
-        the levels (1e-8 of scatter hid that `polynomial_5` has a rank of 18 with four pressures).
+        Values that are nominally equal scatter a little. That raises the numerical rank, and what
+        is fitted to the scatter explodes between the levels (1e-8 of scatter hid that
+        `polynomial_5` has a rank of 18 with four pressures).
         """
-        held = replace(self, columns={name: nominal(column) for name, column in self.columns.items()})
-        if self.nonlinear or all(held.columns[name] is column for name, column in self.columns.items()):
+        held = replace(
+            self, columns={name: nominal(column) for name, column in self.columns.items()}
+        )
+        if self.nonlinear or all(
+            held.columns[name] is column for name, column in self.columns.items()
+        ):
             return self
-        return held if linear.standard_errors(held.regressors(np.empty(0)), 0.0)[1] < len(self.linear) else self
+        return (
+            held
+            if linear.standard_errors(held.regressors(np.empty(0)), 0.0)[1] < len(self.linear)
+            else self
+        )
 
     def condensed(self) -> Problem:
-        """Return the problem over means of neighbouring samples, where there are many: quick, and nearly the same.
+        """Return the problem over means of neighbouring samples, where there are many: quick, and
+        nearly the same.
 
-        It stays as it is where the formula can bend within a hundredth of a range: a force that decays over the slowest rates shows in few
-        samples, and which decay is best would be decided without them.
+        It stays as it is where the formula can bend within a hundredth of a range: a force that
+        decays over the slowest rates shows in few samples, and which decay is best would be decided
+        without them.
         """
         if min((parameter.shortest for parameter in self.nonlinear), default=math.inf) < SMOOTH:
             return self
@@ -170,10 +215,14 @@ class Problem:
         return self if len(y) == len(self.y) else replace(self, columns=columns, y=y, counts=counts)
 
     def _matrix(self, names: tuple[str, ...], values: Mapping[str, float]) -> Array:
-        return self._weights[:, None] * dictionary_matrix([self.gradient[name] for name in names], self._with(values), len(self.y))
+        return self._weights[:, None] * dictionary_matrix(
+            [self.gradient[name] for name in names], self._with(values), len(self.y)
+        )
 
     def _matrices(self, names: tuple[str, ...], values: Mapping[str, Array]) -> Array:
-        return self._weights[:, None] * stacked_matrices([self.gradient[name] for name in names], self.columns, values, len(self.y))
+        return self._weights[:, None] * stacked_matrices(
+            [self.gradient[name] for name in names], self.columns, values, len(self.y)
+        )
 
     def _each(self, beta: Array, c: Array) -> dict[str, Array]:
         """Parameters of several places by name, `(s,)` each."""
@@ -189,14 +238,18 @@ class Problem:
 
 @dataclass(frozen=True)
 class Solution:
-    """Linear parameters `beta`, `(m,)`, and coordinates `c`, `(k,)`, of a `Problem`; `status` and `method` as in `FormulaFit`."""
+    """Linear parameters `beta`, `(m,)`, and coordinates `c`, `(k,)`, of a `Problem`; `status` and
+    `method` as in `FormulaFit`.
+    """
 
     beta: Array
     c: Array
     status: str
     method: str
     notes: tuple[str, ...] = ()
-    rivals: tuple[tuple[Array, Array], ...] = ()  # beta and c of other minima that are nearly as deep
+    rivals: tuple[
+        tuple[Array, Array], ...
+    ] = ()  # beta and c of other minima that are nearly as deep
 
 
 def failure(problem: Problem, method: str) -> Solution:
@@ -211,7 +264,9 @@ def at_limit(parameter: Nonlinear, limit: float) -> str:
 
 
 FASTEST, SLOWEST = 1e-3, 10.0
-"""Bounds of a decay over the largest rate: below, it acts on the samples at rest alone; above, it is straight to within a twentieth."""
+"""Bounds of a decay over the largest rate: below, it acts on the samples at rest alone; above, it
+is straight to within a twentieth.
+"""
 
 
 def decay(name: str) -> Nonlinear:
@@ -227,14 +282,18 @@ FINEST = 512
 
 
 def condensed(columns: Columns, y: Array) -> tuple[Columns, Array, Array]:
-    """Return `columns` and `y`, each `(n,)`, averaged over the finest grid that leaves at most `LIMIT` cells, and the rows in each cell.
+    """Return `columns` and `y`, each `(n,)`, averaged over the finest grid that leaves at most
+    `LIMIT` cells, and the rows in each cell.
 
-    A sum of squares weighted by the counts is that of the rows, less their scatter within the cells, up to the curvature of the model
-    over a cell: a hinge of slope one and width w is missed by 1/(96 w 512^2) of the full scale, 4e-6 where w = 0.01.
+    A sum of squares weighted by the counts is that of the rows, less their scatter within the
+    cells, up to the curvature of the model over a cell: a hinge of slope one and width w is missed
+    by 1/(96 w 512^2) of the full scale, 4e-6 where w = 0.01.
     """
     if len(y) <= LIMIT:
         return columns, y, np.ones(len(y))
-    places = [(column - column.min()) / (float(np.ptp(column)) or 1.0) for column in columns.values()]  # in their ranges, 0 to 1
+    places = [
+        (column - column.min()) / (float(np.ptp(column)) or 1.0) for column in columns.values()
+    ]  # in their ranges, 0 to 1
     bins = FINEST
     while True:
         keys = np.zeros(len(y), dtype=np.int64)
@@ -249,17 +308,22 @@ def condensed(columns: Columns, y: Array) -> tuple[Columns, Array, Array]:
 
 
 SCATTER = 0.1
-"""Of the smallest distance between two levels: how far values may lie apart that are nominally one."""
+"""Of the smallest distance between two levels: how far values may lie apart that are nominally one.
+"""
 
 VALUES_A_LEVEL = 5
-"""Distinct values for every level, from which on they are scatter about it; fewer may be levels of their own."""
+"""Distinct values for every level, from which on they are scatter about it; fewer may be levels of
+their own.
+"""
 
 
 def nominal(column: Array) -> Array:
-    """Return the column, `(n,)`, with every value replaced by the level that it scatters about; unchanged where there are no such levels.
+    """Return the column, `(n,)`, with every value replaced by the level that it scatters about;
+    unchanged where there are no such levels.
 
-    Levels are groups of values that lie nearer together than `SCATTER` times the smallest distance between two groups, `VALUES_A_LEVEL`
-    or more in a group on the average; the finest such partition is taken.
+    Levels are groups of values that lie nearer together than `SCATTER` times the smallest distance
+    between two groups, `VALUES_A_LEVEL` or more in a group on the average; the finest such
+    partition is taken.
     """
     values, place = np.unique(column, return_inverse=True)
     gaps = np.diff(values)
@@ -267,7 +331,9 @@ def nominal(column: Array) -> Array:
     for parting in sizes[:-1][sizes[1:] <= SCATTER * sizes[:-1]][::-1]:
         starts = np.concatenate([[0], np.flatnonzero(gaps >= parting) + 1])
         lowest, highest = np.minimum.reduceat(values, starts), np.maximum.reduceat(values, starts)
-        if len(values) >= VALUES_A_LEVEL * len(starts) and float((highest - lowest).max()) <= SCATTER * float(parting):
+        if len(values) >= VALUES_A_LEVEL * len(starts) and float(
+            (highest - lowest).max()
+        ) <= SCATTER * float(parting):
             group = np.searchsorted(starts, np.arange(len(values)), side="right") - 1
             return np.asarray(((lowest + highest) / 2)[group[place]])
     return column
@@ -277,7 +343,8 @@ def dependence(rank: int, count: int, inputs: Columns, choice: str) -> str:
     """Return the note for data that leave parameters undetermined, and what was chosen then."""
     distinct = ", ".join(f"{len(np.unique(column))} of {name}" for name, column in inputs.items())
     return (
-        f"rank {rank} of {count}: the data do not tell all parameters apart (distinct values: {distinct}); "
+        f"rank {rank} of {count}: the data do not tell all parameters apart (distinct values: "
+        f"{distinct}); "
         f"{choice}, and values between the training levels are not to be trusted"
     )
 
@@ -285,7 +352,10 @@ def dependence(rank: int, count: int, inputs: Columns, choice: str) -> str:
 def needed(name: str, columns: Columns) -> Array:
     """Return the column `name`; raises `DataError` where it is absent."""
     if name not in columns:
-        raise DataError(f"there is no column `{name}` among the inputs", "declare it under `columns` or `derive`")
+        raise DataError(
+            f"there is no column `{name}` among the inputs",
+            "declare it under `columns` or `derive`",
+        )
     return np.asarray(columns[name], dtype=float)
 
 
@@ -294,5 +364,8 @@ def finite(name: str, column: Array) -> Array:
     values = np.asarray(column, dtype=float)
     if not np.isfinite(values).all():
         row = int(np.argmin(np.isfinite(values)))
-        raise DataError(f"{name} is not finite in row {row}: {values[row]}", "drop the sample (`missing: drop`) or mend the recording")
+        raise DataError(
+            f"{name} is not finite in row {row}: {values[row]}",
+            "drop the sample (`missing: drop`) or mend the recording",
+        )
     return values

@@ -1,4 +1,6 @@
-"""Models with memory: delays, slow states, hysteresis operators and resonances as candidates of one regression."""
+"""Models with memory: delays, slow states, hysteresis operators and resonances as candidates of one
+regression.
+"""
 
 from mapmore_cli.domain.fits import MemoryFit
 from mapmore_cli.domain.models import Memory

@@ -1,4 +1,6 @@
-"""What a free run needs of a model, taken apart beforehand: terms as products of a part of inputs and a part of fed-back states."""
+"""What a free run needs of a model, taken apart beforehand: terms as products of a part of inputs
+and a part of fed-back states.
+"""
 
 from __future__ import annotations
 
@@ -11,20 +13,32 @@ import numpy as np
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import StateSet
-from mapmore_cli.modelling.expressions import Expression, Name, compiled, derivative, multiply, parse, to_text
+from mapmore_cli.modelling.expressions import (
+    Expression,
+    Name,
+    compiled,
+    derivative,
+    multiply,
+    parse,
+    to_text,
+)
 from mapmore_cli.modelling.expressions.operator import Recursion
 from mapmore_cli.modelling.expressions.operators import OPERATORS
 from mapmore_cli.modelling.expressions.states import Lagged, Measured, Operated, State, state
 from mapmore_cli.modelling.expressions.syntax import ONE, Power, Product
 from mapmore_cli.modelling.memory.states import setting_of
 
-Own = Callable[[Sequence[float]], float]  # the part of a term that depends on fed-back states, as a function of their values at one sample
+Own = Callable[
+    [Sequence[float]], float
+]  # the part of a term that depends on fed-back states, as a function of their values at one sample
 OUTPUT = -1  # place of the output itself, where others are places of nodes
 
 
 @dataclass(frozen=True)
 class Node:
-    """A state that depends on the output: some samples ago (`steps`), or by a `rule` of an operator; `source` is a node or `OUTPUT`."""
+    """A state that depends on the output: some samples ago (`steps`), or by a `rule` of an
+    operator; `source` is a node or `OUTPUT`.
+    """
 
     state: State
     source: int
@@ -33,12 +47,17 @@ class Node:
 
 
 class Feedback:
-    """A model's terms taken apart, `D_j = own_j(fed-back states) * input_j(states of inputs alone)`.
+    """A model's terms taken apart, `D_j = own_j(fed-back states) * input_j(states of inputs
+    alone)`.
 
-    - `names`: the m fed-back states; `nodes`: they and all that they are made of, sources first; `places`: (m) theirs among these.
-    - `inputs`: (k) input parts; `owns`: the G different parts of fed-back states; `groups`: (k) which of them is a term's, -1 for none.
-    - `longest`: measured outputs that a run begins with; `depth`: past values that the next sample may need, of the output and of any node.
-    - `limits`: lower end and width of the scale of each fed-back state; an infinite width, and so zero, where it stood still in training.
+    - `names`: the m fed-back states; `nodes`: they and all that they are made of, sources first;
+      `places`: (m) theirs among these.
+    - `inputs`: (k) input parts; `owns`: the G different parts of fed-back states; `groups`: (k)
+      which of them is a term's, -1 for none.
+    - `longest`: measured outputs that a run begins with; `depth`: past values that the next sample
+      may need, of the output and of any node.
+    - `limits`: lower end and width of the scale of each fed-back state; an infinite width, and so
+      zero, where it stood still in training.
 
     Raises DataError for a state or a term that cannot be fed back.
     """
@@ -50,15 +69,33 @@ class Feedback:
         parts = [parted(parse(text), lags) for text in terms]
         self.inputs = [inputs for _, inputs in parts]
         self.owns = list(dict.fromkeys(own for own, _ in parts if own != ONE))
-        self.groups = np.array([self.owns.index(own) if own != ONE else -1 for own, _ in parts], dtype=np.int64)
-        found = dict.fromkeys(part for name in self.names for part in state(name).parts if not isinstance(part, Measured))
+        self.groups = np.array(
+            [self.owns.index(own) if own != ONE else -1 for own, _ in parts], dtype=np.int64
+        )
+        found = dict.fromkeys(
+            part
+            for name in self.names
+            for part in state(name).parts
+            if not isinstance(part, Measured)
+        )
         order: dict[State, int] = {part: place for place, part in enumerate(found)}
         self.nodes = [_node(part, order, states) for part in found]
         self.places = [order[state(name)] for name in self.names]
         self.longest = max(lags.values(), default=0)
-        self.depth = self.longest + max((max(node.rule.own, node.rule.source) for node in self.nodes if node.rule), default=0) + 1
+        self.depth = (
+            self.longest
+            + max(
+                (max(node.rule.own, node.rule.source) for node in self.nodes if node.rule),
+                default=0,
+            )
+            + 1
+        )
         scales = zip(states.names, states.low.tolist(), states.high.tolist(), strict=states.scaled)
-        self.limits = [(low, high - low if high > low else math.inf) for name, low, high in scales if name in lags]
+        self.limits = [
+            (low, high - low if high > low else math.inf)
+            for name, low, high in scales
+            if name in lags
+        ]
 
     @property
     def only_delays(self) -> bool:
@@ -67,8 +104,15 @@ class Feedback:
 
     @cached_property
     def slopes(self) -> list[tuple[str, int, Expression]]:
-        """Derivatives of the parts of fed-back states that are not zero: by which state, of which part."""
-        return [(name, place, derivative(own, name)) for place, own in enumerate(self.owns) for name in self.names if name in own.names]
+        """Derivatives of the parts of fed-back states that are not zero: by which state, of which
+        part.
+        """
+        return [
+            (name, place, derivative(own, name))
+            for place, own in enumerate(self.owns)
+            for name in self.names
+            if name in own.names
+        ]
 
     @cached_property
     def functions(self) -> list[Own]:
@@ -87,7 +131,8 @@ def _node(part: Lagged | Operated, places: Mapping[State, int], states: StateSet
 def fed_back_states(states: StateSet, output: str) -> dict[str, int]:
     """Return the states that depend on the output, with how many samples they look back at least.
 
-    Raises DataError for a state of the output as it is now: a model cannot explain its output by itself.
+    Raises DataError for a state of the output as it is now: a model cannot explain its output by
+    itself.
     """
     found: dict[str, int] = {}
     for name in states.names:
@@ -104,7 +149,9 @@ def fed_back_states(states: StateSet, output: str) -> dict[str, int]:
 
 
 def looks_back(found: State) -> bool:
-    """Whether the quantity that a state is made of enters it delayed: `stop(force[k-1], 0.1)` does, `stop(force, 0.1)[k-1]` does not."""
+    """Whether the quantity that a state is made of enters it delayed: `stop(force[k-1], 0.1)` does,
+    `stop(force, 0.1)[k-1]` does not.
+    """
     return any(isinstance(part, Lagged) for part in found.parts[1:2])
 
 
@@ -119,7 +166,8 @@ def parted(term: Expression, fed_back: Container[str]) -> tuple[Expression, Expr
         own = [name for name in factor.names if name in fed_back]
         if own and len(own) < len(factor.names):
             raise DataError(
-                f"the term `{to_text(term)}` has delayed outputs and inputs in one factor, `{to_text(factor)}`",
+                f"the term `{to_text(term)}` has delayed outputs and inputs in one factor, "
+                f"`{to_text(factor)}`",
                 "write it as a product of a part with delayed outputs and a part with inputs",
             )
         (fed if own else inputs).append(factor)
@@ -127,7 +175,8 @@ def parted(term: Expression, fed_back: Container[str]) -> tuple[Expression, Expr
 
 
 def _own(expression: Expression, places: Mapping[str, int]) -> Own:
-    """`expression` of fed-back states as a function of their list; products of few, the usual case, are the quickest.
+    """`expression` of fed-back states as a function of their list; products of few, the usual case,
+    are the quickest.
 
     Values that are not finite come out as such.
     """
@@ -143,7 +192,9 @@ def _own(expression: Expression, places: Mapping[str, int]) -> Own:
 
 
 def _monomial(expression: Expression, places: Mapping[str, int]) -> list[int]:
-    """Places of the factors of a product of powers of states, each as often as it stands; empty for anything else."""
+    """Places of the factors of a product of powers of states, each as often as it stands; empty for
+    anything else.
+    """
     match expression:
         case Name(name):
             return [places[name]]

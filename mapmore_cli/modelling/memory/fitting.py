@@ -1,6 +1,8 @@
-"""From pieces of recordings to a model with memory: its terms, the open numbers of its operators, its coefficients.
+"""From pieces of recordings to a model with memory: its terms, the open numbers of its operators,
+its coefficients.
 
-Where free runs choose the terms, a beam of the best few models of each size is carried on, forward, then backward.
+Where free runs choose the terms, a beam of the best few models of each size is carried on, forward,
+then backward.
 """
 
 from __future__ import annotations
@@ -16,12 +18,21 @@ from mapmore_cli.domain.fits import MemoryFit
 from mapmore_cli.modelling.expressions import NotFinite
 from mapmore_cli.modelling.frols.ridge import Regularised
 from mapmore_cli.modelling.memory.records import Record
-from mapmore_cli.modelling.memory.refinement import EMPTY, QUICK, THOROUGH, Coefficients, minimise, refine
+from mapmore_cli.modelling.memory.refinement import (
+    EMPTY,
+    QUICK,
+    THOROUGH,
+    Coefficients,
+    minimise,
+    refine,
+)
 from mapmore_cli.modelling.memory.selectors import Choice
 from mapmore_cli.modelling.memory.training import DIGITS, Training, Unknown, left_open
 from mapmore_cli.modelling.selection import MemoryRecipe
 
-LATE = 0.25  # share of each piece's training samples on which free runs compete, where they decide on the number of terms
+# share of each piece's training samples on which free runs compete, where they decide on the number
+# of terms
+LATE = 0.25
 STARTS = 3  # sets of numbers of operators that are refined
 SHORT = 2048  # training samples on which they compete
 WIDTH = 3  # models of each size that the beam carries on
@@ -34,32 +45,49 @@ Tick = Callable[[], None]  # called for every model that is tried in free run
 
 @dataclass(frozen=True)
 class Member:
-    """A model that competes: indices of its terms, in the order in which they were taken, and its coefficients."""
+    """A model that competes: indices of its terms, in the order in which they were taken, and its
+    coefficients.
+    """
 
     chosen: tuple[int, ...]
     point: Coefficients
 
 
 def fit_with_memory(
-    records: Sequence[Record], recipe: MemoryRecipe, progress: Callable[[int, int], None] = lambda _done, _total: None
+    records: Sequence[Record],
+    recipe: MemoryRecipe,
+    progress: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> MemoryFit:
     """Choose and fit the terms of one model to the training samples of all pieces.
 
-    Numbers of operators that the dictionary leaves open are found first; they and the coefficients minimise the error in free run.
-    `progress` is told how many models were tried in free run, and of how many at most.
+    Numbers of operators that the dictionary leaves open are found first; they and the coefficients
+    minimise the error in free run. `progress` is told how many models were tried in free run, and
+    of how many at most.
 
-    Raises DataError where a quantity is missing, no sample has enough history, a state cannot be fed back, the dictionary needs more memory
-    than there is, or no model's free run stays finite.
+    Raises DataError where a quantity is missing, no sample has enough history, a state cannot be
+    fed back, the dictionary needs more memory than there is, or no model's free run stays finite.
     """
     numbers = left_open(records, recipe.dictionary, recipe.step)
-    tick = _counter(recipe, progress, refines=recipe.criterion == "free_run" or bool(numbers.states))
+    tick = _counter(
+        recipe, progress, refines=recipe.criterion == "free_run" or bool(numbers.states)
+    )
     start = _start(records, recipe, numbers) if numbers.states else EMPTY
-    best, held_out = _best_in_free_run(records, recipe, numbers.numbers(start), tick) if recipe.stop == "free_run" else (None, None)
+    best, held_out = (
+        _best_in_free_run(records, recipe, numbers.numbers(start), tick)
+        if recipe.stop == "free_run"
+        else (None, None)
+    )
     training = Training(records, recipe, numbers.numbers(start))
-    choice = training.selector.best() if best is None else training.selector.among(np.array(best.chosen))
+    choice = (
+        training.selector.best() if best is None else training.selector.among(np.array(best.chosen))
+    )
     if best is not None:
         selection = replace(choice.selection, stop="free_run")
-        choice = replace(choice, selection=selection, forward=choice.forward if recipe.select == "one_step" else selection.chosen)
+        choice = replace(
+            choice,
+            selection=selection,
+            forward=choice.forward if recipe.select == "one_step" else selection.chosen,
+        )
     chosen = choice.selection.chosen
     own = numbers.those_of(training.open_in(chosen))
     if recipe.criterion == "one_step" and not own.any():
@@ -67,17 +95,30 @@ def fit_with_memory(
     problem = training.problem(chosen, search=True)
     points = [refine(problem, _ahead(choice, start[own]), THOROUGH)]
     if best is not None:
-        points.append(minimise(problem, replace(best.point.ordered(best.chosen, chosen), numbers=start[own]), None, THOROUGH))
+        points.append(
+            minimise(
+                problem,
+                replace(best.point.ordered(best.chosen, chosen), numbers=start[own]),
+                None,
+                THOROUGH,
+            )
+        )
     tick()
     point = min(points, key=lambda point: point.error)
     if not np.isfinite(point.error):
-        raise DataError("the free run of the chosen terms diverges on the training samples", DIVERGES)
+        raise DataError(
+            "the free run of the chosen terms diverges on the training samples", DIVERGES
+        )
     if own.any():
         start[own] = point.numbers
         training = Training(records, recipe, numbers.numbers(start, DIGITS))
         again = training.selector.among(chosen)
         point = point.ordered(chosen, again.selection.chosen)
-        choice = replace(again, selection=replace(again.selection, stop=choice.selection.stop), forward=choice.forward)
+        choice = replace(
+            again,
+            selection=replace(again.selection, stop=choice.selection.stop),
+            forward=choice.forward,
+        )
     return replace(training.refined(choice, point), held_out=held_out)
 
 
@@ -85,7 +126,9 @@ def _counter(recipe: MemoryRecipe, progress: Callable[[int, int], None], *, refi
     """Return what counts the models that are tried."""
     sizes = recipe.most_terms
     of_beam = SHORTLIST + (sizes - 1) * WIDTH * SHORTLIST + sizes * (sizes + 1) // 2 - 1
-    total = refines + (0 if recipe.stop != "free_run" else of_beam if recipe.select == "free_run" else sizes)
+    total = refines + (
+        0 if recipe.stop != "free_run" else of_beam if recipe.select == "free_run" else sizes
+    )
     numbers = iter(range(1, total + 1))
     return lambda: progress(next(numbers), total)
 
@@ -96,7 +139,9 @@ def _ahead(choice: Choice, numbers: Array = EMPTY) -> Coefficients:
 
 
 def _start(records: Sequence[Record], recipe: MemoryRecipe, numbers: Unknown) -> Array:
-    """Where the search for open numbers begins: the best of a few sets, refined on a short part with the terms that each set prefers."""
+    """Where the search for open numbers begins: the best of a few sets, refined on a short part
+    with the terms that each set prefers.
+    """
 
     def ahead(own: tuple[float, ...]) -> float:
         with np.errstate(all="ignore"):
@@ -106,8 +151,13 @@ def _start(records: Sequence[Record], recipe: MemoryRecipe, numbers: Unknown) ->
                 return np.inf  # these numbers make the state grow without bound
 
     best, least = EMPTY, np.inf
-    before = np.cumsum([0, *(record.training.sum() for record in records)])  # the first training samples of all pieces together compete
-    short = [one.training & (np.cumsum(one.training) <= SHORT - taken) for one, taken in zip(records, before, strict=False)]
+    before = np.cumsum(
+        [0, *(record.training.sum() for record in records)]
+    )  # the first training samples of all pieces together compete
+    short = [
+        one.training & (np.cumsum(one.training) <= SHORT - taken)
+        for one, taken in zip(records, before, strict=False)
+    ]
     for own in numbers.scan(ahead, STARTS):
         training, searched = Training(records, recipe, own), numbers.searched(own)
         choice = training.selector.best()
@@ -115,14 +165,18 @@ def _start(records: Sequence[Record], recipe: MemoryRecipe, numbers: Unknown) ->
         if not len(best):
             best = searched  # what is left where no set's free run stays finite, or none is chosen
         part = numbers.those_of(training.open_in(chosen))
-        point = refine(training.problem(chosen, short, search=True), _ahead(choice, searched[part]), THOROUGH)
+        point = refine(
+            training.problem(chosen, short, search=True), _ahead(choice, searched[part]), THOROUGH
+        )
         if point.error < least:
             best, least = searched, point.error
             best[part] = point.numbers
     return best
 
 
-def _best_in_free_run(records: Sequence[Record], recipe: MemoryRecipe, numbers: Sequence[float], tick: Tick) -> tuple[Member, Array]:
+def _best_in_free_run(
+    records: Sequence[Record], recipe: MemoryRecipe, numbers: Sequence[float], tick: Tick
+) -> tuple[Member, Array]:
     """Fit models of every size to the early training samples, and run them over the late ones.
 
     Returns the model of the least error, and the RMSE of the models of 1, 2, ... terms.
@@ -131,12 +185,28 @@ def _best_in_free_run(records: Sequence[Record], recipe: MemoryRecipe, numbers: 
     for record in records:
         rows = np.flatnonzero(record.training)
         late.append(np.isin(np.arange(record.size), rows[len(rows) - int(LATE * len(rows)) :]))
-    early = Training([Record(record.columns, record.training & ~held) for record, held in zip(records, late, strict=True)], recipe, numbers)
+    early = Training(
+        [
+            Record(record.columns, record.training & ~held)
+            for record, held in zip(records, late, strict=True)
+        ],
+        recipe,
+        numbers,
+    )
     members = beam(early, tick) if recipe.select == "free_run" else _one_step(early, tick)
     problems = [early.problem(np.array(member.chosen), late) for member in members]
-    errors = np.array([np.sqrt(one.at(member.point).sse / one.samples) for one, member in zip(problems, members, strict=True)])
+    errors = np.array(
+        [
+            np.sqrt(one.at(member.point).sse / one.samples)
+            for one, member in zip(problems, members, strict=True)
+        ]
+    )
     if not np.isfinite(errors).any():
-        raise DataError("the free run of every model diverges, or has no history, on the last quarter of the training samples", DIVERGES)
+        raise DataError(
+            "the free run of every model diverges, or has no history, on the last quarter of "
+            "the training samples",
+            DIVERGES,
+        )
     return members[int(np.argmin(errors))], errors
 
 
@@ -154,17 +224,21 @@ def _one_step(training: Training, tick: Tick) -> list[Member]:
 
 
 def beam(training: Training, tick: Tick) -> list[Member]:
-    """Return the best model of 1, 2, ... terms, up to the recipe's number; models whose free run diverges are left out.
+    """Return the best model of 1, 2, ... terms, up to the recipe's number; models whose free run
+    diverges are left out.
 
-    Forward, each of the `WIDTH` best models of a size is tried with each of the best few candidates of the next step of FROLS. Backward,
-    the largest gives up the term whose loss its free run feels least, and so on.
+    Forward, each of the `WIDTH` best models of a size is tried with each of the best few candidates
+    of the next step of FROLS. Backward, the largest gives up the term whose loss its free run feels
+    least, and so on.
     """
     best: list[Member] = []
     members = [Member((), Coefficients(EMPTY, 0.0))]
     for _ in range(training.recipe.most_terms):
         tried: dict[frozenset[int], Member] = {}
         for member in members:
-            for candidate in _shortlist(training.selector.ranking, np.array(member.chosen, dtype=np.int64)):
+            for candidate in _shortlist(
+                training.selector.ranking, np.array(member.chosen, dtype=np.int64)
+            ):
                 chosen = (*member.chosen, candidate)
                 if frozenset(chosen) not in tried:
                     tried[frozenset(chosen)] = _grown(training, member, chosen)
@@ -177,14 +251,20 @@ def beam(training: Training, tick: Tick) -> list[Member]:
 
 
 def _shortlist(data: Regularised, chosen: IntArray) -> list[int]:
-    """Return the candidates that reduce the regularised error one step ahead most beside the chosen ones, the best first."""
+    """Return the candidates that reduce the regularised error one step ahead most beside the chosen
+    ones, the best first.
+    """
     gains = data.reductions(chosen)
     gains[chosen] = 0.0
-    return [int(place) for place in np.argsort(-gains, kind="stable")[:SHORTLIST] if gains[place] > 0]
+    return [
+        int(place) for place in np.argsort(-gains, kind="stable")[:SHORTLIST] if gains[place] > 0
+    ]
 
 
 def _grown(training: Training, member: Member, chosen: tuple[int, ...]) -> Member:
-    """One more term, from two starts: the coefficients of the smaller model, and those of one step ahead."""
+    """One more term, from two starts: the coefficients of the smaller model, and those of one step
+    ahead.
+    """
     problem = training.problem(np.array(chosen))
     smaller = Coefficients(np.append(member.point.theta, 0.0), member.point.constant)
     found = training.selector.among(np.array(chosen))
@@ -194,7 +274,9 @@ def _grown(training: Training, member: Member, chosen: tuple[int, ...]) -> Membe
 
 
 def _best_of(members: Iterable[Member]) -> list[Member]:
-    return sorted((one for one in members if np.isfinite(one.point.error)), key=lambda one: one.point.error)[:WIDTH]
+    return sorted(
+        (one for one in members if np.isfinite(one.point.error)), key=lambda one: one.point.error
+    )[:WIDTH]
 
 
 def _pruned(training: Training, best: list[Member], tick: Tick) -> list[Member]:
@@ -205,7 +287,9 @@ def _pruned(training: Training, best: list[Member], tick: Tick) -> list[Member]:
         for place in range(len(larger.chosen)):
             chosen = tuple(np.delete(larger.chosen, place).tolist())
             point = Coefficients(np.delete(larger.point.theta, place), larger.point.constant)
-            tried.append(Member(chosen, minimise(training.problem(np.array(chosen)), point, None, QUICK)))
+            tried.append(
+                Member(chosen, minimise(training.problem(np.array(chosen)), point, None, QUICK))
+            )
             tick()
         best[size - 1] = _best_of(tried)[0]
     return best

@@ -1,4 +1,6 @@
-"""A model with memory: its prediction along a recording, its training range, its equation, its program."""
+"""A model with memory: its prediction along a recording, its training range, its equation, its
+program.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,12 @@ from mapmore_cli.modelling.expressions.operator import Recursion
 from mapmore_cli.modelling.expressions.operators import OPERATORS
 from mapmore_cli.modelling.expressions.states import Lagged, Measured, Operated, State
 from mapmore_cli.modelling.expressions.syntax import ONE, ZERO, Condition
-from mapmore_cli.modelling.literature.model import backbone_values, by_blocks, formula_equations, formula_value
+from mapmore_cli.modelling.literature.model import (
+    backbone_values,
+    by_blocks,
+    formula_equations,
+    formula_value,
+)
 from mapmore_cli.modelling.memory.feedback import fed_back_states, parted
 from mapmore_cli.modelling.memory.free_run import free_run, one_step_ahead
 from mapmore_cli.modelling.memory.simulation import bounds_of
@@ -35,11 +42,21 @@ def build(
     quantities: Mapping[str, Quantity],
     notes: tuple[str, ...] = (),
 ) -> Model:
-    """Return a model with memory, on the backbone that it was fitted on; the `training` curves say the range of the inputs."""
+    """Return a model with memory, on the backbone that it was fitted on; the `training` curves say
+    the range of the inputs.
+    """
     formula = () if backbone is None else literature.of(backbone).inputs
     inputs = sorted({*memory_inputs(memory), *formula})
-    ranges = tuple(CurveRange(c.curve, c.level, {name: c.limits[name] for name in inputs}) for c in training)
-    return Model(name, quantities[memory.output], tuple(quantities[name] for name in inputs), Memory(memory, ranges, backbone), notes=notes)
+    ranges = tuple(
+        CurveRange(c.curve, c.level, {name: c.limits[name] for name in inputs}) for c in training
+    )
+    return Model(
+        name,
+        quantities[memory.output],
+        tuple(quantities[name] for name in inputs),
+        Memory(memory, ranges, backbone),
+        notes=notes,
+    )
 
 
 def simulate(model: Model, columns: Columns) -> Run:
@@ -56,12 +73,19 @@ def one_step(model: Model, columns: Columns) -> Array:
 def equations(model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
     """Return the backbone first, then the equation of the next output."""
     body = _body(model)
-    own, limits = body.model, united([*(one.limits for one in body.ranges), {body.model.output: body.model.limits}])
-    return *formula_equations(body.backbone, units), equation(PIECE, own.terms, own.theta, own.scaling, limits, units)
+    own, limits = (
+        body.model,
+        united([*(one.limits for one in body.ranges), {body.model.output: body.model.limits}]),
+    )
+    return *formula_equations(body.backbone, units), equation(
+        PIECE, own.terms, own.theta, own.scaling, limits, units
+    )
 
 
 def parameters(model: Model) -> int:
-    """Return the coefficients of the terms, with the model's own constant where it has one, and the parameters of the backbone."""
+    """Return the coefficients of the terms, with the model's own constant where it has one, and the
+    parameters of the backbone.
+    """
     body = _body(model)
     own = len(body.model.theta) + (body.model.constant != 0.0)
     return own + (0 if body.backbone is None else len(body.backbone.parameters))
@@ -77,7 +101,9 @@ def _base(model: Model, columns: Columns) -> Array:
     body = _body(model)
     if body.backbone is None and not model.inputs:
         return np.zeros(len(next(iter(columns.values()))))
-    return by_blocks(model.inputs, columns, lambda inputs, n: backbone_values(body.backbone, inputs, n))
+    return by_blocks(
+        model.inputs, columns, lambda inputs, n: backbone_values(body.backbone, inputs, n)
+    )
 
 
 def _body(model: Model) -> Memory:
@@ -90,11 +116,15 @@ def write(m: Writer, model: Model, inputs: Inputs) -> Expression:
     body = _body(model)
     limit(m, body.ranges, None, inputs)
     m.kept.steps.append(body.model.states.step)
-    return m.let("model", formula_value(m, body.backbone, inputs) + _Output(m, body.model, inputs).written())
+    return m.let(
+        "model", formula_value(m, body.backbone, inputs) + _Output(m, body.model, inputs).written()
+    )
 
 
 class _Output:
-    """Writes the output of one model down, and its states, each once; `seen` counts the samples before this one."""
+    """Writes the output of one model down, and its states, each once; `seen` counts the samples
+    before this one.
+    """
 
     def __init__(self, m: Writer, model: MemoryModel, inputs: Mapping[str, Expression]) -> None:
         self.m, self.model, self.inputs = m, model, inputs
@@ -104,9 +134,14 @@ class _Output:
         self.queues: dict[str, str] = {}
 
     def written(self) -> Expression:
-        """Write the output at a sample in free run; nothing before there is history, and once it has diverged."""
+        """Write the output at a sample in free run; nothing before there is history, and once it
+        has diverged.
+        """
         m, model = self.m, self.model
-        names = {name: self._scaled(place, self._state(state(name))) for place, name in enumerate(model.states.names)}
+        names = {
+            name: self._scaled(place, self._state(state(name)))
+            for place, name in enumerate(model.states.names)
+        }
         start = float(max((state(name).lag for name in model.states.names), default=0))
         early = self.seen < start
         if not self.lags:
@@ -116,14 +151,24 @@ class _Output:
             low, high = bounds_of(model.limits)
 
             def bounded() -> Expression:
-                """Write the output while it stays within bounds; nothing from where it leaves them, up to a reset."""
+                """Write the output while it stays within bounds; nothing from where it leaves them,
+                up to a reset.
+                """
                 value = self._sum(names)
-                return m.choose("within", [(lost > 0, NOTHING), (value < low, NOTHING), (value > high, NOTHING)], value)
+                return m.choose(
+                    "within",
+                    [(lost > 0, NOTHING), (value < low, NOTHING), (value > high, NOTHING)],
+                    value,
+                )
 
             found = m.choose("memory", [(early, NOTHING)], bounded)
-            m.keep(lost, m.choose("lost", [(early, ZERO), (Condition(found, "==", found), ZERO)], ONE))
+            m.keep(
+                lost, m.choose("lost", [(early, ZERO), (Condition(found, "==", found), ZERO)], ONE)
+            )
         for name, queue in self.queues.items():
-            m.statements.append(Queue(queue, found if name == model.output else self._state(state(name))))
+            m.statements.append(
+                Queue(queue, found if name == model.output else self._state(state(name)))
+            )
         if self.lags:
             m.kept.fed_back.setdefault(model.output, []).append(self.queues[model.output])
         m.keep(self.seen, m.choose("seen", [(self.seen <= start, self.seen + 1)], self.seen))
@@ -138,12 +183,18 @@ class _Output:
                 case Lagged(source, steps):
                     written = self._lagged(source, steps)
                 case Operated(name, source):
-                    written = self._operated(name, OPERATORS[name].recursion(setting_of(found, self.model.states)), source)
+                    written = self._operated(
+                        name,
+                        OPERATORS[name].recursion(setting_of(found, self.model.states)),
+                        source,
+                    )
             self.known[found.name] = written
         return self.known[found.name]
 
     def _operated(self, name: str, rule: Recursion, source: State) -> Expression:
-        """Write an operator from its kept values; it rests up to the first sample on which its source has a value."""
+        """Write an operator from its kept values; it rests up to the first sample on which its
+        source has a value.
+        """
         m = self.m
         x = m.let("source", self._state(source))
         if rule.own == rule.source == 0:
@@ -175,10 +226,16 @@ class _Output:
         if not states.scaled:
             return value
         low, high = float(states.low[place]), float(states.high[place])
-        return self.m.clip((value - low) / (high - low), -states.margin, 1 + states.margin, "scaled") if high > low else ZERO
+        return (
+            self.m.clip((value - low) / (high - low), -states.margin, 1 + states.margin, "scaled")
+            if high > low
+            else ZERO
+        )
 
     def _sum(self, names: Mapping[str, Expression]) -> Expression:
-        """Write `constant + sum_j theta_j D_j`, the terms of inputs first, as a free run adds them up."""
+        """Write `constant + sum_j theta_j D_j`, the terms of inputs first, as a free run adds them
+        up.
+        """
         m, model = self.m, self.model
         driven: list[Expression] = [Number(model.constant)]
         weights: dict[Expression, list[Expression]] = {}
@@ -186,12 +243,17 @@ class _Output:
             own, inputs = parted(parse(text), self.lags)
             weight = times(Number(theta), m.let("driven", substitute(inputs, names)))
             (driven if own == ONE else weights.setdefault(own, [])).append(weight)
-        fed = [times(m.let("weight", total(parts)), m.let("own", substitute(own, names))) for own, parts in weights.items()]
+        fed = [
+            times(m.let("weight", total(parts)), m.let("own", substitute(own, names)))
+            for own, parts in weights.items()
+        ]
         return m.let("output", total([m.let("base", total(driven)), *fed]))
 
 
 def faults(model: Model) -> Iterator[str]:
     """Say what of a stored model no prediction would notice."""
     memory = _body(model).model
-    if memory.output != model.output.name or not all(parse(text).names <= {*memory.states.names} for text in memory.terms):
+    if memory.output != model.output.name or not all(
+        parse(text).names <= {*memory.states.names} for text in memory.terms
+    ):
         yield "its terms are of other states than it has"

@@ -15,7 +15,9 @@ from mapmore_cli.modelling.signals.sampling import UNEVEN, pieces
 
 
 class AtSample(DataError):
-    """A mistake at one `sample`, counted from 0 in what was given; `fault` is the message without its number."""
+    """A mistake at one `sample`, counted from 0 in what was given; `fault` is the message without
+    its number.
+    """
 
     def __init__(self, sample: int, fault: str, remedy: str | None) -> None:
         super().__init__(f"sample {sample}: {fault}", remedy)
@@ -34,12 +36,16 @@ def numbered(rows: IntArray) -> Iterator[None]:
 
 def complete(columns: Iterable[Array], n: int) -> BoolArray:
     """Return the rows, of n, on which every column has a value."""
-    return np.asarray(np.logical_and.reduce([np.ones(n, dtype=np.bool_), *map(np.isfinite, columns)]))
+    return np.asarray(
+        np.logical_and.reduce([np.ones(n, dtype=np.bool_), *map(np.isfinite, columns)])
+    )
 
 
 @dataclass(frozen=True)
 class Record:
-    """One piece: quantities by name, (n,) each, at even time steps; `training` (n,) marks the samples to learn from."""
+    """One piece: quantities by name, (n,) each, at even time steps; `training` (n,) marks the
+    samples to learn from.
+    """
 
     columns: Columns
     training: BoolArray
@@ -51,9 +57,11 @@ class Record:
 
 
 def uninterrupted(time: Array, step: float) -> list[slice]:
-    """Return the pieces of a record with the stamps `time` (n,): cut where a step is longer than `step` (s), or time runs backwards.
+    """Return the pieces of a record with the stamps `time` (n,): cut where a step is longer than
+    `step` (s), or time runs backwards.
 
-    Raises AtSample where stamps are neither `step` apart nor a gap: the memory of the model counts samples.
+    Raises AtSample where stamps are neither `step` apart nor a gap: the memory of the model counts
+    samples.
     """
     distances = np.diff(time)
     slack = UNEVEN * step + 4 * np.finfo(np.float64).eps * float(np.abs(time).max(initial=0.0))
@@ -62,7 +70,8 @@ def uninterrupted(time: Array, step: float) -> list[slice]:
         first = int(np.argmax(early))
         raise AtSample(
             first + 1,
-            f"only {distances[first]:.6g} s after the one before; a model with memory needs even steps of {step:.6g} s",
+            f"only {distances[first]:.6g} s after the one before; a model with memory needs "
+            f"even steps of {step:.6g} s",
             f"bring the recording onto even steps of {step:.6g} s",
         )
     return pieces(len(time), np.flatnonzero((distances > step + slack) | (distances < 0)))
@@ -71,23 +80,33 @@ def uninterrupted(time: Array, step: float) -> list[slice]:
 def time_step(curves: Sequence[Curve]) -> float:
     """Return the time between samples that all curves have in common, s: the median.
 
-    Raises DataError where a curve has another one: lags count samples, so all recordings must be sampled alike.
+    Raises DataError where a curve has another one: lags count samples, so all recordings must be
+    sampled alike.
     """
-    steps = {curve.id: float(np.median(np.diff(curve.columns["time"]))) for curve in curves if curve.size > 1}
+    steps = {
+        curve.id: float(np.median(np.diff(curve.columns["time"])))
+        for curve in curves
+        if curve.size > 1
+    }
     usual = float(np.median(list(steps.values()))) if steps else float("nan")
     for name, step in steps.items():
         if not abs(step - usual) <= UNEVEN * usual:
             raise DataError(
-                f"{name}: its samples are {step:.6g} s apart, those of other recordings {usual:.6g} s",
+                f"{name}: its samples are {step:.6g} s apart, those of other recordings "
+                f"{usual:.6g} s",
                 "bring all recordings onto the same time steps with `resample`",
             )
     if not usual > 0:
-        raise DataError("there is no time step: models with memory need samples in order of time", "name a column of stamps, `time`")
+        raise DataError(
+            "there is no time step: models with memory need samples in order of time",
+            "name a column of stamps, `time`",
+        )
     return usual
 
 
 def records_of(curves: Sequence[Curve], step: float) -> tuple[Record, ...]:
-    """Return the recordings of all curves cut into uninterrupted pieces; samples that are held out, or at rest, do not train.
+    """Return the recordings of all curves cut into uninterrupted pieces; samples that are held out,
+    or at rest, do not train.
 
     Raises DataError where samples are not at even time steps.
     """
@@ -100,7 +119,11 @@ def records_of(curves: Sequence[Curve], step: float) -> tuple[Record, ...]:
             except AtSample as error:
                 raise DataError(
                     f"{name}: sample {error.sample} (at {time[error.sample]:.9g} s): {error.fault}",
-                    f"add `resample: {step:.6g} s` to `data`, with `gaps: {{longer_than: ..., action: split}}` where recordings break off",
+                    f"add `resample: {step:.6g} s` to `data`, with `gaps: {{longer_than: ..., "
+                    f"action: split}}` where recordings break off",
                 ) from error
-            records += [Record({name: x[part] for name, x in curve.columns.items()}, curve.training[part]) for part in parts]
+            records += [
+                Record({name: x[part] for name, x in curve.columns.items()}, curve.training[part])
+                for part in parts
+            ]
     return tuple(records)

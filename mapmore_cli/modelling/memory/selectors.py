@@ -1,4 +1,6 @@
-"""Models of 1, 2, ... terms from the same regressors: plain FROLS, or regularised FROLS with pruning."""
+"""Models of 1, 2, ... terms from the same regressors: plain FROLS, or regularised FROLS with
+pruning.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,14 @@ from mapmore_cli.modelling.expressions import Expression, dictionary_blocks, dic
 from mapmore_cli.modelling.expressions.families import fits_whole, refuse_beyond_memory
 from mapmore_cli.modelling.frols import frols, frols_streamed
 from mapmore_cli.modelling.frols.moments import moments, standard, standardised, uncentred
-from mapmore_cli.modelling.frols.ridge import Regularised, choose_ridge, prune, ridge_press, select, substitutes
+from mapmore_cli.modelling.frols.ridge import (
+    Regularised,
+    choose_ridge,
+    prune,
+    ridge_press,
+    select,
+    substitutes,
+)
 from mapmore_cli.modelling.frols.select import fewest, in_units, information_criterion, widened
 from mapmore_cli.modelling.memory.records import Record, complete
 from mapmore_cli.modelling.memory.states import evaluate_states
@@ -25,7 +34,9 @@ from mapmore_cli.modelling.selection import LEAST_RIDGE, MemoryRecipe, Stop
 
 @dataclass(frozen=True)
 class Regressors:
-    """States and output on the n training samples that have a history, (n,) each, in the order of the recordings."""
+    """States and output on the n training samples that have a history, (n,) each, in the order of
+    the recordings.
+    """
 
     terms: tuple[Expression, ...]
     states: Columns
@@ -38,7 +49,9 @@ class Regressors:
 
     def rows(self, part: slice) -> Regressors:
         """Return some of the samples."""
-        return Regressors(self.terms, {name: values[part] for name, values in self.states.items()}, self.y[part])
+        return Regressors(
+            self.terms, {name: values[part] for name, values in self.states.items()}, self.y[part]
+        )
 
     def blocks(self) -> Iterator[tuple[Array, Array]]:
         """Yield the dictionary and the output, block by block."""
@@ -46,7 +59,9 @@ class Regressors:
             yield P, self.y[rows]
 
 
-def regressors(records: Sequence[Record], states: StateSet, terms: Sequence[Expression], target: str) -> Regressors:
+def regressors(
+    records: Sequence[Record], states: StateSet, terms: Sequence[Expression], target: str
+) -> Regressors:
     """Return the training samples of all pieces on which every state has a value.
 
     Raises DataError where there are none, or the output is missing.
@@ -54,14 +69,24 @@ def regressors(records: Sequence[Record], states: StateSet, terms: Sequence[Expr
     parts: list[tuple[Columns, Array]] = []
     for record in records:
         if target not in record.columns:
-            raise DataError(f"there is no column `{target}`", f"there are: {', '.join(record.columns)}")
+            raise DataError(
+                f"there is no column `{target}`", f"there are: {', '.join(record.columns)}"
+            )
         values = evaluate_states(states, record.columns)
         known = record.training & complete(values.values(), record.size)
-        parts.append(({name: column[known] for name, column in values.items()}, record.columns[target][known]))
+        parts.append(
+            (
+                {name: column[known] for name, column in values.items()},
+                record.columns[target][known],
+            )
+        )
     pooled = {name: np.concatenate([values[name] for values, _ in parts]) for name in states.names}
     y = np.concatenate([output for _, output in parts])
     if not len(y):
-        raise DataError("no training sample has a history as long as the delays ask for", "use fewer steps of delay, or longer recordings")
+        raise DataError(
+            "no training sample has a history as long as the delays ask for",
+            "use fewer steps of delay, or longer recordings",
+        )
     return Regressors(tuple(terms), pooled, y)
 
 
@@ -70,7 +95,9 @@ FOLDS = 4  # blocks of samples that are left out in turn where the ridge is chos
 
 @dataclass(frozen=True)
 class Choice:
-    """Terms of one model: their selection in units of the candidates, and the constant that belongs to it."""
+    """Terms of one model: their selection in units of the candidates, and the constant that belongs
+    to it.
+    """
 
     selection: Selection
     constant: float
@@ -99,12 +126,16 @@ class _Plain:
 
     @cached_property
     def ranking(self) -> Regularised:
-        """The covariance of all candidates, divided by their root mean squares, by which they are ranked beside chosen ones."""
+        """The covariance of all candidates, divided by their root mean squares, by which they are
+        ranked beside chosen ones.
+        """
         total = moments(standardised(self.data.blocks, uncentred(self.data.blocks)))
         return Regularised(total.products / total.samples, total.samples, LEAST_RIDGE)
 
     def best(self) -> Choice:
-        """Return the model whose number of terms the recipe's rule prefers; the largest where free runs decide on it."""
+        """Return the model whose number of terms the recipe's rule prefers; the largest where free
+        runs decide on it.
+        """
         recipe = self.recipe
         if recipe.stop == "free_run":
             return self.of_size(recipe.most_terms)
@@ -119,12 +150,21 @@ class _Plain:
         return self._selected(chosen, len(chosen))
 
     def penalty(self, chosen: IntArray) -> Array:
-        """(k,) what the ridge, a part of each candidate's variance, adds to the squared error for each squared coefficient."""
+        """(k,) what the ridge, a part of each candidate's variance, adds to the squared error for
+        each squared coefficient.
+        """
         return np.zeros(len(chosen))
 
-    def _selected(self, among: IntArray, terms: int, tolerance: float = 0.0, stop: Stop = "tolerance") -> Choice:
+    def _selected(
+        self, among: IntArray, terms: int, tolerance: float = 0.0, stop: Stop = "tolerance"
+    ) -> Choice:
         if self._whole is None:
-            found = frols_streamed(lambda: ((P[:, among], y) for P, y in self.data.blocks()), terms, tolerance, stop=stop)
+            found = frols_streamed(
+                lambda: ((P[:, among], y) for P, y in self.data.blocks()),
+                terms,
+                tolerance,
+                stop=stop,
+            )
         else:
             found = frols(self._whole[:, among], self.data.y, terms, tolerance, stop=stop)
         if len(among) < len(self.all):
@@ -133,10 +173,12 @@ class _Plain:
 
 
 class _Ridged:
-    """Regularised FROLS: forward, then backward; everything but PRESS from sums of products, which are formed block by block.
+    """Regularised FROLS: forward, then backward; everything but PRESS from sums of products, which
+    are formed block by block.
 
-    Its methods are those of `_Plain`, its `ranking` goes by standard deviations. The ridge is chosen here where the recipe leaves that
-    open. Raises DataError where no candidate explains anything.
+    Its methods are those of `_Plain`, its `ranking` goes by standard deviations. The ridge is
+    chosen here where the recipe leaves that open. Raises DataError where no candidate explains
+    anything.
     """
 
     def __init__(self, data: Regressors, recipe: MemoryRecipe) -> None:
@@ -164,9 +206,13 @@ class _Ridged:
             return self.of_size(terms)
         if stop == "press":
             return self.of_size(fewest(ridge_press(self.blocks, ranking, self.subsets)), stop)
-        unexplained = np.array([ranking.unexplained(kept, ranking.coefficients(kept)) for kept in self.subsets])
+        unexplained = np.array(
+            [ranking.unexplained(kept, ranking.coefficients(kept)) for kept in self.subsets]
+        )
         if stop != "tolerance":
-            return self.of_size(fewest(information_criterion(stop, unexplained, ranking.samples)), stop)
+            return self.of_size(
+                fewest(information_criterion(stop, unexplained, ranking.samples)), stop
+            )
         enough = np.flatnonzero(unexplained <= self.recipe.tolerance)
         return self.of_size(enough[0] + 1, stop) if len(enough) else self.of_size(terms)
 
@@ -177,7 +223,9 @@ class _Ridged:
         found = replace(select(self.ranking, len(chosen), chosen), stop=stop)
         best, shares = substitutes(self.ranking, found.chosen)
         selection = in_units(found, self.standard.spread)
-        constant = float(self.standard.centre[-1] - selection.theta @ self.standard.centre[selection.chosen])
+        constant = float(
+            self.standard.centre[-1] - selection.theta @ self.standard.centre[selection.chosen]
+        )
         return Choice(selection, constant, self.ranking.ridge, self.forward, best, shares)
 
     def penalty(self, chosen: IntArray) -> Array:
@@ -185,5 +233,7 @@ class _Ridged:
 
 
 def selector(data: Regressors, recipe: MemoryRecipe) -> _Plain | _Ridged:
-    """Return what gives a model of any number of terms: plain FROLS where the recipe has no ridge, else regularised FROLS."""
+    """Return what gives a model of any number of terms: plain FROLS where the recipe has no ridge,
+    else regularised FROLS.
+    """
     return _Plain(data, recipe) if recipe.ridge == 0.0 else _Ridged(data, recipe)

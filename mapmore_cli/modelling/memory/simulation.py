@@ -1,4 +1,6 @@
-"""One uninterrupted piece of a recording, made ready to be simulated many times with other coefficients."""
+"""One uninterrupted piece of a recording, made ready to be simulated many times with other
+coefficients.
+"""
 
 from __future__ import annotations
 
@@ -18,14 +20,16 @@ from mapmore_cli.modelling.memory.feedback import OUTPUT, Feedback, fed_back_sta
 from mapmore_cli.modelling.memory.records import AtSample, complete
 from mapmore_cli.modelling.memory.states import evaluate_states, value_of
 
-DIVERGED = 100.0  # training ranges by which a free run may leave the training range before it counts as diverged
+# training ranges by which a free run may leave the training range before it counts as diverged
+DIVERGED = 100.0
 
 
 @dataclass(frozen=True)
 class Trajectory:
     """A run from row `start` of a piece on, and where in it the run began anew.
 
-    - `output`: (n,) simulated outputs; fewer than the rest of the piece where the run left all bounds.
+    - `output`: (n,) simulated outputs; fewer than the rest of the piece where the run left all
+      bounds.
     - `nodes`: (nodes, n) unscaled values of the fed-back states and of what they are made of.
     - `begins`: (n,) the row, counted from `start`, at which the stretch of each sample began.
     """
@@ -58,23 +62,31 @@ def piece_of(states: StateSet, output: str, columns: Columns) -> Piece:
     measured = np.asarray(columns.get(output, np.full(n, np.nan)), dtype=np.float64)
     fed_back = fed_back_states(states, output)
     values = evaluate_states(states, {**columns, output: np.full(n, np.nan)})
-    return Piece(measured, {name: column for name, column in values.items() if name not in fed_back}, {})
+    return Piece(
+        measured, {name: column for name, column in values.items() if name not in fed_back}, {}
+    )
 
 
 class Course:
-    """A piece made ready for one set of terms: its n rows up to `end`, of which the rows from `start` on can be simulated.
+    """A piece made ready for one set of terms: its n rows up to `end`, of which the rows from
+    `start` on can be simulated.
 
     It starts where every state of inputs has a value, after the longest delay.
 
     - `inputs`: (n - start, k) input parts of the terms.
     - `measured`: (n,) output; NaN where it is not known.
-    - `history`: (nodes, n) the fed-back states and what they are made of along the measured output, at rest before.
+    - `history`: (nodes, n) the fed-back states and what they are made of along the measured output,
+      at rest before.
     """
 
     def __init__(self, feedback: Feedback, piece: Piece, end: int | None = None) -> None:
         self.feedback, self.measured = feedback, piece.measured[:end]
         n = len(self.measured)
-        driven = {name: piece.driven[name][:end] for name in feedback.states.names if name not in feedback.names}
+        driven = {
+            name: piece.driven[name][:end]
+            for name in feedback.states.names
+            if name not in feedback.names
+        }
         ready = complete(driven.values(), n)
         self.start = min(n, max(feedback.longest, int(np.argmax(ready)) if ready.any() else n))
         self.size = n - self.start
@@ -84,7 +96,9 @@ class Course:
             column[:] = evaluate(part, rows, self.size)
         self.history = np.empty((len(feedback.nodes), n))
         for row, node in zip(self.history, feedback.nodes, strict=True):
-            values = value_of(node.state, {feedback.output: piece.measured}, feedback.states, piece.known)
+            values = value_of(
+                node.state, {feedback.output: piece.measured}, feedback.states, piece.known
+            )
             first = int(np.argmax(np.isfinite(values))) if len(values) else 0
             row[:] = values[:n]
             row[:first] = values[first : first + 1]  # each begins at rest
@@ -99,21 +113,31 @@ class Course:
         return np.asarray(back[rows] == back[np.maximum(rows - depth, 0)])
 
     def begins(self, horizon: int | None) -> IntArray:
-        """(n - start,) the row, counted from `start`, at which the stretch of each sample begins; a single one without a `horizon`."""
+        """(n - start,) the row, counted from `start`, at which the stretch of each sample begins; a
+        single one without a `horizon`.
+        """
         rows = np.arange(self.size)
         if horizon is None:
             return np.zeros_like(rows)
-        return np.asarray(np.maximum.accumulate(np.where((rows % horizon == 0) & self.restarts, rows, 0)))
+        return np.asarray(
+            np.maximum.accumulate(np.where((rows % horizon == 0) & self.restarts, rows, 0))
+        )
 
-    def run(self, theta: Array, constant: float, bounds: tuple[float, float], horizon: int | None = None) -> Trajectory:
-        """Simulate with the coefficients `theta` (k,), beginning anew from measured outputs after every `horizon` samples.
+    def run(
+        self, theta: Array, constant: float, bounds: tuple[float, float], horizon: int | None = None
+    ) -> Trajectory:
+        """Simulate with the coefficients `theta` (k,), beginning anew from measured outputs after
+        every `horizon` samples.
 
         It ends at the first sample that leaves the `bounds`, which is left out.
         """
         groups = self.feedback.groups
         weighted = self.inputs * theta
         base = (constant + weighted[:, groups < 0].sum(axis=1)).tolist()
-        weights = [weighted[:, groups == group].sum(axis=1).tolist() for group in range(len(self.feedback.owns))]
+        weights = [
+            weighted[:, groups == group].sum(axis=1).tolist()
+            for group in range(len(self.feedback.owns))
+        ]
         begins = self.begins(horizon)
         output, nodes = np.empty(self.size), np.empty((len(self.feedback.nodes), self.size))
         done = 0
@@ -126,9 +150,16 @@ class Course:
         return Trajectory(output[:done], nodes[:, :done], begins[:done])
 
     def _stretch(
-        self, begin: int, end: int, base: list[float], weights: list[list[float]], bounds: tuple[float, float]
+        self,
+        begin: int,
+        end: int,
+        base: list[float],
+        weights: list[list[float]],
+        bounds: tuple[float, float],
     ) -> tuple[Array, Array]:
-        """Return outputs and nodes of the samples from `begin` up to `end`, or up to the first that leaves the bounds."""
+        """Return outputs and nodes of the samples from `begin` up to `end`, or up to the first that
+        leaves the bounds.
+        """
         feedback, depth = self.feedback, self.feedback.depth
         past = np.maximum(np.arange(-depth, 0) + self.start + begin, 0)  # at rest before row 0
         outputs = self.measured[past]
@@ -137,7 +168,11 @@ class Course:
         y = outputs.tolist()
         places, advance = _wired(feedback, self.history[:, past], y)
         fed, owns = [places[place] for place in feedback.places], feedback.functions
-        limits, least, greatest = feedback.limits, -feedback.states.margin, 1 + feedback.states.margin
+        limits, least, greatest = (
+            feedback.limits,
+            -feedback.states.margin,
+            1 + feedback.states.margin,
+        )
         low, high = bounds
         with np.errstate(all="ignore"):
             for k in range(begin, end):
@@ -145,7 +180,10 @@ class Course:
                     step()
                 now = [values[-back] for values, back in fed]
                 if limits:
-                    now = [min(max((x - foot) / width, least), greatest) for x, (foot, width) in zip(now, limits, strict=True)]
+                    now = [
+                        min(max((x - foot) / width, least), greatest)
+                        for x, (foot, width) in zip(now, limits, strict=True)
+                    ]
                 value = base[k]
                 for own, weight in zip(owns, weights, strict=True):
                     value += weight[k] * own(now)
@@ -154,15 +192,23 @@ class Course:
                 y.append(value)
         count = len(y) - depth
         firsts = [depth - back + (values is not y) for values, back in places]
-        states = [values[first : first + count] for first, (values, _) in zip(firsts, places, strict=True)]
+        states = [
+            values[first : first + count] for first, (values, _) in zip(firsts, places, strict=True)
+        ]
         return np.array(y[depth:]), np.array(states).reshape(len(places), count)
 
 
-Read = tuple[list[float], int]  # values, and how far from their end the present one stands: delays need no list of their own
+Read = tuple[
+    list[float], int
+]  # values, and how far from their end the present one stands: delays need no list of their own
 
 
-def _wired(feedback: Feedback, history: Array, y: list[float]) -> tuple[list[Read], list[Callable[[], None]]]:
-    """Where each node is read, and what appends the next value of those with a rule, in order; the outputs `y` end at the sample before."""
+def _wired(
+    feedback: Feedback, history: Array, y: list[float]
+) -> tuple[list[Read], list[Callable[[], None]]]:
+    """Where each node is read, and what appends the next value of those with a rule, in order; the
+    outputs `y` end at the sample before.
+    """
     reads: list[Read] = []
     advance: list[Callable[[], None]] = []
     for node, before in zip(feedback.nodes, history, strict=True):
@@ -175,14 +221,23 @@ def _wired(feedback: Feedback, history: Array, y: list[float]) -> tuple[list[Rea
     return reads, advance
 
 
-def _advanced(rule: Recursion, own: list[float], source: list[float], back: int) -> Callable[[], None]:
-    """Return what appends the next value of an operator to its `own` ones; the present value of its source stands `back` from the end."""
+def _advanced(
+    rule: Recursion, own: list[float], source: list[float], back: int
+) -> Callable[[], None]:
+    """Return what appends the next value of an operator to its `own` ones; the present value of its
+    source stands `back` from the end.
+    """
     following = partial(rule.next, FLOATS)
     if (rule.own, rule.source) == (1, 0):
         return lambda: own.append(following(own[-1], source[-back]))
     if (rule.own, rule.source) == (1, 1):
         return lambda: own.append(following(own[-1], source[-back], source[-back - 1]))
-    return lambda: own.append(following(*[own[-i - 1] for i in range(rule.own)], *[source[-back - i] for i in range(rule.source + 1)]))
+    return lambda: own.append(
+        following(
+            *[own[-i - 1] for i in range(rule.own)],
+            *[source[-back - i] for i in range(rule.source + 1)],
+        )
+    )
 
 
 def refuse_unknown_beginning(course: Course) -> None:
@@ -194,7 +249,8 @@ def refuse_unknown_beginning(course: Course) -> None:
         raise AtSample(
             first + int(np.argmin(known)),
             f"{output} is missing where a free run begins: the model goes on from measured outputs",
-            f"give the column {output} with values in the first {course.start} samples of every recording, and after every gap",
+            f"give the column {output} with values in the first {course.start} samples of "
+            "every recording, and after every gap",
         )
 
 

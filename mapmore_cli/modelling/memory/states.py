@@ -1,4 +1,6 @@
-"""Values of states with memory along a piece of a recording, and the numbers behind them, which training finds."""
+"""Values of states with memory along a piece of a recording, and the numbers behind them, which
+training finds.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,8 @@ from mapmore_cli.modelling.selection import MemoryRecipe
 
 
 def evaluate_states(states: StateSet, columns: Columns) -> dict[str, Array]:
-    """Every state along one uninterrupted piece, (n,) each, scaled and clipped as `states` says; NaN before there is history.
+    """Every state along one uninterrupted piece, (n,) each, scaled and clipped as `states` says;
+    NaN before there is history.
 
     Raises DataError where a quantity is missing.
     """
@@ -29,31 +32,43 @@ def evaluate_states(states: StateSet, columns: Columns) -> dict[str, Array]:
     values = {name: value_of(state(name), columns, states, known) for name in states.names}
     for name, low, high in zip(states.names, states.low, states.high, strict=states.scaled):
         if high > low:
-            values[name] = np.clip((values[name] - low) / (high - low), -states.margin, 1 + states.margin)
+            values[name] = np.clip(
+                (values[name] - low) / (high - low), -states.margin, 1 + states.margin
+            )
         else:  # it stood still in training
             values[name] = np.where(np.isnan(values[name]), np.nan, 0.0)
     return values
 
 
 def value_of(found: State, columns: Columns, numbers: StateSet, known: dict[str, Array]) -> Array:
-    """One state in physical units, (n,); it and what it is made of are kept in `known`, by their names."""
+    """One state in physical units, (n,); it and what it is made of are kept in `known`, by their
+    names.
+    """
     if found.name in known:
         return known[found.name]
     match found:
         case Measured(name):
             if name not in columns:
-                raise DataError(f"there is no column `{name}`", f"there are: {', '.join(columns) or 'none'}")
+                raise DataError(
+                    f"there is no column `{name}`", f"there are: {', '.join(columns) or 'none'}"
+                )
             values = np.asarray(columns[name], dtype=np.float64)
         case Lagged(source, steps):
             values = delayed(value_of(source, columns, numbers, known), steps)
         case Operated(operator, source):
-            values = along(OPERATORS[operator], value_of(source, columns, numbers, known), setting_of(found, numbers))
+            values = along(
+                OPERATORS[operator],
+                value_of(source, columns, numbers, known),
+                setting_of(found, numbers),
+            )
     known[found.name] = values
     return values
 
 
 def setting_of(found: Operated, numbers: StateSet) -> Setting:
-    """Return what an operator's state depends on: numbers of its name, or those that training found."""
+    """Return what an operator's state depends on: numbers of its name, or those that training
+    found.
+    """
     source = found.source.name
     match OPERATORS[found.operator].needs:
         case "range":
@@ -81,7 +96,8 @@ def resolve(
     recipe: MemoryRecipe,
     resonances: Mapping[str, tuple[float, float]] = MappingProxyType({}),
 ) -> StateSet:
-    """Return the states of these names, with every number that they need; `resonances` are those that were found already.
+    """Return the states of these names, with every number that they need; `resonances` are those
+    that were found already.
 
     `resonance` without numbers is the oscillator that explains most of the recipe's target.
 
@@ -89,11 +105,16 @@ def resolve(
     """
     ranges: dict[str, tuple[float, float]] = {}
     found_already = dict(resonances)
-    states = StateSet(tuple(names), recipe.step, ranges, found_already, np.empty(0), np.empty(0), recipe.margin)
+    states = StateSet(
+        tuple(names), recipe.step, ranges, found_already, np.empty(0), np.empty(0), recipe.margin
+    )
     known: list[dict[str, Array]] = [{} for _ in records]
 
     def along_records(found: State) -> list[Array]:
-        return [value_of(found, record.columns, states, own) for record, own in zip(records, known, strict=True)]
+        return [
+            value_of(found, record.columns, states, own)
+            for record, own in zip(records, known, strict=True)
+        ]
 
     training = [record.training for record in records]
     for part in dict.fromkeys(part for name in names for part in state(name).parts):
@@ -104,16 +125,24 @@ def resolve(
             ranges[source] = _range(_pooled(along_records(part.source), training), source)
         if needs == "oscillator" and not part.numbers and source not in found_already:
             output = [record.columns[recipe.target] for record in records]
-            found_already[source] = find_resonance(along_records(part.source), output, training, recipe.step)
+            found_already[source] = find_resonance(
+                along_records(part.source), output, training, recipe.step
+            )
     if recipe.scaling != "range":
         return states
-    limits = np.array([_range(_pooled(along_records(state(name)), training), name) for name in names]).reshape(-1, 2)
+    limits = np.array(
+        [_range(_pooled(along_records(state(name)), training), name) for name in names]
+    ).reshape(-1, 2)
     return replace(states, low=limits[:, 0], high=limits[:, 1])
 
 
 def with_ranges(records: Sequence[Record], recipe: MemoryRecipe) -> tuple[str, ...]:
-    """Return the dictionary with the training ranges that it waits for; raises DataError as `resolve` does."""
-    waiting = {name for text in recipe.dictionary if RANGED[0] in text for name in candidate(text).names}
+    """Return the dictionary with the training ranges that it waits for; raises DataError as
+    `resolve` does.
+    """
+    waiting = {
+        name for text in recipe.dictionary if RANGED[0] in text for name in candidate(text).names
+    }
     found = resolve(sorted(waiting), records, replace(recipe, scaling="range"))
     ends = list(zip(found.low.tolist(), found.high.tolist(), strict=True))
     courses = ((0.0, 1.0, *one) if recipe.scaling == "range" else one * 2 for one in ends)
@@ -123,7 +152,10 @@ def with_ranges(records: Sequence[Record], recipe: MemoryRecipe) -> tuple[str, .
 def _range(values: Array, name: str) -> tuple[float, float]:
     values = values[np.isfinite(values)]
     if not len(values):
-        raise DataError(f"`{name}` has no value on any training sample", "use fewer steps of delay, or longer recordings")
+        raise DataError(
+            f"`{name}` has no value on any training sample",
+            "use fewer steps of delay, or longer recordings",
+        )
     return float(values.min()), float(values.max())
 
 
@@ -131,19 +163,25 @@ def _pooled(values: Sequence[Array], training: Sequence[BoolArray]) -> Array:
     return np.concatenate([one[rows] for one, rows in zip(values, training, strict=True)])
 
 
-FREQUENCIES = tuple(np.geomspace(1.0, 15.0, 30).tolist())  # Hz: what a load on a soft muscle rings with
+FREQUENCIES = tuple(
+    np.geomspace(1.0, 15.0, 30).tolist()
+)  # Hz: what a load on a soft muscle rings with
 DAMPINGS = (0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.5, 0.7)
 FASTEST = 0.2  # cycles per sample: a faster oscillation is not resolved
 TIE = 1e-9  # an oscillator must explain more than another by this fraction to be preferred
-RANK = 1e-10  # relative to the larger, a direction of the oscillator with so little of its own explains nothing
+# relative to the larger, a direction of the oscillator with so little of its own explains nothing
+RANK = 1e-10
 CREEP = 0.3  # time constant of the slow state that stands for everything else with memory, s
 
 
-def find_resonance(driving: Sequence[Array], output: Sequence[Array], training: Sequence[BoolArray], step: float) -> tuple[float, float]:
-    """Frequency (Hz) and damping ratio of the oscillator that leaves least of the training output, the slowest of equals.
+def find_resonance(
+    driving: Sequence[Array], output: Sequence[Array], training: Sequence[BoolArray], step: float
+) -> tuple[float, float]:
+    """Frequency (Hz) and damping ratio of the oscillator that leaves least of the training output,
+    the slowest of equals.
 
-    The output is fitted with `[1, x, x^2, s, y, v]`: the driving quantity x, a slow state s of it, the oscillator's position y and
-    velocity v.
+    The output is fitted with `[1, x, x^2, s, y, v]`: the driving quantity x, a slow state s of it,
+    the oscillator's position y and velocity v.
 
     - `driving`, `output`: (n,) for every piece.
     - `training`: (n,) samples that count.
@@ -151,7 +189,8 @@ def find_resonance(driving: Sequence[Array], output: Sequence[Array], training: 
     frequencies = [f for f in FREQUENCIES if f * step <= FASTEST]
     if not frequencies:
         raise DataError(
-            f"no resonance can be seen with {step:g} s between samples: the lowest that is looked for has {FREQUENCIES[0]:g} Hz",
+            f"no resonance can be seen with {step:g} s between samples: the lowest that is "
+            f"looked for has {FREQUENCIES[0]:g} Hz",
             "give frequency and damping, as resonance(pressure, 0.1, 0.3), or sample faster",
         )
     x = _pooled(driving, training)
@@ -164,12 +203,21 @@ def find_resonance(driving: Sequence[Array], output: Sequence[Array], training: 
     best = (-np.inf, frequencies[0], DAMPINGS[0])
     for frequency in frequencies:
         for damping in DAMPINGS:
-            positions = [along(OPERATORS["resonance"], one, Setting((frequency, damping), step)) for one in driving]
-            velocities = [np.nan_to_num(np.diff(one, prepend=one[:1])) for one in positions]  # at rest where they begin
-            moved = np.column_stack([_pooled(positions, training), _pooled(velocities, training)])[known]
+            positions = [
+                along(OPERATORS["resonance"], one, Setting((frequency, damping), step))
+                for one in driving
+            ]
+            velocities = [
+                np.nan_to_num(np.diff(one, prepend=one[:1])) for one in positions
+            ]  # at rest where they begin
+            moved = np.column_stack([_pooled(positions, training), _pooled(velocities, training)])[
+                known
+            ]
             along_basis, products = basis.T @ moved, moved.T @ left
             gram = moved.T @ moved - along_basis.T @ along_basis
-            gain = float(products @ np.linalg.lstsq(gram, products, rcond=RANK)[0])  # by how much the squares that are left shrink
+            gain = float(
+                products @ np.linalg.lstsq(gram, products, rcond=RANK)[0]
+            )  # by how much the squares that are left shrink
             if gain > best[0] * (1 + TIE):
                 best = (gain, frequency, damping)
     return best[1], best[2]

@@ -1,4 +1,6 @@
-"""Piecewise state-space models of motion (P): linear sections of second order along an input, such as a regulator's voltage."""
+"""Piecewise state-space models of motion (P): linear sections of second order along an input, such
+as a regulator's voltage.
+"""
 
 from mapmore_cli.domain.models import MotionFit, StateSpace
 from mapmore_cli.modelling.kinds import Kind

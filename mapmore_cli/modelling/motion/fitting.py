@@ -1,10 +1,14 @@
-"""From pieces of recordings to a model of motion; and sections that share one state, joined so that nothing jumps at their boundaries.
+"""From pieces of recordings to a model of motion; and sections that share one state, joined so that
+nothing jumps at their boundaries.
 
-A section's steady output is `s(u) = sum_m w_m d_m/(1 - P1 - P2)`. Joined, s is one line of straight pieces along the input, given
-by its heights at the boundaries and at the ends of the training range (with a load L, so is the part that is multiplied with L). Rise and
-fall have lines of their own; where the direction changes, the output moves from one to the other as fast as the section's poles let it.
+A section's steady output is `s(u) = sum_m w_m d_m/(1 - P1 - P2)`. Joined, s is one line of straight
+pieces along the input, given by its heights at the boundaries and at the ends of the training range
+(with a load L, so is the part that is multiplied with L). Rise and fall have lines of their own;
+where the direction changes, the output moves from one to the other as fast as the section's poles
+let it.
 
-Given the poles, the output is linear in the heights, which follow by projection; the poles of all sections are refined together.
+Given the poles, the output is linear in the heights, which follow by projection; the poles of all
+sections are refined together.
 """
 
 from __future__ import annotations
@@ -17,10 +21,27 @@ from scipy.optimize import least_squares
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.models import ALL, BUMPLESS, FALL, RISE, Motion, MotionFit, MotionSection, SectionSearch
+from mapmore_cli.domain.models import (
+    ALL,
+    BUMPLESS,
+    FALL,
+    RISE,
+    Motion,
+    MotionFit,
+    MotionSection,
+    SectionSearch,
+)
 from mapmore_cli.modelling.memory.records import Record
 from mapmore_cli.modelling.motion.problem import Found, MotionRecipe, Piece, Problem
-from mapmore_cli.modelling.motion.simulation import active, angles, driven, extent, of_angles, shared, spread
+from mapmore_cli.modelling.motion.simulation import (
+    active,
+    angles,
+    driven,
+    extent,
+    of_angles,
+    shared,
+    spread,
+)
 from mapmore_cli.modelling.motion.solvers import solve
 
 REFINEMENTS = 20  # steps that refine the poles of all sections together, at most
@@ -29,21 +50,31 @@ INMOST = 0.999  # largest reflection coefficient to begin with
 
 
 def fit_motion(
-    records: Sequence[Record], recipe: MotionRecipe, progress: Callable[[int, int], None] = lambda _done, _total: None
+    records: Sequence[Record],
+    recipe: MotionRecipe,
+    progress: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> MotionFit:
-    """Fit every section to its own training samples, then, where they share a state, all of them together.
+    """Fit every section to its own training samples, then, where they share a state, all of them
+    together.
 
-    A section's samples are those at which it holds; with hard switching it runs on the whole input all the same.
+    A section's samples are those at which it holds; with hard switching it runs on the whole input
+    all the same.
 
-    Raises DataError where the input never changes, boundaries leave a section without samples or with too few of them; SpecError, FitError
-    where the solver refuses the sections, or finds no stable one.
+    Raises DataError where the input never changes, boundaries leave a section without samples or
+    with too few of them; SpecError, FitError where the solver refuses the sections, or finds no
+    stable one.
     """
     outline = _outline(records, recipe)
     pieces = []
     for record in records:
-        columns, mask = record.columns, recipe.output if recipe.mask == "displacement" else recipe.input
+        columns, mask = (
+            record.columns,
+            recipe.output if recipe.mask == "displacement" else recipe.input,
+        )
         holds = active(outline, columns[recipe.input], columns[mask])
-        pieces.append(Piece(driven(outline.drives, columns), columns[recipe.output], record.training, holds))
+        pieces.append(
+            Piece(driven(outline.drives, columns), columns[recipe.output], record.training, holds)
+        )
     reach = recipe.reach(max(int(piece.counts.sum()) for piece in pieces))
     sections: list[MotionSection] = []
     searches: list[SectionSearch] = []
@@ -51,18 +82,29 @@ def fit_motion(
         own = [replace(piece, counts=piece.counts & (piece.holds == number)) for piece in pieces]
         samples = int(sum(piece.counts.sum() for piece in own))
         if samples <= (needed := 2 + len(outline.drives)):
-            where, (low, high) = f"{outline.input} {extent(outline.boundaries, section.place)}", outline.limits
+            where, (low, high) = (
+                f"{outline.input} {extent(outline.boundaries, section.place)}",
+                outline.limits,
+            )
             raise DataError(
-                f"section {section.id} ({where}): {samples} training sample(s), too few for {needed} parameters; the training input goes "
+                f"section {section.id} ({where}): {samples} training sample(s), too few for "
+                f"{needed} parameters; the training input goes "
                 f"from {low:.6g} to {high:.6g}",
-                "move the boundaries of `model.sections` to where the input has been, or train on records that go there",
+                "move the boundaries of `model.sections` to where the input has been, or "
+                "train on records that go there",
             )
         found: Found = solve(Problem(own, reach, recipe.start, (recipe.seed, number)), recipe)
         sections.append(replace(section, p1=found.p1, p2=found.p2, weights=found.weights))
-        searches.append(SectionSearch(section.id, samples, found.rmse, found.evaluations, found.history))
+        searches.append(
+            SectionSearch(section.id, samples, found.rmse, found.evaluations, found.history)
+        )
         progress(number + 1, len(outline.sections))
     model = replace(outline, sections=tuple(sections))
-    return MotionFit(joined(model, pieces, reach) if recipe.switching == BUMPLESS else model, recipe.solver, tuple(searches))
+    return MotionFit(
+        joined(model, pieces, reach) if recipe.switching == BUMPLESS else model,
+        recipe.solver,
+        tuple(searches),
+    )
 
 
 def _outline(records: Sequence[Record], recipe: MotionRecipe) -> Motion:
@@ -72,12 +114,17 @@ def _outline(records: Sequence[Record], recipe: MotionRecipe) -> Motion:
         raise DataError("there is no training sample", "keep more samples")
     if np.ptp(u) == 0:
         raise DataError(
-            f"the input `{recipe.input}` is {u[0]:.6g} at all {len(u)} training samples", "train on a record in which it changes"
+            f"the input `{recipe.input}` is {u[0]:.6g} at all {len(u)} training samples",
+            "train on a record in which it changes",
         )
-    boundaries = spread(u, recipe.sections) if isinstance(recipe.sections, int) else tuple(recipe.sections)
+    boundaries = (
+        spread(u, recipe.sections) if isinstance(recipe.sections, int) else tuple(recipe.sections)
+    )
     empty = np.zeros(len(recipe.drives))
     sections = tuple(
-        MotionSection(f"{way} {place}" if recipe.direction else str(place), place, way, 0.0, 0.0, empty)
+        MotionSection(
+            f"{way} {place}" if recipe.direction else str(place), place, way, 0.0, 0.0, empty
+        )
         for place in range(1, len(boundaries) + 2)
         for way in ((RISE, FALL) if recipe.direction else (ALL,))
     )
@@ -99,12 +146,14 @@ def _outline(records: Sequence[Record], recipe: MotionRecipe) -> Motion:
 def joined(motion: Motion, pieces: Sequence[Piece], reach: float) -> Motion:
     """Return the model with sections that meet, and poles refined for that.
 
-    Raises DataError where a boundary lies at an end of the training range: the section beyond it would have no width.
+    Raises DataError where a boundary lies at an end of the training range: the section beyond it
+    would have no width.
     """
     if np.any(np.diff(_knots(motion)[0]) <= 0):
         low, high = motion.limits
         raise DataError(
-            f"a boundary of the sections lies at an end of the training input, which goes from {low:.6g} to {high:.6g}",
+            "a boundary of the sections lies at an end of the training input, which goes "
+            f"from {low:.6g} to {high:.6g}",
             "move the boundary inwards, or use `switching: hard`",
         )
     counted = [piece for piece in pieces if piece.counts.any()]
@@ -114,7 +163,8 @@ def joined(motion: Motion, pieces: Sequence[Piece], reach: float) -> Motion:
     def outputs(poles: Array) -> Array:
         steady = 1.0 - poles.sum(axis=1)[:, None]
         runs = (
-            shared(poles, basis * steady[run.holds], run.holds, motion.start)[run.counts] for run, basis in zip(counted, bases, strict=True)
+            shared(poles, basis * steady[run.holds], run.holds, motion.start)[run.counts]
+            for run, basis in zip(counted, bases, strict=True)
         )
         return np.concatenate(list(runs))
 
@@ -122,8 +172,12 @@ def joined(motion: Motion, pieces: Sequence[Piece], reach: float) -> Motion:
         moved = outputs(_poles(place, reach))
         return np.asarray(moved @ np.linalg.lstsq(moved, y, rcond=None)[0] - y)
 
-    start = np.concatenate([angles(section.p1, section.p2, reach, INMOST) for section in motion.sections])
-    best = least_squares(residuals, start, ftol=TOLERANCE, xtol=TOLERANCE, gtol=TOLERANCE, max_nfev=REFINEMENTS)
+    start = np.concatenate(
+        [angles(section.p1, section.p2, reach, INMOST) for section in motion.sections]
+    )
+    best = least_squares(
+        residuals, start, ftol=TOLERANCE, xtol=TOLERANCE, gtol=TOLERANCE, max_nfev=REFINEMENTS
+    )
     poles = _poles(best.x, reach)
     heights = np.linalg.lstsq(outputs(poles), y, rcond=None)[0]
     return _with_heights(motion, poles, heights)
@@ -135,12 +189,17 @@ def _poles(place: Array, reach: float) -> Array:
 
 
 def _knots(motion: Motion) -> tuple[Array, int]:
-    """Where the steady line has its heights, the ends of the training range and the boundaries; and how many lines, one a direction."""
-    return np.array([motion.limits[0], *motion.boundaries, motion.limits[1]]), 2 if motion.directed else 1
+    """Where the steady line has its heights, the ends of the training range and the boundaries; and
+    how many lines, one a direction.
+    """
+    return np.array(
+        [motion.limits[0], *motion.boundaries, motion.limits[1]]
+    ), 2 if motion.directed else 1
 
 
 def _heights_of(motion: Motion, run: Piece) -> Array:
-    """Drives (n, knots x lines) that give a steady output of one at each knot; straight on beyond the ends.
+    """Drives (n, knots x lines) that give a steady output of one at each knot; straight on beyond
+    the ends.
 
     With a load, a second set that is multiplied with it.
     """
@@ -151,11 +210,17 @@ def _heights_of(motion: Motion, run: Piece) -> Array:
     rows = np.arange(len(u))
     shares[rows, place * lines + line] = 1.0 - along
     shares[rows, (place + 1) * lines + line] = along
-    return shares if len(motion.drives) == 2 else np.column_stack([shares, shares * run.drives[:, 2:3]])
+    return (
+        shares
+        if len(motion.drives) == 2
+        else np.column_stack([shares, shares * run.drives[:, 2:3]])
+    )
 
 
 def _with_heights(motion: Motion, poles: Array, heights: Array) -> Motion:
-    """Return the weights of the drives `u, 1` (and `L, u L`) that the heights give in every section."""
+    """Return the weights of the drives `u, 1` (and `L, u L`) that the heights give in every
+    section.
+    """
     knots, lines = _knots(motion)
 
     def straight(heights_of_one: Array) -> list[Array]:
@@ -167,5 +232,8 @@ def _with_heights(motion: Motion, poles: Array, heights: Array) -> Motion:
     own, *loaded = (straight(part) for part in heights.reshape(-1, len(knots) * lines))
     weights = np.column_stack([*own, *(column for part in loaded for column in part[::-1])])
     found = zip(motion.sections, poles.tolist(), weights, strict=True)
-    sections = (replace(section, p1=p1, p2=p2, weights=(1.0 - p1 - p2) * drives) for section, (p1, p2), drives in found)
+    sections = (
+        replace(section, p1=p1, p2=p2, weights=(1.0 - p1 - p2) * drives)
+        for section, (p1, p2), drives in found
+    )
     return replace(motion, sections=tuple(sections))

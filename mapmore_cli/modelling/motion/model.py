@@ -1,4 +1,6 @@
-"""A model of motion: its prediction along a recording, its training range, its equations, its program."""
+"""A model of motion: its prediction along a recording, its training range, its equations, its
+program.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,17 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.fits import SegmentedCurve
-from mapmore_cli.domain.models import BUMPLESS, HARD, REST, CurveRange, Equation, Model, Motion, MotionSection, StateSpace
+from mapmore_cli.domain.models import (
+    BUMPLESS,
+    HARD,
+    REST,
+    CurveRange,
+    Equation,
+    Model,
+    Motion,
+    MotionSection,
+    StateSpace,
+)
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling.expressions import Expression, Name, Number, add, parse, substitute
@@ -24,28 +36,56 @@ OfSection = Callable[
 
 
 def build(
-    name: str, motion: Motion, training: Sequence[SegmentedCurve], quantities: Mapping[str, Quantity], notes: tuple[str, ...]
+    name: str,
+    motion: Motion,
+    training: Sequence[SegmentedCurve],
+    quantities: Mapping[str, Quantity],
+    notes: tuple[str, ...],
 ) -> Model:
     """Return a model of motion; the `training` curves say the range of the inputs."""
     inputs = motion_inputs(motion)
-    ranges = tuple(CurveRange(c.curve, c.level, {name: c.limits[name] for name in inputs}) for c in training)
-    return Model(name, quantities[motion.output], tuple(quantities[name] for name in inputs), StateSpace(motion, ranges), notes=notes)
+    ranges = tuple(
+        CurveRange(c.curve, c.level, {name: c.limits[name] for name in inputs}) for c in training
+    )
+    return Model(
+        name,
+        quantities[motion.output],
+        tuple(quantities[name] for name in inputs),
+        StateSpace(motion, ranges),
+        notes=notes,
+    )
 
 
 def motion_inputs(motion: Motion) -> list[str]:
-    """Return the quantities that drive the sections: the input first, then a load where they depend on one."""
-    return list(dict.fromkeys([motion.input, *sorted(frozenset[str]().union(*(parse(text).names for text in motion.drives)))]))
+    """Return the quantities that drive the sections: the input first, then a load where they depend
+    on one.
+    """
+    return list(
+        dict.fromkeys(
+            [
+                motion.input,
+                *sorted(frozenset[str]().union(*(parse(text).names for text in motion.drives))),
+            ]
+        )
+    )
 
 
 def simulate(model: Model, columns: Columns) -> Run:
-    """Return the model along one recording, (n,), from rest; NaN where an input is NaN, with a new beginning after it."""
-    names = [*(quantity.name for quantity in model.inputs), *(["time"] if "time" in columns else [])]
+    """Return the model along one recording, (n,), from rest; NaN where an input is NaN, with a new
+    beginning after it.
+    """
+    names = [
+        *(quantity.name for quantity in model.inputs),
+        *(["time"] if "time" in columns else []),
+    ]
     given = {name: np.asarray(columns[name], dtype=np.float64) for name in names}
     known = np.logical_and.reduce([np.isfinite(column) for column in given.values()])
     values = np.full(len(known), np.nan)
     for rows in np.split(np.arange(len(known)), np.flatnonzero(np.diff(known)) + 1):
         if len(rows) and known[rows[0]]:
-            values[rows] = simulated(_motion(model), {name: column[rows] for name, column in given.items()})
+            values[rows] = simulated(
+                _motion(model), {name: column[rows] for name, column in given.items()}
+            )
     return Run(values)
 
 
@@ -55,14 +95,24 @@ def one_step(model: Model, columns: Columns) -> Array:
 
 
 def equations(model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
-    """`y[k] = P2 y[k-1] + P1 y[k-2] + sum_m w_m d_m[k-2]` of every section; `units` as for `kinds.equations`."""
+    """`y[k] = P2 y[k-1] + P1 y[k-2] + sum_m w_m d_m[k-2]` of every section; `units` as for
+    `kinds.equations`.
+    """
     motion = _motion(model)
     delayed = {
-        name: Number(units[name]) * Name(f"{name}[k-2]") if name in units else Name(f"{name}[k-2]") for name in motion_inputs(motion)
+        name: Number(units[name]) * Name(f"{name}[k-2]") if name in units else Name(f"{name}[k-2]")
+        for name in motion_inputs(motion)
     }
     drives = [substitute(parse(text), delayed) for text in motion.drives]
     once, twice = (Name(f"{motion.output}[k-{lag}]") for lag in (1, 2))
-    sums = {section.id: (section.p2 * once, section.p1 * twice, *map(mul, section.weights.tolist(), drives)) for section in motion.sections}
+    sums = {
+        section.id: (
+            section.p2 * once,
+            section.p1 * twice,
+            *map(mul, section.weights.tolist(), drives),
+        )
+        for section in motion.sections
+    }
     return tuple(printed(name, add(*terms)) for name, terms in sums.items())
 
 
@@ -86,15 +136,28 @@ def write(m: Writer, model: Model, inputs: Inputs) -> Expression:
     first = Condition(seen, "==", ZERO)
     drives = [m.let("drive", one) for one in renamed_all(map(parse, motion.drives), inputs)]
     u = inputs[motion.input]
-    section = m.choose("place", [(u < boundary, place) for place, boundary in enumerate(motion.boundaries)], len(motion.boundaries))
+    section = m.choose(
+        "place",
+        [(u < boundary, place) for place, boundary in enumerate(motion.boundaries)],
+        len(motion.boundaries),
+    )
     if motion.directed:
         section = m.let("section", 2 * section + _falls(m, motion, u, first))
 
     def of_section(stem: str, values: Sequence[Side]) -> Expression:
         """Write the value of the section that holds, as `simulation.active` numbers them."""
-        return m.choose(stem, [(Condition(section, "==", Number(float(i))), value) for i, value in enumerate(values[:-1])], values[-1])
+        return m.choose(
+            stem,
+            [
+                (Condition(section, "==", Number(float(i))), value)
+                for i, value in enumerate(values[:-1])
+            ],
+            values[-1],
+        )
 
-    value = (_separate if motion.switching == HARD else _shared)(m, motion, of_section, drives, first)
+    value = (_separate if motion.switching == HARD else _shared)(
+        m, motion, of_section, drives, first
+    )
     m.keep(seen, 1)
     return value
 
@@ -102,7 +165,8 @@ def write(m: Writer, model: Model, inputs: Inputs) -> Expression:
 def _falls(m: Writer, motion: Motion, u: Expression, first: Condition) -> Expression:
     """Write 1 unless the input is above the one before (P eq 16).
 
-    Of sections that meet, 1 once it has turned down by more than the dead band, up to when it has turned up as far.
+    Of sections that meet, 1 once it has turned down by more than the dead band, up to when it has
+    turned up as far.
     """
     if motion.switching != BUMPLESS:
         before = m.number("input")
@@ -118,28 +182,47 @@ def _falls(m: Writer, motion: Motion, u: Expression, first: Condition) -> Expres
     return falls
 
 
-def _separate(m: Writer, motion: Motion, of_section: OfSection, drives: list[Expression], first: Condition) -> Expression:
+def _separate(
+    m: Writer, motion: Motion, of_section: OfSection, drives: list[Expression], first: Condition
+) -> Expression:
     """Write the output of the section that holds; every section runs on the whole input."""
     outputs = []
     for one in motion.sections:
         origin, now, later = (m.number(stem) for stem in ("origin", "now", "later"))
         drive = m.let("driven", _driven(one, drives))
         began = m.choose("began", [(first, drive)], origin) if motion.start == REST else ZERO
-        x1, z = (m.choose(stem, [(first, ZERO)], name) for stem, name in (("moved", now), ("ahead", later)))
+        x1, z = (
+            m.choose(stem, [(first, ZERO)], name)
+            for stem, name in (("moved", now), ("ahead", later))
+        )
         outputs.append(m.let("output", x1 + began / (1.0 - one.p1 - one.p2)))
-        following, ahead = m.let("following", z + one.p2 * x1), m.let("coming", (drive - began) + one.p1 * x1)
+        following, ahead = (
+            m.let("following", z + one.p2 * x1),
+            m.let("coming", (drive - began) + one.p1 * x1),
+        )
         for name, value in ((origin, began), (now, following), (later, ahead)):
             m.keep(name, value)
     return of_section("motion", outputs)
 
 
-def _shared(m: Writer, motion: Motion, of_section: OfSection, drives: list[Expression], first: Condition) -> Expression:
-    """Write the output where the section that holds drives one state on: `x1[k+2] = P2 x1[k+1] + P1 x1[k] + d[k]` (P eq 10)."""
+def _shared(
+    m: Writer, motion: Motion, of_section: OfSection, drives: list[Expression], first: Condition
+) -> Expression:
+    """Write the output where the section that holds drives one state on: `x1[k+2] = P2 x1[k+1] + P1
+    x1[k] + d[k]` (P eq 10).
+    """
     now, later = m.number("now"), m.number("later")
-    resting = [lambda one=one: _driven(one, drives) / (1.0 - one.p1 - one.p2) for one in motion.sections]
+    resting = [
+        lambda one=one: _driven(one, drives) / (1.0 - one.p1 - one.p2) for one in motion.sections
+    ]
     rest = of_section("rest", resting) if motion.start == REST else ZERO
-    x1, x2 = (m.choose(stem, [(first, rest)], name) for stem, name in (("output", now), ("ahead", later)))
-    coming = [lambda one=one: total([_driven(one, drives), total([one.p2 * x2, one.p1 * x1])]) for one in motion.sections]
+    x1, x2 = (
+        m.choose(stem, [(first, rest)], name) for stem, name in (("output", now), ("ahead", later))
+    )
+    coming = [
+        lambda one=one: total([_driven(one, drives), total([one.p2 * x2, one.p1 * x1])])
+        for one in motion.sections
+    ]
     after = of_section("following", coming)
     m.keep(now, x2)
     m.keep(later, after)
@@ -147,7 +230,9 @@ def _shared(m: Writer, motion: Motion, of_section: OfSection, drives: list[Expre
 
 
 def _driven(section: MotionSection, drives: list[Expression]) -> Expression:
-    return total([weight * drive for weight, drive in zip(section.weights.tolist(), drives, strict=True)])
+    return total(
+        [weight * drive for weight, drive in zip(section.weights.tolist(), drives, strict=True)]
+    )
 
 
 def faults(model: Model) -> Iterator[str]:

@@ -20,9 +20,11 @@ QUARTER = 0.25  # of the longest piece: the longest time constant that is looked
 
 @dataclass(frozen=True)
 class Bounds(Settings):
-    """Where `solver: swarm` looks for P1, P2, P3; without `p3`, four times the spans' ratio, either sign.
+    """Where `solver: swarm` looks for P1, P2, P3; without `p3`, four times the spans' ratio, either
+    sign.
 
-    The default holds every stable section: there P1 lies in -1..1 and P2 in -2..2, and `|1 - P1 - P2| < 4`.
+    The default holds every stable section: there P1 lies in -1..1 and P2 in -2..2, and `|1 - P1 -
+    P2| < 4`.
     """
 
     p1: Pair = (-1.0, 1.0)
@@ -34,27 +36,40 @@ class Bounds(Settings):
         for name in ("p1", "p2", "p3"):
             ends = getattr(self, name)
             if ends is not None and ends[0] >= ends[1]:
-                raise Contradiction(f"`{name}` goes from {ends[0]:g} to {ends[1]:g}", "put the lower bound first", name)
+                raise Contradiction(
+                    f"`{name}` goes from {ends[0]:g} to {ends[1]:g}",
+                    "put the lower bound first",
+                    name,
+                )
 
 
 @dataclass(frozen=True, kw_only=True)
 class MotionSettings(Settings):
     """The keys of a model of motion.
 
-    - `sections`: the inner boundaries in the input's unit, or how many sections with equal shares of the samples.
+    - `sections`: the inner boundaries in the input's unit, or how many sections with equal shares
+      of the samples.
     - `direction`: whether rise and fall of the input have sections of their own.
-    - `offset`, `load`: whether a section has a constant of its own; the quantity that P3 and the constant depend on, where there is one.
-    - `slowest`: longest time constant of a section, s; None for a quarter of the longest piece of a training record, which cannot tell a
+    - `offset`, `load`: whether a section has a constant of its own; the quantity that P3 and the
+      constant depend on, where there is one.
+    - `slowest`: longest time constant of a section, s; None for a quarter of the longest piece of a
+      training record, which cannot tell a
       slower one from a drift. The swarm as published has no such bound.
     - `start`: where a run begins: `rest` or `zero`.
-    - `mask`: `input` or `displacement`: the quantity whose direction says which training samples are those of rise and of fall.
+    - `mask`: `input` or `displacement`: the quantity whose direction says which training samples
+      are those of rise and of fall.
     - `seed`: seed of the solver; every section draws numbers of its own from it.
-    - `bounds`, `begin`: where the published swarm looks, and where its particles begin; None for everywhere in the bounds.
+    - `bounds`, `begin`: where the published swarm looks, and where its particles begin; None for
+      everywhere in the bounds.
     - `polish`: whether `least_squares` goes on from what another solver has found.
     """
 
     input: str | None = None
-    sections: Annotated[Annotated[Sequence[Annotated[float, of_sibling("input")]], Len(1)] | Annotated[int, Interval(ge=1)], Either()] = 1
+    sections: Annotated[
+        Annotated[Sequence[Annotated[float, of_sibling("input")]], Len(1)]
+        | Annotated[int, Interval(ge=1)],
+        Either(),
+    ] = 1
     direction: bool = False
     switching: Literal["hard", "carried", "bumpless"] = "hard"
     start: Literal["rest", "zero"] = "rest"
@@ -62,7 +77,9 @@ class MotionSettings(Settings):
     dead_band: Annotated[float, Interval(ge=0), of_sibling("input")] = 0.0
     offset: bool = False
     load: str | None = None
-    solver: Literal["least_squares", "differential_evolution", "swarm", "swarm_projected"] = "least_squares"
+    solver: Literal["least_squares", "differential_evolution", "swarm", "swarm_projected"] = (
+        "least_squares"
+    )
     polish: bool = False
     particles: Annotated[int, Interval(ge=2)] = 50
     iterations: Annotated[int, Interval(ge=1)] = 20
@@ -74,31 +91,43 @@ class MotionSettings(Settings):
 
 @dataclass(frozen=True, kw_only=True)
 class MotionRecipe(MotionSettings):
-    """The settings of one fit: the input is known, the `output` and the `step` between samples (s) are those of the records."""
+    """The settings of one fit: the input is known, the `output` and the `step` between samples (s)
+    are those of the records.
+    """
 
     input: str
     output: str
     step: float
 
     def reach(self, longest: int) -> float:
-        """Return the largest modulus of a pole, `exp(-step/slowest)`, where the longest piece has so many samples."""
-        return math.exp(-self.step / (QUARTER * longest * self.step if self.slowest is None else self.slowest))
+        """Return the largest modulus of a pole, `exp(-step/slowest)`, where the longest piece has
+        so many samples.
+        """
+        return math.exp(
+            -self.step / (QUARTER * longest * self.step if self.slowest is None else self.slowest)
+        )
 
     @property
     def drives(self) -> tuple[str, ...]:
-        """Terms that drive every section, the input first. Sections that share a state need a constant each to meet at their boundaries."""
+        """Terms that drive every section, the input first. Sections that share a state need a
+        constant each to meet at their boundaries.
+        """
         constant = self.offset or self.switching == "bumpless"
         on_load = () if self.load is None else (self.load, f"{self.input}*{self.load}")
         return (self.input, *(("1",) if constant or on_load else ()), *on_load)
 
 
 PENALTY = 1e3
-"""Error of an unstable section, in root mean squares of the output, times the modulus of its pole: it is worse than any stable one."""
+"""Error of an unstable section, in root mean squares of the output, times the modulus of its pole:
+it is worse than any stable one.
+"""
 
 
 @dataclass(frozen=True)
 class Piece:
-    """One piece of a record: drives (n, m), the input first, output (n,), the samples that count (n,), and the section that holds, (n,)."""
+    """One piece of a record: drives (n, m), the input first, output (n,), the samples that count
+    (n,), and the section that holds, (n,).
+    """
 
     drives: Array
     y: Array
@@ -108,7 +137,9 @@ class Piece:
 
 @dataclass(frozen=True)
 class Found:
-    """Parameters of one section, their RMSE, how many simulations they took, and the lowest RMSE after each iteration."""
+    """Parameters of one section, their RMSE, how many simulations they took, and the lowest RMSE
+    after each iteration.
+    """
 
     p1: float
     p2: float
@@ -119,33 +150,57 @@ class Found:
 
 
 class Problem:
-    """Error of one section's parameters: it runs on the whole input of every piece, its own samples count.
+    """Error of one section's parameters: it runs on the whole input of every piece, its own samples
+    count.
 
     - `reach`: largest modulus of a pole that is looked for.
     """
 
-    def __init__(self, pieces: Sequence[Piece], reach: float = 1.0, start: str = REST, seed: Sequence[int] = (1,)) -> None:
+    def __init__(
+        self,
+        pieces: Sequence[Piece],
+        reach: float = 1.0,
+        start: str = REST,
+        seed: Sequence[int] = (1,),
+    ) -> None:
         self.start, self.reach = start, reach
         self.random = np.random.default_rng(seed)
         self.pieces = tuple(piece for piece in pieces if piece.counts.any())
-        self.own = [slice(None) if piece.counts.all() else piece.counts for piece in self.pieces]  # a slice copies nothing
+        self.own = [
+            slice(None) if piece.counts.all() else piece.counts for piece in self.pieces
+        ]  # a slice copies nothing
         self.y = np.concatenate([piece.y[piece.counts] for piece in self.pieces])
         self.size = float(np.sqrt(np.mean(self.y**2))) or 1.0
         self.evaluations = 0
 
     def responses(self, p1: float, p2: float) -> Array:
-        """Return outputs (n, m) at the own samples, of a section that each of the m drives alone moves with weight one."""
+        """Return outputs (n, m) at the own samples, of a section that each of the m drives alone
+        moves with weight one.
+        """
         self.evaluations += 1
-        return np.concatenate([response(p1, p2, piece.drives, self.start)[own] for piece, own in zip(self.pieces, self.own, strict=True)])
+        return np.concatenate(
+            [
+                response(p1, p2, piece.drives, self.start)[own]
+                for piece, own in zip(self.pieces, self.own, strict=True)
+            ]
+        )
 
     def rmse(self, p1: float, p2: float, weights: Array | None = None) -> float:
-        """Root mean squared error with these weights, or the best; large and finite for unstable sections, or those beyond the reach."""
+        """Root mean squared error with these weights, or the best; large and finite for unstable
+        sections, or those beyond the reach.
+        """
         if not stable(p1, p2, self.reach if weights is None else 1.0):
             return PENALTY * self.size * max(radius(p1, p2), 1.0)
-        return _root_mean_square(self.projected(p1, p2)[1] if weights is None else _weighted(self.responses(p1, p2), weights) - self.y)
+        return _root_mean_square(
+            self.projected(p1, p2)[1]
+            if weights is None
+            else _weighted(self.responses(p1, p2), weights) - self.y
+        )
 
     def projected(self, p1: float, p2: float) -> tuple[Array, Array]:
-        """Return the best weights (m,) for the poles, by linear least squares, and the residuals (n,) that they leave."""
+        """Return the best weights (m,) for the poles, by linear least squares, and the residuals
+        (n,) that they leave.
+        """
         moved = self.responses(p1, p2)
         if moved.shape[1] == 1:
             column = moved[:, 0]
@@ -156,9 +211,18 @@ class Problem:
         return weights, _weighted(moved, weights) - self.y
 
     def found(self, p1: float, p2: float, history: Sequence[float] | Array) -> Found:
-        """Return what a search has come to, with the best weights for its poles; `history` are its errors in turn."""
+        """Return what a search has come to, with the best weights for its poles; `history` are its
+        errors in turn.
+        """
         weights, residuals = self.projected(p1, p2)
-        return Found(p1, p2, weights, _root_mean_square(residuals), self.evaluations, np.minimum.accumulate(history))
+        return Found(
+            p1,
+            p2,
+            weights,
+            _root_mean_square(residuals),
+            self.evaluations,
+            np.minimum.accumulate(history),
+        )
 
 
 def _weighted(moved: Array, weights: Array) -> Array:

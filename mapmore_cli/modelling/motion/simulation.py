@@ -1,7 +1,8 @@
-"""Sections: where they are stable, which one holds at a sample, and how they run along recordings. And P's errors.
+"""Sections: where they are stable, which one holds at a sample, and how they run along recordings.
+And P's errors.
 
-A section `x2[k+1] = P1 x1 + P2 x2 + ...` has the poles of `z^2 - P2 z - P1`. It is stable in the triangle `|P1| < 1`, `|P2| < 1 - P1`.
-Sections are linear filters: no loop passes over samples.
+A section `x2[k+1] = P1 x1 + P2 x2 + ...` has the poles of `z^2 - P2 z - P1`. It is stable in the
+triangle `|P1| < 1`, `|P2| < 1 - P1`. Sections are linear filters: no loop passes over samples.
 """
 
 from __future__ import annotations
@@ -20,7 +21,11 @@ from mapmore_cli.modelling.expressions import evaluate, parse
 from mapmore_cli.modelling.expressions.operators.play import play
 from mapmore_cli.modelling.memory.records import uninterrupted
 
-EDGE = 1.0 - 1e-9  # largest reflection coefficient: nearer to the edge, rounding decides whether a section is stable
+EDGE = (
+    1.0 - 1e-9
+    # largest reflection coefficient: nearer to the edge, rounding decides whether a section is
+    # stable
+)
 
 
 def stable(p1: float, p2: float, reach: float = 1.0) -> bool:
@@ -41,10 +46,11 @@ def of_poles(first: complex, second: complex) -> tuple[float, float]:
 
 
 def of_oscillator(frequency: float, damping: float) -> tuple[float, float]:
-    """P1 and P2 whose poles are those of `x'' + 2 d w x' + w^2 x`, sampled; `frequency` `w/(2 pi)` in cycles per sample.
+    """P1 and P2 whose poles are those of `x'' + 2 d w x' + w^2 x`, sampled; `frequency` `w/(2 pi)`
+    in cycles per sample.
 
-    They are `z = exp(w (-d +- sqrt(d^2 - 1)))`. Such poles never lie on the negative axis but at the highest
-    frequency, where P has some (`P1 > 0`): sampling has no oscillator for them.
+    They are `z = exp(w (-d +- sqrt(d^2 - 1)))`. Such poles never lie on the negative axis but at
+    the highest frequency, where P has some (`P1 > 0`): sampling has no oscillator for them.
     """
     w = 2.0 * math.pi * frequency
     root = cmath.sqrt(damping * damping - 1.0)
@@ -52,15 +58,19 @@ def of_oscillator(frequency: float, damping: float) -> tuple[float, float]:
 
 
 def of_reflections(k1: float, k2: float, reach: float) -> tuple[float, float]:
-    """P1 and P2 of two reflection coefficients (Levinson's recursion): `P1 = -k2 r^2`, `P2 = -k1 (1 + k2) r`.
+    """P1 and P2 of two reflection coefficients (Levinson's recursion): `P1 = -k2 r^2`, `P2 = -k1 (1
+    + k2) r`.
 
-    The square `|k1|, |k2| < 1` is all sections with both poles within the circle of radius r, the `reach`.
+    The square `|k1|, |k2| < 1` is all sections with both poles within the circle of radius r, the
+    `reach`.
     """
     return -k2 * reach**2, -k1 * (1.0 + k2) * reach
 
 
 def reflections(p1: float, p2: float, reach: float) -> tuple[float, float]:
-    """Return the inverse of `of_reflections`; a section with a pole outside of the circle comes to the nearest edge."""
+    """Return the inverse of `of_reflections`; a section with a pole outside of the circle comes to
+    the nearest edge.
+    """
     k2 = min(max(-p1 / reach**2, -EDGE), EDGE)
     return min(max(-p2 / reach / (1.0 + k2), -EDGE), EDGE), k2
 
@@ -72,7 +82,9 @@ def of_angles(angles: Array, reach: float) -> tuple[float, float]:
 
 
 def angles(p1: float, p2: float, reach: float, inmost: float = EDGE) -> list[float]:
-    """Return the inverse of `of_angles`, of a section whose reflection coefficients are brought to `inmost` at most."""
+    """Return the inverse of `of_angles`, of a section whose reflection coefficients are brought to
+    `inmost` at most.
+    """
     return [math.atanh(min(max(k, -inmost), inmost)) for k in reflections(p1, p2, reach)]
 
 
@@ -85,7 +97,8 @@ def spread(u: Array, count: int) -> tuple[float, ...]:
     edges = np.array([u.min(), *boundaries, u.max()])
     if np.any(np.diff(edges) <= 0):
         raise DataError(
-            f"{count} sections with equal shares of the samples have no width everywhere: the input dwells at "
+            f"{count} sections with equal shares of the samples have no width everywhere: the "
+            "input dwells at "
             f"{edges[:-1][np.diff(edges) <= 0][0]:.6g}",
             "give the boundaries as a list, or ask for fewer sections",
         )
@@ -95,8 +108,9 @@ def spread(u: Array, count: int) -> tuple[float, ...]:
 def rising(u: Array, dead_band: float, *, latched: bool) -> BoolArray:
     """Whether the input rises, (n,).
 
-    P eq 16: where `u[k] > u[k-1]`; an input that stands still falls, and so does the first sample. `latched`: the direction holds until
-    the input has turned back by more than the dead band, and rises before it has moved.
+    P eq 16: where `u[k] > u[k-1]`; an input that stands still falls, and so does the first sample.
+    `latched`: the direction holds until the input has turned back by more than the dead band, and
+    rises before it has moved.
     """
     if not latched:
         return np.diff(u, prepend=u[:1]) > 0
@@ -106,14 +120,17 @@ def rising(u: Array, dead_band: float, *, latched: bool) -> BoolArray:
 
 
 def active(motion: Motion, u: Array, moving: Array | None = None) -> IntArray:
-    """Return the number of the section that holds at each sample, (n,), from 0: section j from its lower boundary on (P eq 15).
+    """Return the number of the section that holds at each sample, (n,), from 0: section j from its
+    lower boundary on (P eq 15).
 
     The direction is that of `moving` (n,), by default of the input u (n,).
     """
     place = np.searchsorted(np.asarray(motion.boundaries), u, side="right")
     if not motion.directed:
         return place.astype(np.int64)
-    falls = ~rising(u if moving is None else moving, motion.dead_band, latched=motion.switching == BUMPLESS)
+    falls = ~rising(
+        u if moving is None else moving, motion.dead_band, latched=motion.switching == BUMPLESS
+    )
     return (2 * place + falls).astype(np.int64)
 
 
@@ -131,25 +148,32 @@ def extent(boundaries: Sequence[float], place: int) -> str:
 def simulate(motion: Motion, columns: Columns) -> Array:
     """Output (n,) along a recording with its `time`, or along one piece of a record without.
 
-    Every piece begins as `motion.start` says: in the steady state of its first input, or at zero. The measured output is not needed.
+    Every piece begins as `motion.start` says: in the steady state of its first input, or at zero.
+    The measured output is not needed.
 
-    Raises FitError where a section is unstable; AtSample where the stamps are neither the model's step apart nor a gap.
+    Raises FitError where a section is unstable; AtSample where the stamps are neither the model's
+    step apart nor a gap.
     """
     for section in motion.sections:
         if not stable(section.p1, section.p2):
             raise FitError(
-                f"section {section.id} of the model of `{motion.output}` is unstable: a pole lies at {section.radius:.6g}, outside of the "
+                f"section {section.id} of the model of `{motion.output}` is unstable: a pole "
+                f"lies at {section.radius:.6g}, outside of the "
                 "unit circle",
                 "fit it again: every solver gives stable sections",
             )
     parts = uninterrupted(columns["time"], motion.step) if "time" in columns else [slice(None)]
-    return np.concatenate([_along({name: column[part] for name, column in columns.items()}, motion) for part in parts])
+    return np.concatenate(
+        [_along({name: column[part] for name, column in columns.items()}, motion) for part in parts]
+    )
 
 
 def driven(drives: tuple[str, ...], columns: Columns) -> Array:
     """Values (n, m) of the drives."""
     n = len(next(iter(columns.values())))
-    return np.column_stack([np.broadcast_to(evaluate(parse(text), columns, n), n) for text in drives])
+    return np.column_stack(
+        [np.broadcast_to(evaluate(parse(text), columns, n), n) for text in drives]
+    )
 
 
 def _along(columns: Columns, motion: Motion) -> Array:
@@ -166,7 +190,9 @@ def _along(columns: Columns, motion: Motion) -> Array:
 
 
 def response(p1: float, p2: float, drive: Array, start: str = REST) -> Array:
-    """Return the output x1 (n,) or (n, m) of one section: `x1[k+2] = P2 x1[k+1] + P1 x1[k] + d[k]`, from rest under d[0] or from zero."""
+    """Return the output x1 (n,) or (n, m) of one section: `x1[k+2] = P2 x1[k+1] + P1 x1[k] + d[k]`,
+    from rest under d[0] or from zero.
+    """
     from scipy.signal import lfilter
 
     origin = drive[0] if start == REST else np.zeros_like(drive[0])
@@ -175,9 +201,11 @@ def response(p1: float, p2: float, drive: Array, start: str = REST) -> Array:
 
 
 def shared(poles: Array, drive: Array, holds: IntArray, start: str = REST) -> Array:
-    """Return the output (n,) or (n, m) of sections that hand one state on, from rest under d[0] or from zero.
+    """Return the output (n,) or (n, m) of sections that hand one state on, from rest under d[0] or
+    from zero.
 
-    `poles` are P1 and P2 of every section, (s, 2); `drive` what drives the one that holds, (n,) or (n, m); `holds` (n,) its number.
+    `poles` are P1 and P2 of every section, (s, 2); `drive` what drives the one that holds, (n,) or
+    (n, m); `holds` (n,) its number.
     """
     from scipy.signal import lfilter
 
@@ -189,16 +217,21 @@ def shared(poles: Array, drive: Array, holds: IntArray, start: str = REST) -> Ar
     for first, last in zip([0, *turns], [*turns, n], strict=True):
         p1, p2 = poles[holds[first]]
         past = np.stack([p2 * states[first + 1] + p1 * states[first], p1 * states[first + 1]])
-        states[first + 2 : last + 2], _ = lfilter([1.0], [1.0, -p2, -p1], drive[first:last], axis=0, zi=past)
+        states[first + 2 : last + 2], _ = lfilter(
+            [1.0], [1.0, -p2, -p1], drive[first:last], axis=0, zi=past
+        )
     return states[:n]
 
 
-REPEATS = 1e-3  # two wavelengths of an input are the same where they differ by less than this share of its range
+# two wavelengths of an input are the same where they differ by less than this share of its range
+REPEATS = 1e-3
 
 
 @dataclass(frozen=True)
 class MotionErrors:
-    """Errors over the last wavelength, in the unit of the displacement and per second; `transient` is the largest before it."""
+    """Errors over the last wavelength, in the unit of the displacement and per second; `transient`
+    is the largest before it.
+    """
 
     displacement_rmse: float
     velocity_rmse: float
@@ -209,12 +242,18 @@ class MotionErrors:
 
 
 def last_wavelength(u: Array) -> int:
-    """Return samples of the last wavelength of an input (n,), so many that it repeats itself before; n where it does not."""
+    """Return samples of the last wavelength of an input (n,), so many that it repeats itself
+    before; n where it does not.
+    """
     tolerance = REPEATS * float(np.ptp(u))
     moving = np.ptp(u) > 0
     for length in range(4, len(u) // 2 + 1):
         tail = u[-length:]
-        if moving and np.ptp(tail) > tolerance and np.abs(tail - u[-2 * length : -length]).max() <= tolerance:
+        if (
+            moving
+            and np.ptp(tail) > tolerance
+            and np.abs(tail - u[-2 * length : -length]).max() <= tolerance
+        ):
             return length
     return len(u)
 
@@ -223,7 +262,9 @@ def motion_errors(measured: Array, predicted: Array, u: Array, step: float) -> M
     """Errors of one recording, samples (n,) at every `step` (s)."""
     tail = last_wavelength(u)
     error = predicted - measured
-    predicted_rate, measured_rate = (np.gradient(y, step) if len(y) > 1 else np.zeros(len(y)) for y in (predicted, measured))
+    predicted_rate, measured_rate = (
+        np.gradient(y, step) if len(y) > 1 else np.zeros(len(y)) for y in (predicted, measured)
+    )
     faster = predicted_rate - measured_rate
     before = np.abs(error[:-tail])
     return MotionErrors(

@@ -1,4 +1,5 @@
-"""Ways to find a section's parameters, by name: least squares, differential evolution, and particle swarms (P eq 11-12).
+"""Ways to find a section's parameters, by name: least squares, differential evolution, and particle
+swarms (P eq 11-12).
 
 All but the published swarm search the poles alone; the weights of the drives follow by projection.
 """
@@ -16,18 +17,33 @@ from scipy import optimize
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import FitError, SpecError
 from mapmore_cli.modelling.motion.problem import Bounds, Found, MotionRecipe, Piece, Problem
-from mapmore_cli.modelling.motion.simulation import EDGE, angles, of_angles, of_oscillator, of_poles, of_reflections, stable
+from mapmore_cli.modelling.motion.simulation import (
+    EDGE,
+    angles,
+    of_angles,
+    of_oscillator,
+    of_poles,
+    of_reflections,
+    stable,
+)
 
 STRIDES = (1, 3, 10, 30)
-"""Samples between those that a linear start compares: noise hides in short strides what long ones show, and long ones miss fast poles."""
+"""Samples between those that a linear start compares: noise hides in short strides what long ones
+show, and long ones miss fast poles.
+"""
 NEAREST = 0.999  # of the edge of stability: where a start may lie at most
 TOLERANCE = 1e-12
 
 
 def least_squares(problem: Problem, recipe: MotionRecipe) -> Found:  # noqa: ARG001 (a solver's form)
     """Return what Gauss and Newton find over the poles, from the best of the linear starts."""
-    starts = [start for stride in STRIDES if (start := linear_start(problem.pieces, stride)) is not None]
-    within = [of_angles(np.array(angles(*start, problem.reach, NEAREST)), problem.reach) for start in starts]
+    starts = [
+        start for stride in STRIDES if (start := linear_start(problem.pieces, stride)) is not None
+    ]
+    within = [
+        of_angles(np.array(angles(*start, problem.reach, NEAREST)), problem.reach)
+        for start in starts
+    ]
     errors = [problem.rmse(*start) for start in within]
     return _refined(problem, *within[int(np.argmin(errors))])
 
@@ -41,19 +57,30 @@ def _refined(problem: Problem, p1: float, p2: float) -> Found:
         return left
 
     start = angles(p1, p2, problem.reach, NEAREST)
-    best = optimize.least_squares(residuals, start, jac="3-point", ftol=TOLERANCE, xtol=TOLERANCE, gtol=TOLERANCE, max_nfev=200)
+    best = optimize.least_squares(
+        residuals,
+        start,
+        jac="3-point",
+        ftol=TOLERANCE,
+        xtol=TOLERANCE,
+        gtol=TOLERANCE,
+        max_nfev=200,
+    )
     return problem.found(*of_angles(best.x, problem.reach), history)
 
 
 def linear_start(pieces: tuple[Piece, ...], stride: int) -> tuple[float, float] | None:
-    """P1 and P2 by linear regression of `y[k + 2s] = a y[k + s] + b y[k] + sum_m c_m d_m[k]`, its poles brought back to one sample.
+    """P1 and P2 by linear regression of `y[k + 2s] = a y[k + s] + b y[k] + sum_m c_m d_m[k]`, its
+    poles brought back to one sample.
 
-    Only where the section holds at all three samples; None where these are too few. Noise in y makes the regression wrong (it is one step
-    ahead): it is only where to begin.
+    Only where the section holds at all three samples; None where these are too few. Noise in y
+    makes the regression wrong (it is one step ahead): it is only where to begin.
     """
     rows, targets = [], []
     for piece in pieces:
-        own = np.flatnonzero(piece.counts[: -2 * stride] & piece.counts[stride:-stride] & piece.counts[2 * stride :])
+        own = np.flatnonzero(
+            piece.counts[: -2 * stride] & piece.counts[stride:-stride] & piece.counts[2 * stride :]
+        )
         rows.append(np.column_stack([piece.y[own + stride], piece.y[own], piece.drives[own]]))
         targets.append(piece.y[own + 2 * stride])
     matrix, y = np.concatenate(rows), np.concatenate(targets)
@@ -71,7 +98,9 @@ POPULATION = 10  # members for each coordinate
 
 
 def differential_evolution(problem: Problem, recipe: MotionRecipe) -> Found:
-    """Return the best of `iterations` generations over all stable sections, or of fewer where the population has settled."""
+    """Return the best of `iterations` generations over all stable sections, or of fewer where the
+    population has settled.
+    """
     history: list[float] = []
 
     def poles(place: Array) -> tuple[float, float]:
@@ -95,16 +124,25 @@ def differential_evolution(problem: Problem, recipe: MotionRecipe) -> Found:
 
 
 INERTIA, OWN, COMMON = 0.9, 2.0, 2.0
-"""P's W, C1 and C2. They lie outside of the region in which a swarm settles: it needs `C1 + C2 < 24 (1 - W^2)/(7 - 5 W)`, here 1.8."""
+"""P's W, C1 and C2. They lie outside of the region in which a swarm settles: it needs `C1 + C2 < 24
+(1 - W^2)/(7 - 5 W)`, here 1.8.
+"""
 
 
 def fly(
-    cost: Callable[[Array], float], walls: Array, particles: int, iterations: int, rng: np.random.Generator, begin: Array | None = None
+    cost: Callable[[Array], float],
+    walls: Array,
+    particles: int,
+    iterations: int,
+    rng: np.random.Generator,
+    begin: Array | None = None,
 ) -> tuple[Array, list[float]]:
-    """Return where `cost` is lowest in the box between `walls`, (2, d), and the lowest cost at the start and after every iteration.
+    """Return where `cost` is lowest in the box between `walls`, (2, d), and the lowest cost at the
+    start and after every iteration.
 
-    `v = W v + C1 r1 (own best - x) + C2 r2 (common best - x)`, `x = x + v`, with fresh r1, r2 in 0..1 for every coordinate. Particles begin
-    still and evenly spread, within `begin` (2, d) where that is given; one that would leave the box stops at its wall.
+    `v = W v + C1 r1 (own best - x) + C2 r2 (common best - x)`, `x = x + v`, with fresh r1, r2 in
+    0..1 for every coordinate. Particles begin still and evenly spread, within `begin` (2, d) where
+    that is given; one that would leave the box stops at its wall.
     """
     low, high = walls
     first, last = walls if begin is None else begin
@@ -132,22 +170,33 @@ WIDE = 4.0  # `|P3| = |gain| |1 - P1 - P2| < 4 |gain|` for stable sections
 
 
 def swarm(problem: Problem, recipe: MotionRecipe) -> Found:
-    """Return the best P1, P2 and P3 of `iterations` over the recipe's bounds (P 2.2); an unstable particle costs more than any stable one.
+    """Return the best P1, P2 and P3 of `iterations` over the recipe's bounds (P 2.2); an unstable
+    particle costs more than any stable one.
 
-    Raises SpecError where a section has more parameters than P's three; FitError where no particle was stable.
+    Raises SpecError where a section has more parameters than P's three; FitError where no particle
+    was stable.
     """
     if problem.pieces[0].drives.shape[1] > 1:
         raise SpecError(
-            "`solver: swarm` looks for P1, P2 and P3 alone, which an offset, a load or bumpless switching are not",
+            "`solver: swarm` looks for P1, P2 and P3 alone, which an offset, a load or "
+            "bumpless switching are not",
             "use `swarm_projected`, `differential_evolution` or `least_squares`",
         )
     walls = _walls(recipe.bounds or Bounds(), problem)
     begin = None if recipe.begin is None else _walls(recipe.begin, problem)
-    best, history = fly(lambda x: problem.rmse(x[0], x[1], x[2:]), walls, recipe.particles, recipe.iterations, problem.random, begin)
+    best, history = fly(
+        lambda x: problem.rmse(x[0], x[1], x[2:]),
+        walls,
+        recipe.particles,
+        recipe.iterations,
+        problem.random,
+        begin,
+    )
     p1, p2, p3 = best.tolist()
     if not stable(p1, p2):
         raise FitError(
-            f"the swarm found no stable section with P1 in {walls[0, 0]:g}..{walls[1, 0]:g} and P2 in {walls[0, 1]:g}..{walls[1, 1]:g}",
+            f"the swarm found no stable section with P1 in {walls[0, 0]:g}..{walls[1, 0]:g} "
+            f"and P2 in {walls[0, 1]:g}..{walls[1, 1]:g}",
             "widen `bounds`: sections are stable where |P1| < 1 and |P2| < 1 - P1",
         )
     return Found(p1, p2, np.array([p3]), history[-1], problem.evaluations, np.array(history))
@@ -168,17 +217,26 @@ def swarm_projected(problem: Problem, recipe: MotionRecipe) -> Found:
     def poles(place: Array) -> tuple[float, float]:
         return of_oscillator(math.exp(place[0]), float(place[1]))
 
-    best, history = fly(lambda place: problem.rmse(*poles(place)), walls, recipe.particles, recipe.iterations, problem.random)
+    best, history = fly(
+        lambda place: problem.rmse(*poles(place)),
+        walls,
+        recipe.particles,
+        recipe.iterations,
+        problem.random,
+    )
     return problem.found(*poles(best), history)
 
 
 SOLVERS: Mapping[str, Callable[[Problem, MotionRecipe], Found]] = {
-    solver.__name__: solver for solver in (least_squares, differential_evolution, swarm, swarm_projected)
+    solver.__name__: solver
+    for solver in (least_squares, differential_evolution, swarm, swarm_projected)
 }
 
 
 def solve(problem: Problem, recipe: MotionRecipe) -> Found:
-    """Return what the recipe's solver finds; where it says `polish`, least squares go on from there."""
+    """Return what the recipe's solver finds; where it says `polish`, least squares go on from
+    there.
+    """
     found = SOLVERS[recipe.solver](problem, recipe)
     if not recipe.polish:
         return found

@@ -1,4 +1,6 @@
-"""The method of M1 and M2: curves cut into segments, a few terms chosen for each, the pieces fused with smooth weights."""
+"""The method of M1 and M2: curves cut into segments, a few terms chosen for each, the pieces fused
+with smooth weights.
+"""
 
 from mapmore_cli.domain.models import Pieces
 from mapmore_cli.domain.results import PiecesFit

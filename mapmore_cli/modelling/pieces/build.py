@@ -1,6 +1,7 @@
 """MAPMORE from curves to a model: segment, fit, fuse (M1 section III, M2 section 3).
 
-The stages of the pipeline call the three steps one by one, with files between; cross-validation calls them in one go.
+The stages of the pipeline call the three steps one by one, with files between; cross-validation
+calls them in one go.
 """
 
 from __future__ import annotations
@@ -15,12 +16,26 @@ from numpy.typing import ArrayLike
 from mapmore_cli.domain.arrays import Array, Columns, IntArray
 from mapmore_cli.domain.declared import taken
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.fits import FormulaFit, Scaling, Segment, SegmentedCurve, SegmentFit, Selection
+from mapmore_cli.domain.fits import (
+    FormulaFit,
+    Scaling,
+    Segment,
+    SegmentedCurve,
+    SegmentFit,
+    Selection,
+)
 from mapmore_cli.domain.models import CurveFunction, Fusion, Model, Pieces, SegmentFunction, Side
 from mapmore_cli.domain.recording import Curve, Quantity, united
 from mapmore_cli.domain.results import FitResult, PiecesFit
 from mapmore_cli.modelling import literature
-from mapmore_cli.modelling.expressions import Expression, NotFinite, candidate, dictionary_blocks, dictionary_matrix, parse
+from mapmore_cli.modelling.expressions import (
+    Expression,
+    NotFinite,
+    candidate,
+    dictionary_blocks,
+    dictionary_matrix,
+    parse,
+)
 from mapmore_cli.modelling.expressions.ranged import placed
 from mapmore_cli.modelling.frols import TIE_TOLERANCE, frols, frols_streamed, reads_once
 from mapmore_cli.modelling.literature.backbone import residual_of
@@ -28,22 +43,31 @@ from mapmore_cli.modelling.pieces.recipe import Recipe
 from mapmore_cli.modelling.pieces.segmentation import samples_of, segment_curve, training_curves
 from mapmore_cli.modelling.signals.rates import running_median
 
-END_FRACTION = 0.05  # share of the segment whose mean stands for an end of the trend, so that the anchor does not hang on one noisy sample
-EVERY_CORNER_UP_TO = 3  # variables for which all `2^v` corners are tried as origins; beyond, only all-left and all-right
+# share of the segment whose mean stands for an end of the trend, so that the anchor does not hang
+# on one noisy sample
+END_FRACTION = 0.05
+# variables for which all `2^v` corners are tried as origins; beyond, only all-left and all-right
+EVERY_CORNER_UP_TO = 3
 
 
 def placements(rule: str, X: Array, y: Array, variables: Sequence[str]) -> tuple[Scaling, ...]:
-    """Return all scalings of the samples `X`, (n, v), and `y`, (n,), that satisfy a rule; the caller keeps the one that errs least.
+    """Return all scalings of the samples `X`, (n, v), and `y`, (n,), that satisfy a rule; the
+    caller keeps the one that errs least.
 
-    - `unit_square`: x and y span one unit and the trend passes through the origin, which lies at the left or at the right end of each
-      variable: scaled data lie in [0, 1] or [-1, 0]. The two are not equivalent for one-term fits, since left-anchored powers of a
-      falling curve are concave and right-anchored ones convex.
+    - `unit_square`: x and y span one unit and the trend passes through the origin, which lies at
+      the left or at the right end of each
+      variable: scaled data lie in [0, 1] or [-1, 0]. The two are not equivalent for one-term fits,
+      since left-anchored powers of a falling curve are concave and right-anchored ones convex.
     - `max_abs`: division by the largest magnitude, no offset.
     - `none`: data as they are.
     """
     names, count = tuple(variables), len(variables)
     if rule == "unit_square":
-        every = product((False, True), repeat=count) if count <= EVERY_CORNER_UP_TO else [(False,) * count, (True,) * count]
+        every = (
+            product((False, True), repeat=count)
+            if count <= EVERY_CORNER_UP_TO
+            else [(False,) * count, (True,) * count]
+        )
         return tuple(_anchored(X, y, names, right) for right in every)
     slope, y_slope = np.ones(count), 1.0
     if rule == "max_abs":
@@ -57,12 +81,16 @@ def _anchored(X: Array, y: Array, variables: tuple[str, ...], right: tuple[bool,
     low, high = X.min(axis=0), X.max(axis=0)
     slope, anchor = 1 / _span(high - low), np.where(right, high, low)
     y_anchor = 0.0
-    if variables:  # mean over the samples nearest to the anchor; all at the same distance count, so the order of rows does not matter
+    # mean over the samples nearest to the anchor; all at the same distance count, so the order of
+    # rows does not matter
+    if variables:
         far = (np.abs(X - anchor) * slope).max(axis=1)
         nearest = max(1, int(np.ceil(END_FRACTION * len(y))))
         y_anchor = float(y[far <= np.partition(far, nearest - 1)[nearest - 1]].mean())
     place = ",".join("right" if r else "left" for r in right) or "-"
-    return Scaling("unit_square", place, variables, slope, -slope * anchor, float(_span(np.ptp(y))), y_anchor)
+    return Scaling(
+        "unit_square", place, variables, slope, -slope * anchor, float(_span(np.ptp(y))), y_anchor
+    )
 
 
 def _span(width: ArrayLike) -> Array:
@@ -72,7 +100,10 @@ def _span(width: ArrayLike) -> Array:
 
 def scaled(scaling: Scaling, columns: Columns) -> dict[str, Array]:
     """Return independent variables in scaled coordinates, `z = slope x + intercept` (M2 eq 8)."""
-    return {name: columns[name] * m + c for name, m, c in zip(scaling.variables, scaling.slope, scaling.intercept, strict=True)}
+    return {
+        name: columns[name] * m + c
+        for name, m, c in zip(scaling.variables, scaling.slope, scaling.intercept, strict=True)
+    }
 
 
 def names_in(terms: Iterable[Expression]) -> tuple[str, ...]:
@@ -80,8 +111,11 @@ def names_in(terms: Iterable[Expression]) -> tuple[str, ...]:
     return tuple(sorted(frozenset[str]().union(*(term.names for term in terms))))
 
 
-def segment(curves: Sequence[Curve], recipe: Recipe, backbone: FormulaFit | None = None) -> tuple[SegmentedCurve, ...]:
-    """Cut every training curve: by its measured course, or (`optimal`) by what the fits of its segments would leave.
+def segment(
+    curves: Sequence[Curve], recipe: Recipe, backbone: FormulaFit | None = None
+) -> tuple[SegmentedCurve, ...]:
+    """Cut every training curve: by its measured course, or (`optimal`) by what the fits of its
+    segments would leave.
 
     Raises DataError where a segment holds no sample, or a curve has too few for the cut.
     """
@@ -106,29 +140,41 @@ def fit(
     backbone: FormulaFit | None = None,
     tick: Callable[[], None] = lambda: None,
 ) -> tuple[SegmentFit, ...]:
-    """Fit every segment of every training curve, to what the backbone leaves where there is one; `tick` is called after each.
+    """Fit every segment of every training curve, to what the backbone leaves where there is one;
+    `tick` is called after each.
 
     Raises DataError where a segment has too few samples, or a term is not finite on its samples.
     """
-    fitted = {curve.id: residual_of(curve, recipe.target, backbone) for curve in training_curves(curves, recipe.level is not None)}
+    fitted = {
+        curve.id: residual_of(curve, recipe.target, backbone)
+        for curve in training_curves(curves, recipe.level is not None)
+    }
     terms = [candidate(text) for text in recipe.dictionary]
     fits = []
     for segmented in segmentation:
         for one in segmented.segments:
-            fits.append(fit_segment(one, samples_of(fitted[segmented.curve], one.rows), terms, recipe))
+            fits.append(
+                fit_segment(one, samples_of(fitted[segmented.curve], one.rows), terms, recipe)
+            )
             tick()
     return tuple(fits)
 
 
-def fit_segment(segment: Segment, samples: Columns, terms: Sequence[Expression], recipe: Recipe) -> SegmentFit:
-    """Choose and fit the terms of one segment, for every placement of its scaling; the least training SSE wins, the first of equals.
+def fit_segment(
+    segment: Segment, samples: Columns, terms: Sequence[Expression], recipe: Recipe
+) -> SegmentFit:
+    """Choose and fit the terms of one segment, for every placement of its scaling; the least
+    training SSE wins, the first of equals.
 
-    All placements share the slope of y, so their scaled SSE compare. Rows are sorted first: the numbers then do not depend on the order in
-    which a logger wrote them.
+    All placements share the slope of y, so their scaled SSE compare. Rows are sorted first: the
+    numbers then do not depend on the order in which a logger wrote them.
     """
     n, most = len(segment.rows), recipe.fit.most_terms
     if n <= most:
-        ways = f"use fewer segments, join them by `min_samples: {most + 1}`, keep more samples of this curve"
+        ways = (
+            f"use fewer segments, join them by `min_samples: {most + 1}`, keep more samples "
+            "of this curve"
+        )
         what = f"segment {segment.id}: {n} training sample(s), too few for {most} term(s)"
         raise DataError(what, f"{ways}, or set fit.max_terms below {max(2, n)}")
     variables = names_in(terms)
@@ -139,14 +185,26 @@ def fit_segment(segment: Segment, samples: Columns, terms: Sequence[Expression],
     best: SegmentFit | None = None
     for scaling in placements(recipe.fit.scaling, X, y, variables):
         z = scaled(scaling, dict(zip(variables, X.T, strict=True)))
-        ends = [one.tolist() for x in (X * scaling.slope + scaling.intercept, X) for one in (x.min(axis=0), x.max(axis=0))]
-        written = placed(recipe.dictionary, tuple(zip(variables, zip(*ends, strict=True), strict=True)))
+        ends = [
+            one.tolist()
+            for x in (X * scaling.slope + scaling.intercept, X)
+            for one in (x.min(axis=0), x.max(axis=0))
+        ]
+        written = placed(
+            recipe.dictionary, tuple(zip(variables, zip(*ends, strict=True), strict=True))
+        )
         try:
             selection = _selection(
-                terms if written == recipe.dictionary else list(map(parse, written)), z, (y - scaling.y_intercept) / scaling.y_slope, recipe
+                terms if written == recipe.dictionary else list(map(parse, written)),
+                z,
+                (y - scaling.y_intercept) / scaling.y_slope,
+                recipe,
             )
         except NotFinite as error:
-            remedy = "terms are evaluated in the segment's scaled coordinates; set fit.scaling: none, or leave the term out"
+            remedy = (
+                "terms are evaluated in the segment's scaled coordinates; set fit.scaling: "
+                "none, or leave the term out"
+            )
             raise DataError(f"segment {segment.id}: {error}", remedy) from error
         if best is None or selection.sse < best.selection.sse * (1 - TIE_TOLERANCE):
             best = SegmentFit(segment.id, segment.curve, segment.cell, written, scaling, selection)
@@ -155,10 +213,16 @@ def fit_segment(segment: Segment, samples: Columns, terms: Sequence[Expression],
 
 
 def _selection(terms: Sequence[Expression], z: Columns, y: Array, recipe: Recipe) -> Selection:
-    """FROLS on the dictionary, which is never there as a whole where it need not be read more than once or twice."""
+    """FROLS on the dictionary, which is never there as a whole where it need not be read more than
+    once or twice.
+    """
     n, how = len(y), (recipe.fit.most_terms, recipe.fit.tolerance)
     if reads_once(n, len(terms), recipe.fit.most_terms):
-        return frols_streamed(lambda: ((P, y[rows]) for rows, P in dictionary_blocks(terms, z, n)), *how, stop=recipe.fit.stop)
+        return frols_streamed(
+            lambda: ((P, y[rows]) for rows, P in dictionary_blocks(terms, z, n)),
+            *how,
+            stop=recipe.fit.stop,
+        )
     return frols(dictionary_matrix(terms, z, n), y, *how, stop=recipe.fit.stop)
 
 
@@ -172,13 +236,20 @@ def fuse(
 ) -> Model:
     """Join the segment functions; curves come in the order of their levels.
 
-    Where the recipe leaves it open how far a residual is carried between levels, all of it is: see `cross_validation`.
+    Where the recipe leaves it open how far a residual is carried between levels, all of it is: see
+    `cross_validation`.
     """
     backbone, level, asked = result.backbone, recipe.level, recipe.fuse
-    needed = {*names_in(map(candidate, recipe.dictionary)), *recipe.cuts, *(() if backbone is None else literature.of(backbone).inputs)}
+    needed = {
+        *names_in(map(candidate, recipe.dictionary)),
+        *recipe.cuts,
+        *(() if backbone is None else literature.of(backbone).inputs),
+    }
     inputs = tuple(sorted(needed if level is None else {*needed, level}))
     along = None
-    if level is not None and asked.align == "threshold":  # along the first variable that is cut, else the first input that is not the level
+    if (
+        level is not None and asked.align == "threshold"
+    ):  # along the first variable that is cut, else the first input that is not the level
         along = next(iter([*recipe.cuts, *(name for name in inputs if name != level)]), None)
     training = {curve.id: curve for curve in training_curves(curves, level is not None)}
     # without a backbone there is nothing to shrink towards
@@ -186,22 +257,39 @@ def fuse(
     functions = []
     for s in sorted(segmentation, key=lambda s: (s.level is not None, s.level)):
         curve, rows = training[s.curve], {one.id: one.rows for one in s.segments}
-        segments = tuple(_function(f, samples_of(curve, rows[f.id]), s.variables) for f in result.segments if f.curve == s.curve)
+        segments = tuple(
+            _function(f, samples_of(curve, rows[f.id]), s.variables)
+            for f in result.segments
+            if f.curve == s.curve
+        )
         functions.append(
             CurveFunction(
                 curve=s.curve,
                 level=s.level,
                 boundaries=s.boundaries,
                 limits={name: s.limits[name] for name in inputs},
-                segments=multiplied(segments, share) if level is None and share != 1.0 else segments,
-                threshold=threshold(*(curve.columns[x][curve.training] for x in (along, recipe.target))) if along else None,
+                segments=multiplied(segments, share)
+                if level is None and share != 1.0
+                else segments,
+                threshold=threshold(
+                    *(curve.columns[x][curve.training] for x in (along, recipe.target))
+                )
+                if along
+                else None,
             )
         )
     several = list(dict.fromkeys(one.curve for one in result.segments if len(one.terms) > 1))
     sides = _extrapolation(recipe, inputs, "saturate" if several else "continue")
     whole = {} if asked.limits == "curve" else united(curve.limits for curve in segmentation)
     domain = {name: whole[name] for name in inputs if whole and name != level}
-    fusion = taken(Fusion, asked, extrapolation=sides, aligned=along, shrink=1.0 if level is None else share, domain=domain)
+    fusion = taken(
+        Fusion,
+        asked,
+        extrapolation=sides,
+        aligned=along,
+        shrink=1.0 if level is None else share,
+        domain=domain,
+    )
     return Model(
         name=name,
         output=quantities[recipe.target],
@@ -212,54 +300,108 @@ def fuse(
 
 
 def build(
-    name: str, curves: Sequence[Curve], recipe: Recipe, quantities: Mapping[str, Quantity], backbone: FormulaFit | None = None
+    name: str,
+    curves: Sequence[Curve],
+    recipe: Recipe,
+    quantities: Mapping[str, Quantity],
+    backbone: FormulaFit | None = None,
 ) -> Model:
     """Return a model from curves in one go."""
     segmentation = segment(curves, recipe, backbone)
-    return fuse(name, curves, segmentation, FitResult(PiecesFit(fit(curves, segmentation, recipe, backbone)), backbone), recipe, quantities)
+    return fuse(
+        name,
+        curves,
+        segmentation,
+        FitResult(PiecesFit(fit(curves, segmentation, recipe, backbone)), backbone),
+        recipe,
+        quantities,
+    )
 
 
 def multiplied(segments: Sequence[SegmentFunction], share: float) -> tuple[SegmentFunction, ...]:
     """Segment functions times a number, which their scalings hold."""
-    scalings = [replace(one.scaling, y_slope=share * one.scaling.y_slope, y_intercept=share * one.scaling.y_intercept) for one in segments]
-    return tuple(replace(segment, scaling=scaling) for segment, scaling in zip(segments, scalings, strict=True))
+    scalings = [
+        replace(
+            one.scaling,
+            y_slope=share * one.scaling.y_slope,
+            y_intercept=share * one.scaling.y_intercept,
+        )
+        for one in segments
+    ]
+    return tuple(
+        replace(segment, scaling=scaling)
+        for segment, scaling in zip(segments, scalings, strict=True)
+    )
 
 
 def _function(fit: SegmentFit, samples: Columns, variables: Sequence[str]) -> SegmentFunction:
     limits = {name: (float(samples[name].min()), float(samples[name].max())) for name in variables}
-    return taken(SegmentFunction, fit.selection, id=fit.id, cell=fit.cell, terms=fit.terms, scaling=fit.scaling, limits=limits)
+    return taken(
+        SegmentFunction,
+        fit.selection,
+        id=fit.id,
+        cell=fit.cell,
+        terms=fit.terms,
+        scaling=fit.scaling,
+        limits=limits,
+    )
 
 
-def _extrapolation(recipe: Recipe, inputs: Sequence[str], default: Side) -> dict[str, tuple[Side, Side]]:
+def _extrapolation(
+    recipe: Recipe, inputs: Sequence[str], default: Side
+) -> dict[str, tuple[Side, Side]]:
     """Return the declared behaviour, or the default: `continue` for one-term fits, else `saturate`.
 
-    A polynomial of several terms explodes beyond its data, and while interpolating between levels a curve is evaluated past its own end
-    as a matter of course: on a simulated muscle that made a validation RMSE of 771 N out of 19.6 N.
+    A polynomial of several terms explodes beyond its data, and while interpolating between levels a
+    curve is evaluated past its own end as a matter of course: on a simulated muscle that made a
+    validation RMSE of 771 N out of 19.6 N.
     """
     asked = {name: recipe.fuse.beyond(name) for name in inputs}
-    return {name: (default if below is None else below, default if above is None else above) for name, (below, above) in asked.items()}
+    return {
+        name: (default if below is None else below, default if above is None else above)
+        for name, (below, above) in asked.items()
+    }
 
 
-def _remarks(recipe: Recipe, several: Sequence[str], sides: Mapping[str, tuple[Side, Side]]) -> tuple[str, ...]:
-    """Return what the user should know about extrapolation, of curves that have segments of several terms."""
+def _remarks(
+    recipe: Recipe, several: Sequence[str], sides: Mapping[str, tuple[Side, Side]]
+) -> tuple[str, ...]:
+    """Return what the user should know about extrapolation, of curves that have segments of several
+    terms.
+    """
     if not several:
         return ()
-    if explosive := sorted(name for name, side in sides.items() if "continue" in side and name != recipe.level):
+    if explosive := sorted(
+        name for name, side in sides.items() if "continue" in side and name != recipe.level
+    ):
         where = f"{', '.join(explosive)} on {', '.join(several)}"
-        return (f"segments of several terms continue beyond their data along {where}: polynomials explode there; consider saturate",)
-    return ("segments have several terms, so each curve saturates at the ends of its own range (fuse.extrapolation)",)
+        return (
+            f"segments of several terms continue beyond their data along {where}: polynomials "
+            "explode there; consider saturate",
+        )
+    return (
+        "segments have several terms, so each curve saturates at the ends of its own range "
+        "(fuse.extrapolation)",
+    )
 
 
-FLAT, LOW = 0.25, 0.2  # a foot is less steep than this share of the flank, and rises by less than this share of the curve's span
+FLAT, LOW = (
+    0.25,
+    0.2,
+    # a foot is less steep than this share of the flank, and rises by less than this share of the
+    # curve's span
+)
 WINDOW = 0.05  # of the curve's range: what the threshold is looked for on is smoothed that much
 
 
 def threshold(x: Array, y: Array) -> float:
     """Return the corner between the foot of a curve and its flank; samples in any order, (n,).
 
-    Of all pairs of straight lines that meet at a point of the smoothed curve, the pair with the least sum of squared errors has its
-    corner there. A curve without a foot has its threshold at the lower of its ends: on the left for a force that grows with pressure, on
-    the right for one that falls with strain. (A share of the span would not do: the foot of a measured muscle creeps by a tenth of it.)
+    Of all pairs of straight lines that meet at a point of the smoothed curve, the pair with the
+    least sum of squared errors has its corner there. A curve without a foot has its threshold at
+    the lower of its ends: on the left for a force that grows with pressure, on the right for one
+    that falls with strain. (A share of the span would not do: the foot of a measured muscle creeps
+    by a tenth of it.)
     """
     low, high = float(x.min()), float(x.max())
     if low == high:

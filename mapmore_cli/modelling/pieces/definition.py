@@ -1,7 +1,9 @@
-"""The definition of MAPMORE: scaling, segment functions, weights, levels and extrapolation (M2 eq 8-12) as statements.
+"""The definition of MAPMORE: scaling, segment functions, weights, levels and extrapolation (M2 eq
+8-12) as statements.
 
-Predictions, derivatives, knots of the inverse, C, Python and FMUs all come from here. Each function writes one equation with a `Writer` m,
-whose `where` and `choose` branch; a side that no sample takes is not computed.
+Predictions, derivatives, knots of the inverse, C, Python and FMUs all come from here. Each function
+writes one equation with a `Writer` m, whose `where` and `choose` branch; a side that no sample
+takes is not computed.
 
     y = sum_l w_l(level) sum_i f_i(E(x)) prod_j w_ij(E(x_j))
 """
@@ -34,17 +36,28 @@ TRANSITIONS: Mapping[str, Callable[[Writer, Expression], Expression]] = {
 
 
 def pieces_value(m: Writer, body: Pieces, inputs: Inputs) -> Expression:
-    """Write the pieces without their backbone; `inputs` in the order of the model. Return the output."""
+    """Write the pieces without their backbone; `inputs` in the order of the model. Return the
+    output.
+    """
     free = [name for name in inputs if name != body.level]
     functions = [_curve_function(m, curve, body, free) for curve in body.curves]
     if body.level is None:
         return m.use("pieces", functions[0], inputs.values())
-    levels, sides = [float(curve.level) for curve in body.curves if curve.level is not None], body.fusion.extrapolation[body.level]
+    levels, sides = (
+        [float(curve.level) for curve in body.curves if curve.level is not None],
+        body.fusion.extrapolation[body.level],
+    )
     m.knot(body.level, *levels)
     along = body.fusion.aligned
-    ends = [(*curve.limits[along], curve.threshold or 0.0) for curve in body.curves if along is not None]
+    ends = [
+        (*curve.limits[along], curve.threshold or 0.0) for curve in body.curves if along is not None
+    ]
     marks = [(float(low), float(threshold), float(high)) for low, high, threshold in ends]
-    level = m.choose("level", _held(inputs[body.level], (levels[0], levels[-1]), sides, words=("saturate",)), inputs[body.level])
+    level = m.choose(
+        "level",
+        _held(inputs[body.level], (levels[0], levels[-1]), sides, words=("saturate",)),
+        inputs[body.level],
+    )
 
     def curve_at(left: int, right: int, number: int, t: Expression) -> Expression:
         places = dict(inputs)
@@ -56,27 +69,40 @@ def pieces_value(m: Writer, body: Pieces, inputs: Inputs) -> Expression:
 
 
 CurveAt = Callable[[int, int, int, Expression], Expression]
-"""Writes a curve, given the numbers of the two levels that are joined, its own number, and the place t between the levels."""
+"""Writes a curve, given the numbers of the two levels that are joined, its own number, and the
+place t between the levels.
+"""
 
 
 def across_levels(
-    m: Writer, level: Expression, levels: Sequence[float], sides: tuple[Side, Side], fusion: Fusion, curve_at: CurveAt
+    m: Writer,
+    level: Expression,
+    levels: Sequence[float],
+    sides: tuple[Side, Side],
+    fusion: Fusion,
+    curve_at: CurveAt,
 ) -> Expression:
     """Write the curves between their levels and beyond the outermost.
 
-    Between levels i and i + 1, at the place t between them: with `linear` triangles, `(1 - t) f_i + t f_{i+1}` (M1 figure 2); with `pchip`
-    the cubic Hermite interpolant of slopes that keep the shape of the curves' values (Fritsch and Butland 1984). A share
-    `g + (1 - g)(1 - 2t)^2` of it is carried, g = `shrink`. At a level its own curve counts alone: another may have no value there.
+    Between levels i and i + 1, at the place t between them: with `linear` triangles, `(1 - t) f_i +
+    t f_{i+1}` (M1 figure 2); with `pchip` the cubic Hermite interpolant of slopes that keep the
+    shape of the curves' values (Fritsch and Butland 1984). A share `g + (1 - g)(1 - 2t)^2` of it is
+    carried, g = `shrink`. At a level its own curve counts alone: another may have no value there.
 
-    Beyond the outermost level, `continue` and `saturate` hold its curve, `continue_linear` goes on with the slope at that level, and `zero`
-    lets the weight drop to zero (M2 figure 7d). `curve_at` writes a curve, given the numbers of two levels, of the curve, and t.
+    Beyond the outermost level, `continue` and `saturate` hold its curve, `continue_linear` goes on
+    with the slope at that level, and `zero` lets the weight drop to zero (M2 figure 7d). `curve_at`
+    writes a curve, given the numbers of two levels, of the curve, and t.
     """
     last = len(levels) - 1
 
     def alone(i: int) -> Expression:
         return curve_at(i, i, i, ZERO)
 
-    def counting(i: int) -> range:  # between levels i and i + 1: with `pchip`, slopes there depend on the curves beside them
+    def counting(
+        i: int,
+    ) -> (
+        range
+    ):  # between levels i and i + 1: with `pchip`, slopes there depend on the curves beside them
         reach = 0 if fusion.levels == "linear" else 1
         return range(max(i - reach, 0), min(i + 1 + reach, last) + 1)
 
@@ -87,9 +113,16 @@ def across_levels(
         if fusion.levels == "linear":
             y = (1 - t) * f[i] + t * f[i + 1]
         else:
-            left, right = (m.let("slope", _slope(m, levels, f, number) * width) for number in (i, i + 1))
+            left, right = (
+                m.let("slope", _slope(m, levels, f, number) * width) for number in (i, i + 1)
+            )
             rest = m.let("rest", 1 - t)
-            y = f[i] * (1 + 2 * t) * rest**2 + left * t * rest**2 + f[i + 1] * t**2 * (3 - 2 * t) - right * t**2 * rest
+            y = (
+                f[i] * (1 + 2 * t) * rest**2
+                + left * t * rest**2
+                + f[i + 1] * t**2 * (3 - 2 * t)
+                - right * t**2 * rest
+            )
         if fusion.shrink == 1.0:
             return y
         return m.let("between", y) * (fusion.shrink + (1 - fusion.shrink) * (1 - 2 * t) ** 2)
@@ -105,23 +138,32 @@ def across_levels(
 
     below, above = beyond(0, sides[0]), beyond(last, sides[1])
     if last == 0:
-        return m.choose("across", [(level < levels[0], below), (level > levels[0], above)], partial(alone, 0))
+        return m.choose(
+            "across", [(level < levels[0], below), (level > levels[0], above)], partial(alone, 0)
+        )
     cases: list[tuple[Condition, Callable[[], Expression]]] = [(level < levels[0], below)]
-    cases += [(Condition(level, "==", Number(at)), partial(alone, i)) for i, at in enumerate(levels)]
+    cases += [
+        (Condition(level, "==", Number(at)), partial(alone, i)) for i, at in enumerate(levels)
+    ]
     for i in range(last):
         within = level < levels[i + 1] if i + 1 < last else level <= levels[last]
         cases.append((within, partial(between, i)))
     return m.choose("across", cases, above)
 
 
-def _slope(m: Writer, levels: Sequence[float], f: Mapping[int, Expression], number: int) -> Expression:
+def _slope(
+    m: Writer, levels: Sequence[float], f: Mapping[int, Expression], number: int
+) -> Expression:
     """Write the slope across levels at one of them, from the values of the curves that count.
 
-    With two of them it is that of the line. Else, inside, the weighted harmonic mean of the neighbouring differences, or zero where they
-    differ in sign; at the ends, three-point differences held back so that the outermost interval stays monotone.
+    With two of them it is that of the line. Else, inside, the weighted harmonic mean of the
+    neighbouring differences, or zero where they differ in sign; at the ends, three-point
+    differences held back so that the outermost interval stays monotone.
     """
     h = [levels[j] - levels[i] for i, j in pairwise(f)]
-    delta = [m.let("delta", (f[j] - f[i]) / width) for (i, j), width in zip(pairwise(f), h, strict=True)]
+    delta = [
+        m.let("delta", (f[j] - f[i]) / width) for (i, j), width in zip(pairwise(f), h, strict=True)
+    ]
     at = number - min(f)
     if len(h) == 1:
         return delta[0]
@@ -140,11 +182,16 @@ def _inner_slope(m: Writer) -> str:
     before, after, h_before, h_after = map(Name, names)
 
     def mean() -> Expression:
-        w_before, w_after = m.let("w_before", h_before + 2 * h_after), m.let("w_after", 2 * h_before + h_after)
+        w_before, w_after = (
+            m.let("w_before", h_before + 2 * h_after),
+            m.let("w_after", 2 * h_before + h_after),
+        )
         return (w_before + w_after) * (before / (w_after * before + w_before * after)) * after
 
     value = lambda: m.where(sign(before) * sign(after) > 0.0, mean, 0.0)  # noqa: E731 - short
-    return m.function("slope_inside", names, value, "slope at an inner level, which keeps the shape")
+    return m.function(
+        "slope_inside", names, value, "slope at an inner level, which keeps the shape"
+    )
 
 
 def _end_slope(m: Writer) -> str:
@@ -158,33 +205,53 @@ def _end_slope(m: Writer) -> str:
         held = m.where(call("abs", kept) > call("abs", steepest), steepest, kept)
         return m.where(sign(delta) * sign(delta_next) > 0.0, kept, held)
 
-    return m.function("slope_at_end", names, held_back, "slope at an outermost level, which keeps the shape")
+    return m.function(
+        "slope_at_end", names, held_back, "slope at an outermost level, which keeps the shape"
+    )
 
 
 Marks = tuple[float, float, float]
 """Low end, threshold and high end of a curve."""
 
 
-def aligned(m: Writer, x: Expression, t: Expression, left: Marks, right: Marks, own: Marks) -> Expression:
-    """Write the place on one curve that corresponds to x: low end, threshold and high end answer to those at x, linear between.
+def aligned(
+    m: Writer, x: Expression, t: Expression, left: Marks, right: Marks, own: Marks
+) -> Expression:
+    """Write the place on one curve that corresponds to x: low end, threshold and high end answer to
+    those at x, linear between.
 
-    So each curve is looked up within its own range as long as x is within the range interpolated for it. `left`, `right` and `own` are
-    those marks of the two curves, at the place t between them, and of the curve itself.
+    So each curve is looked up within its own range as long as x is within the range interpolated
+    for it. `left`, `right` and `own` are those marks of the two curves, at the place t between
+    them, and of the curve itself.
     """
-    low, middle, high = (m.let("mark", (1 - t) * a + t * b if a != b else a) for a, b in zip(left, right, strict=True))
+    low, middle, high = (
+        m.let("mark", (1 - t) * a + t * b if a != b else a)
+        for a, b in zip(left, right, strict=True)
+    )
     way = m.let("way", x - middle)
 
     def along(width: float, between: Expression) -> Expression:
         wide = m.let("wide", between)
         return own[1] + way * m.where(wide > 0.0, lambda: width / wide, 1.0)
 
-    return m.where(x < middle, partial(along, own[1] - own[0], middle - low), partial(along, own[2] - own[1], high - middle))
+    return m.where(
+        x < middle,
+        partial(along, own[1] - own[0], middle - low),
+        partial(along, own[2] - own[1], high - middle),
+    )
 
 
-def segment_value(m: Writer, segment: SegmentFunction, x: Inputs, beyond: Mapping[str, list[tuple[Condition, Expression]]]) -> Expression:
-    """Write `f(x) = y_slope sum_k theta_k D_k(z) + y_intercept`, `z = slope x + intercept` (M2 eq 8).
+def segment_value(
+    m: Writer,
+    segment: SegmentFunction,
+    x: Inputs,
+    beyond: Mapping[str, list[tuple[Condition, Expression]]],
+) -> Expression:
+    """Write `f(x) = y_slope sum_k theta_k D_k(z) + y_intercept`, `z = slope x + intercept` (M2 eq
+    8).
 
-    `beyond` has, by input, where a curve goes straight on from its limit, and how far beyond that the sample is.
+    `beyond` has, by input, where a curve goes straight on from its limit, and how far beyond that
+    the sample is.
     """
     scaling = segment.scaling
     scales = zip(scaling.variables, scaling.slope.tolist(), scaling.intercept.tolist(), strict=True)
@@ -194,8 +261,12 @@ def segment_value(m: Writer, segment: SegmentFunction, x: Inputs, beyond: Mappin
     for name, cases in beyond.items():
         if name in z:
             scale = float(scaling.slope[scaling.variables.index(name)])
-            slope = scale * add(*weighted(segment, renamed_all([derivative(term, name) for term in terms], z)))
-            value = m.choose("straight", [(beyond_it, value + slope * way) for beyond_it, way in cases], value)
+            slope = scale * add(
+                *weighted(segment, renamed_all([derivative(term, name) for term in terms], z))
+            )
+            value = m.choose(
+                "straight", [(beyond_it, value + slope * way) for beyond_it, way in cases], value
+            )
     return value
 
 
@@ -206,11 +277,16 @@ def combination(segment: SegmentFunction, regressors: Sequence[Expression]) -> E
 
 def weighted(segment: SegmentFunction, regressors: Sequence[Expression]) -> list[Expression]:
     """Return `y_slope theta_k D_k` for each regressor."""
-    return [float(segment.scaling.y_slope * theta) * D for theta, D in zip(segment.theta, regressors, strict=True)]
+    return [
+        float(segment.scaling.y_slope * theta) * D
+        for theta, D in zip(segment.theta, regressors, strict=True)
+    ]
 
 
 def _curve_function(m: Writer, curve: CurveFunction, body: Pieces, free: Sequence[str]) -> str:
-    """Write a curve as a function of its free inputs, and of the level where there is one; return its name."""
+    """Write a curve as a function of its free inputs, and of the level where there is one; return
+    its name.
+    """
     fusion = body.fusion
     names = [*free, *([body.level] if body.level is not None else [])]
     limits = {name: fusion.domain.get(name, curve.limits[name]) for name in free}
@@ -220,23 +296,50 @@ def _curve_function(m: Writer, curve: CurveFunction, body: Pieces, free: Sequenc
         m.knot(name, *boundaries.tolist(), *np.concatenate(zones(boundaries, fusion.z_s)).tolist())
 
     def segment(one: SegmentFunction) -> str:
-        held, asked = ({name: Name(m.fresh(f"at_{name}")) for name in some} for some in (names, straight))
-        beyond = {name: _beyond(asked[name], limits[name], fusion.extrapolation[name], "continue_linear") for name in straight}
+        held, asked = (
+            {name: Name(m.fresh(f"at_{name}")) for name in some} for some in (names, straight)
+        )
+        beyond = {
+            name: _beyond(asked[name], limits[name], fusion.extrapolation[name], "continue_linear")
+            for name in straight
+        }
         parameters = [name.name for name in (*held.values(), *asked.values())]
-        value = lambda: segment_value(m, one, {**held, **_reached(m, one, curve, body, held)}, beyond)  # noqa: E731 - short
+        value = lambda: segment_value(  # noqa: E731
+            m, one, {**held, **_reached(m, one, curve, body, held)}, beyond
+        )
         return m.function(m.fresh("segment"), parameters, value, f"the segment {one.id}")
 
     functions = {one.cell: segment(one) for one in curve.segments}
 
     def inside() -> Expression:
-        held = {name: m.choose(f"held_{name}", _held(x[name], limits[name], fusion.extrapolation[name]), x[name]) for name in free}
+        held = {
+            name: m.choose(
+                f"held_{name}", _held(x[name], limits[name], fusion.extrapolation[name]), x[name]
+            )
+            for name in free
+        }
         arguments = [*({**x, **held}.values()), *(x[name] for name in straight)]
         along = [held[name] for name in body.variables]
-        return joined(m, along, curve.boundaries, fusion, lambda cell: m.use("part", functions[cell], arguments))
+        return joined(
+            m,
+            along,
+            curve.boundaries,
+            fusion,
+            lambda cell: m.use("part", functions[cell], arguments),
+        )
 
-    nothing = [(beyond, ZERO) for name in free for beyond, _ in _beyond(x[name], limits[name], fusion.extrapolation[name], "zero")]
+    nothing = [
+        (beyond, ZERO)
+        for name in free
+        for beyond, _ in _beyond(x[name], limits[name], fusion.extrapolation[name], "zero")
+    ]
     parameters = [name.name for name in x.values()]
-    return m.function(m.fresh("curve"), parameters, lambda: m.choose("curve", nothing, inside), f"the curve {curve.curve}")
+    return m.function(
+        m.fresh("curve"),
+        parameters,
+        lambda: m.choose("curve", nothing, inside),
+        f"the curve {curve.curve}",
+    )
 
 
 def joined(
@@ -249,8 +352,9 @@ def joined(
 ) -> Expression:
     """Write `sum_i f_i prod_j w_ij(x_j)`, one variable after the other (M2 eq 9-11).
 
-    Within a segment its function counts alone; in the zone at boundary i, `(1 - s) f_i + s f_{i+1}`: weights sum to one. `z_s = 0` is a
-    step, at which the boundary itself belongs to the left segment.
+    Within a segment its function counts alone; in the zone at boundary i, `(1 - s) f_i + s
+    f_{i+1}`: weights sum to one. `z_s = 0` is a step, at which the boundary itself belongs to the
+    left segment.
     """
     if not boundaries:
         return of_cell(cell)
@@ -258,10 +362,16 @@ def joined(
     cases: list[tuple[Condition, Callable[[], Expression]]] = []
 
     def in_zone(i: int, start: float, end: float) -> Expression:
-        s = m.let("rise", TRANSITIONS[fusion.transition](m, m.let("t", (x[0] - start) / (end - start))))
-        return (1 - s) * m.let("left", along((*cell, i))) + s * m.let("right", along((*cell, i + 1)))
+        s = m.let(
+            "rise", TRANSITIONS[fusion.transition](m, m.let("t", (x[0] - start) / (end - start)))
+        )
+        return (1 - s) * m.let("left", along((*cell, i))) + s * m.let(
+            "right", along((*cell, i + 1))
+        )
 
-    for i, (start, end) in enumerate(zip(*(ends.tolist() for ends in zones(boundaries[0], fusion.z_s)), strict=True), start=1):
+    for i, (start, end) in enumerate(
+        zip(*(ends.tolist() for ends in zones(boundaries[0], fusion.z_s)), strict=True), start=1
+    ):
         cases.append((x[0] <= start, partial(along, (*cell, i))))
         if end > start:
             cases.append((x[0] < end, partial(in_zone, i, start, end)))
@@ -269,40 +379,59 @@ def joined(
 
 
 def zones(boundaries: Array, z_s: float) -> tuple[Array, Array]:
-    """Return start and end of the transition zone at each inner boundary, (count - 1,) each (M2 eq 10 and 11).
+    """Return start and end of the transition zone at each inner boundary, (count - 1,) each (M2 eq
+    10 and 11).
 
-    `seg_i - z_s (seg_i - seg_{i-1})` to `seg_i + z_s (seg_{i+1} - seg_i)`, shared by the falling weight of the left segment and the
-    rising weight of the right one.
+    `seg_i - z_s (seg_i - seg_{i-1})` to `seg_i + z_s (seg_{i+1} - seg_i)`, shared by the falling
+    weight of the left segment and the rising weight of the right one.
     """
     widths = np.diff(boundaries)
     inner = boundaries[1:-1]
     return inner - z_s * widths[:-1], inner + z_s * widths[1:]
 
 
-def _ends(x: Expression, limits: tuple[float, float], sides: tuple[Side, Side]) -> tuple[tuple[Condition, Side, float], ...]:
-    """Return for both sides where an input is beyond its limit, what happens there, and the limit."""
+def _ends(
+    x: Expression, limits: tuple[float, float], sides: tuple[Side, Side]
+) -> tuple[tuple[Condition, Side, float], ...]:
+    """Return for both sides where an input is beyond its limit, what happens there, and the
+    limit.
+    """
     return ((x < limits[0], sides[0], limits[0]), (x > limits[1], sides[1], limits[1]))
 
 
 def _held(
-    x: Expression, limits: tuple[float, float], sides: tuple[Side, Side], words: Sequence[str] = ("saturate", "continue_linear")
+    x: Expression,
+    limits: tuple[float, float],
+    sides: tuple[Side, Side],
+    words: Sequence[str] = ("saturate", "continue_linear"),
 ) -> list[tuple[Condition, Expression]]:
-    """Return where the extrapolation function E holds an input: at a limit, or at the value that a side gives (M2 eq 12)."""
-    held = [(beyond, side if isinstance(side, float) else end if side in words else None) for beyond, side, end in _ends(x, limits, sides)]
+    """Return where the extrapolation function E holds an input: at a limit, or at the value that a
+    side gives (M2 eq 12).
+    """
+    held = [
+        (beyond, side if isinstance(side, float) else end if side in words else None)
+        for beyond, side, end in _ends(x, limits, sides)
+    ]
     return [(beyond, Number(float(place))) for beyond, place in held if place is not None]
 
 
-def _beyond(x: Expression, limits: tuple[float, float], sides: tuple[Side, Side], word: str) -> list[tuple[Condition, Expression]]:
+def _beyond(
+    x: Expression, limits: tuple[float, float], sides: tuple[Side, Side], word: str
+) -> list[tuple[Condition, Expression]]:
     """Return the sides that have the word: where x is beyond that limit, and how far."""
     return [(beyond, x - end) for beyond, side, end in _ends(x, limits, sides) if side == word]
 
 
-def _reached(m: Writer, segment: SegmentFunction, curve: CurveFunction, body: Pieces, x: Inputs) -> dict[str, Expression]:
-    """Hold a segment function beyond its samples by more than z_s of their width (`hold: samples`), where transition zones reach there.
+def _reached(
+    m: Writer, segment: SegmentFunction, curve: CurveFunction, body: Pieces, x: Inputs
+) -> dict[str, Expression]:
+    """Hold a segment function beyond its samples by more than z_s of their width (`hold: samples`),
+    where transition zones reach there.
 
-    M2 eq 10 and 11 make a transition zone z_s of *both* neighbours' widths: in the zone beside a wide segment, the function of a narrow
-    one would be carried several times its width beyond its data, where a polynomial explodes. Segments of one width that are full of
-    samples are not held. The outer ends of a curve are left to `extrapolation`.
+    M2 eq 10 and 11 make a transition zone z_s of *both* neighbours' widths: in the zone beside a
+    wide segment, the function of a narrow one would be carried several times its width beyond its
+    data, where a polynomial explodes. Segments of one width that are full of samples are not held.
+    The outer ends of a curve are left to `extrapolation`.
     """
     if body.fusion.hold == "none":
         return {}
@@ -312,7 +441,9 @@ def _reached(m: Writer, segment: SegmentFunction, curve: CurveFunction, body: Pi
         reach = body.fusion.z_s * (high - low)
         start, end = zones(boundaries, body.fusion.z_s)
         below = low - reach if place > 1 and low - reach > start[place - 2] else None
-        above = high + reach if place < len(boundaries) - 1 and high + reach < end[place - 1] else None
+        above = (
+            high + reach if place < len(boundaries) - 1 and high + reach < end[place - 1] else None
+        )
         m.knot(name, *(edge for edge in (below, above) if edge is not None))
         held[name] = m.clip(x[name], below, above, f"reached_{name}")
     return held
@@ -326,26 +457,40 @@ def pieces_program(body: Pieces, names: Sequence[str]) -> Program:
 
 
 def weight_of(body: Pieces, segments: Set[str], columns: Columns) -> Array:
-    """Return the weight of some segment functions together, (n,): what the model is with these functions one and all others zero.
+    """Return the weight of some segment functions together, (n,): what the model is with these
+    functions one and all others zero.
 
-    With `levels: pchip` weights between levels depend on the values of the curves; these are those of such functions. `segments` are ids.
+    With `levels: pchip` weights between levels depend on the values of the curves; these are those
+    of such functions. `segments` are ids.
     """
 
     def constant(segment: SegmentFunction) -> SegmentFunction:
         scaling = replace(segment.scaling, y_slope=1.0, y_intercept=float(segment.id in segments))
         return replace(segment, terms=(), theta=np.empty(0), scaling=scaling)
 
-    curves = tuple(replace(curve, segments=tuple(map(constant, curve.segments))) for curve in body.curves)
+    curves = tuple(
+        replace(curve, segments=tuple(map(constant, curve.segments))) for curve in body.curves
+    )
     return evaluator(pieces_program(replace(body, curves=curves), list(columns)))(columns)[0]
 
 
 def cell_weights(x: Array, boundaries: Array, transition: Transition, z_s: float) -> Array:
-    """Return the weight of every segment along one variable at x, (n, count); each row sums to one (M2 eq 10 and 11)."""
+    """Return the weight of every segment along one variable at x, (n, count); each row sums to one
+    (M2 eq 10 and 11).
+    """
 
     def weight(place: int) -> Array:
         m = Writer()
-        of_cell: Callable[[tuple[int, ...]], Expression] = lambda cell: ONE if cell == (place,) else ZERO  # noqa: E731 - short
-        value = joined(m, [Name(f"{INPUT}x")], [boundaries], Fusion(transition=transition, z_s=z_s, extrapolation={}), of_cell)
+        of_cell: Callable[[tuple[int, ...]], Expression] = lambda cell: (  # noqa: E731
+            ONE if cell == (place,) else ZERO
+        )
+        value = joined(
+            m,
+            [Name(f"{INPUT}x")],
+            [boundaries],
+            Fusion(transition=transition, z_s=z_s, extrapolation={}),
+            of_cell,
+        )
         return evaluator(m.program(["x"], value))({"x": x})[0]
 
     return np.stack([weight(place) for place in range(1, len(boundaries))], axis=1)

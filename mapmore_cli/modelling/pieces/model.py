@@ -10,16 +10,25 @@ from mapmore_cli.domain.models import Equation, Model, Pieces
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling.equations import equation
 from mapmore_cli.modelling.expressions import Expression, parse
-from mapmore_cli.modelling.literature.model import backbone_values, by_blocks, formula_equations, formula_value
+from mapmore_cli.modelling.literature.model import (
+    backbone_values,
+    by_blocks,
+    formula_equations,
+    formula_value,
+)
 from mapmore_cli.modelling.pieces.definition import pieces_program, pieces_value
 from mapmore_cli.modelling.program.values import evaluator
 from mapmore_cli.modelling.program.writing import Inputs, Writer, limit
 
 
 def simulate(model: Model, columns: Columns) -> Run:
-    """Return `backbone(inputs) + sum_i f_i(E(x)) prod_j w_ij(x_j)` at every row, (n,) (M1 eq 5, M2 eq 9); NaN where an input is."""
+    """Return `backbone(inputs) + sum_i f_i(E(x)) prod_j w_ij(x_j)` at every row, (n,) (M1 eq 5, M2
+    eq 9); NaN where an input is.
+    """
     body = _body(model)
-    pieces = _ready(body, tuple(quantity.name for quantity in model.inputs)) if body.segments else None
+    pieces = (
+        _ready(body, tuple(quantity.name for quantity in model.inputs)) if body.segments else None
+    )
 
     def value(inputs: dict[str, Array], n: int) -> Array:
         base = backbone_values(body.backbone, inputs, n)
@@ -30,22 +39,30 @@ def simulate(model: Model, columns: Columns) -> Run:
 
 @lru_cache(maxsize=8)
 def _ready(body: Pieces, names: tuple[str, ...]) -> Callable[[Columns], list[Array]]:
-    """Return the pieces ready for many calls; to write their program takes ten times as long as to predict a few rows."""
+    """Return the pieces ready for many calls; to write their program takes ten times as long as to
+    predict a few rows.
+    """
     return evaluator(pieces_program(body, names))
 
 
 def equations(model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
     """Return the backbone first, then every segment function, in the model's units or in others."""
     body = _body(model)
-    found = ((one, {**curve.limits, **one.limits}) for curve in body.curves for one in curve.segments)
-    pieces = (equation(one.id, one.terms, one.theta, one.scaling, limits, units) for one, limits in found)
+    found = (
+        (one, {**curve.limits, **one.limits}) for curve in body.curves for one in curve.segments
+    )
+    pieces = (
+        equation(one.id, one.terms, one.theta, one.scaling, limits, units) for one, limits in found
+    )
     return *formula_equations(body.backbone, units), *pieces
 
 
 def parameters(model: Model) -> int:
     """Return the number of coefficients of all segments and of parameters of the backbone."""
     body = _body(model)
-    return sum(len(one.theta) for one in body.segments) + (0 if body.backbone is None else len(body.backbone.parameters))
+    return sum(len(one.theta) for one in body.segments) + (
+        0 if body.backbone is None else len(body.backbone.parameters)
+    )
 
 
 def _body(model: Model) -> Pieces:
@@ -60,7 +77,13 @@ def write(m: Writer, model: Model, inputs: Inputs) -> Expression:
     base = formula_value(m, body.backbone, inputs)
     if not body.segments:
         return base
-    return m.let("model", base + pieces_value(m, body, {quantity.name: inputs[quantity.name] for quantity in model.inputs}))
+    return m.let(
+        "model",
+        base
+        + pieces_value(
+            m, body, {quantity.name: inputs[quantity.name] for quantity in model.inputs}
+        ),
+    )
 
 
 def faults(model: Model) -> Iterator[str]:
@@ -69,5 +92,7 @@ def faults(model: Model) -> Iterator[str]:
     if model.level is not None and (None in levels or sorted({*levels}) != levels):  # type: ignore[type-var]  # None is told first
         yield "the levels of its curves do not ascend"
     for segment in _body(model).segments:
-        if not frozenset().union(*(parse(text).names for text in segment.terms)) <= {*segment.scaling.variables}:
+        if not frozenset().union(*(parse(text).names for text in segment.terms)) <= {
+            *segment.scaling.variables
+        }:
             yield f"the terms of {segment.id} are of other quantities than its scaling"

@@ -1,4 +1,6 @@
-"""What MAPMORE has to be told to turn curves into a model: the sections `segment` and `fuse`, and the whole recipe."""
+"""What MAPMORE has to be told to turn curves into a model: the sections `segment` and `fuse`, and
+the whole recipe.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,15 @@ from typing import Annotated, Literal
 
 from annotated_types import Gt, Interval, Len
 
-from mapmore_cli.domain.declared import Beyond, Contradiction, Either, Joining, OfKey, Settings, of_sibling
+from mapmore_cli.domain.declared import (
+    Beyond,
+    Contradiction,
+    Either,
+    Joining,
+    OfKey,
+    Settings,
+    of_sibling,
+)
 from mapmore_cli.modelling.selection import Fit
 
 USES = {
@@ -25,10 +35,13 @@ USES = {
 class Cuts(Settings):
     """How one variable is cut into segments.
 
-    - `even` needs `count`; `breakpoints` needs the inner boundaries, `at`. Neighbours are joined until each holds `min_samples`.
-    - `gradient` puts boundaries where the slope of the target changes most, seen through a `window` and `separation` apart (a tenth of
+    - `even` needs `count`; `breakpoints` needs the inner boundaries, `at`. Neighbours are joined
+      until each holds `min_samples`.
+    - `gradient` puts boundaries where the slope of the target changes most, seen through a `window`
+      and `separation` apart (a tenth of
       each curve's range).
-    - `optimal` puts them where the fits leave the least, on a `grid` of equal cells (20) with `min_samples` in each segment (10).
+    - `optimal` puts them where the fits leave the least, on a `grid` of equal cells (20) with
+      `min_samples` in each segment (10).
     """
 
     method: Literal["even", "breakpoints", "gradient", "optimal"]
@@ -65,12 +78,20 @@ class Cuts(Settings):
         needed = USES[self.method][0]
         if getattr(self, needed) is None:
             example = "count: 4" if needed == "count" else "at: [0.05, 0.1]"
-            raise Contradiction(f"method `{self.method}` needs `{needed}`", f"add it, as `{example}`", "method")
+            raise Contradiction(
+                f"method `{self.method}` needs `{needed}`", f"add it, as `{example}`", "method"
+            )
         for other in fields(self)[1:]:
             if other.name not in USES[self.method] and getattr(self, other.name) is not None:
-                raise Contradiction(f"method `{self.method}` has no use for `{other.name}`", f"remove `{other.name}`", other.name)
+                raise Contradiction(
+                    f"method `{self.method}` has no use for `{other.name}`",
+                    f"remove `{other.name}`",
+                    other.name,
+                )
         if self.at is not None and any(after <= before for before, after in pairwise(self.at)):
-            raise Contradiction("the breakpoints do not increase", f"write `at: {sorted(set(self.at))}`", "at")
+            raise Contradiction(
+                "the breakpoints do not increase", f"write `at: {sorted(set(self.at))}`", "at"
+            )
         if self.method == "optimal" and self.segments > self.cells:
             what = f"{self.count} segments do not fit on a grid of {self.cells} cells"
             raise Contradiction(what, "raise `grid`, or lower `count`", "grid")
@@ -78,7 +99,9 @@ class Cuts(Settings):
 
 @dataclass(frozen=True)
 class CutByDirection(Settings):
-    """Segments for rise and fall: by the sign of the rate `of` a quantity, with a `dead_band` in which the last direction holds."""
+    """Segments for rise and fall: by the sign of the rate `of` a quantity, with a `dead_band` in
+    which the last direction holds.
+    """
 
     of: str
     dead_band: Annotated[float, Gt(0), of_sibling("of")]
@@ -95,7 +118,9 @@ WordOrValue = Annotated[Beyond | OfKey, Either()]
 
 @dataclass(frozen=True)
 class BelowAbove(Settings):
-    """Extrapolation of one variable on each side: a word, or the value that the variable takes (M2 eq 12)."""
+    """Extrapolation of one variable on each side: a word, or the value that the variable takes (M2
+    eq 12).
+    """
 
     below: WordOrValue | None = None
     above: WordOrValue | None = None
@@ -106,23 +131,36 @@ class Fuse(Joining):
     """How pieces are joined (M2 eq 9-12).
 
     - Transition zones reach `z_s` of a segment's width to each side of a boundary.
-    - Curves are interpolated between levels by triangles (`levels: linear`) or keeping their shape (`pchip`). `align: threshold`
+    - Curves are interpolated between levels by triangles (`levels: linear`) or keeping their shape
+      (`pchip`). `align: threshold`
       interpolates between places that lie alike relative to their thresholds.
-    - `shrink` is the share of a backbone's residual in the middle between two levels, or everywhere on one surface. `auto` asks left-out
+    - `shrink` is the share of a backbone's residual in the middle between two levels, or everywhere
+      on one surface. `auto` asks left-out
       training data.
-    - `extrapolation` is a word, or a mapping from variable to word or `{below, above}`. The default is `continue` for one-term fits, else
-      `saturate`. It begins at each curve's ends (`limits: curve`) or those of the training domain (`domain`: M2 eq 12).
-    - `hold: samples` holds a segment function beyond its samples by more than `z_s` of their width; `none` is M2 eq 9-11.
+    - `extrapolation` is a word, or a mapping from variable to word or `{below, above}`. The default
+      is `continue` for one-term fits, else
+      `saturate`. It begins at each curve's ends (`limits: curve`) or those of the training domain
+      (`domain`: M2 eq 12).
+    - `hold: samples` holds a segment function beyond its samples by more than `z_s` of their width;
+      `none` is M2 eq 9-11.
     """
 
     align: Literal["none", "threshold"] = "none"
     limits: Literal["curve", "domain"] = "curve"
     shrink: Annotated[Literal["auto"] | Annotated[float, Interval(ge=0, le=1)], Either()] = "auto"
-    extrapolation: Annotated[Beyond | dict[str, Annotated[Beyond | BelowAbove, Either()]], Either()] | None = None
+    extrapolation: (
+        Annotated[Beyond | dict[str, Annotated[Beyond | BelowAbove, Either()]], Either()] | None
+    ) = None
 
     def beyond(self, name: str) -> tuple[Beyond | float | None, Beyond | float | None]:
-        """Return the extrapolation of a variable below and above its limits; None where nothing is said."""
-        said = self.extrapolation.get(name) if isinstance(self.extrapolation, Mapping) else self.extrapolation
+        """Return the extrapolation of a variable below and above its limits; None where nothing is
+        said.
+        """
+        said = (
+            self.extrapolation.get(name)
+            if isinstance(self.extrapolation, Mapping)
+            else self.extrapolation
+        )
         return (said.below, said.above) if isinstance(said, BelowAbove) else (said, said)
 
 
@@ -132,9 +170,11 @@ class Recipe:
 
     - `dictionary`: candidate terms as text, in scaled coordinates.
     - `cuts`: segmentation of each segmented variable.
-    - `level`: quantity whose curves are interpolated; None pools all curves into one. It is constant within a curve, or the pressure of
+    - `level`: quantity whose curves are interpolated; None pools all curves into one. It is
+      constant within a curve, or the pressure of
       step responses, whose curves stand at the pressure of their plateau (M2 figure 3h).
-    - `pooled`: quantity whose levels the curves have, where they are pooled into one surface all the same.
+    - `pooled`: quantity whose levels the curves have, where they are pooled into one surface all
+      the same.
     """
 
     target: str

@@ -16,15 +16,19 @@ from mapmore_cli.modelling.pieces.recipe import Cut, CutByDirection, Cuts
 from mapmore_cli.modelling.signals.rates import STEPS, running_median
 
 DEFAULT_WINDOW = 0.1  # of the curve's range
-ROUNDING = 1e-9  # of the separation: two grid points exactly so far apart are far enough, whatever the unit
-FEWEST_SAMPLES = 5  # in a segment: where a curve has a gap its course is made up, and a bend there must not become a segment of its own
+# of the separation: two grid points exactly so far apart are far enough, whatever the unit
+ROUNDING = 1e-9
+# in a segment: where a curve has a gap its course is made up, and a bend there must not become a
+# segment of its own
+FEWEST_SAMPLES = 5
 
 
 def gradient_boundaries(x: Array, y: Array, cut: Cuts) -> Array:
-    """Return the `count - 1` inner boundaries at the largest peaks of |change of slope| of samples in any order, (n,), ascending.
+    """Return the `count - 1` inner boundaries at the largest peaks of |change of slope| of samples
+    in any order, (n,), ascending.
 
-    No boundary lies nearer than the separation to another one or to an end of the range, or leaves a segment with hardly any sample;
-    there are fewer where the curve has fewer such peaks.
+    No boundary lies nearer than the separation to another one or to an end of the range, or leaves
+    a segment with hardly any sample; there are fewer where the curve has fewer such peaks.
     """
     low, high = float(x.min()), float(x.max())
     window = min(cut.window or DEFAULT_WINDOW * (high - low), high - low)
@@ -32,22 +36,31 @@ def gradient_boundaries(x: Array, y: Array, cut: Cuts) -> Array:
     at, change = slope_change(x, y, window)
     height = np.where((at >= low + separation) & (at <= high - separation), np.abs(change), 0.0)
     padded = np.concatenate([[0.0], height, [0.0]])
-    peaks = np.flatnonzero((height > padded[:-2]) & (height >= padded[2:]))  # the first place of a plateau
+    peaks = np.flatnonzero(
+        (height > padded[:-2]) & (height >= padded[2:])
+    )  # the first place of a plateau
     chosen: list[float] = []
     for peak in at[peaks[np.argsort(-height[peaks], kind="stable")]].tolist():
         if len(chosen) == cut.segments - 1:
             break
-        filled = np.bincount(np.searchsorted(sorted([*chosen, peak]), x), minlength=len(chosen) + 2).min() >= FEWEST_SAMPLES
+        filled = (
+            np.bincount(
+                np.searchsorted(sorted([*chosen, peak]), x), minlength=len(chosen) + 2
+            ).min()
+            >= FEWEST_SAMPLES
+        )
         if filled and all(abs(peak - other) >= separation for other in chosen):
             chosen.append(peak)
     return np.sort(np.array(chosen))
 
 
 def slope_change(x: Array, y: Array, window: float) -> tuple[Array, Array]:
-    """Slope over the window to the right of a place less the slope over the window to its left: `(place, change)`, (m,) each.
+    """Slope over the window to the right of a place less the slope over the window to its left:
+    `(place, change)`, (m,) each.
 
-    Slopes join moving averages over windows around a place and its neighbours one window away. Near the ends windows are cut off, and
-    averages of x and y over what is left keep a straight line straight.
+    Slopes join moving averages over windows around a place and its neighbours one window away. Near
+    the ends windows are cut off, and averages of x and y over what is left keep a straight line
+    straight.
     """
     at, smooth = running_median(x, y, window)
     here = np.arange(len(at))
@@ -61,20 +74,33 @@ def slope_change(x: Array, y: Array, window: float) -> tuple[Array, Array]:
 
     def slope(start: IntArray, end: IntArray) -> Array:
         width = mean_x[end] - mean_x[start]
-        return np.asarray(np.divide(mean_y[end] - mean_y[start], width, out=np.full(len(width), np.nan), where=width > 0))
+        return np.asarray(
+            np.divide(
+                mean_y[end] - mean_y[start], width, out=np.full(len(width), np.nan), where=width > 0
+            )
+        )
 
-    left, right = slope(np.maximum(here - STEPS, 0), here), slope(here, np.minimum(here + STEPS, len(at) - 1))
+    left, right = (
+        slope(np.maximum(here - STEPS, 0), here),
+        slope(here, np.minimum(here + STEPS, len(at) - 1)),
+    )
     return at, np.nan_to_num(right - left)  # at an end of the curve there is no slope to one side
 
 
-TIE_TOLERANCE = 1e-9  # of the largest cost: partitions nearer to each other tie, and the first wins, so that rounding decides nothing
+# of the largest cost: partitions nearer to each other tie, and the first wins, so that rounding
+# decides nothing
+TIE_TOLERANCE = 1e-9
 
 
-def optimal_partition(cost: Callable[[int, int], float], cells: int, count: int) -> tuple[int, ...] | None:
-    """Inner boundaries that cut cells 0..cells-1 into `count` intervals of least summed cost; None where every partition costs infinity.
+def optimal_partition(
+    cost: Callable[[int, int], float], cells: int, count: int
+) -> tuple[int, ...] | None:
+    """Inner boundaries that cut cells 0..cells-1 into `count` intervals of least summed cost; None
+    where every partition costs infinity.
 
-    With `best_k(j)` the least cost of the first j cells in k intervals, `best_k(j) = min_i best_{k-1}(i) + cost(i, j)` (Bellman 1961):
-    at most `cells (cells + 1) / 2` costs are asked for instead of one for every partition.
+    With `best_k(j)` the least cost of the first j cells in k intervals, `best_k(j) = min_i
+    best_{k-1}(i) + cost(i, j)` (Bellman 1961): at most `cells (cells + 1) / 2` costs are asked for
+    instead of one for every partition.
 
     `cost` is of the interval of cells i..j-1; infinity forbids it.
     """
@@ -108,15 +134,23 @@ Cell = tuple[int, ...]
 """1-based place of a segment along each segmented variable."""
 
 IntervalCost = Callable[[Curve, IntArray], float]
-"""What the fit of a segment function leaves on some rows of a curve: its sum of squared errors, in the unit of the target squared."""
+"""What the fit of a segment function leaves on some rows of a curve: its sum of squared errors, in
+the unit of the target squared.
+"""
 
-MOST_SAMPLES = 500  # of a curve on which costs of intervals are computed; of more, an even share in the order of the variable is taken
+# of a curve on which costs of intervals are computed; of more, an even share in the order of the
+# variable is taken
+MOST_SAMPLES = 500
 
 
-def cut_points(curve: Curve, rows: IntArray, name: str, target: str, cut: Cut, cost: IntervalCost) -> Array:
-    """Segment locations `seg_i` of one variable over the range of the given rows, both ends included, (count + 1,).
+def cut_points(
+    curve: Curve, rows: IntArray, name: str, target: str, cut: Cut, cost: IntervalCost
+) -> Array:
+    """Segment locations `seg_i` of one variable over the range of the given rows, both ends
+    included, (count + 1,).
 
-    Given breakpoints that lie outside of the curve's own range are left out: a low-pressure curve ends at a smaller strain.
+    Given breakpoints that lie outside of the curve's own range are left out: a low-pressure curve
+    ends at a smaller strain.
     """
     if isinstance(cut, CutByDirection):
         return np.array([-1.0, 0.0, 1.0])
@@ -128,27 +162,42 @@ def cut_points(curve: Curve, rows: IntArray, name: str, target: str, cut: Cut, c
         case "even":
             return joined(np.linspace(low, high, cut.segments + 1), x, cut.least)
         case "breakpoints":
-            return joined(np.array([low, *(b for b in cut.at or () if low < b < high), high]), x, cut.least)
+            return joined(
+                np.array([low, *(b for b in cut.at or () if low < b < high), high]), x, cut.least
+            )
         case "gradient":
             return np.array([low, *gradient_boundaries(x, y, cut), high])
         case "optimal":
             order = np.lexsort((y, x))
             thinned = rows[order[:: -(-len(rows) // MOST_SAMPLES)]]
-            return _optimal_points(curve, thinned, name, np.linspace(low, high, cut.cells + 1), cut, cost)
+            return _optimal_points(
+                curve, thinned, name, np.linspace(low, high, cut.cells + 1), cut, cost
+            )
 
 
 def joined(boundaries: Array, x: Array, least: int) -> Array:
-    """Return the boundaries of one variable without those that must go for every segment to hold `least` samples (`joined_cells`)."""
-    masks = list(joined_cells({(i,): inside for i, inside in enumerate(_members(x, boundaries))}, least, [True]).values())
+    """Return the boundaries of one variable without those that must go for every segment to hold
+    `least` samples (`joined_cells`).
+    """
+    masks = list(
+        joined_cells(
+            {(i,): inside for i, inside in enumerate(_members(x, boundaries))}, least, [True]
+        ).values()
+    )
     return boundaries[[True, *(one is not other for one, other in pairwise(masks)), True]]
 
 
-def joined_cells(cells: Mapping[Cell, BoolArray], least: int, across: Sequence[bool]) -> dict[Cell, BoolArray]:
-    """Return the samples of every cell, `(n,)` masks, with those of the cells joined to it: `least` at least, or all that can be reached.
+def joined_cells(
+    cells: Mapping[Cell, BoolArray], least: int, across: Sequence[bool]
+) -> dict[Cell, BoolArray]:
+    """Return the samples of every cell, `(n,)` masks, with those of the cells joined to it: `least`
+    at least, or all that can be reached.
 
-    Points of a table need not fill a grid: a muscle that is hardly inflated reaches no large strain. The group of cells with the fewest
-    samples is joined to the neighbour that has fewest, the first of equals, until none has too few. Cells of one group have one mask, and
-    one segment function. Cells are neighbours along the variables that are joined `across`: not in another direction of motion.
+    Points of a table need not fill a grid: a muscle that is hardly inflated reaches no large
+    strain. The group of cells with the fewest samples is joined to the neighbour that has fewest,
+    the first of equals, until none has too few. Cells of one group have one mask, and one segment
+    function. Cells are neighbours along the variables that are joined `across`: not in another
+    direction of motion.
     """
     groups: list[list[Cell]] = [[cell] for cell in cells]
     done: list[list[Cell]] = []
@@ -177,11 +226,15 @@ def joined_cells(cells: Mapping[Cell, BoolArray], least: int, across: Sequence[b
 
 def _touch(group: Sequence[Cell], other: Sequence[Cell], across: Sequence[bool]) -> bool:
     """Return True where a cell of one group lies beside one of the other."""
-    steps = ([abs(a - b) for a, b in zip(one, two, strict=True)] for one, two in product(group, other))
+    steps = (
+        [abs(a - b) for a, b in zip(one, two, strict=True)] for one, two in product(group, other)
+    )
     return any(sum(step) == 1 and across[step.index(1)] for step in steps)
 
 
-def _optimal_points(curve: Curve, rows: IntArray, name: str, grid: Array, cut: Cuts, cost: IntervalCost) -> Array:
+def _optimal_points(
+    curve: Curve, rows: IntArray, name: str, grid: Array, cut: Cuts, cost: IntervalCost
+) -> Array:
     x = curve.columns[name][rows]
 
     def interval(i: int, j: int) -> float:
@@ -190,13 +243,21 @@ def _optimal_points(curve: Curve, rows: IntArray, name: str, grid: Array, cut: C
 
     places = optimal_partition(interval, cut.cells, cut.segments)
     if places is None:
-        what = f"curve {curve.id}: cannot be cut into {cut.count} segments of at least {cut.least} samples along {name}"
-        raise DataError(what, f"use fewer segments, lower segment.{name}.min_samples, or raise segment.{name}.grid")
+        what = (
+            f"curve {curve.id}: cannot be cut into {cut.count} segments of at least "
+            f"{cut.least} samples along {name}"
+        )
+        raise DataError(
+            what,
+            f"use fewer segments, lower segment.{name}.min_samples, or raise segment.{name}.grid",
+        )
     return np.array([grid[0], *grid[list(places)], grid[-1]])
 
 
 def training_curves(curves: Sequence[Curve], by_level: bool) -> tuple[Curve, ...]:
-    """Return the curves that get segments of their own: each by itself, or all pooled into one named `all`."""
+    """Return the curves that get segments of their own: each by itself, or all pooled into one
+    named `all`.
+    """
     if by_level:
         return tuple(curve for curve in curves if curve.training.any())
     if len(curves) == 1:
@@ -204,7 +265,10 @@ def training_curves(curves: Sequence[Curve], by_level: bool) -> tuple[Curve, ...
     whole = Curve(
         id="all",
         level=None,
-        columns={name: np.concatenate([curve.columns[name] for curve in curves]) for name in curves[0].columns},
+        columns={
+            name: np.concatenate([curve.columns[name] for curve in curves])
+            for name in curves[0].columns
+        },
         held_out=np.concatenate([curve.held_out for curve in curves]),
         recordings=tuple(dict.fromkeys(r for curve in curves for r in curve.recordings)),
         at_rest=np.concatenate([~(curve.training | curve.held_out) for curve in curves]),
@@ -214,45 +278,79 @@ def training_curves(curves: Sequence[Curve], by_level: bool) -> tuple[Curve, ...
 
 
 def trained_at(curves: Sequence[Curve], level: str | float) -> tuple[Curve, ...]:
-    """Return the curves, of which only that at `level` (a number, or `highest` of the training levels) trains; all of them for `all`."""
+    """Return the curves, of which only that at `level` (a number, or `highest` of the training
+    levels) trains; all of them for `all`.
+    """
     if level == "all":
         return tuple(curves)
-    chosen = max(c.level for c in curves if c.level is not None and c.training.any()) if level == "highest" else level
-    return tuple(c if c.level == chosen else replace(c, at_rest=np.ones(c.size, dtype=bool)) for c in curves)
+    chosen = (
+        max(c.level for c in curves if c.level is not None and c.training.any())
+        if level == "highest"
+        else level
+    )
+    return tuple(
+        c if c.level == chosen else replace(c, at_rest=np.ones(c.size, dtype=bool)) for c in curves
+    )
 
 
-def segment_curve(curve: Curve, cuts: Mapping[str, Cut], target: str, cost: IntervalCost) -> SegmentedCurve:
+def segment_curve(
+    curve: Curve, cuts: Mapping[str, Cut], target: str, cost: IntervalCost
+) -> SegmentedCurve:
     """Cut one curve's training samples over its own range: a grid of cells, one segment each.
 
-    A sample on a boundary belongs to both segments, since segments include both ends. Cells of several variables that hold fewer than
-    `min_samples` are joined to their neighbours (`joined_cells`).
+    A sample on a boundary belongs to both segments, since segments include both ends. Cells of
+    several variables that hold fewer than `min_samples` are joined to their neighbours
+    (`joined_cells`).
 
     Raises DataError where a segment holds no sample, or the curve has too few for the cut.
     """
     rows = np.flatnonzero(curve.training)
     values = samples_of(curve, rows)
-    boundaries = {name: cut_points(curve, rows, name, target, cut, cost) for name, cut in cuts.items()}
+    boundaries = {
+        name: cut_points(curve, rows, name, target, cut, cost) for name, cut in cuts.items()
+    }
     inside = [list(enumerate(_members(values[name], boundaries[name]), 1)) for name in cuts]
     every = np.ones(len(rows), dtype=np.bool_)
-    masks = {tuple(i for i, _ in places): np.logical_and.reduce([every, *(own for _, own in places)]) for places in product(*inside)}
+    masks = {
+        tuple(i for i, _ in places): np.logical_and.reduce([every, *(own for _, own in places)])
+        for places in product(*inside)
+    }
     if len(cuts) > 1:
-        least = max((cut.least for cut in cuts.values() if isinstance(cut, Cuts) and cut.joins), default=0)
-        masks = joined_cells(masks, least, [not isinstance(cut, CutByDirection) for cut in cuts.values()])
-    segments = [Segment(segment_id(curve.id, tuple(cuts), cell), curve.id, cell, rows[mask]) for cell, mask in masks.items()]
+        least = max(
+            (cut.least for cut in cuts.values() if isinstance(cut, Cuts) and cut.joins), default=0
+        )
+        masks = joined_cells(
+            masks, least, [not isinstance(cut, CutByDirection) for cut in cuts.values()]
+        )
+    segments = [
+        Segment(segment_id(curve.id, tuple(cuts), cell), curve.id, cell, rows[mask])
+        for cell, mask in masks.items()
+    ]
     if empty := [segment.id for segment in segments if not len(segment.rows)]:
         remedy = "use fewer segments, move the breakpoints, or keep more samples of this curve"
         raise DataError(f"segment {empty[0]}: no training sample lies in it", remedy)
     limits = {name: curve.limits(name) for name in values}
-    return SegmentedCurve(curve.id, curve.level, tuple(cuts), tuple(boundaries.values()), limits, tuple(segments))
+    return SegmentedCurve(
+        curve.id, curve.level, tuple(cuts), tuple(boundaries.values()), limits, tuple(segments)
+    )
 
 
-def cut_by_course(curves: Sequence[Curve], by_level: bool, cuts: Mapping[str, Cut], target: str) -> list[SegmentedCurve]:
-    """Every training curve cut by its measured course, without a fit: `cuts` of any method but `optimal`; raises as `segment_curve`."""
-    return [segment_curve(curve, cuts, target, lambda _curve, _rows: 0.0) for curve in training_curves(curves, by_level)]
+def cut_by_course(
+    curves: Sequence[Curve], by_level: bool, cuts: Mapping[str, Cut], target: str
+) -> list[SegmentedCurve]:
+    """Every training curve cut by its measured course, without a fit: `cuts` of any method but
+    `optimal`; raises as `segment_curve`.
+    """
+    return [
+        segment_curve(curve, cuts, target, lambda _curve, _rows: 0.0)
+        for curve in training_curves(curves, by_level)
+    ]
 
 
 def segment_id(curve: str, variables: Sequence[str], cell: Sequence[int]) -> str:
-    """`<curve>/strain:2`, with `;` between variables, `<curve>;direction=rise/...` for directions; `<curve>/all` where nothing is cut."""
+    """`<curve>/strain:2`, with `;` between variables, `<curve>;direction=rise/...` for directions;
+    `<curve>/all` where nothing is cut.
+    """
     places = dict(zip(variables, cell, strict=True))
     direction = places.pop(DIRECTION, None)
     if direction is not None:

@@ -1,1 +1,3 @@
-"""A model as a program: statements that compute its output from one sample's inputs (an intermediate representation)."""
+"""A model as a program: statements that compute its output from one sample's inputs (an
+intermediate representation).
+"""

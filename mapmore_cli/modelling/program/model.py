@@ -1,7 +1,8 @@
 """A model of any kind as a program, and the derivatives that follow from it.
 
-Every name is followed by its derivatives, by the chain rule on the syntax trees. At a boundary the slope is that of the case that holds
-there; a case that holds at one point alone (`==`) has none, and is left out.
+Every name is followed by its derivatives, by the chain rule on the syntax trees. At a boundary the
+slope is that of the case that holds there; a case that holds at one point alone (`==`) has none,
+and is left out.
 """
 
 from __future__ import annotations
@@ -18,17 +19,26 @@ from mapmore_cli.modelling.expressions import Expression, Name, add, derivative,
 from mapmore_cli.modelling.expressions.operator import Recursion
 from mapmore_cli.modelling.expressions.syntax import ONE, ZERO
 from mapmore_cli.modelling.kinds import kind_of, numbers_in_reach
-from mapmore_cli.modelling.program.statements import Block, Choose, Function, Let, Program, Statement, Use
+from mapmore_cli.modelling.program.statements import (
+    Block,
+    Choose,
+    Function,
+    Let,
+    Program,
+    Statement,
+    Use,
+)
 from mapmore_cli.modelling.program.values import INPUT, block_values, evaluator
 from mapmore_cli.modelling.program.writing import Inputs, Writer, pruned
 from mapmore_cli.modelling.signals.sampling import UNEVEN
 
 
 def program_of(model: Model) -> Program:
-    """Return the model as a program of one sample's numbers, from which other languages and derivatives follow.
+    """Return the model as a program of one sample's numbers, from which other languages and
+    derivatives follow.
 
-    Raises DataError where parts have different times between samples or go on from different outputs, or one is no closed expression, and
-    where a coefficient is too large to be a number.
+    Raises DataError where parts have different times between samples or go on from different
+    outputs, or one is no closed expression, and where a coefficient is too large to be a number.
     """
     m = Writer()
     names = {quantity.name: Name(f"{INPUT}{quantity.name}") for quantity in model.inputs}
@@ -36,10 +46,15 @@ def program_of(model: Model) -> Program:
         value = write(m, model, names)
     steps = m.kept.steps
     if steps and max(steps) > min(steps) * (1 + UNEVEN):
-        found = f"the parts of {model.name} count samples of {min(steps):g} s and of {max(steps):g} s"
+        found = (
+            f"the parts of {model.name} count samples of {min(steps):g} s and of {max(steps):g} s"
+        )
         raise DataError(found, "train them at the same time steps")
     if len(m.kept.fed_back) > 1:
-        raise DataError(f"the parts of {model.name} go on from {', '.join(m.kept.fed_back)}", "export the parts one by one")
+        raise DataError(
+            f"the parts of {model.name} go on from {', '.join(m.kept.fed_back)}",
+            "export the parts one by one",
+        )
     with numbers_in_reach(model):
         return m.program(tuple(names), value)
 
@@ -51,7 +66,8 @@ def write(m: Writer, model: Model, inputs: Inputs) -> Expression:
 
 
 def slopes(model: Model, columns: Columns) -> dict[str, Array]:
-    """Return the derivative of the output for every input, (n,) each; NaN where an input is not finite.
+    """Return the derivative of the output for every input, (n,) each; NaN where an input is not
+    finite.
 
     Raises DataError for a model with memory, and where a part of the model is no closed expression.
     """
@@ -69,17 +85,29 @@ def with_slopes(model: Program) -> Program:
     Raises DataError for a model with memory: its output depends on what was before.
     """
     if model.step is not None:
-        raise DataError("a model with memory has no derivative at a point: its output depends on the past", "differentiate along a run")
+        raise DataError(
+            "a model with memory has no derivative at a point: its output depends on the past",
+            "differentiate along a run",
+        )
     functions = []
     for one in model.functions:
         note = f"{one.note}, and its slopes" if one.note else ""
-        functions.append(Function(FUNCTION.format(one.name), one.parameters, _with_slopes(one.body, one.parameters), note))
+        functions.append(
+            Function(
+                FUNCTION.format(one.name),
+                one.parameters,
+                _with_slopes(one.body, one.parameters),
+                note,
+            )
+        )
     body = _with_slopes(model.body, [f"{INPUT}{name}" for name in model.inputs])
     return pruned(replace(model, functions=tuple(functions), body=body))
 
 
 def recursion_slopes(rule: Recursion, arguments: Sequence[Array]) -> list[Value]:
-    """Return the derivatives of `rule.next` by each of its p + q + 1 arguments, given those, (n,) each; (n,), or one for all samples."""
+    """Return the derivatives of `rule.next` by each of its p + q + 1 arguments, given those, (n,)
+    each; (n,), or one for all samples.
+    """
     if rule.weights is not None:
         return [np.float64(weight) for weight in rule.weights]
     names = [f"argument_{place}" for place in range(len(arguments))]
@@ -90,11 +118,17 @@ def recursion_slopes(rule: Recursion, arguments: Sequence[Array]) -> list[Value]
 
 def _with_slopes(block: Block, names: Sequence[str]) -> Block:
     """Return the block with the derivatives of its results by `names` behind them."""
-    return _block(block, {name: tuple(ONE if other == name else ZERO for other in names) for name in names}, len(names))
+    return _block(
+        block,
+        {name: tuple(ONE if other == name else ZERO for other in names) for name in names},
+        len(names),
+    )
 
 
 def _block(block: Block, slopes: dict[str, Slopes], count: int) -> Block:
-    """Return the block with the derivatives of its results behind them; `slopes` are those of the names known outside of it."""
+    """Return the block with the derivatives of its results behind them; `slopes` are those of the
+    names known outside of it.
+    """
     known, statements = dict(slopes), list[Statement]()
     for statement in block.statements:
         match statement:
@@ -103,9 +137,14 @@ def _block(block: Block, slopes: dict[str, Slopes], count: int) -> Block:
                 known[name] = _named(statements, name, _chained(value, known, count))
             case Use((name,), function, arguments):
                 outer = [Name(f"{name}_by{i}") for i in range(len(arguments))]
-                statements.append(Use((name, *(one.name for one in outer)), FUNCTION.format(function), arguments))
+                statements.append(
+                    Use((name, *(one.name for one in outer)), FUNCTION.format(function), arguments)
+                )
                 inner = [_chained(argument, known, count) for argument in arguments]
-                parts = (add(*(multiply(o, slope[way]) for o, slope in zip(outer, inner, strict=True))) for way in range(count))
+                parts = (
+                    add(*(multiply(o, slope[way]) for o, slope in zip(outer, inner, strict=True)))
+                    for way in range(count)
+                )
                 known[name] = _named(statements, name, tuple(parts))
             case Choose():
                 statements.append(_chosen(statement, known, count))
@@ -118,15 +157,24 @@ def _block(block: Block, slopes: dict[str, Slopes], count: int) -> Block:
 def _chosen(choice: Choose, known: dict[str, Slopes], count: int) -> Choose:
     """Return the choice with the derivatives of its results, and add those to `known`."""
     names = (*choice.names, *(f"{name}_d{way}" for name in choice.names for way in range(count)))
-    known.update({name: tuple(Name(f"{name}_d{way}") for way in range(count)) for name in choice.names})
-    cases = tuple((condition, _block(block, known, count)) for condition, block in choice.cases if condition.comparison != "==")
+    known.update(
+        {name: tuple(Name(f"{name}_d{way}") for way in range(count)) for name in choice.names}
+    )
+    cases = tuple(
+        (condition, _block(block, known, count))
+        for condition, block in choice.cases
+        if condition.comparison != "=="
+    )
     return Choose(names, cases, _block(choice.otherwise, known, count))
 
 
 def _chained(value: Expression, known: dict[str, Slopes], count: int) -> Slopes:
     """Return the derivatives of an expression by every direction (chain rule)."""
     outer = {name: derivative(value, name) for name in sorted(value.names) if name in known}
-    return tuple(add(*(multiply(slope, known[name][way]) for name, slope in outer.items())) for way in range(count))
+    return tuple(
+        add(*(multiply(slope, known[name][way]) for name, slope in outer.items()))
+        for way in range(count)
+    )
 
 
 def _named(statements: list[Statement], name: str, slopes: Slopes) -> Slopes:

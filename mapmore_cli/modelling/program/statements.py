@@ -1,6 +1,7 @@
 """Statements that every model consists of; they assign expressions of `terms`.
 
-Every name is assigned once in its function, before it is used. Statements work on one sample; along a column they work row by row.
+Every name is assigned once in its function, before it is used. Statements work on one sample; along
+a column they work row by row.
 """
 
 from __future__ import annotations
@@ -33,7 +34,9 @@ class Block:
 
 @dataclass(frozen=True)
 class Choose:
-    """`names` are the results of the first case whose condition holds, else those of `otherwise`."""
+    """`names` are the results of the first case whose condition holds, else those of
+    `otherwise`.
+    """
 
     names: tuple[str, ...]
     cases: tuple[tuple[Condition, Block], ...]
@@ -96,8 +99,9 @@ class Function:
 class Limit:
     """Training range of one input of a model or of a part of it.
 
-    `inputs` are beyond it where `value` is, the input as the part knows it. Where the range depends on a level, that is `at`: `low` and
-    `high` (L,) are linear between the `levels` (L,); else `at` is None, and there is one range.
+    `inputs` are beyond it where `value` is, the input as the part knows it. Where the range depends
+    on a level, that is `at`: `low` and `high` (L,) are linear between the `levels` (L,); else `at`
+    is None, and there is one range.
     """
 
     inputs: frozenset[str]
@@ -131,9 +135,11 @@ class Kept:
 
 @dataclass(frozen=True)
 class Program:
-    """A model, ready to be evaluated or written in another language; its inputs are names in the statements.
+    """A model, ready to be evaluated or written in another language; its inputs are names in the
+    statements.
 
-    The one result of its body is the output. `knots` has, by input, places at which the program takes another side.
+    The one result of its body is the output. `knots` has, by input, places at which the program
+    takes another side.
     """
 
     inputs: tuple[str, ...]

@@ -1,7 +1,7 @@
 """Evaluate programs of models without memory over columns of samples.
 
-Each branch is computed for the rows that take it, so a program of many pieces costs about as much as the pieces that count. A side of a
-branch is made ready when the first row takes it.
+Each branch is computed for the rows that take it, so a program of many pieces costs about as much
+as the pieces that count. A side of a branch is made ready when the first row takes it.
 """
 
 from __future__ import annotations
@@ -15,7 +15,15 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns, Value
 from mapmore_cli.modelling.expressions.evaluation import Known, Part, Shared, part_of
 from mapmore_cli.modelling.expressions.syntax import Condition, Name, Number
-from mapmore_cli.modelling.program.statements import Block, Choose, Function, Let, Program, Statement, Use
+from mapmore_cli.modelling.program.statements import (
+    Block,
+    Choose,
+    Function,
+    Let,
+    Program,
+    Statement,
+    Use,
+)
 from mapmore_cli.modelling.program.writing import names_in
 
 INPUT = "x_"  # how the names of inputs begin in a program, so that no other name equals them
@@ -30,7 +38,9 @@ COMPARE: Mapping[str, Callable[[Value, Value], BoolArray]] = {
 
 Values = dict[str, Value]
 Run = Callable[[Values, int], list[Value]]
-"""The results of a block, given what is known outside of it and the number of rows n: (n,) each, or one number for all rows."""
+"""The results of a block, given what is known outside of it and the number of rows n: (n,) each, or
+one number for all rows.
+"""
 
 Test = Callable[[Values, Shared], BoolArray]
 """A condition: (n,), or one for all rows."""
@@ -40,14 +50,17 @@ Step = Callable[[Values, Shared, int], None]
 
 
 def evaluator(program: Program) -> Callable[[Columns], list[Array]]:
-    """Return a function of the model's inputs, (n,) each by name, for many calls: the results of the program, (n,) each.
+    """Return a function of the model's inputs, (n,) each by name, for many calls: the results of
+    the program, (n,) each.
 
     They are NaN where an input is not finite.
     """
     run = _Compiler(program.functions).block(program.body)
 
     def results(columns: Columns) -> list[Array]:
-        given: Values = {f"{INPUT}{name}": np.asarray(columns[name], dtype=np.float64) for name in program.inputs}
+        given: Values = {
+            f"{INPUT}{name}": np.asarray(columns[name], dtype=np.float64) for name in program.inputs
+        }
         n = len(columns[program.inputs[0]])
         finite = np.logical_and.reduce([np.isfinite(x) for x in given.values()])
         with np.errstate(all="ignore"):
@@ -57,7 +70,9 @@ def evaluator(program: Program) -> Callable[[Columns], list[Array]]:
 
 
 def block_values(block: Block, known: Mapping[str, Array]) -> list[Value]:
-    """Return the results of a block that uses no function, given the names that it needs, (n,) each."""
+    """Return the results of a block that uses no function, given the names that it needs, (n,)
+    each.
+    """
     with np.errstate(all="ignore"):
         return _Compiler(()).block(block)(dict(known), len(next(iter(known.values()))))
 
@@ -89,11 +104,24 @@ class _Compiler:
                 part = part_of(value, known)
                 return lambda values, shared, _n: values.update({name: part(values, shared)})
             case Use(names, function, arguments):
-                return self._use(names, function, [part_of(argument, known) for argument in arguments])
+                return self._use(
+                    names, function, [part_of(argument, known) for argument in arguments]
+                )
             case Choose(names, cases):
                 conditions = [_condition(condition, known) for condition, _ in cases]
-                if all(not one.statements and all(isinstance(result, Name | Number) for result in one.results) for one in statement.blocks):
-                    return _selection(names, conditions, [[part_of(result, known) for result in one.results] for one in statement.blocks])
+                if all(
+                    not one.statements
+                    and all(isinstance(result, Name | Number) for result in one.results)
+                    for one in statement.blocks
+                ):
+                    return _selection(
+                        names,
+                        conditions,
+                        [
+                            [part_of(result, known) for result in one.results]
+                            for one in statement.blocks
+                        ],
+                    )
                 return self._branches(names, conditions, statement.blocks)
         raise TypeError(f"not a statement of a model without memory: {statement!r}")
 
@@ -101,12 +129,17 @@ class _Compiler:
         parameters = self.functions[function].parameters
 
         def step(values: Values, shared: Shared, n: int) -> None:
-            given = {name: argument(values, shared) for name, argument in zip(parameters, arguments, strict=True)}
+            given = {
+                name: argument(values, shared)
+                for name, argument in zip(parameters, arguments, strict=True)
+            }
             values.update(zip(names, self.ready(function)(given, n), strict=True))
 
         return step
 
-    def _branches(self, names: Sequence[str], conditions: Sequence[Test], blocks: Sequence[Block]) -> Step:
+    def _branches(
+        self, names: Sequence[str], conditions: Sequence[Test], blocks: Sequence[Block]
+    ) -> Step:
         needed = [names_in(block) for block in blocks]
         side = cache(lambda number: self.block(blocks[number]))
 
@@ -114,14 +147,20 @@ class _Compiler:
             found = [np.empty(n) for _ in names]
             left = np.ones(n, dtype=np.bool_)
             for number in range(len(blocks)):
-                mask = left & conditions[number](values, shared) if number < len(conditions) else left
+                mask = (
+                    left & conditions[number](values, shared) if number < len(conditions) else left
+                )
                 rows = np.flatnonzero(mask)
                 if len(rows) == n:
                     values.update(zip(names, side(number)(values, n), strict=True))
                     return
                 if len(rows):
                     left = left ^ mask
-                    own = {name: x.take(rows) if (x := values[name]).ndim else x for name in needed[number] if name in values}
+                    own = {
+                        name: x.take(rows) if (x := values[name]).ndim else x
+                        for name in needed[number]
+                        if name in values
+                    }
                     for whole, part in zip(found, side(number)(own, len(rows)), strict=True):
                         whole[rows] = part
             values.update(zip(names, found, strict=True))
@@ -130,11 +169,17 @@ class _Compiler:
 
 
 def _condition(condition: Condition, known: Known) -> Test:
-    compare, left, right = COMPARE[condition.comparison], part_of(condition.left, known), part_of(condition.right, known)
+    compare, left, right = (
+        COMPARE[condition.comparison],
+        part_of(condition.left, known),
+        part_of(condition.right, known),
+    )
     return lambda values, shared: compare(left(values, shared), right(values, shared))
 
 
-def _selection(names: Sequence[str], conditions: Sequence[Test], sides: Sequence[Sequence[Part]]) -> Step:
+def _selection(
+    names: Sequence[str], conditions: Sequence[Test], sides: Sequence[Sequence[Part]]
+) -> Step:
     """Return a choice between values that are there already: no rows are sorted."""
 
     def step(values: Values, shared: Shared, _n: int) -> None:

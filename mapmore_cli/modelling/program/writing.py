@@ -10,12 +10,35 @@ import numpy as np
 
 from mapmore_cli.domain.models import CurveRange
 from mapmore_cli.modelling.expressions import Expression, Name, Number, call, substitute
-from mapmore_cli.modelling.expressions.syntax import ONE, ZERO, Condition, Operand, Product, Sum, expression
+from mapmore_cli.modelling.expressions.syntax import (
+    ONE,
+    ZERO,
+    Condition,
+    Operand,
+    Product,
+    Sum,
+    expression,
+)
 from mapmore_cli.modelling.kinds import limits
-from mapmore_cli.modelling.program.statements import Block, Choose, Function, Keep, Kept, Let, Limit, Program, Queue, Recall, Statement, Use
+from mapmore_cli.modelling.program.statements import (
+    Block,
+    Choose,
+    Function,
+    Keep,
+    Kept,
+    Let,
+    Limit,
+    Program,
+    Queue,
+    Recall,
+    Statement,
+    Use,
+)
 
 Side = Operand | Callable[[], Operand]
-"""A value, or a function that writes the statements of one; its statements run only where this side is taken."""
+"""A value, or a function that writes the statements of one; its statements run only where this side
+is taken.
+"""
 
 Inputs = Mapping[str, Expression]
 """Expressions of the inputs by name, in the order of the model."""
@@ -51,7 +74,9 @@ class Writer:
         self.statements.append(Let(name, value))
         return Name(name)
 
-    def choose(self, stem: str, cases: Iterable[tuple[Condition, Side]], otherwise: Side) -> Expression:
+    def choose(
+        self, stem: str, cases: Iterable[tuple[Condition, Side]], otherwise: Side
+    ) -> Expression:
         """Return the result of the first case whose condition holds, else `otherwise`."""
         found = tuple((condition, self.side(side)) for condition, side in cases)
         if not found:
@@ -64,10 +89,16 @@ class Writer:
         """Return `then` where the condition holds, else `otherwise`."""
         return self.choose("side", [(condition, then)], otherwise)
 
-    def clip(self, x: Operand, low: Operand | None, high: Operand | None, stem: str = "clipped") -> Expression:
+    def clip(
+        self, x: Operand, low: Operand | None, high: Operand | None, stem: str = "clipped"
+    ) -> Expression:
         """Return x, held at the ends that are given."""
         held = self.let(stem, x)
-        ends = [(Condition(held, sign, expression(end)), expression(end)) for sign, end in (("<", low), (">", high)) if end is not None]
+        ends = [
+            (Condition(held, sign, expression(end)), expression(end))
+            for sign, end in (("<", low), (">", high))
+            if end is not None
+        ]
         return self.choose(stem, ends, held)
 
     def call(self, function: str, x: Operand) -> Expression:
@@ -85,7 +116,9 @@ class Writer:
         finally:
             self.statements = outer
 
-    def function(self, name: str, parameters: Sequence[str], body: Callable[[], Operand], note: str) -> str:
+    def function(
+        self, name: str, parameters: Sequence[str], body: Callable[[], Operand], note: str
+    ) -> str:
         """Add a function of the parameters; return its name."""
         self.functions[name] = Function(name, tuple(parameters), self.side(body), note)
         return name
@@ -108,10 +141,21 @@ class Writer:
         self.statements.append(Keep(name.name, expression(value)))
 
     def program(self, inputs: Sequence[str], value: Expression) -> Program:
-        """Return the program of the named inputs whose output is the value, without what nothing follows from."""
+        """Return the program of the named inputs whose output is the value, without what nothing
+        follows from.
+        """
         knots = {name: tuple(sorted(places)) for name, places in self.knots.items()}
         body = Block(tuple(self.statements), (value,))
-        return pruned(Program(tuple(inputs), tuple(self.functions.values()), body, tuple(self.limits), self.kept, knots))
+        return pruned(
+            Program(
+                tuple(inputs),
+                tuple(self.functions.values()),
+                body,
+                tuple(self.limits),
+                self.kept,
+                knots,
+            )
+        )
 
     def knot(self, name: str, *places: float) -> None:
         """Note places along an input at which the program takes another side."""
@@ -119,7 +163,9 @@ class Writer:
 
 
 def total(terms: Sequence[Expression]) -> Expression:
-    """Return the sum from left to right, as it stands: `add` would take it apart and let numbers swap places."""
+    """Return the sum from left to right, as it stands: `add` would take it apart and let numbers
+    swap places.
+    """
     return terms[0] if len(terms) == 1 else Sum(tuple(terms))
 
 
@@ -139,13 +185,23 @@ def limit(m: Writer, ranges: Sequence[CurveRange], level: str | None, inputs: In
     for one in limits(ranges, level):
         if one.name in inputs:
             at = None if one.at is None else inputs[one.at]
-            m.limits.append(Limit(frozenset({one.name}), inputs[one.name], at, one.levels, one.low, one.high))
-            m.knot(one.name, *(one.levels if one.name == level else np.concatenate([one.low, one.high])).tolist())
+            m.limits.append(
+                Limit(frozenset({one.name}), inputs[one.name], at, one.levels, one.low, one.high)
+            )
+            m.knot(
+                one.name,
+                *(
+                    one.levels if one.name == level else np.concatenate([one.low, one.high])
+                ).tolist(),
+            )
 
 
 def pruned(model: Program) -> Program:
     """Return the program with only the statements that its results and its memory depend on."""
-    body = pruned_block(model.body, _names(side for limit in model.limits for side in (limit.value, limit.at or ZERO)))
+    body = pruned_block(
+        model.body,
+        _names(side for limit in model.limits for side in (limit.value, limit.at or ZERO)),
+    )
     used, functions = names_in(body), list[Function]()
     for function in reversed(model.functions):  # each uses earlier ones only
         if function.name in used:
@@ -155,7 +211,9 @@ def pruned(model: Program) -> Program:
 
 
 def pruned_block(block: Block, also: Set[str] = frozenset()) -> Block:
-    """Return the block with only the statements that its results, its memory and the names in `also` depend on."""
+    """Return the block with only the statements that its results, its memory and the names in
+    `also` depend on.
+    """
     used = _names(block.results) | also
     kept: list[Statement] = []
     for statement in reversed(block.statements):
@@ -174,7 +232,9 @@ def names_of(statement: Statement) -> set[str]:
         case Use(_, function, arguments):
             return {function, *_names(arguments)}
         case Choose(_, cases):
-            conditions = _names(side for condition, _ in cases for side in (condition.left, condition.right))
+            conditions = _names(
+                side for condition, _ in cases for side in (condition.left, condition.right)
+            )
             return conditions.union(*map(names_in, statement.blocks))
         case Recall():
             return set()
@@ -196,8 +256,15 @@ def _used(statement: Statement, used: set[str]) -> Statement | None:
             places = [place for place, name in enumerate(names) if name in used]
             if not places:
                 return None
-            *sides, last = (pruned_block(Block(one.statements, tuple(one.results[i] for i in places))) for one in statement.blocks)
-            return Choose(tuple(names[i] for i in places), tuple(zip((c for c, _ in cases), sides, strict=True)), last)
+            *sides, last = (
+                pruned_block(Block(one.statements, tuple(one.results[i] for i in places)))
+                for one in statement.blocks
+            )
+            return Choose(
+                tuple(names[i] for i in places),
+                tuple(zip((c for c, _ in cases), sides, strict=True)),
+                last,
+            )
     return statement
 
 

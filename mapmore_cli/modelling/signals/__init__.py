@@ -1,1 +1,3 @@
-"""Pure functions of sampled signals: rates, repeated time stamps, levels, load cycles, strokes, gaps, plateaus, directions."""
+"""Pure functions of sampled signals: rates, repeated time stamps, levels, load cycles, strokes,
+gaps, plateaus, directions.
+"""

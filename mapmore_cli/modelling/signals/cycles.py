@@ -30,7 +30,9 @@ class Branches:
 
     def static(self) -> dict[str, Array]:
         """Mean of the branches, for every quantity."""
-        return {name: (self.extension[name] + values) / 2 for name, values in self.contraction.items()}
+        return {
+            name: (self.extension[name] + values) / 2 for name, values in self.contraction.items()
+        }
 
     def hysteresis(self, name: str) -> Array:
         """Half the distance of the branches, positive where extension lies above contraction."""
@@ -38,16 +40,23 @@ class Branches:
 
 
 def split_cycles(over: Array, columns: Columns, samples: int) -> Branches:
-    """Split load cycles over `over` (n,), in order of time, into both branches at `samples` evenly spaced common values.
+    """Split load cycles over `over` (n,), in order of time, into both branches at `samples` evenly
+    spaced common values.
 
-    Reversals smaller than a tenth of the range of `over` are ignored, so that neither noise nor quantisation splits a branch. Rests at the
-    ends of the stroke, where force relaxes, belong to neither branch. The runs of several cycles are pooled. Each branch is averaged in
-    `samples` bins over the range that both cover, which also merges repeated values, and interpolated linearly between the mean
-    positions of its bins: the result does not depend on how fast the cycle was run.
+    Reversals smaller than a tenth of the range of `over` are ignored, so that neither noise nor
+    quantisation splits a branch. Rests at the ends of the stroke, where force relaxes, belong to
+    neither branch. The runs of several cycles are pooled. Each branch is averaged in `samples` bins
+    over the range that both cover, which also merges repeated values, and interpolated linearly
+    between the mean positions of its bins: the result does not depend on how fast the cycle was
+    run.
 
     Raises DataError where there is no full cycle, or too few samples on a branch.
     """
-    turns = turning_points(over, SWING * float(np.ptp(over))) if len(over) else np.zeros(0, dtype=np.int64)
+    turns = (
+        turning_points(over, SWING * float(np.ptp(over)))
+        if len(over)
+        else np.zeros(0, dtype=np.int64)
+    )
     runs = _trimmed_runs(over, turns)
     for direction, name in ((1, "contraction"), (-1, "extension")):
         if not runs[direction]:
@@ -58,19 +67,29 @@ def split_cycles(over: Array, columns: Columns, samples: int) -> Branches:
     if not low < high:
         raise DataError("contraction and extension have no range in common")
     edges = np.linspace(low, high, samples + 1)
-    means = [bin_means(over[rows], {n: v[rows] for n, v in columns.items()}, edges) for rows in (rising, falling)]
+    means = [
+        bin_means(over[rows], {n: v[rows] for n, v in columns.items()}, edges)
+        for rows in (rising, falling)
+    ]
     for (places, _), name in zip(means, ("contraction", "extension"), strict=True):
         if len(places) < FEWEST:
-            raise DataError(f"the {name} branch was measured at {len(places)} different places; {FEWEST} are needed")
+            raise DataError(
+                f"the {name} branch was measured at {len(places)} different places; {FEWEST} "
+                "are needed"
+            )
     grid = np.linspace(max(x[0] for x, _ in means), min(x[-1] for x, _ in means), samples)
-    contraction, extension = ({name: np.interp(grid, x, y) for name, y in values.items()} for x, values in means)
+    contraction, extension = (
+        {name: np.interp(grid, x, y) for name, y in values.items()} for x, values in means
+    )
     return Branches(grid, contraction, extension)
 
 
 def turning_points(values: Array, swing: float) -> IntArray:
-    """Return the rows at which `values` `(n,)` reverse, alternately minima and maxima, both ends of the movement included.
+    """Return the rows at which `values` `(n,)` reverse, alternately minima and maxima, both ends of
+    the movement included.
 
-    A reversal counts once the values have come back from the extreme by `swing`; empty where they never move so far.
+    A reversal counts once the values have come back from the extreme by `swing`; empty where they
+    never move so far.
     """
     series = values.tolist()
     turns: list[int] = []
@@ -90,20 +109,26 @@ def turning_points(values: Array, swing: float) -> IntArray:
 
 
 def bin_means(over: Array, columns: Columns, edges: Array) -> tuple[Array, dict[str, Array]]:
-    """Return mean position and mean quantities of the samples in every bin that has any, in ascending order."""
+    """Return mean position and mean quantities of the samples in every bin that has any, in
+    ascending order.
+    """
     inside = (over >= edges[0]) & (over <= edges[-1])
     place = np.clip(np.searchsorted(edges, over[inside], side="right") - 1, 0, len(edges) - 2)
     counts = np.bincount(place, minlength=len(edges) - 1)
     filled = counts > 0
 
     def means(values: Array) -> Array:
-        return np.asarray(np.bincount(place, values[inside], minlength=len(counts))[filled] / counts[filled])
+        return np.asarray(
+            np.bincount(place, values[inside], minlength=len(counts))[filled] / counts[filled]
+        )
 
     return means(over), {name: means(values) for name, values in columns.items()}
 
 
 def _trimmed_runs(over: Array, turns: IntArray) -> Mapping[int, list[IntArray]]:
-    """Rows of each run between turning points, by direction (1 rising, -1 falling), without the rests at its ends."""
+    """Rows of each run between turning points, by direction (1 rising, -1 falling), without the
+    rests at its ends.
+    """
     bends = np.diff(over, 2)  # steady movement leaves them at zero, and noise does not
     noise = 1.4826 * float(np.median(np.abs(bends))) / math.sqrt(6.0) if len(bends) else 0.0
     tolerance = min(2 * noise, TRIM * float(np.ptp(over))) if len(over) else 0.0
@@ -122,10 +147,11 @@ REST = 0.05  # of the range: within this of the low before it, a cycle has not b
 
 
 def cycle_starts(x: Array) -> IntArray:
-    """Row at which each cycle of `x` (n,) begins: the last at rest before it rises; empty where x never moves.
+    """Row at which each cycle of `x` (n,) begins: the last at rest before it rises; empty where x
+    never moves.
 
-    A cycle is a rise by at least 0.4 of the range of x; rest is within 0.05 of it from the lowest value since the cycle before, so the
-    level of rest may drift.
+    A cycle is a rise by at least 0.4 of the range of x; rest is within 0.05 of it from the lowest
+    value since the cycle before, so the level of rest may drift.
     """
     span = float(np.ptp(x)) if len(x) else 0.0
     turns = turning_points(x, WHOLE_SWING * span)
@@ -138,7 +164,8 @@ def cycle_starts(x: Array) -> IntArray:
 
 
 def last_cycles(x: Array, share: float) -> BoolArray:
-    """Return the samples of the last `share` of the cycles of `x` (n,), rounded down to whole cycles, without the rest before them.
+    """Return the samples of the last `share` of the cycles of `x` (n,), rounded down to whole
+    cycles, without the rest before them.
 
     Raises DataError where there are fewer than two cycles, or a share of none or all of them.
     """
@@ -146,7 +173,8 @@ def last_cycles(x: Array, share: float) -> BoolArray:
     first = math.ceil((1 - share) * len(starts) - 1e-9)
     if not 0 < first < len(starts):
         raise DataError(
-            f"{len(starts)} cycle(s) were found; the last {share:g} of them cannot be held out while others train",
+            f"{len(starts)} cycle(s) were found; the last {share:g} of them cannot be held "
+            "out while others train",
             "hold out a share of the samples instead, as `last: 0.5`",
         )
     return np.asarray(np.arange(len(x)) >= starts[first])

@@ -1,4 +1,6 @@
-"""Levels at which a quantity was held, and the plateau of a step response between rise and fall (M2 section 3, eq 1)."""
+"""Levels at which a quantity was held, and the plateau of a step response between rise and fall (M2
+section 3, eq 1).
+"""
 
 from __future__ import annotations
 
@@ -20,23 +22,30 @@ TAIL = 0.001  # fraction of samples at each end that may be glitches
 def find_levels(values: Array) -> Array:
     """Find the levels `(m,)`, ascending, at which a quantity dwells.
 
-    The rule: over the range of the values (0.1 % of the samples at either end left out), count samples in 128 bins; where a bin, or
-    the mean of three, holds more than twice what it would if the samples were spread evenly, the quantity dwells. Dense bins with
-    fewer than two others between them are one level, so that levels closer than about 2 % of the range are not told apart. Ramps
-    between holds are sparse and give no level. A level is the median of its samples, rounded to the power of ten below their
-    standard deviation (149.73 +- 1.6 is 150), exact where they are all equal. Values which vary by less than 5 % of their size are
-    one level.
+    The rule: over the range of the values (0.1 % of the samples at either end left out), count
+    samples in 128 bins; where a bin, or the mean of three, holds more than twice what it would if
+    the samples were spread evenly, the quantity dwells. Dense bins with fewer than two others
+    between them are one level, so that levels closer than about 2 % of the range are not told
+    apart. Ramps between holds are sparse and give no level. A level is the median of its samples,
+    rounded to the power of ten below their standard deviation (149.73 +- 1.6 is 150), exact where
+    they are all equal. Values which vary by less than 5 % of their size are one level.
 
     Empty where nothing dwells, as in a steady sweep.
     """
     low, high = np.quantile(values, [TAIL, 1 - TAIL], method="closest_observation")
-    if high - low <= max(STEADY * max(abs(low), abs(high)), BINS * np.finfo(float).tiny):  # bins below that have no width
+    if high - low <= max(
+        STEADY * max(abs(low), abs(high)), BINS * np.finfo(float).tiny
+    ):  # bins below that have no width
         return np.array([_representative(values)])
     counts, edges = np.histogram(values, bins=BINS, range=(low, high))
     density = np.maximum(counts, np.convolve(counts, np.ones(3) / 3, mode="same"))
     dense = np.flatnonzero((density > DENSE * len(values) / BINS) & (counts > 0))
     runs = np.split(dense, np.flatnonzero(np.diff(dense) > 2) + 1)
-    members = [values[(values >= edges[run[0]]) & (values <= edges[run[-1] + 1])] for run in runs if run.size]
+    members = [
+        values[(values >= edges[run[0]]) & (values <= edges[run[-1] + 1])]
+        for run in runs
+        if run.size
+    ]
     return np.unique([_representative(group) for group in members if group.size > 1])
 
 
@@ -53,7 +62,8 @@ def default_within(levels: Array) -> float:
 
 
 def match_levels(values: Array, levels: Array, within: float) -> IntArray:
-    """Return for each value `(n,)` the index of the nearest level `(m,)`, -1 where none lies within `within`.
+    """Return for each value `(n,)` the index of the nearest level `(m,)`, -1 where none lies within
+    `within`.
 
     Half way between two levels the lower level wins.
     """
@@ -65,10 +75,13 @@ def match_levels(values: Array, levels: Array, within: float) -> IntArray:
     return np.where(np.abs(values - levels[nearest]) <= reach, nearest, -1)
 
 
-BAND = 0.05  # a signal has settled where it stays within this share of its span around its final value
+BAND = (
+    0.05  # a signal has settled where it stays within this share of its span around its final value
+)
 RISEN = 0.9  # share of its span at which the pressure has risen
 NOISE_SPANS = 20  # a pressure whose span is less than this many times its noise never rises
-SHORTEST = 0.5  # least duration of a plateau as a share of the rise before it: the top of a triangle is none
+# least duration of a plateau as a share of the rise before it: the top of a triangle is none
+SHORTEST = 0.5
 
 REMEDY = "give the plateau, as `plateau: [2 s, 3 s]`, or leave the recording out"
 
@@ -76,8 +89,9 @@ REMEDY = "give the plateau, as `plateau: [2 s, 3 s]`, or leave the recording out
 def find_plateau(time: Array, pressure: Array, others: Mapping[str, Array]) -> tuple[float, float]:
     """Start and end of the time in which a step response rests.
 
-    The plateau is where the pressure and all `others` (the strain) stay in bands around their final values: from when the last one has
-    settled until the first one leaves. The final value of a signal is its median over the later half of the high pressure.
+    The plateau is where the pressure and all `others` (the strain) stay in bands around their final
+    values: from when the last one has settled until the first one leaves. The final value of a
+    signal is its median over the later half of the high pressure.
 
     - `pressure`, `others`: `(n,)` each; the pressure rises once and may fall again.
 
@@ -86,11 +100,14 @@ def find_plateau(time: Array, pressure: Array, others: Mapping[str, Array]) -> t
     low, high_end = float(pressure.min()), float(pressure.max())
     upper = pressure > (low + high_end) / 2
     noise = float(np.median(np.abs(np.diff(pressure)))) if len(pressure) > 1 else 0.0
-    # Medians: inertia and suction make the pressure overshoot when it rises, and more so when it falls.
+    # Medians: inertia and suction make the pressure overshoot when it rises, and more so when it
+    # falls.
     base = float(np.median(pressure[~upper]))
     span = float(np.median(pressure[upper])) - base if upper.any() else 0.0
     if span <= NOISE_SPANS * noise or span == 0.0:
-        raise DataError(f"the pressure never rises: it stays between {low:g} and {high_end:g}", REMEDY)
+        raise DataError(
+            f"the pressure never rises: it stays between {low:g} and {high_end:g}", REMEDY
+        )
     high = np.flatnonzero(pressure >= base + RISEN * span)
     later = high[len(high) // 2 :]
     inside = _settled(pressure, later, span)
@@ -102,7 +119,10 @@ def find_plateau(time: Array, pressure: Array, others: Mapping[str, Array]) -> t
     if start >= end or time[end] - time[start] < SHORTEST * rise:
         rest = max(0.0, float(time[end] - time[min(start, end)]))
         names = " and ".join(["pressure", *others])
-        raise DataError(f"there is no plateau: {names} rest for {rest:.3g} s after a rise of {rise:.3g} s", REMEDY)
+        raise DataError(
+            f"there is no plateau: {names} rest for {rest:.3g} s after a rise of {rise:.3g} s",
+            REMEDY,
+        )
     return float(time[start]), float(time[end])
 
 
@@ -122,12 +142,16 @@ def _last(mask: BoolArray) -> int:
 
 
 def without_steady_state(component: Array, plateau: BoolArray) -> Array:
-    """`F_d = F_d' - F_d,ssv`: a component less its mean over the plateau, and so without the static model's steady error (M2 eq 1)."""
+    """`F_d = F_d' - F_d,ssv`: a component less its mean over the plateau, and so without the static
+    model's steady error (M2 eq 1).
+    """
     return component - float(component[plateau].mean())
 
 
 def damping_component(rest: Array, curve: Curve) -> Array:
-    """`F_d = F_d' - F_d,ssv` (M2 eq 1), (n,): what a static model leaves, less its mean over the plateau of each recording of the curve."""
+    """`F_d = F_d' - F_d,ssv` (M2 eq 1), (n,): what a static model leaves, less its mean over the
+    plateau of each recording of the curve.
+    """
     if curve.at_rest is None:
         return rest
     component = rest.copy()

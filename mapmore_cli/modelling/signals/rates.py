@@ -1,4 +1,6 @@
-"""Rates, directions of motion, and other quantities that follow from measured ones over time; curves freed from noise and spikes."""
+"""Rates, directions of motion, and other quantities that follow from measured ones over time;
+curves freed from noise and spikes.
+"""
 
 from __future__ import annotations
 
@@ -14,19 +16,27 @@ STEPS = 10  # points within one window
 
 
 def running_median(x: Array, y: Array, window: float) -> tuple[Array, Array]:
-    """Medians of x and of y over half a window around each point of an even grid over the range of x, (m,) each.
+    """Medians of x and of y over half a window around each point of an even grid over the range of
+    x, (m,) each.
 
-    For samples on a straight line the medians lie on it, and a spike narrower than a quarter of the window is not seen. Where no sample is
-    near, the line between the neighbours stands. Samples x, y (n,) come in any order; the window is in the unit of x.
+    For samples on a straight line the medians lie on it, and a spike narrower than a quarter of the
+    window is not seen. Where no sample is near, the line between the neighbours stands. Samples x,
+    y (n,) come in any order; the window is in the unit of x.
     """
     order = np.lexsort((y, x))
     x, y = x[order], y[order]
     grid = np.linspace(x[0], x[-1], max(1, round(STEPS * float(x[-1] - x[0]) / window)) + 1)
     reach = window / 4 * (1 + 1e-9)  # a sample right on the rim counts, whatever the unit
-    first, last = np.searchsorted(x, grid - reach, "left"), np.searchsorted(x, grid + reach, "right")
+    first, last = (
+        np.searchsorted(x, grid - reach, "left"),
+        np.searchsorted(x, grid + reach, "right"),
+    )
     known = last > first
     near = [slice(begin, end) for begin, end in zip(first[known], last[known], strict=True)]
-    over_x, over_y = (np.interp(grid, grid[known], [np.median(values[rows]) for rows in near]) for values in (x, y))
+    over_x, over_y = (
+        np.interp(grid, grid[known], [np.median(values[rows]) for rows in near])
+        for values in (x, y)
+    )
     return over_x, over_y
 
 
@@ -36,17 +46,21 @@ BLOCK = 100_000  # samples gathered into windows at one time: a few MB, which st
 def rate(time: Array, values: Array, window: float, order: int) -> Array:
     """Return the time derivative of `values` by a Savitzky-Golay filter on the true time stamps.
 
-    At every sample, a polynomial of degree `order` is fitted by least squares to the samples within `window / 2` of it, and
-    differentiated there. Near both ends of the record the window is moved inwards, so that it keeps its width. On evenly spaced stamps
-    this is `scipy.signal.savgol_filter(deriv=1, mode="interp")`. Loggers however round and repeat stamps; resampling such a
-    record to even steps first would turn the rounding into noise of the rate, where the fit averages it.
+    At every sample, a polynomial of degree `order` is fitted by least squares to the samples within
+    `window / 2` of it, and differentiated there. Near both ends of the record the window is moved
+    inwards, so that it keeps its width. On evenly spaced stamps this is
+    `scipy.signal.savgol_filter(deriv=1, mode="interp")`. Loggers however round and repeat stamps;
+    resampling such a record to even steps first would turn the rounding into noise of the rate,
+    where the fit averages it.
 
     - `time`, `values`: `(n,)`; seconds, never decreasing, and any unit.
     - `window`: width in seconds, ends included.
 
     Raises DataError where a window holds fewer than `order + 1` different stamps.
     """
-    slack = 1e-9 * window + 4 * np.finfo(float).eps * float(np.abs(time).max())  # a stamp on the edge is inside, however it was rounded
+    slack = 1e-9 * window + 4 * np.finfo(float).eps * float(
+        np.abs(time).max()
+    )  # a stamp on the edge is inside, however it was rounded
     begin = np.clip(time - window / 2, time[0], max(time[0], time[-1] - window))
     start = np.searchsorted(time, begin - slack, side="left")
     stop = np.searchsorted(time, begin + window + slack, side="right")
@@ -55,20 +69,33 @@ def rate(time: Array, values: Array, window: float, order: int) -> Array:
     worst = int(np.argmin(different))
     if different[worst] <= order:
         raise DataError(
-            f"the window of {window:g} s at t = {time[worst]:g} s holds {different[worst]} different time stamps; "
+            f"the window of {window:g} s at t = {time[worst]:g} s holds {different[worst]} "
+            "different time stamps; "
             f"a rate of order {order} needs {order + 1}",
             "Give a wider `window` or a lower `order`.",
         )
     rows = max(1, BLOCK // int((stop - start).max()))
     blocks = [slice(i, i + rows) for i in range(0, len(time), rows)]
-    return np.concatenate([_slopes(time, values, time[b], start[b], stop[b], window, order) for b in blocks])
+    return np.concatenate(
+        [_slopes(time, values, time[b], start[b], stop[b], window, order) for b in blocks]
+    )
 
 
-def _slopes(time: Array, values: Array, at: Array, start: IntArray, stop: IntArray, window: float, order: int) -> Array:
-    """Slopes at `at` `(m,)` of the polynomials fitted to `time[start:stop]`, all at once by their normal equations.
+def _slopes(
+    time: Array,
+    values: Array,
+    at: Array,
+    start: IntArray,
+    stop: IntArray,
+    window: float,
+    order: int,
+) -> Array:
+    """Slopes at `at` `(m,)` of the polynomials fitted to `time[start:stop]`, all at once by their
+    normal equations.
 
-    Time runs in units of the window, measured from `at`, where the monomials up to degree 5 are still well conditioned. Element
-    (i, j) of the normal matrix is the sum of `t^(i+j)`, so that `2 order + 1` sums over the window fill it.
+    Time runs in units of the window, measured from `at`, where the monomials up to degree 5 are
+    still well conditioned. Element (i, j) of the normal matrix is the sum of `t^(i+j)`, so that `2
+    order + 1` sums over the window fill it.
     """
     places = start[:, None] + np.arange((stop - start).max())
     power = (places < stop[:, None]).astype(float)  # t^0, zero outside of the window
@@ -87,7 +114,8 @@ def _slopes(time: Array, values: Array, at: Array, start: IntArray, stop: IntArr
         slopes: Array = np.linalg.solve(normal, np.array(moments).T[..., None])[:, 1, 0] / window
     except np.linalg.LinAlgError:
         raise DataError(
-            f"the time stamps in a window of {window:g} s near t = {at[0]:g} s lie too close together for a rate of order {order}",
+            f"the time stamps in a window of {window:g} s near t = {at[0]:g} s lie too close "
+            f"together for a rate of order {order}",
             "Give a wider `window` or a lower `order`.",
         ) from None
     return slopes
@@ -97,10 +125,12 @@ RISE, FALL = 1.0, -1.0
 
 
 def direction(rate: Array, dead_band: float) -> Array:
-    """Sign of a rate, +1 (rise) or -1 (fall), (n,); where `|rate| <= dead_band` the last direction holds.
+    """Sign of a rate, +1 (rise) or -1 (fall), (n,); where `|rate| <= dead_band` the last direction
+    holds.
 
-    A recording starts with +1, so that the direction is known from its first sample on, and from past samples alone (M2 eq 16 switches by
-    whether the pressure rises; a bare sign would toggle on the noise of every plateau).
+    A recording starts with +1, so that the direction is known from its first sample on, and from
+    past samples alone (M2 eq 16 switches by whether the pressure rises; a bare sign would toggle on
+    the noise of every plateau).
     """
     moving = np.abs(rate) > dead_band
     last = np.maximum.accumulate(np.where(moving, np.arange(len(rate)), -1))
@@ -108,14 +138,17 @@ def direction(rate: Array, dead_band: float) -> Array:
 
 
 def signal_values(signal: Signal, columns: Columns) -> Array:
-    """Return a signal over one recording, `(n,)`, from the quantity that it follows from and, for a rate, the `time`.
+    """Return a signal over one recording, `(n,)`, from the quantity that it follows from and, for a
+    rate, the `time`.
 
     Raises DataError where the window of a rate holds too few samples.
     """
     source = columns[signal.of]
     if signal.kind == "direction":
         return direction(source, signal.dead_band)
-    return signal.factor * rate(columns["time"] * signal.seconds, source, signal.window, signal.order)
+    return signal.factor * rate(
+        columns["time"] * signal.seconds, source, signal.window, signal.order
+    )
 
 
 def with_signals(signals: Sequence[Signal], columns: Columns) -> dict[str, Array]:

@@ -1,4 +1,6 @@
-"""Time stamps: repeated ones, gaps and resets of the clock, resampling, and logs on different clocks."""
+"""Time stamps: repeated ones, gaps and resets of the clock, resampling, and logs on different
+clocks.
+"""
 
 from __future__ import annotations
 
@@ -13,26 +15,34 @@ from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray, in_bl
 
 
 def correlation(first: Array, second: Array) -> float:
-    """Return the correlation of two signals, (n,) each, of any size: squares of 1e-300 are nothing; 0 where one of them stands still."""
+    """Return the correlation of two signals, (n,) each, of any size: squares of 1e-300 are nothing;
+    0 where one of them stands still.
+    """
     ranges = np.ptp(first), np.ptp(second)
     if not all(ranges):
         return 0.0
-    return float(np.corrcoef((first - first[0]) / ranges[0], (second - second[0]) / ranges[1])[0, 1])
+    return float(
+        np.corrcoef((first - first[0]) / ranges[0], (second - second[0]) / ranges[1])[0, 1]
+    )
 
 
 def average_repeated(time: Array, columns: Columns) -> tuple[Array, dict[str, Array]]:
-    """Return one sample for each different stamp, every quantity being the mean over the samples that share it.
+    """Return one sample for each different stamp, every quantity being the mean over the samples
+    that share it.
 
     `time` is `(n,)` and never decreases; the results are `(m,)`, m the number of different stamps.
     """
     stamps, first, counts = np.unique(time, return_index=True, return_counts=True)
-    return stamps, {name: np.add.reduceat(values, first) / counts for name, values in columns.items()}
+    return stamps, {
+        name: np.add.reduceat(values, first) / counts for name, values in columns.items()
+    }
 
 
 def spread_repeated(time: Array) -> Array:
     """Return stamps `(n,)` in which equal ones are spread evenly up to the next one.
 
-    Samples that share the last stamp are spread over a step as long as the one before; a single stamp is left as it is.
+    Samples that share the last stamp are spread over a step as long as the one before; a single
+    stamp is left as it is.
     """
     stamps, place, counts = np.unique(time, return_inverse=True, return_counts=True)
     if len(stamps) == 1:
@@ -43,14 +53,17 @@ def spread_repeated(time: Array) -> Array:
     return spread
 
 
-UNEVEN = 1e-3  # of a time step: more than this apart from an even grid, samples are not evenly spaced. Stamps are often rounded so far
+# of a time step: more than this apart from an even grid, samples are not evenly spaced. Stamps are
+# often rounded so far
+UNEVEN = 1e-3
 
 ROUNDING = 1e-9  # relative: a step of exactly the limit is no gap, however it was rounded
 
 
 @dataclass(frozen=True)
 class Gaps:
-    """Gaps in a record of n samples: `after` `(g,)` is the index of the sample before each, `lengths` `(g,)` the steps in time.
+    """Gaps in a record of n samples: `after` `(g,)` is the index of the sample before each,
+    `lengths` `(g,)` the steps in time.
 
     `samples_missing` is how many samples the gaps lack, at the median step of the record.
     """
@@ -64,7 +77,9 @@ class Gaps:
 
 
 def find_gaps(time: Array, longer_than: float) -> Gaps:
-    """Return the gaps longer than `longer_than` between stamps `time` `(n,)`, which never decrease; both in the same unit."""
+    """Return the gaps longer than `longer_than` between stamps `time` `(n,)`, which never decrease;
+    both in the same unit.
+    """
     largest = float(np.abs(time[[0, -1]]).max()) if len(time) else 0.0
     limit = longer_than + ROUNDING * longer_than + 4 * np.finfo(float).eps * largest
     after = _after(time, lambda steps: steps > limit)
@@ -74,13 +89,22 @@ def find_gaps(time: Array, longer_than: float) -> Gaps:
     return Gaps(after, lengths, missing)
 
 
-PARTS, PART = 8, 1 << 17  # a longer record is asked for its step in so many parts, evenly spread, of so many samples each
+PARTS, PART = (
+    8,
+    1 << 17,
+)  # a longer record is asked for its step in so many parts, evenly spread, of so many samples each
 
 
 def typical_step(time: Array) -> float:
-    """Return the median of the positive steps, of at most a million samples; zero if time stands still."""
-    starts = np.linspace(0, len(time) - PART, PARTS).astype(int) if len(time) > PARTS * PART else [0]
-    steps = np.concatenate([np.diff(time[start : start + PART] if len(starts) > 1 else time) for start in starts])
+    """Return the median of the positive steps, of at most a million samples; zero if time stands
+    still.
+    """
+    starts = (
+        np.linspace(0, len(time) - PART, PARTS).astype(int) if len(time) > PARTS * PART else [0]
+    )
+    steps = np.concatenate(
+        [np.diff(time[start : start + PART] if len(starts) > 1 else time) for start in starts]
+    )
     positive = steps[steps > 0]
     return float(np.median(positive)) if len(positive) else 0.0
 
@@ -107,7 +131,9 @@ def _after(time: Array, condition: Callable[[Array], BoolArray]) -> IntArray:
 
 
 def pieces(n: int, breaks: IntArray) -> list[slice]:
-    """Return the pieces into which n samples fall when they are cut after each index of `breaks`, ascending."""
+    """Return the pieces into which n samples fall when they are cut after each index of `breaks`,
+    ascending.
+    """
     edges = [0, *(int(place) + 1 for place in breaks), n]
     return [slice(begin, end) for begin, end in pairwise(edges)]
 
@@ -117,16 +143,20 @@ ON_EDGE = 1e-6  # of a step: a stamp this close to the edge of a block lies on i
 
 
 def resample(time: Array, columns: Columns, step: float) -> tuple[Array, dict[str, Array]]:
-    """Return a record without gaps at stamps `step` apart: `(m,)` and its quantities `(m,)`; m is 0 for one shorter than a step.
+    """Return a record without gaps at stamps `step` apart: `(m,)` and its quantities `(m,)`; m is 0
+    for one shorter than a step.
 
-    Where a step holds several samples, it becomes their mean, stamped at their middle: a moving average, which neither lags nor lets
-    frequencies above the new sampling rate pass unweakened. Sample i belongs to block `floor((t_i - t_0)/step)`; with `dt` the median
-    step of the record, block k is stamped `t_0 + k step + (step - dt)/2`, the mean of the stamps of an evenly sampled block. The block
-    means are interpolated linearly to these stamps, so that stamps which jitter do no harm and straight lines stay straight. The last
-    block is left out where the record does not fill it. Where a step holds one sample or less, the record is interpolated linearly at
-    `t_0 + k step`.
+    Where a step holds several samples, it becomes their mean, stamped at their middle: a moving
+    average, which neither lags nor lets frequencies above the new sampling rate pass unweakened.
+    Sample i belongs to block `floor((t_i - t_0)/step)`; with `dt` the median step of the record,
+    block k is stamped `t_0 + k step + (step - dt)/2`, the mean of the stamps of an evenly sampled
+    block. The block means are interpolated linearly to these stamps, so that stamps which jitter do
+    no harm and straight lines stay straight. The last block is left out where the record does not
+    fill it. Where a step holds one sample or less, the record is interpolated linearly at `t_0 + k
+    step`.
 
-    - `time`: `(n,)`, increasing, in the unit of `step`; `columns`: each `(n,)`; a `time` among them is left out.
+    - `time`: `(n,)`, increasing, in the unit of `step`; `columns`: each `(n,)`; a `time` among them
+      is left out.
     """
     dt = typical_step(time)
     span = time[-1] - time[0]
@@ -142,27 +172,37 @@ def resample(time: Array, columns: Columns, step: float) -> tuple[Array, dict[st
     first = np.flatnonzero(np.diff(block, prepend=-1))
     counts = np.diff(first, append=len(time))
     middle = np.add.reduceat(time, first) / counts
-    return stamps, {name: np.interp(stamps, middle, np.add.reduceat(column, first) / counts) for name, column in values.items()}
+    return stamps, {
+        name: np.interp(stamps, middle, np.add.reduceat(column, first) / counts)
+        for name, column in values.items()
+    }
 
 
 def align(stamps: Array, time: Array, values: Array, max_gap: float | None) -> Array:
-    """Return `values` `(m,)`, logged at the increasing stamps `time` `(m,)`, interpolated linearly at `stamps` `(n,)`, in any order.
+    """Return `values` `(m,)`, logged at the increasing stamps `time` `(m,)`, interpolated linearly
+    at `stamps` `(n,)`, in any order.
 
-    NaN where a stamp lies outside of the log, or between two of its samples more than `max_gap` apart (None: any distance will do),
-    or is NaN itself. A stamp that is one of the log's own gets the value as logged.
+    NaN where a stamp lies outside of the log, or between two of its samples more than `max_gap`
+    apart (None: any distance will do), or is NaN itself. A stamp that is one of the log's own gets
+    the value as logged.
     """
     after = np.searchsorted(time, stamps, side="left").clip(0, len(time) - 1)
     before = np.where(time[after] == stamps, after, (after - 1).clip(0))
     aligned: Array = np.interp(stamps, time, values)
     with np.errstate(invalid="ignore"):
         outside = ~((stamps >= time[0]) & (stamps <= time[-1]))
-    too_far = np.zeros(len(stamps), dtype=np.bool_) if max_gap is None else time[after] - time[before] > max_gap * (1 + 1e-9)
+    too_far = (
+        np.zeros(len(stamps), dtype=np.bool_)
+        if max_gap is None
+        else time[after] - time[before] > max_gap * (1 + 1e-9)
+    )
     aligned[outside | too_far] = np.nan
     return aligned
 
 
 def longest_ascent(time: Array) -> BoolArray:
-    """Return which stamps `(n,)` belong to the longest series that never decreases: all but the fewest that have to go.
+    """Return which stamps `(n,)` belong to the longest series that never decreases: all but the
+    fewest that have to go.
 
     Patience sorting, O(n log n): M. L. Fredman, Discrete Math. 11 (1975) 29.
     """

@@ -1,9 +1,11 @@
-"""By how much the clock of a second log is off: cross-correlation of two records of one quantity, or of one event.
+"""By how much the clock of a second log is off: cross-correlation of two records of one quantity,
+or of one event.
 
-Both records are put on one even grid and turned into changes, `u[i] = mean(y[i..i+w]) - mean(y[i-w..i])`: what drifts slowly has no say,
-and noise is averaged over w samples. The correlation r(lag) is that of the samples in which the records overlap. Of several widths w the
-one whose peak stands out of noise most is taken: of all widths, some one may make a rival look small. A peak is sure where noise would not
-make it, and no other peak comes near it.
+Both records are put on one even grid and turned into changes, `u[i] = mean(y[i..i+w]) -
+mean(y[i-w..i])`: what drifts slowly has no say, and noise is averaged over w samples. The
+correlation r(lag) is that of the samples in which the records overlap. Of several widths w the one
+whose peak stands out of noise most is taken: of all widths, some one may make a rival look small. A
+peak is sure where noise would not make it, and no other peak comes near it.
 """
 
 from __future__ import annotations
@@ -19,9 +21,11 @@ from mapmore_cli.modelling.signals.sampling import typical_step
 
 WIDTHS = (1, 2, 4, 8, 16, 32, 64)  # samples on either side of a change
 LEAST_OVERLAP = 0.5  # of the shorter record: fewer samples agree by chance
-LEAST_EVENTS = 0.3  # of the changes of either record, squared and summed: an overlap with less of them says nothing
+# of the changes of either record, squared and summed: an overlap with less of them says nothing
+LEAST_EVENTS = 0.3
 RATIO = 1.15  # what the best peak has to exceed the next one by
-SIGMAS = 7.0  # Fisher's z of the best peak, in standard deviations of noise; thousands of lags are looked at
+# Fisher's z of the best peak, in standard deviations of noise; thousands of lags are looked at
+SIGMAS = 7.0
 MOST = 2_000_000  # grid points of the longer record
 FEWEST = 8  # samples of a record
 
@@ -32,8 +36,10 @@ class Shift:
 
     - `value`, `half_width`: in the unit of the stamps; the latter of the 95 % interval.
     - `step`: the coarser of the two records' typical steps.
-    - `correlation`: of the changes in both records at this shift; negative where one falls when the other rises.
-    - `next_best`: the absolute correlation of the next peak, of the shift `rival`; 0 and None where there is none.
+    - `correlation`: of the changes in both records at this shift; negative where one falls when the
+      other rises.
+    - `next_best`: the absolute correlation of the next peak, of the shift `rival`; 0 and None where
+      there is none.
     - `sigmas`: how far the peak stands out of noise.
     """
 
@@ -62,11 +68,19 @@ class Shift:
 
 
 def find_shift(
-    time: Array, first: Array, other_time: Array, second: Array, within: float | None = None, *, same_sign: bool = False
+    time: Array,
+    first: Array,
+    other_time: Array,
+    second: Array,
+    within: float | None = None,
+    *,
+    same_sign: bool = False,
 ) -> Shift | None:
-    """Find the shift of a second log; None where nothing changes in one of the records, or no shift makes them overlap.
+    """Find the shift of a second log; None where nothing changes in one of the records, or no shift
+    makes them overlap.
 
-    - `time`, `first`: stamps `(n,)`, strictly increasing, and values `(n,)` of the first log; `other_time`, `second`: `(m,)`, of the other.
+    - `time`, `first`: stamps `(n,)`, strictly increasing, and values `(n,)` of the first log;
+      `other_time`, `second`: `(m,)`, of the other.
     - `within`: shifts beyond this are not looked at.
     - `same_sign`: whether both rise together; else the one may fall while the other rises.
     """
@@ -74,17 +88,34 @@ def find_shift(
         return None
     steps = typical_step(time), typical_step(other_time)
     step = max(min(steps), max(float(np.ptp(time)), float(np.ptp(other_time))) / MOST)
-    one, other = (np.interp(np.arange(t[0], t[-1], step), t, y) for t, y in ((time, first), (other_time, second)))
+    one, other = (
+        np.interp(np.arange(t[0], t[-1], step), t, y)
+        for t, y in ((time, first), (other_time, second))
+    )
     offset = float(time[0] - other_time[0])
-    found = [peak for width in WIDTHS if (peak := _peak(one, other, width, offset, step, within, same_sign)) is not None]
+    found = [
+        peak
+        for width in WIDTHS
+        if (peak := _peak(one, other, width, offset, step, within, same_sign)) is not None
+    ]
     if not found:
         return None
     best = max(found, key=lambda peak: peak.sigmas)
-    half_width = max(best.half_width, 0.5 * sum(steps))  # a jump may lie anywhere between two samples
+    half_width = max(
+        best.half_width, 0.5 * sum(steps)
+    )  # a jump may lie anywhere between two samples
     return replace(best, half_width=half_width, step=max(steps))
 
 
-def _peak(one: Array, other: Array, width: int, offset: float, step: float, within: float | None, same_sign: bool) -> Shift | None:
+def _peak(
+    one: Array,
+    other: Array,
+    width: int,
+    offset: float,
+    step: float,
+    within: float | None,
+    same_sign: bool,
+) -> Shift | None:
     """Return the best shift by changes over `width` samples; None where there are none."""
     if min(len(one), len(other)) <= 4 * width:
         return None
@@ -97,15 +128,24 @@ def _peak(one: Array, other: Array, width: int, offset: float, step: float, with
     top = int(np.argmax(size))
     if size[top] == 0:
         return None
-    rises_on = not 0 < top < len(r) - 1 or r[top - 1] == 0.0 or r[top + 1] == 0.0  # the edge of what is looked at is no peak
-    before, after = (np.flatnonzero(np.diff(side) > 0) for side in (size[top::-1], size[top:]))  # where the peak ends on either side
+    rises_on = (
+        not 0 < top < len(r) - 1 or r[top - 1] == 0.0 or r[top + 1] == 0.0
+    )  # the edge of what is looked at is no peak
+    before, after = (
+        np.flatnonzero(np.diff(side) > 0) for side in (size[top::-1], size[top:])
+    )  # where the peak ends on either side
     below = top - int(before[0]) if len(before) else 0
     above = top + int(after[0]) if len(after) else len(size) - 1
     outside = size.copy()
     outside[below : above + 1] = 0.0
     rival = int(np.argmax(outside))
-    best, independent = min(float(size[top]), 1 - 1e-12), max(float(overlap[top]) / (2 * width), 4.0)
-    sigmas = math.atanh(best) * math.sqrt(independent - 3) if independent > 3 and not rises_on else 0.0
+    best, independent = (
+        min(float(size[top]), 1 - 1e-12),
+        max(float(overlap[top]) / (2 * width), 4.0),
+    )
+    sigmas = (
+        math.atanh(best) * math.sqrt(independent - 3) if independent > 3 and not rises_on else 0.0
+    )
     place = top + _vertex(size, top)
     error = _standard_error(u, v, int(lags[top]), best)
     next_best = float(outside[rival])
@@ -121,7 +161,9 @@ def _peak(one: Array, other: Array, width: int, offset: float, step: float, with
 
 
 def changes(y: Array, width: int) -> Array:
-    """Return the mean of the next `width` samples less that of the last, `(n - 2 width + 1,)` of `(n,)`."""
+    """Return the mean of the next `width` samples less that of the last, `(n - 2 width + 1,)` of
+    `(n,)`.
+    """
     total = np.concatenate([[0.0], np.cumsum(y - y.mean())])
     means = (total[width:] - total[:-width]) / width
     found: Array = means[width:] - means[:-width]
@@ -129,14 +171,17 @@ def changes(y: Array, width: int) -> Array:
 
 
 def correlation(u: Array, v: Array) -> tuple[Array, Array, Array]:
-    """Pearson's r of `u[i + lag]` and `v[i]` over the samples in which they overlap, with the lags and the numbers of samples, each `(k,)`.
+    """Pearson's r of `u[i + lag]` and `v[i]` over the samples in which they overlap, with the lags
+    and the numbers of samples, each `(k,)`.
 
     Zero where the overlap is too short, or holds too little of the changes of either.
     """
     from scipy.signal import correlate  # takes long to load, and few specs need it
 
     n, m = len(u), len(v)
-    sums = partial(correlate, method="fft")  # `sum_i a[i + lag] b[i]` for the lags -(m - 1) .. n - 1
+    sums = partial(
+        correlate, method="fft"
+    )  # `sum_i a[i + lag] b[i]` for the lags -(m - 1) .. n - 1
     ones_u, ones_v = np.ones(n), np.ones(m)
     count = np.rint(sums(ones_u, ones_v))
     at_least_one = np.maximum(count, 1.0)
@@ -144,8 +189,12 @@ def correlation(u: Array, v: Array) -> tuple[Array, Array, Array]:
     u_squares, v_squares = sums(u * u, ones_v), sums(ones_u, v * v)
     covariance = sums(u, v) - u_sum * v_sum / at_least_one
     spread = (u_squares - u_sum**2 / at_least_one) * (v_squares - v_sum**2 / at_least_one)
-    speaks = (u_squares >= LEAST_EVENTS * np.sum(u * u)) & (v_squares >= LEAST_EVENTS * np.sum(v * v))
-    speaks &= (count >= LEAST_OVERLAP * min(n, m)) & (spread > 1e-18 * np.sum(u * u) * np.sum(v * v))
+    speaks = (u_squares >= LEAST_EVENTS * np.sum(u * u)) & (
+        v_squares >= LEAST_EVENTS * np.sum(v * v)
+    )
+    speaks &= (count >= LEAST_OVERLAP * min(n, m)) & (
+        spread > 1e-18 * np.sum(u * u) * np.sum(v * v)
+    )
     r = np.where(speaks, covariance / np.sqrt(np.where(speaks, spread, 1.0)), 0.0)
     return r.clip(-1.0, 1.0), np.arange(-(m - 1.0), n), count
 
@@ -160,9 +209,16 @@ def _vertex(size: Array, top: int) -> float:
 
 
 def _standard_error(u: Array, v: Array, lag: int, r: float) -> float:
-    """Of the shift in lags: what is left of `u` after `v`, over the slope of `v`, as in a regression on its derivative."""
+    """Of the shift in lags: what is left of `u` after `v`, over the slope of `v`, as in a
+    regression on its derivative.
+    """
     start, end = max(lag, 0), min(len(u), len(v) + lag)
     slope = np.gradient(v[start - lag : end - lag]) if end - start > 1 else np.zeros(1)
-    noise = (1 - r * r) / max(r * r, 1e-12) * float(np.sum(v[start - lag : end - lag] ** 2)) / max(end - start, 1)
+    noise = (
+        (1 - r * r)
+        / max(r * r, 1e-12)
+        * float(np.sum(v[start - lag : end - lag] ** 2))
+        / max(end - start, 1)
+    )
     steepness = float(np.sum(slope**2))
     return math.sqrt(noise / steepness) if steepness > 0 else math.inf

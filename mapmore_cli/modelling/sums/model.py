@@ -1,4 +1,6 @@
-"""Models that are added up: `output = sum_m sign_m m(inputs_m)`, an input of which may be the output of another model."""
+"""Models that are added up: `output = sum_m sign_m m(inputs_m)`, an input of which may be the
+output of another model.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,16 @@ from mapmore_cli.domain.foreign import tex_text
 from mapmore_cli.domain.models import Equation, Model, Part, Sum
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling import kinds
-from mapmore_cli.modelling.expressions import Expression, Name, Number, evaluate, parse, substitute, to_latex, to_text
+from mapmore_cli.modelling.expressions import (
+    Expression,
+    Name,
+    Number,
+    evaluate,
+    parse,
+    substitute,
+    to_latex,
+    to_text,
+)
 from mapmore_cli.modelling.expressions.syntax import Condition
 from mapmore_cli.modelling.program.model import write as write_any
 from mapmore_cli.modelling.program.statements import NOTHING
@@ -22,14 +33,22 @@ from mapmore_cli.modelling.program.writing import Inputs, Writer, times, total
 
 def simulate(model: Model, columns: Columns) -> Run:
     """Return the sum at every row, (n,), and the rows at which a free run of any part diverges."""
-    runs = [(part.sign, kinds.simulate(part.model, inputs)) for part, inputs in _parts(_body(model).parts, columns)]
-    values = sum((sign * run.values for sign, run in runs), start=np.zeros(len(next(iter(columns.values())))))
+    runs = [
+        (part.sign, kinds.simulate(part.model, inputs))
+        for part, inputs in _parts(_body(model).parts, columns)
+    ]
+    values = sum(
+        (sign * run.values for sign, run in runs), start=np.zeros(len(next(iter(columns.values()))))
+    )
     return Run(values, tuple(sorted({row for _, run in runs for row in run.diverged})))
 
 
 def one_step(model: Model, columns: Columns) -> Array:
     """Return the sum from the measured past, (n,)."""
-    found = [part.sign * kinds.one_step_ahead(part.model, inputs) for part, inputs in _parts(_body(model).parts, columns)]
+    found = [
+        part.sign * kinds.one_step_ahead(part.model, inputs)
+        for part, inputs in _parts(_body(model).parts, columns)
+    ]
     return np.asarray(np.sum(found, axis=0))
 
 
@@ -39,17 +58,32 @@ def outside_range(model: Model, columns: Columns) -> BoolArray:
 
 
 def _outside(parts: Sequence[Part], columns: Columns) -> BoolArray:
-    own = [kinds.outside_range(part.model, inputs) | _outside(part.fed, columns) for part, inputs in _parts(parts, columns)]
-    found: BoolArray = np.logical_or.reduce(own) if own else np.zeros(len(next(iter(columns.values()))), dtype=np.bool_)
+    own = [
+        kinds.outside_range(part.model, inputs) | _outside(part.fed, columns)
+        for part, inputs in _parts(parts, columns)
+    ]
+    found: BoolArray = (
+        np.logical_or.reduce(own)
+        if own
+        else np.zeros(len(next(iter(columns.values()))), dtype=np.bool_)
+    )
     return found
 
 
 def equations(model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
-    """Return the sum of the parts by their names, with what their inputs are here; then the equations of each part, named after it."""
+    """Return the sum of the parts by their names, with what their inputs are here; then the
+    equations of each part, named after it.
+    """
     parts = _body(model).parts
-    whole = () if all(part.sign == 1.0 and not part.inputs and not part.fed for part in parts) else (_whole(model),)
+    whole = (
+        ()
+        if all(part.sign == 1.0 and not part.inputs and not part.fed for part in parts)
+        else (_whole(model),)
+    )
     named = [(one.name, kinds.equations(one, units)) for part in parts for one in part.models]
-    return whole + tuple(replace(one, id=f"{name}: {one.id}") for name, found in named for one in found)
+    return whole + tuple(
+        replace(one, id=f"{name}: {one.id}") for name, found in named for one in found
+    )
 
 
 def parameters(model: Model) -> int:
@@ -59,17 +93,29 @@ def parameters(model: Model) -> int:
 
 def fed_back(model: Model) -> tuple[str, ...]:
     """Return the measured outputs that any part begins from."""
-    return tuple(dict.fromkeys(name for part in _body(model).parts for one in part.models for name in kinds.fed_back(one)))
+    return tuple(
+        dict.fromkeys(
+            name
+            for part in _body(model).parts
+            for one in part.models
+            for name in kinds.fed_back(one)
+        )
+    )
 
 
 def _whole(model: Model) -> Equation:
     terms, printed = [], []
     for part in _body(model).parts:
         sign = "-" if part.sign < 0 else "+"
-        given: dict[str, Expression] = {q.name: parse(part.inputs.get(q.name, q.name)) for q in part.model.inputs}
+        given: dict[str, Expression] = {
+            q.name: parse(part.inputs.get(q.name, q.name)) for q in part.model.inputs
+        }
         given |= {one.model.output.name: Name(one.model.name) for one in part.fed}
-        terms.append(f"{sign} {part.model.name}({', '.join(f'{name} = {to_text(source)}' for name, source in given.items())})")
-        arguments = ", ".join(f"{to_latex(Name(name))} = {to_latex(source)}" for name, source in given.items())
+        told = ", ".join(f"{name} = {to_text(source)}" for name, source in given.items())
+        terms.append(f"{sign} {part.model.name}({told})")
+        arguments = ", ".join(
+            f"{to_latex(Name(name))} = {to_latex(source)}" for name, source in given.items()
+        )
         printed.append(rf"{sign} \text{{{tex_text(part.model.name)}}}\left({arguments}\right)")
     return Equation("sum", " ".join(terms).removeprefix("+ "), " ".join(printed).removeprefix("+ "))
 
@@ -78,8 +124,14 @@ def _parts(parts: Sequence[Part], columns: Columns) -> Iterator[tuple[Part, Colu
     """Each part, with its inputs by the names that it knows them by."""
     n = len(next(iter(columns.values())))
     for part in parts:
-        renamed = {name: np.broadcast_to(evaluate(parse(text), columns), n) for name, text in part.inputs.items()}
-        fed = {one.model.output.name: kinds.simulate(one.model, inputs).values for one, inputs in _parts(part.fed, columns)}
+        renamed = {
+            name: np.broadcast_to(evaluate(parse(text), columns), n)
+            for name, text in part.inputs.items()
+        }
+        fed = {
+            one.model.output.name: kinds.simulate(one.model, inputs).values
+            for one, inputs in _parts(part.fed, columns)
+        }
         yield part, {**columns, **renamed, **fed}
 
 
@@ -98,8 +150,12 @@ def write(m: Writer, model: Model, inputs: Inputs) -> Expression:
 
 
 def _value(m: Writer, part: Part, inputs: Inputs) -> Expression:
-    """Write a part, after what feeds it; it waits as long as that has no value for want of history."""
-    renamed = {name: m.let("input", substitute(parse(text), inputs)) for name, text in part.inputs.items()}
+    """Write a part, after what feeds it; it waits as long as that has no value for want of
+    history.
+    """
+    renamed = {
+        name: m.let("input", substitute(parse(text), inputs)) for name, text in part.inputs.items()
+    }
     waits: list[Expression] = []
     for one in part.fed:
         queues = len(m.kept.queues)
@@ -108,15 +164,27 @@ def _value(m: Writer, part: Part, inputs: Inputs) -> Expression:
     waited = m.let("fed", total(waits)) if waits else None
     limits, knots, m.limits, m.knots = m.limits, m.knots, [], {}
     written: Callable[[], Expression] = partial(write_any, m, part.model, {**inputs, **renamed})
-    value = written() if waited is None else m.where(Condition(waited, "==", waited), written, NOTHING)
-    m.limits = [*limits, *(replace(limit, inputs=_own(part, limit.inputs) & inputs.keys()) for limit in m.limits)]
+    value = (
+        written() if waited is None else m.where(Condition(waited, "==", waited), written, NOTHING)
+    )
+    m.limits = [
+        *limits,
+        *(replace(limit, inputs=_own(part, limit.inputs) & inputs.keys()) for limit in m.limits),
+    ]
     own, m.knots = m.knots, knots
-    for name in own.keys() - renamed.keys():  # a renamed input is another expression of the sum's inputs
+    for name in (
+        own.keys() - renamed.keys()
+    ):  # a renamed input is another expression of the sum's inputs
         m.knot(name, *own[name])
     return value
 
 
 def _own(part: Part, names: Iterable[str]) -> frozenset[str]:
     """Return the inputs of the sum that those of a part are made of."""
-    fed = {one.model.output.name: _own(one, (quantity.name for quantity in one.model.inputs)) for one in part.fed}
-    return frozenset().union(*(fed[name] if name in fed else parse(part.inputs.get(name, name)).names for name in names))
+    fed = {
+        one.model.output.name: _own(one, (quantity.name for quantity in one.model.inputs))
+        for one in part.fed
+    }
+    return frozenset().union(
+        *(fed[name] if name in fed else parse(part.inputs.get(name, name)).names for name in names)
+    )

@@ -1,7 +1,8 @@
 """Has a muscle changed? Two models of it, compared on a common grid inside both training ranges.
 
-Samples of one curve are not independent of each other: a load cell that is off is off along the whole curve. The unit of every statement is
-therefore the curve: one number for each, and what these scatter by says how sure their mean is.
+Samples of one curve are not independent of each other: a load cell that is off is off along the
+whole curve. The unit of every statement is therefore the curve: one number for each, and what these
+scatter by says how sure their mean is.
 """
 
 from __future__ import annotations
@@ -21,18 +22,27 @@ from mapmore_cli.modelling.validation.intervals import half_widths
 from mapmore_cli.modelling.validation.significance import sign_permutation, weighted_mean
 
 CONFIDENCE, EQUIVALENCE = 0.95, 0.90
-"""Level of the interval, and of that which has to lie within the margin: two one-sided tests of 5 % each."""
+"""Level of the interval, and of that which has to lie within the margin: two one-sided tests of 5 %
+each.
+"""
 
 CHANGED, SAME, UNCLEAR = "changed", "same", "cannot tell"  # answers of a comparison
-MARGIN = 0.01  # relative change of force that is of no interest: repeats of one measurement differ by about as much
-GRID, COARSE_GRID = 41, 11  # points along the input that varies within a curve; along each of them where there are several
+# relative change of force that is of no interest: repeats of one measurement differ by about as
+# much
+MARGIN = 0.01
+GRID, COARSE_GRID = (
+    41,
+    11,
+)  # points along the input that varies within a curve; along each of them where there are several
 SAME_LEVEL = 0.05  # share of the distance to the next level within which two levels are the same
 
 FEWEST_CURVES, MOST_POINTS = 2, 6
 
 
 class Place(NamedTuple):
-    """Where a curve of one model is held against the other: its name, its level, and whether a model is interpolated to get there."""
+    """Where a curve of one model is held against the other: its name, its level, and whether a
+    model is interpolated to get there.
+    """
 
     curve: str
     level: float | None
@@ -43,7 +53,8 @@ class Place(NamedTuple):
 class CurveChange:
     """How a curve of the later model differs from that of the earlier one.
 
-    - `ratio`, `weight`: `sum(a b)/sum(a^2)` of the earlier output a and the later b at the points of the grid: the factor that turns the
+    - `ratio`, `weight`: `sum(a b)/sum(a^2)` of the earlier output a and the later b at the points
+      of the grid: the factor that turns the
       one into the other. Its weight in the factor of all curves is the curve's share of `sum(a^2)`.
     - `difference`, `rms`: mean and root mean square of `b - a`, in the unit of the output.
     - `largest`: the largest `b - a` by size, and `place` where it is.
@@ -64,9 +75,11 @@ class CurveChange:
 
 @dataclass(frozen=True)
 class TermChange:
-    """A term of one segment in both models; None where it was not chosen. Coefficients are in the unit of the output.
+    """A term of one segment in both models; None where it was not chosen. Coefficients are in the
+    unit of the output.
 
-    `error` is the root of the sum of squares of the standard errors, NaN where one of the two is missing.
+    `error` is the root of the sum of squares of the standard errors, NaN where one of the two is
+    missing.
     """
 
     segment: str
@@ -77,19 +90,27 @@ class TermChange:
 
     @property
     def moved(self) -> bool:
-        """Whether the coefficient moved by more than twice the standard error of the difference, or the term came or went."""
-        return self.before is None or self.after is None or not abs(self.after - self.before) <= 2 * self.error
+        """Whether the coefficient moved by more than twice the standard error of the difference, or
+        the term came or went.
+        """
+        return (
+            self.before is None
+            or self.after is None
+            or not abs(self.after - self.before) <= 2 * self.error
+        )
 
 
 @dataclass(frozen=True)
 class Comparison:
     """What two models say about one muscle.
 
-    `ratio` is the factor that turns the earlier output into the later one over all curves, by least squares: the mean of the curves' own,
-    weighted by the squares of the output. `interval` is its t-interval with K - 1 degrees of freedom for K curves, `p` is of the test that
-    it is one, and `p_permutation` of the signs of the curves' changes in every combination, None where K is too small for a small p.
-    `narrow` is the interval of the level `EQUIVALENCE`. `resolution` is the smallest relative change that these curves tell from none: half
-    of the interval, and no less than the uncertainty of the models where they are interpolated to a level of the other.
+    `ratio` is the factor that turns the earlier output into the later one over all curves, by least
+    squares: the mean of the curves' own, weighted by the squares of the output. `interval` is its
+    t-interval with K - 1 degrees of freedom for K curves, `p` is of the test that it is one, and
+    `p_permutation` of the signs of the curves' changes in every combination, None where K is too
+    small for a small p. `narrow` is the interval of the level `EQUIVALENCE`. `resolution` is the
+    smallest relative change that these curves tell from none: half of the interval, and no less
+    than the uncertainty of the models where they are interpolated to a level of the other.
     """
 
     before: str
@@ -107,17 +128,23 @@ class Comparison:
 
     @property
     def changed(self) -> bool:
-        """Whether there is a change that is both certain (the interval excludes one) and of interest (larger than the margin)."""
+        """Whether there is a change that is both certain (the interval excludes one) and of
+        interest (larger than the margin).
+        """
         low, high = self.interval
         return (low > 1 or high < 1) and abs(self.ratio - 1) > max(self.margin, self.resolution)
 
     @property
     def answer(self) -> str:
-        """`changed`; `same`, where two one-sided tests show that the change is within the margin; or that the data `cannot tell`."""
+        """`changed`; `same`, where two one-sided tests show that the change is within the margin;
+        or that the data `cannot tell`.
+        """
         if self.changed:
             return CHANGED
         low, high = self.narrow
-        sure = self.resolution <= max(np.ptp(self.interval) / 2, self.margin)  # else it is that of models between their levels
+        sure = self.resolution <= max(
+            np.ptp(self.interval) / 2, self.margin
+        )  # else it is that of models between their levels
         return SAME if sure and 1 - self.margin < low <= high < 1 + self.margin else UNCLEAR
 
     @property
@@ -129,12 +156,17 @@ class Comparison:
 def compare(before: Model, after: Model, margin: float = MARGIN) -> Comparison:
     """Compare two models on the curves that both were trained on.
 
-    Raises ValueError where they are of other quantities, or have fewer than two curves in common; the message says which.
+    Raises ValueError where they are of other quantities, or have fewer than two curves in common;
+    the message says which.
     """
     if before.output != after.output or set(before.inputs) != set(after.inputs):
-        raise ValueError(f"{before.name} and {after.name} are models of other quantities, or in other units")
+        raise ValueError(
+            f"{before.name} and {after.name} are models of other quantities, or in other units"
+        )
     curves = tuple(_change(before, after, place) for place in common_curves(before, after))
-    ratios, weights = (np.array([getattr(curve, name) for curve in curves]) for name in ("ratio", "weight"))
+    ratios, weights = (
+        np.array([getattr(curve, name) for curve in curves]) for name in ("ratio", "weight")
+    )
     shares = weights / weights.sum()
     found = weighted_mean(ratios, weights, CONFIDENCE)
     between = _of_interpolation(before, after, curves, shares)
@@ -142,7 +174,10 @@ def compare(before: Model, after: Model, margin: float = MARGIN) -> Comparison:
         before=before.name,
         after=after.name,
         unit=before.output.unit,
-        curves=tuple(replace(curve, weight=share) for curve, share in zip(curves, shares.tolist(), strict=True)),
+        curves=tuple(
+            replace(curve, weight=share)
+            for curve, share in zip(curves, shares.tolist(), strict=True)
+        ),
         ratio=found.value,
         interval=found.interval,
         narrow=weighted_mean(ratios, weights, EQUIVALENCE).interval,
@@ -154,11 +189,15 @@ def compare(before: Model, after: Model, margin: float = MARGIN) -> Comparison:
     )
 
 
-def _of_interpolation(before: Model, after: Model, curves: Sequence[CurveChange], shares: Array) -> float:
-    """Uncertainty of the factor from models that are interpolated between their levels, with their intervals (`validate.intervals`).
+def _of_interpolation(
+    before: Model, after: Model, curves: Sequence[CurveChange], shares: Array
+) -> float:
+    """Uncertainty of the factor from models that are interpolated between their levels, with their
+    intervals (`validate.intervals`).
 
-    `1.96 sqrt(sum(share^2 u^2))`, u the standard deviation of a model between its levels over the root mean square of its output; 0 where
-    no curve is interpolated, or no model holds intervals. Infinite where a model's intervals are refused.
+    `1.96 sqrt(sum(share^2 u^2))`, u the standard deviation of a model between its levels over the
+    root mean square of its output; 0 where no curve is interpolated, or no model holds intervals.
+    Infinite where a model's intervals are refused.
     """
     squares = 0.0
     for curve, share in zip(curves, shares, strict=True):
@@ -173,14 +212,17 @@ def _of_interpolation(before: Model, after: Model, curves: Sequence[CurveChange]
 
 
 def common_curves(before: Model, after: Model) -> list[Place]:
-    """Return the curves of both models at the same level, or of the same name where there are no levels.
+    """Return the curves of both models at the same level, or of the same name where there are no
+    levels.
 
-    Where the levels of the two differ, those of the model that has fewer of them inside of both ranges are taken, to which the other is
-    interpolated: no more curves are counted than there are.
+    Where the levels of the two differ, those of the model that has fewer of them inside of both
+    ranges are taken, to which the other is interpolated: no more curves are counted than there are.
     """
     first, second = _ranges(before), _ranges(after)
     if before.level != after.level:
-        raise ValueError(f"the curves of {before.name} and {after.name} are at levels of different quantities")
+        raise ValueError(
+            f"the curves of {before.name} and {after.name} are at levels of different quantities"
+        )
     if before.level is None:
         names = {one.curve for one in second}
         found = [Place(one.curve, None) for one in first if one.curve in names]
@@ -188,11 +230,18 @@ def common_curves(before: Model, after: Model) -> list[Place]:
         own, others = _levels(first), _levels(second)
         near = SAME_LEVEL * float(min(np.concatenate([np.diff(own), np.diff(others), [math.inf]])))
         pairs = product(zip(first, own, strict=True), others)
-        found = [Place(one.curve, (level + other) / 2) for (one, level), other in pairs if abs(level - other) <= near]
+        found = [
+            Place(one.curve, (level + other) / 2)
+            for (one, level), other in pairs
+            if abs(level - other) <= near
+        ]
         if len(found) < FEWEST_CURVES:
             found = min((_inside(first, others), _inside(second, own)), key=len)
     if len(found) < FEWEST_CURVES:
-        raise ValueError(f"{before.name} and {after.name} have {len(found)} curves in common; a comparison needs at least {FEWEST_CURVES}")
+        raise ValueError(
+            f"{before.name} and {after.name} have {len(found)} curves in common; a comparison "
+            f"needs at least {FEWEST_CURVES}"
+        )
     return found
 
 
@@ -202,29 +251,47 @@ def _levels(ranges: Sequence[CurveRange]) -> list[float]:
 
 def _inside(ranges: Sequence[CurveRange], levels: Sequence[float]) -> list[Place]:
     own = zip(ranges, _levels(ranges), strict=True)
-    return [Place(one.curve, level, True) for one, level in own if min(levels) <= level <= max(levels)]
+    return [
+        Place(one.curve, level, True) for one, level in own if min(levels) <= level <= max(levels)
+    ]
 
 
 def _ranges(model: Model) -> tuple[CurveRange, ...]:
     ranges: tuple[CurveRange, ...] = getattr(model.body, "ranges", ())
     if not ranges or model.memories:
-        raise ValueError(f"{model.name} has no curves to compare: it runs along recordings, or is a sum")
+        raise ValueError(
+            f"{model.name} has no curves to compare: it runs along recordings, or is a sum"
+        )
     return ranges
 
 
 def grid(before: Model, after: Model, place: Place) -> dict[str, Array]:
-    """Points inside of the ranges of both models by input: evenly spread along every one that varies, in every combination, (m,) each.
+    """Points inside of the ranges of both models by input: evenly spread along every one that
+    varies, in every combination, (m,) each.
 
     Raises ValueError where the ranges do not overlap.
     """
-    limits = {name: (_limits(before, place, name), _limits(after, place, name)) for name in (q.name for q in before.inputs)}
-    ends = {name: (max(a[0], b[0]), min(a[1], b[1])) for name, (a, b) in limits.items() if name != before.level}
+    limits = {
+        name: (_limits(before, place, name), _limits(after, place, name))
+        for name in (q.name for q in before.inputs)
+    }
+    ends = {
+        name: (max(a[0], b[0]), min(a[1], b[1]))
+        for name, (a, b) in limits.items()
+        if name != before.level
+    }
     for name, (low, high) in ends.items():
         if high < low:
-            raise ValueError(f"{place.curve}: the ranges of {name} in {before.name} and {after.name} do not overlap")
+            raise ValueError(
+                f"{place.curve}: the ranges of {name} in {before.name} and {after.name} do "
+                "not overlap"
+            )
     varying = sum(high > low for low, high in ends.values())
     count = GRID if varying < 2 else COARSE_GRID
-    axes = {name: np.linspace(low, high, count if high > low else 1) for name, (low, high) in ends.items()}
+    axes = {
+        name: np.linspace(low, high, count if high > low else 1)
+        for name, (low, high) in ends.items()
+    }
     if before.level is not None:
         axes[before.level] = np.array([place.level])
     points = np.array(list(product(*axes.values())))
@@ -236,7 +303,10 @@ def _limits(model: Model, place: Place, name: str) -> tuple[float, float]:
     ranges = _ranges(model)
     if place.level is None:
         return next(one.limits[name] for one in ranges if one.curve == place.curve)
-    low, high = (float(np.interp(place.level, _levels(ranges), [one.limits[name][end] for one in ranges])) for end in (0, 1))
+    low, high = (
+        float(np.interp(place.level, _levels(ranges), [one.limits[name][end] for one in ranges]))
+        for end in (0, 1)
+    )
     return low, high
 
 
@@ -267,29 +337,44 @@ class ReferencePoint(NamedTuple):
 
 
 def reference_points(models: Sequence[Model]) -> list[ReferencePoint]:
-    """Return the middle of every curve that the first and last model have in common, inside the ranges of both; at most `MOST_POINTS`."""
+    """Return the middle of every curve that the first and last model have in common, inside the
+    ranges of both; at most `MOST_POINTS`.
+    """
     first, last = models[0], models[-1]
     places = common_curves(first, last)
     points = []
-    for number in sorted({round(place) for place in np.linspace(0, len(places) - 1, min(len(places), MOST_POINTS))}):
-        middle = {name: values[[len(values) // 2]] for name, values in grid(first, last, places[number]).items()}
+    for number in sorted(
+        {round(place) for place in np.linspace(0, len(places) - 1, min(len(places), MOST_POINTS))}
+    ):
+        middle = {
+            name: values[[len(values) // 2]]
+            for name, values in grid(first, last, places[number]).items()
+        }
         outputs = tuple(float(predict(model, middle)[0]) for model in models)
-        points.append(ReferencePoint({name: float(value[0]) for name, value in middle.items()}, outputs))
+        points.append(
+            ReferencePoint({name: float(value[0]) for name, value in middle.items()}, outputs)
+        )
     return points
 
 
 def term_changes(before: Model, after: Model) -> tuple[TermChange, ...]:
-    """Every term of every segment that both models have, with its coefficients `y_slope theta`; none where one has no segments.
+    """Every term of every segment that both models have, with its coefficients `y_slope theta`;
+    none where one has no segments.
 
-    Scalings differ from fit to fit by their ranges, so that a coefficient also moves with the ends of its segment.
+    Scalings differ from fit to fit by their ranges, so that a coefficient also moves with the ends
+    of its segment.
     """
     if not isinstance(before.body, Pieces) or not isinstance(after.body, Pieces):
         return ()
-    first, second = ({one.id: _coefficients(one) for one in body.segments} for body in (before.body, after.body))
+    first, second = (
+        {one.id: _coefficients(one) for one in body.segments} for body in (before.body, after.body)
+    )
     changes = []
     for segment in (name for name in first if name in second):
         for term in dict.fromkeys((*first[segment], *second[segment])):
-            (a, a_error), (b, b_error) = (terms[segment].get(term, (None, math.nan)) for terms in (first, second))
+            (a, a_error), (b, b_error) = (
+                terms[segment].get(term, (None, math.nan)) for terms in (first, second)
+            )
             changes.append(TermChange(segment, term, a, b, math.hypot(a_error, b_error)))
     return tuple(changes)
 
@@ -297,5 +382,7 @@ def term_changes(before: Model, after: Model) -> tuple[TermChange, ...]:
 def _coefficients(segment: SegmentFunction) -> dict[str, tuple[float, float]]:
     """Return the coefficient of every term and its standard error, in the unit of the output."""
     scale = segment.scaling.y_slope
-    pairs = zip((segment.theta * scale).tolist(), (segment.theta_error * abs(scale)).tolist(), strict=True)
+    pairs = zip(
+        (segment.theta * scale).tolist(), (segment.theta_error * abs(scale)).tolist(), strict=True
+    )
     return dict(zip(segment.terms, pairs, strict=True))

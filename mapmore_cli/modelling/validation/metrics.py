@@ -34,7 +34,9 @@ NORMALISERS: Mapping[str, tuple[str, Callable[[Array], Any]]] = {
     "max": ("max|{}| over {}", lambda y: np.abs(y).max()),
     "range": ("range of {} over {}", np.ptp),
 }
-"""By the names that specs have for them: `max |y|` (M2 eq 13), and `max y - min y` for quantities whose zero is arbitrary."""
+"""By the names that specs have for them: `max |y|` (M2 eq 13), and `max y - min y` for quantities
+whose zero is arbitrary.
+"""
 
 
 def normaliser(kind: str, y: Array, quantity: str, split: str) -> Normaliser:
@@ -43,15 +45,24 @@ def normaliser(kind: str, y: Array, quantity: str, split: str) -> Normaliser:
     return Normaliser(name.format(quantity, split), float(size(y)), float(np.ptp(y)))
 
 
-def score(model: str, target: str, split: str, curve: str, measured: Array, found: Forecast, scale: Normaliser) -> Score:
-    """One row of the score table over n pooled samples, `measured` (n,) and as a model has `found` them.
+def score(
+    model: str,
+    target: str,
+    split: str,
+    curve: str,
+    measured: Array,
+    found: Forecast,
+    scale: Normaliser,
+) -> Score:
+    """One row of the score table over n pooled samples, `measured` (n,) and as a model has `found`
+    them.
 
-    `RMSE = sqrt(mean (y - yhat)^2)`, `NRMSE = RMSE / scale` (M2 eq 13), `R^2 = 1 - SSE / sum (y - mean y)^2`, which is NaN for a
-    constant y, and `RRSE = sqrt(SSE / sum (y - mean y)^2)`. `scale` is the normaliser over all samples of the split, so that the rows of
-    its curves can be compared.
+    `RMSE = sqrt(mean (y - yhat)^2)`, `NRMSE = RMSE / scale` (M2 eq 13), `R^2 = 1 - SSE / sum (y -
+    mean y)^2`, which is NaN for a constant y, and `RRSE = sqrt(SSE / sum (y - mean y)^2)`. `scale`
+    is the normaliser over all samples of the split, so that the rows of its curves can be compared.
 
-    Samples that are not `ready` are the history that a model with memory goes on from: they count in no number but the spread of the RRSE,
-    as it is usual.
+    Samples that are not `ready` are the history that a model with memory goes on from: they count
+    in no number but the spread of the RRSE, as it is usual.
     """
     known, predicted = found.ready, found.values
     y, error = measured[known], (predicted - measured)[known]
@@ -74,41 +85,55 @@ def score(model: str, target: str, split: str, curve: str, measured: Array, foun
         max_abs_error_fs=scale.fraction(worst),
         r2=1 - float(np.sum(squares)) / spread if spread > 0 else math.nan,
         rrse=relative(error, measured),
-        rrse_one_step=math.nan if found.one_step is None else relative((found.one_step - measured)[known], measured),
+        rrse_one_step=math.nan
+        if found.one_step is None
+        else relative((found.one_step - measured)[known], measured),
         r_uncentred=uncentred(y, predicted[known]),
-        interval_coverage=float(np.mean(np.abs(error[given]) <= width[given])) if given.any() else math.nan,
+        interval_coverage=float(np.mean(np.abs(error[given]) <= width[given]))
+        if given.any()
+        else math.nan,
         interval_half_width=float(np.median(width[given])) if given.any() else math.nan,
         nrmse_range=rmse / scale.extent if scale.extent > 0 else math.nan,
     )
 
 
 def uncentred(measured: Array, predicted: Array) -> float:
-    """`sum y yhat / sqrt(sum y^2 sum yhat^2)`: W's correlation index, not Pearson's; NaN where either is zero throughout."""
+    """`sum y yhat / sqrt(sum y^2 sum yhat^2)`: W's correlation index, not Pearson's; NaN where
+    either is zero throughout.
+    """
     measured, predicted = measured / _unit_of(measured), predicted / _unit_of(predicted)
     size = float(np.linalg.norm(measured) * np.linalg.norm(predicted))
     return float(measured @ predicted) / size if size > 0 else math.nan
 
 
 def relative(error: Array, measured: Array) -> float:
-    """`sqrt(sum error^2 / sum (y - mean y)^2)`, of errors of some or all of the measured samples; NaN for a constant y."""
+    """`sqrt(sum error^2 / sum (y - mean y)^2)`, of errors of some or all of the measured samples;
+    NaN for a constant y.
+    """
     unit = _unit_of(error, measured)
     spread = float(np.sum(((measured - measured.mean()) / unit) ** 2))
     return float(np.sqrt(np.sum((error / unit) ** 2) / spread)) if spread > 0 else math.nan
 
 
 def _unit_of(*values: Array) -> float:
-    """Return a power of two next to the largest value, in which squares neither vanish nor overflow; dividing by it changes no digit."""
+    """Return a power of two next to the largest value, in which squares neither vanish nor
+    overflow; dividing by it changes no digit.
+    """
     largest = max(float(np.abs(array).max(initial=0.0)) for array in values)
     return math.ldexp(0.5, math.frexp(largest)[1]) if 0 < largest < math.inf else 1.0
 
 
 EDGES = (0.0, 0.1, 0.25, 0.5, 1.0)
-"""Of the bands, as shares of the largest absolute value of the samples that are compared; low values have the narrower ones."""
+"""Of the bands, as shares of the largest absolute value of the samples that are compared; low
+values have the narrower ones.
+"""
 
 
 @dataclass(frozen=True)
 class Band:
-    """Samples whose absolute value lies between `low` and `high`; the RMSE is by model, NaN where it has no prediction there."""
+    """Samples whose absolute value lies between `low` and `high`; the RMSE is by model, NaN where
+    it has no prediction there.
+    """
 
     low: float
     high: float
@@ -117,7 +142,8 @@ class Band:
 
 
 def bands(dataset: Dataset, predictions: Mapping[str, tuple[Array, ...]]) -> tuple[Band, ...]:
-    """RMSE of every model in each band, over the held-out samples where there are any, else the training samples.
+    """RMSE of every model in each band, over the held-out samples where there are any, else the
+    training samples.
 
     `predictions` are by model, for every curve of the dataset. A band without samples is left out.
     """
@@ -137,25 +163,43 @@ def bands(dataset: Dataset, predictions: Mapping[str, tuple[Array, ...]]) -> tup
         rows = inside == number
         if rows.any():
             known = {model: error[rows & np.isfinite(error)] for model, error in errors.items()}
-            rmse = {model: float(np.sqrt(np.mean(error**2))) if len(error) else math.nan for model, error in known.items()}
+            rmse = {
+                model: float(np.sqrt(np.mean(error**2))) if len(error) else math.nan
+                for model, error in known.items()
+            }
             found.append(Band(float(low), float(high), int(rows.sum()), rmse))
     return tuple(found)
 
 
-SPLITS = (("train", False), ("validate", True))  # names of the splits, and whether their samples are held out
+SPLITS = (
+    ("train", False),
+    ("validate", True),
+)  # names of the splits, and whether their samples are held out
 
 
 def divisor(dataset: Dataset, kind: str) -> Normaliser:
-    """Return what all errors of a study are divided by: a measure of the validation rows, as in the papers, else of the training rows."""
+    """Return what all errors of a study are divided by: a measure of the validation rows, as in the
+    papers, else of the training rows.
+    """
     held_out = any(curve.held_out.any() for curve in dataset.curves)
-    measured = np.concatenate([curve.columns[dataset.target][curve.held_out == held_out] for curve in dataset.curves])
+    measured = np.concatenate(
+        [curve.columns[dataset.target][curve.held_out == held_out] for curve in dataset.curves]
+    )
     return normaliser(kind, measured, dataset.target, "validate" if held_out else "train")
 
 
 def on_common_rows(forecasts: Mapping[str, Sequence[Forecast]]) -> dict[str, tuple[Forecast, ...]]:
-    """Return the forecasts of every model on the rows that all predict: models that need a history would else be scored on fewer rows."""
-    common = [np.logical_and.reduce([found.ready for found in curve]) for curve in zip(*forecasts.values(), strict=True)]
-    return {name: tuple(replace(one, ready=ready) for one, ready in zip(found, common, strict=True)) for name, found in forecasts.items()}
+    """Return the forecasts of every model on the rows that all predict: models that need a history
+    would else be scored on fewer rows.
+    """
+    common = [
+        np.logical_and.reduce([found.ready for found in curve])
+        for curve in zip(*forecasts.values(), strict=True)
+    ]
+    return {
+        name: tuple(replace(one, ready=ready) for one, ready in zip(found, common, strict=True))
+        for name, found in forecasts.items()
+    }
 
 
 def score_rows(
@@ -168,10 +212,12 @@ def score_rows(
     partial: bool = False,
     group: str | None = None,
 ) -> Iterator[Score]:
-    """Rows of one model, whose `forecasts` are those of the dataset's curves; with `partial`, of the samples that it predicts.
+    """Rows of one model, whose `forecasts` are those of the dataset's curves; with `partial`, of
+    the samples that it predicts.
 
-    Of each split: all samples, those of each curve, of each direction of a curve, and of each value of the quantity `group`. What has no
-    sample that could be predicted has no row. `scale` is the `divisor` of the study.
+    Of each split: all samples, those of each curve, of each direction of a curve, and of each value
+    of the quantity `group`. What has no sample that could be predicted has no row. `scale` is the
+    `divisor` of the study.
     """
     curves = dataset.curves
 
@@ -184,20 +230,40 @@ def score_rows(
     for split, held in SPLITS:
         wanted = (held_out == held) & (found.ready if partial else True)
         of_curves = [rows[wanted[rows]] for rows in every]
-        parts = [("all", of_curves), *((curve.id, [rows]) for curve, rows in zip(curves, of_curves, strict=True))]
+        parts = [
+            ("all", of_curves),
+            *((curve.id, [rows]) for curve, rows in zip(curves, of_curves, strict=True)),
+        ]
         if DIRECTION in curves[0].columns:
             way = column(DIRECTION)
             for curve, rows in zip(curves, of_curves, strict=True):
-                parts += [(f"{curve.id};direction={word}", [rows[way[rows] == sign]]) for word, sign in (("rise", RISE), ("fall", FALL))]
+                parts += [
+                    (f"{curve.id};direction={word}", [rows[way[rows] == sign]])
+                    for word, sign in (("rise", RISE), ("fall", FALL))
+                ]
         if group is not None:
             of = column(group)
-            parts += [(f"{group}={value:g}", [rows[of[rows] == value] for rows in of_curves]) for value in np.unique(of[wanted])]
+            parts += [
+                (f"{group}={value:g}", [rows[of[rows] == value] for rows in of_curves])
+                for value in np.unique(of[wanted])
+            ]
         for name, some in parts:
             predicted = [rows for rows in some if found.ready[rows].any()]
             if predicted:
                 rows = np.concatenate(predicted)
-                others = (None if column is None else column[rows] for column in (found.one_step, found.half))
-                yield score(model, target, split, name, measured[rows], Forecast(found.values[rows], found.ready[rows], *others), scale)
+                others = (
+                    None if column is None else column[rows]
+                    for column in (found.one_step, found.half)
+                )
+                yield score(
+                    model,
+                    target,
+                    split,
+                    name,
+                    measured[rows],
+                    Forecast(found.values[rows], found.ready[rows], *others),
+                    scale,
+                )
 
 
 def _joined(forecasts: Sequence[Forecast]) -> Forecast:

@@ -1,7 +1,8 @@
-"""Is anything left in the errors of a model that a better one could explain? The residual tests of system identification.
+"""Is anything left in the errors of a model that a better one could explain? The residual tests of
+system identification.
 
-Ljung, System Identification (2nd ed., 1999), section 16.6: residuals of a model that explains everything but noise are correlated neither
-with their own past nor with the inputs.
+Ljung, System Identification (2nd ed., 1999), section 16.6: residuals of a model that explains
+everything but noise are correlated neither with their own past nor with the inputs.
 """
 
 from __future__ import annotations
@@ -20,14 +21,16 @@ from mapmore_cli.modelling.kinds import outside_range
 from mapmore_cli.modelling.validation.intervals import NORMAL
 
 LAGS = 25  # longest lag, samples; less where records are short
-PARTS = 10  # parts of the range of an input, each with as many samples, in which the mean residual is told
+# parts of the range of an input, each with as many samples, in which the mean residual is told
+PARTS = 10
 
 
 @dataclass(frozen=True)
 class Correlation:
     """Correlations `values` (m,) at some `lags` (m,); of noise 95 % lie within `bound` of zero.
 
-    That of a residual with itself, one, is not among the `tested` ones, of which so many lie `beyond`.
+    That of a residual with itself, one, is not among the `tested` ones, of which so many lie
+    `beyond`.
     """
 
     lags: Array
@@ -47,7 +50,9 @@ class Correlation:
 
 @dataclass(frozen=True)
 class PartMeans:
-    """Mean residual `values` (m,) in parts of an input's range around `places` (m,); of noise 95 % lie within `bounds` (m,) of zero."""
+    """Mean residual `values` (m,) in parts of an input's range around `places` (m,); of noise 95 %
+    lie within `bounds` (m,) of zero.
+    """
 
     places: Array
     values: Array
@@ -65,9 +70,11 @@ class PartMeans:
 
 
 def autocorrelation(residuals: Sequence[Array]) -> Correlation:
-    """`r_k = sum_t e_t e_(t+k) / sum_t e_t^2` of residuals less their mean, over pieces that follow one another in time or place.
+    """`r_k = sum_t e_t e_(t+k) / sum_t e_t^2` of residuals less their mean, over pieces that follow
+    one another in time or place.
 
-    There is one array of `residuals` a piece, NaN where there is none. Bounds are `1.96/sqrt(n)` for n residuals in all pieces.
+    There is one array of `residuals` a piece, NaN where there is none. Bounds are `1.96/sqrt(n)`
+    for n residuals in all pieces.
     """
     found = cross_correlation(residuals, residuals)
     half = len(found.lags) // 2
@@ -75,18 +82,25 @@ def autocorrelation(residuals: Sequence[Array]) -> Correlation:
 
 
 def cross_correlation(residuals: Sequence[Array], inputs: Sequence[Array]) -> Correlation:
-    """`r_k = sum_t u_t e_(t+k) / sqrt(sum u^2 sum e^2)`, both less their means: at a positive lag k the input came k samples before."""
+    """`r_k = sum_t u_t e_(t+k) / sqrt(sum u^2 sum e^2)`, both less their means: at a positive lag k
+    the input came k samples before.
+    """
     known = [np.isfinite(e) & np.isfinite(u) for e, u in zip(residuals, inputs, strict=True)]
     e, u = (_centred(series, known) for series in (residuals, inputs))
     most = min(LAGS, max(map(len, e)) // 4)
     lags = np.arange(-most, most + 1)
     scale = np.sqrt(_shifted(e, e, 0) * _shifted(u, u, 0))
     values = np.array([_shifted(u, e, k) for k in lags.tolist()]) / scale
-    return Correlation(lags.astype(np.float64), values, NORMAL / np.sqrt(sum(int(rows.sum()) for rows in known)))
+    return Correlation(
+        lags.astype(np.float64), values, NORMAL / np.sqrt(sum(int(rows.sum()) for rows in known))
+    )
 
 
 def _shifted(u: Sequence[Array], e: Sequence[Array], k: int) -> float:
-    pieces = ((a[max(-k, 0) : max(len(a) - k, 0)], b[max(k, 0) : max(len(b) + k, 0)]) for a, b in zip(u, e, strict=True))
+    pieces = (
+        (a[max(-k, 0) : max(len(a) - k, 0)], b[max(k, 0) : max(len(b) + k, 0)])
+        for a, b in zip(u, e, strict=True)
+    )
     return sum(float(a @ b) for a, b in pieces)
 
 
@@ -97,7 +111,8 @@ def _centred(series: Sequence[Array], known: Sequence[BoolArray]) -> list[Array]
 
 
 def means_over(residuals: Array, x: Array) -> PartMeans:
-    """Mean residual in parts of the range of an input x: a part for each value where there are few, else `PARTS` of as many samples each.
+    """Mean residual in parts of the range of an input x: a part for each value where there are few,
+    else `PARTS` of as many samples each.
 
     Bounds are `1.96 s/sqrt(n_part)`, s the standard deviation of all residuals.
     """
@@ -108,22 +123,39 @@ def means_over(residuals: Array, x: Array) -> PartMeans:
     parts = np.split(order, starts[1:]) if len(starts) <= PARTS else np.array_split(order, PARTS)
     places = np.array([x[part].mean() for part in parts])
     values = np.array([e[part].mean() for part in parts])
-    return PartMeans(places, values, NORMAL * float(e.std()) / np.sqrt([len(part) for part in parts]))
+    return PartMeans(
+        places, values, NORMAL * float(e.std()) / np.sqrt([len(part) for part in parts])
+    )
 
 
 SAME = 1e-9  # relative difference of two predictions, below which they say the same
-MOSTLY = 0.5  # share of the held-out samples outside of the training range, above which scores are of extrapolation
+# share of the held-out samples outside of the training range, above which scores are of
+# extrapolation
+MOSTLY = 0.5
 
 ROWS = {"train": "training data", "validate": "held-out data"}
 
 
-def alarms(model: Model, dataset: Dataset, predictions: Sequence[Array], scores: Sequence[Score]) -> tuple[str, ...]:
-    """Everything that a reader of the scores of the run's own model has to know first, one sentence each.
+def alarms(
+    model: Model, dataset: Dataset, predictions: Sequence[Array], scores: Sequence[Score]
+) -> tuple[str, ...]:
+    """Everything that a reader of the scores of the run's own model has to know first, one sentence
+    each.
 
     `predictions` are the model's, for every curve of the dataset.
     """
-    found = [told for row in scores if row.model == OWN and row.curve == "all" for told in _of_scores(row)]
-    return (*found, *_without_inputs(model, dataset), *_bare(model, dataset.curves, predictions), *_beyond(model, dataset.curves))
+    found = [
+        told
+        for row in scores
+        if row.model == OWN and row.curve == "all"
+        for told in _of_scores(row)
+    ]
+    return (
+        *found,
+        *_without_inputs(model, dataset),
+        *_bare(model, dataset.curves, predictions),
+        *_beyond(model, dataset.curves),
+    )
 
 
 def _of_scores(row: Score) -> Iterator[str]:
@@ -136,7 +168,10 @@ def _of_scores(row: Score) -> Iterator[str]:
         what = "no better than" if r2 == 0 else "worse than"
         yield f"R² on the {where} is {r2:.3g}: the model is {what} the mean of what was measured"
     if row.max_abs_error_fs > 1:
-        yield f"the largest error on the {where} is {row.max_abs_error_fs:.3g} times the full scale ({row.normaliser_name})"
+        yield (
+            f"the largest error on the {where} is {row.max_abs_error_fs:.3g} times the full "
+            f"scale ({row.normaliser_name})"
+        )
 
 
 def _without_inputs(model: Model, dataset: Dataset) -> Iterator[str]:
@@ -154,18 +189,36 @@ def _bare(model: Model, curves: Sequence[Curve], predictions: Sequence[Array]) -
     formula = literature.of(body.backbone)
     same = f"the model says the same as its backbone {formula.name}"
     if not body.segments:
-        yield f"{same}, because its pieces were dropped: left-out training data were predicted worse with them"
+        yield (
+            f"{same}, because its pieces were dropped: left-out training data were predicted "
+            "worse with them"
+        )
         return
-    said, alone = np.concatenate(predictions), np.concatenate([formula.predict(body.backbone.parameters, c.columns) for c in curves])
-    if np.allclose(said, alone, rtol=SAME, atol=SAME * float(np.abs(alone).max(initial=0.0)), equal_nan=True):
+    said, alone = (
+        np.concatenate(predictions),
+        np.concatenate([formula.predict(body.backbone.parameters, c.columns) for c in curves]),
+    )
+    if np.allclose(
+        said, alone, rtol=SAME, atol=SAME * float(np.abs(alone).max(initial=0.0)), equal_nan=True
+    ):
         yield f"{same}, on every sample: its pieces add nothing"
 
 
 def _beyond(model: Model, curves: Sequence[Curve]) -> Iterator[str]:
     """Held-out samples that no training sample surrounds."""
-    masks = [outside_range(model, curve.columns)[curve.held_out] for curve in curves if curve.held_out.any()]
+    masks = [
+        outside_range(model, curve.columns)[curve.held_out]
+        for curve in curves
+        if curve.held_out.any()
+    ]
     every, outside = sum(map(len, masks)), sum(int(mask.sum()) for mask in masks)
     if outside == every > 0:
-        yield "all held-out samples lie outside of the training range: every score of theirs is of extrapolation"
+        yield (
+            "all held-out samples lie outside of the training range: every score of theirs is "
+            "of extrapolation"
+        )
     elif outside > MOSTLY * every:
-        yield f"{outside} of {every} held-out samples lie outside of the training range: their scores are mostly of extrapolation"
+        yield (
+            f"{outside} of {every} held-out samples lie outside of the training range: their "
+            "scores are mostly of extrapolation"
+        )

@@ -1,4 +1,6 @@
-"""What a few independent numbers say of their mean: Student's t, and the permutation of their signs."""
+"""What a few independent numbers say of their mean: Student's t, and the permutation of their
+signs.
+"""
 
 from __future__ import annotations
 
@@ -12,9 +14,13 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, BoolArray
 
 LEAST_FOR_PERMUTATION, MOST_FOR_PERMUTATION = 6, 14
-"""With fewer numbers, no combination of signs is rarer than 1 in 20; with more, not all combinations are tried."""
+"""With fewer numbers, no combination of signs is rarer than 1 in 20; with more, not all
+combinations are tried.
+"""
 
-ROUNDING = 1e-9  # what lies at the bound to this part of it is within: the order in which folds are added up decides nothing
+# what lies at the bound to this part of it is within: the order in which folds are added up decides
+# nothing
+ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -27,10 +33,12 @@ class Mean:
 
 
 def weighted_mean(x: Array, weights: Array, confidence: float) -> Mean:
-    """`m = sum(w x)/sum(w)` with the interval `m ± t(K - 1) s`, `s^2 = K/(K - 1) sum(w^2 (x - m)^2)/sum(w)^2`.
+    """`m = sum(w x)/sum(w)` with the interval `m ± t(K - 1) s`, `s^2 = K/(K - 1) sum(w^2 (x -
+    m)^2)/sum(w)^2`.
 
-    With equal weights this is Student's interval. The scatter is taken from number to number, whatever it comes from. Where one of them has
-    nearly all the weight, it is a statement about that one. Infinitely wide for a single number.
+    With equal weights this is Student's interval. The scatter is taken from number to number,
+    whatever it comes from. Where one of them has nearly all the weight, it is a statement about
+    that one. Infinitely wide for a single number.
     """
     from scipy.special import stdtr, stdtrit  # loading it takes a third of an up-to-date run
 
@@ -46,10 +54,11 @@ def weighted_mean(x: Array, weights: Array, confidence: float) -> Mean:
 
 
 def sign_permutation(x: Array) -> float | None:
-    """Share of all combinations of signs whose mean is at least as large by size as the one found; None for too few numbers.
+    """Share of all combinations of signs whose mean is at least as large by size as the one found;
+    None for too few numbers.
 
-    Where nothing changed, a change and its opposite are equally likely for every curve. Beyond 14 numbers, 16384 combinations are drawn
-    with a fixed seed.
+    Where nothing changed, a change and its opposite are equally likely for every curve. Beyond 14
+    numbers, 16384 combinations are drawn with a fixed seed.
     """
     n = len(x)
     if n < LEAST_FOR_PERMUTATION:
@@ -63,11 +72,14 @@ def sign_permutation(x: Array) -> float | None:
 
 
 NOTHING, LOST = 1e-6, 1e6
-"""Of the range: a smaller error is rounding, or noise that no structure is about; a run that diverged has the larger one."""
+"""Of the range: a smaller error is rounding, or noise that no structure is about; a run that
+diverged has the larger one.
+"""
 
 WITHIN = (0.02, 0.18)
-"""Least and largest mean difference of logarithms that counts as within one standard error: 2 % and a fifth. What is held out differs by
-more than the least however much the folds agree, and with few folds a standard error alone allows much more than the largest."""
+"""Least and largest mean difference of logarithms that counts as within one standard error: 2 % and
+a fifth. What is held out differs by more than the least however much the folds agree, and with few
+folds a standard error alone allows much more than the largest."""
 
 PRICE = 0.05
 """Of the logarithm of the number of parameters, where folds are stretches of recordings."""
@@ -77,8 +89,8 @@ PRICE = 0.05
 class Ranked:
     """Numbers of the model of the least error and of the one that is taken.
 
-    `excess` and `spread`, (s,) each: the mean (or median) over the folds of ln(a model's error / that of the best), and the standard error
-    of the mean.
+    `excess` and `spread`, (s,) each: the mean (or median) over the folds of ln(a model's error /
+    that of the best), and the standard error of the mean.
     """
 
     best: int
@@ -88,18 +100,25 @@ class Ranked:
 
 
 def simplest_of(
-    sizes: Sequence[int], errors: Array, weights: Array | None = None, eligible: BoolArray | None = None, median: bool = False
+    sizes: Sequence[int],
+    errors: Array,
+    weights: Array | None = None,
+    eligible: BoolArray | None = None,
+    median: bool = False,
 ) -> Ranked:
-    """Rank models of some `sizes` (s,) by their `errors` (s, f), fractions of a range, on the same f folds, two at least.
+    """Rank models of some `sizes` (s,) by their `errors` (s, f), fractions of a range, on the same
+    f folds, two at least.
 
-    With `d_if = ln e_if - ln e_bf`, b the model of the least mean logarithm, and fold weights w that add up to 1,
-    model i is within one standard error where `m_i = sum_f w_f d_if <= s_i`, with
-    `s_i^2 = f/(f - 1) sum_f w_f^2 (d_if - m_i)^2`, and s_i at least and at most `WITHIN`. The smallest of these is taken.
-    The folds are compared one by one because some are harder for every model: the spread of the errors themselves (the
-    rule of Breiman et al. 1984, section 3.4.3) would mostly be that of the folds.
+    With `d_if = ln e_if - ln e_bf`, b the model of the least mean logarithm, and fold weights w
+    that add up to 1, model i is within one standard error where `m_i = sum_f w_f d_if <= s_i`, with
+    `s_i^2 = f/(f - 1) sum_f w_f^2 (d_if - m_i)^2`, and s_i at least and at most `WITHIN`. The
+    smallest of these is taken. The folds are compared one by one because some are harder for every
+    model: the spread of the errors themselves (the rule of Breiman et al. 1984, section 3.4.3)
+    would mostly be that of the folds.
 
     - `eligible`: which models may be taken, (s,).
-    - `median`: the median over the folds plus `PRICE` ln(size) decides instead, and its least is taken. A stretch of a recording may differ
+    - `median`: the median over the folds plus `PRICE` ln(size) decides instead, and its least is
+      taken. A stretch of a recording may differ
       from all others by far, and must not decide alone.
 
     >>> errors = np.array([[0.3, 0.5, 0.4], [0.2, 0.401, 0.3], [0.2, 0.4, 0.301]])
@@ -112,12 +131,16 @@ def simplest_of(
     share = np.full(folds, 1 / folds) if weights is None else weights / weights.sum()
     logs = np.log(np.clip(np.nan_to_num(errors, nan=LOST, posinf=LOST), NOTHING, LOST))
     middle = np.array([_median(each, share) for each in logs]) if median else _total(logs * share)
-    score = np.where(True if eligible is None else eligible, middle + PRICE * np.log(sized) * median, np.inf)
+    score = np.where(
+        True if eligible is None else eligible, middle + PRICE * np.log(sized) * median, np.inf
+    )
     order = np.lexsort((score, sized))
     best = int(order[np.argmin(score[order])])  # of equals the simplest
     differences = logs - logs[best]
     mean = _total(differences * share)
-    spread = np.sqrt(folds / max(folds - 1, 1) * _total((share * (differences - mean[:, None])) ** 2))
+    spread = np.sqrt(
+        folds / max(folds - 1, 1) * _total((share * (differences - mean[:, None])) ** 2)
+    )
     within = (score - score[best] <= np.clip(spread, *WITHIN) * (1 + ROUNDING)) & np.isfinite(score)
     chosen = best if median else int(next(i for i in order if within[i]))
     return Ranked(best, chosen, middle - middle[best], spread)

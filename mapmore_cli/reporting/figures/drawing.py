@@ -1,4 +1,6 @@
-"""Figures as data: panels with what they draw, found by name, set side by side on a page, or each by itself for a paper."""
+"""Figures as data: panels with what they draw, found by name, set side by side on a page, or each
+by itself for a paper.
+"""
 
 from __future__ import annotations
 
@@ -35,9 +37,11 @@ Values = Sequence[Any] | np.ndarray
 
 @dataclass(frozen=True)
 class Panel:
-    """Axes below each other with one x axis: the smallest part of a figure that can stand by itself.
+    """Axes below each other with one x axis: the smallest part of a figure that can stand by
+    itself.
 
-    - `key`: what tells it from the others of its figure, as a curve or a model; empty where it is the only one.
+    - `key`: what tells it from the others of its figure, as a curve or a model; empty where it is
+      the only one.
     - `draw`: draws on the given axes, from top to bottom.
     - `data`: the numbers that are drawn, by heading with unit, each `(n,)`.
     - `y_limits`: what each of the axes has to show, where that is not all that is drawn.
@@ -59,7 +63,8 @@ class Grid:
     - `columns`: panels side by side.
     - `width`, `height`: inches of the whole figure, and of one row of panels.
     - `stack`: relative heights of the axes of a panel, from top to bottom.
-    - `common_x`, `common_y`: whether all panels have one x axis (else each its own); whether those of a row, or all, have one y axis.
+    - `common_x`, `common_y`: whether all panels have one x axis (else each its own); whether those
+      of a row, or all, have one y axis.
     """
 
     columns: int = 1
@@ -89,7 +94,9 @@ class Drawing:
 
 
 def drawings(name: str, inputs: ReportInputs) -> list[Drawing]:
-    """Return the figures that a spec calls so, from `draw` in the module of that name: none where there is nothing to draw, or several."""
+    """Return the figures that a spec calls so, from `draw` in the module of that name: none where
+    there is nothing to draw, or several.
+    """
     found: list[Drawing] = import_module(f"{__package__}.{name}").draw(inputs)
     return found
 
@@ -97,7 +104,8 @@ def drawings(name: str, inputs: ReportInputs) -> list[Drawing]:
 def panel_of(name: str, inputs: ReportInputs, words: str) -> tuple[Drawing, Panel]:
     """Return the panel of a curve, a recording or a model, also of one that the page leaves out.
 
-    - `words`: the panel's key, or what a user calls a curve: its level alone (`250`, `250 kPa` for `pressure=250`), or a log that was cut.
+    - `words`: the panel's key, or what a user calls a curve: its level alone (`250`, `250 kPa` for
+      `pressure=250`), or a log that was cut.
 
     Raises UsageError where there is no such panel; the message names those that there are.
     """
@@ -107,15 +115,29 @@ def panel_of(name: str, inputs: ReportInputs, words: str) -> tuple[Drawing, Pane
             for panel in drawing.panels:
                 if panel.key in keys:
                     return drawing, panel
-    every = frozenset([*(curve.id for curve in inputs.dataset.curves), *(recording.id for recording in inputs.dataset.recordings)])
-    known = dict.fromkeys(panel.key for drawing in drawings(name, replace(inputs, asked=every)) for panel in drawing.panels)
+    every = frozenset(
+        [
+            *(curve.id for curve in inputs.dataset.curves),
+            *(recording.id for recording in inputs.dataset.recordings),
+        ]
+    )
+    known = dict.fromkeys(
+        panel.key
+        for drawing in drawings(name, replace(inputs, asked=every))
+        for panel in drawing.panels
+    )
     names = ", ".join(filter(None, known))
-    raise UsageError(f"no panel of this figure is called {words!r}", f"choose one of {names}" if names else "leave the panel out")
+    raise UsageError(
+        f"no panel of this figure is called {words!r}",
+        f"choose one of {names}" if names else "leave the panel out",
+    )
 
 
 @dataclass(frozen=True)
 class RenderedFigure:
-    """A figure as SVG; `width` in inches, `numbers` is the file of what it was drawn from, empty where there is none."""
+    """A figure as SVG; `width` in inches, `numbers` is the file of what it was drawn from, empty
+    where there is none.
+    """
 
     name: str
     caption: str
@@ -128,36 +150,80 @@ def rendered(drawing: Drawing, style: FigureStyle | None = None) -> RenderedFigu
     """All panels of a figure as one SVG."""
     with figure_style(style):
         figure = compose(drawing, style)
-        return RenderedFigure(drawing.name, drawing.caption, to_svg(figure, drawing.name, drawing.alt), float(figure.get_figwidth()))
+        return RenderedFigure(
+            drawing.name,
+            drawing.caption,
+            to_svg(figure, drawing.name, drawing.alt),
+            float(figure.get_figwidth()),
+        )
 
 
-def compose(drawing: Drawing, style: FigureStyle | None = None, panel: Panel | None = None) -> Figure:
-    """All panels of a figure in the grid of a page; or one `panel` alone, with the legend of the figure, as wide as the style says."""
+def compose(
+    drawing: Drawing, style: FigureStyle | None = None, panel: Panel | None = None
+) -> Figure:
+    """All panels of a figure in the grid of a page; or one `panel` alone, with the legend of the
+    figure, as wide as the style says.
+    """
     style = style or FigureStyle()
-    panels, columns, width = (drawing.panels, drawing.grid.columns, drawing.grid.width) if panel is None else ((panel,), 1, style.width)
+    panels, columns, width = (
+        (drawing.panels, drawing.grid.columns, drawing.grid.width)
+        if panel is None
+        else ((panel,), 1, style.width)
+    )
     grid, stack = drawing.grid, len(drawing.grid.stack)
     rows = math.ceil(len(panels) / columns)
     room = LEGEND_ROOM if drawing.legend else TITLE_ROOM
     figure = Figure(figsize=(width, room + rows * grid.height), dpi=POINTS)
     shared: Any = {"none": False, "row": "row", "all": True}[grid.common_y]
-    every = figure.subplots(stack * rows, columns, height_ratios=[*grid.stack] * rows, sharex=grid.common_x, sharey=shared, squeeze=False)
-    places = [list(every[row * stack : (row + 1) * stack, column]) for row in range(rows) for column in range(columns)]
+    every = figure.subplots(
+        stack * rows,
+        columns,
+        height_ratios=[*grid.stack] * rows,
+        sharex=grid.common_x,
+        sharey=shared,
+        squeeze=False,
+    )
+    places = [
+        list(every[row * stack : (row + 1) * stack, column])
+        for row in range(rows)
+        for column in range(columns)
+    ]
     for number, axes in enumerate(places):
         if number < len(panels):
-            _fill(axes, panels[number], grid, style, first=number % columns == 0 or grid.common_y == "none", columns=columns)
+            _fill(
+                axes,
+                panels[number],
+                grid,
+                style,
+                first=number % columns == 0 or grid.common_y == "none",
+                columns=columns,
+            )
         else:
             for ax in axes:
                 ax.remove()
-    _hold(panels, places, columns if grid.common_y == "row" else len(panels) if grid.common_y == "all" else 1)
+    _hold(
+        panels,
+        places,
+        columns if grid.common_y == "row" else len(panels) if grid.common_y == "all" else 1,
+    )
     if drawing.legend:
         labels = [title_of(str(handle.get_label())) for handle in drawing.legend]
-        figure.legend(list(drawing.legend), labels, loc="outside upper left", ncols=_legend_columns(labels, width))
+        figure.legend(
+            list(drawing.legend),
+            labels,
+            loc="outside upper left",
+            ncols=_legend_columns(labels, width),
+        )
     figure.align_ylabels()
-    ConstrainedLayoutEngine().execute(figure)  # once, so that the places are the same in every format
+    ConstrainedLayoutEngine().execute(
+        figure
+    )  # once, so that the places are the same in every format
     return figure
 
 
-def _fill(axes: Sequence[Axes], panel: Panel, grid: Grid, style: FigureStyle, *, first: bool, columns: int) -> None:
+def _fill(
+    axes: Sequence[Axes], panel: Panel, grid: Grid, style: FigureStyle, *, first: bool, columns: int
+) -> None:
     """Draw a panel; the y axes are labelled at the left of a row, the x axis below every panel."""
     top, bottom = axes[0], axes[-1]
     for ax in axes[1:]:
@@ -176,17 +242,23 @@ def _fill(axes: Sequence[Axes], panel: Panel, grid: Grid, style: FigureStyle, *,
 
 
 def _hold(panels: Sequence[Panel], places: Sequence[Sequence[Axes]], together: int) -> None:
-    """Let the y axes show what their panels have to show: `together` panels in a row have their axes in common."""
+    """Let the y axes show what their panels have to show: `together` panels in a row have their
+    axes in common.
+    """
     for start in range(0, len(panels), together):
         group = panels[start : start + together]
         for place in range(min(len(panel.y_limits) for panel in group)):
-            low, high = (pick(panel.y_limits[place][end] for panel in group) for end, pick in ((0, min), (1, max)))
+            low, high = (
+                pick(panel.y_limits[place][end] for panel in group)
+                for end, pick in ((0, min), (1, max))
+            )
             margin = 0.06 * (high - low)
             places[start][place].set_ylim(low - margin, high + margin)
 
 
 def _legend_columns(labels: Sequence[str], width: float) -> int:
-    """As many entries side by side as fit, by the length of the longest, and rows of nearly one length.
+    """As many entries side by side as fit, by the length of the longest, and rows of nearly one
+    length.
 
     A letter is about half as wide as high.
     """
@@ -206,48 +278,67 @@ _GROUP_ID = re.compile(r'<g id="[^"]*"')
 def to_svg(figure: Figure, name: str, alt: str) -> str:
     """Return an `<svg>` element that can stand in a page or in a file of its own.
 
-    No date, no creator, and definitions named by a hash of their content, salted by the `name`. Groups lose their names (`axes_1`), which
-    would repeat between the figures of one page.
+    No date, no creator, and definitions named by a hash of their content, salted by the `name`.
+    Groups lose their names (`axes_1`), which would repeat between the figures of one page.
     """
     text = io.StringIO()
     with rc_context({"svg.hashsalt": name}):
-        figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
+        figure.savefig(
+            text,
+            format="svg",
+            metadata={"Date": None, "Creator": None, "Format": None, "Type": None},
+        )
     svg = _GROUP_ID.sub("<g", _PROLOGUE.sub("", xml_text(text.getvalue(), "\n")))
     return svg.replace("<svg ", f'<svg role="img" aria-label="{escape(xml_text(alt))}" ', 1)
 
 
 def _pdf_file(figure: Figure, _name: str, alt: str) -> bytes:
-    """Write a PDF: fonts are embedded as outlines that journals take (Type 42); neither a date nor the name of a program is written."""
+    """Write a PDF: fonts are embedded as outlines that journals take (Type 42); neither a date nor
+    the name of a program is written.
+    """
     found = io.BytesIO()
     with rc_context({"pdf.fonttype": 42}):
-        figure.savefig(found, format="pdf", metadata={"CreationDate": None, "Creator": None, "Producer": None, "Title": alt})
+        figure.savefig(
+            found,
+            format="pdf",
+            metadata={"CreationDate": None, "Creator": None, "Producer": None, "Title": alt},
+        )
     return found.getvalue()
 
 
 def _png_file(figure: Figure, _name: str, alt: str) -> bytes:
     found = io.BytesIO()
-    figure.savefig(found, format="png", dpi=DOTS_PER_INCH, metadata={"Software": None, "Description": alt})
+    figure.savefig(
+        found, format="png", dpi=DOTS_PER_INCH, metadata={"Software": None, "Description": alt}
+    )
     return found.getvalue()
 
 
 class _Renderer(RendererPgf):
-    """Needs no TeX: letters are measured by the fonts of the other formats. Names are escaped, so that TeX obeys none of them."""
+    """Needs no TeX: letters are measured by the fonts of the other formats. Names are escaped, so
+    that TeX obeys none of them.
+    """
 
     def get_text_width_height_descent(self, s, prop, ismath):  # type: ignore[no-untyped-def]
         return super(RendererPgf, self).get_text_width_height_descent(s, prop, ismath)
 
     def draw_text(self, gc, x, y, s, prop, angle, ismath=False, mtext=None):  # type: ignore[no-untyped-def]
-        super().draw_text(gc, x, y, tex_label(s) if ismath else tex_text(s), prop, angle, ismath, mtext)  # type: ignore[no-untyped-call]
+        super().draw_text(
+            gc, x, y, tex_label(s) if ismath else tex_text(s), prop, angle, ismath, mtext
+        )  # type: ignore[no-untyped-call]
 
 
 def to_pgf(figure: Figure) -> str:
-    """Return a `pgfpicture` to be read with `\\input`; its letters are set in the fonts of the document."""
+    """Return a `pgfpicture` to be read with `\\input`; its letters are set in the fonts of the
+    document.
+    """
     text = io.StringIO()
     width, height = figure.get_size_inches()
     text.write("% \\usepackage{pgf} in the preamble, then \\input this file\n")
     text.write("\\begingroup\n\\makeatletter\n\\begin{pgfpicture}\n")
     text.write(
-        f"\\pgfpathrectangle{{\\pgfpointorigin}}{{\\pgfqpoint{{{width:f}in}}{{{height:f}in}}}}\n\\pgfusepath{{use as bounding box, clip}}\n"
+        f"\\pgfpathrectangle{{\\pgfpointorigin}}{{\\pgfqpoint{{{width:f}in}}{{{height:f}in}}}}\n"
+        f"\\pgfusepath{{use as bounding box, clip}}\n"
     )
     figure.draw(_Renderer(figure, text))  # type: ignore[no-untyped-call]
     text.write("\\end{pgfpicture}\n\\makeatother\n\\endgroup\n")
@@ -260,4 +351,6 @@ WRITERS: Mapping[str, Callable[[Figure, str, str], bytes]] = {
     "png": _png_file,
     "pgf": lambda figure, _name, _alt: to_pgf(figure).encode(),
 }
-"""The bytes of a figure with its name and its description, by format; to be called within `figure_style`."""
+"""The bytes of a figure with its name and its description, by format; to be called within
+`figure_style`.
+"""

@@ -21,7 +21,9 @@ DOTS = 600
 
 @dataclass(frozen=True)
 class ModelErrors:
-    """Predicted minus measured over the measured value, for one model: training and held-out samples, each sorted by the measured value."""
+    """Predicted minus measured over the measured value, for one model: training and held-out
+    samples, each sorted by the measured value.
+    """
 
     model: str
     train: tuple[Array, Array]
@@ -43,17 +45,34 @@ def model_errors(inputs: ReportInputs) -> list[ModelErrors]:
     panels = []
     for model in inputs.shown:
         error = np.concatenate(inputs.validation.predictions[model]) - measured
-        panels.append(ModelErrors(model, (measured[train], error[train]), (measured[validate], error[validate])))
+        panels.append(
+            ModelErrors(
+                model, (measured[train], error[train]), (measured[validate], error[validate])
+            )
+        )
     return panels
 
 
 def draw_errors(ax: Axes, panel: ModelErrors, look: ModelStyle, dots: int = DOTS) -> None:
-    """Draw training samples as pale dots under the held-out ones in the model's colour; both thinned so that the extremes remain."""
+    """Draw training samples as pale dots under the held-out ones in the model's colour; both
+    thinned so that the extremes remain.
+    """
     style.zero_line(ax)
-    for (measured, error), colour, size in ((panel.train, style.LIGHT, 1.6), (panel.held_out, look.colour, 2.2)):
+    for (measured, error), colour, size in (
+        (panel.train, style.LIGHT, 1.6),
+        (panel.held_out, look.colour, 2.2),
+    ):
         if np.isfinite(error).any():
             rows = style.cloud(measured, error, dots)
-            ax.plot(measured[rows], error[rows], linestyle="none", marker=look.marker, markersize=size, markeredgewidth=0, color=colour)
+            ax.plot(
+                measured[rows],
+                error[rows],
+                linestyle="none",
+                marker=look.marker,
+                markersize=size,
+                markeredgewidth=0,
+                color=colour,
+            )
     if panel.failed:
         ax.text(0.5, 0.6, "failed", transform=ax.transAxes, ha="center")
 
@@ -67,22 +86,49 @@ def _tell_beyond(ax: Axes, panel: ModelErrors, unit: str) -> None:
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
     """One panel a model, all with the same axes."""
-    found, styles = model_errors(inputs), style.model_styles([*inputs.lines, *inputs.models], inputs.style.palette)
-    near = [error for one in found if one.model not in inputs.far_off for _, error in (one.train, one.held_out)]
+    found, styles = (
+        model_errors(inputs),
+        style.model_styles([*inputs.lines, *inputs.models], inputs.style.palette),
+    )
+    near = [
+        error
+        for one in found
+        if one.model not in inputs.far_off
+        for _, error in (one.train, one.held_out)
+    ]
     limits = (style.extent(near),) if inputs.far_off else ()
     most = DOTS if len(found) == 1 else DOTS // 2
     panels = tuple(_panel(inputs, one, styles[one.model], limits, most) for one in found)
-    grid = Grid(style.columns_for(len(panels)), style.width_for(len(panels)), 1.75, common_x=True, common_y="all")
+    grid = Grid(
+        style.columns_for(len(panels)),
+        style.width_for(len(panels)),
+        1.75,
+        common_x=True,
+        common_y="all",
+    )
     held_out = any(len(one.held_out[0]) for one in found)
-    dots = "pale dots are training samples, coloured ones were held out" if held_out else "all samples are training samples"
+    dots = (
+        "pale dots are training samples, coloured ones were held out"
+        if held_out
+        else "all samples are training samples"
+    )
     thinned = max(len(measured) for measured, _ in (found[0].train, found[0].held_out)) > most
     what = f"Error (predicted minus measured) over the measured {inputs.target.name}"
     models = ", ".join(title_of(one.model) for one in found)
-    caption = f"{what}, all curves pooled; {dots}.{style.SOME_DOTS if thinned else ''}{style.beyond_scale(inputs.far_off)}"
+    caption = (
+        f"{what}, all curves pooled; "
+        f"{dots}.{style.SOME_DOTS if thinned else ''}{style.beyond_scale(inputs.far_off)}"
+    )
     return [Drawing("error", caption, f"{what} for {models}.", panels, grid)]
 
 
-def _panel(inputs: ReportInputs, errors: ModelErrors, look: ModelStyle, limits: tuple[tuple[float, float], ...], most: int) -> Panel:
+def _panel(
+    inputs: ReportInputs,
+    errors: ModelErrors,
+    look: ModelStyle,
+    limits: tuple[tuple[float, float], ...],
+    most: int,
+) -> Panel:
     def on(axes: Sequence[Axes]) -> None:
         draw_errors(axes[0], errors, look, most)
         if errors.model in inputs.far_off:
@@ -95,4 +141,12 @@ def _panel(inputs: ReportInputs, errors: ModelErrors, look: ModelStyle, limits: 
         f"error [{unit}]": np.concatenate([y_train, y_held]),
         "data": ["train"] * len(x_train) + ["validate"] * len(x_held),
     }
-    return Panel(errors.model, on, inputs.axis_label(inputs.target, "measured"), (f"Error ({unit})",), data, errors.model, limits)
+    return Panel(
+        errors.model,
+        on,
+        inputs.axis_label(inputs.target, "measured"),
+        (f"Error ({unit})",),
+        data,
+        errors.model,
+        limits,
+    )

@@ -1,4 +1,6 @@
-"""Segments with the weights that join them, as M2's figures 5 and 6; and the way between the training levels."""
+"""Segments with the weights that join them, as M2's figures 5 and 6; and the way between the
+training levels.
+"""
 
 from __future__ import annotations
 
@@ -19,18 +21,25 @@ from mapmore_cli.reporting.figures import style
 from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
 from mapmore_cli.reporting.inputs import ReportInputs
 
-LOOKS = ((style.BLUE, "o", "-"), (style.ORANGE, "s", "--"), (style.GREEN, "^", "-."), (style.PURPLE, "D", ":"))
+LOOKS = (
+    (style.BLUE, "o", "-"),
+    (style.ORANGE, "s", "--"),
+    (style.GREEN, "^", "-."),
+    (style.PURPLE, "D", ":"),
+)
 """Colour, marker and line of the segments, in turn."""
 MOST_CURVES, DOTS_A_SEGMENT, GRID = 6, 30, 401
 PLACES = (0.1, 0.5, 0.9)
-"""Shares of the range that all curves have in common, at which the model is drawn over the levels."""
+"""Shares of the range that all curves have in common, at which the model is drawn over the levels.
+"""
 
 
 @dataclass(frozen=True)
 class SegmentCurve:
     """One training curve along one segmented variable.
 
-    `x`, `y` and `cell` (1-based place of the sample's segment) are `(n,)`; `boundaries` is `(count + 1,)`, both ends included.
+    `x`, `y` and `cell` (1-based place of the sample's segment) are `(n,)`; `boundaries` is `(count
+    + 1,)`, both ends included.
     """
 
     id: str
@@ -42,8 +51,13 @@ class SegmentCurve:
 
 
 def segment_curves(inputs: ReportInputs, variable: int) -> list[SegmentCurve]:
-    """Return the segmented curves along variable number `variable`; held-out samples are left out."""
-    curves = {curve.id: curve for curve in training_curves(inputs.dataset.curves, by_level=inputs.model.level is not None)}
+    """Return the segmented curves along variable number `variable`; held-out samples are left
+    out.
+    """
+    curves = {
+        curve.id: curve
+        for curve in training_curves(inputs.dataset.curves, by_level=inputs.model.level is not None)
+    }
     panels = []
     for segmented in inputs.segmentation:
         curve = curves[segmented.curve]
@@ -51,9 +65,14 @@ def segment_curves(inputs: ReportInputs, variable: int) -> list[SegmentCurve]:
         cell = np.zeros(curve.size, dtype=np.int64)
         for segment in segmented.segments:
             cell[segment.rows] = segment.cell[variable]
-        x, y = curve.columns[segmented.variables[variable]][train], curve.columns[inputs.fitted][train]
+        x, y = (
+            curve.columns[segmented.variables[variable]][train],
+            curve.columns[inputs.fitted][train],
+        )
         title = inputs.curve_label(curve)
-        panels.append(SegmentCurve(segmented.curve, title, x, y, cell[train], segmented.boundaries[variable]))
+        panels.append(
+            SegmentCurve(segmented.curve, title, x, y, cell[train], segmented.boundaries[variable])
+        )
     return panels
 
 
@@ -63,15 +82,28 @@ def draw_segments(ax: Axes, curve: SegmentCurve) -> None:
         rows = np.flatnonzero(curve.cell == place)
         rows = rows[style.cloud(curve.x[rows], curve.y[rows], DOTS_A_SEGMENT)]
         colour, marker, _ = LOOKS[(place - 1) % len(LOOKS)]
-        ax.plot(curve.x[rows], curve.y[rows], color=colour, marker=marker, linestyle="none", markersize=2.8, markeredgewidth=0)
+        ax.plot(
+            curve.x[rows],
+            curve.y[rows],
+            color=colour,
+            marker=marker,
+            linestyle="none",
+            markersize=2.8,
+            markeredgewidth=0,
+        )
 
 
 def draw_weights(ax: Axes, curve: SegmentCurve, transition: Transition, z_s: float) -> None:
     """Draw the weight of every segment along the variable, where it has any."""
-    x = np.union1d(np.linspace(curve.boundaries[0], curve.boundaries[-1], GRID), np.concatenate(zones(curve.boundaries, z_s)))
+    x = np.union1d(
+        np.linspace(curve.boundaries[0], curve.boundaries[-1], GRID),
+        np.concatenate(zones(curve.boundaries, z_s)),
+    )
     for place, weight in enumerate(cell_weights(x, curve.boundaries, transition, z_s).T, start=1):
         colour, _, line = LOOKS[(place - 1) % len(LOOKS)]
-        ax.plot(x, np.where(weight > 0, weight, np.nan), color=colour, linestyle=line, linewidth=1.2)
+        ax.plot(
+            x, np.where(weight > 0, weight, np.nan), color=colour, linestyle=line, linewidth=1.2
+        )
     ax.set_yticks([0, 0.5, 1])
 
 
@@ -88,20 +120,37 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     pieces = inputs.model.pieces
     if pieces is None or not pieces.segments:
         return []
-    cut = [_variable_figure(inputs, pieces.fusion, j, name) for j, name in enumerate(pieces.variables) if name != DIRECTION]
+    cut = [
+        _variable_figure(inputs, pieces.fusion, j, name)
+        for j, name in enumerate(pieces.variables)
+        if name != DIRECTION
+    ]
     return [*cut, *level_figures(inputs)]
 
 
 def _variable_figure(inputs: ReportInputs, fusion: Fusion, variable: int, name: str) -> Drawing:
     every = segment_curves(inputs, variable)
     shown = [every[i] for i in style.places(inputs, [curve.id for curve in every], MOST_CURVES)]
-    panels = tuple(_panel(inputs, fusion, curve, inputs.dataset.quantities[name]) for curve in shown)
-    grid = Grid(style.columns_for(len(panels)), style.width_for(len(panels)), 2.2, (2.0, 0.8), common_y="row")
-    caption = (
-        f"Training samples by segment of {name}, and the segments' weights within their curve below: boundaries as lines, transition zones "
-        f"shaded ({fusion.transition} transitions, z_s = {fusion.z_s:g}).{style.some_of(len(shown), len(every), 'curves')}"
+    panels = tuple(
+        _panel(inputs, fusion, curve, inputs.dataset.quantities[name]) for curve in shown
     )
-    spoken = "; ".join(f"{curve.title}: boundaries at {', '.join(f'{b:.3g}' for b in curve.boundaries)}" for curve in shown)
+    grid = Grid(
+        style.columns_for(len(panels)),
+        style.width_for(len(panels)),
+        2.2,
+        (2.0, 0.8),
+        common_y="row",
+    )
+    caption = (
+        f"Training samples by segment of {name}, and the segments' weights within their curve "
+        "below: boundaries as lines, transition zones "
+        f"shaded ({fusion.transition} transitions, z_s = "
+        f"{fusion.z_s:g}).{style.some_of(len(shown), len(every), 'curves')}"
+    )
+    spoken = "; ".join(
+        f"{curve.title}: boundaries at {', '.join(f'{b:.3g}' for b in curve.boundaries)}"
+        for curve in shown
+    )
     stem = "segments" if variable == 0 else f"segments_{name}"
     return Drawing(stem, caption, f"Segments of {name}. {spoken}.", panels, grid)
 
@@ -121,7 +170,14 @@ def _panel(inputs: ReportInputs, fusion: Fusion, curve: SegmentCurve, along: Qua
         "segment": curve.cell,
         **{f"weight of segment {place}": weight for place, weight in enumerate(weights, start=1)},
     }
-    return Panel(curve.id, on, inputs.axis_label(along), (inputs.axis_label(target), "Weight (–)"), data, style.shortened(curve.title, 34))
+    return Panel(
+        curve.id,
+        on,
+        inputs.axis_label(along),
+        (inputs.axis_label(target), "Weight (–)"),
+        data,
+        style.shortened(curve.title, 34),
+    )
 
 
 def level_figures(inputs: ReportInputs) -> list[Drawing]:
@@ -131,7 +187,11 @@ def level_figures(inputs: ReportInputs) -> list[Drawing]:
         return []
     levels = np.array([curve.level for curve in pieces.curves], dtype=np.float64)
     level = inputs.dataset.quantities[pieces.level]
-    return [_weights(pieces, inputs, level, levels) if pieces.fusion.levels == "linear" else _courses(inputs, level, levels)]
+    return [
+        _weights(pieces, inputs, level, levels)
+        if pieces.fusion.levels == "linear"
+        else _courses(inputs, level, levels)
+    ]
 
 
 def _weights(pieces: Pieces, inputs: ReportInputs, level: Quantity, levels: Array) -> Drawing:
@@ -142,11 +202,18 @@ def _weights(pieces: Pieces, inputs: ReportInputs, level: Quantity, levels: Arra
         axes[0].set_yticks([0, 0.5, 1])
 
     data: dict[str, Values] = {style.heading(level): x}
-    data |= {f"weight of {value:g} {level.unit}": weight for value, weight in zip(levels, weights, strict=True)}
-    caption = f"Weights of the {len(levels)} training curves over {level.name}; a dot marks the level of each."
+    data |= {
+        f"weight of {value:g} {level.unit}": weight
+        for value, weight in zip(levels, weights, strict=True)
+    }
+    caption = (
+        f"Weights of the {len(levels)} training curves over {level.name}; a dot marks the "
+        "level of each."
+    )
     if (share := pieces.fusion.shrink) < 1.0:
         caption += (
-            f" Midway between levels, {share:.0%} of what the pieces explain on the backbone is carried: the weights sum to less than one."
+            f" Midway between levels, {share:.0%} of what the pieces explain on the backbone "
+            "is carried: the weights sum to less than one."
         )
     alt = f"Weights with their peaks at {', '.join(f'{value:g}' for value in levels)} {level.unit}."
     panel = Panel("", on, inputs.axis_label(level), ("Weight (–)",), data)
@@ -156,36 +223,72 @@ def _weights(pieces: Pieces, inputs: ReportInputs, level: Quantity, levels: Arra
 def _courses(inputs: ReportInputs, level: Quantity, levels: Array) -> Drawing:
     along, output = inputs.along, inputs.model.output
     courses = level_courses(inputs.model, along.name, levels)
-    at = f"{along.name} {', '.join(f'{course.place:.3g}' for course in courses)} {along.unit if along.unit != '1' else ''}".rstrip()
+    at = (
+        f"{along.name} {', '.join(f'{course.place:.3g}' for course in courses)} "
+        f"{along.unit if along.unit != '1' else ''}"
+    ).rstrip()
     caption = (
-        f"{output.name} of {inputs.own} over {level.name} at {at}; dots mark the training levels. Between them the values of the "
-        "curves are interpolated so that they keep their shape: the weights depend on these values, and there is no single weight to draw."
+        f"{output.name} of {inputs.own} over {level.name} at {at}; dots mark the training "
+        "levels. Between them the values of the "
+        "curves are interpolated so that they keep their shape: the weights depend on these "
+        "values, and there is no single weight to draw."
     )
     data: dict[str, Values] = {style.heading(level): courses[0].x}
-    data |= {f"{inputs.own} at {along.name} {course.place:.6g} [{output.unit}]": course.y for course in courses}
+    data |= {
+        f"{inputs.own} at {along.name} {course.place:.6g} [{output.unit}]": course.y
+        for course in courses
+    }
     labels = (inputs.axis_label(output),)
-    panel = Panel("", lambda axes: draw_courses(axes[0], courses, levels), inputs.axis_label(level), labels, data)
-    return Drawing("segments_levels", caption, f"{inputs.own} over {level.name} at {at}.", (panel,), Grid(height=2.0))
+    panel = Panel(
+        "",
+        lambda axes: draw_courses(axes[0], courses, levels),
+        inputs.axis_label(level),
+        labels,
+        data,
+    )
+    return Drawing(
+        "segments_levels",
+        caption,
+        f"{inputs.own} over {level.name} at {at}.",
+        (panel,),
+        Grid(height=2.0),
+    )
 
 
 def draw_levels(ax: Axes, levels: Array, x: Array, weights: Array) -> None:
-    """Draw weights of the curves, `(levels, m)`, as the model has them at `x` between the levels and beyond the outer ones."""
-    for colour, level, weight in zip(style.level_colours(len(levels)), levels, weights, strict=True):
+    """Draw weights of the curves, `(levels, m)`, as the model has them at `x` between the levels
+    and beyond the outer ones.
+    """
+    for colour, level, weight in zip(
+        style.level_colours(len(levels)), levels, weights, strict=True
+    ):
         ax.plot(x, weight, color=colour, linewidth=1.2)
         ax.plot([level], [1.0], color=colour, marker="o", markersize=3)
 
 
 def level_weights(pieces: Pieces, levels: Array) -> tuple[Array, Array]:
-    """Values of the level quantity `(m,)`, and the weight of every curve there `(levels, m)`, in the middle of the other inputs' ranges."""
+    """Values of the level quantity `(m,)`, and the weight of every curve there `(levels, m)`, in
+    the middle of the other inputs' ranges.
+    """
     x = _level_grid(pieces, levels)
-    middle = {name: np.full(len(x), np.mean([curve.limits[name] for curve in pieces.curves])) for name in pieces.curves[0].limits}
+    middle = {
+        name: np.full(len(x), np.mean([curve.limits[name] for curve in pieces.curves]))
+        for name in pieces.curves[0].limits
+    }
     columns = {**middle, str(pieces.level): x}
-    return x, np.array([weight_of(pieces, {segment.id for segment in curve.segments}, columns) for curve in pieces.curves])
+    return x, np.array(
+        [
+            weight_of(pieces, {segment.id for segment in curve.segments}, columns)
+            for curve in pieces.curves
+        ]
+    )
 
 
 @dataclass(frozen=True)
 class Course:
-    """Hold predictions over the levels at one `place` along the curves: `y` over `x`, and `at_levels` at training levels."""
+    """Hold predictions over the levels at one `place` along the curves: `y` over `x`, and
+    `at_levels` at training levels.
+    """
 
     place: float
     x: Array
@@ -194,11 +297,16 @@ class Course:
 
 
 def level_courses(model: Model, along: str, levels: Array) -> list[Course]:
-    """Return the model at `PLACES` of the range that all its curves have of `along`, other inputs in the middle of their ranges."""
+    """Return the model at `PLACES` of the range that all its curves have of `along`, other inputs
+    in the middle of their ranges.
+    """
     pieces = model.pieces
     assert pieces is not None
     level = str(pieces.level)
-    limits = {quantity.name: np.array([curve.limits[quantity.name] for curve in pieces.curves]) for quantity in model.inputs}
+    limits = {
+        quantity.name: np.array([curve.limits[quantity.name] for curve in pieces.curves])
+        for quantity in model.inputs
+    }
     low, high = limits[along][:, 0].max(), limits[along][:, 1].min()
     x = _level_grid(pieces, levels)
     middle = {name: float(ends.mean()) for name, ends in limits.items()}
@@ -219,7 +327,9 @@ def draw_courses(ax: Axes, courses: Sequence[Course], levels: Array) -> None:
 
 
 def _level_grid(pieces: Pieces, levels: Array) -> Array:
-    """Values of the level quantity, a little beyond the outer levels where the model is extrapolated, the levels among them."""
+    """Values of the level quantity, a little beyond the outer levels where the model is
+    extrapolated, the levels among them.
+    """
     below, above = pieces.fusion.extrapolation[str(pieces.level)]
     margin = 0.08 * (levels[-1] - levels[0])
     low = levels[0] - (margin if isinstance(below, str) else 0.0)

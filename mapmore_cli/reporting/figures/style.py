@@ -61,27 +61,48 @@ BACKEND = ("backend", "backend_fallback")
 
 @contextmanager
 def figure_style(style: FigureStyle | None = None) -> Iterator[None]:
-    """Set the look of all figures over Matplotlib's own defaults: a user's matplotlibrc must not change a report.
+    """Set the look of all figures over Matplotlib's own defaults: a user's matplotlibrc must not
+    change a report.
 
-    A character that the layout font lacks is no fault: as text in SVG, it is drawn with the reader's fonts.
+    A character that the layout font lacks is no fault: as text in SVG, it is drawn with the
+    reader's fonts.
     """
     style = style or FigureStyle()
-    large, small = ["axes.labelsize", "font.size"], ["axes.titlesize", "legend.fontsize", "xtick.labelsize", "ytick.labelsize"]
-    sizes: dict[Any, Any] = {**dict.fromkeys(large, style.size), **dict.fromkeys(small, style.size - SMALLER)}
+    large, small = (
+        ["axes.labelsize", "font.size"],
+        ["axes.titlesize", "legend.fontsize", "xtick.labelsize", "ytick.labelsize"],
+    )
+    sizes: dict[Any, Any] = {
+        **dict.fromkeys(large, style.size),
+        **dict.fromkeys(small, style.size - SMALLER),
+    }
     fonts: dict[Any, Any] = {"font.family": [*([style.font] if style.font else []), "sans-serif"]}
-    # `rcdefaults` sets all, and first reads the style sheets, which takes longer than to draw a figure
-    changed = {key: value for key, value in rcParamsDefault.items() if key not in BACKEND and rcParams[key] != value}
-    with _no_word_of_absent_fonts(), warnings.catch_warnings(), rc_context({**changed, **RC, **sizes, **fonts}):
+    # `rcdefaults` sets all, and first reads the style sheets, which takes longer than to draw a
+    # figure
+    changed = {
+        key: value
+        for key, value in rcParamsDefault.items()
+        if key not in BACKEND and rcParams[key] != value
+    }
+    with (
+        _no_word_of_absent_fonts(),
+        warnings.catch_warnings(),
+        rc_context({**changed, **RC, **sizes, **fonts}),
+    ):
         warnings.filterwarnings("ignore", message="Glyph .* missing from")
         yield
 
 
 @contextmanager
 def _no_word_of_absent_fonts() -> Iterator[None]:
-    """Silence Matplotlib's line for every letter group in another font: the user has been told once (`faults_of`)."""
+    """Silence Matplotlib's line for every letter group in another font: the user has been told once
+    (`faults_of`).
+    """
 
     def keep(record: LogRecord) -> bool:
-        return not record.getMessage().startswith(("findfont: Font family", "Ignoring unknown font"))
+        return not record.getMessage().startswith(
+            ("findfont: Font family", "Ignoring unknown font")
+        )
 
     loggers = [getLogger(f"matplotlib.{name}") for name in ("font_manager", "backends.backend_pgf")]
     for logger in loggers:
@@ -101,7 +122,8 @@ def has_font(name: str) -> bool:
 def wrong_formula(label: str) -> str | None:
     """Return what is wrong with the formula in a label; None where nothing is.
 
-    How deep it may be nested before Matplotlib's recursion ends depends on who draws, so that less is allowed here.
+    How deep it may be nested before Matplotlib's recursion ends depends on who draws, so that less
+    is allowed here.
     """
     steps = [_BRACES.get(token, 0) for token in re.findall(r"\\left|\\right|\\.|[{}]", label)]
     if (depth := max(accumulate(steps), default=0)) > DEEPEST_FORMULA:
@@ -118,13 +140,24 @@ _BRACES = {"{": 1, "\\left": 1, "}": -1, "\\right": -1}
 
 
 def small() -> float:
-    """Size of small letters, as those of the ticks, in points; to be asked while a figure is drawn."""
+    """Size of small letters, as those of the ticks, in points; to be asked while a figure is
+    drawn.
+    """
     return FontProperties(size=rcParams["xtick.labelsize"]).get_size_in_points()
 
 
 BLACK, GREY, LIGHT = "#000000", "#6e6e6e", "#b8b8b8"
-ORANGE, SKY, GREEN, BLUE, VERMILLION, PURPLE = "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00", "#CC79A7"
-"""Okabe and Ito's colours, which colour-blind readers tell apart; their yellow is too pale for a line on white."""
+ORANGE, SKY, GREEN, BLUE, VERMILLION, PURPLE = (
+    "#E69F00",
+    "#56B4E9",
+    "#009E73",
+    "#0072B2",
+    "#D55E00",
+    "#CC79A7",
+)
+"""Okabe and Ito's colours, which colour-blind readers tell apart; their yellow is too pale for a
+line on white.
+"""
 
 DOT: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 3}
 
@@ -142,11 +175,18 @@ class ModelStyle:
     @property
     def line(self) -> dict[str, Any]:
         """What `plot` is told of its line."""
-        return {"color": self.colour, "linestyle": self.dashes, "linewidth": self.width, "zorder": self.zorder}
+        return {
+            "color": self.colour,
+            "linestyle": self.dashes,
+            "linewidth": self.width,
+            "zorder": self.zorder,
+        }
 
 
 OWN_STYLE = ModelStyle(VERMILLION, "-", 1.6, "o", 3.0)
-"""Solid and wide, under the thinner dashed lines of the others, so that both are seen where they coincide."""
+"""Solid and wide, under the thinner dashed lines of the others, so that both are seen where they
+coincide.
+"""
 _OTHERS = (
     ModelStyle(BLUE, (0, (5, 2)), 1.1, "s", 4.0),
     ModelStyle(GREEN, (0, (6, 1.5, 1, 1.5)), 1.1, "^", 4.0),
@@ -158,14 +198,21 @@ _OTHERS = (
 
 
 def model_styles(models: Sequence[str], palette: Sequence[str] = ()) -> dict[str, ModelStyle]:
-    """One style a model: the first, the run's own, always the same; the others in turn, names that come again left out.
+    """One style a model: the first, the run's own, always the same; the others in turn, names that
+    come again left out.
 
     A `palette` replaces the colours, that of the run's own model first.
     """
-    looks = {name: OWN_STYLE if i == 0 else _OTHERS[(i - 1) % len(_OTHERS)] for i, name in enumerate(dict.fromkeys(models))}
+    looks = {
+        name: OWN_STYLE if i == 0 else _OTHERS[(i - 1) % len(_OTHERS)]
+        for i, name in enumerate(dict.fromkeys(models))
+    }
     if not palette:
         return looks
-    return {name: replace(look, colour=palette[i % len(palette)]) for i, (name, look) in enumerate(looks.items())}
+    return {
+        name: replace(look, colour=palette[i % len(palette)])
+        for i, (name, look) in enumerate(looks.items())
+    }
 
 
 def shortened(text: str, length: int) -> str:
@@ -177,7 +224,9 @@ def shortened(text: str, length: int) -> str:
 
 
 def two_lines(text: str, length: int) -> str:
-    """Return the text in two lines where it is longer than `length`, broken after a separator if it has one; longer ones are shortened."""
+    """Return the text in two lines where it is longer than `length`, broken after a separator if it
+    has one; longer ones are shortened.
+    """
     if len(text) <= length:
         return text
     text = shortened(text, 2 * length)
@@ -198,7 +247,9 @@ def width_for(count: int) -> float:
 
 
 def places(inputs: ReportInputs, ids: Sequence[str], most: int) -> list[int]:
-    """Which of the curves or recordings of these ids are drawn: those that were asked for, else at most so many, evenly spread."""
+    """Which of the curves or recordings of these ids are drawn: those that were asked for, else at
+    most so many, evenly spread.
+    """
     if inputs.asked:
         return [place for place, one in enumerate(ids) if one in inputs.asked]
     return spread(len(ids), most)
@@ -206,7 +257,9 @@ def places(inputs: ReportInputs, ids: Sequence[str], most: int) -> list[int]:
 
 def some_curves(inputs: ReportInputs, numbers: Sequence[int], most: int) -> list[int]:
     """Which of the curves of these numbers in the dataset are drawn, likewise."""
-    return [numbers[i] for i in places(inputs, [inputs.dataset.curves[i].id for i in numbers], most)]
+    return [
+        numbers[i] for i in places(inputs, [inputs.dataset.curves[i].id for i in numbers], most)
+    ]
 
 
 def some_of(shown: int, count: int, what: str) -> str:
@@ -215,17 +268,33 @@ def some_of(shown: int, count: int, what: str) -> str:
 
 
 def level_colours(count: int) -> list[str]:
-    """Blues for ordered curves, from pale (but not too pale for white paper) to dark: they stay apart from the model's own colour."""
-    return [to_hex(colour) for colour in colormaps["Blues"](np.linspace(0.45, 1.0, count) if count > 1 else np.array([0.8]))]
+    """Blues for ordered curves, from pale (but not too pale for white paper) to dark: they stay
+    apart from the model's own colour.
+    """
+    return [
+        to_hex(colour)
+        for colour in colormaps["Blues"](
+            np.linspace(0.45, 1.0, count) if count > 1 else np.array([0.8])
+        )
+    ]
 
 
 def best_of(shown: int, count: int) -> str:
     """Return a sentence about the models that lines are drawn of; nothing where all are."""
-    return "" if shown == count else f" Of {count} models, the run's own and the {shown - 1} others with the least error are drawn."
+    return (
+        ""
+        if shown == count
+        else (
+            f" Of {count} models, the run's own and the {shown - 1} others with the least "
+            "error are drawn."
+        )
+    )
 
 
 def extent(values: Sequence[Array]) -> tuple[float, float]:
-    """Return the least and the greatest of some values, which an axis is to show whatever else is drawn."""
+    """Return the least and the greatest of some values, which an axis is to show whatever else is
+    drawn.
+    """
     every = np.concatenate(values)
     return float(np.nanmin(every)), float(np.nanmax(every))
 
@@ -246,7 +315,9 @@ def key(label: str, **look: Any) -> Line2D:
 
 
 def plain_logarithm(axis: Axis, subs: Sequence[float] | None = None) -> None:
-    """Scale an axis by logarithms, labelled with plain numbers as 0.5, 1, 2; `subs` are the labelled multiples of the powers of ten."""
+    """Scale an axis by logarithms, labelled with plain numbers as 0.5, 1, 2; `subs` are the
+    labelled multiples of the powers of ten.
+    """
     (axis.axes.set_xscale if axis is axis.axes.xaxis else axis.axes.set_yscale)("log")
     if subs is not None:
         axis.set_major_locator(LogLocator(subs=subs))
@@ -255,7 +326,9 @@ def plain_logarithm(axis: Axis, subs: Sequence[float] | None = None) -> None:
 
 
 def label_rows(ax: Axes, names: Sequence[str], below: float = 0.4, above: float = 0.6) -> None:
-    """Name the rows 0, 1, ... of a panel from its top down, with so much room below the last and above the first."""
+    """Name the rows 0, 1, ... of a panel from its top down, with so much room below the last and
+    above the first.
+    """
     ax.set_yticks(range(len(names)), names)
     ax.tick_params(axis="y", length=0)
     ax.set_ylim(len(names) - below, -above)
@@ -263,7 +336,12 @@ def label_rows(ax: Axes, names: Sequence[str], below: float = 0.4, above: float 
 
 def write_beside(ax: Axes, row: float, text: str, distance: float) -> None:
     """Write at the right of a panel, so many points beside it."""
-    beside: dict[str, Any] = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points", "va": "center", "fontsize": small()}
+    beside: dict[str, Any] = {
+        "xycoords": ("axes fraction", "data"),
+        "textcoords": "offset points",
+        "va": "center",
+        "fontsize": small(),
+    }
     ax.annotate(text, (1.0, row), (distance, 0), **beside)
 
 
@@ -287,11 +365,16 @@ def interval_words(inputs: ReportInputs) -> str:
     left_out = inputs.left_out
     if left_out is None:
         return ""
-    return f" The band holds a sample of a new curve with a probability of {INTERVAL:.0%}, by left-out {left_out.kind} of training data."
+    return (
+        f" The band holds a sample of a new curve with a probability of {INTERVAL:.0%}, by "
+        f"left-out {left_out.kind} of training data."
+    )
 
 
 def draw_band(ax: Axes, x: Array, y: Array, color: str, **look: Any) -> None:
-    """Draw `y` over sorted `x` as a line; of many samples the mean, with their range as a pale band."""
+    """Draw `y` over sorted `x` as a line; of many samples the mean, with their range as a pale
+    band.
+    """
     line = band(x, y)
     if not line.drawn_whole:
         ax.fill_between(line.x, line.low, line.high, color=color, alpha=0.15, linewidth=0, zorder=1)
@@ -302,19 +385,26 @@ def thinned(sizes: Sequence[int]) -> str:
     """Say how curves of so many samples are drawn; nothing where every sample is drawn."""
     if max(sizes) <= DOTS_A_CURVE:
         return ""
-    lines = " Lines are means over short stretches, pale bands the range of the samples." if max(sizes) > MOST_ON_A_LINE else ""
+    lines = (
+        " Lines are means over short stretches, pale bands the range of the samples."
+        if max(sizes) > MOST_ON_A_LINE
+        else ""
+    )
     return SOME_DOTS + lines
 
 
 MOST_ON_A_LINE = 600
-"""A line of more samples than this is drawn as the mean and the range over `STRETCHES` stretches of the axis."""
+"""A line of more samples than this is drawn as the mean and the range over `STRETCHES` stretches of
+the axis.
+"""
 
 STRETCHES = 150
 IN_A_STRETCH = 5
 
 
 def envelope(y: Array, limit: int) -> IntArray:
-    """Row numbers that draw a trace with at most `limit` points: the lowest and the highest sample of each of `limit // 2` runs.
+    """Row numbers that draw a trace with at most `limit` points: the lowest and the highest sample
+    of each of `limit // 2` runs.
 
     All rows where there are no more than `limit`.
     """
@@ -332,7 +422,8 @@ def envelope(y: Array, limit: int) -> IntArray:
 
 
 def cloud(x: Array, y: Array, limit: int) -> IntArray:
-    """Row numbers of at most `limit` dots: from each of `limit // 5` stretches of x, five samples of evenly spaced rank in y.
+    """Row numbers of at most `limit` dots: from each of `limit // 5` stretches of x, five samples
+    of evenly spaced rank in y.
 
     All finite rows where there are no more than `limit`.
     """
@@ -367,7 +458,9 @@ class Band:
 
 
 def band(x: Array, y: Array) -> Band:
-    """`y` over sorted `x`, averaged over those equal stretches of x that hold any where there are more than `MOST_ON_A_LINE` samples."""
+    """`y` over sorted `x`, averaged over those equal stretches of x that hold any where there are
+    more than `MOST_ON_A_LINE` samples.
+    """
     if len(x) <= MOST_ON_A_LINE:
         return Band(x, y, y, y)
     rows = np.flatnonzero(np.isfinite(y))
@@ -375,7 +468,9 @@ def band(x: Array, y: Array) -> Band:
     starts = np.flatnonzero(np.diff(stretch, prepend=-1))
     count = np.diff(starts, append=len(rows))
     x_mean, y_mean = (np.add.reduceat(values[rows], starts) / count for values in (x, y))
-    return Band(x_mean, y_mean, np.minimum.reduceat(y[rows], starts), np.maximum.reduceat(y[rows], starts))
+    return Band(
+        x_mean, y_mean, np.minimum.reduceat(y[rows], starts), np.maximum.reduceat(y[rows], starts)
+    )
 
 
 def _stretches(x: Array, count: int) -> IntArray:

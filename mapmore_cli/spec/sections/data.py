@@ -21,7 +21,9 @@ STEP_PRESSURE, STEP_OF = "step_pressure", "pressure"
 
 
 class Rate(Section):
-    """The time derivative of `rate_of`, by a Savitzky-Golay filter of polynomial `order` over `window` seconds."""
+    """The time derivative of `rate_of`, by a Savitzky-Golay filter of polynomial `order` over
+    `window` seconds.
+    """
 
     rate_of: str
     window: Seconds
@@ -29,7 +31,8 @@ class Rate(Section):
 
 
 class Direction(Section):
-    """The direction of motion, +1 (rise) or -1 (fall): the sign of the rate `direction_of`, where that exceeds the `dead_band`.
+    """The direction of motion, +1 (rise) or -1 (fall): the sign of the rate `direction_of`, where
+    that exceeds the `dead_band`.
 
     Within the dead band the last direction holds; a recording starts with +1.
     """
@@ -39,21 +42,27 @@ class Direction(Section):
 
 
 class Cycles(Section):
-    """Split load cycles into branches `over` one quantity, and resample both on `samples` common values."""
+    """Split load cycles into branches `over` one quantity, and resample both on `samples` common
+    values.
+    """
 
     over: str
     samples: Annotated[int, Field(ge=2, le=100_000)] = 200
 
 
 class Levels(Section):
-    """The quantity (`of`) held constant within one curve, its values (`at`), and how far a sample may be off (`within`).
+    """The quantity (`of`) held constant within one curve, its values (`at`), and how far a sample
+    may be off (`within`).
 
-    `within` is half the smallest distance between levels where it is not given. The `value` of a sample is what was `measured`, which
-    surfaces and interpolation between levels use, or the `nominal` one of its level, as where the sensor is noisier than the rig.
+    `within` is half the smallest distance between levels where it is not given. The `value` of a
+    sample is what was `measured`, which surfaces and interpolation between levels use, or the
+    `nominal` one of its level, as where the sensor is noisier than the rig.
     """
 
     of: str
-    at: Annotated[Annotated[list[OfLevel], Field(min_length=1)] | Literal["auto"], Either()] = "auto"
+    at: Annotated[Annotated[list[OfLevel], Field(min_length=1)] | Literal["auto"], Either()] = (
+        "auto"
+    )
     within: Annotated[float, Field(gt=0), of_sibling("of")] | None = None
     value: Literal["measured", "nominal"] = "measured"
 
@@ -68,10 +77,15 @@ class Levels(Section):
     def _contradictions(self) -> Iterator[ValueError]:
         if self.spacing == 0 and not isinstance(self.at, str):
             twice = sorted({level for level in self.at if self.at.count(level) > 1})
-            yield Contradiction(f"level {', '.join(f'{level:g}' for level in twice)} is given twice", "give each level once", "at")
+            yield Contradiction(
+                f"level {', '.join(f'{level:g}' for level in twice)} is given twice",
+                "give each level once",
+                "at",
+            )
         if self.within is not None and self.spacing is not None and self.within > self.spacing / 2:
             yield Contradiction(
-                f"levels overlap: they lie {self.spacing:g} apart, and `within: {self.within:g}` reaches further than half of that",
+                f"levels overlap: they lie {self.spacing:g} apart, and `within: "
+                f"{self.within:g}` reaches further than half of that",
                 f"give `within` of {self.spacing / 2:g} or less",
                 "within",
             )
@@ -80,12 +94,18 @@ class Levels(Section):
 class Between(Section):
     """Closed intervals of a quantity."""
 
-    between: Annotated[list[Annotated[tuple[OfKey, OfKey], Field(strict=False)]], Field(min_length=1)]
+    between: Annotated[
+        list[Annotated[tuple[OfKey, OfKey], Field(strict=False)]], Field(min_length=1)
+    ]
 
     def _contradictions(self) -> Iterator[ValueError]:
         for low, high in self.between:
             if low > high:
-                yield Contradiction(f"the interval runs from {low:g} to {high:g}", "put the lower end first", "between")
+                yield Contradiction(
+                    f"the interval runs from {low:g} to {high:g}",
+                    "put the lower end first",
+                    "between",
+                )
 
 
 Part = Annotated[float, Field(gt=0, lt=1), InUnit(lambda _: "1")]
@@ -95,15 +115,17 @@ HeldOut = Annotated[Annotated[list[OfKey], Field(min_length=1)] | Between, Eithe
 class Holdout(Section):
     """Which samples validate. A sample must fulfil every condition that is given.
 
-    `files` and `recordings` are globs; `last` is a share of every recording, `last_cycles` of its cycles, the rises and falls `of` a
-    quantity, and `fraction` of all samples, drawn with `seed`. Any other key is a quantity, with values or
-    `{between: [[low, high], ...]}`.
+    `files` and `recordings` are globs; `last` is a share of every recording, `last_cycles` of its
+    cycles, the rises and falls `of` a quantity, and `fraction` of all samples, drawn with `seed`.
+    Any other key is a quantity, with values or `{between: [[low, high], ...]}`.
     """
 
     model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, HeldOut]
 
-    files: list[Annotated[str, AfterValidator(possible_path), RelativePath(bare=True)]] | None = None
+    files: list[Annotated[str, AfterValidator(possible_path), RelativePath(bare=True)]] | None = (
+        None
+    )
     recordings: list[str] | None = None
     last: Part | None = None
     last_cycles: Part | None = None
@@ -119,7 +141,12 @@ class Holdout(Section):
     def _contradictions(self) -> Iterator[ValueError]:
         conditions = (self.files, self.recordings, self.last, self.last_cycles, self.fraction)
         if all(value is None for value in conditions) and not self.quantities:
-            yield Contradiction("`validate` does not say what is held out", "name a quantity, as `pressure: [250]`", "seed", "of")
+            yield Contradiction(
+                "`validate` does not say what is held out",
+                "name a quantity, as `pressure: [250]`",
+                "seed",
+                "of",
+            )
         if (self.last_cycles is None) != (self.of is None):
             remedy = "say of which quantity, as `{last_cycles: 0.5, of: pressure}`"
             yield Contradiction("`last_cycles` and `of` go together", remedy, "last_cycles", "of")
@@ -130,7 +157,8 @@ class Holdout(Section):
 class Split(Section):
     """Which data validate. Without it, all data train.
 
-    `leave_one_level_out` and `leave_one_group_out` are cross-validation over levels or `data.groups`: the saved model uses all data.
+    `leave_one_level_out` and `leave_one_group_out` are cross-validation over levels or
+    `data.groups`: the saved model uses all data.
     """
 
     hold_out: Holdout | None = Field(default=None, alias="validate")
@@ -138,17 +166,23 @@ class Split(Section):
     leave_one_group_out: bool = False
 
     def _contradictions(self) -> Iterator[ValueError]:
-        given = [key for key in ("leave_one_level_out", "leave_one_group_out") if getattr(self, key)]
+        given = [
+            key for key in ("leave_one_level_out", "leave_one_group_out") if getattr(self, key)
+        ]
         told = [*(["validate"] if self.hold_out is not None else []), *given]
         if len(told) > 1:
-            yield Contradiction(f"both {' and '.join(f'`{key}`' for key in told)} are given", "choose one", told[-1])
+            yield Contradiction(
+                f"both {' and '.join(f'`{key}`' for key in told)} are given", "choose one", told[-1]
+            )
 
 
 class Groups(Section):
-    """What tells specimens or sessions apart: the quantity `of`, one value for each, from a column or `set` beside the files.
+    """What tells specimens or sessions apart: the quantity `of`, one value for each, from a column
+    or `set` beside the files.
 
-    Each group is scored by itself, and `split: {leave_one_group_out: true}` leaves each out in turn. With `offset`, what each group adds to
-    the target at equal inputs is estimated on training samples and taken off; the mean of all offsets is zero.
+    Each group is scored by itself, and `split: {leave_one_group_out: true}` leaves each out in
+    turn. With `offset`, what each group adds to the target at equal inputs is estimated on training
+    samples and taken off; the mean of all offsets is zero.
     """
 
     of: Quantity
@@ -158,7 +192,8 @@ class Groups(Section):
 class GapRule(Section):
     """Gaps between samples `longer_than` seconds are an error, or split the recording.
 
-    With `split`, pieces are recordings of their own, `<id>#1`, `<id>#2`, ...; a clock that is set back splits as well.
+    With `split`, pieces are recordings of their own, `<id>#1`, `<id>#2`, ...; a clock that is set
+    back splits as well.
     """
 
     longer_than: Seconds
@@ -168,7 +203,8 @@ class GapRule(Section):
 class MissingRule(Section):
     """What becomes of missing values: samples without one are an `error`, or left out (`drop`).
 
-    `tokens` are texts and numbers that stand for a missing value, besides an empty cell, `nan`, `NA` and the like.
+    `tokens` are texts and numbers that stand for a missing value, besides an empty cell, `nan`,
+    `NA` and the like.
     """
 
     tokens: list[Annotated[str | float, Either()]] = []
@@ -185,19 +221,27 @@ class MissingRule(Section):
         return tuple(token for token in self.tokens if not isinstance(token, str))
 
 
-Plateau = Annotated[Annotated[tuple[SignedSeconds, SignedSeconds], Field(strict=False)] | Literal["auto"], Either()]
-"""Where a step response rests between its rise and its fall: from when to when, or found in each recording."""
+Plateau = Annotated[
+    Annotated[tuple[SignedSeconds, SignedSeconds], Field(strict=False)] | Literal["auto"], Either()
+]
+"""Where a step response rests between its rise and its fall: from when to when, or found in each
+recording.
+"""
 
 
 class Data(Logs):
     """The recordings, and how they become curves.
 
-    - `columns` say which column holds which quantity; `join` adds those of a second log; `derive` adds what follows from them.
-    - `gaps` are where a recording breaks off; `glitches: drop` leaves out stamps that jump back, or ahead and back; `resample` makes even
+    - `columns` say which column holds which quantity; `join` adds those of a second log; `derive`
+      adds what follows from them.
+    - `gaps` are where a recording breaks off; `glitches: drop` leaves out stamps that jump back, or
+      ahead and back; `resample` makes even
       steps; `keep` chooses samples.
-    - `cycles` splits loops into branches, `levels` names what is constant within a curve, `groups` tells specimens apart, `split` holds
+    - `cycles` splits loops into branches, `levels` names what is constant within a curve, `groups`
+      tells specimens apart, `split` holds
       data out.
-    - `plateau` is where a step response rests, `auto` or `[from, to]`: its mean pressure is `step_pressure`, its samples do not train.
+    - `plateau` is where a step response rests, `auto` or `[from, to]`: its mean pressure is
+      `step_pressure`, its samples do not train.
     """
 
     join: list[Join] = []
@@ -218,7 +262,11 @@ class Data(Logs):
     def measured(self) -> tuple[str, ...]:
         """Every quantity that comes from a column, or is the time made from `sample_time`."""
         joined = (name for join in self.join for name in join.quantities)
-        return tuple(dict.fromkeys((*self.columns, *(["time"] if self.sample_time is not None else []), *joined)))
+        return tuple(
+            dict.fromkeys(
+                (*self.columns, *(["time"] if self.sample_time is not None else []), *joined)
+            )
+        )
 
     @property
     def missing_rule(self) -> MissingRule:
@@ -227,7 +275,11 @@ class Data(Logs):
 
     @property
     def quantities(self) -> tuple[str, ...]:
-        """Every quantity that the samples have: of columns and joined logs, set beside files, derived."""
-        beside = (name for entry in self.files if isinstance(entry, FileEntry) for name in entry.set)
+        """Every quantity that the samples have: of columns and joined logs, set beside files,
+        derived.
+        """
+        beside = (
+            name for entry in self.files if isinstance(entry, FileEntry) for name in entry.set
+        )
         stepped = (STEP_PRESSURE,) if self.plateau is not None else ()
         return tuple(dict.fromkeys((*self.measured, *beside, *self.derive, *stepped)))

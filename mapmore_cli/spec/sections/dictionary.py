@@ -1,4 +1,6 @@
-"""The `dictionary` section of an experiment: families of candidate terms, with and without memory."""
+"""The `dictionary` section of an experiment: families of candidate terms, with and without
+memory.
+"""
 
 from __future__ import annotations
 
@@ -22,15 +24,17 @@ Count = Annotated[int, Field(ge=1, le=100)]
 class OperatorFamily(Section):
     """States that one operator makes of the quantities `of`.
 
-    The numbers of an operator with one parameter are a list, or a `count` of them; those of an operator with several are given together,
-    or left out where training can find them.
+    The numbers of an operator with one parameter are a list, or a `count` of them; those of an
+    operator with several are given together, or left out where training can find them.
     """
 
     operator: ClassVar[Operator]
     of: Of
 
     def numbers(self, step: float, longest: float) -> Sequence[tuple[float, ...]]:
-        """Return the numbers of each state; `step` is the time between samples, `longest` the duration of the longest piece, s."""
+        """Return the numbers of each state; `step` is the time between samples, `longest` the
+        duration of the longest piece, s.
+        """
         keys = [parameter.key for parameter in self.operator.parameters]
         if len(keys) == 1:
             given, count = getattr(self, keys[0]), getattr(self, "count", None)
@@ -41,34 +45,60 @@ class OperatorFamily(Section):
 
     def _contradictions(self) -> Iterator[ValueError]:
         name, parameters = self.operator.name, self.operator.parameters
-        given = [getattr(self, key, None) is not None for key in (*(one.key for one in parameters[:1]), "count")]
+        given = [
+            getattr(self, key, None) is not None
+            for key in (*(one.key for one in parameters[:1]), "count")
+        ]
         if self.operator.spread is not None and all(given):
             key, example = parameters[0].key, parameters[0].example
-            yield Contradiction(f"`{name}` takes either `{key}` or `count`", f"give one of them, as `{key}: [{example}]`", "count", "of")
-        missing = [parameter.key for parameter in parameters if getattr(self, parameter.key) is None]
+            yield Contradiction(
+                f"`{name}` takes either `{key}` or `count`",
+                f"give one of them, as `{key}: [{example}]`",
+                "count",
+                "of",
+            )
+        missing = [
+            parameter.key for parameter in parameters if getattr(self, parameter.key) is None
+        ]
         if len(parameters) > 1 and 0 < len(missing) < len(parameters):
             remedy = f"add `{missing[0]}`, or leave all out: training then finds them"
-            yield Contradiction(f"`{name}` lacks `{missing[0]}`", remedy, *(parameter.key for parameter in parameters))
+            yield Contradiction(
+                f"`{name}` lacks `{missing[0]}`",
+                remedy,
+                *(parameter.key for parameter in parameters),
+            )
 
 
 def _form(key: str, operator: Operator) -> type[OperatorFamily]:
-    """Return the section of an operator: a list of numbers for its one parameter, or a number for each of several."""
+    """Return the section of an operator: a list of numbers for its one parameter, or a number for
+    each of several.
+    """
     fields: dict[str, Any] = {}
     single = len(operator.parameters) == 1
     is_optional = operator.found or (single and operator.spread is not None)
     for one in operator.parameters:
-        bounds = Field(gt=one.above) if one.below == float("inf") else Field(gt=one.above, lt=one.below)
+        bounds = (
+            Field(gt=one.above) if one.below == float("inf") else Field(gt=one.above, lt=one.below)
+        )
         number: Any = Annotated[float, bounds, InUnit(lambda _, unit=one.unit: unit)]  # type: ignore[misc]
         number = Annotated[list[number], Field(min_length=1)] if single else number
         fields[one.key] = (number | None, None) if is_optional else (number, ...)
     if single and operator.spread is not None:
         fields["count"] = (Count | None, None)
-    form = create_model(key.title(), __base__=OperatorFamily, __doc__=operator.summary, __module__=__name__, **fields)
+    form = create_model(
+        key.title(),
+        __base__=OperatorFamily,
+        __doc__=operator.summary,
+        __module__=__name__,
+        **fields,
+    )
     form.operator = operator
     return form
 
 
-FORMS: Mapping[str, type[OperatorFamily]] = {key: _form(key, operators[0]) for key, operators in families().items()}
+FORMS: Mapping[str, type[OperatorFamily]] = {
+    key: _form(key, operators[0]) for key, operators in families().items()
+}
 """The form of each family by its key."""
 
 Order = Annotated[int, Field(ge=1, le=20)]
@@ -76,7 +106,9 @@ Steps = Annotated[int, Field(ge=0, le=1_000_000)]
 
 
 class Polynomial(Section):
-    """Every monomial of the quantities `of` with total degree up to `order`, the constant included unless `constant: false`."""
+    """Every monomial of the quantities `of` with total degree up to `order`, the constant included
+    unless `constant: false`.
+    """
 
     of: Of
     order: Order
@@ -84,7 +116,9 @@ class Polynomial(Section):
 
 
 class Lags(Section):
-    """The quantities `of` as they were some `steps` ago (0 is now), as `force[k-1]`, and their monomials up to `order`."""
+    """The quantities `of` as they were some `steps` ago (0 is now), as `force[k-1]`, and their
+    monomials up to `order`.
+    """
 
     of: Of
     steps: Annotated[list[Steps], Field(min_length=1)]
@@ -106,7 +140,9 @@ Window = Annotated[int, Field(ge=1, le=1_000_000)]
 
 def _own_unit(around: Surroundings) -> str | None:
     """Return the unit of the quantity that `of` is made of."""
-    return around.unit_of(next((state(name).quantity for name in names_in(str(around.siblings.get("of")))), None))
+    return around.unit_of(
+        next((state(name).quantity for name in names_in(str(around.siblings.get("of")))), None)
+    )
 
 
 class AlongRange(Section):
@@ -124,26 +160,37 @@ class AlongRange(Section):
 class Spline(AlongRange):
     """A cubic spline of the quantity `of`, times 1 and each factor in `with`.
 
-    A number of `knots` lies evenly inside the training range; a list of them is in the unit of `of`.
-    The constant is included unless `constant: false`.
+    A number of `knots` lies evenly inside the training range; a list of them is in the unit of
+    `of`. The constant is included unless `constant: false`.
     """
 
     knots: Annotated[
-        Annotated[int, Field(ge=2, le=100)] | Annotated[list[Annotated[float, InUnit(_own_unit)]], Field(min_length=1)], Either()
+        Annotated[int, Field(ge=2, le=100)]
+        | Annotated[list[Annotated[float, InUnit(_own_unit)]], Field(min_length=1)],
+        Either(),
     ]
     constant: bool = True
 
     @property
     def functions(self) -> list[str]:
-        """Powers and cubed distances from the knots, which are better conditioned than truncated powers."""
+        """Powers and cubed distances from the knots, which are better conditioned than truncated
+        powers.
+        """
         knots, own = self.knots, "own_"
         if isinstance(knots, int):
             knots, own = [round(place / (knots + 1), 4) for place in range(1, knots + 1)], ""
-        return ["1", self.of, f"{self.of}^2", f"{self.of}^3", *(f"abs({own}unit({self.of} - {knot}))^3" for knot in knots)]
+        return [
+            "1",
+            self.of,
+            f"{self.of}^2",
+            f"{self.of}^3",
+            *(f"abs({own}unit({self.of} - {knot}))^3" for knot in knots),
+        ]
 
 
 class Ends(AlongRange):
-    """Exponentials that decay from both ends of the training range of `of`, times 1 and each factor in `with`.
+    """Exponentials that decay from both ends of the training range of `of`, times 1 and each factor
+    in `with`.
 
     `widths` are parts of that range.
     """
@@ -153,13 +200,19 @@ class Ends(AlongRange):
     @property
     def functions(self) -> list[str]:
         """From the lower and from the upper end."""
-        return [text for width in self.widths for text in (f"exp(-unit({self.of}/{width}))", f"exp(unit(({self.of} - 1)/{width}))")]
+        return [
+            text
+            for width in self.widths
+            for text in (f"exp(-unit({self.of}/{width}))", f"exp(unit(({self.of} - 1)/{width}))")
+        ]
 
 
 class SmoothSteps(AlongRange):
-    """Smooth steps (tanh) at a `count` of even places of the training range of `of`, times 1 and each factor in `with`.
+    """Smooth steps (tanh) at a `count` of even places of the training range of `of`, times 1 and
+    each factor in `with`.
 
-    `widths` are parts of that range. `change` in `with` is the change of `of` over each `window` of samples, and its square.
+    `widths` are parts of that range. `change` in `with` is the change of `of` over each `window` of
+    samples, and its square.
     """
 
     count: Annotated[int, Field(ge=2, le=100)]
@@ -170,15 +223,25 @@ class SmoothSteps(AlongRange):
     def functions(self) -> list[str]:
         """From the lower end to the upper."""
         places = [round(place / (self.count - 1), 4) for place in range(self.count)]
-        return [f"tanh(unit(({self.of} - {place})/{width}))" for place in places for width in self.widths]
+        return [
+            f"tanh(unit(({self.of} - {place})/{width}))"
+            for place in places
+            for width in self.widths
+        ]
 
     def _contradictions(self) -> Iterator[ValueError]:
         if ("change" in self.partners) == (self.window is None):
-            yield Contradiction("`window` and `change` need each other", "write `with: [change], window: 16`, or neither", "window", "with")
+            yield Contradiction(
+                "`window` and `change` need each other",
+                "write `with: [change], window: 16`, or neither",
+                "window",
+                "with",
+            )
 
 
 class Products(Section):
-    """Every product of the terms `of` families (or of states by name) with total degree up to `order`, as `polynomial`.
+    """Every product of the terms `of` families (or of states by name) with total degree up to
+    `order`, as `polynomial`.
 
     Given `with`, names among `of`, a product holds powers of at most one term besides those.
     """
@@ -206,7 +269,11 @@ class Families(Section):
     steps: SmoothSteps | None = None
 
     def _given(self) -> dict[str, Family]:
-        return {name: family for name in type(self).model_fields if (family := getattr(self, name)) is not None}
+        return {
+            name: family
+            for name in type(self).model_fields
+            if (family := getattr(self, name)) is not None
+        }
 
     @property
     def family(self) -> tuple[str, Family]:
@@ -216,7 +283,10 @@ class Families(Section):
     def _contradictions(self) -> Iterator[ValueError]:
         if len(self._given()) != 1:
             found = "two families" if self._given() else "no family"
-            remedy = f"give one of {', '.join(f'`{name}`' for name in type(self).model_fields)}; further families are entries of their own"
+            remedy = (
+                f"give one of {', '.join(f'`{name}`' for name in type(self).model_fields)}; "
+                "further families are entries of their own"
+            )
             yield Contradiction(f"this entry has {found} of terms", remedy)
 
 
@@ -229,13 +299,18 @@ else:
     DictionaryEntry = create_model(
         "DictionaryEntry",
         __base__=Families,
-        __doc__="One family of candidate terms: monomials, states with memory, products of both, or `terms` written out as expressions.",
+        __doc__=(
+            "One family of candidate terms: monomials, states with memory, products of both, "
+            "or `terms` written out as expressions."
+        ),
         __module__=__name__,
         **{key: (form | None, None) for key, form in FORMS.items()},
     )
 
 
-def entries_of(entries: Sequence[str | DictionaryEntry], loc: Loc = ("dictionary",)) -> Iterator[tuple[Loc, str, Family]]:
+def entries_of(
+    entries: Sequence[str | DictionaryEntry], loc: Loc = ("dictionary",)
+) -> Iterator[tuple[Loc, str, Family]]:
     """Place, name and settings of every family of a dictionary, those inside products included."""
     for place, entry in enumerate(entries):
         if isinstance(entry, DictionaryEntry):
@@ -246,7 +321,8 @@ def entries_of(entries: Sequence[str | DictionaryEntry], loc: Loc = ("dictionary
 
 
 def texts_in(loc: Loc, family: Family) -> Iterator[tuple[Loc, str, bool]]:
-    """Place and text of all in a family, which stands at `loc`, that names quantities: expressions (True), and names of states (False).
+    """Place and text of all in a family, which stands at `loc`, that names quantities: expressions
+    (True), and names of states (False).
 
     Families inside it are left out.
     """
@@ -256,9 +332,17 @@ def texts_in(loc: Loc, family: Family) -> Iterator[tuple[Loc, str, bool]]:
     if isinstance(family, AlongRange):
         yield (*loc, "of"), family.of, False
         told = "change" if getattr(family, "window", None) else ""
-        yield from (((*loc, "with", place), text, True) for place, text in enumerate(family.partners) if text != told)
+        yield from (
+            ((*loc, "with", place), text, True)
+            for place, text in enumerate(family.partners)
+            if text != told
+        )
         return
-    yield from (((*loc, "of", place), text, False) for place, text in enumerate(family.of) if isinstance(text, str))
+    yield from (
+        ((*loc, "of", place), text, False)
+        for place, text in enumerate(family.of)
+        if isinstance(text, str)
+    )
     partners = family.partners if isinstance(family, Products) else None
     yield from (((*loc, "with", place), text, False) for place, text in enumerate(partners or ()))
 
@@ -275,7 +359,11 @@ def remembers(dictionary: Sequence[DictionaryEntry]) -> bool:
 
 def feeds_back(dictionary: Sequence[DictionaryEntry], target: str) -> bool:
     """Whether any term is made of the target."""
-    return any(state(used).quantity == target for loc, _, family in entries_of(dictionary) for used in _names_of(loc, family))
+    return any(
+        state(used).quantity == target
+        for loc, _, family in entries_of(dictionary)
+        for used in _names_of(loc, family)
+    )
 
 
 def _names_of(loc: Loc, family: Family) -> Iterator[str]:
@@ -284,7 +372,9 @@ def _names_of(loc: Loc, family: Family) -> Iterator[str]:
 
 
 def names_in(text: str) -> frozenset[str]:
-    """Return the quantities and states of an expression, or of the name of a state; none of a malformed text, reported elsewhere."""
+    """Return the quantities and states of an expression, or of the name of a state; none of a
+    malformed text, reported elsewhere.
+    """
     try:
         return frozenset(parse(text).names)
     except ExpressionError:

@@ -1,4 +1,6 @@
-"""Which files are read and how: the keys that `data` and each entry of `join` share, and which samples are kept."""
+"""Which files are read and how: the keys that `data` and each entry of `join` share, and which
+samples are kept.
+"""
 
 # ruff: noqa: RUF012 (pydantic copies the default of a field for every instance)
 
@@ -22,7 +24,8 @@ Interval = Annotated[tuple[OfQuantity, OfQuantity], Field(strict=False)]
 
 
 class Keep(Section):
-    """Samples to keep: those whose `quantity` fulfils exactly one condition, in the quantity's unit.
+    """Samples to keep: those whose `quantity` fulfils exactly one condition, in the quantity's
+    unit.
 
     Both ends of `between` are kept; both ends of `outside` are left out.
     """
@@ -38,13 +41,21 @@ class Keep(Section):
         conditions = [name for name in type(self).model_fields if name != "quantity"]
         given = [name for name in conditions if getattr(self, name) is not None]
         if len(given) != 1:
-            found = "two conditions at once: " + ", ".join(f"`{name}`" for name in given) if given else "no condition"
+            found = (
+                "two conditions at once: " + ", ".join(f"`{name}`" for name in given)
+                if given
+                else "no condition"
+            )
             remedy = f"give one of {', '.join(f'`{name}`' for name in conditions)}"
             yield Contradiction(f"`keep` has {found}", remedy, *given[1:], "quantity")
         for name in ("between", "outside"):
             interval = getattr(self, name)
             if interval is not None and interval[0] >= interval[1]:
-                yield Contradiction(f"`{name}` runs from {interval[0]:g} to {interval[1]:g}", "put the lower end first", name)
+                yield Contradiction(
+                    f"`{name}` runs from {interval[0]:g} to {interval[1]:g}",
+                    "put the lower end first",
+                    name,
+                )
 
 
 if TYPE_CHECKING:
@@ -54,15 +65,26 @@ else:
 
 READERS_OF: Mapping[str, tuple[str, ...]] = {
     key: tuple(name for name, reader in READERS.items() if key in reader.keys)
-    for key in ("header", "skip_rows", "delimiter", "decimal", "thousands", "encoding", "sheet", "root")
+    for key in (
+        "header",
+        "skip_rows",
+        "delimiter",
+        "decimal",
+        "thousands",
+        "encoding",
+        "sheet",
+        "root",
+    )
 }
 """The readers that have a use for a key."""
 
 
 class FileEntry(Section):
-    """A glob (`path`) with quantities that no column holds (`set`), and the recording's `id` where one file matches.
+    """A glob (`path`) with quantities that no column holds (`set`), and the recording's `id` where
+    one file matches.
 
-    `sheet` is that of these workbooks. `keep` chooses samples of these files, besides the `keep` of all.
+    `sheet` is that of these workbooks. `keep` chooses samples of these files, besides the `keep` of
+    all.
     """
 
     path: SpecPath
@@ -73,26 +95,41 @@ class FileEntry(Section):
 
 
 def possible_format(text: str) -> str:
-    """Return a format of stamps; raises Contradiction for one that `strptime` cannot read, or that leaves doubts."""
+    """Return a format of stamps; raises Contradiction for one that `strptime` cannot read, or that
+    leaves doubts.
+    """
     try:
         with catch_warnings(action="ignore"):  # of days without a year
             datetime.strptime(datetime(2026, 3, 1).strftime(text), text)
     except (ValueError, re.error) as fault:
-        raise Contradiction(f"{text!r} is no format of stamps: {fault}", f"write it as {FORMAT}") from None
-    if "%" not in text or ("%I" in text) != ("%p" in text) or ("%d" in text and "%y" not in text.lower()):
-        raise Contradiction("a format has codes; hours to 12 need AM or PM, and a day its year", f"write it as {FORMAT}")
+        raise Contradiction(
+            f"{text!r} is no format of stamps: {fault}", f"write it as {FORMAT}"
+        ) from None
+    if (
+        "%" not in text
+        or ("%I" in text) != ("%p" in text)
+        or ("%d" in text and "%y" not in text.lower())
+    ):
+        raise Contradiction(
+            "a format has codes; hours to 12 need AM or PM, and a day its year",
+            f"write it as {FORMAT}",
+        )
     return text
 
 
 class SourceColumn(Section):
-    """Where a quantity comes from: a `column` by name, 0-based index or address, as `value * scale + offset` in `unit`.
+    """Where a quantity comes from: a `column` by name, 0-based index or address, as `value * scale
+    + offset` in `unit`.
 
-    An address leads into MAT and HDF5 files, as `run.P` or `y[:,0]`; a TDMS channel is `Group/Channel`. Where every recording has a zero of
-    its own, `rest` is how long it rests at its beginning: the mean over that time is taken off. `unwrap` is the number at which an encoder
-    begins anew, as 360 or 4096 in the numbers of the file: jumps by more than half of it are such a turn.
+    An address leads into MAT and HDF5 files, as `run.P` or `y[:,0]`; a TDMS channel is
+    `Group/Channel`. Where every recording has a zero of its own, `rest` is how long it rests at its
+    beginning: the mean over that time is taken off. `unwrap` is the number at which an encoder
+    begins anew, as 360 or 4096 in the numbers of the file: jumps by more than half of it are such a
+    turn.
 
-    Of `time` alone: `format` says how its stamps are written, in the codes of Python's `strptime`, as `"%m/%d/%Y %I:%M:%S.%f %p"`; and
-    `unwrap: true` goes on where the clock begins anew, at midnight, after an hour, or at 2^32 of its unit.
+    Of `time` alone: `format` says how its stamps are written, in the codes of Python's `strptime`,
+    as `"%m/%d/%Y %I:%M:%S.%f %p"`; and `unwrap: true` goes on where the clock begins anew, at
+    midnight, after an hour, or at 2^32 of its unit.
     """
 
     column: Annotated[str | int, Either()]
@@ -107,12 +144,14 @@ class SourceColumn(Section):
 class Logs(Section):
     """Files of one kind and the columns in them.
 
-    `files` are globs that start at the folder of the spec. `header` is the number of header lines (`true` is one), the first with the
-    names, after `skip_rows` lines. `delimiter` is a character, `tab` or `whitespace`. `thousands` is what stands between the thousands of
-    its numbers, as `","` in 1,234.5. `sheet` names the sheet of a workbook, of which the first that is not hidden is read without it;
-    with `*` or another glob, every sheet that matches is a recording of its own. `root` is the place in a MAT or HDF5 file from which
-    columns are addressed: with `[*]` at its end every element is a recording of its own, except members that have none of the columns. In a
-    TDMS file it is a group, or `[*]` for all. `sample_time` makes the time where no column
+    `files` are globs that start at the folder of the spec. `header` is the number of header lines
+    (`true` is one), the first with the names, after `skip_rows` lines. `delimiter` is a character,
+    `tab` or `whitespace`. `thousands` is what stands between the thousands of its numbers, as `","`
+    in 1,234.5. `sheet` names the sheet of a workbook, of which the first that is not hidden is read
+    without it; with `*` or another glob, every sheet that matches is a recording of its own. `root`
+    is the place in a MAT or HDF5 file from which columns are addressed: with `[*]` at its end every
+    element is a recording of its own, except members that have none of the columns. In a TDMS file
+    it is a group, or `[*]` for all. `sample_time` makes the time where no column
     holds it. `every: N` reads one sample in N.
     """
 
@@ -131,24 +170,52 @@ class Logs(Section):
     every: Annotated[int, Field(ge=1, le=1_000_000_000)] = 1
 
     def clocks(self) -> frozenset[str | int]:
-        """Return the columns whose cells may be stamps: that of `time`, if no other quantity has it."""
+        """Return the columns whose cells may be stamps: that of `time`, if no other quantity has
+        it.
+        """
         others = {column.column for name, column in self.columns.items() if name != "time"}
         return frozenset({column.column for column in self.columns.values()} - others)
 
     def _contradictions(self) -> Iterator[ValueError]:
         reader = READERS[self.reader]
-        unused = [(key, key) for key in READERS_OF if getattr(self, key) != Logs.model_fields[key].default]
-        unused += [("sheet", "files") for entry in self.files if isinstance(entry, FileEntry) and entry.sheet is not None]
+        unused = [
+            (key, key) for key in READERS_OF if getattr(self, key) != Logs.model_fields[key].default
+        ]
+        unused += [
+            ("sheet", "files")
+            for entry in self.files
+            if isinstance(entry, FileEntry) and entry.sheet is not None
+        ]
         for key, place in unused:
             if key not in reader.keys:
                 owners = " and ".join(f"`{name}`" for name in READERS_OF[key])
-                yield Contradiction(f"reader `{self.reader}` has no use for `{key}`", f"remove it: it belongs to {owners}", place)
-        if not reader.by_index and any(isinstance(column.column, int) for column in self.columns.values()):
-            yield Contradiction(f"reader `{reader.name}` finds columns by name", f"write `column: {reader.column}`", "columns")
+                yield Contradiction(
+                    f"reader `{self.reader}` has no use for `{key}`",
+                    f"remove it: it belongs to {owners}",
+                    place,
+                )
+        if not reader.by_index and any(
+            isinstance(column.column, int) for column in self.columns.values()
+        ):
+            yield Contradiction(
+                f"reader `{reader.name}` finds columns by name",
+                f"write `column: {reader.column}`",
+                "columns",
+            )
         if self.sample_time is not None and "time" in self.columns:
-            yield Contradiction("`time` is a column, and `sample_time` makes it as well", "keep one of both", "sample_time")
-        if self.sample_time is None and "time" not in self.columns and any(column.rest is not None for column in self.columns.values()):
-            yield Contradiction("`rest` needs the time", "add `time` to `columns`, or `sample_time`", "columns")
+            yield Contradiction(
+                "`time` is a column, and `sample_time` makes it as well",
+                "keep one of both",
+                "sample_time",
+            )
+        if (
+            self.sample_time is None
+            and "time" not in self.columns
+            and any(column.rest is not None for column in self.columns.values())
+        ):
+            yield Contradiction(
+                "`rest` needs the time", "add `time` to `columns`, or `sample_time`", "columns"
+            )
         if not re.fullmatch(r"tab|whitespace|[^\w\s\"'.+-]|[\t ]", self.delimiter):
             remedy = 'write one character, as `";"`, or `tab`, or `whitespace`'
             yield Contradiction(f"{self.delimiter!r} cannot separate fields", remedy, "delimiter")
@@ -157,11 +224,15 @@ class Logs(Section):
             yield Contradiction("the decimal point also separates the fields", remedy, "decimal")
         others = [column for name, column in self.columns.items() if name != "time"]
         if any(column.format is not None or column.unwrap is True for column in others):
-            yield Contradiction("`format` and `unwrap: true` belong to `time`", "remove them elsewhere", "columns")
+            yield Contradiction(
+                "`format` and `unwrap: true` belong to `time`", "remove them elsewhere", "columns"
+            )
         blank = self.delimiter == "whitespace" and (self.thousands or "0").isspace()
         if blank or self.thousands in (self.decimal, self.delimiter):
             remedy = 'say what each is, as `decimal: "."`, `thousands: ","` and `delimiter: ";"`'
-            yield Contradiction("what stands between thousands means something else as well", remedy, "thousands")
+            yield Contradiction(
+                "what stands between thousands means something else as well", remedy, "thousands"
+            )
         try:
             "a".encode(self.encoding)
         except (LookupError, ValueError):  # ValueError: a zero byte in the name
@@ -170,7 +241,8 @@ class Logs(Section):
 
 
 class Match(Section):
-    """What tells the shift of a second log: the quantity `first` of the first log and `second` of the second, which change together.
+    """What tells the shift of a second log: the quantity `first` of the first log and `second` of
+    the second, which change together.
 
     Shifts beyond `within` are not looked at.
     """
@@ -183,9 +255,11 @@ class Match(Section):
 class Join(Logs):
     """A second log of the same tests: its quantities are brought onto the samples of the first.
 
-    `on: time` interpolates linearly after `shift` is added; `on: row` puts row beside row. `shift: auto` finds the shift by the
-    cross-correlation of the quantities that `match` names, and refuses where it is not sure. Samples outside of the second log, or in a
-    gap of it longer than `max_gap`, are `missing`. One file serves all recordings; several are paired with those of `data.files` in order.
+    `on: time` interpolates linearly after `shift` is added; `on: row` puts row beside row. `shift:
+    auto` finds the shift by the cross-correlation of the quantities that `match` names, and refuses
+    where it is not sure. Samples outside of the second log, or in a gap of it longer than
+    `max_gap`, are `missing`. One file serves all recordings; several are paired with those of
+    `data.files` in order.
     """
 
     on: Literal["time", "row"] = "time"
@@ -203,20 +277,40 @@ class Join(Logs):
         has_time = "time" in self.columns or self.sample_time is not None
         if self.on == "time" and not has_time:
             remedy = "add `time` to its `columns`, or say `on: row`"
-            yield Contradiction("a join on time needs the time of the second log", remedy, "on", "columns")
+            yield Contradiction(
+                "a join on time needs the time of the second log", remedy, "on", "columns"
+            )
         if self.on == "row" and (self.shift != 0 or self.max_gap is not None):
-            yield Contradiction("a join on rows has no use for `shift` and `max_gap`", "remove them", "shift", "max_gap")
+            yield Contradiction(
+                "a join on rows has no use for `shift` and `max_gap`",
+                "remove them",
+                "shift",
+                "max_gap",
+            )
         if self.on == "row" and has_time:
-            yield Contradiction("a join on rows takes the time of the first log", "remove the second", "columns")
+            yield Contradiction(
+                "a join on rows takes the time of the first log", "remove the second", "columns"
+            )
         if self.shift == "auto" and self.match is None:
             remedy = "add `match: {first: QUANTITY, second: QUANTITY}`, which change together"
-            yield Contradiction("`shift: auto` needs two quantities that tell the shift", remedy, "shift")
+            yield Contradiction(
+                "`shift: auto` needs two quantities that tell the shift", remedy, "shift"
+            )
         if self.shift != "auto" and self.match is not None:
-            yield Contradiction("`match` is about `shift: auto`", "add that, or remove `match`", "match")
+            yield Contradiction(
+                "`match` is about `shift: auto`", "add that, or remove `match`", "match"
+            )
         if self.match is not None and self.match.second not in self.quantities:
             remedy = f"name one of {', '.join(f'`{name}`' for name in self.quantities)}"
-            yield Contradiction(f"the second log has no quantity `{self.match.second}`", remedy, "match")
+            yield Contradiction(
+                f"the second log has no quantity `{self.match.second}`", remedy, "match"
+            )
         if not self.quantities:
             yield Contradiction("the join adds no quantity", "name one besides `time`", "columns")
-        if any(isinstance(entry, FileEntry) and (entry.set or entry.id or entry.keep) for entry in self.files):
-            yield Contradiction("`set`, `id` and `keep` belong to `data.files`", "move them there", "files")
+        if any(
+            isinstance(entry, FileEntry) and (entry.set or entry.id or entry.keep)
+            for entry in self.files
+        ):
+            yield Contradiction(
+                "`set`, `id` and `keep` belong to `data.files`", "move them there", "files"
+            )

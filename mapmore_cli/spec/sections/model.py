@@ -1,4 +1,6 @@
-"""The sections `needs` and `model`: the runs that a model builds on, and its kind; and formulas that a spec defines."""
+"""The sections `needs` and `model`: the runs that a model builds on, and its kind; and formulas
+that a spec defines.
+"""
 
 from __future__ import annotations
 
@@ -18,10 +20,11 @@ from mapmore_cli.spec.fields import Quantity, Section, SpecPath
 
 
 class FormulaParameter(Section):
-    """A parameter: its `unit`, shown beside its value; `bounds` between which it is sought, where the formula is not linear in it.
+    """A parameter: its `unit`, shown beside its value; `bounds` between which it is sought, where
+    the formula is not linear in it.
 
-    `start` is what `method: levenberg_marquardt` with `starts: given` begins from, once every fitted parameter has one. A `value` is a
-    constant, which is not fitted.
+    `start` is what `method: levenberg_marquardt` with `starts: given` begins from, once every
+    fitted parameter has one. A `value` is a constant, which is not fitted.
     """
 
     unit: str | None = None
@@ -31,18 +34,35 @@ class FormulaParameter(Section):
 
     def _contradictions(self) -> Iterator[ValueError]:
         if self.value is not None and (self.bounds is not None or self.start is not None):
-            yield Contradiction("a constant `value` is not sought", "remove `bounds` and `start`, or the `value`", "bounds", "start")
+            yield Contradiction(
+                "a constant `value` is not sought",
+                "remove `bounds` and `start`, or the `value`",
+                "bounds",
+                "start",
+            )
         if self.bounds is not None and not self.bounds[0] < self.bounds[1]:
-            yield Contradiction(f"the bounds run from {self.bounds[0]:g} to {self.bounds[1]:g}", "put the lower one first", "bounds")
-        if self.bounds is not None and self.start is not None and not self.bounds[0] <= self.start <= self.bounds[1]:
-            yield Contradiction(f"it starts at {self.start:g}, outside of its bounds", "move one of them", "start")
+            yield Contradiction(
+                f"the bounds run from {self.bounds[0]:g} to {self.bounds[1]:g}",
+                "put the lower one first",
+                "bounds",
+            )
+        if (
+            self.bounds is not None
+            and self.start is not None
+            and not self.bounds[0] <= self.start <= self.bounds[1]
+        ):
+            yield Contradiction(
+                f"it starts at {self.start:g}, outside of its bounds", "move one of them", "start"
+            )
 
 
 class OwnFormula(Section):
-    """A formula by an `expression` of quantities and `parameters`, to be named wherever a formula of the literature may be.
+    """A formula by an `expression` of quantities and `parameters`, to be named wherever a formula
+    of the literature may be.
 
-    `units` are those that the expression is written in, by quantity, and `output` that of its value; where nothing is said they are the
-    model's. `source` says where it is from. Every parameter without `bounds` must be one in which the formula is linear.
+    `units` are those that the expression is written in, by quantity, and `output` that of its
+    value; where nothing is said they are the model's. `source` says where it is from. Every
+    parameter without `bounds` must be one in which the formula is linear.
     """
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=60)]
@@ -53,20 +73,46 @@ class OwnFormula(Section):
     parameters: Annotated[dict[Quantity, FormulaParameter], Field(min_length=1)]
 
     def definition(self, units: Mapping[str, str], target: str) -> str:
-        """Return the formula in a model's `units`, for an output in the unit `target`, as a definition that needs no spec.
+        """Return the formula in a model's `units`, for an output in the unit `target`, as a
+        definition that needs no spec.
 
-        Raises ExpressionError, SpecError, ValueError for an expression that is none, a unit that does not fit, or a parameter in which it
-        is not linear.
+        Raises ExpressionError, SpecError, ValueError for an expression that is none, a unit that
+        does not fit, or a parameter in which it is not linear.
         """
-        from mapmore_cli.modelling.expressions import Name, Number, multiply, parse, substitute, to_text
+        from mapmore_cli.modelling.expressions import (
+            Name,
+            Number,
+            multiply,
+            parse,
+            substitute,
+            to_text,
+        )
         from mapmore_cli.modelling.literature.own import definition
         from mapmore_cli.spec.units import convert
 
-        own = {name: convert(1.0, units[name], unit) for name, unit in self.units.items() if name in units and units[name] != unit}
-        values = {name: Number(one.value) for name, one in self.parameters.items() if one.value is not None}
-        scaled = {name: multiply(Number(factor), Name(name)) for name, factor in own.items() if factor != 1.0}
-        whole = 1.0 if self.output is None or self.output == target else convert(1.0, self.output, target)
-        expression = multiply(Number(whole), substitute(parse(self.expression), {**scaled, **values}))
+        own = {
+            name: convert(1.0, units[name], unit)
+            for name, unit in self.units.items()
+            if name in units and units[name] != unit
+        }
+        values = {
+            name: Number(one.value)
+            for name, one in self.parameters.items()
+            if one.value is not None
+        }
+        scaled = {
+            name: multiply(Number(factor), Name(name))
+            for name, factor in own.items()
+            if factor != 1.0
+        }
+        whole = (
+            1.0
+            if self.output is None or self.output == target
+            else convert(1.0, self.output, target)
+        )
+        expression = multiply(
+            Number(whole), substitute(parse(self.expression), {**scaled, **values})
+        )
         fitted = {name: one for name, one in self.parameters.items() if one.value is None}
         starts = {name: one.start for name, one in fitted.items() if one.start is not None}
         return definition(
@@ -81,7 +127,9 @@ class OwnFormula(Section):
 
 @dataclass(frozen=True)
 class Needs(Settings):
-    """Specs of the runs that this one builds on: the `static` model is subtracted to obtain the damping force; `damping` is added to it."""
+    """Specs of the runs that this one builds on: the `static` model is subtracted to obtain the
+    damping force; `damping` is added to it.
+    """
 
     static: SpecPath | None = None
     damping: SpecPath | None = None
@@ -89,10 +137,11 @@ class Needs(Settings):
 
 @dataclass(frozen=True, kw_only=True)
 class Summand(Settings):
-    """A part of a sum: the model of another run (the path of its spec), or a `formula`; `sign` is 1 or -1.
+    """A part of a sum: the model of another run (the path of its spec), or a `formula`; `sign` is 1
+    or -1.
 
-    `inputs` says what the part's inputs are called in this study, as expressions: `{pressure: p1, strain: "-s"}`. An input that two parts
-    share by name must be renamed for both.
+    `inputs` says what the part's inputs are called in this study, as expressions: `{pressure: p1,
+    strain: "-s"}`. An input that two parts share by name must be renamed for both.
     """
 
     model: SpecPath | None = None
@@ -103,7 +152,12 @@ class Summand(Settings):
     def __post_init__(self) -> None:
         """Refuse both, and neither."""
         if (self.model is None) == (self.formula is None):
-            raise Contradiction("a part of a sum is a `model` or a `formula`", "give one, as `{model: flexor.yaml}`", "model", "formula")
+            raise Contradiction(
+                "a part of a sum is a `model` or a `formula`",
+                "give one, as `{model: flexor.yaml}`",
+                "model",
+                "formula",
+            )
 
 
 FitMethod = Literal["variable_projection", "levenberg_marquardt", "simplex"]
@@ -116,26 +170,36 @@ Summands = Annotated[Sequence[Summand], Len(2)]
 def refuse_mixed(parts: Sequence[Summand]) -> None:
     """Refuse parts of which some are fitted by runs of their own and others here."""
     if len({part.formula is None for part in parts}) > 1:
-        raise Contradiction("a sum is of models or of formulas", "make a run of each formula, and name its spec as `model`", "sum")
+        raise Contradiction(
+            "a sum is of models or of formulas",
+            "make a run of each formula, and name its spec as `model`",
+            "sum",
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
 class ModelChoice(MotionSettings):
     """What kind of model the run builds.
 
-    - `mapmore`: with a `backbone`, the pieces explain what that formula leaves. `backbone: auto` takes the formula, or none, whose fused
+    - `mapmore`: with a `backbone`, the pieces explain what that formula leaves. `backbone: auto`
+      takes the formula, or none, whose fused
       model errs least on left-out training data (with three levels or fewer: `sarosi_hinged`).
     - `literature` fits the formula `name` alone; `method` and `starts` are those of a competitor.
     - `family` is one formula for specimens that differ `of` a quantity, as the rest length.
-    - `auto` searches the structure on training data. It is the default without `dictionary` and `model`. All quantities that vary are
-      `inputs` unless these are named. The `budget` is computing time of each process. The run folder holds the result as a spec,
-      `found.yaml`.
-    - `sum` adds the static and the damping model that the spec needs (default for `dynamic`), or parts with signs and renamed inputs.
-    - `state_space` is P's model of motion: linear `sections` along an `input`, by boundaries or by number; `direction` parts rise and fall.
-      `switching: hard` runs every section on the whole input, `carried` passes the state on, `bumpless` also joins the sections and turns
-      after `dead_band`. A run begins at `rest` or at `zero` (`start`). `mask` says whose direction parts the training samples. The
-      published `swarm` has `particles`, `iterations`, `seed`, `bounds`, `begin`; `swarm_projected` searches frequency and damping;
-      `polish` goes on by least squares. `slowest` is the longest time constant (a quarter of the longest training piece).
+    - `auto` searches the structure on training data. It is the default without `dictionary` and
+      `model`. All quantities that vary are
+      `inputs` unless these are named. The `budget` is computing time of each process. The run
+      folder holds the result as a spec, `found.yaml`.
+    - `sum` adds the static and the damping model that the spec needs (default for `dynamic`), or
+      parts with signs and renamed inputs.
+    - `state_space` is P's model of motion: linear `sections` along an `input`, by boundaries or by
+      number; `direction` parts rise and fall.
+      `switching: hard` runs every section on the whole input, `carried` passes the state on,
+      `bumpless` also joins the sections and turns after `dead_band`. A run begins at `rest` or at
+      `zero` (`start`). `mask` says whose direction parts the training samples. The published
+      `swarm` has `particles`, `iterations`, `seed`, `bounds`, `begin`; `swarm_projected` searches
+      frequency and damping; `polish` goes on by least squares. `slowest` is the longest time
+      constant (a quarter of the longest training piece).
     """
 
     type: Literal["mapmore", "literature", "sum", "state_space", "auto"] = "mapmore"
@@ -152,19 +216,38 @@ class ModelChoice(MotionSettings):
         """Refuse keys that the type lacks, or has no use for; a family is a formula."""
         if self.family is not None:
             if self.type not in ("mapmore", "literature"):
-                raise Contradiction(f"type `{self.type}` has no `family`", "remove the `type`, or `family`", "family")
-            if self.backbone is not None or (self.name is not None and not self.name.startswith("{")):
-                raise Contradiction("a family has a formula of its own", "remove `backbone` and `name`", "backbone", "name")
+                raise Contradiction(
+                    f"type `{self.type}` has no `family`",
+                    "remove the `type`, or `family`",
+                    "family",
+                )
+            if self.backbone is not None or (
+                self.name is not None and not self.name.startswith("{")
+            ):
+                raise Contradiction(
+                    "a family has a formula of its own",
+                    "remove `backbone` and `name`",
+                    "backbone",
+                    "name",
+                )
             object.__setattr__(self, "type", "literature")
         if self.type == "state_space" and self.input is None:
-            raise Contradiction("type `state_space` needs the `input`", "add it, as `input: pressure`", "type")
+            raise Contradiction(
+                "type `state_space` needs the `input`", "add it, as `input: pressure`", "type"
+            )
         if self.type == "literature" and self.name is None and self.family is None:
-            raise Contradiction("type `literature` needs the `name` of a formula", "add it, as `name: sarosi`", "type")
+            raise Contradiction(
+                "type `literature` needs the `name` of a formula",
+                "add it, as `name: sarosi`",
+                "type",
+            )
         for key in self.changed:
             owner = _TYPE_OF.get(key, self.type)
             if owner != self.type:
                 instead = "use `backbone`, or" if key == "name" else "remove it, or use"
-                raise Contradiction(f"type `{self.type}` has no `{key}`", f"{instead} `type: {owner}`", key)
+                raise Contradiction(
+                    f"type `{self.type}` has no `{key}`", f"{instead} `type: {owner}`", key
+                )
         refuse_mixed(self.sum or ())
 
 

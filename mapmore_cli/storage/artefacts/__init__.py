@@ -1,4 +1,5 @@
-"""The result files of a run: one JSON document of everything but arrays, and a labelled dataset for each array.
+"""The result files of a run: one JSON document of everything but arrays, and a labelled dataset for
+each array.
 
 Every `write_*` makes a whole file or none (WriteError), with bytes that depend on the arguments
 only. Every `read_*` raises DataError, naming the file, for one that is missing, damaged, of another
@@ -68,7 +69,8 @@ NO_UNITS: Units = {}
 
 @dataclass(frozen=True)
 class FileKind(Generic[T]):
-    """A kind of file: its name in the attribute `kind`, the stage that makes it, and the type of what it holds.
+    """A kind of file: its name in the attribute `kind`, the stage that makes it, and the type of
+    what it holds.
 
     `fault` says why a record cannot be used, or None. `ratio` bounds what a file unpacks to.
     """
@@ -79,8 +81,11 @@ class FileKind(Generic[T]):
     fault: Callable[[Any], str | None] = lambda _record: None
     ratio: int = RATIO
 
-    def write(self, path: Path, record: T, units: Units = NO_UNITS, provenance: Units = NO_UNITS) -> None:
-        """Write `record`; `units` are those that it does not know itself. The bytes depend on the arguments only.
+    def write(
+        self, path: Path, record: T, units: Units = NO_UNITS, provenance: Units = NO_UNITS
+    ) -> None:
+        """Write `record`; `units` are those that it does not know itself. The bytes depend on the
+        arguments only.
 
         Raises WriteError where the disk is full.
         """
@@ -93,7 +98,9 @@ class FileKind(Generic[T]):
                 add_to_hash(digest, path, value, dtype)
                 put_array(file, path, value, dtype, *label)
 
-            document = json.dumps(encoded(record, self.type, put, units), ensure_ascii=False, allow_nan=False)
+            document = json.dumps(
+                encoded(record, self.type, put, units), ensure_ascii=False, allow_nan=False
+            )
             put_text(file, "document", document, "everything but arrays, as JSON")
             for name, text in provenance.items():
                 put_text(file, f"provenance/{name}", text, "where the file comes from")
@@ -101,16 +108,23 @@ class FileKind(Generic[T]):
             file.attrs.update(about | {CHECKSUM: digest.hexdigest()})
 
     def read(self, path: Path, warn: Warn = lambda _message: None, unverified: bool = False) -> T:
-        """Return the record in a file; `warn` is told where nothing says that it is as it was written.
+        """Return the record in a file; `warn` is told where nothing says that it is as it was
+        written.
 
-        Raises DataError as the module says, for a checksum that does not match only where it may not be `unverified`.
+        Raises DataError as the module says, for a checksum that does not match only where it may
+        not be `unverified`.
         """
         with _opened(path) as (file, kind, version):
             if kind != self.name:
-                raise DataError(f"{path}: is a {kind} file, not a {self.name} file", f"give a file that `mapmore {self.stage}` wrote")
+                raise DataError(
+                    f"{path}: is a {kind} file, not a {self.name} file",
+                    f"give a file that `mapmore {self.stage}` wrote",
+                )
             record, doubt = self._record(file, path.stat().st_size, version != FORMAT_VERSION)
             if doubt == _ALTERED and not unverified:
-                raise DataError(f"{path}: {_ALTERED}", f"{_GET_ANOTHER}; `--unverified` reads it all the same")
+                raise DataError(
+                    f"{path}: {_ALTERED}", f"{_GET_ANOTHER}; `--unverified` reads it all the same"
+                )
             if fault := self.fault(record):
                 raise Invalid(self.name, fault)
         if doubt:
@@ -130,7 +144,10 @@ class FileKind(Generic[T]):
         record: T = Decoder(take, newer).value(document, self.type, "", (), {})
         digest.update(text.encode())
         if CHECKSUM not in file.attrs:
-            return record, "has no checksum: nothing shows whether its values are those that were written"
+            return (
+                record,
+                "has no checksum: nothing shows whether its values are those that were written",
+            )
         if newer:
             return record, "is of a newer format: its checksum cannot be verified here"
         return record, "" if word(file, CHECKSUM) == digest.hexdigest() else _ALTERED
@@ -141,7 +158,13 @@ SEGMENTATION_FILE = FileKind("segmentation", "segment", SegmentationFile)
 FIT_FILE = FileKind("fit", "fit", FitResult)
 MODEL_FILE = FileKind("model", "fuse", Model, unsound, 0)
 VALIDATION_FILE = FileKind("validation", "validate", Validation)
-KINDS: tuple[FileKind[Any], ...] = (DATASET_FILE, SEGMENTATION_FILE, FIT_FILE, MODEL_FILE, VALIDATION_FILE)
+KINDS: tuple[FileKind[Any], ...] = (
+    DATASET_FILE,
+    SEGMENTATION_FILE,
+    FIT_FILE,
+    MODEL_FILE,
+    VALIDATION_FILE,
+)
 
 
 def kind_of(path: Path) -> str:
@@ -151,7 +174,9 @@ def kind_of(path: Path) -> str:
 
 
 def units_of(dataset: Dataset) -> dict[str, str]:
-    """Return the units by quantity, with that of the `target`, for the files of the later stages."""
+    """Return the units by quantity, with that of the `target`, for the files of the later
+    stages.
+    """
     units = {name: quantity.unit for name, quantity in dataset.quantities.items()}
     return units | {"target": units[dataset.target]}
 
@@ -163,7 +188,9 @@ read_model = MODEL_FILE.read
 
 
 def write_model(path: Path, model: Model, provenance: Units = NO_UNITS) -> None:
-    """Write a model that stands alone; `provenance` may hold texts of any length, as the resolved spec."""
+    """Write a model that stands alone; `provenance` may hold texts of any length, as the resolved
+    spec.
+    """
     MODEL_FILE.write(path, model, provenance=provenance)
 
 
@@ -179,14 +206,18 @@ def read_segmentation(path: Path, *warn_and_unverified: Any) -> tuple[SegmentedC
 
 @contextmanager
 def _opened(path: Path) -> Iterator[tuple[h5py.File, str, str]]:
-    """Open a file for reading, with its kind and version; what is invalid in it, and no file of ours, is a DataError."""
+    """Open a file for reading, with its kind and version; what is invalid in it, and no file of
+    ours, is a DataError.
+    """
     if not path.is_file():
         what = "is a folder or a special file, not a file" if path.exists() else "no such file"
         raise DataError(f"{path}: {what}", "`mapmore run CONFIG` makes it")
     try:
         file = h5py.File(path, "r")
     except OSError as fault:
-        raise DataError(f"{path}: cannot be read ({str(fault).partition(chr(10))[0]})", _GIVE_OURS) from fault
+        raise DataError(
+            f"{path}: cannot be read ({str(fault).partition(chr(10))[0]})", _GIVE_OURS
+        ) from fault
     kind: str | None = "file"
     try:
         with file:
@@ -195,7 +226,10 @@ def _opened(path: Path) -> Iterator[tuple[h5py.File, str, str]]:
                 raise DataError(f"{path}: is an HDF5 file, but not one of mapmore's", _GIVE_OURS)
             refuse_newer(path, version, FORMAT_VERSION)
             if int(version.split(".")[0]) < int(FORMAT_VERSION[0]):
-                raise DataError(f"{path}: is of the format {version}, from before the first release", _GET_ANOTHER)
+                raise DataError(
+                    f"{path}: is of the format {version}, from before the first release",
+                    _GET_ANOTHER,
+                )
             yield file, str(kind), version
     except Invalid as fault:
         raise DataError(f"{path}: is not a valid {kind}: {fault}", _GET_ANOTHER) from fault

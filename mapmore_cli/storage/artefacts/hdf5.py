@@ -1,4 +1,5 @@
-"""HDF5 files as mapmore writes and reads them: arrays by blocks, texts of a declared length, and what strangers put in.
+"""HDF5 files as mapmore writes and reads them: arrays by blocks, texts of a declared length, and
+what strangers put in.
 
 HDF5 can point into other files of the computer, at one object a million times, or at gigabytes that
 take a kilobyte on the disk. The files of a run are plain trees of arrays, so whatever else is in a
@@ -44,11 +45,17 @@ DOCUMENT = 32_000_000
 """Bytes of the document, which takes twenty times as much in memory."""
 
 
-def put_array(file: h5py.File, path: str, value: Any, dtype: str, description: str, unit: str) -> None:
+def put_array(
+    file: h5py.File, path: str, value: Any, dtype: str, description: str, unit: str
+) -> None:
     """Store an array under a path; one that is mapped from a file is taken by blocks."""
     if value.size < HUGE:
-        packed: dict[str, Any] = {"compression": "gzip", "shuffle": True} if value.size >= LONG else {}
-        dataset = file.create_dataset(path, data=np.asarray(value, dtype), track_times=False, **packed)
+        packed: dict[str, Any] = (
+            {"compression": "gzip", "shuffle": True} if value.size >= LONG else {}
+        )
+        dataset = file.create_dataset(
+            path, data=np.asarray(value, dtype), track_times=False, **packed
+        )
     else:
         dataset = file.create_dataset(path, value.shape, dtype, track_times=False)
         for rows in row_blocks(len(value)):
@@ -73,7 +80,9 @@ def add_to_hash(digest: Any, path: str, value: Any, dtype: str) -> None:
 
 
 def take_array(file: h5py.File, path: str, dtype: str, ndim: int) -> NDArray[Any]:
-    """Return an array; a huge one is mapped from the file. Raises Invalid for another type or shape."""
+    """Return an array; a huge one is mapped from the file. Raises Invalid for another type or
+    shape.
+    """
     with stored_at(path):
         found = file.get(path)
         if isinstance(found, h5py.Dataset) and (found.dtype, found.ndim) == (np.dtype(dtype), ndim):
@@ -86,7 +95,9 @@ _mappings: WeakValueDictionary[tuple[int, ...], mmap.mmap] = WeakValueDictionary
 
 
 def _mapped(dataset: h5py.Dataset) -> NDArray[Any]:
-    """Return the values of a contiguous dataset where they lie in its file, without reading them."""
+    """Return the values of a contiguous dataset where they lie in its file, without reading
+    them.
+    """
     with Path(dataset.file.filename).open("rb") as file:
         now = os.fstat(file.fileno())
         key = (now.st_dev, now.st_ino, now.st_mtime_ns, now.st_size)
@@ -97,7 +108,9 @@ def _mapped(dataset: h5py.Dataset) -> NDArray[Any]:
 
 
 def word(file: h5py.File, name: str) -> str | None:
-    """Return an attribute of the root that is one short text; None where it is absent or another."""
+    """Return an attribute of the root that is one short text; None where it is absent or
+    another.
+    """
     with stored_at(""):
         if name not in file.attrs:
             return None
@@ -132,7 +145,8 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def look_over(file: h5py.File, size: int, ratio: int = RATIO) -> None:
-    """Raise Invalid for a file that is no plain tree of numbers and texts, or that unpacks to far more than its `size` in bytes.
+    """Raise Invalid for a file that is no plain tree of numbers and texts, or that unpacks to far
+    more than its `size` in bytes.
 
     Refused are links of all kinds but one hard link to every object, data in other files (external
     storage, virtual datasets), filters other than gzip and byte shuffle, types other than numbers
@@ -170,7 +184,10 @@ def look_over(file: h5py.File, size: int, ratio: int = RATIO) -> None:
                 continue
             room -= _bytes_of(found, where)
             if room < 0:
-                raise Invalid(where, f"brings the file of {size} bytes to more than {most / 1e6:.0f} MB of values")
+                raise Invalid(
+                    where,
+                    f"brings the file of {size} bytes to more than {most / 1e6:.0f} MB of values",
+                )
 
 
 def _check_attributes(found: Any, where: str) -> None:
@@ -183,9 +200,15 @@ def _check_attributes(found: Any, where: str) -> None:
             one = h5a.open(found, index=place)
             kind, width = one.get_type().get_class(), one.get_type().get_size()
             text = kind == h5t.STRING and one.shape == ()
-            if not (text or kind in (h5t.FLOAT, h5t.INTEGER)) or width * math.prod(one.shape or ()) > LONGEST_WORD:
+            if (
+                not (text or kind in (h5t.FLOAT, h5t.INTEGER))
+                or width * math.prod(one.shape or ()) > LONGEST_WORD
+            ):
                 name = one.name.decode(errors="replace")[:60]
-                raise Invalid(where, f"has the attribute {name!r}, which is neither numbers nor one short text")
+                raise Invalid(
+                    where,
+                    f"has the attribute {name!r}, which is neither numbers nor one short text",
+                )
 
 
 def _bytes_of(dataset: Any, where: str) -> int:
@@ -210,8 +233,12 @@ def _bytes_of(dataset: Any, where: str) -> int:
 
 @contextmanager
 def interrupted_later() -> Iterator[None]:
-    """Let Ctrl-C wait: what is raised while HDF5 calls back is lost, and the program goes on as if nobody had asked it to end."""
-    if threading.current_thread() is not threading.main_thread() or not callable(signal.getsignal(signal.SIGINT)):
+    """Let Ctrl-C wait: what is raised while HDF5 calls back is lost, and the program goes on as if
+    nobody had asked it to end.
+    """
+    if threading.current_thread() is not threading.main_thread() or not callable(
+        signal.getsignal(signal.SIGINT)
+    ):
         yield
         return
     heard: list[int] = []
@@ -225,10 +252,11 @@ def interrupted_later() -> Iterator[None]:
 
 
 class SteadyFile(FileIO):
-    """A file, as HDF5 wants it, in which no write fails: the first `fault` is kept, and what comes after it goes nowhere.
+    """A file, as HDF5 wants it, in which no write fails: the first `fault` is kept, and what comes
+    after it goes nowhere.
 
-    HDF5 cannot close a file that it could not write: it crashes at the exit of the program. So it never learns of the fault; the caller
-    looks for it when the file is closed.
+    HDF5 cannot close a file that it could not write: it crashes at the exit of the program. So it
+    never learns of the fault; the caller looks for it when the file is closed.
     """
 
     fault: OSError | None = None

@@ -24,7 +24,7 @@ from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_ori
 import numpy as np
 from annotated_types import Interval
 
-from mapmore_cli.domain.declared import Checked
+from mapmore_cli.domain.declared import Checked, prose
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import Scaling, SegmentedCurve
 from mapmore_cli.domain.foreign import is_one_line
@@ -60,7 +60,9 @@ Take = Callable[[str, str, int], Any]
 
 
 class Invalid(Exception):
-    """A file is not what the format says: `where` is the path inside of it, `what` is wrong there."""
+    """A file is not what the format says: `where` is the path inside of it, `what` is wrong
+    there.
+    """
 
     def __init__(self, where: str, what: str) -> None:
         super().__init__(f"{where.lstrip('/') or 'the root'}, {what}")
@@ -139,14 +141,20 @@ def bodies(kind: Any) -> dict[str, type]:
 
 
 def _step(key: Any, place: int) -> str:
-    """Return how a member is called in paths: its name, or its number where a name cannot be one."""
+    """Return how a member is called in paths: its name, or its number where a name cannot be
+    one.
+    """
     return key if re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", str(key)) else f"{place:03d}"
 
 
 def _hints(own: Hint, count: int) -> Sequence[Any]:
     """Return the hints of so many members of a mapping or a tuple."""
     each = own.inner[own.kind is Mapping]
-    return [each] * count if own.kind is Mapping or own.inner[1:] == (...,) else [*own.inner, *[each] * count][:count]
+    return (
+        [each] * count
+        if own.kind is Mapping or own.inner[1:] == (...,)
+        else [*own.inner, *[each] * count][:count]
+    )
 
 
 # Writing ----------------------------------------------------------------------------------------
@@ -158,7 +166,9 @@ def _known_units(record: Any) -> Units:
         case Dataset():
             return {name: one.unit for name, one in record.quantities.items()}
         case Model():
-            return {"target": record.output.unit} | {one.name: one.unit for one in (*record.inputs, record.output)}
+            return {"target": record.output.unit} | {
+                one.name: one.unit for one in (*record.inputs, record.output)
+            }
         case SegmentedCurve() | Pieces():
             return {f"variables.{i}": f"[{name}]" for i, name in enumerate(record.variables)}
         case Scaling():
@@ -169,7 +179,9 @@ def _known_units(record: Any) -> Units:
 
 
 def resolved(unit: str, units: Units) -> str:
-    """Return the unit with every known `[name]` replaced; a compound one in brackets before a power."""
+    """Return the unit with every known `[name]` replaced; a compound one in brackets before a
+    power.
+    """
 
     def known(match: re.Match[str]) -> str:
         name, power = match.groups()
@@ -179,7 +191,9 @@ def resolved(unit: str, units: Units) -> str:
     return re.sub(r"\[([^\]]*)\](\^?)", known, unit)
 
 
-def encoded(value: Any, hint: Any, put: Put, units: Units, path: str = "", outer: tuple[str, str] = ("", "")) -> Any:
+def encoded(
+    value: Any, hint: Any, put: Put, units: Units, path: str = "", outer: tuple[str, str] = ("", "")
+) -> Any:
     """Return a value as JSON has it; its arrays are `put` under their paths.
 
     `outer` are description and unit of the field that it is a part of.
@@ -192,7 +206,10 @@ def encoded(value: Any, hint: Any, put: Put, units: Units, path: str = "", outer
         put(path, value, label[0], resolved(label[1] or "1", units))
         return {ARRAY: path}
     if is_dataclass(value):
-        units = {**units, **{name: resolved(unit, units) for name, unit in _known_units(value).items()}}
+        units = {
+            **units,
+            **{name: resolved(unit, units) for name, unit in _known_units(value).items()},
+        }
         document: dict[str, Any] = {}
         for word in (word for word, one in bodies(own.kind).items() if one is type(value)):
             document["kind"] = word
@@ -203,8 +220,17 @@ def encoded(value: Any, hint: Any, put: Put, units: Units, path: str = "", outer
     if isinstance(value, Mapping | tuple):
         parts = value if isinstance(value, Mapping) else dict(enumerate(value))
         document = {
-            _line(key): encoded(one, part, put, units, f"{path}/{_step(key, i)}", (label[0], label[1].replace("*", str(key))))
-            for i, ((key, one), part) in enumerate(zip(parts.items(), _hints(own, len(parts)), strict=True))
+            _line(key): encoded(
+                one,
+                part,
+                put,
+                units,
+                f"{path}/{_step(key, i)}",
+                (label[0], label[1].replace("*", str(key))),
+            )
+            for i, ((key, one), part) in enumerate(
+                zip(parts.items(), _hints(own, len(parts)), strict=True)
+            )
         }
         return document if parts is value else list(document.values())
     return str(value) if isinstance(value, float) and not math.isfinite(value) else _line(value)
@@ -212,7 +238,9 @@ def encoded(value: Any, hint: Any, put: Put, units: Units, path: str = "", outer
 
 def _same(value: Any, default: Any) -> bool:
     """Whether a value is the default; NaN is the same as NaN."""
-    return not isinstance(value, np.ndarray) and bool(value == default or (value != value and default != default))
+    return not isinstance(value, np.ndarray) and bool(
+        value == default or (value != value and default != default)
+    )
 
 
 def _line(value: Any) -> Any:
@@ -236,13 +264,19 @@ class Decoder:
     lenient: bool = False
 
     def value(self, node: Any, hint: Any, path: str, letters: Letters, sizes: Sizes) -> Any:
-        """Return the value of a type; `sizes` are lengths of dimensions seen so far in the object."""
+        """Return the value of a type; `sizes` are lengths of dimensions seen so far in the
+        object.
+        """
         own = taken_apart(hint)
         letters = own.letters or letters
         if own.kind is Union:
             if node is None and types.NoneType in own.inner:
                 return None
-            fitting = (one for one in own.inner if (taken_apart(one).kind in (str, Literal)) == isinstance(node, str))
+            fitting = (
+                one
+                for one in own.inner
+                if (taken_apart(one).kind in (str, Literal)) == isinstance(node, str)
+            )
             return self.value(node, next(fitting, own.inner[0]), path, letters, sizes)
         found = self._plain(node, own, path, letters, sizes)
         for check in own.checks:
@@ -257,9 +291,16 @@ class Decoder:
         if kind is np.ndarray and node == {ARRAY: path}:
             return self._array(path, own.inner[0], letters, sizes)
         if bodies(kind) and isinstance(node, dict):
-            word, inner = node.get("kind"), {name: one for name, one in node.items() if name != "kind"}
+            word, inner = (
+                node.get("kind"),
+                {name: one for name, one in node.items() if name != "kind"},
+            )
             if word not in (*bodies(kind),):
-                raise Invalid(path, f"is of the kind {str(word)[:60]!r}, which is none of {', '.join(bodies(kind))}")
+                raise Invalid(
+                    path,
+                    f"is of the kind {str(word)[:60]!r}, which is none of "
+                    f"{', '.join(bodies(kind))}",
+                )
             return self._record(inner, bodies(kind)[word], path, sizes)
         if is_dataclass(kind) and isinstance(node, dict):
             return self._record(node, kind, path, sizes)
@@ -267,7 +308,9 @@ class Decoder:
             if many:
                 _compare(path, (len(node),), letters, sizes)
             parts, hints = enumerate(node), _hints(own, len(node))
-            return tuple(self.value(one, hints[i], f"{path}/{i:03d}", (), {**sizes}) for i, one in parts)
+            return tuple(
+                self.value(one, hints[i], f"{path}/{i:03d}", (), {**sizes}) for i, one in parts
+            )
         if kind is Mapping and isinstance(node, dict):
             parts = enumerate(node.items())
             return {
@@ -281,10 +324,20 @@ class Decoder:
     def _record(self, node: dict[str, Any], type_: Any, path: str, sizes: dict[str, int]) -> Any:
         known = stored_fields(type_)
         needed = {name for name, (_, default) in known.items() if default is MISSING}
-        for name in (needed - node.keys()) | (set() if self.lenient else node.keys() - known.keys()):
-            raise Invalid(f"{path}/{name[:60]}", "is missing" if name in known else "is not known to this format")
+        for name in (needed - node.keys()) | (
+            set() if self.lenient else node.keys() - known.keys()
+        ):
+            raise Invalid(
+                f"{path}/{name[:60]}",
+                "is missing" if name in known else "is not known to this format",
+            )
         given = {name: hint for name, (hint, _) in known.items() if name in node}
-        return type_(**{name: self.value(node[name], hint, f"{path}/{name}", (), sizes) for name, hint in given.items()})
+        return type_(
+            **{
+                name: self.value(node[name], hint, f"{path}/{name}", (), sizes)
+                for name, hint in given.items()
+            }
+        )
 
     def _array(self, path: str, number: Any, letters: Letters, sizes: Sizes) -> Any:
         values = self.take(path, TYPES[number], max(1, len(letters))).astype(number, copy=False)
@@ -317,7 +370,10 @@ def _compare(path: str, shape: tuple[int, ...], letters: Letters, sizes: Sizes) 
 def wrong_with(value: Any, check: Any) -> str:
     """Return what is wrong with a value by a mark of its type; nothing where no mark says so."""
     if isinstance(check, Interval):
-        low, high = -math.inf if check.ge is None else check.ge, math.inf if check.le is None else check.le
+        low, high = (
+            -math.inf if check.ge is None else check.ge,
+            math.inf if check.le is None else check.le,
+        )
         check = Checked(f"is not between {low} and {high}", lambda value: low <= value <= high)
     return "" if not isinstance(check, Checked) or check.holds(value) else check.words
 
@@ -341,7 +397,11 @@ def described() -> str:
             return section(own.kind)
         if own.kind in (Union, tuple, Mapping):
             head = {Union: "", tuple: "list of ", Mapping: "object of "}[own.kind]
-            return head + " or ".join(dict.fromkeys(form(one) for one in own.inner[own.kind is Mapping :] if one is not ...))
+            return head + " or ".join(
+                dict.fromkeys(
+                    form(one) for one in own.inner[own.kind is Mapping :] if one is not ...
+                )
+            )
         return f"`{WORDS.get(own.kind, own.kind.__name__)}`"
 
     def section(type_: Any) -> str:
@@ -353,10 +413,17 @@ def described() -> str:
         rows = ""
         for field, (hint, default) in stored_fields(type_).items():
             own = taken_apart(hint)
-            unit, optional = f"`{own.unit}`" if own.unit else NO_UNIT, "" if default is MISSING else " ?"
-            rows += f"| `{field}` | {form(hint)}{optional} | {unit} | {own.description or field} |\n"
+            unit, optional = (
+                f"`{own.unit}`" if own.unit else NO_UNIT,
+                "" if default is MISSING else " ?",
+            )
+            rows += (
+                f"| `{field}` | {form(hint)}{optional} | {unit} | {own.description or field} |\n"
+            )
         del sections[name]
-        sections[name] = f"### {name}\n\n{type_.__doc__.partition(chr(10))[0]}\n\n{head}{rows}\n"
+        sections[name] = (
+            f"### {name}\n\n{prose(type_.__doc__).partition(chr(10))[0]}\n\n{head}{rows}\n"
+        )
         return link
 
     for root in (Dataset, SegmentationFile, FitResult, Model, Validation):

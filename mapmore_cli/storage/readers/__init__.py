@@ -1,7 +1,9 @@
-"""Readers of recordings, one file each: whoever puts a file with a `READER` into this folder has added a format.
+"""Readers of recordings, one file each: whoever puts a file with a `READER` into this folder has
+added a format.
 
-The words of `data.reader`, the keys that each has a use for, the suffixes that ids of recordings leave out, and what `init` does with a
-file all follow from that declaration (`Reader`). Libraries that only one format needs are imported when it is read.
+The words of `data.reader`, the keys that each has a use for, the suffixes that ids of recordings
+leave out, and what `init` does with a file all follow from that declaration (`Reader`). Libraries
+that only one format needs are imported when it is read.
 """
 
 from __future__ import annotations
@@ -16,7 +18,9 @@ from mapmore_cli.storage.tables import RawTable, Reader, TableRequest
 __all__ = ["READERS", "RawTable", "Reader", "TableRequest", "reader_of", "suffix_of"]
 
 _found = [import_module(f"{__name__}.{module.name}").READER for module in iter_modules(__path__)]
-READERS: Mapping[str, Reader] = {reader.name: reader for reader in sorted(_found, key=lambda reader: reader.name)}
+READERS: Mapping[str, Reader] = {
+    reader.name: reader for reader in sorted(_found, key=lambda reader: reader.name)
+}
 """Every reader by its name, in the order of the alphabet."""
 
 

@@ -19,19 +19,44 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.spool import by_blocks, in_a_row
-from mapmore_cli.storage.tables import RawTable, Reader, SourceColumn, TableRequest, Top, locate_columns, reading
-from mapmore_cli.storage.tables.cells import NUMBER, CellReader, NotANumber, holds_number, number_of, shortened
-from mapmore_cli.storage.tables.lines import UNREADABLE, guess_encoding, is_zipped, open_lines, records_of
+from mapmore_cli.storage.tables import (
+    RawTable,
+    Reader,
+    SourceColumn,
+    TableRequest,
+    Top,
+    locate_columns,
+    reading,
+)
+from mapmore_cli.storage.tables.cells import (
+    NUMBER,
+    CellReader,
+    NotANumber,
+    holds_number,
+    number_of,
+    shortened,
+)
+from mapmore_cli.storage.tables.lines import (
+    UNREADABLE,
+    guess_encoding,
+    is_zipped,
+    open_lines,
+    records_of,
+)
 
 WHITESPACE = "whitespace"
 DELIMITERS = {"tab": "\t"}
 MARKS = ((";", "a semicolon"), ("\t", "a tab"))
 
 LAST, COMPARED, FEWEST_BEFORE = 200, 50, 10
-"""Last lines of a file that are looked at, those before the last one with which it is compared, and how many of these must be numbers."""
+"""Last lines of a file that are looked at, those before the last one with which it is compared, and
+how many of these must be numbers.
+"""
 
 CHUNK = 8192
-"""Lines held as text at one time; where one of them is out of order, all of them are read record by record."""
+"""Lines held as text at one time; where one of them is out of order, all of them are read record by
+record.
+"""
 
 Numbered = tuple[int, list[str]]
 """Line number in the file, and the fields of the record that ends there."""
@@ -39,7 +64,8 @@ Numbered = tuple[int, list[str]]
 
 @dataclass(frozen=True)
 class Layout:
-    """What is known after the header: the number of fields in a record, and of the wanted columns their places and titles.
+    """What is known after the header: the number of fields in a record, and of the wanted columns
+    their places and titles.
 
     `readers` read their cells; what they know of the stamps of a column goes from block to block.
     """
@@ -53,23 +79,30 @@ class Layout:
 def read_csv(path: Path, request: TableRequest) -> list[RawTable]:
     """Read the wanted columns of a text file.
 
-    Gzip is recognised by content, not by name; lines end in LF, CR LF or CR. Blank lines are skipped (they count as header lines and
-    as skipped rows); an empty field is NaN. Fields beyond the last column may only be blank.
+    Gzip is recognised by content, not by name; lines end in LF, CR LF or CR. Blank lines are
+    skipped (they count as header lines and as skipped rows); an empty field is NaN. Fields beyond
+    the last column may only be blank.
 
     Raises
     ------
     DataError
-        Empty, damaged or binary file; a missing column; a record with too few or too many fields; a field that is not a number.
+        Empty, damaged or binary file; a missing column; a record with too few or too many fields; a
+        field that is not a number.
     """
     with reading(request.label, "gzip file", UNREADABLE):
         try:
             with open_lines(path, request.encoding, request.label) as (lines, raw):
                 return [_parse(lines, raw, request)]
         except UnicodeError as error:
-            byte = f" (byte 0x{error.object[error.start]:02x})" if isinstance(error, UnicodeDecodeError) else f" ({error})"
+            byte = (
+                f" (byte 0x{error.object[error.start]:02x})"
+                if isinstance(error, UnicodeDecodeError)
+                else f" ({error})"
+            )
             raise DataError(
                 f"{request.label}: not a text file in {request.encoding.upper()}{byte}",
-                f"say `encoding: {guess_encoding(path)}`, which its bytes look like, or save the table in UTF-8",
+                f"say `encoding: {guess_encoding(path)}`, which its bytes look like, or save "
+                "the table in UTF-8",
             ) from error
 
 
@@ -83,21 +116,32 @@ def _parse(lines: Iterator[str], raw: BinaryIO, request: TableRequest) -> RawTab
     *_, (row, _) = [first, *islice(records, max(request.header - 1, 0))]
     leading = [] if request.header else [values_of_records([first], layout, request)]
     last: deque[str] = deque(maxlen=LAST)
-    blocks = chain(leading, _blocks(lines, row, layout, request, lambda: request.progress(raw.tell()), last))
+    blocks = chain(
+        leading, _blocks(lines, row, layout, request, lambda: request.progress(raw.tell()), last)
+    )
     begin = next(blocks, None)
     if begin is None:
         raise DataError(f"{request.label}: the file has a header but no data")
     table = in_a_row(chain([begin], blocks))
-    columns = np.ascontiguousarray(table.T) if table.flags.writeable else table.T  # what was spooled stays where it is
+    columns = (
+        np.ascontiguousarray(table.T) if table.flags.writeable else table.T
+    )  # what was spooled stays where it is
     rows = by_blocks(lambda numbers: numbers.astype(np.int64), columns[0])
     found = RawTable(dict(zip(request.columns, columns[1:], strict=True)), rows, request.label)
     return found if is_zipped(raw) else _whole(found, last, request)
 
 
 def _blocks(
-    lines: Iterator[str], row: int, layout: Layout, request: TableRequest, told: Callable[[], None], last: deque[str]
+    lines: Iterator[str],
+    row: int,
+    layout: Layout,
+    request: TableRequest,
+    told: Callable[[], None],
+    last: deque[str],
 ) -> Iterator[Array]:
-    """Yield numbers and values of the lines after `row`, (n, 1 + columns), block by block; `last` gets the last lines."""
+    """Yield numbers and values of the lines after `row`, (n, 1 + columns), block by block; `last`
+    gets the last lines.
+    """
     while block := list(islice(lines, CHUNK)):
         last.extend(block)
         end, values = row + len(block), values_of_lines(block, layout, request)
@@ -119,7 +163,9 @@ def _blocks(
 
 
 def _records(lines: Iterator[str], request: TableRequest, row: int) -> Iterator[Numbered]:
-    """Yield the records of lines, of which `row` came before; blank lines are records without fields. No line is taken before its time."""
+    """Yield the records of lines, of which `row` came before; blank lines are records without
+    fields. No line is taken before its time.
+    """
     delimiter = DELIMITERS.get(request.delimiter, request.delimiter)
     if delimiter == WHITESPACE:
         yield from ((number, line.split()) for number, line in enumerate(lines, start=row + 1))
@@ -139,12 +185,16 @@ def _layout(first: Sequence[str], request: TableRequest) -> Layout:
 
 
 def values_of_lines(lines: Sequence[str], layout: Layout, request: TableRequest) -> Array | None:
-    """Return the wanted columns, (n, columns), where every line is one record of full width with only plain numbers in them; else None.
+    """Return the wanted columns, (n, columns), where every line is one record of full width with
+    only plain numbers in them; else None.
 
-    NumPy's parser takes a twentieth of the time of `values_of_records`, and every number that it accepts is the same number there.
+    NumPy's parser takes a twentieth of the time of `values_of_records`, and every number that it
+    accepts is the same number there.
     """
     delimiter = DELIMITERS.get(request.delimiter, request.delimiter)
-    if any(read.clock and (read.format or read.form not in ("", NUMBER)) for read in layout.readers):
+    if any(
+        read.clock and (read.format or read.form not in ("", NUMBER)) for read in layout.readers
+    ):
         return None
     if request.thousands is not None and request.thousands in "".join(lines):
         return None
@@ -154,7 +204,11 @@ def values_of_lines(lines: Sequence[str], layout: Layout, request: TableRequest)
         lines = [line.replace(request.decimal, ".") for line in lines]
     if delimiter == WHITESPACE:
         values = _loaded(lines)
-        return values[:, layout.places] if values is not None and values.shape[1] == layout.width else None
+        return (
+            values[:, layout.places]
+            if values is not None and values.shape[1] == layout.width
+            else None
+        )
     if set(map(str.count, lines, repeat(delimiter))) != {layout.width - 1}:
         return None
     if '"' in "".join(lines):
@@ -177,9 +231,11 @@ def _loaded(lines: Sequence[str], **dialect: Any) -> Array | None:
 
 
 def values_of_records(records: Sequence[Numbered], layout: Layout, request: TableRequest) -> Array:
-    """Return line numbers and wanted columns of records without blank ones, (n, 1 + columns); an empty field is NaN.
+    """Return line numbers and wanted columns of records without blank ones, (n, 1 + columns); an
+    empty field is NaN.
 
-    Raises DataError for a record with too few or too many fields; a field that is not a number; with row and column.
+    Raises DataError for a record with too few or too many fields; a field that is not a number;
+    with row and column.
     """
     wanted = list(zip(layout.places, layout.titles, layout.readers, strict=True))
     values: list[float] = []
@@ -190,21 +246,33 @@ def values_of_records(records: Sequence[Numbered], layout: Layout, request: Tabl
             try:
                 values.append(read(cells[place]))
             except NotANumber as odd:
-                raise odd.at(f"{request.label}:row {row}, column {title}", separator_hint(cells)) from None
+                raise odd.at(
+                    f"{request.label}:row {row}, column {title}", separator_hint(cells)
+                ) from None
     return np.array(values, dtype=float).reshape(len(records), 1 + len(wanted))
 
 
 def _of_width(row: int, record: list[str], width: int, request: TableRequest) -> list[str]:
-    """Return the record with `width` fields: blank ones at its end do not count, and those that a short one lacks may be missing."""
+    """Return the record with `width` fields: blank ones at its end do not count, and those that a
+    short one lacks may be missing.
+    """
     if len(record) == width:
         return record
     if len(record) > width and not any(map(str.strip, record[width:])):
         return record[:width]
     if request.incomplete:
-        return [""] * width  # a closing remark, half a record, or two run into one: none of its fields can be trusted
+        return (
+            [""] * width
+        )  # a closing remark, half a record, or two run into one: none of its fields can be trusted
     few = "few" if len(record) < width else "many"
-    remedy = "Mend or remove the line; a last line that is too short means that the file was cut off. `missing: drop` leaves it out."
-    what = f"{request.label}:row {row}: too {few} fields: {len(record)}, where the first line has {width}"
+    remedy = (
+        "Mend or remove the line; a last line that is too short means that the file was cut "
+        "off. `missing: drop` leaves it out."
+    )
+    what = (
+        f"{request.label}:row {row}: too {few} fields: {len(record)}, where the first line "
+        f"has {width}"
+    )
     raise DataError(what, separator_hint(record) or remedy)
 
 
@@ -213,34 +281,57 @@ def separator_hint(record: Sequence[str]) -> str | None:
     for mark, name in MARKS:
         if any(mark in cell for cell in record):
             word = "tab" if mark == "\t" else f'"{mark}"'
-            return f'The delimiter looks like {name}: say `delimiter: {word}`, and `decimal: ","` where the numbers have commas.'
+            return (
+                f"The delimiter looks like {name}: say `delimiter: {word}`, and `decimal: "
+                '","` where the numbers have commas.'
+            )
     return None
 
 
 def _whole(table: RawTable, lines: Sequence[str], request: TableRequest) -> RawTable:
-    """Return the table, without a last line that has no end and whose last number is shorter than all before it: 254.126 was cut to 2.
+    """Return the table, without a last line that has no end and whose last number is shorter than
+    all before it: 254.126 was cut to 2.
 
     Raises DataError for such a line where missing values are errors.
     """
     if not lines or lines[-1].endswith(("\n", "\r")):
         return table
-    delimiter = None if request.delimiter == WHITESPACE else DELIMITERS.get(request.delimiter, request.delimiter)
+    delimiter = (
+        None
+        if request.delimiter == WHITESPACE
+        else DELIMITERS.get(request.delimiter, request.delimiter)
+    )
     *before, last = [line.strip().split(delimiter)[-1].strip() for line in lines if line.strip()]
     if not _is_cut_short(last, before[-COMPARED:], request.decimal):
         return table
-    said = f"the last line has no end, and its last number, {shortened(last)}, has fewer digits than those before it"
+    said = (
+        f"the last line has no end, and its last number, {shortened(last)}, has fewer digits "
+        "than those before it"
+    )
     if not request.incomplete:
-        remedy = "Get the whole file again. `missing: drop` leaves the line out; a line end behind it says that it is whole."
-        raise DataError(f"{request.label}:row {table.rows[-1]}: {said}: the file was cut off", remedy)
+        remedy = (
+            "Get the whole file again. `missing: drop` leaves the line out; a line end behind "
+            "it says that it is whole."
+        )
+        raise DataError(
+            f"{request.label}:row {table.rows[-1]}: {said}: the file was cut off", remedy
+        )
     columns = {name: column[:-1] for name, column in table.columns.items()}
-    return replace(table, columns=columns, rows=table.rows[:-1], doubts=(f"{request.label}: {said}: it is left out",))
+    return replace(
+        table,
+        columns=columns,
+        rows=table.rows[:-1],
+        doubts=(f"{request.label}: {said}: it is left out",),
+    )
 
 
 def _is_cut_short(last: str, before: Sequence[str], decimal: str) -> bool:
-    """Whether a number looks cut off beside ten or more numbers `before` it: it has fewer digits behind the mark than all of them.
+    """Whether a number looks cut off beside ten or more numbers `before` it: it has fewer digits
+    behind the mark than all of them.
 
-    It has to have three fewer, or none, where theirs vary: of 51 numbers as `repr` writes them, the last one may be the shortest.
-    A whole number among whole ones is shorter than all, and less than half of the smallest: 98 may follow 101, 25 hardly follows 254.
+    It has to have three fewer, or none, where theirs vary: of 51 numbers as `repr` writes them, the
+    last one may be the shortest. A whole number among whole ones is shorter than all, and less than
+    half of the smallest: 98 may follow 101, 25 hardly follows 254.
     """
 
     def size(cell: str) -> float:
@@ -253,11 +344,17 @@ def _is_cut_short(last: str, before: Sequence[str], decimal: str) -> bool:
     digits = {len(cell.partition(decimal)[2]) for cell in values}
     if min(digits):
         return len(last.partition(decimal)[2]) < max(1, min(digits) - 2 * (len(digits) > 1))
-    return decimal not in last and len(last) < min(map(len, values)) and size(last) < min(values.values()) / 2
+    return (
+        decimal not in last
+        and len(last) < min(map(len, values))
+        and size(last) < min(values.values()) / 2
+    )
 
 
 def peek_csv(path: Path, most: int) -> Iterable[Top]:
-    """Return the first lines of a text file, cut in every way that is usual; those with decimal points first."""
+    """Return the first lines of a text file, cut in every way that is usual; those with decimal
+    points first.
+    """
     with reading(path.name, "gzip file", UNREADABLE):
         encoding = guess_encoding(path)
         with open_lines(path, encoding, path.name, errors="replace") as (taken, _):
@@ -273,9 +370,15 @@ def peek_csv(path: Path, most: int) -> Iterable[Top]:
 
 
 def _cut(lines: Sequence[str], delimiter: str | None) -> list[list[str]]:
-    """Lines cut at the delimiter, at any run of blanks where it is None; blank lines have no fields."""
+    """Lines cut at the delimiter, at any run of blanks where it is None; blank lines have no
+    fields.
+    """
     try:
-        return [line.split() for line in lines] if delimiter is None else list(csv.reader(lines, delimiter=delimiter))
+        return (
+            [line.split() for line in lines]
+            if delimiter is None
+            else list(csv.reader(lines, delimiter=delimiter))
+        )
     except csv.Error:  # quotes that never close
         return []
 

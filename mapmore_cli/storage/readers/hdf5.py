@@ -1,6 +1,8 @@
-"""HDF5 and netCDF-4 files, and those that MATLAB wrote: groups, datasets, and fields of compound datasets, as `group/dataset[:,0]`.
+"""HDF5 and netCDF-4 files, and those that MATLAB wrote: groups, datasets, and fields of compound
+datasets, as `group/dataset[:,0]`.
 
-`root: "group[*]"` takes the members of a group in natural order (run_2 before run_10). Only the wanted columns are read.
+`root: "group[*]"` takes the members of a group in natural order (run_2 before run_10). Only the
+wanted columns are read.
 """
 
 from __future__ import annotations
@@ -17,12 +19,28 @@ from typing import Any
 import numpy as np
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.tables import BOMB_RATIO, BOMB_SIZE, Noted, TableRequest, reading, refuse_bombs
-from mapmore_cli.storage.tables.members import Member, Selection, array_of, group_of, size_in_words, tree_reader
+from mapmore_cli.storage.tables import (
+    BOMB_RATIO,
+    BOMB_SIZE,
+    Noted,
+    TableRequest,
+    reading,
+    refuse_bombs,
+)
+from mapmore_cli.storage.tables.members import (
+    Member,
+    Selection,
+    array_of,
+    group_of,
+    size_in_words,
+    tree_reader,
+)
 
 
 @contextmanager
-def opened_hdf5(path: Path, label: str, _request: TableRequest | None = None, kind: str = "HDF5 file") -> Iterator[Member]:
+def opened_hdf5(
+    path: Path, label: str, _request: TableRequest | None = None, kind: str = "HDF5 file"
+) -> Iterator[Member]:
     """Open an HDF5 file; one that MATLAB wrote is read as the MAT file that it is.
 
     Raises DataError for no HDF5 file, a damaged one, and one that points into other files.
@@ -42,7 +60,9 @@ def opened_hdf5(path: Path, label: str, _request: TableRequest | None = None, ki
 
 def _member(found: Any) -> Member:
     if hasattr(found, "keys"):
-        return group_of(f"a group of {len(found)}", list(found), lambda name: _member(_there(found, name)))
+        return group_of(
+            f"a group of {len(found)}", list(found), lambda name: _member(_there(found, name))
+        )
     if getattr(found, "shape", None) is None:
         return EMPTY
     fields = found.dtype.names
@@ -54,7 +74,9 @@ def _member(found: Any) -> Member:
 
         return Member(f"a table of {size}", fields, member=field)
     said = {name: value for name in PACKING if (value := _attribute(found, name)) is not None}
-    if wrong := [name for name, value in said.items() if isinstance(value, str) and name != UNSIGNED]:
+    if wrong := [
+        name for name, value in said.items() if isinstance(value, str) and name != UNSIGNED
+    ]:
         raise DataError(f"{found.name}: its attribute {wrong[0]} is no number", "write it as one")
     read = _reader(found, None)
     unit = next(filter(None, (_attribute(found, name) for name in UNIT)), "")
@@ -66,11 +88,17 @@ def _member(found: Any) -> Member:
 def _there(group: Any, name: str) -> Any:
     found = group.get(name)
     if found is None:
-        raise DataError(f"'{name}' is a link that leads nowhere", "get the whole file again, or name another array")
+        raise DataError(
+            f"'{name}' is a link that leads nowhere",
+            "get the whole file again, or name another array",
+        )
     return found
 
 
-LONGEST, REFERENCE = 4096, 16  # bytes of an attribute that is read, and of what leads to a text of any length
+LONGEST, REFERENCE = (
+    4096,
+    16,
+)  # bytes of an attribute that is read, and of what leads to a text of any length
 UNIT = ("units", "unit", "Units", "Unit")
 UNSIGNED, MISSING = "_Unsigned", ("_FillValue", "missing_value")
 LIMITS = ("valid_range", "valid_min", "valid_max")
@@ -79,7 +107,9 @@ PACKING = ("scale_factor", "add_offset", *LIMITS, UNSIGNED, *MISSING)
 
 
 def _attribute(found: Any, name: str) -> Any:
-    """Return the numbers of an attribute, or its one text; None where there is none, or one that is too long."""
+    """Return the numbers of an attribute, or its one text; None where there is none, or one that is
+    too long.
+    """
     from h5py import h5a
 
     if name not in found.attrs:
@@ -95,18 +125,28 @@ def _attribute(found: Any, name: str) -> Any:
 
 
 def _meant(stored: Any, said: Mapping[str, Any]) -> Any:
-    """Return what stored numbers mean: NaN where they stand for missing values or are not valid, the others scaled."""
+    """Return what stored numbers mean: NaN where they stand for missing values or are not valid,
+    the others scaled.
+    """
     kind = stored.dtype.kind
     if str(said.get(UNSIGNED)).casefold() == "true" and kind == "i":
         stored = stored.astype(f"u{stored.dtype.itemsize}")
-        said = {key: value.astype(stored.dtype) if np.asarray(value).dtype.kind == "i" else value for key, value in said.items()}
-    numbers = stored.astype(np.float64) * said.get("scale_factor", [1.0])[0] + said.get("add_offset", [0.0])[0]
+        said = {
+            key: value.astype(stored.dtype) if np.asarray(value).dtype.kind == "i" else value
+            for key, value in said.items()
+        }
+    numbers = (
+        stored.astype(np.float64) * said.get("scale_factor", [1.0])[0]
+        + said.get("add_offset", [0.0])[0]
+    )
     marks = np.concatenate([np.zeros(0), *(said[key] for key in MISSING if key in said)])
     with np.errstate(over="ignore"):
         missing = np.isin(stored, marks.astype(stored.dtype) if kind == "f" else marks)
     least, most = said.get("valid_range", [-np.inf, np.inf])
     least, most = said.get("valid_min", [least])[0], said.get("valid_max", [most])[0]
-    meant = any(said[key].dtype.kind == "f" for key in LIMITS if key in said)  # rather than of the type that is stored
+    meant = any(
+        said[key].dtype.kind == "f" for key in LIMITS if key in said
+    )  # rather than of the type that is stored
     limited = numbers if meant and kind != "f" else stored
     return np.where(missing | (limited < least) | (limited > most), np.nan, numbers)
 
@@ -124,14 +164,24 @@ def _reader(dataset: Any, field: str | None) -> Callable[[Selection], Any]:
         values = own if field is None else own.fields(field)
         if kind.kind != "O" or not dataset.shape:
             return values[selection]
-        return _texts(dataset, values)[selection] if h5py.check_string_dtype(kind) else np.zeros(1, dtype="V1")
+        return (
+            _texts(dataset, values)[selection]
+            if h5py.check_string_dtype(kind)
+            else np.zeros(1, dtype="V1")
+        )
 
     return read
 
 
 def _texts(dataset: Any, values: Any) -> Any:
-    """Return texts of any length. They are read in parts that cannot fill the memory, up to the limit of what a file may unpack to."""
-    size, parts, total = dataset.file.id.get_filesize(), [np.zeros((0, *dataset.shape[1:]), dtype=object)], 0
+    """Return texts of any length. They are read in parts that cannot fill the memory, up to the
+    limit of what a file may unpack to.
+    """
+    size, parts, total = (
+        dataset.file.id.get_filesize(),
+        [np.zeros((0, *dataset.shape[1:]), dtype=object)],
+        0,
+    )
     step = max(1, BOMB_SIZE // max(size * math.prod(dataset.shape[1:]), 1))
     for begin in range(0, len(dataset), step):
         parts.append(values[begin : begin + step])
@@ -140,30 +190,43 @@ def _texts(dataset: Any, values: Any) -> Any:
     return np.concatenate(parts)
 
 
-# As MATLAB 7.3 writes them: the axes lie in the opposite order, and cells and elements of struct arrays are references ------------------
+# As MATLAB 7.3 writes them: the axes lie in the opposite order, and cells and elements of struct
+# arrays are references ------------------
 
 
 def _matlab_struct(group: Any, kind: str = "a struct") -> Member:
-    names = [name for name in group if not name.startswith("#")]  # #refs# and #subsystem# are MATLAB's own
+    names = [
+        name for name in group if not name.startswith("#")
+    ]  # #refs# and #subsystem# are MATLAB's own
 
     def member(name: str) -> Member:
         return _matlab_member(group[name])
 
-    return group_of(kind, names, member) if kind == "the file" else Member(kind, names, member=member)
+    return (
+        group_of(kind, names, member) if kind == "the file" else Member(kind, names, member=member)
+    )
 
 
 def _matlab_member(found: Any) -> Member:
     if np.any(_attribute(found, "MATLAB_object_decode")):
         raise object_of_matlab(found.name.lstrip("/"), _class_of(found))
     if not hasattr(found, "keys"):
-        return _cell_array(found) if _class_of(found) == "cell" and _holds_references(found) else _array(found)
+        return (
+            _cell_array(found)
+            if _class_of(found) == "cell" and _holds_references(found)
+            else _array(found)
+        )
     fields = list(found.values())
     if not fields or not all(_holds_references(field) and not _class_of(field) for field in fields):
         return _matlab_struct(found)
     names = list(found)  # of a struct array: each is an array of references, one for each element
 
     def element(index: int) -> Member:
-        return Member(f"element {index} of a struct array", names, member=lambda name: _referred(found[name], index))
+        return Member(
+            f"element {index} of a struct array",
+            names,
+            member=lambda name: _referred(found[name], index),
+        )
 
     return Member(f"a struct array of {fields[0].size}", count=int(fields[0].size), element=element)
 
@@ -184,7 +247,9 @@ def _array(dataset: Any) -> Member:
     if _class_of(dataset) == "char":  # stored as numbers: UTF-16
         return Member("text", values=lambda _: np.array([b"text"]))
     if dataset.dtype.names:  # real and imag
-        return Member("an array of complex numbers", values=lambda _: np.zeros(1, dtype=np.complex128))
+        return Member(
+            "an array of complex numbers", values=lambda _: np.zeros(1, dtype=np.complex128)
+        )
     shape = dataset.shape[::-1]
 
     def read(selection: Selection) -> Any:
@@ -216,40 +281,55 @@ def _referred(dataset: Any, index: int) -> Member:
 def object_of_matlab(name: str, of_class: str) -> DataError:
     """Return what is told of a value whose parts MATLAB alone can make out."""
     return DataError(
-        f"'{name}' is an object of MATLAB ({of_class or 'a table, datetime, timeseries, string or the like'}), not an array of numbers",
-        "save plain arrays in MATLAB: `S = table2struct(T, 'ToScalar', true); save('log.mat', '-struct', 'S')`, or use `writetable`",
+        f"'{name}' is an object of MATLAB "
+        f"({of_class or 'a table, datetime, timeseries, string or the like'}), not an array "
+        "of numbers",
+        "save plain arrays in MATLAB: `S = table2struct(T, 'ToScalar', true); save('log.mat', "
+        "'-struct', 'S')`, or use `writetable`",
     )
 
 
-# What is refused before a value is read -------------------------------------------------------------------------------------------------
+# What is refused before a value is read
+# -------------------------------------------------------------------------------------------------
 
 _read: ContextVar[dict[str, int]] = ContextVar("_read")
 """Bytes of each array of the open file that was read so far, by its name."""
 
 
 def _refuse_other_files(file: Any, label: str) -> None:
-    """Raise DataError for links to other files, before one is followed: they may lead anywhere on this computer."""
+    """Raise DataError for links to other files, before one is followed: they may lead anywhere on
+    this computer.
+    """
     from h5py import h5l
 
     def other(name: bytes, info: Any) -> bytes | None:
         return name if info.type == h5l.TYPE_EXTERNAL else None
 
     if name := file.id.links.visit(other, info=True):
-        raise DataError(f"{label}: '{name.decode(errors='replace')}' is a link to another file", "name that file itself in `files`")
+        raise DataError(
+            f"{label}: '{name.decode(errors='replace')}' is a link to another file",
+            "name that file itself in `files`",
+        )
     _read.set({})
 
 
 def _own_values(dataset: Any, selection: Selection = ()) -> Any:
     """Return the dataset, of which a selection is read next.
 
-    Raises DataError where its values lie in other files (external storage, virtual datasets), and where all that was asked for of its file
-    is far larger than the file.
+    Raises DataError where its values lie in other files (external storage, virtual datasets), and
+    where all that was asked for of its file is far larger than the file.
     """
     if dataset.external or dataset.is_virtual:
-        raise DataError(f"{dataset.name} takes its values from other files", "write the values into the file itself")
+        raise DataError(
+            f"{dataset.name} takes its values from other files",
+            "write the values into the file itself",
+        )
     _refuse_other_filters(dataset)
     read = _read.get({})
-    lengths = [1 if isinstance(one, int) else length for one, length in zip_longest(selection, dataset.shape)]
+    lengths = [
+        1 if isinstance(one, int) else length
+        for one, length in zip_longest(selection, dataset.shape)
+    ]
     read[f"{dataset.name}{selection}"] = math.prod(lengths) * dataset.dtype.itemsize
     refuse_bombs(dataset.name, sum(read.values()), dataset.file.id.get_filesize())
     return dataset
@@ -268,12 +348,20 @@ def _refuse_other_filters(dataset: Any) -> None:
         if not h5z.filter_avail(code):
             called = f"{code} ({name.decode(errors='replace')})" if name else str(code)
             what = f"{dataset.name} is packed by the filter {called}, which is not installed"
-            raise DataError(what, "install it with: pip install hdf5plugin; or write the file without it, by `h5repack -f NONE`")
+            raise DataError(
+                what,
+                "install it with: pip install hdf5plugin; or write the file without it, by "
+                "`h5repack -f NONE`",
+            )
 
 
 def _check_fit(selection: Selection, shape: Sequence[int]) -> None:
-    """Raise IndexError, as NumPy does and h5py does not, for a selection beyond an array of a shape."""
-    if len(selection) > len(shape) or any(isinstance(i, int) and i >= n for i, n in zip(selection, shape, strict=False)):
+    """Raise IndexError, as NumPy does and h5py does not, for a selection beyond an array of a
+    shape.
+    """
+    if len(selection) > len(shape) or any(
+        isinstance(i, int) and i >= n for i, n in zip(selection, shape, strict=False)
+    ):
         raise IndexError(selection)
 
 

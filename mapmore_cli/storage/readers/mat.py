@@ -1,7 +1,9 @@
-"""MATLAB files: versions 5 to 7 from their bytes, 4 through SciPy, 7.3 through HDF5; the content decides, not the name.
+"""MATLAB files: versions 5 to 7 from their bytes, 4 through SciPy, 7.3 through HDF5; the content
+decides, not the name.
 
-Arrays are addressed as `run.P`, `train[3].y[:,0]`; `root: "train[*]"` takes every element of a cell or struct array. Indices count from 0;
-cell and struct arrays have one index, in MATLAB's order. Only the variables that are named are unpacked.
+Arrays are addressed as `run.P`, `train[3].y[:,0]`; `root: "train[*]"` takes every element of a cell
+or struct array. Indices count from 0; cell and struct arrays have one index, in MATLAB's order.
+Only the variables that are named are unpacked.
 
 SciPy reads all of them, but damaged ones from version 5 on crash its machine code.
 """
@@ -26,7 +28,13 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.readers.hdf5 import EMPTY, object_of_matlab, opened_hdf5
 from mapmore_cli.storage.tables import BOMB_RATIO, BOMB_SIZE, TableRequest, reading, refuse_bombs
-from mapmore_cli.storage.tables.members import Member, array_of, group_of, size_in_words, tree_reader
+from mapmore_cli.storage.tables.members import (
+    Member,
+    array_of,
+    group_of,
+    size_in_words,
+    tree_reader,
+)
 
 KIND = "MAT file"
 MATRIX, COMPRESSED, BYTES, LOGICAL, COMPLEX = 14, 15, 2, 0x200, 0x800
@@ -43,7 +51,8 @@ MOST_ELEMENTS = 100_000  # of a cell or struct array, which are looked at one by
 def opened_mat(path: Path, label: str, request: TableRequest | None) -> Iterator[Member]:
     """Open a file of any version.
 
-    Raises DataError for no MAT file, or a damaged one; and for a MATLAB object (a table, datetime, ...) that is asked for.
+    Raises DataError for no MAT file, or a damaged one; and for a MATLAB object (a table, datetime,
+    ...) that is asked for.
     """
     import h5py
 
@@ -56,7 +65,11 @@ def opened_mat(path: Path, label: str, request: TableRequest | None) -> Iterator
         if 0 in whole[:4]:  # as in version 4 alone
             known = dict(_version_4(path, len(whole)))
         else:
-            known = dict(_Version5({b"IM": "<", b"MI": ">"}[bytes(whole[126:128])], len(whole)).variables(whole[128:]))
+            known = dict(
+                _Version5({b"IM": "<", b"MI": ">"}[bytes(whole[126:128])], len(whole)).variables(
+                    whole[128:]
+                )
+            )
         yield group_of("the file", sorted(known), lambda name: known[name](name))
 
 
@@ -72,10 +85,14 @@ class _Version5:
     file_size: int
 
     def variables(self, content: memoryview) -> Iterator[tuple[str, Any]]:
-        """Yield the name of each variable, and what reads it under the name that messages have for it."""
+        """Yield the name of each variable, and what reads it under the name that messages have for
+        it.
+        """
         for kind, part in self.elements(content):
             if kind in (MATRIX, COMPRESSED) and part:
-                inside = self.elements(self.unpacked(part, HEAD)[8:] if kind == COMPRESSED else part)
+                inside = self.elements(
+                    self.unpacked(part, HEAD)[8:] if kind == COMPRESSED else part
+                )
                 if self.numbers(next(inside))[0] & 0xFF != OPAQUE:
                     next(inside)  # the size
                 if name := _letters(next(inside)):  # MATLAB's own have none
@@ -83,7 +100,9 @@ class _Version5:
 
     def variable(self, kind: int, part: memoryview, name: str) -> Member:
         if kind == COMPRESSED:
-            ((_, part),) = self.elements(self.unpacked(part, max(BOMB_SIZE, BOMB_RATIO * self.file_size) + 1))
+            ((_, part),) = self.elements(
+                self.unpacked(part, max(BOMB_SIZE, BOMB_RATIO * self.file_size) + 1)
+            )
         return self.member(part, name)
 
     def unpacked(self, part: memoryview, most: int) -> memoryview:
@@ -95,7 +114,9 @@ class _Version5:
         return memoryview(found)
 
     def elements(self, content: memoryview) -> Iterator[Element]:
-        """Yield what stands one behind another; ValueError for an element that goes on beyond the end of what was written."""
+        """Yield what stands one behind another; ValueError for an element that goes on beyond the
+        end of what was written.
+        """
         place = 0
         while place < len(content):
             kind, size = struct.unpack_from(f"{self.order}II", content, place)
@@ -117,44 +138,79 @@ class _Version5:
         parts = self.elements(content)
         flags = int(self.numbers(next(parts))[0])
         of_class = flags & 0xFF
-        if of_class in (OBJECT, FUNCTION, OPAQUE):  # an object's class stands behind its size and its name
-            raise object_of_matlab(name, "a function" if of_class == FUNCTION else [_letters(part) for part in islice(parts, 3)][2])
+        if of_class in (
+            OBJECT,
+            FUNCTION,
+            OPAQUE,
+        ):  # an object's class stands behind its size and its name
+            raise object_of_matlab(
+                name,
+                "a function"
+                if of_class == FUNCTION
+                else [_letters(part) for part in islice(parts, 3)][2],
+            )
         shape = tuple(self.numbers(next(parts)).astype(np.uint32).tolist())
         next(parts)  # the name
         if of_class in (CELL, STRUCT):
             return self.collection(parts, of_class, shape, name)
-        stored = np.complex128 if flags & COMPLEX else np.float64  # complex numbers are refused, whatever they are
+        stored = (
+            np.complex128 if flags & COMPLEX else np.float64
+        )  # complex numbers are refused, whatever they are
         if of_class == SPARSE:
             rows, ends, values = (next(parts) for _ in range(3))
             last = self.numbers(ends).clip(0, len(rows[1]))  # of each column, among the rows
             columns = np.repeat(np.arange(len(last) - 1), np.diff(last))
-            numbers = self.numbers((BYTES, values[1]) if flags & LOGICAL else values)[: len(columns)]  # whatever type it says
-            return _sparse((self.numbers(rows)[: len(columns)], columns), numbers.astype(stored), shape, self.file_size)
+            numbers = self.numbers((BYTES, values[1]) if flags & LOGICAL else values)[
+                : len(columns)
+            ]  # whatever type it says
+            return _sparse(
+                (self.numbers(rows)[: len(columns)], columns),
+                numbers.astype(stored),
+                shape,
+                self.file_size,
+            )
         if of_class == TEXT:
             width, letters = self.numbers(part := next(parts)).itemsize, bytes(part[1])
             end = "le" if self.order == "<" else "be"
-            text = letters.decode({1: "utf-8", 2: f"utf-16-{end}"}.get(width, f"utf-32-{end}"), "replace")
+            text = letters.decode(
+                {1: "utf-8", 2: f"utf-16-{end}"}.get(width, f"utf-32-{end}"), "replace"
+            )
             return Member("text", values=lambda _: np.array([text]))
         array = self.numbers(next(parts)).reshape(shape, order="F").astype(stored)
         return array_of(array.__getitem__, shape)
 
-    def collection(self, parts: Iterator[Element], of_class: int, shape: tuple[int, ...], name: str) -> Member:
+    def collection(
+        self, parts: Iterator[Element], of_class: int, shape: tuple[int, ...], name: str
+    ) -> Member:
         names = []
         if of_class == STRUCT:
             width, letters = int(self.numbers(next(parts))[0]), next(parts)[1]
-            names = [_letters((BYTES, letters[i : i + width])) for i in range(0, len(letters), width)]
+            names = [
+                _letters((BYTES, letters[i : i + width])) for i in range(0, len(letters), width)
+            ]
         inner = [part for _, part in islice(parts, MOST_ELEMENTS + 1)]
         if len(inner) > MOST_ELEMENTS:
-            raise DataError(f"'{name}' has more than {MOST_ELEMENTS} elements", "save the measurements as arrays of numbers")
+            raise DataError(
+                f"'{name}' has more than {MOST_ELEMENTS} elements",
+                "save the measurements as arrays of numbers",
+            )
         count = math.prod(shape)
         if len(inner) != count * (len(names) or of_class == CELL):
             raise ValueError(f"{len(inner)} elements of {count}")
         if of_class == CELL:
-            return Member(f"a cell array of {size_in_words(shape)}", count=count, element=lambda i: self.member(inner[i], f"{name}[{i}]"))
+            return Member(
+                f"a cell array of {size_in_words(shape)}",
+                count=count,
+                element=lambda i: self.member(inner[i], f"{name}[{i}]"),
+            )
 
         def element(number: int, kind: str = "a struct") -> Member:
-            own = dict(zip(names, inner[number * len(names) : (number + 1) * len(names)], strict=True))
-            return Member(kind, names, member=lambda field: self.member(own[field], f"{name}.{field}"))
+            own = dict(
+                zip(names, inner[number * len(names) : (number + 1) * len(names)], strict=True)
+            )
+            return Member(
+                kind, names, member=lambda field: self.member(own[field], f"{name}.{field}")
+            )
 
         if count == 1 and names:
             return element(0)
@@ -165,7 +221,9 @@ def _letters(element: Element) -> str:
     return bytes(element[1]).rstrip(b"\0").decode(errors="replace")
 
 
-def _sparse(places: tuple[Any, Any], values: Array, shape: tuple[int, ...], file_size: int) -> Member:
+def _sparse(
+    places: tuple[Any, Any], values: Array, shape: tuple[int, ...], file_size: int
+) -> Member:
     """Return a sparse matrix with its zeros, of which there may be far too many."""
     refuse_bombs(f"a sparse matrix of {size_in_words(shape)}", 8 * math.prod(shape), file_size)
     dense = np.zeros(shape, dtype=values.dtype)
@@ -174,7 +232,9 @@ def _sparse(places: tuple[Any, Any], values: Array, shape: tuple[int, ...], file
 
 
 def _version_4(path: Path, file_size: int) -> Iterator[tuple[str, Any]]:
-    """Yield the name of each variable, and what makes a member of it; SciPy reads this version by NumPy alone."""
+    """Yield the name of each variable, and what makes a member of it; SciPy reads this version by
+    NumPy alone.
+    """
     from scipy.io import loadmat
 
     def member(value: Any, _name: str) -> Member:
@@ -183,7 +243,9 @@ def _version_4(path: Path, file_size: int) -> Iterator[tuple[str, Any]]:
         return array_of(value.__getitem__, value.shape)
 
     with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "The default value for `spmatrix`", DeprecationWarning)  # either kind has rows and columns
+        warnings.filterwarnings(
+            "ignore", "The default value for `spmatrix`", DeprecationWarning
+        )  # either kind has rows and columns
         variables = loadmat(str(path), appendmat=False)
     for name, value in variables.items():
         if not name.startswith("__"):

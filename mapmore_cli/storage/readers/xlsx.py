@@ -1,4 +1,6 @@
-"""Workbooks (.xlsx), read row by row with openpyxl; formulas count with the values that were last computed."""
+"""Workbooks (.xlsx), read row by row with openpyxl; formulas count with the values that were last
+computed.
+"""
 
 from __future__ import annotations
 
@@ -37,14 +39,16 @@ Row = tuple[int, tuple[Any, ...]]
 
 
 def read_xlsx(path: Path, request: TableRequest) -> list[RawTable]:
-    """Read the wanted columns of one sheet of a workbook, or of every sheet that the request's glob names.
+    """Read the wanted columns of one sheet of a workbook, or of every sheet that the request's glob
+    names.
 
     Empty rows are skipped (they count as header lines and as skipped rows); an empty cell is NaN.
 
     Raises
     ------
     DataError
-        No workbook, or a damaged one; a missing sheet or column; a cell that is not a number; openpyxl not installed.
+        No workbook, or a damaged one; a missing sheet or column; a cell that is not a number;
+        openpyxl not installed.
     """
     with _opened(path, request.label) as book:
         sheets, doubts = _sheets(book, request)
@@ -53,7 +57,9 @@ def read_xlsx(path: Path, request: TableRequest) -> list[RawTable]:
 
 
 def peek_xlsx(path: Path, most: int) -> Iterable[Top]:
-    """Return the first rows of every sheet that has some, the first one's first; a later sheet has to be named."""
+    """Return the first rows of every sheet that has some, the first one's first; a later sheet has
+    to be named.
+    """
     tops = []
     with _opened(path, path.name) as book:
         for number, sheet in enumerate(_visible(book)):
@@ -61,7 +67,14 @@ def peek_xlsx(path: Path, most: int) -> Iterable[Top]:
             rows = _even([list(row) for row in islice(sheet.iter_rows(values_only=True), most)])
             if rows or not number:
                 settings = {"sheet": sheet.title} if number else {}
-                tops.append(Top(rows, lambda cell: not isinstance(cell, str) and holds_number(cell), settings, sheet=sheet.title))
+                tops.append(
+                    Top(
+                        rows,
+                        lambda cell: not isinstance(cell, str) and holds_number(cell),
+                        settings,
+                        sheet=sheet.title,
+                    )
+                )
     return tops
 
 
@@ -74,10 +87,17 @@ def _opened(path: Path, label: str) -> Iterator[Any]:
 
 
 def _even(rows: list[list[Any]]) -> list[list[Any]]:
-    """Return the rows, those with numbers as long as the longest of these: a row ends at its last cell that is filled."""
+    """Return the rows, those with numbers as long as the longest of these: a row ends at its last
+    cell that is filled.
+    """
     numbers = [any(isinstance(cell, int | float) for cell in row) for row in rows]
-    width = max((len(row) for row, has_some in zip(rows, numbers, strict=True) if has_some), default=0)
-    return [[*row, *[None] * (width - len(row))] if has_some else row for row, has_some in zip(rows, numbers, strict=True)]
+    width = max(
+        (len(row) for row, has_some in zip(rows, numbers, strict=True) if has_some), default=0
+    )
+    return [
+        [*row, *[None] * (width - len(row))] if has_some else row
+        for row, has_some in zip(rows, numbers, strict=True)
+    ]
 
 
 def _refuse_bombs(path: Path, label: str) -> None:
@@ -85,7 +105,10 @@ def _refuse_bombs(path: Path, label: str) -> None:
     with zipfile.ZipFile(path) as archive:
         sheets = sum(name.startswith("xl/worksheets/") for name in archive.namelist())
         if sheets > MOST_SHEETS:
-            raise DataError(f"{label}: has {sheets} sheets, more than {MOST_SHEETS}", "split the workbook, or save the tables as CSV")
+            raise DataError(
+                f"{label}: has {sheets} sheets, more than {MOST_SHEETS}",
+                "split the workbook, or save the tables as CSV",
+            )
         for member in archive.infolist():
             refuse_bombs(f"{label}: {member.filename}", member.file_size, member.compress_size)
 
@@ -95,8 +118,11 @@ def _visible(book: Any) -> list[Any]:
     return [sheet for sheet in book.worksheets if sheet.sheet_state == "visible"] or book.worksheets
 
 
-def _sheets(book: Any, request: TableRequest) -> tuple[list[tuple[str | None, Any]], tuple[str, ...]]:
-    """Return the sheets to read, with their titles where a glob chose them, and doubts about the choice.
+def _sheets(
+    book: Any, request: TableRequest
+) -> tuple[list[tuple[str | None, Any]], tuple[str, ...]]:
+    """Return the sheets to read, with their titles where a glob chose them, and doubts about the
+    choice.
 
     Hidden sheets are read where they are named. Of several, those that are empty are left out.
     """
@@ -104,8 +130,15 @@ def _sheets(book: Any, request: TableRequest) -> tuple[list[tuple[str | None, An
     if not visible:
         raise DataError(f"{request.label}: has no sheet with cells", "save the table into a sheet")
     if request.sheet is None:
-        others = [sheet.title for sheet in visible[1:] if next(_filled(_rows(sheet, request)), None) is not None]
-        told = f"{request.label}: the sheet '{visible[0].title}' is read, and not {', '.join(others[:4])}; say which by `sheet`"
+        others = [
+            sheet.title
+            for sheet in visible[1:]
+            if next(_filled(_rows(sheet, request)), None) is not None
+        ]
+        told = (
+            f"{request.label}: the sheet '{visible[0].title}' is read, and not "
+            f"{', '.join(others[:4])}; say which by `sheet`"
+        )
         return [(None, visible[0])], (told,) if others else ()
     if request.sheet in sheets:
         return [(None, sheets[request.sheet])], ()
@@ -113,22 +146,32 @@ def _sheets(book: Any, request: TableRequest) -> tuple[list[tuple[str | None, An
     if not found:
         remedy = known_names(request.sheet, list(sheets), "The workbook has")
         raise DataError(f"{request.label}: there is no sheet '{request.sheet}'", remedy)
-    return [one for one in found if next(_filled(_rows(one[1], request)), None) is not None] or found, ()
+    return [
+        one for one in found if next(_filled(_rows(one[1], request)), None) is not None
+    ] or found, ()
 
 
-def _refuse_what_only_seems_empty(sheet: Any, table: RawTable, places: Mapping[SourceColumn, int], above: int) -> None:
-    """Raise DataError where a value is missing since it was never computed, or stands in the first of merged cells.
+def _refuse_what_only_seems_empty(
+    sheet: Any, table: RawTable, places: Mapping[SourceColumn, int], above: int
+) -> None:
+    """Raise DataError where a value is missing since it was never computed, or stands in the first
+    of merged cells.
 
     `above` is the last row of the header.
     """
-    parsing, cells = (optional_library(f"openpyxl.{part}", "openpyxl", table.label) for part in ("xml.functions", "utils.cell"))
+    parsing, cells = (
+        optional_library(f"openpyxl.{part}", "openpyxl", table.label)
+        for part in ("xml.functions", "utils.cell")
+    )
     with sheet._get_source() as source:
         for _, part in parsing.iterparse(source):
             tag = part.tag.rpartition("}")[2]
             inner = {one.tag.rpartition("}")[2]: one.text for one in part}
             if tag == "row":
                 part.clear()
-            has_value = inner.get("v") or ("v" in inner and part.get("t") == "str")  # a text may be empty
+            has_value = inner.get("v") or (
+                "v" in inner and part.get("t") == "str"
+            )  # a text may be empty
             is_formula = tag == "c" and "f" in inner and not has_value
             reference = part.get("ref" if tag == "mergeCell" else "r")
             if reference is None or not (is_formula or tag == "mergeCell"):
@@ -137,20 +180,34 @@ def _refuse_what_only_seems_empty(sheet: Any, table: RawTable, places: Mapping[S
             inside = slice(*np.searchsorted(table.rows, (top, bottom + 1)))
             for column in (name for name, place in places.items() if left <= place + 1 <= right):
                 rows = table.rows[inside][np.isnan(table.columns[column][inside])].tolist()
-                what = f"is one of the merged cells {reference}", "unmerge them, and write the value into each row"
+                what = (
+                    f"is one of the merged cells {reference}",
+                    "unmerge them, and write the value into each row",
+                )
                 if is_formula:
                     rows = [top] if top > above else []
-                    what = "is a formula that was never computed", "open the workbook in Excel or LibreOffice and save it"
+                    what = (
+                        "is a formula that was never computed",
+                        "open the workbook in Excel or LibreOffice and save it",
+                    )
                 for row in rows:
                     raise DataError(f"{table.label}:row {row}, column {column}: {what[0]}", what[1])
 
 
 def _rows(sheet: Any, request: TableRequest) -> Iterator[Row]:
-    """Yield the rows of a sheet; DataError for one that lies where no sheet has rows: all between would be passed over one by one."""
-    sheet.reset_dimensions()  # what other programs write there is often wrong, and would cut the sheet
-    for number, row in islice(enumerate(sheet.iter_rows(values_only=True), start=1), request.skip_rows, None):
+    """Yield the rows of a sheet; DataError for one that lies where no sheet has rows: all between
+    would be passed over one by one.
+    """
+    # what other programs write there is often wrong, and would cut the sheet
+    sheet.reset_dimensions()
+    for number, row in islice(
+        enumerate(sheet.iter_rows(values_only=True), start=1), request.skip_rows, None
+    ):
         if number > MOST_ROWS:
-            what = f"{request.label}:{sheet.title}: has a row beyond {MOST_ROWS}, the last that a sheet can have"
+            what = (
+                f"{request.label}:{sheet.title}: has a row beyond {MOST_ROWS}, the last that "
+                "a sheet can have"
+            )
             raise DataError(what, "save the table as CSV")
         yield number, row
 
@@ -160,12 +217,16 @@ def _parse(sheet: Any, request: TableRequest, title: str | None) -> RawTable:
     first = next(_filled(rows), None)
     if first is None:
         raise DataError(f"{label}: the sheet is empty")
-    names = ["" if cell is None else str(cell).strip() for cell in first[1]] if request.header else None
+    names = (
+        ["" if cell is None else str(cell).strip() for cell in first[1]] if request.header else None
+    )
     places = locate_columns(request, names, len(first[1]))
     readers = {column: request.cells(column) for column in places}
     numbers: list[int] = []
     values: list[float] = []
-    for number, row in _filled(islice(rows, request.header - 1, None) if request.header else chain([first], rows)):
+    for number, row in _filled(
+        islice(rows, request.header - 1, None) if request.header else chain([first], rows)
+    ):
         numbers.append(number)
         for column, place in places.items():
             cell = row[place] if place < len(row) else None
@@ -173,19 +234,36 @@ def _parse(sheet: Any, request: TableRequest, title: str | None) -> RawTable:
                 values.append(readers[column](cell))
             except NotANumber as odd:
                 if cell in ERRORS:
-                    odd.remedy = "a formula failed there: mend it, or list it in `missing: {tokens: [...]}`"
-                raise odd.at(f"{label}:row {number}, column {column if names is None else names[place]}") from None
+                    odd.remedy = (
+                        "a formula failed there: mend it, or list it in `missing: {tokens: [...]}`"
+                    )
+                raise odd.at(
+                    f"{label}:row {number}, column {column if names is None else names[place]}"
+                ) from None
     columns = np.ascontiguousarray(np.array(values).reshape(len(numbers), len(places)).T)
-    table = RawTable(dict(zip(places, columns, strict=True)), np.array(numbers, dtype=np.int64), label, element=title)
+    table = RawTable(
+        dict(zip(places, columns, strict=True)),
+        np.array(numbers, dtype=np.int64),
+        label,
+        element=title,
+    )
     if not numbers or np.isnan(columns).any():
-        _refuse_what_only_seems_empty(sheet, table, places, first[0] if request.header else first[0] - 1)
+        _refuse_what_only_seems_empty(
+            sheet, table, places, first[0] if request.header else first[0] - 1
+        )
     if not numbers:
         raise DataError(f"{label}: the sheet has a header but no data")
     return table
 
 
 def _filled(rows: Iterator[Row]) -> Iterator[Row]:
-    return ((number, row) for number, row in rows if any(cell.strip() if isinstance(cell, str) else cell is not None for cell in row))
+    return (
+        (number, row)
+        for number, row in rows
+        if any(cell.strip() if isinstance(cell, str) else cell is not None for cell in row)
+    )
 
 
-READER = Reader("xlsx", read_xlsx, suffixes=(".xlsx",), keys=("header", "skip_rows", "sheet"), peek=peek_xlsx)
+READER = Reader(
+    "xlsx", read_xlsx, suffixes=(".xlsx",), keys=("header", "skip_rows", "sheet"), peek=peek_xlsx
+)

@@ -22,7 +22,8 @@ SourceColumn = str | int
 
 @dataclass(frozen=True)
 class TableRequest:
-    """Which columns of a file are wanted, and what its reader has to know; requests are equal that read a file in the same way.
+    """Which columns of a file are wanted, and what its reader has to know; requests are equal that
+    read a file in the same way.
 
     - `label`, `columns`: how messages name the file, and the wanted columns.
     - `header`: number of header lines, the first of which holds the names (text, sheets).
@@ -30,12 +31,16 @@ class TableRequest:
     - `delimiter`: one character, `tab`, or `whitespace`: any run of blanks and tabs (text).
     - `decimal`, `thousands`: what stands between the digits of the numbers (text).
     - `encoding`: of the characters (text); a byte order mark of UTF-8 is swallowed.
-    - `sheet`: title of the sheet, or a glob of which every match is a recording; the first that is not hidden where None (workbooks).
+    - `sheet`: title of the sheet, or a glob of which every match is a recording; the first that is
+      not hidden where None (workbooks).
     - `root`: where the columns start; `train[*]` makes every element a recording (MAT, HDF5).
     - `missing`: texts, besides the usual ones, that stand where there is no value (text, sheets).
-    - `clocks`: the columns whose cells may be time stamps; `format`: how `strptime` reads these; `second`: in their unit.
-    - `incomplete`: true where records that break off are missing values, False where they are errors.
-    - `progress`: told now and then how many bytes of the file have been read (text, the only format of which a long file takes long).
+    - `clocks`: the columns whose cells may be time stamps; `format`: how `strptime` reads these;
+      `second`: in their unit.
+    - `incomplete`: true where records that break off are missing values, False where they are
+      errors.
+    - `progress`: told now and then how many bytes of the file have been read (text, the only format
+      of which a long file takes long).
     """
 
     label: str = field(compare=False)
@@ -57,7 +62,14 @@ class TableRequest:
 
     def cells(self, column: SourceColumn) -> CellReader:
         """Return what reads the cells of a column."""
-        return CellReader(self.missing, self.decimal, self.thousands, column in self.clocks, self.format, self.second)
+        return CellReader(
+            self.missing,
+            self.decimal,
+            self.thousands,
+            column in self.clocks,
+            self.format,
+            self.second,
+        )
 
 
 @dataclass(frozen=True)
@@ -65,7 +77,8 @@ class Noted:
     """What a file says of a column itself.
 
     - `unit`: as the file spells it, empty where it says nothing.
-    - `step`, `start`: seconds between samples, 0 where it says nothing, and when the first one was taken.
+    - `step`, `start`: seconds between samples, 0 where it says nothing, and when the first one was
+      taken.
     - `is_scaled`: True where the numbers were multiplied as the file says.
     """
 
@@ -79,10 +92,12 @@ class Noted:
 class RawTable:
     """Columns as the file holds them, before scaling and units.
 
-    `columns` has one `(n,)` array for each column of the request, NaN where a cell is empty. `label` names the table in messages (the
-    file, and the part of it), and `doubts` are warnings of its reader. `rows` is `(n,)`, where each sample stands: its `place` is a `row`
-    (line of a text file, row of a sheet, both from 1) or an `index` (of an array, from 0). `element` tells the recordings of one file
-    apart, by number or by the title of their sheet; None where it holds a single one. `noted` is what the file says of its columns.
+    `columns` has one `(n,)` array for each column of the request, NaN where a cell is empty.
+    `label` names the table in messages (the file, and the part of it), and `doubts` are warnings of
+    its reader. `rows` is `(n,)`, where each sample stands: its `place` is a `row` (line of a text
+    file, row of a sheet, both from 1) or an `index` (of an array, from 0). `element` tells the
+    recordings of one file apart, by number or by the title of their sheet; None where it holds a
+    single one. `noted` is what the file says of its columns.
     """
 
     columns: Mapping[Any, Array]
@@ -105,9 +120,11 @@ class RawTable:
 
 @dataclass(frozen=True)
 class Top:
-    """The first rows of a file, read in one way: with these `settings` of `data`, under which `is_number` tells cells that hold numbers.
+    """The first rows of a file, read in one way: with these `settings` of `data`, under which
+    `is_number` tells cells that hold numbers.
 
-    `addresses` are how the spec names the columns, where these lie in a tree; `sheet` is the title of the sheet, in a workbook.
+    `addresses` are how the spec names the columns, where these lie in a tree; `sheet` is the title
+    of the sheet, in a workbook.
     """
 
     rows: Sequence[Sequence[Any]]
@@ -119,7 +136,8 @@ class Top:
 
 @dataclass(frozen=True)
 class Reader:
-    """A format of recordings. Everything that the program knows of it is declared in one file of `storage/readers/`, as its `READER`.
+    """A format of recordings. Everything that the program knows of it is declared in one file of
+    `storage/readers/`, as its `READER`.
 
     - `name`: the word of `data.reader`.
     - `read`: reads the wanted columns of a file: one table for every recording in it.
@@ -127,7 +145,8 @@ class Reader:
     - `keys`: the keys of `data` that it has a use for, besides those of every reader.
     - `column`: how the spec names a column, as an example.
     - `by_index`: whether columns also go by their 0-based index.
-    - `peek`: reads the first rows of a file in every way that it may be meant, the likeliest first; None where columns have to be named by
+    - `peek`: reads the first rows of a file in every way that it may be meant, the likeliest first;
+      None where columns have to be named by
       hand.
     """
 
@@ -140,11 +159,14 @@ class Reader:
     peek: Callable[[Path, int], Iterable[Top]] | None = None
 
 
-def locate_columns(request: TableRequest, names: Sequence[str] | None, width: int, hint: str | None = None) -> dict[SourceColumn, int]:
+def locate_columns(
+    request: TableRequest, names: Sequence[str] | None, width: int, hint: str | None = None
+) -> dict[SourceColumn, int]:
     """Return the 0-based index of every wanted column in a file of `width` columns.
 
-    `names` are those of the header, None where there is none; `hint` replaces the usual remedy where the reader knows better.
-    Raises DataError for a column that does not exist, or whose name stands twice in the header.
+    `names` are those of the header, None where there is none; `hint` replaces the usual remedy
+    where the reader knows better. Raises DataError for a column that does not exist, or whose name
+    stands twice in the header.
     """
     label, places = request.label, dict[SourceColumn, int]()
     for column in request.columns:
@@ -154,12 +176,21 @@ def locate_columns(request: TableRequest, names: Sequence[str] | None, width: in
                 raise DataError(f"{label}: there is no column {column}", remedy)
             places[column] = column
         elif names is None:
-            what = f"{label}: column '{column}' is asked for by name, but the spec says that the file has no header"
+            what = (
+                f"{label}: column '{column}' is asked for by name, but the spec says that the "
+                "file has no header"
+            )
             raise DataError(what, f"Give its index (0 to {width - 1}), or set `header: true`.")
         elif (count := names.count(column)) > 1:
-            raise DataError(f"{label}: column '{column}' stands {count} times in the header", "Give its 0-based index instead.")
+            raise DataError(
+                f"{label}: column '{column}' stands {count} times in the header",
+                "Give its 0-based index instead.",
+            )
         elif not count:
-            raise DataError(f"{label}: there is no column '{column}'", hint or known_names(column, names, "The header has"))
+            raise DataError(
+                f"{label}: there is no column '{column}'",
+                hint or known_names(column, names, "The header has"),
+            )
         else:
             places[column] = names.index(column)
     return places
@@ -167,7 +198,9 @@ def locate_columns(request: TableRequest, names: Sequence[str] | None, width: in
 
 def known_names(name: str, known: Sequence[str], introduction: str, most: int = 12) -> str:
     """Return a remedy for a name that does not exist: the nearest one, and which there are."""
-    near = [other for other in known if other.lower() == name.lower()] or difflib.get_close_matches(name, known, n=1)
+    near = [other for other in known if other.lower() == name.lower()] or difflib.get_close_matches(
+        name, known, n=1
+    )
     guess = f"Did you mean '{near[0]}'? " if near else ""
     more = ", ..." if len(known) > most else ""
     return f"{guess}{introduction}: {', '.join(known[:most])}{more}."
@@ -178,10 +211,12 @@ Faults = type[Exception] | tuple[type[Exception], ...]
 
 @contextmanager
 def reading(label: str, kind: str, damage: Faults = Exception) -> Iterator[None]:
-    """Turn what a parser raises on a damaged file into a DataError that names the file; one that lacks the name gets it.
+    """Turn what a parser raises on a damaged file into a DataError that names the file; one that
+    lacks the name gets it.
 
-    The parsers of binary formats raise a dozen kinds (KeyError, struct.error, zlib.error, XML errors, MemoryError for a length that
-    is nonsense), all of which mean the same to the user. A NameError or an ImportError is a fault of the program, and passes.
+    The parsers of binary formats raise a dozen kinds (KeyError, struct.error, zlib.error, XML
+    errors, MemoryError for a length that is nonsense), all of which mean the same to the user. A
+    NameError or an ImportError is a fault of the program, and passes.
     """
     try:
         yield
@@ -190,30 +225,42 @@ def reading(label: str, kind: str, damage: Faults = Exception) -> Iterator[None]
             error.message = f"{label}: {error.message}"
         raise
     except damage as error:
-        if isinstance(error, ImportError) or type(error) is NameError:  # SciPy has an UnboundLocalError for some damaged files
+        if (
+            isinstance(error, ImportError) or type(error) is NameError
+        ):  # SciPy has an UnboundLocalError for some damaged files
             raise
         if isinstance(error, OSError) and error.errno is not None:
-            raise DataError(f"{label}: cannot be read: {error.strerror or error}", "check the path") from error
+            raise DataError(
+                f"{label}: cannot be read: {error.strerror or error}", "check the path"
+            ) from error
         reason = " ".join(str(error).split()) or type(error).__name__
         raise DataError(
             f"{label}: the file is damaged, or is no {kind}: {reason[:150]}",
-            "open it in the program that wrote it and save it again; if it was cut off while copying, get it again",
+            "open it in the program that wrote it and save it again; if it was cut off while "
+            "copying, get it again",
         ) from error
 
 
 BOMB_SIZE, BOMB_RATIO = 100_000_000, 200
-"""Bytes unpacked from which on it matters how many times larger they are than packed: logs shrink to a tenth, at most to a fiftieth."""
+"""Bytes unpacked from which on it matters how many times larger they are than packed: logs shrink
+to a tenth, at most to a fiftieth.
+"""
 
 
 def refuse_bombs(where: str, unpacked: float, packed: int) -> None:
     """Raise DataError for what unpacks, or declares to, to far more than a log that was packed."""
     if unpacked > max(BOMB_SIZE, BOMB_RATIO * packed):
         sizes = f"from {packed / 1e6:.2g} MB to {unpacked / 1e6:.0f} MB or more"
-        raise DataError(f"{where} unpacks {sizes}", "save the measurements alone, or unpack them, if that is right")
+        raise DataError(
+            f"{where} unpacks {sizes}",
+            "save the measurements alone, or unpack them, if that is right",
+        )
 
 
 def optional_library(module: str, package: str, label: str) -> ModuleType:
-    """Import a library that only some formats need; DataError with the command that installs it where it is absent."""
+    """Import a library that only some formats need; DataError with the command that installs it
+    where it is absent.
+    """
     try:
         return importlib.import_module(module)
     except ImportError as error:
@@ -221,12 +268,15 @@ def optional_library(module: str, package: str, label: str) -> ModuleType:
         raise DataError(what, "install it with: pip install 'mapmore[formats]'") from error
 
 
-# Tables that were read before ---------------------------------------------------------------------------------------------------------
+# Tables that were read before
+# --------------------------------------------------------------------------------------------------
 
 MOST_NUMBERS = 20_000_000
 """That are kept: 160 MB."""
 
-_KEPT: ContextVar[list[tuple[Path, TableRequest, list[RawTable]]] | None] = ContextVar("tables read before", default=None)
+_KEPT: ContextVar[list[tuple[Path, TableRequest, list[RawTable]]] | None] = ContextVar(
+    "tables read before", default=None
+)
 
 
 @contextmanager
@@ -240,23 +290,37 @@ def remembered() -> Iterator[None]:
 
 
 def read_with(reader: Reader, path: Path, request: TableRequest) -> list[RawTable]:
-    """Return the tables of a file as `reader.read` gives them, those of before where they are remembered.
+    """Return the tables of a file as `reader.read` gives them, those of before where they are
+    remembered.
 
-    A table of rows has the columns of a smaller request as well; of a tree, arrays of other lengths would have cut it.
+    A table of rows has the columns of a smaller request as well; of a tree, arrays of other lengths
+    would have cut it.
     """
     kept = _KEPT.get()
     if kept is None:
         return reader.read(path, request)
     path = path.resolve()
     for place, before, tables in kept:
-        enough = before.columns == request.columns or ("header" in reader.keys and {*request.columns} <= {*before.columns})
+        enough = before.columns == request.columns or (
+            "header" in reader.keys and {*request.columns} <= {*before.columns}
+        )
         enough = enough and before.clocks & {*request.columns} <= request.clocks
         if place == path and enough and before == request:
             request.progress(path.stat().st_size)
             labels = (request.label + table.label[len(before.label) :] for table in tables)
             wanted = ({name: table.columns[name] for name in request.columns} for table in tables)
-            return [replace(table, columns=own, label=label) for table, own, label in zip(tables, wanted, labels, strict=True)]
+            return [
+                replace(table, columns=own, label=label)
+                for table, own, label in zip(tables, wanted, labels, strict=True)
+            ]
     found = reader.read(path, request)
-    if sum(table.size * (1 + len(table.columns)) for *_, tables in [*kept, (path, request, found)] for table in tables) <= MOST_NUMBERS:
+    if (
+        sum(
+            table.size * (1 + len(table.columns))
+            for *_, tables in [*kept, (path, request, found)]
+            for table in tables
+        )
+        <= MOST_NUMBERS
+    ):
         kept.append((path, request, found))
     return list(found)

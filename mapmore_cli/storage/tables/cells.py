@@ -25,15 +25,25 @@ THOUSANDS = ",.'\u2019 \u00a0\u202f"
 """What may stand between thousands."""
 
 LONGEST_STAMP = 40
-NUMBER, MINUTES, CLOCK, ISO = "a number", "a time as `mm:ss.s`", "a time as `hh:mm:ss`", "a date as `2026-03-01`"
+NUMBER, MINUTES, CLOCK, ISO = (
+    "a number",
+    "a time as `mm:ss.s`",
+    "a time as `hh:mm:ss`",
+    "a date as `2026-03-01`",
+)
 FORMAT = '`time: {column: t, format: "%m/%d/%Y %I:%M:%S.%f %p"}`'
-DATES = "stamps count in the column `time` alone; format the cells as numbers in the program that wrote them, or mend the cell"
+DATES = (
+    "stamps count in the column `time` alone; format the cells as numbers in the program that "
+    "wrote them, or mend the cell"
+)
 
 _TIME = (
     r"(?!(?!0?[1-9]:|1[0-2]:).*m)(?P<h>\d+):(?P<m>[0-5]?\d)"  # of AM and PM no hour beyond 12
     r"(?::(?P<s>[0-5]?\d)(?:(?:[.,]|:(?=\d{3}\b))(?P<f>\d+))?)?(?: *(?P<half>[ap])\.?m\.?)?"
 )
-_DATED = rf"(?P<date>[\d./-]+)[T ] *(?=(?:[01]?\d|2[0-3]):){_TIME} *(?:Z|(?P<zone>[+-]\d\d:?(?:\d\d)?))?"
+_DATED = (
+    rf"(?P<date>[\d./-]+)[T ] *(?=(?:[01]?\d|2[0-3]):){_TIME} *(?:Z|(?P<zone>[+-]\d\d:?(?:\d\d)?))?"
+)
 _FORMS = {
     MINUTES: (r"(?P<m>\d+):(?P<s>[0-5]?\d)[.,](?P<f>\d+)", ""),
     CLOCK: (rf"(?:(?P<d>\d+) days?,? +)?(?=.*:.*:){_TIME}", ""),
@@ -46,14 +56,19 @@ _SECONDS = {"d": 86400, "h": 3600, "m": 60, "s": 1}
 
 _KINDS = (
     (r"true|false", "TRUE or FALSE stands here", "write 1 and 0 where it counts as a number"),
-    (r'.*".*', "a quotation mark stands within it", "quote the whole field, or mend or remove the mark"),
+    (
+        r'.*".*',
+        "a quotation mark stands within it",
+        "quote the whole field, or mend or remove the mark",
+    ),
     (rf".*{FOREIGN}.*", "it has digits of another script", "write it in the digits 0 to 9"),
     (r"\d{1,4}([-/.])\d{1,2}\1\d{1,4}\b.*", "a date stands here", ""),
     (r".*\d:\d.*|\d+ *[ap]\.?m\.?", "a time stands here", ""),
     (
         rf"[+-]?\d*(?:[{THOUSANDS}]\d+)+(?:e[+-]?\d+)?",
         "it has another decimal point than the spec says, or separators of thousands",
-        'say which, as `decimal: ","`, `decimal: "."` or `thousands: ","`; or format the cells as numbers in the program that wrote them',
+        'say which, as `decimal: ","`, `decimal: "."` or `thousands: ","`; or format the '
+        "cells as numbers in the program that wrote them",
     ),
     (
         r"[+-]?(?!0x)\d[\d.,]*(?:e[+-]?\d+)? *(?:[^\W\d_]+|[^\w\s.,+-][^\W\d_]*)",
@@ -61,11 +76,15 @@ _KINDS = (
         "take the unit off, and name it in `columns`, as `unit: kPa`",
     ),
 )
-"""Cells that are no words for missing values: what stands there, and the remedy where it is no stamp."""
+"""Cells that are no words for missing values: what stands there, and the remedy where it is no
+stamp.
+"""
 
 
 class NotANumber(DataError):
-    """A cell that holds neither a number nor what stands for a missing one; `known` where it is no word."""
+    """A cell that holds neither a number nor what stands for a missing one; `known` where it is no
+    word.
+    """
 
     def __init__(self, cell: str, said: str, remedy: str, known: bool = True) -> None:
         super().__init__(f"'{shortened(cell)}' {said}", remedy)
@@ -84,14 +103,18 @@ def number_of(cell: Any, decimal: str = ".", thousands: str | None = None) -> fl
     """
     if isinstance(cell, str):
         cell = cell.strip()
-        groups = rf"[+-]?\d{{1,3}}(?:{re.escape(thousands or '')}\d{{3}})+(?:{re.escape(decimal)}\d*)?"
+        groups = (
+            rf"[+-]?\d{{1,3}}(?:{re.escape(thousands or '')}\d{{3}})+(?:{re.escape(decimal)}\d*)?"
+        )
         if thousands is not None and re.fullmatch(groups, cell):
             cell = cell.replace(thousands, "")
         if decimal != ".":
             cell = cell.replace(".", "x").replace(decimal, ".")
         if not cell:
             return math.nan
-        if "_" in cell or not cell.isascii():  # Python reads 1_5 as 15, and the digits of every script
+        if (
+            "_" in cell or not cell.isascii()
+        ):  # Python reads 1_5 as 15, and the digits of every script
             return None
     elif isinstance(cell, bool) or not isinstance(cell, Real | Decimal):
         return math.nan if cell is None or cell != cell else None
@@ -119,7 +142,9 @@ class CellReader:
     clock: bool = False
     format: str | None = None
     second: float = 1.0
-    usual: str = "mend the cell, or list it in `missing: {tokens: [...]}`; column names belong in the header"
+    usual: str = (
+        "mend the cell, or list it in `missing: {tokens: [...]}`; column names belong in the header"
+    )
     form: str = ""
 
     def __call__(self, cell: Any) -> float:
@@ -133,10 +158,16 @@ class CellReader:
             return math.nan
         stamp = self._stamp(cell, text, value) if self.clock else None
         if stamp is None:
-            known = (one[1:] for one in _KINDS if re.fullmatch(one[0], text[: LONGEST_STAMP + 1], re.I | re.S))
+            known = (
+                one[1:]
+                for one in _KINDS
+                if re.fullmatch(one[0], text[: LONGEST_STAMP + 1], re.I | re.S)
+            )
             kind, remedy = next(known, ("", self.usual))
             stamps = f"say how the stamps are written, as {FORMAT}" if self.clock else DATES
-            raise NotANumber(text, f"is not a number{kind and f': {kind}'}", remedy or stamps, bool(kind))
+            raise NotANumber(
+                text, f"is not a number{kind and f': {kind}'}", remedy or stamps, bool(kind)
+            )
         form, seconds = stamp
         if not self.form or (self.form, form) == (MINUTES, CLOCK):  # an hour of minutes has passed
             self.form = form
@@ -157,7 +188,9 @@ class CellReader:
         except (ValueError, re.error):
             return None
         first = datetime(1970 if stamp.year > 1900 else 1900, 1, 1, tzinfo=UTC)
-        return "a stamp", (stamp.replace(tzinfo=stamp.tzinfo or UTC) - first).total_seconds() * self.second
+        return "a stamp", (
+            stamp.replace(tzinfo=stamp.tzinfo or UTC) - first
+        ).total_seconds() * self.second
 
 
 def stamp_of(text: str) -> tuple[str, float] | None:
@@ -180,13 +213,17 @@ def stamp_of(text: str) -> tuple[str, float] | None:
         whole = sum(int(part[name] or 0) * size for name, size in _SECONDS.items())
         try:
             if layout:
-                date = datetime.strptime(f"{part['date']}{(part['zone'] or '+').ljust(5, '0')}", layout)
+                date = datetime.strptime(
+                    f"{part['date']}{(part['zone'] or '+').ljust(5, '0')}", layout
+                )
                 whole += int(date.timestamp())
         except ValueError:
             continue
         if part["half"]:
             whole += 43200 * ((part["half"] in "pP") - (int(part["h"] or 0) == 12))
-        marks = f"{' with AM and PM' if part['half'] else ''}{' with a zone' if part['zone'] else ''}"
+        marks = (
+            f"{' with AM and PM' if part['half'] else ''}{' with a zone' if part['zone'] else ''}"
+        )
         return f"{form}{marks}", float(whole + Decimal(f"0.{part['f'] or 0}"))
     return None
 

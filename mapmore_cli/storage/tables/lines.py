@@ -1,4 +1,6 @@
-"""A text file from bytes to lines with their numbers, one by one; and text files written line by line."""
+"""A text file from bytes to lines with their numbers, one by one; and text files written line by
+line.
+"""
 
 from __future__ import annotations
 
@@ -50,23 +52,37 @@ def _unzipped(raw: BinaryIO, zipped: bool) -> IO[bytes]:
 
 
 @contextmanager
-def open_lines(path: Path, encoding: str, label: str, errors: str = "strict") -> Iterator[tuple[Iterator[str], BinaryIO]]:
-    """Open the lines of a file, plain or gzipped (recognised by content), which end in LF, CR LF or CR; and the file itself."""
+def open_lines(
+    path: Path, encoding: str, label: str, errors: str = "strict"
+) -> Iterator[tuple[Iterator[str], BinaryIO]]:
+    """Open the lines of a file, plain or gzipped (recognised by content), which end in LF, CR LF or
+    CR; and the file itself.
+    """
     # utf-8-sig swallows a byte order mark; newline="" leaves CR, LF and CRLF to the parser
     encoding = "utf-8-sig" if codecs.lookup(encoding).name == "utf-8" else encoding
     with path.open("rb") as raw:
         zipped = is_zipped(raw)
-        with io.TextIOWrapper(_unzipped(raw, zipped), encoding=encoding, errors=errors, newline="") as text:
-            yield bounded_lines(text, label, os.fstat(raw.fileno()).st_size if zipped else None), raw
+        with io.TextIOWrapper(
+            _unzipped(raw, zipped), encoding=encoding, errors=errors, newline=""
+        ) as text:
+            yield (
+                bounded_lines(text, label, os.fstat(raw.fileno()).st_size if zipped else None),
+                raw,
+            )
 
 
-def lines_of(path: Path, told: Callable[[int, int], None] = lambda _read, _size: None) -> Iterator[str]:
-    """Yield the lines of a file with their ends; DataError where it is missing, unreadable or cut off.
+def lines_of(
+    path: Path, told: Callable[[int, int], None] = lambda _read, _size: None
+) -> Iterator[str]:
+    """Yield the lines of a file with their ends; DataError where it is missing, unreadable or cut
+    off.
 
     `told` is told now and then how many bytes of the file have been read, and how many it has.
     """
     with reading(str(path), "gzip file", UNREADABLE), path.open("rb") as raw:
-        size = os.fstat(raw.fileno()).st_size if raw.seekable() else 0  # a pipe has no size and no place
+        size = (
+            os.fstat(raw.fileno()).st_size if raw.seekable() else 0
+        )  # a pipe has no size and no place
         with as_text(_unzipped(raw, path.suffix == ".gz")) as text:
             for number, line in enumerate(bounded_lines(text, str(path))):
                 if number % TOLD_EVERY == 0 and size:
@@ -80,16 +96,20 @@ def as_text(binary: IO[bytes]) -> TextIO:
 
 
 def bounded_lines(text: TextIO, label: str, packed: int | None = None) -> Iterator[str]:
-    """Yield the lines of a text with their ends, LF, CR LF or CR; `packed` is the size of the file where it is a packed one.
+    """Yield the lines of a text with their ends, LF, CR LF or CR; `packed` is the size of the file
+    where it is a packed one.
 
-    Raises DataError for a line that is too long for a table, and for text that is hundreds of times larger than its file.
+    Raises DataError for a line that is too long for a table, and for text that is hundreds of times
+    larger than its file.
     """
     rest, number, size = "", 0, 0
     while chunk := text.read(BLOCK):
         size += len(chunk)
         if packed is not None:
             refuse_bombs(f"{label}: the file", size, packed)
-        end = chunk.rfind("\n") + 1 or chunk.rfind("\r", 0, -1) + 1  # a CR at the end may go on with LF
+        end = (
+            chunk.rfind("\n") + 1 or chunk.rfind("\r", 0, -1) + 1
+        )  # a CR at the end may go on with LF
         if not end:
             rest += chunk
         else:
@@ -99,7 +119,10 @@ def bounded_lines(text: TextIO, label: str, packed: int | None = None) -> Iterat
                 number += 1
                 yield line
         if len(rest) > LONGEST:
-            raise DataError(f"{label}:row {number + 1}: is longer than {LONGEST // 10**6} million characters", "give a table")
+            raise DataError(
+                f"{label}:row {number + 1}: is longer than {LONGEST // 10**6} million characters",
+                "give a table",
+            )
     yield from io.StringIO(rest, newline="")
 
 
@@ -110,7 +133,9 @@ def guess_encoding(path: Path) -> str:
 
 
 def encoding_of(head: bytes) -> str:
-    """Return the encoding that the first bytes of a text are in: `utf-8`, one of UTF-16, or else what Windows calls ANSI."""
+    """Return the encoding that the first bytes of a text are in: `utf-8`, one of UTF-16, or else
+    what Windows calls ANSI.
+    """
     if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return "utf-16"
     pairs = len(head) // 2
@@ -125,7 +150,9 @@ def encoding_of(head: bytes) -> str:
 
 
 def quote_left_open(lines: Sequence[str], cells: Sequence[str], delimiter: str) -> bool:
-    """Whether a quotation mark in a record was never meant to span its `lines`: it is not closed, or took whole records for text."""
+    """Whether a quotation mark in a record was never meant to span its `lines`: it is not closed,
+    or took whole records for text.
+    """
     if not any('"' in line for line in lines):
         return False
     try:
@@ -137,15 +164,22 @@ def quote_left_open(lines: Sequence[str], cells: Sequence[str], delimiter: str) 
 
 
 def _holds_record(line: str, delimiter: str) -> bool:
-    """Whether a line inside of a cell looks like one of the table: delimited, with a number in it."""
-    return delimiter in line and any(holds_number(cell.strip(' "')) for cell in line.split(delimiter))
+    """Whether a line inside of a cell looks like one of the table: delimited, with a number in
+    it.
+    """
+    return delimiter in line and any(
+        holds_number(cell.strip(' "')) for cell in line.split(delimiter)
+    )
 
 
-def records_of(lines: Iterable[str], delimiter: str, label: str, row: int = 0) -> Iterator[tuple[str, list[str], int]]:
-    """Yield the text of each record, its fields, and the number of its last line; `row` come before.
+def records_of(
+    lines: Iterable[str], delimiter: str, label: str, row: int = 0
+) -> Iterator[tuple[str, list[str], int]]:
+    """Yield the text of each record, its fields, and the number of its last line; `row` come
+    before.
 
-    A quoted field may go on over several lines. One whose quotation marks are damaged, as in `"20"1.2`,
-    is the text as it stands, which is no number. No line is taken before its time.
+    A quoted field may go on over several lines. One whose quotation marks are damaged, as in
+    `"20"1.2`, is the text as it stands, which is no number. No line is taken before its time.
     """
     taken: list[str] = []
 
@@ -172,14 +206,19 @@ def records_of(lines: Iterable[str], delimiter: str, label: str, row: int = 0) -
 
 def open_quote(label: str, row: int) -> DataError:
     """Return what is told of a record in which a quotation mark was left open."""
-    return DataError(f"{label}:row {row}: a quotation mark opens here and is not closed", "close it, or remove it")
+    return DataError(
+        f"{label}:row {row}: a quotation mark opens here and is not closed",
+        "close it, or remove it",
+    )
 
 
 @contextmanager
 def replaced(path: Path) -> Iterator[TextIO]:
-    """Open a text stream that takes the place of `path` when the block ends without an error (`atomic.written`).
+    """Open a text stream that takes the place of `path` when the block ends without an error
+    (`atomic.written`).
 
-    Errors of the file system inside the block count as errors of this file, and are WriteErrors; BrokenPipeError where nobody reads more.
+    Errors of the file system inside the block count as errors of this file, and are WriteErrors;
+    BrokenPipeError where nobody reads more.
     """
     try:
         with written(path) as raw, _encoded(raw, path.suffix == ".gz") as text:
@@ -187,7 +226,10 @@ def replaced(path: Path) -> Iterator[TextIO]:
     except BrokenPipeError:
         raise
     except OSError as fault:
-        raise WriteError(f"{path}: cannot be written ({fault.strerror})", "choose another place with -o, or make room") from fault
+        raise WriteError(
+            f"{path}: cannot be written ({fault.strerror})",
+            "choose another place with -o, or make room",
+        ) from fault
 
 
 @contextmanager

@@ -1,4 +1,5 @@
-"""Files that hold trees of arrays: how an address is followed, how its arrays become a table, and what `init` sees in them.
+"""Files that hold trees of arrays: how an address is followed, how its arrays become a table, and
+what `init` sees in them.
 
 A format gives its top as a `Member`; the rest is the same for all.
 """
@@ -19,7 +20,15 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.tables import Noted, RawTable, Reader, SourceColumn, TableRequest, Top, known_names
+from mapmore_cli.storage.tables import (
+    Noted,
+    RawTable,
+    Reader,
+    SourceColumn,
+    TableRequest,
+    Top,
+    known_names,
+)
 from mapmore_cli.storage.tables.cells import DATES, CellReader, NotANumber
 
 Selection = tuple[int | slice, ...]
@@ -42,8 +51,10 @@ class Member:
 
     - `kind`: what it is, in words: `a struct array of 5`.
     - `names`, `member`: the names of its members, empty where it has none, and how to get one.
-    - `count`, `element`: the number of its elements, None where it is no collection, and how to get one, from 0.
-    - `values`, `shape`: for an array: reads a selection of it, `()` being all; raises IndexError. And its size along each axis.
+    - `count`, `element`: the number of its elements, None where it is no collection, and how to get
+      one, from 0.
+    - `values`, `shape`: for an array: reads a selection of it, `()` being all; raises IndexError.
+      And its size along each axis.
     - `noted`: what the file says of an array.
     """
 
@@ -62,9 +73,13 @@ class Member:
         return not self.names and self.count is None
 
 
-def array_of(values: Callable[[Selection], Any], shape: tuple[int, ...], noted: Noted | None = None) -> Member:
+def array_of(
+    values: Callable[[Selection], Any], shape: tuple[int, ...], noted: Noted | None = None
+) -> Member:
     """Return an array of that size."""
-    return Member(f"an array of {size_in_words(shape)}", values=values, shape=shape, noted=noted or Noted())
+    return Member(
+        f"an array of {size_in_words(shape)}", values=values, shape=shape, noted=noted or Noted()
+    )
 
 
 def size_in_words(shape: Iterable[int]) -> str:
@@ -73,20 +88,30 @@ def size_in_words(shape: Iterable[int]) -> str:
 
 
 def group_of(kind: str, names: Sequence[str], member: Callable[[str], Member]) -> Member:
-    """Return a group whose members are its elements as well, in natural order: run_2 before run_10."""
+    """Return a group whose members are its elements as well, in natural order: run_2 before
+    run_10.
+    """
 
     def natural(name: str) -> list[tuple[bool, int | str]]:
-        return [(not part.isdigit(), int(part) if part.isdigit() else part) for part in re.split(r"(\d+)", name) if part]
+        return [
+            (not part.isdigit(), int(part) if part.isdigit() else part)
+            for part in re.split(r"(\d+)", name)
+            if part
+        ]
 
     in_order = sorted(names, key=natural)
     return Member(kind, names, member, len(names), lambda number: member(in_order[number]))
 
 
 Opened = Callable[[Path, str, TableRequest | None], AbstractContextManager[Member]]
-"""Opens the top of a file that messages call so; with a request, what that does not name may be missing."""
+"""Opens the top of a file that messages call so; with a request, what that does not name may be
+missing.
+"""
 
 
-def tree_reader(name: str, opened: Opened, suffixes: tuple[str, ...], column: str, separator: str = "/") -> Reader:
+def tree_reader(
+    name: str, opened: Opened, suffixes: tuple[str, ...], column: str, separator: str = "/"
+) -> Reader:
     """Return the reader of a format of trees, whose addresses have the `separator`."""
 
     def read(path: Path, request: TableRequest) -> list[RawTable]:
@@ -101,14 +126,22 @@ def tree_reader(name: str, opened: Opened, suffixes: tuple[str, ...], column: st
 
 
 def parse_address(text: str) -> tuple[str | Selection, ...]:
-    """Return the steps of an address: names after `.` or `/`, and 0-based indices in brackets. Raises DataError."""
+    """Return the steps of an address: names after `.` or `/`, and 0-based indices in brackets.
+    Raises DataError.
+    """
     steps: list[str | Selection] = []
     position = 0
     while position < len(text):
         step = _STEP.match(text, position)
         if step is None or (step["separator"] and step["name"] is None):
-            raise DataError(f"'{text}' is no address", "Write names and 0-based indices, as `run.P`, `train[3].y[:,0]` or `group/dataset`.")
-        steps.append(step["name"].strip() if step["name"] is not None else _selection(step["index"], text))
+            raise DataError(
+                f"'{text}' is no address",
+                "Write names and 0-based indices, as `run.P`, `train[3].y[:,0]` or "
+                "`group/dataset`.",
+            )
+        steps.append(
+            step["name"].strip() if step["name"] is not None else _selection(step["index"], text)
+        )
         position = step.end()
     return tuple(steps)
 
@@ -116,40 +149,60 @@ def parse_address(text: str) -> tuple[str | Selection, ...]:
 def _selection(inside: str, text: str) -> Selection:
     parts = [part.strip() for part in inside.split(",")]
     if not all(re.fullmatch(r":|\d+", part) for part in parts):
-        raise DataError(f"'{text}': '[{inside}]' is no index", "Write 0-based numbers and `:`, as `y[:,0]`; only `root` may end in `[*]`.")
+        raise DataError(
+            f"'{text}': '[{inside}]' is no index",
+            "Write 0-based numbers and `:`, as `y[:,0]`; only `root` may end in `[*]`.",
+        )
     return tuple(slice(None) if part == ":" else int(part) for part in parts)
 
 
 def tables(top: Member, request: TableRequest) -> list[RawTable]:
-    """Return the recordings below `request.root`: one, or one for every element where it ends in `[*]`.
+    """Return the recordings below `request.root`: one, or one for every element where it ends in
+    `[*]`.
 
     Members of a group that have none of the columns are left out, and told.
 
-    Raises DataError for an address that leads nowhere, arrays that are not columns of numbers, and columns of different length.
+    Raises DataError for an address that leads nowhere, arrays that are not columns of numbers, and
+    columns of different length.
     """
     root = request.root or ""
     base = _follow(top, parse_address(root.removesuffix(EVERY)), root, request.label)
     if not root.endswith(EVERY):
         return [_table(base, request, f"{request.label}:{root}" if root else request.label)]
     place = root.removesuffix(EVERY)
-    elements = [base] if base.count is None and base.names else [base.element(i) for i in range(base.count or 0)]
+    elements = (
+        [base]
+        if base.count is None and base.names
+        else [base.element(i) for i in range(base.count or 0)]
+    )
     if not elements:
         raise DataError(
             f"{request.label}: `root: {root}` asks for every element of {base.kind}",
             f"Only cell arrays, struct arrays and groups have elements; say `root: {place}`.",
         )
     label = f"{request.label}:{place}"
-    kept = [(i, element) for i, element in enumerate(elements) if not base.names or _has_some(element, request)]
-    found = [_table(element, request, f"{label}[{i}]", i) for i, element in (kept or enumerate(elements))]
+    kept = [
+        (i, element)
+        for i, element in enumerate(elements)
+        if not base.names or _has_some(element, request)
+    ]
+    found = [
+        _table(element, request, f"{label}[{i}]", i) for i, element in (kept or enumerate(elements))
+    ]
     if 0 < len(kept) < len(elements):
-        told = f"{label}: {len(elements) - len(kept)} of {len(elements)} members have none of the columns, and are left out"
+        told = (
+            f"{label}: {len(elements) - len(kept)} of {len(elements)} members have none of "
+            "the columns, and are left out"
+        )
         found[0] = replace(found[0], doubts=(*found[0].doubts, told))
     return found
 
 
 def _has_some(element: Member, request: TableRequest) -> bool:
     """Return True for an element in which a wanted column may be."""
-    firsts = [parse_address(column)[:1] if isinstance(column, str) else () for column in request.columns]
+    firsts = [
+        parse_address(column)[:1] if isinstance(column, str) else () for column in request.columns
+    ]
     return any(not first or first[0] in element.names for first in firsts)
 
 
@@ -169,7 +222,9 @@ def table_of(
     element: int | None,
     noted: Mapping[SourceColumn, Noted],
 ) -> RawTable:
-    """Return the columns as a table; where records may be incomplete the shortest column ends it. Raises DataError."""
+    """Return the columns as a table; where records may be incomplete the shortest column ends it.
+    Raises DataError.
+    """
     _refuse_other_clocks(noted, label)
     lengths = {column: len(values) for column, values in columns.items()}
     shortest, longest = min(lengths, key=lengths.__getitem__), max(lengths, key=lengths.__getitem__)
@@ -178,8 +233,10 @@ def table_of(
         raise DataError(f"{label}: '{shortest}' is empty")
     if lengths[longest] > n and not request.incomplete:
         raise DataError(
-            f"{label}: columns of different length: '{shortest}' has {n} samples, '{longest}' has {lengths[longest]}",
-            "They do not belong to one log; bring them together with `join`. `missing: drop` ends all with the shortest.",
+            f"{label}: columns of different length: '{shortest}' has {n} samples, '{longest}' "
+            f"has {lengths[longest]}",
+            "They do not belong to one log; bring them together with `join`. `missing: drop` "
+            "ends all with the shortest.",
         )
     cut = {column: values[:n] for column, values in columns.items()}
     return RawTable(cut, np.arange(n, dtype=np.int64), label, "index", element, noted=noted)
@@ -191,7 +248,9 @@ def _refuse_other_clocks(noted: Mapping[SourceColumn, Noted], label: str) -> Non
     for (first, one), (second, other) in zip(timed[:1] * len(timed), timed, strict=True):
         later = round(other.start - one.start, 6)  # as exact as seconds since 1970 are
         if not math.isclose(one.step, other.step, rel_tol=1e-6):
-            what = f"'{first}' was sampled every {one.step:.6g} s, '{second}' every {other.step:.6g} s"
+            what = (
+                f"'{first}' was sampled every {one.step:.6g} s, '{second}' every {other.step:.6g} s"
+            )
         elif abs(later) > SAME_TIME * abs(one.step):
             what = f"'{second}' begins {later:.6g} s after '{first}'"
         else:
@@ -199,7 +258,8 @@ def _refuse_other_clocks(noted: Mapping[SourceColumn, Noted], label: str) -> Non
         join = f"`sample_time: {other.step:.9g} s` and `shift: {later:.9g} s`"
         raise DataError(
             f"{label}: {what}",
-            f"read '{second}' of the same file by `join`, with {join}; with `on: row` where row belongs to row",
+            f"read '{second}' of the same file by `join`, with {join}; with `on: row` where "
+            "row belongs to row",
         )
 
 
@@ -213,14 +273,21 @@ def _column(base: Member, address: str, label: str, read: CellReader) -> tuple[A
     if selection and not member.is_array:
         member, selection = _step(member, selection, address, label), ()
     if not member.is_array:
-        raise DataError(f"{label}: '{address}' is {member.kind}, not an array of numbers", _further(member))
+        raise DataError(
+            f"{label}: '{address}' is {member.kind}, not an array of numbers", _further(member)
+        )
     try:
         values = np.asarray(member.values(selection))
     except IndexError:
-        raise DataError(f"{label}: '{address}' reaches beyond {member.kind}", "Indices count from 0.") from None
+        raise DataError(
+            f"{label}: '{address}' reaches beyond {member.kind}", "Indices count from 0."
+        ) from None
     if sum(length > 1 for length in values.shape) > 1:
         name = address[: address.rindex("[")] if selection else address
-        raise DataError(f"{label}: '{address}' is an array of {size_in_words(values.shape)}", f"Say which column, as `{name}[:,0]`.")
+        raise DataError(
+            f"{label}: '{address}' is an array of {size_in_words(values.shape)}",
+            f"Say which column, as `{name}[:,0]`.",
+        )
     return as_numbers(values.reshape(-1), f"{label}: '{address}'", read), member.noted
 
 
@@ -239,15 +306,23 @@ def as_numbers(values: Any, what: str, read: CellReader | None = None) -> Array:
             try:
                 found[place] = read(cell)
             except NotANumber as odd:
-                raise odd.at(f"{what} holds text, not real numbers: index {place[0] if place else 0}") from None
+                raise odd.at(
+                    f"{what} holds text, not real numbers: index {place[0] if place else 0}"
+                ) from None
         return found
     if kind == "M" and read.clock:
-        return np.asarray((array - np.datetime64(0, "s")) / np.timedelta64(1, "s") * read.second, dtype=np.float64)
+        return np.asarray(
+            (array - np.datetime64(0, "s")) / np.timedelta64(1, "s") * read.second, dtype=np.float64
+        )
     if kind == "M":
         raise DataError(f"{what}: a date stands here, not a number", DATES)
     if kind not in "iuf" or (read.clock and read.format):
-        words = {"c": "complex numbers", "b": "TRUE and FALSE", "V": "references or lists"}.get(kind, f"values of type {array.dtype}")
-        raise DataError(f"{what} holds {words}, not real numbers", "make numbers of them; `format` is for text")
+        words = {"c": "complex numbers", "b": "TRUE and FALSE", "V": "references or lists"}.get(
+            kind, f"values of type {array.dtype}"
+        )
+        raise DataError(
+            f"{what} holds {words}, not real numbers", "make numbers of them; `format` is for text"
+        )
     return np.asarray(array, dtype=np.float64)
 
 
@@ -261,12 +336,17 @@ def _step(here: Member, step: str | Selection, address: str, label: str) -> Memb
     if isinstance(step, str):
         if step in here.names:
             return here.member(step)
-        raise DataError(f"{label}: there is no '{step}' on the way to '{address}'", _further(here, step))
+        raise DataError(
+            f"{label}: there is no '{step}' on the way to '{address}'", _further(here, step)
+        )
     index = step[0]
     if here.count is None or len(step) != 1 or not isinstance(index, int):
         raise DataError(f"{label}: '{address}' wants an element of {here.kind}", _further(here))
     if index >= here.count:
-        raise DataError(f"{label}: there is no element {index} on the way to '{address}'", f"Elements count from 0 to {here.count - 1}.")
+        raise DataError(
+            f"{label}: there is no element {index} on the way to '{address}'",
+            f"Elements count from 0 to {here.count - 1}.",
+        )
     return here.element(index)
 
 
@@ -275,11 +355,15 @@ def _further(here: Member, wanted: str = "") -> str:
     if here.names:
         return known_names(wanted, here.names, f"{here.kind.capitalize()} has")
     if here.count is not None:
-        return f"It is {here.kind}: say which element, as `[0]`, or end `root` in `[*]` to read every one as a recording."
+        return (
+            f"It is {here.kind}: say which element, as `[0]`, or end `root` in `[*]` to read "
+            "every one as a recording."
+        )
     return f"It is {here.kind}, which has no members."
 
 
-# What `init` sees: which arrays belong to one log, and what its clock is ----------------------------------------------------------------
+# What `init` sees: which arrays belong to one log, and what its clock is
+# ----------------------------------------------------------------
 
 MOST_MEMBERS = 500  # of a file that are looked at
 WIDEST = 64  # columns of a matrix that is a table
@@ -289,7 +373,9 @@ STEPS = {"dt", "ts", "h", "sampletime", "samplingtime", "timestep"}
 
 @dataclass(frozen=True)
 class Found:
-    """A column: its `address`, its `title` (None for one of a matrix), the `group` it lies in, its length, and its first values."""
+    """A column: its `address`, its `title` (None for one of a matrix), the `group` it lies in, its
+    length, and its first values.
+    """
 
     address: str
     title: str | None
@@ -299,40 +385,71 @@ class Found:
 
 
 def top_of(top: Member, most: int, separator: str = "/") -> Top:
-    """Return the first rows of the log in a tree of arrays: of the group with the longest columns, of at least two.
+    """Return the first rows of the log in a tree of arrays: of the group with the longest columns,
+    of at least two.
 
-    Groups of the same members, and elements of an array, are recordings (`root` ends in `[*]`) of which the first one is shown; members
-    with other names may lie beside them. Logs of Simulink (`X.time` beside `X.signals.values`) are one. A number named `fs` or `dt` is the
-    log's `sample_time`.
+    Groups of the same members, and elements of an array, are recordings (`root` ends in `[*]`) of
+    which the first one is shown; members with other names may lie beside them. Logs of Simulink
+    (`X.time` beside `X.signals.values`) are one. A number named `fs` or `dt` is the log's
+    `sample_time`.
     """
     found = list(_signals(top, separator, most))
-    shown = ((root, list(_columns(base, separator, most))) for root, base in (*_roots(top, separator), (None, top)))
-    root, columns = (None, found) if _log(found) else next((one for one in shown if len(_log(one[1])) > 1), (None, []))
+    shown = (
+        (root, list(_columns(base, separator, most)))
+        for root, base in (*_roots(top, separator), (None, top))
+    )
+    root, columns = (
+        (None, found)
+        if _log(found)
+        else next((one for one in shown if len(_log(one[1])) > 1), (None, []))
+    )
     log = _log(columns)
     for name in () if log else top.names:
         top.member(name)  # tells of an object that only its own program can read
     step = _sample_time(column for column in columns if column.length == 1)
-    settings = {key: value for key, value in (("root", root), ("sample_time", step)) if value is not None}
+    settings = {
+        key: value for key, value in (("root", root), ("sample_time", step)) if value is not None
+    }
     titles = [column.title for column in log]
-    rows = [*([] if None in titles else [titles]), *zip(*(column.values.tolist() for column in log), strict=True)]
-    return Top(rows, lambda cell: isinstance(cell, float), settings, tuple(column.address for column in log))
+    rows = [
+        *([] if None in titles else [titles]),
+        *zip(*(column.values.tolist() for column in log), strict=True),
+    ]
+    return Top(
+        rows,
+        lambda cell: isinstance(cell, float),
+        settings,
+        tuple(column.address for column in log),
+    )
 
 
 def _signals(top: Member, separator: str, most: int) -> Iterator[Found]:
-    """Yield the columns of Simulink's structs with time, titled by their labels, else by the block or the variable that they lie in."""
-    places = {address: (name, group, member) for address, name, group, member in _walk(top, separator)}
+    """Yield the columns of Simulink's structs with time, titled by their labels, else by the block
+    or the variable that they lie in.
+    """
+    places = {
+        address: (name, group, member) for address, name, group, member in _walk(top, separator)
+    }
     for address, (name, group, member) in places.items():
         if name != "signals":
             continue
         variable, _, holder = places.get(group, ("", "", None))
         elements = {address: member}
         if member.count is not None:
-            elements = {f"{address}[{number}]": member.element(number) for number in range(min(member.count, MOST_MEMBERS))}
+            elements = {
+                f"{address}[{number}]": member.element(number)
+                for number in range(min(member.count, MOST_MEMBERS))
+            }
         for place, signal in elements.items():
             values = _member(signal, "values")
-            title = _text(signal, "label") or _text(signal, "blockName").rpartition("/")[2] or variable
+            title = (
+                _text(signal, "label") or _text(signal, "blockName").rpartition("/")[2] or variable
+            )
             if values is not None and values.is_array:
-                yield from (replace(column, title=title, group="") for column in _of_array(values, title, f"{place}.values", "", most))
+                yield from (
+                    replace(column, title=title, group="")
+                    for column in _of_array(values, title, f"{place}.values", "", most)
+                )
         clock = None if holder is None else _member(holder, "time")
         if clock is not None and clock.is_array:
             yield from _of_array(clock, "time", f"{group}{separator}time", "", most)
@@ -341,17 +458,31 @@ def _signals(top: Member, separator: str, most: int) -> Iterator[Found]:
 def _text(member: Member, name: str) -> str:
     """Return the text of a member, of characters or of their codes; empty where there is none."""
     text = _member(member, name)
-    values = np.asarray(text.values(())).reshape(-1) if text is not None and text.is_array else np.zeros(0)
-    return str(values[0]) if values.dtype.kind == "U" and values.size else "".join(map(chr, values)) if values.dtype.kind == "u" else ""
+    values = (
+        np.asarray(text.values(())).reshape(-1)
+        if text is not None and text.is_array
+        else np.zeros(0)
+    )
+    return (
+        str(values[0])
+        if values.dtype.kind == "U" and values.size
+        else "".join(map(chr, values))
+        if values.dtype.kind == "u"
+        else ""
+    )
 
 
 def _log(columns: Sequence[Found]) -> list[Found]:
-    """Return the columns of one length that lie together, the longest of these; where none lie together, those of one length anywhere."""
+    """Return the columns of one length that lie together, the longest of these; where none lie
+    together, those of one length anywhere.
+    """
     for together in (True, False):
         logs: dict[tuple[int, str], list[Found]] = {}
         for column in columns:
             if column.length > 1:
-                logs.setdefault((column.length, column.group if together else ""), []).append(column)
+                logs.setdefault((column.length, column.group if together else ""), []).append(
+                    column
+                )
         several = [log for log in logs.values() if len(log) > 1]
         if several:
             return max(several, key=lambda log: (log[0].length, len(log)))
@@ -360,7 +491,10 @@ def _log(columns: Sequence[Found]) -> list[Found]:
 
 def _roots(top: Member, separator: str) -> Iterator[tuple[str, Member]]:
     """Yield the places whose elements may be recordings, with the first one of each."""
-    for address, here in (("", top), *((address, member) for address, _, _, member in _walk(top, separator))):
+    for address, here in (
+        ("", top),
+        *((address, member) for address, _, _, member in _walk(top, separator)),
+    ):
         if here.count:
             with suppress(DataError):
                 first = here.element(0) if not here.names else _first_alike(here)
@@ -384,7 +518,9 @@ def _first_alike(here: Member) -> Member | None:
 
 
 def _walk(top: Member, separator: str) -> Iterator[tuple[str, str, str, Member]]:
-    """Yield address, name, address of the group and the member itself, level by level; so many of them, as links may lead in circles."""
+    """Yield address, name, address of the group and the member itself, level by level; so many of
+    them, as links may lead in circles.
+    """
 
     def below() -> Iterator[tuple[str, str, str, Member]]:
         waiting = deque([("", top)])
@@ -401,7 +537,9 @@ def _walk(top: Member, separator: str) -> Iterator[tuple[str, str, str, Member]]
 
 
 def _member(here: Member, name: str) -> Member | None:
-    """Return a member; None where there is none, or nothing that can be read, or that an address leads to."""
+    """Return a member; None where there is none, or nothing that can be read, or that an address
+    leads to.
+    """
     if name not in here.names or re.search(r"[./\[\]]", name) or name != name.strip():
         return None
     try:
@@ -430,14 +568,22 @@ def _of_array(member: Member, name: str, address: str, group: str, most: int) ->
     axis = 1 if across else member.shape.index(length) if long and not matrix else 0
     try:
         read = CellReader(clock=True)
-        values = as_numbers(member.values((*(slice(None),) * axis, first) if member.shape else ()), address, read)
+        values = as_numbers(
+            member.values((*(slice(None),) * axis, first) if member.shape else ()), address, read
+        )
     except DataError:
         return
     if not matrix:
         yield Found(address, name, group, length, values.reshape(-1))
         return
     for place, column in enumerate(values if across else values.T):
-        yield Found(f"{address}[{place},:]" if across else f"{address}[:,{place}]", None, f"{address}[]", length, np.asarray(column))
+        yield Found(
+            f"{address}[{place},:]" if across else f"{address}[:,{place}]",
+            None,
+            f"{address}[]",
+            length,
+            np.asarray(column),
+        )
 
 
 def _sample_time(numbers: Iterator[Found]) -> float | None:

@@ -1,4 +1,6 @@
-"""FROLS against a textbook implementation written independently, and against every case in which known packages fail."""
+"""FROLS against a textbook implementation written independently, and against every case in which
+known packages fail.
+"""
 
 import numpy as np
 import pytest
@@ -14,7 +16,9 @@ def test_agrees_with_the_textbook(seed):
     rng = np.random.default_rng(seed)
     n, M = int(rng.integers(12, 200)), int(rng.integers(2, 12))
     P = rng.normal(size=(n, M)) * 10.0 ** rng.uniform(-3, 3, M) + rng.normal(size=M)
-    y = P @ (rng.normal(size=M) * (rng.random(M) < 0.5)) + rng.normal(size=n) * 10.0 ** rng.uniform(-3, 1)
+    y = P @ (rng.normal(size=M) * (rng.random(M) < 0.5)) + rng.normal(size=n) * 10.0 ** rng.uniform(
+        -3, 1
+    )
     k = int(rng.integers(1, M + 1))
     chosen, g, err, theta, tables = textbook(P, y, k)
     ours = frols(P, y, k)
@@ -48,7 +52,8 @@ def test_standard_errors_are_those_of_ordinary_least_squares():
     np.testing.assert_allclose(ours.theta_error, np.sqrt(np.diag(covariance)), rtol=1e-9)
 
 
-# --- cases in which known packages fail -------------------------------------------------------------------------------------------------
+# --- cases in which known packages fail
+# -------------------------------------------------------------------------------------------------
 
 
 def test_stopping_by_tolerance_gives_the_same_terms_as_stopping_by_number():
@@ -84,7 +89,9 @@ def test_dependent_columns_are_skipped_and_never_divided_by(dependent):
     assert ours.stop == "rank"
     assert ours.err.sum() <= 1 + 1e-12
     assert np.isfinite(ours.theta).all()
-    np.testing.assert_allclose(wide[:, ours.chosen] @ ours.theta, P @ np.linalg.lstsq(P, y, rcond=None)[0], atol=1e-10)
+    np.testing.assert_allclose(
+        wide[:, ours.chosen] @ ours.theta, P @ np.linalg.lstsq(P, y, rcond=None)[0], atol=1e-10
+    )
 
 
 def test_a_tie_goes_to_the_lower_index_even_when_rounding_favours_the_other():
@@ -147,7 +154,10 @@ def test_press_is_the_leave_one_out_error():
     assert len(frols(P, y, 5, stop="press").chosen) == int(np.argmin(press)) + 1
 
 
-@pytest.mark.parametrize(("P", "y"), [(np.ones(5), np.ones(5)), (np.ones((5, 2)), np.ones(4)), (np.empty((0, 2)), np.empty(0))])
+@pytest.mark.parametrize(
+    ("P", "y"),
+    [(np.ones(5), np.ones(5)), (np.ones((5, 2)), np.ones(4)), (np.empty((0, 2)), np.empty(0))],
+)
 def test_shapes_that_do_not_fit(P, y):
     with pytest.raises(ValueError, match="must be"):
         frols(P, y)

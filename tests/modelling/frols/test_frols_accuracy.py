@@ -1,9 +1,12 @@
-"""Ill-conditioned dictionaries against arithmetic of 120 digits: a right order is no proof of accuracy, so ERR is compared as well.
+"""Ill-conditioned dictionaries against arithmetic of 120 digits: a right order is no proof of
+accuracy, so ERR is compared as well.
 
-`x^0..x^9` has the condition number 6e8 on [0.5, 1.5], 4e12 on [2, 4] and 2e23 on [10, 11]. On the first two, double precision can do it
-all (the last ERR, of a column of which one part in 3e8 is left, to 1e-5). On [10, 11] it can give the order of eight terms, and six of
-them with an ERR to 1e-6; of the last two columns less than 1e-12 is left, which is rounding error: they must be called dependent.
-From 0 on, the first sample of every chosen column but one is zero, where one package reports a total ERR of 1.77.
+`x^0..x^9` has the condition number 6e8 on [0.5, 1.5], 4e12 on [2, 4] and 2e23 on [10, 11]. On the
+first two, double precision can do it all (the last ERR, of a column of which one part in 3e8 is
+left, to 1e-5). On [10, 11] it can give the order of eight terms, and six of them with an ERR to
+1e-6; of the last two columns less than 1e-12 is left, which is rounding error: they must be called
+dependent. From 0 on, the first sample of every chosen column but one is zero, where one package
+reports a total ERR of 1.77.
 """
 
 import mpmath
@@ -17,7 +20,8 @@ from mapmore_cli.modelling.frols.moments import row_blocks
 def exact_frols(P, y, k):
     """Indices in the order of selection and their ERR, of exactly the doubles in `P` and `y`.
 
-    Elimination on the exact Gram matrix: with this many digits its squared condition number does no harm.
+    Elimination on the exact Gram matrix: with this many digits its squared condition number does no
+    harm.
     """
     with mpmath.workdps(120):
         columns = [[mpmath.mpf(float(v)) for v in column] for column in (*P.T, y)]
@@ -60,7 +64,9 @@ def streamed(P, y):
 
 @pytest.fixture(params=["in memory", "streamed", "streamed and large"])
 def fit(request, monkeypatch):
-    """The three ways to explicit remainders: of the dictionary, of the blocks put together, of the triangular factor."""
+    """The three ways to explicit remainders: of the dictionary, of the blocks put together, of the
+    triangular factor.
+    """
     if request.param == "streamed and large":
         monkeypatch.setattr("mapmore_cli.modelling.frols.engine.SMALL", 0)
     return in_memory if request.param == "in memory" else streamed
@@ -97,7 +103,9 @@ def test_powers_far_from_zero_keep_what_digits_there_are(target, fit):
 
 @pytest.mark.parametrize(("low", "high"), [(0.5, 1.5), (2, 4)])
 def test_long_records_of_powers_keep_their_digits(low, high):
-    """So long that the normal equations are formed first, and given up for the triangular factor."""
+    """So long that the normal equations are formed first, and given up for the triangular
+    factor.
+    """
     x, P = powers(low, high, n=7_000)
     assert reads_once(*P.shape, 10)
     keeps_digits(P, TARGETS["noisy"](x), in_memory)
@@ -106,7 +114,9 @@ def test_long_records_of_powers_keep_their_digits(low, high):
 @pytest.mark.parametrize("n", [60, 20_000])
 @pytest.mark.parametrize("share", [1e-4, 1e-6, 1e-8])
 def test_nearly_dependent_columns_keep_their_digits(n, share):
-    """A near duplicate and a near sum, with an output that needs what little they have of their own."""
+    """A near duplicate and a near sum, with an output that needs what little they have of their
+    own.
+    """
     rng = np.random.default_rng(7)
     a, b, c, d = rng.normal(size=(4, n))
     P = np.column_stack([a, a + share * b, 1e3 * (a + c + share * d), 1e-3 * c])
@@ -118,9 +128,13 @@ def test_nearly_dependent_columns_keep_their_digits(n, share):
 
 
 def test_the_normal_equations_alone_would_have_failed(monkeypatch):
-    """What their guard is there for: without it the order is right, and the last ERR wrong by a large part."""
+    """What their guard is there for: without it the order is right, and the last ERR wrong by a
+    large part.
+    """
     monkeypatch.setattr("mapmore_cli.modelling.frols.engine.PIVOT_TOLERANCE", 0.0)
-    monkeypatch.setattr("mapmore_cli.modelling.frols.engine.GramRemainders._clear_winner", lambda *_: True)
+    monkeypatch.setattr(
+        "mapmore_cli.modelling.frols.engine.GramRemainders._clear_winner", lambda *_: True
+    )
     monkeypatch.setattr("mapmore_cli.modelling.frols.engine.GramRemainders._renew", lambda *_: None)
     x, P = powers(0.5, 1.5)
     y = TARGETS["sine"](x)
@@ -129,7 +143,9 @@ def test_the_normal_equations_alone_would_have_failed(monkeypatch):
 
 
 def test_the_residual_keeps_its_digits_in_a_near_perfect_fit():
-    """SSE is 1e-14 of y'y here: nothing but rounding error would be left of it in `y'y - sum g^2 q'q`."""
+    """SSE is 1e-14 of y'y here: nothing but rounding error would be left of it in `y'y - sum g^2
+    q'q`.
+    """
     rng = np.random.default_rng(5)
     n = 20_000
     P = rng.normal(size=(n, 6)) + 3

@@ -17,7 +17,9 @@ from mapmore_cli.modelling.frols import frols
 def test_every_check_of_scikit_learn_passes() -> None:
     results = check_estimator(mm.FROLS(), on_fail=None)
     assert len(results) > 40
-    assert {one["status"] for one in results} <= {"passed", "skipped"}, [r["check_name"] for r in results if r["status"] == "failed"]
+    assert {one["status"] for one in results} <= {"passed", "skipped"}, [
+        r["check_name"] for r in results if r["status"] == "failed"
+    ]
 
 
 def test_the_engine_decides() -> None:

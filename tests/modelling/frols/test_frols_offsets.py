@@ -1,4 +1,6 @@
-"""A target that stands far from zero, as a length does: the constant explains nearly all of `y'y`, and ends nothing."""
+"""A target that stands far from zero, as a length does: the constant explains nearly all of `y'y`,
+and ends nothing.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,10 @@ from mapmore_cli.modelling.frols.moments import row_blocks
 
 X = np.linspace(0, 1, 4000)
 P = np.column_stack([X**0, X, X**2, np.cos(9 * X)])
-FORMS = {"whole": frols, "streamed": lambda P, y, *rest, **named: frols_streamed(row_blocks(P, y), *rest, **named)}
+FORMS = {
+    "whole": frols,
+    "streamed": lambda P, y, *rest, **named: frols_streamed(row_blocks(P, y), *rest, **named),
+}
 
 
 def spread(y):
@@ -42,7 +47,9 @@ def test_the_constant_is_told_by_its_values(form, value):
 
 @pytest.mark.parametrize("form", FORMS)
 def test_without_a_constant_the_squares_about_zero_count(form):
-    near = np.column_stack([1 + 1e-3 * X, X, np.zeros(len(X))])  # a column that hardly varies, and one of zeros, are no constant
+    near = np.column_stack(
+        [1 + 1e-3 * X, X, np.zeros(len(X))]
+    )  # a column that hardly varies, and one of zeros, are no constant
     found = FORMS[form](near, 500 + 2 * X, 3, 1e-4)
     assert (found.chosen.tolist(), found.stop) == ([0], "tolerance")
 

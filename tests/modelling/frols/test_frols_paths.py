@@ -1,4 +1,6 @@
-"""Whichever form of the method reads the dictionary, in memory or block by block, the selection is the same."""
+"""Whichever form of the method reads the dictionary, in memory or block by block, the selection is
+the same.
+"""
 
 import numpy as np
 import pytest
@@ -16,7 +18,9 @@ class Record:
     """Blocks of given lengths, and how often they were read."""
 
     def __init__(self, P, y, lengths):
-        self.blocks = list(zip(np.split(P, np.cumsum(lengths)), np.split(y, np.cumsum(lengths)), strict=True))
+        self.blocks = list(
+            zip(np.split(P, np.cumsum(lengths)), np.split(y, np.cumsum(lengths)), strict=True)
+        )
         self.passes = 0
 
     def __call__(self):
@@ -25,9 +29,13 @@ class Record:
 
 
 def fit_by(form, P, y, *args, **options):
-    """`frols` made to use one form: the basis on P, the Gram matrix as far as it goes, or what follows when that has no digits at all."""
+    """`frols` made to use one form: the basis on P, the Gram matrix as far as it goes, or what
+    follows when that has no digits at all.
+    """
     if form == "streamed":
-        return frols_streamed(Record(P, y, np.random.default_rng(len(y)).integers(0, len(y), 3)), *args, **options)
+        return frols_streamed(
+            Record(P, y, np.random.default_rng(len(y)).integers(0, len(y), 3)), *args, **options
+        )
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(engine, "reads_once", lambda *_: form != "basis")
         patch.setattr(engine, "SMALL", 2**16 if form == "gathered" else 0)
@@ -63,11 +71,15 @@ def dictionaries(rng, kind, n, M):
     stop=st.sampled_from(["tolerance", "bic", "aicc", "press"]),
 )
 def test_every_form_makes_the_same_selection(seed, kind, n, M, noise, tolerance, stop):
-    assume(stop == "tolerance" or (noise >= 1e-6 and n > M + 2))  # else criteria compare residuals that are rounding error
+    assume(
+        stop == "tolerance" or (noise >= 1e-6 and n > M + 2)
+    )  # else criteria compare residuals that are rounding error
     rng = np.random.default_rng(seed)
     P = dictionaries(rng, kind, n, M)
     largest = np.abs(P).max(axis=0)
-    y = (P / np.where(largest > 0, largest, 1)) @ (rng.normal(size=M) * (rng.random(M) < 0.5)) + noise * rng.normal(size=n)
+    y = (P / np.where(largest > 0, largest, 1)) @ (
+        rng.normal(size=M) * (rng.random(M) < 0.5)
+    ) + noise * rng.normal(size=n)
     k = int(rng.integers(1, M + 1))
     reference = fit_by("basis", P, y, k, tolerance, stop=stop)
     for form in FORMS[1:]:
@@ -89,19 +101,36 @@ def test_all_numbers_agree_on_an_ordinary_dictionary(form):
     P = rng.normal(size=(300, 8)) * 10.0 ** rng.uniform(-3, 3, 8) + 1
     y = P @ rng.normal(size=8) + rng.normal(size=300)
     ours, reference = fit_by(form, P, y, 5), fit_by("basis", P, y, 5)
-    for name in ("g", "err", "theta", "theta_error", "a", "g_all", "err_all", "condition", "sse", "yy"):
-        np.testing.assert_allclose(getattr(ours, name), getattr(reference, name), rtol=1e-8, atol=1e-12, err_msg=name)
+    for name in (
+        "g",
+        "err",
+        "theta",
+        "theta_error",
+        "a",
+        "g_all",
+        "err_all",
+        "condition",
+        "sse",
+        "yy",
+    ):
+        np.testing.assert_allclose(
+            getattr(ours, name), getattr(reference, name), rtol=1e-8, atol=1e-12, err_msg=name
+        )
     assert ours.samples == 300
 
 
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("factor", [1.0, -3.0, 1e-7])
 def test_ties_go_to_the_lower_index_after_several_steps(form, factor):
-    """The tied columns come last, when rounding errors of the earlier steps could decide between them."""
+    """The tied columns come last, when rounding errors of the earlier steps could decide between
+    them.
+    """
     rng = np.random.default_rng(12)
     P = rng.normal(size=(500, 12)) + 2
     P[:, 9] = factor * P[:, 4]
-    y = P @ np.array([5, -4, 3, 0, 0, 0, 0, -2, 0, 1e-4 / factor, 0, 6]) + 1e-5 * rng.normal(size=500)
+    y = P @ np.array([5, -4, 3, 0, 0, 0, 0, -2, 0, 1e-4 / factor, 0, 6]) + 1e-5 * rng.normal(
+        size=500
+    )
     ours = fit_by(form, P, y, 6)
     assert ours.chosen[-1] == 4
     assert ours.tied[-1] == 1
@@ -138,7 +167,9 @@ def test_values_that_are_not_finite_are_found_in_any_block(form, bad):
 
 @pytest.mark.parametrize("form", FORMS)
 def test_a_sample_that_alone_decides_a_term_has_no_leave_one_out_error(form):
-    """Column 1 is nonzero in one sample only: PRESS is infinite once it is chosen, whatever it explains."""
+    """Column 1 is nonzero in one sample only: PRESS is infinite once it is chosen, whatever it
+    explains.
+    """
     rng = np.random.default_rng(3)
     P = np.column_stack([np.ones(30), np.arange(30) == 7, rng.normal(size=(30, 2))]).astype(float)
     y = P @ [1, 50, 0.1, 0] + 0.1 * rng.normal(size=30)
@@ -230,7 +261,9 @@ def test_memory_does_not_grow_with_the_record():
 
         return start
 
-    few, many = (peak_memory(lambda count=count: frols_streamed(blocks(count), 3)) for count in (4, 40))
+    few, many = (
+        peak_memory(lambda count=count: frols_streamed(blocks(count), 3)) for count in (4, 40)
+    )
     assert many < 1.2 * few
     assert frols_streamed(blocks(40), 3).samples == 200_000
 
@@ -248,7 +281,9 @@ def test_other_number_types_are_taken_as_doubles():
         pytest.param([(np.empty((0, 3)), np.empty(0))], id="no row"),
         pytest.param([(np.empty((4, 0)), np.ones(4))], id="no column"),
         pytest.param([(np.ones((4, 3)), np.ones(5))], id="lengths differ"),
-        pytest.param([(np.ones((4, 3)), np.ones(4)), (np.ones((4, 2)), np.ones(4))], id="columns differ"),
+        pytest.param(
+            [(np.ones((4, 3)), np.ones(4)), (np.ones((4, 2)), np.ones(4))], id="columns differ"
+        ),
         pytest.param([(np.ones(4), np.ones(4))], id="not a matrix"),
     ],
 )

@@ -8,11 +8,14 @@ from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.frols.select import RANK_TOLERANCE
 
 
-def textbook(P: Array, y: Array, max_terms: int, tolerance: float = 0.0) -> tuple[list[int], Array, Array, Array, Array]:
-    """Select terms as on paper, candidate by candidate (Billings 2013, section 3.2; the equations stand in `frols`).
+def textbook(
+    P: Array, y: Array, max_terms: int, tolerance: float = 0.0
+) -> tuple[list[int], Array, Array, Array, Array]:
+    """Select terms as on paper, candidate by candidate (Billings 2013, section 3.2; the equations
+    stand in `frols`).
 
-    Returns the k chosen columns, their g and ERR, (k,), the coefficients of the original columns, (k,), and the ERR of every candidate in
-    every iteration, (k, M), NaN where chosen or dependent.
+    Returns the k chosen columns, their g and ERR, (k,), the coefficients of the original columns,
+    (k,), and the ERR of every candidate in every iteration, (k, M), NaN where chosen or dependent.
     """
     chosen: list[int] = []
     basis: list[Array] = []
@@ -37,4 +40,10 @@ def textbook(P: Array, y: Array, max_terms: int, tolerance: float = 0.0) -> tupl
     W, k = np.column_stack(basis), len(chosen)
     A = np.triu((W.T @ P[:, chosen]) / np.sum(W**2, axis=0)[:, None])  # P_chosen = W A
     theta = np.linalg.solve(A, np.array(g))
-    return chosen, np.array(g), np.array([table[i][chosen[i]] for i in range(k)]), theta, np.array(table)
+    return (
+        chosen,
+        np.array(g),
+        np.array([table[i][chosen[i]] for i in range(k)]),
+        theta,
+        np.array(table),
+    )

@@ -1,4 +1,6 @@
-"""The nonlinear problems of NIST's Statistical Reference Datasets (StRD), read from the files that NIST publishes (`nist/`)."""
+"""The nonlinear problems of NIST's Statistical Reference Datasets (StRD), read from the files that
+NIST publishes (`nist/`).
+"""
 
 from __future__ import annotations
 
@@ -27,10 +29,12 @@ NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[Ee][-+]?\d+)?")
 
 @dataclass(frozen=True, eq=False)
 class Certified:
-    """A problem: the formula, where its nonlinear parameters are sought, and the numbers in NIST's file.
+    """A problem: the formula, where its nonlinear parameters are sought, and the numbers in NIST's
+    file.
 
-    `powers` says up to which power of x there are columns (`x2`, `x3`), so that coefficients of powers are sought in their own scale.
-    `alike` holds groups of parameters that may change places, as the terms of a sum of exponentials.
+    `powers` says up to which power of x there are columns (`x2`, `x3`), so that coefficients of
+    powers are sought in their own scale. `alike` holds groups of parameters that may change places,
+    as the terms of a sum of exponentials.
     """
 
     name: str
@@ -49,13 +53,21 @@ class Certified:
 
     @cached_property
     def level(self) -> str:
-        return next(level for line in self.lines for level in LEVELS if line.strip() == f"{level} Level of Difficulty")
+        return next(
+            level
+            for line in self.lines
+            for level in LEVELS
+            if line.strip() == f"{level} Level of Difficulty"
+        )
 
     @cached_property
     def table(self) -> dict[str, list[float]]:
         """Start 1, start 2, certified value and certified standard deviation of every parameter."""
         rows = [line.split("=") for line in self.lines if re.match(r"\s*b\d\s*=", line)]
-        return {name.strip(): [float(number) for number in NUMBER.findall(numbers)] for name, numbers in rows}
+        return {
+            name.strip(): [float(number) for number in NUMBER.findall(numbers)]
+            for name, numbers in rows
+        }
 
     @cached_property
     def sse(self) -> float:
@@ -66,8 +78,18 @@ class Certified:
     def data(self) -> tuple[dict[str, Array], Array]:
         """The predictors by name, and the response."""
         start = max(place for place, line in enumerate(self.lines) if line.startswith("Data:"))
-        values = np.array([[float(number) for number in line.split()] for line in self.lines[start + 1 :] if line.strip()])
-        (count,) = [int(line.split(":")[1]) for line in self.lines if line.startswith("Number of Observations:")]
+        values = np.array(
+            [
+                [float(number) for number in line.split()]
+                for line in self.lines[start + 1 :]
+                if line.strip()
+            ]
+        )
+        (count,) = [
+            int(line.split(":")[1])
+            for line in self.lines
+            if line.startswith("Number of Observations:")
+        ]
         assert len(values) == count
         names = ("x",) if values.shape[1] == 2 else ("x1", "x2")
         columns = {name: values[:, place + 1] for place, name in enumerate(names)}
@@ -79,8 +101,13 @@ class Certified:
         published = {}
         for number in (0, 1):
             values = {name: np.asarray(row[number]) for name, row in self.table.items()}
-            moved = {name: float(evaluate(parse(text), values, 1)[0]) for name, text in self.starts.items()}
-            published[f"start {number + 1}"] = {name: float(value) for name, value in values.items()} | moved
+            moved = {
+                name: float(evaluate(parse(text), values, 1)[0])
+                for name, text in self.starts.items()
+            }
+            published[f"start {number + 1}"] = {
+                name: float(value) for name, value in values.items()
+            } | moved
         return Formula(
             self.name,
             "NIST StRD",
@@ -101,14 +128,22 @@ class Certified:
         return self.formula(start).fit(columns, y, "levenberg_marquardt" if start else None)
 
     def digits(self, fit: FormulaFit) -> tuple[int, int, int]:
-        """Whole correct digits of the worst parameter, of the worst standard error, and of the sum of squares."""
+        """Whole correct digits of the worst parameter, of the worst standard error, and of the sum
+        of squares.
+        """
         if fit.status == "failed":
             return 0, 0, 0
-        return max(self._worst(fit, dict(zip(sum(self.alike, ()), sum(order, ()), strict=True))) for order in permutations(self.alike))
+        return max(
+            self._worst(fit, dict(zip(sum(self.alike, ()), sum(order, ()), strict=True)))
+            for order in permutations(self.alike)
+        )
 
     def _worst(self, fit: FormulaFit, places: Mapping[str, str]) -> tuple[int, int, int]:
         worst = [
-            min(digits(found[places.get(name, name)], row[column]) for name, row in self.table.items())
+            min(
+                digits(found[places.get(name, name)], row[column])
+                for name, row in self.table.items()
+            )
             for found, column in ((fit.parameters, 2), (fit.errors, 3))
         ]
         return math.floor(worst[0]), math.floor(worst[1]), math.floor(digits(fit.sse, self.sse))
@@ -118,17 +153,27 @@ def digits(found: float, certified: float) -> float:
     """Number of correct digits (LRE), as NIST counts them."""
     if not math.isfinite(found):
         return 0.0
-    return float(PUBLISHED) if found == certified else max(0.0, min(PUBLISHED, -math.log10(abs(found - certified) / abs(certified))))
+    return (
+        float(PUBLISHED)
+        if found == certified
+        else max(0.0, min(PUBLISHED, -math.log10(abs(found - certified) / abs(certified))))
+    )
 
 
 EXPONENTIALS = "b1*exp(-b2*x) + b3*exp(-b4*x) + b5*exp(-b6*x)"
 PEAKS = "b1*exp(-b2*x) + b3*exp(-(x - b4)^2*exp(-2*log(b5))) + b6*exp(-(x - b7)^2*exp(-2*log(b8)))"
 CUBICS = "(b1 + b2*x + b3*x2 + b4*x3)/(1 + b5*x + b6*x2 + b7*x3)"
-TIDES = "b1 + b2*cos(w*x/12) + b3*sin(w*x/12) + b5*cos(w*x/b4) + b6*sin(w*x/b4) + b8*cos(w*x/b7) + b9*sin(w*x/b7)"
+TIDES = (
+    "b1 + b2*cos(w*x/12) + b3*sin(w*x/12) + b5*cos(w*x/b4) + b6*sin(w*x/b4) + b8*cos(w*x/b7) "
+    "+ b9*sin(w*x/b7)"
+)
 
 RATES = "b2 per x 0.1 50, b4 per x 0.1 50, b6 per x 0.1 50"
 PLACES = "b2 per x 0.1 50, b4 of x 0.05 1, b7 of x 0.05 1, b5 of x 0.01 0.5, b8 of x 0.01 0.5"
-SIGNED = "b5 per x -1000 -1e-3 1e-3 1000, b6 per x2 -1000 -1e-3 1e-3 1000, b7 per x3 -1000 -1e-3 1e-3 1000"
+SIGNED = (
+    "b5 per x -1000 -1e-3 1e-3 1000, b6 per x2 -1000 -1e-3 1e-3 1000, b7 per x3 -1000 -1e-3 "
+    "1e-3 1000"
+)
 WIDE = "b2 per x 1e-3 50"
 
 CHWIRUT = {
@@ -159,7 +204,10 @@ TEXTS = {  # the formula, and where its nonlinear parameters are sought
     "Gauss2": (PEAKS, PLACES),
     "DanWood": ("b1*exp(b2*log(x))", "b2 1e-3 50"),
     "Misra1b": ("b1*(1 - (1 + b2*x/2)^-2)", WIDE),
-    "Kirby2": ("(b1 + b2*x + b3*x2)/(1 + b4*x + b5*x2)", "b4 per x -1000 -1e-3 1e-3 1000, b5 per x2 -1000 -1e-3 1e-3 1000"),
+    "Kirby2": (
+        "(b1 + b2*x + b3*x2)/(1 + b4*x + b5*x2)",
+        "b4 per x -1000 -1e-3 1e-3 1000, b5 per x2 -1000 -1e-3 1e-3 1000",
+    ),
     "Hahn1": (CUBICS, SIGNED),
     "Nelson": ("b1 - b2*x1*exp(-b3*x2)", "b3 per x2 -1000 -1e-3 1e-3 1000"),
     "MGH17": ("b1 + b2*exp(-x*b4) + b3*exp(-x*b5)", "b4 per x 0.1 50, b5 per x 0.1 50"),
@@ -182,8 +230,12 @@ TEXTS = {  # the formula, and where its nonlinear parameters are sought
 
 
 def _sought(text: str) -> Nonlinear:
-    """A nonlinear parameter from its name, the quantity that its scale is `per` or `of`, and the ends of its intervals."""
-    name, per, of, ends = re.fullmatch(r"(\w+)(?: per (\w+))?(?: of (\w+))?((?: \S+)+)", text).groups()
+    """A nonlinear parameter from its name, the quantity that its scale is `per` or `of`, and the
+    ends of its intervals.
+    """
+    name, per, of, ends = re.fullmatch(
+        r"(\w+)(?: per (\w+))?(?: of (\w+))?((?: \S+)+)", text
+    ).groups()
     numbers = [float(end) for end in ends.split()]
     return Nonlinear(name, per, tuple(zip(numbers[::2], numbers[1::2], strict=True)), of)
 
@@ -193,6 +245,12 @@ def _own(table: Mapping[str, Any], name: str) -> Any:
 
 
 PROBLEMS = tuple(
-    Certified(name, text, tuple(map(_sought, sought.split(", "))), alike=_own(ALIKE, name) or (), **_own(OWN, name) or {})
+    Certified(
+        name,
+        text,
+        tuple(map(_sought, sought.split(", "))),
+        alike=_own(ALIKE, name) or (),
+        **_own(OWN, name) or {},
+    )
     for name, (text, sought) in TEXTS.items()
 )

@@ -1,4 +1,6 @@
-"""One thread for linear algebra, as the stages run it: two threads on a busy machine wait for each other most of the time."""
+"""One thread for linear algebra, as the stages run it: two threads on a busy machine wait for each
+other most of the time.
+"""
 
 from __future__ import annotations
 

@@ -11,7 +11,8 @@ from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.modelling.literature import get, names
 
 STATIC, DAMPING = (
-    tuple(name for name in names() if get(name).component == component and not get(name).dimensions) for component in ("static", "damping")
+    tuple(name for name in names() if get(name).component == component and not get(name).dimensions)
+    for component in ("static", "damping")
 )
 """Those that need nothing but the data."""
 
@@ -25,7 +26,12 @@ PLANTED: dict[str, dict[str, float]] = {
     "pressure_viscous": {"B1": -1.1},
     "reynolds": {"B0_rise": -284.0, "B1_rise": 0.42, "B0_fall": -518.0, "B1_fall": 1.1},
     "cao": {
-        **{"B0_rise_low": -155.0, "B1_rise_low": -0.46, "B0_rise_high": -812.0, "B1_rise_high": 2.2},
+        **{
+            "B0_rise_low": -155.0,
+            "B1_rise_low": -0.46,
+            "B0_rise_high": -812.0,
+            "B1_rise_high": 2.2,
+        },
         **{"B0_fall_low": -525.0, "B1_fall_low": 1.2, "B0_fall_high": 66.0, "B1_fall_high": -1.6},
     },
     "tondu_kinetic_friction": {"B0": -40.0, "B1": -25.0, "B2": 0.3},
@@ -75,23 +81,42 @@ def wrist_force(columns: Columns) -> Array:
 
 
 def wrist_points() -> tuple[dict[str, Array], Array]:
-    """W's table rebuilt from its eq 12: the strains at 1 to 7 bar, in kPa, under 0 to 30 kg in steps of 2.5 kg (W section II)."""
-    pressures, loads = np.meshgrid(np.arange(1.0, 8.0), 9.81 * np.arange(0.0, 30.1, 2.5), indexing="ij")
+    """W's table rebuilt from its eq 12: the strains at 1 to 7 bar, in kPa, under 0 to 30 kg in
+    steps of 2.5 kg (W section II).
+    """
+    pressures, loads = np.meshgrid(
+        np.arange(1.0, 8.0), 9.81 * np.arange(0.0, 30.1, 2.5), indexing="ij"
+    )
 
     def strain(pressure: float, load: float) -> float:
-        return float(brentq(lambda x: wrist_force({"pressure": pressure, "strain": x}) - load, -0.5, 0.5, xtol=1e-14))
+        return float(
+            brentq(
+                lambda x: wrist_force({"pressure": pressure, "strain": x}) - load,
+                -0.5,
+                0.5,
+                xtol=1e-14,
+            )
+        )
 
-    strains = np.array([strain(pressure, load) for pressure, load in zip(pressures.flat, loads.flat, strict=True)])
+    strains = np.array(
+        [strain(pressure, load) for pressure, load in zip(pressures.flat, loads.flat, strict=True)]
+    )
     return {"pressure": 100.0 * pressures.ravel(), "strain": strains}, loads.ravel()
 
 
 def slack_muscle(seed: int, strains: Array, rows: int = 400) -> tuple[dict[str, Array], Array]:
-    """A muscle with a slack foot, in kPa and N: a force that sets in smoothly above a threshold pressure, with sensor noise of 1 N."""
+    """A muscle with a slack foot, in kPa and N: a force that sets in smoothly above a threshold
+    pressure, with sensor noise of 1 N.
+    """
     rng = np.random.default_rng(seed)
     columns = {"pressure": rng.uniform(0, 600, rows), "strain": rng.choice(strains, rows)}
     threshold = 60.0 + 2500.0 * columns["strain"]
-    rise = np.sqrt((columns["pressure"] - threshold) ** 2 + 30.0**2) + columns["pressure"] - threshold
-    return columns, 0.3 * rise * (0.45 + 0.55 * np.exp(-25.0 * columns["strain"])) - 5.0 + rng.standard_normal(rows)
+    rise = (
+        np.sqrt((columns["pressure"] - threshold) ** 2 + 30.0**2) + columns["pressure"] - threshold
+    )
+    return columns, 0.3 * rise * (
+        0.45 + 0.55 * np.exp(-25.0 * columns["strain"])
+    ) - 5.0 + rng.standard_normal(rows)
 
 
 def noisy_wrist(seed: int, noise: float = 5.0, rows: int = 300) -> tuple[dict[str, Array], Array]:
@@ -102,7 +127,9 @@ def noisy_wrist(seed: int, noise: float = 5.0, rows: int = 300) -> tuple[dict[st
 
 
 def motion(seed: int, rows: int = 400) -> dict[str, Array]:
-    """Scattered samples of step responses, in kPa, a fraction, 1/s and N; the direction is that of the pressure, not of the strain rate."""
+    """Scattered samples of step responses, in kPa, a fraction, 1/s and N; the direction is that of
+    the pressure, not of the strain rate.
+    """
     rng = np.random.default_rng(seed)
     return {
         "pressure": rng.uniform(0, 400, rows),
@@ -118,7 +145,11 @@ def scattered(seed: int, rows: int) -> dict[str, Array]:
     return uniform(seed, rows, pressure=(50, 600), strain=(-0.01, 0.25))
 
 
-def noisy(name: str, seed: int, rows: int = 400, noise: float = 3.0) -> tuple[dict[str, Array], Array]:
+def noisy(
+    name: str, seed: int, rows: int = 400, noise: float = 3.0
+) -> tuple[dict[str, Array], Array]:
     """Scattered samples of a muscle with the planted parameters of a formula."""
     columns = motion(seed, rows) if name in DAMPING else scattered(seed, rows)
-    return columns, get(name).predict(PLANTED[name], columns) + noise * np.random.default_rng(seed + 1000).standard_normal(rows)
+    return columns, get(name).predict(PLANTED[name], columns) + noise * np.random.default_rng(
+        seed + 1000
+    ).standard_normal(rows)

@@ -1,4 +1,6 @@
-"""NIST StRD nonlinear regression: correct digits of parameters, standard errors and residual sum of squares."""
+"""NIST StRD nonlinear regression: correct digits of parameters, standard errors and residual sum of
+squares.
+"""
 
 from __future__ import annotations
 
@@ -14,10 +16,13 @@ from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.modelling.literature import Formula, solvers
 
 STARTS = (None, 1, 2)
-# Digits of parameters, standard errors, sum of squares; those beyond depend on the last step of a search, and so on the machine
+# Digits of parameters, standard errors, sum of squares; those beyond depend on the last step of a
+# search, and so on the machine
 PROMISED = (5, 5, 9)
 OF_ROUNDING = (5, 1, 1)
-ROUNDING = "Lanczos1"  # its residuals are the rounding of its data: their sum, and the standard errors, have few digits in any program
+# its residuals are the rounding of its data: their sum, and the standard errors, have few digits in
+# any program
+ROUNDING = "Lanczos1"
 SHORT_OF_STEPS = ("MGH17", "MGH09", "Bennett5")  # from their first start
 
 
@@ -43,8 +48,12 @@ def test_certified_digits(problem: Certified, start: int | None) -> None:
     assert all(found >= least for found, least in zip(problem.digits(fit), promised, strict=True))
 
 
-@pytest.mark.parametrize("problem", [p for p in PROBLEMS if p.name in SHORT_OF_STEPS], ids=lambda problem: problem.name)
-def test_only_steps_are_missing_where_a_start_ends_early(problem: Certified, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    "problem", [p for p in PROBLEMS if p.name in SHORT_OF_STEPS], ids=lambda problem: problem.name
+)
+def test_only_steps_are_missing_where_a_start_ends_early(
+    problem: Certified, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(solvers, "EVALUATIONS", 20_000)
     fit = problem.fitted(1)
     assert fit.status == "converged"
@@ -52,8 +61,12 @@ def test_only_steps_are_missing_where_a_start_ends_early(problem: Certified, mon
 
 
 def test_the_page_states_what_is_promised() -> None:
-    page = (Path(__file__).resolve().parents[3] / "docs" / "reliability.md").read_text(encoding="utf-8")
-    rows = [line for line in page.splitlines() if re.match(r"\| (without a|from NIST's) start", line)]
+    page = (Path(__file__).resolve().parents[3] / "docs" / "reliability.md").read_text(
+        encoding="utf-8"
+    )
+    rows = [
+        line for line in page.splitlines() if re.match(r"\| (without a|from NIST's) start", line)
+    ]
     assert len(rows) == len(STARTS)
     assert all(row.endswith(f"| {' | '.join(map(str, PROMISED))} |") for row in rows)
 
@@ -63,17 +76,24 @@ def digits_table() -> list[str]:
     rows = []
     for problem in PROBLEMS:
         fits = [fitted(problem, start) for start in STARTS]
-        told = [" / ".join(map(str, problem.digits(fit))) if fit.status == "converged" else "stopped" for fit in fits]
+        told = [
+            " / ".join(map(str, problem.digits(fit))) if fit.status == "converged" else "stopped"
+            for fit in fits
+        ]
         rows.append(f"| {problem.name} | {problem.level.lower()} | {' | '.join(told)} |")
     return rows
 
 
 def test_wampler_polynomials_have_their_certified_digits() -> None:
-    """Wampler1 and Wampler2: exact polynomials of order five on 0..20 (coefficients one, and powers of a tenth)."""
+    """Wampler1 and Wampler2: exact polynomials of order five on 0..20 (coefficients one, and powers
+    of a tenth).
+    """
     x = np.arange(21.0)
     for base, least in ((1.0, 9), (0.1, 9)):
         names = tuple(f"b{i}" for i in range(6))
-        formula = Formula("wampler", "NIST StRD", ("x",), names, " + ".join(f"b{i}*x^{i}" for i in range(6)))
+        formula = Formula(
+            "wampler", "NIST StRD", ("x",), names, " + ".join(f"b{i}*x^{i}" for i in range(6))
+        )
         fit = formula.fit({"x": x}, np.polynomial.polynomial.polyval(x, base ** np.arange(6)))
         assert min(digits(fit.parameters[f"b{i}"], base**i) for i in range(6)) > least
 

@@ -1,4 +1,6 @@
-"""The damping formulas that are fitted to a damping force: viscous ones, by region or not, and kinetic friction."""
+"""The damping formulas that are fitted to a damping force: viscous ones, by region or not, and
+kinetic friction.
+"""
 
 from __future__ import annotations
 
@@ -31,15 +33,27 @@ def written_out(name: str, planted: dict[str, float], columns: Columns) -> Array
         case "pressure_viscous":
             return B["B1"] * P * v
         case "reynolds":
-            return np.where(rise, B["B0_rise"] + B["B1_rise"] * P, B["B0_fall"] + B["B1_fall"] * P) * v
+            return (
+                np.where(rise, B["B0_rise"] + B["B1_rise"] * P, B["B0_fall"] + B["B1_fall"] * P) * v
+            )
         case "cao":
-            up = np.where(low, B["B0_rise_low"] + B["B1_rise_low"] * P, B["B0_rise_high"] + B["B1_rise_high"] * P)
-            down = np.where(low, B["B0_fall_low"] + B["B1_fall_low"] * P, B["B0_fall_high"] + B["B1_fall_high"] * P)
+            up = np.where(
+                low,
+                B["B0_rise_low"] + B["B1_rise_low"] * P,
+                B["B0_rise_high"] + B["B1_rise_high"] * P,
+            )
+            down = np.where(
+                low,
+                B["B0_fall_low"] + B["B1_fall_low"] * P,
+                B["B0_fall_high"] + B["B1_fall_high"] * P,
+            )
             return np.where(rise, up, down) * v
         case "tondu_kinetic_friction":
             return np.sign(v) * ((B["B0"] - B["B1"]) * np.exp(-np.abs(v) / B["B2"]) + B["B1"])
     x = v if name == "peternel" else np.abs(v)
-    return np.sign(v) * (B["B0"] + B["B1"] * x + B["B2"] * x**2 + B["B3"] * np.exp(-np.abs(v) / B["B4"]))
+    return np.sign(v) * (
+        B["B0"] + B["B1"] * x + B["B2"] * x**2 + B["B3"] * np.exp(-np.abs(v) / B["B4"])
+    )
 
 
 def test_every_damping_formula_is_here_or_fitted_to_load_cycles() -> None:
@@ -52,9 +66,17 @@ def test_every_damping_formula_is_here_or_fitted_to_load_cycles() -> None:
 @pytest.mark.parametrize("name", DAMPED)
 def test_it_is_what_is_published(name: str) -> None:
     columns = motion(1)
-    columns["pressure"][:4], columns["direction"][:4] = 200.0, [1.0, 1.0, -1.0, -1.0]  # which Cao's lower region includes
+    columns["pressure"][:4], columns["direction"][:4] = (
+        200.0,
+        [1.0, 1.0, -1.0, -1.0],
+    )  # which Cao's lower region includes
     columns["strain_rate"][4:6] = 0.0
-    np.testing.assert_allclose(get(name).predict(PLANTED[name], columns), written_out(name, PLANTED[name], columns), rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(
+        get(name).predict(PLANTED[name], columns),
+        written_out(name, PLANTED[name], columns),
+        rtol=1e-12,
+        atol=1e-12,
+    )
 
 
 @settings(deadline=None, max_examples=20)
@@ -71,10 +93,15 @@ def test_any_decay_is_recovered(decay: float, weights: tuple[float, ...], name: 
 
 @pytest.mark.parametrize("name", BY_REGION)
 def test_regions_are_fitted_as_one_block_diagonal_system(name: str) -> None:
-    """With parameters, rank and sum of squares of the whole; errors and condition of each region alone."""
+    """With parameters, rank and sum of squares of the whole; errors and condition of each region
+    alone.
+    """
     columns, y = noisy(name, 5)
     fit = get(name).fit(columns, y)
-    unit = {parameter: written_out(name, dict.fromkeys(PLANTED[name], 0.0) | {parameter: 1.0}, columns) for parameter in PLANTED[name]}
+    unit = {
+        parameter: written_out(name, dict.fromkeys(PLANTED[name], 0.0) | {parameter: 1.0}, columns)
+        for parameter in PLANTED[name]
+    }
     phi = np.column_stack(list(unit.values()))
     beta, (sse,), rank, _ = np.linalg.lstsq(phi, y, rcond=None)
     assert fit.sse == pytest.approx(sse, rel=1e-10)
@@ -87,7 +114,9 @@ def test_regions_are_fitted_as_one_block_diagonal_system(name: str) -> None:
         rows = unit[first] != 0.0
         own = np.column_stack([unit[first], unit[second]])[rows]
         residual = y[rows] - own @ np.linalg.lstsq(own, y[rows], rcond=None)[0]
-        deviations = np.sqrt(np.diag(np.linalg.inv(own.T @ own)) * (residual @ residual) / (len(own) - 2))
+        deviations = np.sqrt(
+            np.diag(np.linalg.inv(own.T @ own)) * (residual @ residual) / (len(own) - 2)
+        )
         assert [fit.errors[first], fit.errors[second]] == pytest.approx(deviations, rel=1e-8)
         conditions.append(np.linalg.cond(own / np.linalg.norm(own, axis=0)))
     assert len(conditions) == len(PLANTED[name]) / 2
@@ -96,7 +125,9 @@ def test_regions_are_fitted_as_one_block_diagonal_system(name: str) -> None:
 
 @pytest.mark.parametrize(("name", "even"), [("peternel", True), ("peternel_absolute", False)])
 def test_the_linear_term_of_peternel_is_even_as_printed(name: str, even: bool) -> None:
-    """A friction that pushes the same way in both directions; every other term turns with the motion."""
+    """A friction that pushes the same way in both directions; every other term turns with the
+    motion.
+    """
     rate = np.linspace(0.01, 2.0, 30)
     for term in ("B0", "B1", "B2", "B3"):
         only = dict.fromkeys(("B0", "B1", "B2", "B3"), 0.0) | {term: -3.0, "B4": 0.3}
@@ -121,16 +152,22 @@ def test_a_friction_that_does_not_decay_is_at_bound(name: str) -> None:
 def test_a_region_without_samples_is_told_and_predicts_nothing(name: str) -> None:
     columns, y = noisy(name, 10)
     rising = columns["direction"] > 0
-    fit = get(name).fit({quantity: column[rising] for quantity, column in columns.items()}, y[rising])
+    fit = get(name).fit(
+        {quantity: column[rising] for quantity, column in columns.items()}, y[rising]
+    )
     assert fit.status == "rank_deficient"
     assert fit.rank == len(PLANTED[name]) / 2
-    assert any(note.startswith("fall") and "0 samples for 2 parameters" in note for note in fit.notes)
+    assert any(
+        note.startswith("fall") and "0 samples for 2 parameters" in note for note in fit.notes
+    )
     assert not any(note.startswith("rise") for note in fit.notes)
     assert all(np.isnan(error) == ("fall" in parameter) for parameter, error in fit.errors.items())
     predicted = get(name).predict(fit.parameters, columns)
     assert not predicted[~rising].any()
     whole = get(name).fit(columns, y)
-    np.testing.assert_array_equal(predicted[rising], get(name).predict(whole.parameters, columns)[rising])
+    np.testing.assert_array_equal(
+        predicted[rising], get(name).predict(whole.parameters, columns)[rising]
+    )
 
 
 def test_the_worst_region_gives_the_status_and_is_named() -> None:
@@ -150,19 +187,30 @@ def test_before_the_muscle_moves_nothing_is_fitted_and_nothing_predicted(name: s
     resting = np.arange(len(y)) < 50
     rested = {**columns, "direction": np.where(resting, 0.0, columns["direction"])}
     moving = {quantity: column[~resting] for quantity, column in columns.items()}
-    fit, alone = get(name).fit(rested, np.where(resting, 1e6, y)), get(name).fit(moving, y[~resting])
+    fit, alone = (
+        get(name).fit(rested, np.where(resting, 1e6, y)),
+        get(name).fit(moving, y[~resting]),
+    )
     assert fit.parameters == alone.parameters
     assert (fit.samples, fit.sse) == (350, alone.sse)
-    assert fit.notes == (*alone.notes, "50 of 400 samples are in no region: they are not fitted, and zero is predicted for them")
+    assert fit.notes == (
+        *alone.notes,
+        "50 of 400 samples are in no region: they are not fitted, and zero is predicted for them",
+    )
     assert not get(name).predict(fit.parameters, rested)[resting].any()
 
 
 @pytest.mark.parametrize("name", BY_REGION)
 def test_too_few_samples_in_every_region_are_refused(name: str) -> None:
     columns, y = noisy(name, 13)
-    with pytest.raises(DataError, match=r"2 parameters in each region.* 0 in rise\w* \(direction > 0"):
+    with pytest.raises(
+        DataError, match=r"2 parameters in each region.* 0 in rise\w* \(direction > 0"
+    ):
         get(name).fit({**columns, "direction": np.zeros(len(y))}, y)
-    one_each = {quantity: column[[0, 1]] for quantity, column in {**columns, "direction": np.tile([1.0, -1.0], 200)}.items()}
+    one_each = {
+        quantity: column[[0, 1]]
+        for quantity, column in {**columns, "direction": np.tile([1.0, -1.0], 200)}.items()
+    }
     with pytest.raises(DataError, match=r"1 in fall\w* \(direction < 0"):
         get(name).fit(one_each, y[:2])
 

@@ -1,4 +1,6 @@
-"""What holds for every formula that is fitted to a target: recovery, units, order, refusals, and that its equation is its prediction."""
+"""What holds for every formula that is fitted to a target: recovery, units, order, refusals, and
+that its equation is its prediction.
+"""
 
 from __future__ import annotations
 
@@ -28,25 +30,41 @@ def training(name: str, seed: int, rows: int = 60) -> tuple[dict[str, Array], Ar
 
 
 @pytest.mark.parametrize(
-    ("name", "method"), [*((name, None) for name in PLANTED), *((name, "levenberg_marquardt") for name in PLANTED if name in DAMPING)]
+    ("name", "method"),
+    [
+        *((name, None) for name in PLANTED),
+        *((name, "levenberg_marquardt") for name in PLANTED if name in DAMPING),
+    ],
 )
-def test_planted_parameters_are_recovered_without_starting_values(name: str, method: str | None) -> None:
-    columns = motion(2) if name in DAMPING else grid(np.linspace(60, 600, 8), np.linspace(0, 0.25, 15))
+def test_planted_parameters_are_recovered_without_starting_values(
+    name: str, method: str | None
+) -> None:
+    columns = (
+        motion(2) if name in DAMPING else grid(np.linspace(60, 600, 8), np.linspace(0, 0.25, 15))
+    )
     fit = get(name).fit(columns, get(name).predict(PLANTED[name], columns), method)
     assert fit.status == "converged"
     assert fit.rank == len(PLANTED[name])
     assert tuple(fit.parameters) == get(name).parameters
-    assert dict(fit.parameters) == pytest.approx(PLANTED[name], rel=1e-8 if name in DAMPING else 1e-6)
+    assert dict(fit.parameters) == pytest.approx(
+        PLANTED[name], rel=1e-8 if name in DAMPING else 1e-6
+    )
 
 
 @pytest.mark.parametrize(
-    ("name", "method"), [*((name, None) for name in EVERY), *((name, "levenberg_marquardt") for name in ("sarosi", "polynomial_5"))]
+    ("name", "method"),
+    [
+        *((name, None) for name in EVERY),
+        *((name, "levenberg_marquardt") for name in ("sarosi", "polynomial_5")),
+    ],
 )
 def test_row_order_does_not_change_a_digit(name: str, method: str | None) -> None:
     columns, y = training(name, 5, 80)
     order = np.random.default_rng(0).permutation(len(y))
     shuffled = {quantity: column[order] for quantity, column in columns.items()}
-    assert str(get(name).fit(shuffled, y[order], method)) == str(get(name).fit(columns, y, method))  # as text, where NaN equals NaN
+    assert str(get(name).fit(shuffled, y[order], method)) == str(
+        get(name).fit(columns, y, method)
+    )  # as text, where NaN equals NaN
 
 
 @every
@@ -59,7 +77,9 @@ def test_the_equations_are_the_prediction(name: str) -> None:
         rows = np.ones(len(y), dtype=bool)
         for condition in label.split(": ")[1].split(", ") if ": " in label else ():
             quantity, comparison, value = condition.split()
-            rows &= {"<": np.less, ">": np.greater, "<=": np.less_equal}[comparison](columns[quantity], float(value))
+            rows &= {"<": np.less, ">": np.greater, "<=": np.less_equal}[comparison](
+                columns[quantity], float(value)
+            )
         covered += rows
         assert equation.names <= {*get(name).inputs}
         own = {quantity: column[rows] for quantity, column in columns.items()}
@@ -71,29 +91,44 @@ def test_the_equations_are_the_prediction(name: str) -> None:
 @given(
     st.sampled_from(
         [
-            *((name, method) for name in ("sarosi", "polynomial_2", "polynomial_5") for method in (None, "levenberg_marquardt")),
+            *(
+                (name, method)
+                for name in ("sarosi", "polynomial_2", "polynomial_5")
+                for method in (None, "levenberg_marquardt")
+            ),
             *((name, None) for name in EVERY if name in DAMPING and name != "cao"),
         ]
     ),
     *[st.floats(1e-4, 1e4)] * 3,
 )
-def test_units_change_the_numbers_but_not_the_fit(case: tuple[str, str | None], pressure: float, motion: float, force: float) -> None:
+def test_units_change_the_numbers_but_not_the_fit(
+    case: tuple[str, str | None], pressure: float, motion: float, force: float
+) -> None:
     """But for Cao's, whose regions part at 200 kPa."""
     name, method = case
     columns, y = training(name, 3, 120)
     factors = {"pressure": pressure, "strain": motion, "strain_rate": motion}
-    changed = {quantity: column * factors.get(quantity, 1.0) for quantity, column in columns.items()}
+    changed = {
+        quantity: column * factors.get(quantity, 1.0) for quantity, column in columns.items()
+    }
     fit, other = get(name).fit(columns, y, method), get(name).fit(changed, y * force, method)
     assert other.status == fit.status == "converged"
     assert other.sse == pytest.approx(fit.sse * force**2, rel=1e-9)
     assert other.condition == pytest.approx(fit.condition, rel=1e-3)
     predicted = get(name).predict(fit.parameters, columns)
-    np.testing.assert_allclose(get(name).predict(other.parameters, changed) / force, predicted, rtol=0, atol=1e-6 * np.abs(y).max())
+    np.testing.assert_allclose(
+        get(name).predict(other.parameters, changed) / force,
+        predicted,
+        rtol=0,
+        atol=1e-6 * np.abs(y).max(),
+    )
 
 
 @every
 @pytest.mark.parametrize("value", [np.nan, np.inf])
-def test_values_that_are_not_finite_are_refused_with_column_and_row(name: str, value: float) -> None:
+def test_values_that_are_not_finite_are_refused_with_column_and_row(
+    name: str, value: float
+) -> None:
     for column in (*get(name).inputs, "the target"):
         columns, y = training(name, 14)
         {**columns, "the target": y}[column][7] = value
@@ -118,7 +153,10 @@ def test_an_unknown_input_is_unknown_in_the_prediction_and_an_absent_one_refused
 
 
 def test_every_formula_is_on_the_page_and_in_the_reference() -> None:
-    page, text = (Path(__file__).resolve().parents[3] / "docs" / "formulas.md").read_text(encoding="utf-8"), reference()
+    page, text = (
+        (Path(__file__).resolve().parents[3] / "docs" / "formulas.md").read_text(encoding="utf-8"),
+        reference(),
+    )
     for name in names():
         assert f"`{name}`" in page
         assert f"### {name}\n" in text

@@ -14,7 +14,9 @@ from mapmore_cli.modelling.literature.own import FamilySettings
 LENGTHS = (0.1, 0.2, 0.3)
 
 
-def force(pressure: Array, strain: Array, length: float, scale: float = 1.0, stretch: float = 1.0) -> Array:
+def force(
+    pressure: Array, strain: Array, length: float, scale: float = 1.0, stretch: float = 1.0
+) -> Array:
     """A muscle that is slack below a threshold; its largest force follows Bolen's law."""
     largest = 300 * np.arctan(19.03 * (length - 0.0075))
     share = pressure / 600 * (1 - stretch * strain / 0.25) ** 2 - 0.1 * stretch * strain / 0.25
@@ -23,9 +25,18 @@ def force(pressure: Array, strain: Array, length: float, scale: float = 1.0, str
 
 def measured(lengths: tuple[float, ...]) -> tuple[dict[str, Array], Array]:
     """Pressures at five strains of each length."""
-    rows = np.array([(p, e, one) for one in lengths for e in (0.0, 0.05, 0.1, 0.15, 0.2) for p in np.linspace(0, 600, 25)])
+    rows = np.array(
+        [
+            (p, e, one)
+            for one in lengths
+            for e in (0.0, 0.05, 0.1, 0.15, 0.2)
+            for p in np.linspace(0, 600, 25)
+        ]
+    )
     columns = dict(zip(("pressure", "strain", "length"), rows.T, strict=True))
-    return columns, np.concatenate([force(*(rows[rows[:, 2] == one].T[:2]), one) for one in lengths])
+    return columns, np.concatenate(
+        [force(*(rows[rows[:, 2] == one].T[:2]), one) for one in lengths]
+    )
 
 
 def fitted(lengths: tuple[float, ...] = LENGTHS, metres: float = 1.0):
@@ -49,15 +60,21 @@ def test_millimetres_make_the_same_family() -> None:
     columns, _ = measured(LENGTHS)
     expected = literature.of(one).predict(one.parameters, columns)
     columns["length"] = 1000 * columns["length"]
-    assert literature.of(other).predict(other.parameters, columns) == pytest.approx(expected, abs=1e-6)
+    assert literature.of(other).predict(other.parameters, columns) == pytest.approx(
+        expected, abs=1e-6
+    )
 
 
 def test_a_diameter_scales_by_a_power() -> None:
     columns, _ = measured((0.2,))
     parts = [{**columns, "length": np.full(125, d)} for d in (10.0, 20.0)]
-    y = np.concatenate([force(columns["pressure"], columns["strain"], 0.2) * (d / 10) ** 2.2 for d in (10.0, 20.0)])
+    y = np.concatenate(
+        [force(columns["pressure"], columns["strain"], 0.2) * (d / 10) ** 2.2 for d in (10.0, 20.0)]
+    )
     definition = FamilySettings(of="length", scale="power").definition(1.0)
-    fit = literature.get(definition).fit({name: np.concatenate([part[name] for part in parts]) for name in columns}, y)
+    fit = literature.get(definition).fit(
+        {name: np.concatenate([part[name] for part in parts]) for name in columns}, y
+    )
     assert fit.parameters["b"] == pytest.approx(2.2, abs=0.05)  # drawn a little towards the prior
 
 
@@ -75,7 +92,9 @@ def test_few_points_find_the_scales_of_a_specimen() -> None:
 
     def error(rows: Array) -> float:
         own = family.adapted(fit, {name: x[rows] for name, x in columns.items()}, y[rows], 0.2)
-        return float(np.sqrt(np.mean((literature.of(own).predict(own.parameters, columns) - y) ** 2)))
+        return float(
+            np.sqrt(np.mean((literature.of(own).predict(own.parameters, columns) - y) ** 2))
+        )
 
     none = np.zeros(len(y), dtype=bool)
     assert error(few) < 0.6 * error(none)

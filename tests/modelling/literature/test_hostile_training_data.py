@@ -1,4 +1,6 @@
-"""Data that do not determine a formula: told by status and notes, refused only where nothing can be fitted."""
+"""Data that do not determine a formula: told by status and notes, refused only where nothing can be
+fitted.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,9 @@ LEVELS = {
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("name", FORMULAS)
 @pytest.mark.parametrize("columns", LEVELS.values(), ids=LEVELS)
-def test_one_level_is_rank_deficient_but_still_fits_what_it_shows(columns, name: str, method: str) -> None:
+def test_one_level_is_rank_deficient_but_still_fits_what_it_shows(
+    columns, name: str, method: str
+) -> None:
     columns = {quantity: np.repeat(column, 24) for quantity, column in columns.items()}
     y = wrist_force(columns)
     formula = get(name)
@@ -35,20 +39,37 @@ def test_one_level_is_rank_deficient_but_still_fits_what_it_shows(columns, name:
     assert any("rank" in note for note in fit.notes)
     if method == "variable_projection":
         assert np.sqrt(fit.sse / len(y)) < 0.1 * np.abs(y).max()
-        np.testing.assert_allclose(np.sum((formula.predict(fit.parameters, columns) - y) ** 2), fit.sse, rtol=1e-6, atol=1e-12)
+        np.testing.assert_allclose(
+            np.sum((formula.predict(fit.parameters, columns) - y) ** 2),
+            fit.sse,
+            rtol=1e-6,
+            atol=1e-12,
+        )
 
 
 @pytest.mark.parametrize("columns", LEVELS.values(), ids=LEVELS)
-@pytest.mark.parametrize("name", ["tondu_lopez", "tondu_lopez_corrected", "kerscher", "sarosi_hinged"])
+@pytest.mark.parametrize(
+    "name", ["tondu_lopez", "tondu_lopez_corrected", "kerscher", "sarosi_hinged"]
+)
 def test_one_level_does_not_pass_for_a_good_fit(columns, name: str) -> None:
-    columns = {"pressure": np.repeat(100 * columns["pressure"], 24), "strain": np.repeat(columns["strain"], 24)}
+    columns = {
+        "pressure": np.repeat(100 * columns["pressure"], 24),
+        "strain": np.repeat(columns["strain"], 24),
+    }
     y = wrist_force({**columns, "pressure": columns["pressure"] / 100})
     formula = get(name)
     fit = formula.fit(columns, y)
     assert np.isfinite(list(fit.parameters.values())).all()
-    np.testing.assert_allclose(np.sum((formula.predict(fit.parameters, columns) - y) ** 2), fit.sse, rtol=1e-6, atol=1e-12 * np.sum(y**2))
+    np.testing.assert_allclose(
+        np.sum((formula.predict(fit.parameters, columns) - y) ** 2),
+        fit.sse,
+        rtol=1e-6,
+        atol=1e-12 * np.sum(y**2),
+    )
     told = fit.status == "rank_deficient" and any("rank" in note for note in fit.notes)
-    assert told or (name == "tondu_lopez" and np.ptp(columns["strain"]) > 0)  # whose two parameters one pressure shows
+    assert told or (
+        name == "tondu_lopez" and np.ptp(columns["strain"]) > 0
+    )  # whose two parameters one pressure shows
 
 
 HOSTILE = {
@@ -74,16 +95,24 @@ def test_any_finite_target_gets_an_answer_no_worse_than_nothing(name: str, targe
         return
     assert fit.status in ("converged", "at_bound", "rank_deficient", "stopped_by_limit")
     assert np.isfinite(get(name).predict(fit.parameters, columns)).all()
-    assert fit.sse <= (1 + 1e-9) * float(y @ y) + 1e-12 * len(y) * (name == "sarosi_hinged")  # its foot may not be without width
+    assert fit.sse <= (1 + 1e-9) * float(y @ y) + 1e-12 * len(y) * (
+        name == "sarosi_hinged"
+    )  # its foot may not be without width
     if fit.status == "at_bound":
-        assert any(note.startswith(f"{parameter} ") for parameter in fit.parameters for note in fit.notes)
+        assert any(
+            note.startswith(f"{parameter} ") for parameter in fit.parameters for note in fit.notes
+        )
 
 
 @pytest.mark.parametrize("name", STATIC)
 def test_absurd_inputs_are_no_reason_to_raise(name: str) -> None:
-    """Pressures of minus 10 MPa, where exp(-P) of W eq 10 overflows, with the strain in per cent."""
+    """Pressures of minus 10 MPa, where exp(-P) of W eq 10 overflows, with the strain in per
+    cent.
+    """
     columns, y = noisy_wrist(0, rows=60)
-    fit = get(name).fit({"pressure": -1e6 * columns["pressure"], "strain": 100.0 * columns["strain"]}, y)
+    fit = get(name).fit(
+        {"pressure": -1e6 * columns["pressure"], "strain": 100.0 * columns["strain"]}, y
+    )
     assert fit.failed == (name in ("tondu_lopez_corrected", "kerscher"))
     assert np.isnan(list(fit.parameters.values())).all() == fit.failed
 
@@ -103,7 +132,9 @@ def test_constant_targets(method: str, target: float) -> None:
 
 
 def test_a_curvature_that_runs_away_is_at_bound() -> None:
-    """A step at the smallest strain is the limit of ever faster decay, and a parabola p*x^2 that of none."""
+    """A step at the smallest strain is the limit of ever faster decay, and a parabola p*x^2 that of
+    none.
+    """
     columns = grid(np.arange(1.0, 8.0), np.linspace(0.0, 0.2, 9))
     p, x = columns["pressure"], columns["strain"]
     step = get("sarosi").fit(columns, p * (x == 0.0) + 0.01 * p * x)
@@ -120,7 +151,9 @@ def test_a_curvature_that_runs_away_is_at_bound() -> None:
 def test_one_sample_less_than_parameters_is_refused(name: str) -> None:
     count = len(get(name).parameters)
     columns, y = noisy_wrist(0, rows=count - 1)
-    with pytest.raises(DataError, match=f"{count} parameters, but there are only {count - 1} samples"):
+    with pytest.raises(
+        DataError, match=f"{count} parameters, but there are only {count - 1} samples"
+    ):
         get(name).fit(columns, y)
     assert not get(name).fit(*noisy_wrist(0, rows=count)).failed
 
@@ -159,6 +192,8 @@ def test_a_formula_that_overflows_everywhere_has_failed(method: str) -> None:
         ("a*exp(b*x)", (), "nonlinear without being declared"),
     ],
 )
-def test_a_formula_that_is_not_what_it_declares_cannot_be_made(text: str, nonlinear, message: str) -> None:
+def test_a_formula_that_is_not_what_it_declares_cannot_be_made(
+    text: str, nonlinear, message: str
+) -> None:
     with pytest.raises(ValueError, match=message):
         Formula("wrong", "-", ("x",), ("a", "b"), text, nonlinear).checked()

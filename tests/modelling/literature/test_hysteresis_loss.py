@@ -1,4 +1,6 @@
-"""Sárosi's hysteresis loss: from load cycles to a damping force, against numerical derivatives, integrals and roots."""
+"""Sárosi's hysteresis loss: from load cycles to a damping force, against numerical derivatives,
+integrals and roots.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +40,9 @@ def cycles(**changed: float) -> dict[str, Array]:
     """Load cycles without noise at three pressures, of parameters that are planted."""
     planted = PLANTED | changed
     columns = grid(np.array([80.0, 150.0, 350.0]), np.linspace(STRAIN_MIN, 0.2, 60))
-    branches = [{name: planted[name.replace("a", f"a{branch}")] for name in UPPER} for branch in "ul"]
+    branches = [
+        {name: planted[name.replace("a", f"a{branch}")] for name in UPPER} for branch in "ul"
+    ]
     upper, lower = (force(branch, columns["pressure"], columns["strain"]) for branch in branches)
     return {**columns, "force": (upper + lower) / 2, "hysteresis": (upper - lower) / 2}
 
@@ -57,16 +61,24 @@ def test_both_branches_are_recovered_from_mean_and_half_width(formula) -> None:
     assert (fit.name, fit.status, fit.rank, fit.samples) == (formula.name, "converged", 12, 360)
     assert tuple(fit.parameters) == formula.parameters
     assert dict(fit.parameters) == pytest.approx(PLANTED, rel=1e-8)
-    assert [name for name, error in fit.errors.items() if np.isnan(error)] == ["length", "strain_min"]
+    assert [name for name, error in fit.errors.items() if np.isnan(error)] == [
+        "length",
+        "strain_min",
+    ]
 
 
 def test_each_branch_is_the_fit_of_sarosi_to_it() -> None:
     columns = cycles()
     columns["force"] = columns["force"] + np.random.default_rng(0).standard_normal(180)
     fit = LOSS.fit_cycles(columns, LENGTH)
-    both = [get("sarosi").fit(columns, columns["force"] + side * columns["hysteresis"]) for side in (1.0, -1.0)]
+    both = [
+        get("sarosi").fit(columns, columns["force"] + side * columns["hysteresis"])
+        for side in (1.0, -1.0)
+    ]
     for branch, alone in zip("ul", both, strict=True):
-        assert [fit.parameters[f"a{branch}{i}"] for i in range(1, 7)] == list(alone.parameters.values())
+        assert [fit.parameters[f"a{branch}{i}"] for i in range(1, 7)] == list(
+            alone.parameters.values()
+        )
         assert [fit.errors[f"a{branch}{i}"] for i in range(1, 7)] == list(alone.errors.values())
     assert fit.sse == both[0].sse + both[1].sse
     assert fit.condition == max(alone.condition for alone in both)
@@ -75,17 +87,26 @@ def test_each_branch_is_the_fit_of_sarosi_to_it() -> None:
 @pytest.mark.parametrize("pressure", [20.0, 80.0, 143.7, 350.0, 500.0])
 def test_zeta_is_the_lost_share_of_the_energy_by_quadrature(pressure: float) -> None:
     free = brentq(lambda strain: force(UPPER, pressure, strain), STRAIN_MIN, 0.5, xtol=1e-15)
-    up, low = (quad(lambda strain, b=branch: force(b, pressure, strain), STRAIN_MIN, free, epsabs=0)[0] for branch in (UPPER, LOWER))
+    up, low = (
+        quad(lambda strain, b=branch: force(b, pressure, strain), STRAIN_MIN, free, epsabs=0)[0]
+        for branch in (UPPER, LOWER)
+    )
     assert 0.0 < (up - low) / up < 1.0
     assert zeta(PLANTED, np.array([pressure])) == pytest.approx([(up - low) / up], rel=1e-9)
 
 
-@pytest.mark.parametrize(("formula", "per_length"), [(LOSS, LENGTH), (PRINTED, 1.0)], ids=["with length", "printed"])
+@pytest.mark.parametrize(
+    ("formula", "per_length"), [(LOSS, LENGTH), (PRINTED, 1.0)], ids=["with length", "printed"]
+)
 def test_the_force_follows_from_stiffness_and_mass(formula, per_length: float) -> None:
-    """k_t by central differences of the force over the length; the mass hangs on the muscle, in N."""
+    """k_t by central differences of the force over the length; the mass hangs on the muscle, in
+    N.
+    """
     columns = motion(1, rows=50)
     P, strain, step = columns["pressure"], columns["strain"], 1e-6
-    stiffness = (force(UPPER, P, strain + step) - force(UPPER, P, strain - step)) / (2 * step * LENGTH)
+    stiffness = (force(UPPER, P, strain + step) - force(UPPER, P, strain - step)) / (
+        2 * step * LENGTH
+    )
     critical = 2 * np.sqrt(np.abs(stiffness) * columns["load"] / 9.81)
     expected = -zeta(PLANTED, P) * critical * per_length * columns["strain_rate"]
     np.testing.assert_allclose(formula.predict(PLANTED, columns), expected, rtol=1e-7)
@@ -95,7 +116,10 @@ def test_rows_do_not_depend_on_each_other() -> None:
     """A table may be predicted in blocks of any size."""
     columns = motion(2, rows=300)
     whole = LOSS.predict(PLANTED, columns)
-    alone = [LOSS.predict(PLANTED, {name: column[i : i + 1] for name, column in columns.items()})[0] for i in range(300)]
+    alone = [
+        LOSS.predict(PLANTED, {name: column[i : i + 1] for name, column in columns.items()})[0]
+        for i in range(300)
+    ]
     np.testing.assert_array_equal(whole, alone)
 
 
@@ -110,30 +134,49 @@ def test_where_the_muscle_is_slack_zeta_is_one_as_just_above() -> None:
     assert noted_pressures(notes, "zeta is taken as 1") == pytest.approx((0.0, threshold), abs=0.4)
     lowest, highest = noted_pressures(notes, "zeta is limited to")
     assert lowest == pytest.approx(threshold, abs=0.4)
-    assert zeta(PLANTED, np.array([highest - 0.4, highest + 0.4])).tolist() == [1.0, pytest.approx(0.96, abs=0.04)]
+    assert zeta(PLANTED, np.array([highest - 0.4, highest + 0.4])).tolist() == [
+        1.0,
+        pytest.approx(0.96, abs=0.04),
+    ]
 
 
 def test_a_curve_that_never_falls_to_zero_is_told() -> None:
-    """Force is least where the upper curve turns up again, or at a strain of one, and there the stroke is taken to end."""
+    """Force is least where the upper curve turns up again, or at a strain of one, and there the
+    stroke is taken to end.
+    """
     fit = LOSS.fit_cycles(cycles(au6=-100.0, al6=-99.0, au4=0.5, al4=0.5), LENGTH)
     pressure = 300.0
     own = {**UPPER, "a4": 0.5, "a6": -100.0}, {**LOWER, "a4": 0.5, "a6": -99.0}
     strains = np.linspace(STRAIN_MIN, 1.0, 100_001)
     from_pressure = brentq(lambda pressure: force(own[0], pressure, strains).min(), 10.0, 100.0)
-    assert noted_pressures(fit.notes, "does not fall to zero") == pytest.approx((from_pressure, 350.0), abs=0.4)
+    assert noted_pressures(fit.notes, "does not fall to zero") == pytest.approx(
+        (from_pressure, 350.0), abs=0.4
+    )
     end = strains[np.argmin(force(own[0], pressure, strains))]
     assert 0.1 < end < 0.5
-    up, low = (quad(lambda strain, b=branch: force(b, pressure, strain), STRAIN_MIN, end)[0] for branch in own)
+    up, low = (
+        quad(lambda strain, b=branch: force(b, pressure, strain), STRAIN_MIN, end)[0]
+        for branch in own
+    )
     assert zeta(fit.parameters, np.array([pressure])) == pytest.approx([(up - low) / up], rel=1e-4)
 
 
-@given(*[st.floats(-1000, 1000)] * 3, st.floats(-60, 60).filter(lambda c: abs(c) > 1e-6), st.floats(-0.05, 0.3))
-def test_the_stroke_ends_at_the_first_zero_whatever_the_shape(a: float, b: float, c: float, curvature: float, start: float) -> None:
+@given(
+    *[st.floats(-1000, 1000)] * 3,
+    st.floats(-60, 60).filter(lambda c: abs(c) > 1e-6),
+    st.floats(-0.05, 0.3),
+)
+def test_the_stroke_ends_at_the_first_zero_whatever_the_shape(
+    a: float, b: float, c: float, curvature: float, start: float
+) -> None:
     curve = ForceCurve(np.array([a]), np.array([b]), np.array([c]), curvature)
     ends, slack, endless = curve.stroke(start)
     strains = np.linspace(start, 1.0, 4001)
     values = a * np.exp(curvature * strains) + b * strains + c
-    end, scale = float(ends[0]), abs(a) * max(np.exp(curvature * start), np.exp(curvature)) + abs(b) + abs(c)
+    end, scale = (
+        float(ends[0]),
+        abs(a) * max(np.exp(curvature * start), np.exp(curvature)) + abs(b) + abs(c),
+    )
     assert bool(slack[0]) == (values[0] <= 0.0)
     assert not (slack & endless).any()
     if slack[0]:
@@ -153,12 +196,23 @@ def test_a_curve_that_overflows_beyond_the_strains_tested_is_no_reason_to_raise(
     assert np.isfinite(zeta(PLANTED | {"au3": -2500.0}, np.array([-1.0, 0.0, 50.0, 350.0]))).all()
 
 
-@given(*[st.floats(-100, 100)] * 3, st.floats(-60, 60), st.floats(-0.05, 0.3), st.one_of(st.just(0.0), st.floats(1e-9, 0.7)))
-def test_the_mean_force_is_that_of_quadrature(a: float, b: float, c: float, curvature: float, start: float, width: float) -> None:
+@given(
+    *[st.floats(-100, 100)] * 3,
+    st.floats(-60, 60),
+    st.floats(-0.05, 0.3),
+    st.one_of(st.just(0.0), st.floats(1e-9, 0.7)),
+)
+def test_the_mean_force_is_that_of_quadrature(
+    a: float, b: float, c: float, curvature: float, start: float, width: float
+) -> None:
     curve = ForceCurve(np.array([a]), np.array([b]), np.array([c]), curvature)
     mean = float(curve.mean(start, np.array([start + width]))[0])
-    by_place, _ = quad(lambda t: float(curve(np.array([start + t * width]))[0]), 0.0, 1.0, epsrel=1e-12)
-    assert mean == pytest.approx(by_place, rel=1e-8, abs=1e-9 * (1 + abs(a) * np.exp(abs(curvature) * (abs(start) + width))))
+    by_place, _ = quad(
+        lambda t: float(curve(np.array([start + t * width]))[0]), 0.0, 1.0, epsrel=1e-12
+    )
+    assert mean == pytest.approx(
+        by_place, rel=1e-8, abs=1e-9 * (1 + abs(a) * np.exp(abs(curvature) * (abs(start) + width)))
+    )
 
 
 def test_crossed_branches_give_no_negative_damping() -> None:
@@ -172,12 +226,27 @@ def test_crossed_branches_give_no_negative_damping() -> None:
 def test_the_equations_are_the_prediction_but_for_zeta(formula) -> None:
     fit, columns = formula.fit_cycles(cycles(), LENGTH), motion(3)
     equations = formula.equations(fit)
-    assert list(equations) == [formula.name, f"{formula.name}: upper curve", f"{formula.name}: lower curve"]
+    assert list(equations) == [
+        formula.name,
+        f"{formula.name}: upper curve",
+        f"{formula.name}: lower curve",
+    ]
     known = {**columns, "zeta": zeta(fit.parameters, columns["pressure"])}
-    np.testing.assert_allclose(evaluate(equations[formula.name], known), formula.predict(fit.parameters, columns), rtol=1e-12)
+    np.testing.assert_allclose(
+        evaluate(equations[formula.name], known),
+        formula.predict(fit.parameters, columns),
+        rtol=1e-12,
+    )
     for curve, branch in zip(list(equations.values())[1:], (UPPER, LOWER), strict=True):
-        np.testing.assert_allclose(evaluate(curve, columns), force(branch, columns["pressure"], columns["strain"]), rtol=1e-6, atol=1e-6)
-    assert to_text(equations[f"{formula.name}: upper curve"], digits=3).startswith("(0.39*pressure + 217)*exp(-37*strain) - 8.3*")
+        np.testing.assert_allclose(
+            evaluate(curve, columns),
+            force(branch, columns["pressure"], columns["strain"]),
+            rtol=1e-6,
+            atol=1e-6,
+        )
+    assert to_text(equations[f"{formula.name}: upper curve"], digits=3).startswith(
+        "(0.39*pressure + 217)*exp(-37*strain) - 8.3*"
+    )
 
 
 def test_what_is_no_load_cycle_is_refused() -> None:
@@ -202,5 +271,8 @@ def test_one_pressure_does_not_pass_for_a_good_fit() -> None:
     columns = {name: column[cycles()["pressure"] == 150.0] for name, column in cycles().items()}
     fit = LOSS.fit_cycles(columns, LENGTH)
     assert fit.status == "rank_deficient"
-    assert {note.split(":")[0] for note in fit.notes if "rank" in note} == {"upper curve", "lower curve"}
+    assert {note.split(":")[0] for note in fit.notes if "rank" in note} == {
+        "upper curve",
+        "lower curve",
+    }
     assert np.isfinite(LOSS.predict(fit.parameters, motion(5))).all()

@@ -1,4 +1,6 @@
-"""Sums with signs and renamed inputs: what they say, formulas fitted together, and what such a sum cannot tell apart."""
+"""Sums with signs and renamed inputs: what they say, formulas fitted together, and what such a sum
+cannot tell apart.
+"""
 
 import numpy as np
 import pytest
@@ -14,7 +16,14 @@ from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.modelling.kinds import equations, outside_range, predict
 from mapmore_cli.modelling.literature import get
 from mapmore_cli.modelling.sums import joint
-from mapmore_cli.modelling.sums.joint import Summand, fit_jointly, joint_formula, refuse_shared_names, split, sum_of
+from mapmore_cli.modelling.sums.joint import (
+    Summand,
+    fit_jointly,
+    joint_formula,
+    refuse_shared_names,
+    split,
+    sum_of,
+)
 
 FORCE = Quantity("force", "N")
 PAIR = (
@@ -30,37 +39,69 @@ def motion(seed: int, rows: int = 800) -> dict[str, Array]:
 def pair_force(columns: dict[str, Array]) -> Array:
     """H eq 4-5 for both muscles."""
     p1, p2, x, v = (columns[name] for name in ("p1", "p2", "x", "v"))
-    return muscle_like(TABLE_I["16 cm"], p1, 0.02 - x, v) - muscle_like(TABLE_I["22 cm"], p2, 0.02 + x, -v)
+    return muscle_like(TABLE_I["16 cm"], p1, 0.02 - x, v) - muscle_like(
+        TABLE_I["22 cm"], p2, 0.02 + x, -v
+    )
 
 
 def test_both_muscles_are_recovered_but_for_what_their_difference_does_not_show() -> None:
-    """Two passive springs against each other are one: of the four parameters of both, the difference shows two combinations."""
+    """Two passive springs against each other are one: of the four parameters of both, the
+    difference shows two combinations.
+    """
     columns = motion(0)
     fit = fit_jointly(PAIR, columns, pair_force(columns))
     assert fit.name == "muscle_like - muscle_like"
     assert (fit.rank, fit.status) == (12, "rank_deficient")
     assert fit.sse < 1e-12 * np.sum(pair_force(columns) ** 2)
     for part, truth in zip(split(fit, PAIR), (TABLE_I["16 cm"], TABLE_I["22 cm"]), strict=True):
-        assert [part.parameters[name] for name in MUSCLE_LIKE[:5]] == pytest.approx(truth[:5], rel=1e-4)
+        assert [part.parameters[name] for name in MUSCLE_LIKE[:5]] == pytest.approx(
+            truth[:5], rel=1e-4
+        )
     told = " ".join(note for note in fit.notes if "not identified" in note)
     assert all(name in told for name in ("c0_1", "c1_1", "c0_2", "c1_2"))
     assert "b0_1" not in told
     later = motion(1)
-    assert joint.predict(fit, PAIR, later) == pytest.approx(pair_force(later), abs=1e-6 * np.abs(pair_force(later)).max())
+    assert joint.predict(fit, PAIR, later) == pytest.approx(
+        pair_force(later), abs=1e-6 * np.abs(pair_force(later)).max()
+    )
 
 
 @settings(max_examples=10)
-@given(st.sampled_from(["sarosi", "polynomial_2", "chou_hannaford"]), st.integers(0, 999), st.sampled_from([1.0, -1.0]))
+@given(
+    st.sampled_from(["sarosi", "polynomial_2", "chou_hannaford"]),
+    st.integers(0, 999),
+    st.sampled_from([1.0, -1.0]),
+)
 def test_a_joint_formula_is_the_signed_sum_of_its_parts(name: str, seed: int, sign: float) -> None:
-    pair = (Summand(name, 1.0, {"pressure": "p1", "strain": "x"}), Summand(name, sign, {"pressure": "p2", "strain": "0.1 - x"}))
+    pair = (
+        Summand(name, 1.0, {"pressure": "p1", "strain": "x"}),
+        Summand(name, sign, {"pressure": "p2", "strain": "0.1 - x"}),
+    )
     columns, rng = motion(seed, 20), np.random.default_rng(seed)
     formula = joint_formula(pair)
-    values = {name: float(value) for name, value in zip(formula.parameters, rng.normal(size=len(formula.parameters)), strict=True)}
-    whole = formula.predict(values, {f"{q}_{i}": x for i, one in enumerate(pair, 1) for q, x in one.own_inputs(columns).items()})
+    values = {
+        name: float(value)
+        for name, value in zip(
+            formula.parameters, rng.normal(size=len(formula.parameters)), strict=True
+        )
+    }
+    whole = formula.predict(
+        values,
+        {
+            f"{q}_{i}": x
+            for i, one in enumerate(pair, 1)
+            for q, x in one.own_inputs(columns).items()
+        },
+    )
     parts = [
-        get(name).predict({p: values[f"{p}_{i}"] for p in get(name).parameters}, one.own_inputs(columns)) for i, one in enumerate(pair, 1)
+        get(name).predict(
+            {p: values[f"{p}_{i}"] for p in get(name).parameters}, one.own_inputs(columns)
+        )
+        for i, one in enumerate(pair, 1)
     ]
-    assert whole == pytest.approx(parts[0] + sign * parts[1], rel=1e-9, abs=1e-9 * np.abs(parts).max())
+    assert whole == pytest.approx(
+        parts[0] + sign * parts[1], rel=1e-9, abs=1e-9 * np.abs(parts).max()
+    )
 
 
 @pytest.mark.parametrize("name", ["sarosi_hinged", "reynolds", "tondu_lopez_fixed_area"])
@@ -70,9 +111,24 @@ def test_a_formula_with_a_fit_of_its_own_is_refused(name: str) -> None:
 
 
 def braid(name: str, c1: float) -> Model:
-    fit = FormulaFit("chou_hannaford", {"c1": c1, "c2": 0.5}, {"c1": 0.0, "c2": 0.0}, "converged", "-", 2, 1.0, 0.0, 9)
+    fit = FormulaFit(
+        "chou_hannaford",
+        {"c1": c1, "c2": 0.5},
+        {"c1": 0.0, "c2": 0.0},
+        "converged",
+        "-",
+        2,
+        1.0,
+        0.0,
+        9,
+    )
     ranges = (CurveRange("all", None, {"pressure": (0.0, 500.0), "strain": (-0.1, 0.2)}),)
-    return Model(name, FORCE, (Quantity("pressure", "kPa"), Quantity("strain", "1")), Formula(fit, None, ranges))
+    return Model(
+        name,
+        FORCE,
+        (Quantity("pressure", "kPa"), Quantity("strain", "1")),
+        Formula(fit, None, ranges),
+    )
 
 
 def flexed() -> Model:
@@ -80,18 +136,33 @@ def flexed() -> Model:
         Part(braid("flexor", 2.0), 1.0, {"pressure": "p1", "strain": "s"}),
         Part(braid("extensor", 3.0), -1.0, {"pressure": "p2", "strain": "-s"}),
     ]
-    return sum_of("joint", parts, FORCE, {"p1": Quantity("p1", "kPa"), "p2": Quantity("p2", "kPa"), "s": Quantity("s", "1")})
+    return sum_of(
+        "joint",
+        parts,
+        FORCE,
+        {"p1": Quantity("p1", "kPa"), "p2": Quantity("p2", "kPa"), "s": Quantity("s", "1")},
+    )
 
 
 def test_a_sum_predicts_with_its_signs_and_its_renamed_inputs() -> None:
-    columns = {"p1": np.array([300.0, 100.0]), "p2": np.array([200.0, 100.0]), "s": np.array([0.05, 0.0])}
-    by_hand = columns["p1"] * (2 * (1 - columns["s"]) ** 2 - 0.5) - columns["p2"] * (3 * (1 + columns["s"]) ** 2 - 0.5)
+    columns = {
+        "p1": np.array([300.0, 100.0]),
+        "p2": np.array([200.0, 100.0]),
+        "s": np.array([0.05, 0.0]),
+    }
+    by_hand = columns["p1"] * (2 * (1 - columns["s"]) ** 2 - 0.5) - columns["p2"] * (
+        3 * (1 + columns["s"]) ** 2 - 0.5
+    )
     assert predict(flexed(), columns) == pytest.approx(by_hand)
     assert [quantity.name for quantity in flexed().inputs] == ["p1", "p2", "s"]
 
 
 def test_the_range_of_each_part_is_looked_at_under_its_own_names() -> None:
-    columns = {"p1": np.array([300.0, 600.0, 300.0, 300.0]), "p2": np.array([200.0] * 4), "s": np.array([0.05, 0.05, 0.15, -0.15])}
+    columns = {
+        "p1": np.array([300.0, 600.0, 300.0, 300.0]),
+        "p2": np.array([200.0] * 4),
+        "s": np.array([0.05, 0.05, 0.15, -0.15]),
+    }
     assert outside_range(flexed(), columns).tolist() == [False, True, True, True]
 
 
@@ -102,10 +173,18 @@ def test_the_equations_begin_with_what_is_added_up() -> None:
 
 
 def test_two_pressures_never_share_a_name() -> None:
-    parts = [("flexor", ["pressure", "strain"], {"strain": "s"}), ("extensor", ["pressure", "strain"], {"strain": "-s"})]
-    with pytest.raises(SpecError, match="flexor and extensor both have an input `pressure`") as caught:
+    parts = [
+        ("flexor", ["pressure", "strain"], {"strain": "s"}),
+        ("extensor", ["pressure", "strain"], {"strain": "-s"}),
+    ]
+    with pytest.raises(
+        SpecError, match="flexor and extensor both have an input `pressure`"
+    ) as caught:
         refuse_shared_names(parts)
-    assert "`inputs: {pressure: pressure_1}` and `inputs: {pressure: pressure_2}`" in caught.value.remedy
+    assert (
+        "`inputs: {pressure: pressure_1}` and `inputs: {pressure: pressure_2}`"
+        in caught.value.remedy
+    )
     said = [(name, inputs, {**given, "pressure": "pressure"}) for name, inputs, given in parts]
     refuse_shared_names(said)
 

@@ -1,4 +1,6 @@
-"""H's muscle-like model: table I is recovered, its numbers mean what the text says, and the simplex does what it can."""
+"""H's muscle-like model: table I is recovered, its numbers mean what the text says, and the simplex
+does what it can.
+"""
 
 from __future__ import annotations
 
@@ -25,23 +27,37 @@ def force(values: tuple[float, ...], columns: dict[str, Array]) -> Array:
 @pytest.mark.parametrize("method", ["variable_projection", "levenberg_marquardt"])
 @pytest.mark.parametrize("muscle", TABLE_I)
 def test_the_seven_parameters_of_each_muscle_are_recovered(muscle: str, method: str) -> None:
-    """Noise-free, to 1e-4 and better; nothing of the truth goes into the search, whose ten starts lie within the declared bounds of b0."""
+    """Noise-free, to 1e-4 and better; nothing of the truth goes into the search, whose ten starts
+    lie within the declared bounds of b0.
+    """
     columns = motion(1)
     fit = get("muscle_like").fit(columns, force(TABLE_I[muscle], columns), method)
     assert fit.status == "converged"
-    assert [fit.parameters[name] for name in MUSCLE_LIKE] == pytest.approx(TABLE_I[muscle], rel=1e-9)
+    assert [fit.parameters[name] for name in MUSCLE_LIKE] == pytest.approx(
+        TABLE_I[muscle], rel=1e-9
+    )
     if method == "levenberg_marquardt":
         assert fit.notes == ("10 of 10 starts agree on the sum of squares",)
 
 
-STATED = [  # muscle, pressure, elongation, force; a muscle of no elongation does not pull at its pressure of rest
-    *(("16 cm", pressure, 0.02, force) for pressure, force in ((200.0, -17.0), (400.0, 67.0), (600.0, 150.0))),
-    *((muscle, rest, 0.0, 0.0) for muscle, rest in (("22 cm", 592.0), ("16 cm", 500.0), ("12 cm", 482.0))),
+# muscle, pressure, elongation, force; a muscle of no elongation does not pull at its pressure of
+# rest
+STATED = [
+    *(
+        ("16 cm", pressure, 0.02, force)
+        for pressure, force in ((200.0, -17.0), (400.0, 67.0), (600.0, 150.0))
+    ),
+    *(
+        (muscle, rest, 0.0, 0.0)
+        for muscle, rest in (("22 cm", 592.0), ("16 cm", 500.0), ("12 cm", 482.0))
+    ),
 ]
 
 
 @pytest.mark.parametrize(("muscle", "pressure", "length", "expected"), STATED)
-def test_the_forces_that_the_text_states(muscle: str, pressure: float, length: float, expected: float) -> None:
+def test_the_forces_that_the_text_states(
+    muscle: str, pressure: float, length: float, expected: float
+) -> None:
     row = {"pressure": np.array([pressure]), "length": np.array([length]), "velocity": np.zeros(1)}
     found = get("muscle_like").predict(dict(zip(MUSCLE_LIKE, TABLE_I[muscle], strict=True)), row)
     assert found[0] == pytest.approx(expected, abs=0.5 if length else 0.2)
@@ -49,7 +65,9 @@ def test_the_forces_that_the_text_states(muscle: str, pressure: float, length: f
 
 @settings(deadline=None, max_examples=15)
 @given(st.integers(0, 10**6), st.sampled_from(sorted(TABLE_I)))
-def test_standard_errors_of_the_printed_parameters_are_those_of_a_fit_in_them(seed: int, muscle: str) -> None:
+def test_standard_errors_of_the_printed_parameters_are_those_of_a_fit_in_them(
+    seed: int, muscle: str
+) -> None:
     """The Jacobian of eq 4-5 by finite differences gives the same covariance."""
     columns = motion(seed, 200)
     noisy = force(TABLE_I[muscle], columns) + np.random.default_rng(seed).standard_normal(200)
@@ -57,15 +75,27 @@ def test_standard_errors_of_the_printed_parameters_are_those_of_a_fit_in_them(se
     values = np.array([fit.parameters[name] for name in MUSCLE_LIKE])
     steps = 1e-6 * np.abs(values)
     jacobian = np.stack(
-        [(force(values + s * e, columns) - force(values - s * e, columns)) / (2 * s) for s, e in zip(steps, np.eye(7), strict=True)]
+        [
+            (force(values + s * e, columns) - force(values - s * e, columns)) / (2 * s)
+            for s, e in zip(steps, np.eye(7), strict=True)
+        ]
     )
     scale = np.linalg.norm(jacobian, axis=1)
-    covariance = np.linalg.inv((jacobian.T / scale).T @ (jacobian.T / scale)) / np.outer(scale, scale) * fit.sse / (200 - 7)
-    assert [fit.errors[name] for name in MUSCLE_LIKE] == pytest.approx(np.sqrt(np.diag(covariance)), rel=1e-3)
+    covariance = (
+        np.linalg.inv((jacobian.T / scale).T @ (jacobian.T / scale))
+        / np.outer(scale, scale)
+        * fit.sse
+        / (200 - 7)
+    )
+    assert [fit.errors[name] for name in MUSCLE_LIKE] == pytest.approx(
+        np.sqrt(np.diag(covariance)), rel=1e-3
+    )
 
 
 def test_the_simplex_comes_near_but_its_starts_do_not_agree() -> None:
-    """With the settings of fminsearch, the best of ten starts explains the data without having found the parameters' digits."""
+    """With the settings of fminsearch, the best of ten starts explains the data without having
+    found the parameters' digits.
+    """
     columns = motion(2, 400)
     y = force(TABLE_I["12 cm"], columns)
     fit = get("muscle_like").fit(columns, y, "simplex")
@@ -79,7 +109,9 @@ def test_the_competitor_is_every_monomial_up_to_the_third_degree() -> None:
     formula = get("polynomial_3")
     assert len(formula.parameters) == 20
     columns = motion(3, 300)
-    truth = {name: float(i + 1) / 10 ** (2 * int(name[1])) for i, name in enumerate(formula.parameters)}
+    truth = {
+        name: float(i + 1) / 10 ** (2 * int(name[1])) for i, name in enumerate(formula.parameters)
+    }
     fit = formula.fit(columns, formula.predict(truth, columns))
     assert fit.method == "linear least squares"
     assert dict(fit.parameters) == pytest.approx(truth, rel=1e-4)

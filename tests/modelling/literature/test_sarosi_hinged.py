@@ -1,4 +1,6 @@
-"""Sárosi's formula with a slack foot: what it is, what it finds, when it gives way to the plain one, what it says of itself."""
+"""Sárosi's formula with a slack foot: what it is, what it finds, when it gives way to the plain
+one, what it says of itself.
+"""
 
 from __future__ import annotations
 
@@ -25,17 +27,29 @@ def textbook(q: Array, p: Array, x: Array) -> Array:
 
 
 @settings(deadline=None, max_examples=30)
-@given(st.lists(st.floats(-2, 2), min_size=9, max_size=9), st.floats(np.log(0.004), np.log(0.3)), st.integers(0, 1000))
+@given(
+    st.lists(st.floats(-2, 2), min_size=9, max_size=9),
+    st.floats(np.log(0.004), np.log(0.3)),
+    st.integers(0, 1000),
+)
 def test_force_and_derivatives(values: list[float], log_w: float, seed: int) -> None:
     q = np.array([*values, log_w])
     p, x = np.random.default_rng(seed).uniform(0, 1, (2, 20))
     with np.errstate(over="ignore"):
         expected = textbook(q, p, x)
     finite = np.isfinite(expected)
-    np.testing.assert_allclose(hinge.linearised(q, p, x)[0][finite], expected[finite], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(
+        hinge.linearised(q, p, x)[0][finite], expected[finite], rtol=1e-9, atol=1e-9
+    )
     step = 1e-6
-    slopes = [(hinge.linearised(q + step * e, p, x)[0] - hinge.linearised(q - step * e, p, x)[0]) / (2 * step) for e in np.eye(10)]
-    np.testing.assert_allclose(hinge.linearised(q, p, x)[1], np.stack(slopes, axis=1), rtol=1e-4, atol=2e-4)
+    slopes = [
+        (hinge.linearised(q + step * e, p, x)[0] - hinge.linearised(q - step * e, p, x)[0])
+        / (2 * step)
+        for e in np.eye(10)
+    ]
+    np.testing.assert_allclose(
+        hinge.linearised(q, p, x)[1], np.stack(slopes, axis=1), rtol=1e-4, atol=2e-4
+    )
 
 
 @pytest.mark.parametrize("strains", [FOUR, SWEPT], ids=["levels", "swept"])
@@ -44,12 +58,26 @@ def test_a_slack_muscle_is_described_where_the_plain_formula_fails(strains: Arra
     hinged, plain = HINGED.fit(columns, y), PLAIN.fit(columns, y)
     assert hinged.sse < 0.06 * plain.sse
     held_out, truth = slack_muscle(1, np.array([0.02, 0.06, 0.1]))
-    scatter = [np.sqrt(np.mean((f.predict(fit.parameters, held_out) - truth) ** 2)) for f, fit in ((HINGED, hinged), (PLAIN, plain))]
+    scatter = [
+        np.sqrt(np.mean((f.predict(fit.parameters, held_out) - truth) ** 2))
+        for f, fit in ((HINGED, hinged), (PLAIN, plain))
+    ]
     assert scatter[0] < 0.3 * scatter[1]
 
 
 def test_planted_parameters_come_back_but_for_the_pull_of_the_priors() -> None:
-    planted = {"a1": -0.3, "a2": 270.0, "a3": -29.0, "a4": -3.0, "a5": 1.0, "a6": -310.0, "b0": -8.0, "b1": 0.01, "b2": 5.0, "w": 12.0}
+    planted = {
+        "a1": -0.3,
+        "a2": 270.0,
+        "a3": -29.0,
+        "a4": -3.0,
+        "a5": 1.0,
+        "a6": -310.0,
+        "b0": -8.0,
+        "b1": 0.01,
+        "b2": 5.0,
+        "w": 12.0,
+    }
     rng = np.random.default_rng(0)
     columns = {"pressure": rng.uniform(0, 600, 2000), "strain": rng.uniform(0, 0.13, 2000)}
     none = dict.fromkeys(("s1", "s2", "s3", "s4", "s5", "s6"), 0.0)
@@ -61,7 +89,9 @@ def test_planted_parameters_come_back_but_for_the_pull_of_the_priors() -> None:
 
 
 def test_data_without_a_foot_keep_sarosi() -> None:
-    """On the wrist robot's table the plain formula is exact; the blend halves what the hinge is off."""
+    """On the wrist robot's table the plain formula is exact; the blend halves what the hinge is
+    off.
+    """
     columns, y = wrist_points()
     fit = HINGED.fit(columns, y)
     assert fit.parameters["share"] <= 0.5
@@ -76,14 +106,18 @@ def test_the_shares_follow_from_the_training_errors() -> None:
     parts = [HINGED.predict({**fit.parameters, "share": share}, columns) for share in (1.0, 0.0)]
     weights = [(np.mean((part - y) ** 2) / np.abs(y).max() ** 2 + 0.01**2) ** -2 for part in parts]
     assert fit.parameters["share"] == pytest.approx(weights[0] / sum(weights), rel=1e-9)
-    np.testing.assert_allclose(parts[1], PLAIN.predict(PLAIN.fit(columns, y).parameters, columns), rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(
+        parts[1], PLAIN.predict(PLAIN.fit(columns, y).parameters, columns), rtol=1e-9, atol=1e-9
+    )
 
 
 def test_parameters_and_equation_are_the_whole_prediction() -> None:
     """Which does not overflow where the printed equation does."""
     columns, y = slack_muscle(4, FOUR)
     fit = HINGED.fit(columns, y)
-    assert fit.sse == pytest.approx(np.sum((HINGED.predict(fit.parameters, columns) - y) ** 2), rel=1e-12)
+    assert fit.sse == pytest.approx(
+        np.sum((HINGED.predict(fit.parameters, columns) - y) ** 2), rel=1e-12
+    )
     assert to_text(HINGED.equation(fit), 3).count("log(1 + exp(") == 1
     far = {"pressure": np.array([1e7]), "strain": np.array([0.0])}
     assert np.isfinite(HINGED.predict(fit.parameters, far)).all()
@@ -91,19 +125,28 @@ def test_parameters_and_equation_are_the_whole_prediction() -> None:
 
 
 def test_a_plain_fit_that_ran_away_has_no_share() -> None:
-    """Three levels do not show its curvature: past them exp(+-400 strain) would swamp the blend, whatever the share."""
+    """Three levels do not show its curvature: past them exp(+-400 strain) would swamp the blend,
+    whatever the share.
+    """
     columns, y = slack_muscle(0, FOUR[[0, 1, 3]])
     fit = HINGED.fit(columns, y)
     assert PLAIN.fit(columns, y).status != "converged"
     assert fit.parameters["share"] == 1.0
     assert any("hinged alone" in note for note in fit.notes)
-    beyond = HINGED.predict(fit.parameters, {"pressure": np.full(9, 300.0), "strain": np.linspace(-0.05, 0.3, 9)})
+    beyond = HINGED.predict(
+        fit.parameters, {"pressure": np.full(9, 300.0), "strain": np.linspace(-0.05, 0.3, 9)}
+    )
     assert np.abs(beyond).max() < 10 * np.abs(y).max()
 
 
-@pytest.mark.parametrize(("strains", "warned"), [(FOUR, False), (FOUR[[0, 1, 3]], True), (FOUR[[0, 3]], True), (SWEPT, False)])
+@pytest.mark.parametrize(
+    ("strains", "warned"),
+    [(FOUR, False), (FOUR[[0, 1, 3]], True), (FOUR[[0, 3]], True), (SWEPT, False)],
+)
 @pytest.mark.parametrize("jitter", [0.0, 5e-4])
-def test_three_levels_or_fewer_leave_the_curvature_to_the_prior(strains: Array, warned: bool, jitter: float) -> None:
+def test_three_levels_or_fewer_leave_the_curvature_to_the_prior(
+    strains: Array, warned: bool, jitter: float
+) -> None:
     """Measured strains scatter a little about their levels."""
     columns, y = slack_muscle(2, strains)
     columns["strain"] = columns["strain"] + jitter * np.random.default_rng(0).uniform(-1, 1, len(y))
@@ -114,26 +157,51 @@ def test_three_levels_or_fewer_leave_the_curvature_to_the_prior(strains: Array, 
     assert "blend" in fit.notes[1]
 
 
-@pytest.mark.parametrize("strains", [FOUR, FOUR[[0, 1, 3]], SWEPT], ids=["four levels", "three levels", "swept"])
+@pytest.mark.parametrize(
+    "strains", [FOUR, FOUR[[0, 1, 3]], SWEPT], ids=["four levels", "three levels", "swept"]
+)
 def test_the_fit_minimises_the_penalised_squares_as_specified(strains: Array) -> None:
-    """The objective and its priors written out, in normalised parameters: no small step of any of them lowers it."""
+    """The objective and its priors written out, in normalised parameters: no small step of any of
+    them lowers it.
+    """
     columns, y = slack_muscle(11, strains, rows=280)
     fit = HINGED.fit(columns, y)
     largest, widest, highest = columns["pressure"].max(), columns["strain"].max(), np.abs(y).max()
     p, x, f = columns["pressure"] / largest, columns["strain"] / widest, y / highest
-    per = {"a1": largest, "a2": 1, "a3": widest * highest, "a4": largest * widest, "a5": largest, "a6": 1}
+    per = {
+        "a1": largest,
+        "a2": 1,
+        "a3": widest * highest,
+        "a4": largest * widest,
+        "a5": largest,
+        "a6": 1,
+    }
     per |= {"b0": 1, "b1": largest, "b2": widest}
-    q = np.array([*(fit.parameters[name] * unit / highest for name, unit in per.items()), np.log(fit.parameters["w"] / highest)])
+    q = np.array(
+        [
+            *(fit.parameters[name] * unit / highest for name, unit in per.items()),
+            np.log(fit.parameters["w"] / highest),
+        ]
+    )
 
     def objective(q: Array) -> float:
         a1, a2, a3, a4, a5, a6, b0, b1, b2, log_w = q
-        slopes = [0.01 * a1, *(0.003 * a for a in (a2, a4, a5, a6)), 0.001 * b0, 0.03 * b1, 0.03 * b2, 0.001 * (log_w - np.log(0.03))]
+        slopes = [
+            0.01 * a1,
+            *(0.003 * a for a in (a2, a4, a5, a6)),
+            0.001 * b0,
+            0.03 * b1,
+            0.03 * b2,
+            0.001 * (log_w - np.log(0.03)),
+        ]
         decay = 0.03 * (a3 - max(-33 * widest, -12)) / (15 * widest)
         return float(np.sum((textbook(q, p, x) - f) ** 2) + np.sum(np.square([*slopes, decay])))
 
     least = objective(q)
     for step in (1e-2, 1e-4):
-        for direction in np.vstack([np.eye(10), np.random.default_rng(0).standard_normal((20, 10))]):
+        for direction in np.vstack(
+            [np.eye(10), np.random.default_rng(0).standard_normal((20, 10))]
+        ):
             for moved in (q + step * direction, q - step * direction):
                 assert moved[7] < 0 or objective(moved) >= least * (1 - 1e-9)
 
@@ -141,21 +209,33 @@ def test_the_fit_minimises_the_penalised_squares_as_specified(strains: Array) ->
 def test_standard_errors_are_those_of_the_data_where_the_priors_are_weak() -> None:
     columns, y = slack_muscle(12, SWEPT, rows=290)
     fit = HINGED.fit(columns, y)
-    alone = {name: np.full(len(y), value) for name, value in {**fit.parameters, "share": 1.0}.items()}
-    jacobian = np.stack([evaluate(HINGED.gradient[name], {**columns, **alone}) for name in hinge.NAMES], axis=1)
+    alone = {
+        name: np.full(len(y), value) for name, value in {**fit.parameters, "share": 1.0}.items()
+    }
+    jacobian = np.stack(
+        [evaluate(HINGED.gradient[name], {**columns, **alone}) for name in hinge.NAMES], axis=1
+    )
     residual = HINGED.predict({**fit.parameters, "share": 1.0}, columns) - y
     lengths = np.linalg.norm(jacobian, axis=0)
-    covariance = np.linalg.inv((jacobian / lengths).T @ (jacobian / lengths)) * (residual @ residual) / (len(y) - 10)
+    covariance = (
+        np.linalg.inv((jacobian / lengths).T @ (jacobian / lengths))
+        * (residual @ residual)
+        / (len(y) - 10)
+    )
     expected = np.sqrt(np.diag(covariance)) / lengths
     for name, error in zip(hinge.NAMES, expected, strict=True):
         assert 0.5 * error < fit.errors[name] <= error * (1 + 1e-6)
 
 
 def test_repeating_every_sample_changes_nothing() -> None:
-    """The data count as 300 samples at most against the priors, so a faster logger is no stronger evidence."""
+    """The data count as 300 samples at most against the priors, so a faster logger is no stronger
+    evidence.
+    """
     columns, y = slack_muscle(5, FOUR)
     fit = HINGED.fit(columns, y)
-    other = HINGED.fit({name: np.repeat(column, 25) for name, column in columns.items()}, np.repeat(y, 25))
+    other = HINGED.fit(
+        {name: np.repeat(column, 25) for name, column in columns.items()}, np.repeat(y, 25)
+    )
     assert dict(other.parameters) == pytest.approx(dict(fit.parameters), rel=0.02, abs=1e-4)
     for name in hinge.NAMES:
         assert other.errors[name] == pytest.approx(fit.errors[name], rel=0.05)
@@ -164,14 +244,19 @@ def test_repeating_every_sample_changes_nothing() -> None:
 @pytest.mark.parametrize(("pressure", "force"), [(0.145, 0.2248), (1e3, 1e-3)])
 def test_units_of_pressure_and_force_are_no_matter(pressure: float, force: float) -> None:
     columns, y = slack_muscle(6, FOUR)
-    fit, other = HINGED.fit(columns, y), HINGED.fit({**columns, "pressure": pressure * columns["pressure"]}, force * y)
+    fit, other = (
+        HINGED.fit(columns, y),
+        HINGED.fit({**columns, "pressure": pressure * columns["pressure"]}, force * y),
+    )
     assert other.sse == pytest.approx(force**2 * fit.sse, rel=1e-6)
     assert other.parameters["w"] == pytest.approx(force * fit.parameters["w"], rel=1e-3)
 
 
 def test_means_over_cells_give_the_fit_of_all_samples(monkeypatch: pytest.MonkeyPatch) -> None:
     columns, y = slack_muscle(7, SWEPT, rows=problem.LIMIT)
-    often = np.repeat(np.arange(len(y)), np.where(columns["pressure"] < 300, 5, 1))  # a dwell: cells of many samples and of few
+    often = np.repeat(
+        np.arange(len(y)), np.where(columns["pressure"] < 300, 5, 1)
+    )  # a dwell: cells of many samples and of few
     columns, y = {name: column[often] for name, column in columns.items()}, y[often]
     quick = HINGED.predict(HINGED.fit(columns, y).parameters, columns)
     monkeypatch.setattr(problem, "LIMIT", len(y))
@@ -197,7 +282,23 @@ def test_the_method_is_that_of_the_plain_formula() -> None:
 
 def test_noise_at_one_pressure_is_fitted() -> None:
     """Found by fuzzing `init`: the normal equations were singular, which was an internal fault."""
-    places = [*range(7), 8, 9, 10, *range(24, 33), 35, 36, 37, *range(39, 45), 46, 47, 49, 50, 51, *range(53, 59)]
+    places = [
+        *range(7),
+        8,
+        9,
+        10,
+        *range(24, 33),
+        35,
+        36,
+        37,
+        *range(39, 45),
+        46,
+        47,
+        49,
+        50,
+        51,
+        *range(53, 59),
+    ]
     y = np.zeros(len(places))
     y[[0, 4, 8, 11, 14, 23, 28, 30]] = 1.0
     found = hinge.fit({"pressure": np.full(len(y), 300.0), "strain": np.array(places) / 295}, y)

@@ -1,4 +1,6 @@
-"""The static formulas: what they say and what is recovered; nothing better is nearby, ends at a bound are named, many samples are quick."""
+"""The static formulas: what they say and what is recovered; nothing better is nearby, ends at a
+bound are named, many samples are quick.
+"""
 
 from __future__ import annotations
 
@@ -37,16 +39,24 @@ def test_published_wrist_muscle() -> None:
     sarosi = get("sarosi")
 
     def force(pressure: float, strain: float) -> float:
-        return float(sarosi.predict(WRIST, {"pressure": np.array([pressure]), "strain": np.array([strain])})[0])
+        return float(
+            sarosi.predict(WRIST, {"pressure": np.array([pressure]), "strain": np.array([strain])})[
+                0
+            ]
+        )
 
     assert force(7.0, 0.0) == pytest.approx(525.5, abs=0.1)
     assert brentq(lambda strain: force(7.0, strain), 0.1, 0.25) == pytest.approx(0.194, abs=5e-4)
-    np.testing.assert_allclose(sarosi.predict(WRIST, WRIST_GRID), wrist_force(WRIST_GRID), rtol=1e-13, atol=1e-10)
+    np.testing.assert_allclose(
+        sarosi.predict(WRIST, WRIST_GRID), wrist_force(WRIST_GRID), rtol=1e-13, atol=1e-10
+    )
 
 
 @settings(deadline=None, max_examples=40)
 @given(st.floats(-40, 40), st.tuples(*[st.floats(0.2, 1) for _ in range(5)]), st.floats(0.05, 30))
-def test_any_curvature_is_recovered(curvature: float, weights: tuple[float, ...], widest: float) -> None:
+def test_any_curvature_is_recovered(
+    curvature: float, weights: tuple[float, ...], widest: float
+) -> None:
     """Of either sign, and whatever the unit of the strain."""
     assume(abs(curvature) > 0.3)
     columns = grid(np.array([80.0, 150.0, 250.0, 350.0]), np.linspace(0.0, widest, 40))
@@ -70,10 +80,14 @@ def test_no_grid_of_curvatures_finds_a_better_fit(seed: int) -> None:
         assert fit.sse <= residual @ residual * (1 + 1e-9)
 
 
-@pytest.mark.parametrize(("pressures", "rank"), [(1, 6), (2, 11), (3, 15), (4, 18), (5, 20), (6, 21), (7, 21)])
+@pytest.mark.parametrize(
+    ("pressures", "rank"), [(1, 6), (2, 11), (3, 15), (4, 18), (5, 20), (6, 21), (7, 21)]
+)
 def test_rank_of_polynomial_5_by_number_of_pressures(pressures: int, rank: int) -> None:
     columns = grid(np.linspace(80, 350, pressures), np.linspace(0, 0.25, 40))
-    fit = get("polynomial_5").fit(columns, wrist_force({**columns, "pressure": columns["pressure"] / 100}))
+    fit = get("polynomial_5").fit(
+        columns, wrist_force({**columns, "pressure": columns["pressure"] / 100})
+    )
     assert fit.rank == rank
     assert (fit.status == "rank_deficient") == (rank < 21)
     assert np.isnan(list(fit.errors.values())).all() == (rank < 21)
@@ -87,10 +101,21 @@ def test_minimum_norm_solution_is_numpys_on_unit_columns() -> None:
     y = wrist_force({**columns, "pressure": columns["pressure"] / 100})
     formula = get("polynomial_5")
     fit = formula.fit(columns, y)
-    phi = np.stack([columns["strain"] ** int(name[1]) * columns["pressure"] ** int(name[2]) for name in formula.parameters], axis=1)
+    phi = np.stack(
+        [
+            columns["strain"] ** int(name[1]) * columns["pressure"] ** int(name[2])
+            for name in formula.parameters
+        ],
+        axis=1,
+    )
     lengths = np.linalg.norm(phi, axis=0)
     expected = np.linalg.lstsq(phi / lengths, y, rcond=1e-12)[0]
-    np.testing.assert_allclose(np.array(list(fit.parameters.values())) * lengths, expected, rtol=1e-7, atol=1e-7 * np.abs(expected).max())
+    np.testing.assert_allclose(
+        np.array(list(fit.parameters.values())) * lengths,
+        expected,
+        rtol=1e-7,
+        atol=1e-7 * np.abs(expected).max(),
+    )
 
 
 def test_polynomial_2_is_eq_15() -> None:
@@ -108,9 +133,12 @@ def test_polynomial_2_is_eq_15() -> None:
 def test_the_equation_reads_as_published() -> None:
     fit = get("sarosi").fit(WRIST_GRID, wrist_force(WRIST_GRID))
     assert to_text(get("sarosi").equation(fit), digits=6) == (
-        "(-5.699*pressure + 158.773)*exp(-42.647*strain) - 299.482*strain*pressure + 86.216*pressure - 196.865"
+        "(-5.699*pressure + 158.773)*exp(-42.647*strain) - 299.482*strain*pressure + "
+        "86.216*pressure - 196.865"
     )
-    assert to_latex(get("sarosi").expression).startswith(r"\left(a_{1} \, \mathrm{pressure} + a_{2}\right) \, \exp\left(")
+    assert to_latex(get("sarosi").expression).startswith(
+        r"\left(a_{1} \, \mathrm{pressure} + a_{2}\right) \, \exp\left("
+    )
 
 
 SEVERAL = ["tondu_lopez_corrected", "kerscher"]
@@ -118,26 +146,42 @@ SEVERAL = ["tondu_lopez_corrected", "kerscher"]
 
 @settings(deadline=None, max_examples=8)
 @given(st.floats(0.3, 1.3), st.floats(0.5, 8), st.floats(-3, -0.3), st.floats(0.1, 5))
-def test_any_corrected_braid_is_predicted(theta: float, a_k: float, b_k: float, area: float) -> None:
+def test_any_corrected_braid_is_predicted(
+    theta: float, a_k: float, b_k: float, area: float
+) -> None:
     """The parameters may be hard to tell apart, the force is not."""
     formula = get("tondu_lopez_corrected")
     columns = grid(np.linspace(60, 600, 6), np.linspace(0, 0.25, 9))
     y = formula.predict({"area": area, "theta": theta, "a_k": a_k, "b_k": b_k}, columns)
     fit = formula.fit(columns, y)
-    np.testing.assert_allclose(formula.predict(fit.parameters, columns), y, rtol=0, atol=1e-6 * np.abs(y).max())
+    np.testing.assert_allclose(
+        formula.predict(fit.parameters, columns), y, rtol=0, atol=1e-6 * np.abs(y).max()
+    )
 
 
 @pytest.mark.parametrize("name", SEVERAL)
 def test_no_random_parameters_within_the_bounds_fit_better(name: str) -> None:
-    """Noise as large as the force puts the minimum anywhere; the linear parameters of every trial are the best ones."""
+    """Noise as large as the force puts the minimum anywhere; the linear parameters of every trial
+    are the best ones.
+    """
     formula = get(name)
     columns, y = noisy(name, 7, rows=60, noise=150.0)
     fit = formula.fit(columns, y)
     rng = np.random.default_rng(0)
     for _ in range(1500):
-        trial = {"theta": rng.uniform(0.0873, 1.48), "a_k": 10 ** rng.uniform(-1.3, 2.6), "b_k": -(10 ** rng.uniform(-1.3, 1.6))}
+        trial = {
+            "theta": rng.uniform(0.0873, 1.48),
+            "a_k": 10 ** rng.uniform(-1.3, 2.6),
+            "b_k": -(10 ** rng.uniform(-1.3, 1.6)),
+        }
         basis = np.eye(len(formula.linear))
-        phi = np.stack([formula.predict({**trial, **dict(zip(formula.linear, row, strict=True))}, columns) for row in basis], axis=1)
+        phi = np.stack(
+            [
+                formula.predict({**trial, **dict(zip(formula.linear, row, strict=True))}, columns)
+                for row in basis
+            ],
+            axis=1,
+        )
         lengths = np.linalg.norm(phi, axis=0)
         residual = phi / lengths @ np.linalg.lstsq(phi / lengths, y, rcond=None)[0] - y
         assert fit.sse <= residual @ residual * (1 + 1e-9)
@@ -148,31 +192,49 @@ def test_no_random_parameters_within_the_bounds_fit_better(name: str) -> None:
 def test_lumped_parameters_carry_the_units(name: str, scale: float) -> None:
     """Nothing but the scale of the area changes with the units of pressure and force."""
     columns, y = noisy(name, 0, 200)
-    fit, other = get(name).fit(columns, y), get(name).fit({**columns, "pressure": columns["pressure"] * scale}, 4.448 * y)
+    fit, other = (
+        get(name).fit(columns, y),
+        get(name).fit({**columns, "pressure": columns["pressure"] * scale}, 4.448 * y),
+    )
     area = get(name).linear
-    assert [other.parameters[key] for key in area] == pytest.approx([fit.parameters[key] * 4.448 / scale for key in area], rel=1e-7)
-    assert [other.parameters[n.name] for n in get(name).nonlinear] == pytest.approx([fit.parameters[n.name] for n in get(name).nonlinear])
+    assert [other.parameters[key] for key in area] == pytest.approx(
+        [fit.parameters[key] * 4.448 / scale for key in area], rel=1e-7
+    )
+    assert [other.parameters[n.name] for n in get(name).nonlinear] == pytest.approx(
+        [fit.parameters[n.name] for n in get(name).nonlinear]
+    )
 
 
 def test_the_pressure_of_eq_10_must_be_in_kpa() -> None:
     """In other units the same data do not fit: the formula has a pressure of its own."""
     columns, y = noisy("kerscher", 0, rows=80)
-    fit, other = get("kerscher").fit(columns, y), get("kerscher").fit({**columns, "pressure": columns["pressure"] / 100}, y)
+    fit, other = (
+        get("kerscher").fit(columns, y),
+        get("kerscher").fit({**columns, "pressure": columns["pressure"] / 100}, y),
+    )
     assert other.sse > 2 * fit.sse
 
 
 def test_a_parameter_that_ends_at_its_bound_is_put_there_and_named() -> None:
     """A factor on the strain that does not depend on the pressure has a_k at its least."""
     columns = scattered(0, 150)
-    y = get("tondu_lopez").predict({"area": 0.6, "theta": 0.6}, {**columns, "strain": 1.4 * columns["strain"]})
-    fit = get("tondu_lopez_corrected").fit(columns, y + np.where(columns["pressure"] < 200, 20.0, 0.0) * columns["strain"])
+    y = get("tondu_lopez").predict(
+        {"area": 0.6, "theta": 0.6}, {**columns, "strain": 1.4 * columns["strain"]}
+    )
+    fit = get("tondu_lopez_corrected").fit(
+        columns, y + np.where(columns["pressure"] < 200, 20.0, 0.0) * columns["strain"]
+    )
     assert fit.status == "at_bound"
     assert fit.parameters["a_k"] * np.abs(columns["strain"]).max() == 0.01
-    assert any("a_k runs to the limit of what is sought, 0.01/max|strain|" in note for note in fit.notes)
+    assert any(
+        "a_k runs to the limit of what is sought, 0.01/max|strain|" in note for note in fit.notes
+    )
 
 
 @pytest.mark.parametrize("name", SEVERAL)
-def test_starts_over_cells_end_at_the_minimum_of_all_samples(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_starts_over_cells_end_at_the_minimum_of_all_samples(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     columns, y = noisy(name, 5, rows=3 * problem.LIMIT)
     quick = get(name).fit(columns, y)
     monkeypatch.setattr(problem, "LIMIT", len(y))
@@ -181,17 +243,23 @@ def test_starts_over_cells_end_at_the_minimum_of_all_samples(name: str, monkeypa
 
 @pytest.mark.parametrize("seed", [0, 3])
 def test_a_decay_over_the_slowest_rates_is_found_among_many_samples(seed: int) -> None:
-    """It shows in few samples, which means over cells would hide: no decay on a grid has less than the fit."""
+    """It shows in few samples, which means over cells would hide: no decay on a grid has less than
+    the fit.
+    """
     rng = np.random.default_rng(seed)
     rate = rng.choice([-1.0, 1.0], 12000) * 10 ** rng.uniform(-4, 0, 12000)
     force = np.sign(rate) * (3 + 2 * rate + 4 * np.exp(-np.abs(rate) / 0.002)) + np.sin(40 * rate)
     fit = get("peternel").fit({"strain_rate": rate}, force)
 
     def sse(decay: float) -> float:
-        terms = np.sign(rate) * np.stack([np.ones_like(rate), rate, rate**2, np.exp(-np.abs(rate) / decay)])
+        terms = np.sign(rate) * np.stack(
+            [np.ones_like(rate), rate, rate**2, np.exp(-np.abs(rate) / decay)]
+        )
         return float(np.sum((force - np.linalg.lstsq(terms.T, force)[0] @ terms) ** 2))
 
-    assert fit.sse <= (1 + 1e-9) * min(sse(decay) for decay in np.geomspace(1e-3, 10, 50) * np.abs(rate).max())
+    assert fit.sse <= (1 + 1e-9) * min(
+        sse(decay) for decay in np.geomspace(1e-3, 10, 50) * np.abs(rate).max()
+    )
 
 
 def test_a_condensed_problem_weighs_its_rows_by_their_samples() -> None:
@@ -200,24 +268,42 @@ def test_a_condensed_problem_weighs_its_rows_by_their_samples() -> None:
     columns = scattered(0, 9000)
     columns["pressure"] = 50 + 550 * ((columns["pressure"] - 50) / 550) ** 4
     y = formula.predict(PLANTED["kerscher"], columns)
-    full = Problem(formula.expression, formula.linear, formula.nonlinear, formula.gradient, columns, y)
+    full = Problem(
+        formula.expression, formula.linear, formula.nonlinear, formula.gradient, columns, y
+    )
     few = full.condensed()
     assert len(few.y) <= problem.LIMIT < len(y)
     beta, c = np.array([0.5, -0.4]), np.array([0.9, 1.0, -0.5])
     for one in (full, few):
         jacobian = one.jacobian(beta, c)
-        slope = one.residual(beta + np.array([1.0, 0.0]), c) - one.residual(beta, c)  # exact, as the formula is linear in it
-        np.testing.assert_allclose(jacobian[:, 0], slope, rtol=1e-8, atol=1e-8 * np.abs(slope).max())
-    assert np.sum(few.residual(beta, c) ** 2) == pytest.approx(np.sum(full.residual(beta, c) ** 2), rel=2e-3)
+        slope = one.residual(beta + np.array([1.0, 0.0]), c) - one.residual(
+            beta, c
+        )  # exact, as the formula is linear in it
+        np.testing.assert_allclose(
+            jacobian[:, 0], slope, rtol=1e-8, atol=1e-8 * np.abs(slope).max()
+        )
+    assert np.sum(few.residual(beta, c) ** 2) == pytest.approx(
+        np.sum(full.residual(beta, c) ** 2), rel=2e-3
+    )
     assert np.sum(few.target(c) ** 2) == pytest.approx(np.sum(y**2), rel=2e-3)
     assert few.regressors(c).T @ few.target(c) == pytest.approx(full.regressors(c).T @ y, rel=2e-3)
 
 
 @settings(deadline=None, max_examples=40)
-@given(st.integers(0, 10**6), st.integers(1, 3), st.sampled_from([1, 7, 4096, 4097, 20000]), st.booleans())
+@given(
+    st.integers(0, 10**6),
+    st.integers(1, 3),
+    st.sampled_from([1, 7, 4096, 4097, 20000]),
+    st.booleans(),
+)
 def test_cells_keep_sums_and_ranges(seed: int, inputs: int, rows: int, levels: bool) -> None:
     rng = np.random.default_rng(seed)
-    columns = {str(i): rng.choice([0.0, 0.1, 0.5], rows) if levels and i == 0 else rng.standard_normal(rows) for i in range(inputs)}
+    columns = {
+        str(i): rng.choice([0.0, 0.1, 0.5], rows)
+        if levels and i == 0
+        else rng.standard_normal(rows)
+        for i in range(inputs)
+    }
     y = rng.standard_normal(rows)
     means, few, counts = problem.condensed(columns, y)
     assert len(few) <= problem.LIMIT
@@ -225,7 +311,9 @@ def test_cells_keep_sums_and_ranges(seed: int, inputs: int, rows: int, levels: b
     assert counts @ few == pytest.approx(y.sum(), abs=1e-9 * rows)
     for name, column in columns.items():
         assert counts @ means[name] == pytest.approx(column.sum(), abs=1e-9 * rows)
-        assert column.min() - 1e-12 <= means[name].min() <= means[name].max() <= column.max() + 1e-12
+        assert (
+            column.min() - 1e-12 <= means[name].min() <= means[name].max() <= column.max() + 1e-12
+        )
     if levels:
         np.testing.assert_allclose(np.unique(means["0"].round(12)), np.unique(columns["0"]))
     if rows <= problem.LIMIT:

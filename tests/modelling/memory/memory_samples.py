@@ -1,4 +1,6 @@
-"""Recordings with known memory, and how far a run lies from the measurement; samples that are its history have no prediction (NaN)."""
+"""Recordings with known memory, and how far a run lies from the measurement; samples that are its
+history have no prediction (NaN).
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,15 @@ STEP = 0.01
 
 
 def state_set(*names, ranges=None, resonances=None, low=(), high=(), margin=0.15):
-    return StateSet(names, STEP, ranges or {}, resonances or {}, np.array(low, dtype=float), np.array(high, dtype=float), margin)
+    return StateSet(
+        names,
+        STEP,
+        ranges or {},
+        resonances or {},
+        np.array(low, dtype=float),
+        np.array(high, dtype=float),
+        margin,
+    )
 
 
 def memory_model(terms, theta, states, constant=0.0, limits=(-1.0, 1.0), output="y"):
@@ -28,7 +38,13 @@ def memory_model(terms, theta, states, constant=0.0, limits=(-1.0, 1.0), output=
 def recipe_of(target, dictionary, step=STEP, *, max_terms, **changed):
     """Plain FROLS of so many terms, but for what is `changed`."""
     plain = {"scaling": "none", "tolerance": 0.0}
-    return MemoryRecipe(target=target, dictionary=tuple(dictionary), step=step, max_terms=max_terms, **{**plain, **changed})
+    return MemoryRecipe(
+        target=target,
+        dictionary=tuple(dictionary),
+        step=step,
+        max_terms=max_terms,
+        **{**plain, **changed},
+    )
 
 
 def texts(of, order, **options):
@@ -68,7 +84,9 @@ def resonance(x, frequency, damping, step):
 
 
 def rrse(measured, predicted):
-    """Root relative squared error, `sqrt(sum (y - yhat)^2 / sum (y - mean y)^2)`; the history counts as predicted exactly, as is usual."""
+    """Root relative squared error, `sqrt(sum (y - yhat)^2 / sum (y - mean y)^2)`; the history
+    counts as predicted exactly, as is usual.
+    """
     known = np.isfinite(predicted)
     return relative((predicted - measured)[known], measured)
 

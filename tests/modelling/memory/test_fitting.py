@@ -7,7 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from common import peak_memory
-from memory_samples import STEP, narx_truth, nrmse_by_range, recipe_of, record, slow, texts, wandering
+from memory_samples import (
+    STEP,
+    narx_truth,
+    nrmse_by_range,
+    recipe_of,
+    record,
+    slow,
+    texts,
+    wandering,
+)
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.equations import summed
@@ -24,27 +33,47 @@ LAGGED = recipe_of("y", NARX, STEP, max_terms=4)
 def narx_records(noise=0.0, count=3, n=200):
     rng = np.random.default_rng(7)
     inputs = [rng.uniform(-1, 1, n) for _ in range(count)]
-    return [record(x=x, y=narx_truth(x, *rng.uniform(-1, 1, 2)) + noise * rng.normal(size=n)) for x in inputs]
+    return [
+        record(x=x, y=narx_truth(x, *rng.uniform(-1, 1, 2)) + noise * rng.normal(size=n))
+        for x in inputs
+    ]
 
 
 def test_the_terms_of_a_simulated_record_are_found():
     fit = fit_with_memory(narx_records(), LAGGED)
     found = dict(zip(fit.model.terms, fit.model.theta, strict=True))
-    assert found == pytest.approx({"x[k-2]": 0.6, "y[k-2]": -0.5, "x[k-1]*y[k-1]": 0.7, "y[k-1]^2": 0.2}, abs=1e-9)
+    assert found == pytest.approx(
+        {"x[k-2]": 0.6, "y[k-2]": -0.5, "x[k-1]*y[k-1]": 0.7, "y[k-1]^2": 0.2}, abs=1e-9
+    )
     assert fit.selection.samples == 3 * 198  # the first two of every record are history
-    assert (fit.ridge, fit.model.constant, fit.model.states.names) == (0.0, 0.0, ("x[k-1]", "x[k-2]", "y[k-1]", "y[k-2]"))
+    assert (fit.ridge, fit.model.constant, fit.model.states.names) == (
+        0.0,
+        0.0,
+        ("x[k-1]", "x[k-2]", "y[k-1]", "y[k-2]"),
+    )
 
 
 def test_the_first_samples_of_a_record_are_no_history_of_the_next():
     records = narx_records(count=2)
-    jumbled = record(**{name: np.concatenate([one.columns[name] for one in records]) for name in ("x", "y")})
-    assert fit_with_memory(records, LAGGED).selection.sse < 1e-20 < fit_with_memory([jumbled], LAGGED).selection.sse
+    jumbled = record(
+        **{name: np.concatenate([one.columns[name] for one in records]) for name in ("x", "y")}
+    )
+    assert (
+        fit_with_memory(records, LAGGED).selection.sse
+        < 1e-20
+        < fit_with_memory([jumbled], LAGGED).selection.sse
+    )
 
 
 def test_samples_that_are_held_out_teach_nothing():
     one, other = narx_records(count=2)
-    spoilt = replace(other, columns={**other.columns, "y": np.full(200, 1e6)}, training=np.zeros(200, dtype=bool))
-    np.testing.assert_array_equal(fit_with_memory([one, spoilt], LAGGED).model.theta, fit_with_memory([one], LAGGED).model.theta)
+    spoilt = replace(
+        other, columns={**other.columns, "y": np.full(200, 1e6)}, training=np.zeros(200, dtype=bool)
+    )
+    np.testing.assert_array_equal(
+        fit_with_memory([one, spoilt], LAGGED).model.theta,
+        fit_with_memory([one], LAGGED).model.theta,
+    )
 
 
 @pytest.mark.parametrize("stop", ["bic", "aicc", "press", "free_run"])
@@ -53,7 +82,9 @@ def test_stop_rules_find_the_number_of_terms(stop, ridge):
     recipe = replace(LAGGED, max_terms=10, stop=stop, ridge=ridge)
     fit = fit_with_memory(narx_records(noise=1e-3), recipe)
     assert {"x[k-2]", "y[k-2]", "x[k-1]*y[k-1]", "y[k-1]^2"} <= set(fit.model.terms)
-    assert len(fit.model.terms) <= (4 if stop in ("bic", "free_run") else 8)  # AICc and PRESS are known to take a few too many
+    assert len(fit.model.terms) <= (
+        4 if stop in ("bic", "free_run") else 8
+    )  # AICc and PRESS are known to take a few too many
 
 
 def test_a_tolerance_ends_a_regularised_selection():
@@ -68,7 +99,14 @@ def hysteretic(n, seed):
 
 
 STATES = ("x", *operated("slow", ["x"], [0.05, 0.2, 1]), *operated("play", ["x"], [0.1, 0.2, 0.4]))
-OPERATED = recipe_of("y", texts(STATES, 2, partners=["x"], constant=False), STEP, scaling="range", ridge=1e-6, max_terms=4)
+OPERATED = recipe_of(
+    "y",
+    texts(STATES, 2, partners=["x"], constant=False),
+    STEP,
+    scaling="range",
+    ridge=1e-6,
+    max_terms=4,
+)
 
 
 def hysteretic_fit(n=2000, **changed):
@@ -104,17 +142,28 @@ def test_the_equation_is_the_model(scaling):
     columns |= {f"play(x, {width:g})": play(x, width * np.ptp(x)) for width in (0.1, 0.2, 0.4)}
     whole, where = summed(fit.model.terms, fit.model.theta, fit.model.scaling, {})
     columns |= {short: evaluate(line, columns) for short, line in where.items()}
-    np.testing.assert_allclose(evaluate(whole, columns), free_run(fit.model, {"x": x}).values, rtol=1e-8)
+    np.testing.assert_allclose(
+        evaluate(whole, columns), free_run(fit.model, {"x": x}).values, rtol=1e-8
+    )
 
 
 def test_the_ridge_may_be_left_to_the_data():
     x, y, weak = hysteretic_fit(ridge="auto")
-    strong = fit_with_memory([record(x=x[:300], y=y[:300] + np.random.default_rng(0).normal(0, 30, 300))], replace(OPERATED, ridge="auto"))
+    strong = fit_with_memory(
+        [record(x=x[:300], y=y[:300] + np.random.default_rng(0).normal(0, 30, 300))],
+        replace(OPERATED, ridge="auto"),
+    )
     assert weak.ridge < strong.ridge
 
 
 @pytest.mark.parametrize(
-    "recipe", [LAGGED, replace(LAGGED, stop="press"), replace(LAGGED, ridge=1e-4), replace(LAGGED, ridge=1e-4, stop="press")]
+    "recipe",
+    [
+        LAGGED,
+        replace(LAGGED, stop="press"),
+        replace(LAGGED, ridge=1e-4),
+        replace(LAGGED, ridge=1e-4, stop="press"),
+    ],
 )
 def test_a_dictionary_beyond_memory_is_built_block_by_block(recipe, monkeypatch):
     records = narx_records(noise=0.01, n=5000)
@@ -132,7 +181,9 @@ def test_a_regularised_fit_never_holds_its_dictionary():
     n, dictionary = 80_000, texts(lags(["x"], range(12)), 2)
     x = np.random.default_rng(0).normal(size=n)
     given = [record(x=x, y=np.roll(x, 1) ** 2)]
-    peak = peak_memory(lambda: fit_with_memory(given, recipe_of("y", dictionary, STEP, ridge=1e-3, max_terms=3)))
+    peak = peak_memory(
+        lambda: fit_with_memory(given, recipe_of("y", dictionary, STEP, ridge=1e-3, max_terms=3))
+    )
     assert len(dictionary) == 91
     assert peak < 0.8 * 8 * n * len(dictionary)
 
@@ -156,8 +207,16 @@ def test_a_free_run_on_held_out_samples_passes_over_models_that_diverge():
         (2, LAGGED, "no training sample has a history"),
         (100, replace(OPERATED, target="still"), "no candidate explains anything"),
         (100, replace(LAGGED, target="z"), "no column `z`"),
-        (100, replace(LAGGED, dictionary=("slow(y, 1)",), max_terms=1), "depends on the output y as it is now"),
-        (100, replace(LAGGED, dictionary=("x[k-1]", "exp(x*y[k-1])"), max_terms=1), "delayed outputs and inputs in one factor"),
+        (
+            100,
+            replace(LAGGED, dictionary=("slow(y, 1)",), max_terms=1),
+            "depends on the output y as it is now",
+        ),
+        (
+            100,
+            replace(LAGGED, dictionary=("x[k-1]", "exp(x*y[k-1])"), max_terms=1),
+            "delayed outputs and inputs in one factor",
+        ),
     ],
 )
 def test_what_cannot_be_fitted_is_refused_with_what_to_do(samples, recipe, told):

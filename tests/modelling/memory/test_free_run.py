@@ -23,7 +23,9 @@ def test_a_noise_free_record_is_repeated_from_its_first_two_outputs():
     run = free_run(TRUTH, {"x": x, "y": y})
     assert np.isnan(run.values[:2]).all()
     np.testing.assert_allclose(run.values[2:], y[2:], rtol=1e-12, atol=1e-12)
-    np.testing.assert_allclose(one_step_ahead(TRUTH, {"x": x, "y": y})[2:], y[2:], rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(
+        one_step_ahead(TRUTH, {"x": x, "y": y})[2:], y[2:], rtol=1e-12, atol=1e-12
+    )
     assert run.diverged == ()
 
 
@@ -55,22 +57,37 @@ def reference(model, x, y, scale):
     for k in range(3, len(x)):
         now = dict(zip(NAMES, (x[k], x[k - 1], *values[:-4:-1]), strict=True))
         states = {name: scale(now[name], place) for place, name in enumerate(NAMES)}
-        values.append(model.constant + sum(theta * TERMS[term](states) for term, theta in zip(model.terms, model.theta, strict=True)))
+        values.append(
+            model.constant
+            + sum(
+                theta * TERMS[term](states)
+                for term, theta in zip(model.terms, model.theta, strict=True)
+            )
+        )
     return np.array(values)
 
 
 @given(
-    st.lists(st.sampled_from(sorted(TERMS)), min_size=1, max_size=6, unique=True), st.integers(0, 1000), st.booleans(), st.floats(0.0, 0.5)
+    st.lists(st.sampled_from(sorted(TERMS)), min_size=1, max_size=6, unique=True),
+    st.integers(0, 1000),
+    st.booleans(),
+    st.floats(0.0, 0.5),
 )
 def test_any_model_runs_as_written(terms, seed, scaled, margin):
     rng = np.random.default_rng(seed)
     low, high = rng.uniform(-2, -0.5, 5), rng.uniform(0.5, 2, 5)
     states = state_set(*NAMES, low=low, high=high, margin=margin) if scaled else state_set(*NAMES)
-    model = memory_model(terms, rng.uniform(-0.5, 0.5, len(terms)), states, constant=rng.normal(), limits=(-1e9, 1e9))
+    model = memory_model(
+        terms, rng.uniform(-0.5, 0.5, len(terms)), states, constant=rng.normal(), limits=(-1e9, 1e9)
+    )
     x, y = rng.uniform(-1, 1, 40), rng.uniform(-1, 1, 40)
 
     def scale(value, place):
-        return np.clip((value - low[place]) / (high[place] - low[place]), -margin, 1 + margin) if scaled else value
+        return (
+            np.clip((value - low[place]) / (high[place] - low[place]), -margin, 1 + margin)
+            if scaled
+            else value
+        )
 
     with np.errstate(all="ignore"):
         expected = reference(model, x, y, scale)
@@ -112,15 +129,19 @@ def test_a_piece_shorter_than_its_history_has_no_prediction():
 
 
 def test_delays_of_inputs_may_be_longer_than_those_of_the_output():
-    model = memory_model(["x[k-4]", "y[k-1]"], [1.0, 0.5], state_set("x[k-4]", "y[k-1]"), limits=(-9.0, 9.0))
+    model = memory_model(
+        ["x[k-4]", "y[k-1]"], [1.0, 0.5], state_set("x[k-4]", "y[k-1]"), limits=(-9.0, 9.0)
+    )
     x, y = np.arange(8.0), np.ones(8)
     values = free_run(model, {"x": x, "y": y}).values
     assert np.isnan(values[:4]).all()
     np.testing.assert_allclose(values[4:], [0.5, 1.25, 2.625, 4.3125])
 
 
-MODEL = memory_model(["y[k-1]", "y[k-2]", "u", "stop(y[k-1], 0.1)"], [1.5, -0.56, 0.03, -0.2], state_set(
-    "stop(y[k-1], 0.1)", "u", "y[k-1]", "y[k-2]", ranges={"y[k-1]": (-1.0, 1.0)}), constant=0.01, limits=(-2.0, 2.0))  # fmt: skip
+MODEL = memory_model(["y[k-1]", "y[k-2]", "u", "stop(y[k-1], 0.1)"], [1.5, -0.56, 0.03, -0.2],
+    state_set(
+    "stop(y[k-1], 0.1)", "u", "y[k-1]", "y[k-2]", ranges={"y[k-1]": (-1.0, 1.0)}), constant=0.01,
+        limits=(-2.0, 2.0))  # fmt: skip
 
 
 def run(start, u, **columns):
@@ -137,13 +158,19 @@ def test_noise_on_the_first_outputs_is_undone_by_identifying_them():
     u = wandering(600, 3)
     y = run("steady", u)
     y[:2] = y[2]
-    np.testing.assert_allclose(run("identified", u, y=y)[2:], y[2:], atol=1e-9)  # without noise they are the measured ones
+    np.testing.assert_allclose(
+        run("identified", u, y=y)[2:], y[2:], atol=1e-9
+    )  # without noise they are the measured ones
     noisy = y + np.random.default_rng(1).normal(0, 0.05, len(y))
-    measured, identified = (np.abs(run(start, u, y=noisy) - y)[2:30].max() for start in ("measured", "identified"))
+    measured, identified = (
+        np.abs(run(start, u, y=noisy) - y)[2:30].max() for start in ("measured", "identified")
+    )
     assert identified < 0.5 * measured
 
 
 def test_an_integrator_has_no_steady_output():
-    model = replace(memory_model(["y[k-1]", "u"], [1.0, 0.1], state_set("u", "y[k-1]")), start="steady")
+    model = replace(
+        memory_model(["y[k-1]", "u"], [1.0, 0.1], state_set("u", "y[k-1]")), start="steady"
+    )
     with pytest.raises(DataError, match="no steady output"):
         free_run(model, {"u": np.ones(20)})

@@ -1,4 +1,6 @@
-"""Numbers of operators that training finds: against records that were made with known ones, and against an integrator of their equation."""
+"""Numbers of operators that training finds: against records that were made with known ones, and
+against an integrator of their equation.
+"""
 
 from __future__ import annotations
 
@@ -23,8 +25,14 @@ def test_wen_solves_its_differential_equation(rates):
     z, expected = 0.0, [0.0]
     for d in np.diff(x) / (limits[1] - limits[0]):
         grows = np.sign(d)
-        rate = lambda _u, w, s=grows: s * (1 - (rates[0] if s * w[0] >= 0 else -rates[1]) * abs(w[0]))  # noqa: E731
-        z = float(solve_ivp(rate, (0, abs(d)), [z], rtol=1e-10, atol=1e-13, max_step=max(abs(d) / 20, 1e-12)).y[0, -1])
+        rate = lambda _u, w, s=grows: (  # noqa: E731
+            s * (1 - (rates[0] if s * w[0] >= 0 else -rates[1]) * abs(w[0]))
+        )
+        z = float(
+            solve_ivp(
+                rate, (0, abs(d)), [z], rtol=1e-10, atol=1e-13, max_step=max(abs(d) / 20, 1e-12)
+            ).y[0, -1]
+        )
         expected.append(z)
     found = along(OPERATORS["wen_stiffening"], x, Setting(rates, STEP, limits))
     np.testing.assert_allclose(found, expected, atol=1e-5 * np.abs(expected).max())
@@ -33,14 +41,21 @@ def test_wen_solves_its_differential_equation(rates):
 
 
 def oscillator(operator, numbers, u, theta=(1.8, -0.9, 0.02, -0.05)):
-    """`y[k]` of two delays, the input and a hysteretic state of `y[k-1]`, whose range is found by running it twice."""
+    """`y[k]` of two delays, the input and a hysteretic state of `y[k-1]`, whose range is found by
+    running it twice.
+    """
     limits = (0.0, 1.0)
     for _ in range(60):
         rule = OPERATORS[operator].recursion(Setting(numbers, STEP, limits))
         y, z = [0.0, 0.0], 0.0
         for k in range(2, len(u)):
             z = rule.next(FLOATS, z, y[-1], y[-2])
-            y.append(theta[0] * y[-1] + theta[1] * y[-2] + theta[2] * u[k] + theta[3] * z * (limits[1] - limits[0]))
+            y.append(
+                theta[0] * y[-1]
+                + theta[1] * y[-2]
+                + theta[2] * u[k]
+                + theta[3] * z * (limits[1] - limits[0])
+            )
         reached = (min(y[:-1]), max(y[:-1]))
         if np.allclose(reached, limits, rtol=1e-12):
             break
@@ -49,14 +64,18 @@ def oscillator(operator, numbers, u, theta=(1.8, -0.9, 0.02, -0.05)):
 
 
 def identified_again(operator, numbers, seed):
-    """A record of an oscillator with known numbers, and the model that training finds from a dictionary without them."""
+    """A record of an oscillator with known numbers, and the model that training finds from a
+    dictionary without them.
+    """
     u = wandering(900, seed) + np.random.default_rng(seed).normal(0, 1, 900)
     y = oscillator(operator, numbers, u)
     return u, y, identified(operator, u, y)
 
 
 def identified(operator, u, y):
-    recipe = recipe_of("y", ["y[k-1]", "y[k-2]", "u", f"{operator}(y[k-1])"], max_terms=4, criterion="free_run")
+    recipe = recipe_of(
+        "y", ["y[k-1]", "y[k-2]", "u", f"{operator}(y[k-1])"], max_terms=4, criterion="free_run"
+    )
     return fit_with_memory([record(u=u, y=y)], recipe)
 
 
@@ -74,7 +93,11 @@ def test_hysteretic_oscillators_of_other_numbers_are_found_again_in_nine_of_ten(
     """Within 1 %, from generic bounds; each seed draws the numbers and the record."""
     found = []
     for seed in range(10):
-        numbers = np.exp(np.random.default_rng(100 + seed).uniform(np.log(2.0), np.log(20.0), len(OPERATORS[operator].parameters)))
+        numbers = np.exp(
+            np.random.default_rng(100 + seed).uniform(
+                np.log(2.0), np.log(20.0), len(OPERATORS[operator].parameters)
+            )
+        )
         _, _, fit = identified_again(operator, tuple(numbers.tolist()), seed)
         found.append(fit.identified.numbers.tolist() == pytest.approx(numbers.tolist(), rel=0.01))
     assert sum(found) >= 9, found
@@ -83,17 +106,26 @@ def test_hysteretic_oscillators_of_other_numbers_are_found_again_in_nine_of_ten(
 @pytest.mark.parametrize("nested", [False, True])
 @pytest.mark.parametrize("seed", range(10))
 def test_a_slow_state_and_a_play_are_found_again(seed, nested):
-    """From a dictionary without a number: `a slow(x, tau) + b play(x, width)`, and `slow(play(x, width), tau)`."""
+    """From a dictionary without a number: `a slow(x, tau) + b play(x, width)`, and `slow(play(x,
+    width), tau)`.
+    """
     rng = np.random.default_rng(seed)
     x = wandering(1500, seed)
-    tau, width = float(np.exp(rng.uniform(np.log(0.05), np.log(3.0)))), float(rng.uniform(0.02, 0.35))
+    tau, width = (
+        float(np.exp(rng.uniform(np.log(0.05), np.log(3.0)))),
+        float(rng.uniform(0.02, 0.35)),
+    )
     follows = along(OPERATORS["play"], x, Setting((width,), STEP, (x.min(), x.max())))
     a, b = rng.uniform(0.5, 2.0, 2)
     truth = slow(follows if nested else x, tau, STEP)
     y = a * truth if nested else a * truth + b * follows
     dictionary = ["x", "slow(play(x))"] if nested else ["x", "slow(x)", "play(x)"]
-    fit = fit_with_memory([record(x=x, y=y)], recipe_of("y", dictionary, max_terms=1 if nested else 2))
-    assert fit.identified.numbers == pytest.approx([width, tau] if fit.identified.names[0].startswith("widths") else [tau, width], rel=0.01)
+    fit = fit_with_memory(
+        [record(x=x, y=y)], recipe_of("y", dictionary, max_terms=1 if nested else 2)
+    )
+    assert fit.identified.numbers == pytest.approx(
+        [width, tau] if fit.identified.names[0].startswith("widths") else [tau, width], rel=0.01
+    )
 
 
 def test_open_numbers_follow_terms_whatever_order_they_are_chosen_in():
@@ -101,7 +133,10 @@ def test_open_numbers_follow_terms_whatever_order_they_are_chosen_in():
     lagging = slow(x, 0.2, STEP)
     y = lagging**2 + 0.5 * lagging * x
     dictionary = ["x", "x*slow(x)", "slow(x)", "slow(x)^2", "x^2"]
-    fit = fit_with_memory([record(x=x, y=y)], recipe_of("y", dictionary, max_terms=5, scaling="range", margin=0.5, ridge=1e-9))
+    fit = fit_with_memory(
+        [record(x=x, y=y)],
+        recipe_of("y", dictionary, max_terms=5, scaling="range", margin=0.5, ridge=1e-9),
+    )
     assert fit.identified.numbers == pytest.approx([0.2], rel=1e-3)
     assert set(fit.model.states.names) == {"x", f"slow(x, {float(fit.identified.numbers[0])!r})"}
 
@@ -115,14 +150,20 @@ def test_a_number_at_its_bound_is_told():
 
 
 def test_what_is_left_open_is_inside_other_states_too():
-    found = left_open([record(x=np.zeros(1000))], ["x*slow(wen(y[k-1]))[k-1]", "play(x, 0.1)", "slow(wen(y[k-1]))"], STEP)
+    found = left_open(
+        [record(x=np.zeros(1000))],
+        ["x*slow(wen(y[k-1]))[k-1]", "play(x, 0.1)", "slow(wen(y[k-1]))"],
+        STEP,
+    )
     assert [one.name for one in found.states] == ["wen(y[k-1])", "slow(wen(y[k-1]))"]
     (text,) = found.filled(["x*slow(wen(y[k-1]))[k-1]"], (1.0, 2.0, 0.5))
     assert state("slow(wen(y[k-1], 1, 2), 0.5)[k-1]").name in text
 
 
 def random_runs(count, seed):
-    """Free runs of random models of random fed-back operators under random inputs, some of them unstable."""
+    """Free runs of random models of random fed-back operators under random inputs, some of them
+    unstable.
+    """
     rng = np.random.default_rng(seed)
     names = [name for name, operator in OPERATORS.items() if operator.starts is not None]
     for _ in range(count):
@@ -142,11 +183,15 @@ def random_runs(count, seed):
         yield numbers, free_run(model, {"u": u, "y": np.full(30, rng.normal())})
 
 
-@pytest.mark.parametrize(("count", "seed"), [(300, 7), pytest.param(100_000, 8, marks=pytest.mark.long)])
+@pytest.mark.parametrize(
+    ("count", "seed"), [(300, 7), pytest.param(100_000, 8, marks=pytest.mark.long)]
+)
 def test_no_random_model_diverges_untold(count, seed):
     """What is not finite begins where the run says that it diverged, and nowhere else."""
     with np.errstate(all="raise", under="ignore"):
         for numbers, run in random_runs(count, seed):
             lost = np.flatnonzero(~np.isfinite(run.values[1:])) + 1
-            assert lost.tolist() == list(range(run.diverged[0], 30) if run.diverged else ()), numbers
+            assert lost.tolist() == list(range(run.diverged[0], 30) if run.diverged else ()), (
+                numbers
+            )
             assert np.nanmax(np.abs(run.values), initial=0.0) <= 202.0

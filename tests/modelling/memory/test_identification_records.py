@@ -1,4 +1,6 @@
-"""Published identification records, beside what a peer library selected; skipped where they are not installed."""
+"""Published identification records, beside what a peer library selected; skipped where they are not
+installed.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,10 @@ def narx(terms, steps=2):
 
 def in_our_words(term):
     """The peer's `y(k-2)y(k-1)` as `y[k-1]*y[k-2]`."""
-    factors = [f"{name}[k-{step}]" + square for name, step, square in re.findall(r"([xy])1?\(k-(\d)\)(\^2)?", term)]
+    factors = [
+        f"{name}[k-{step}]" + square
+        for name, step, square in re.findall(r"([xy])1?\(k-(\d)\)(\^2)?", term)
+    ]
     return "*".join(sorted(factors)) or "1"
 
 
@@ -41,7 +46,10 @@ def scored(fit, columns):
 
 
 def test_the_buck_converter_beside_the_peer(folder, peer):
-    training, validation = (np.loadtxt(folder / f"buck_{name}.csv", delimiter=",", skiprows=1).T[1:] for name in ("id", "valid"))
+    training, validation = (
+        np.loadtxt(folder / f"buck_{name}.csv", delimiter=",", skiprows=1).T[1:]
+        for name in ("id", "valid")
+    )
     for terms in (8, 4):
         theirs = peer[f"buck_deg2_lag2_n{terms}"]
         fit = fit_with_memory([record(x=training[0], y=training[1])], narx(terms))
@@ -63,16 +71,24 @@ def test_the_motor_generator_beside_the_peer(generator, peer):
     x, y = (values[::500] for values in generator)
     theirs = peer["generator_dec500_deg2_lag2_n8"]
     fit = fit_with_memory([record(x=x[:800], y=y[:800])], narx(8))
-    # the input is 0 or 5, so that x and x^2 are one column: the first of the dictionary wins, and the tie is on record
+    # the input is 0 or 5, so that x and x^2 are one column: the first of the dictionary wins, and
+    # the tie is on record
     words = [in_our_words(term) for term, _, _ in theirs["terms"]]
     assert list(fit.model.terms) == [{"x[k-2]^2": "x[k-2]"}.get(word, word) for word in words]
-    assert fit.selection.tied[[fit.model.terms.index("x[k-1]"), fit.model.terms.index("x[k-2]")]].tolist() == [1, 1]
+    assert fit.selection.tied[
+        [fit.model.terms.index("x[k-1]"), fit.model.terms.index("x[k-2]")]
+    ].tolist() == [1, 1]
     free, one_step = scored(fit, {"x": x[800:], "y": y[800:]})
-    assert (free, one_step) == (pytest.approx(theirs["rrse_free"], rel=1e-4), pytest.approx(theirs["rrse_one"], rel=1e-4))
+    assert (free, one_step) == (
+        pytest.approx(theirs["rrse_free"], rel=1e-4),
+        pytest.approx(theirs["rrse_one"], rel=1e-4),
+    )
 
 
 def test_the_motor_generator_in_the_published_setting(generator):
     x, y = (values[::100] for values in generator)
     fit = fit_with_memory([record(x=x[100:350], y=y[100:350])], narx(8, steps=3))
     run = free_run(fit.model, {"x": x, "y": y})
-    assert rmse(y, run.values) < 185  # 177.66 published for another algorithm with 7 terms; 179.0 here
+    assert (
+        rmse(y, run.values) < 185
+    )  # 177.66 published for another algorithm with 7 terms; 179.0 here

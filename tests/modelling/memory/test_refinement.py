@@ -1,4 +1,6 @@
-"""Free run as the criterion: derivatives of runs, coefficients of least simulation error, terms chosen by their runs."""
+"""Free run as the criterion: derivatives of runs, coefficients of least simulation error, terms
+chosen by their runs.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,15 @@ from mapmore_cli.modelling.memory import fitting, selectors
 from mapmore_cli.modelling.memory.feedback import Feedback
 from mapmore_cli.modelling.memory.fitting import fit_with_memory
 from mapmore_cli.modelling.memory.free_run import free_run, one_step_ahead
-from mapmore_cli.modelling.memory.refinement import THOROUGH, Coefficients, Linearised, Problem, minimise, refine, run_at_once
+from mapmore_cli.modelling.memory.refinement import (
+    THOROUGH,
+    Coefficients,
+    Linearised,
+    Problem,
+    minimise,
+    refine,
+    run_at_once,
+)
 from mapmore_cli.modelling.memory.simulation import Course, piece_of
 
 TERMS = {
@@ -28,7 +38,8 @@ TERMS = {
     "exp(-saturate(y[k-1]))": 0.1,
     "1": 0.05,
 }
-NAMES = ("x", "y[k-1]", "y[k-2]", "stop(y[k-1], 0.2)", "slow(play(y[k-1], 0.1), 0.05)", "resonance(y[k-1], 6, 0.2)[k-1]",
+NAMES = ("x", "y[k-1]", "y[k-2]", "stop(y[k-1], 0.2)", "slow(play(y[k-1], 0.1), 0.05)",
+    "resonance(y[k-1], 6, 0.2)[k-1]",
          "resonance_velocity(y[k-2], 6, 0.2)", "saturate(y[k-1])")  # fmt: skip
 WIDE = (-1e9, 1e9)
 
@@ -49,9 +60,14 @@ def test_derivatives_of_a_run_are_those_of_central_differences(scaled, horizon):
     found = line.solve(line.phi)
     for place in range(len(theta) + 1):
         move = h * np.eye(len(theta) + 1)[place]
-        above, below = (ready.run(theta + sign * move[:-1], 0.1 + sign * move[-1], WIDE, horizon).output for sign in (1, -1))
+        above, below = (
+            ready.run(theta + sign * move[:-1], 0.1 + sign * move[-1], WIDE, horizon).output
+            for sign in (1, -1)
+        )
         difference = (above - below) / (2 * h)
-        np.testing.assert_allclose(found[:, place], difference, atol=1e-5 * np.abs(difference).max())
+        np.testing.assert_allclose(
+            found[:, place], difference, atol=1e-5 * np.abs(difference).max()
+        )
 
 
 @settings(deadline=None, max_examples=40)
@@ -59,7 +75,9 @@ def test_derivatives_of_a_run_are_those_of_central_differences(scaled, horizon):
 def test_a_run_at_once_is_the_run_sample_by_sample(seed, horizon, scaled):
     rng = np.random.default_rng(seed)
     terms = ["x", "y[k-1]", "x*y[k-2]", "y[k-1]^2", "sin(y[k-2])"]
-    ready = course(terms, ("x", "y[k-1]", "y[k-2]"), rng.uniform(-1, 1, 120), rng.uniform(-1, 1, 120), scaled)
+    ready = course(
+        terms, ("x", "y[k-1]", "y[k-2]"), rng.uniform(-1, 1, 120), rng.uniform(-1, 1, 120), scaled
+    )
     theta = rng.uniform(-0.6, 0.6, len(terms))
     at_once = run_at_once(ready, theta, 0.1, WIDE, horizon, None)
     stepped = ready.run(theta, 0.1, WIDE, horizon)
@@ -75,9 +93,13 @@ def test_runs_that_begin_anew_follow_the_measured_output():
     model = memory_model(list(TERMS), list(TERMS.values()), states, constant=0.1, limits=WIDE)
     ahead = course(TERMS, NAMES, x, y)
     run = ahead.run(model.theta, 0.1, WIDE, horizon=1)
-    np.testing.assert_allclose(run.output, one_step_ahead(model, {"x": x, "y": y})[ahead.start :], rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(
+        run.output, one_step_ahead(model, {"x": x, "y": y})[ahead.start :], rtol=1e-12, atol=1e-12
+    )
     free = ahead.run(model.theta, 0.1, WIDE)
-    np.testing.assert_allclose(free.output, free_run(model, {"x": x, "y": y}).values[ahead.start :], rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(
+        free.output, free_run(model, {"x": x, "y": y}).values[ahead.start :], rtol=1e-12, atol=1e-12
+    )
 
 
 NARX = ("x[k-2]", "y[k-2]", "x[k-1]*y[k-1]", "y[k-1]^2")
@@ -96,7 +118,9 @@ def in_order(fit):
 
 
 def test_noise_of_the_output_biases_one_step_ahead_and_not_the_free_run():
-    """Against the true coefficients of the system; the standard errors of the free run tell how far it may be off."""
+    """Against the true coefficients of the system; the standard errors of the free run tell how far
+    it may be off.
+    """
     given = [noisy_narx()]
     ahead = in_order(fit_with_memory(given, recipe_of("y", NARX, max_terms=4)))
     fit = fit_with_memory(given, recipe_of("y", NARX, max_terms=4, criterion="free_run"))
@@ -115,7 +139,9 @@ def test_a_system_with_friction_in_its_output_is_found_again():
     names = ["x[k-1]", "y[k-1]", "y[k-2]", "stop(y[k-1], 0.05)"]
     states = state_set(*names, ranges={"y[k-1]": (0.0, 1.0)})
     theta = [0.05, 1.6, -0.65, -0.2]
-    y = free_run(memory_model(names, theta, states, limits=(-20.0, 20.0)), {"x": x, "y": np.zeros(1200)}).values
+    y = free_run(
+        memory_model(names, theta, states, limits=(-20.0, 20.0)), {"x": x, "y": np.zeros(1200)}
+    ).values
     y[:2] = 0.0
     given = record(np.arange(1200) < 800, x=x, y=y)
     width = float(0.05 / np.ptp(y[:799]))  # the same friction as a part of the training range
@@ -140,7 +166,13 @@ def test_a_start_that_explodes_is_tamed_by_short_horizons():
     """One that explodes at once has an infinite error."""
     given = logistic().columns
     ready = course(["y[k-1]", "x[k-1]"], ("y[k-1]", "x[k-1]"), given["x"], given["y"])
-    one = Problem((ready,), (np.ones(ready.size, dtype=bool),), (-100.0, 100.0), np.zeros(2), free_constant=False)
+    one = Problem(
+        (ready,),
+        (np.ones(ready.size, dtype=bool),),
+        (-100.0, 100.0),
+        np.zeros(2),
+        free_constant=False,
+    )
     assert np.isinf(refine(one, Coefficients(np.array([1e6, 0.0]), 0.0), THOROUGH).error)
     start = Coefficients(np.array([1.1, 0.05]), 0.0)
     assert np.isinf(minimise(one, start, None, THOROUGH).error)
@@ -157,10 +189,14 @@ def test_a_divergent_candidate_is_refused_and_not_followed(monkeypatch):
     original = fitting._grown
 
     def grown(training, member, chosen):
-        assert np.isfinite(member.point.error) or not member.chosen  # nothing is built on a model that diverges
+        assert (
+            np.isfinite(member.point.error) or not member.chosen
+        )  # nothing is built on a model that diverges
         found = original(training, member, chosen)
         if 3 in chosen:  # every model with the cube is said to diverge
-            found = fitting.Member(found.chosen, Coefficients(found.point.theta, found.point.constant))
+            found = fitting.Member(
+                found.chosen, Coefficients(found.point.theta, found.point.constant)
+            )
         tried.append(chosen)
         return found
 
@@ -173,7 +209,11 @@ def test_a_divergent_candidate_is_refused_and_not_followed(monkeypatch):
 
 def test_no_model_that_stays_finite_is_an_error(monkeypatch):
     monkeypatch.setattr(
-        fitting, "_grown", lambda _training, _member, chosen: fitting.Member(chosen, Coefficients(np.zeros(len(chosen)), 0.0))
+        fitting,
+        "_grown",
+        lambda _training, _member, chosen: fitting.Member(
+            chosen, Coefficients(np.zeros(len(chosen)), 0.0)
+        ),
     )
     with pytest.raises(DataError, match="free run of every model diverges"):
         fit_with_memory([logistic()], recipe_of("y", DICTIONARY, max_terms=3, **RUNNING))
@@ -182,16 +222,28 @@ def test_no_model_that_stays_finite_is_an_error(monkeypatch):
 @pytest.mark.parametrize("select", ["one_step", "free_run"])
 @pytest.mark.parametrize("ridge", [0.0, 1e-5])
 def test_the_held_out_end_decides_on_the_number_of_terms(select, ridge):
-    """The error there of every size is told, and is that of the models fitted to the beginning alone."""
+    """The error there of every size is told, and is that of the models fitted to the beginning
+    alone.
+    """
     given = logistic()
-    fit = fit_with_memory([given], recipe_of("y", DICTIONARY, max_terms=4, ridge=ridge, **{**RUNNING, "select": select}))
+    fit = fit_with_memory(
+        [given],
+        recipe_of("y", DICTIONARY, max_terms=4, ridge=ridge, **{**RUNNING, "select": select}),
+    )
     assert fit.held_out is not None
     assert len(fit.model.terms) == int(np.argmin(fit.held_out)) + 1
     assert fit.selection.stop == "free_run"
     beginning = record(np.arange(400) < 300, **given.columns)
-    alone = fit_with_memory([beginning], recipe_of("y", fit.model.terms, max_terms=len(fit.model.terms), ridge=ridge, criterion="free_run"))
+    alone = fit_with_memory(
+        [beginning],
+        recipe_of(
+            "y", fit.model.terms, max_terms=len(fit.model.terms), ridge=ridge, criterion="free_run"
+        ),
+    )
     run = free_run(alone.model, given.columns).values
-    assert fit.held_out.min() == pytest.approx(np.sqrt(np.mean((run - given.columns["y"])[300:] ** 2)), rel=0.02)
+    assert fit.held_out.min() == pytest.approx(
+        np.sqrt(np.mean((run - given.columns["y"])[300:] ** 2)), rel=0.02
+    )
 
 
 def test_progress_is_told_and_an_interrupted_search_can_begin_again():
@@ -212,7 +264,9 @@ def test_progress_is_told_and_an_interrupted_search_can_begin_again():
 
 
 def test_models_of_every_size_come_from_one_selection(monkeypatch):
-    """The whole dictionary is searched once for the beginning of the record; its other searches are among the terms chosen there."""
+    """The whole dictionary is searched once for the beginning of the record; its other searches are
+    among the terms chosen there.
+    """
     widths = []
 
     def counted(P, *rest, **named):

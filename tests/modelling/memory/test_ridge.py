@@ -12,7 +12,15 @@ from hypothesis import strategies as st
 from mapmore_cli.modelling.expressions import parse
 from mapmore_cli.modelling.frols import frols
 from mapmore_cli.modelling.frols.moments import moments, standard, standardised
-from mapmore_cli.modelling.frols.ridge import RIDGES, Regularised, choose_ridge, prune, ridge_press, select, substitutes
+from mapmore_cli.modelling.frols.ridge import (
+    RIDGES,
+    Regularised,
+    choose_ridge,
+    prune,
+    ridge_press,
+    select,
+    substitutes,
+)
 from mapmore_cli.modelling.memory.selectors import Regressors, selector
 from mapmore_cli.modelling.selection import MemoryRecipe
 
@@ -34,7 +42,9 @@ def regularised(P, y, ridge):
 
 
 def in_full(P, y, ridge):
-    """Standardised columns with rows for the ridge below: least squares on them is the regularised problem."""
+    """Standardised columns with rows for the ridge below: least squares on them is the regularised
+    problem.
+    """
     Z, z = (P - P.mean(axis=0)) / P.std(axis=0), (y - y.mean()) / y.std()
     n, M = P.shape
     return np.vstack([Z, np.sqrt(n * ridge) * np.eye(M)]), np.r_[z, np.zeros(M)]
@@ -42,11 +52,18 @@ def in_full(P, y, ridge):
 
 def squares_left(Z, z, columns):
     """Sum of squares that least squares on some columns leave."""
-    residual = z - Z[:, columns] @ np.linalg.lstsq(Z[:, columns], z, rcond=None)[0] if len(columns) else z
+    residual = (
+        z - Z[:, columns] @ np.linalg.lstsq(Z[:, columns], z, rcond=None)[0] if len(columns) else z
+    )
     return residual @ residual
 
 
-CASES = {"n": st.integers(8, 60), "M": st.integers(2, 7), "seed": st.integers(0, 10_000), "ridge": st.sampled_from([1e-6, 1e-3, 0.1, 10.0])}
+CASES = {
+    "n": st.integers(8, 60),
+    "M": st.integers(2, 7),
+    "seed": st.integers(0, 10_000),
+    "ridge": st.sampled_from([1e-6, 1e-3, 0.1, 10.0]),
+}
 
 
 @settings(deadline=None)
@@ -66,7 +83,9 @@ def test_selection_is_frols_on_data_with_rows_for_the_ridge(n, M, seed, ridge):
 @settings(deadline=None)
 @given(**CASES, power=st.sampled_from([-1000, -600, 600, 900]))
 def test_squares_that_overflow_or_vanish_change_nothing(n, M, seed, ridge, power):
-    """A column in units of 2^900 or 2^-1000: the division by a power of two is exact, and so is the selection."""
+    """A column in units of 2^900 or 2^-1000: the division by a power of two is exact, and so is the
+    selection.
+    """
     P, y = problem(n, M, seed)
     units = np.where(np.arange(M) % 2, 1.0, 2.0**power)
     near, far = regularised(P, y, ridge), regularised(P * units, y, ridge)
@@ -78,7 +97,15 @@ def test_squares_that_overflow_or_vanish_change_nothing(n, M, seed, ridge, power
 def test_candidates_without_a_ridge_are_ranked_the_same_in_any_unit(power):
     """The square of `1e160*a` overflows."""
     P, y = problem(40, 3, 5)
-    recipe = MemoryRecipe(target="y", dictionary=tuple("abc"), step=1.0, scaling="none", max_terms=2, tolerance=0.0, stop="bic")
+    recipe = MemoryRecipe(
+        target="y",
+        dictionary=tuple("abc"),
+        step=1.0,
+        scaling="none",
+        max_terms=2,
+        tolerance=0.0,
+        stop="bic",
+    )
     terms = tuple(parse(name) for name in "abc")
 
     def ranking(units):
@@ -89,7 +116,9 @@ def test_candidates_without_a_ridge_are_ranked_the_same_in_any_unit(power):
     columns = np.column_stack([P, y])
     columns /= np.sqrt((columns**2).mean(axis=0))
     np.testing.assert_allclose(near, columns.T @ columns / 40, rtol=0, atol=1e-13)
-    np.testing.assert_allclose(ranking(np.array([2.0**power, 1.0, 0.0]))[:2, :2], near[:2, :2], rtol=0, atol=1e-13)
+    np.testing.assert_allclose(
+        ranking(np.array([2.0**power, 1.0, 0.0]))[:2, :2], near[:2, :2], rtol=0, atol=1e-13
+    )
 
 
 @settings(deadline=None)
@@ -128,7 +157,12 @@ def test_a_substitute_is_the_best_of_the_others_in_the_place_of_a_term(n, M, see
 
 
 @settings(deadline=None, max_examples=25)
-@given(n=st.integers(8, 25), M=st.integers(1, 4), seed=st.integers(0, 10_000), ridge=st.sampled_from([1e-6, 1e-3, 0.1]))
+@given(
+    n=st.integers(8, 25),
+    M=st.integers(1, 4),
+    seed=st.integers(0, 10_000),
+    ridge=st.sampled_from([1e-6, 1e-3, 0.1]),
+)
 def test_press_is_the_error_of_models_fitted_without_the_sample(n, M, seed, ridge):
     P, y = problem(n, M + 1, seed)
     Z, z = (P[:, :M] - P[:, :M].mean(axis=0)) / P[:, :M].std(axis=0), (y - y.mean()) / y.std()
@@ -144,7 +178,12 @@ def test_press_is_the_error_of_models_fitted_without_the_sample(n, M, seed, ridg
 
 
 @settings(deadline=None)
-@given(st.integers(0, 10_000), st.lists(st.integers(0, 40), max_size=3), st.floats(1e-6, 1e6), st.floats(-1e6, 1e6))
+@given(
+    st.integers(0, 10_000),
+    st.lists(st.integers(0, 40), max_size=3),
+    st.floats(1e-6, 1e6),
+    st.floats(-1e6, 1e6),
+)
 def test_moments_do_not_depend_on_blocks_units_or_origin(seed, cuts, slope, offset):
     P, y = problem(40, 3, seed)
     blocks, others = blocks_of(P, y), blocks_of(slope * P + slope * offset, y, *sorted(cuts))
@@ -176,7 +215,11 @@ def test_there_must_be_a_row():
 
 
 @settings(deadline=None, max_examples=20)
-@given(n=st.sampled_from([24, 80]), seed=st.integers(0, 10_000), noise=st.sampled_from([0.01, 3.0, 30.0]))
+@given(
+    n=st.sampled_from([24, 80]),
+    seed=st.integers(0, 10_000),
+    noise=st.sampled_from([0.01, 3.0, 30.0]),
+)
 def test_the_ridge_is_the_one_that_predicts_left_out_blocks_best(n, seed, noise):
     P, y = problem(n, 8, seed, noise)
     by = standard(blocks_of(P, y))
@@ -191,8 +234,14 @@ def test_the_ridge_is_the_one_that_predicts_left_out_blocks_best(n, seed, noise)
             mean = Z[rows].mean(axis=0), z[rows].mean()
             centred, output = Z[rows] - mean[0], z[rows] - mean[1]
             covariance = np.cov(np.column_stack([centred, output]).T, bias=True)
-            kept = prune(Regularised(covariance, len(rows), ridge), select(Regularised(covariance, len(rows), ridge), 6).chosen)[2]
-            A, b = centred[:, kept].T @ centred[:, kept] / len(rows), centred[:, kept].T @ output / len(rows)
+            kept = prune(
+                Regularised(covariance, len(rows), ridge),
+                select(Regularised(covariance, len(rows), ridge), 6).chosen,
+            )[2]
+            A, b = (
+                centred[:, kept].T @ centred[:, kept] / len(rows),
+                centred[:, kept].T @ output / len(rows),
+            )
             theta = np.linalg.solve(A + ridge * np.eye(3), b)
             total += np.sum((z[held] - mean[1] - (Z[held][:, kept] - mean[0][kept]) @ theta) ** 2)
         return total

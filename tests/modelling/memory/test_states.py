@@ -20,7 +20,14 @@ from mapmore_cli.modelling.memory.records import records_of, time_step, uninterr
 from mapmore_cli.modelling.memory.states import delayed, evaluate_states, resolve, with_ranges
 
 RECIPE = recipe_of("y", (), max_terms=1)
-NAMES = ("x", "x[k-2]", "slow(play(x, 0.2), 0.05)", "stop(slow(x, 0.1), 0.1)", "slow(saturate(x), 0.1)", "resonance(x, 3, 0.2)")
+NAMES = (
+    "x",
+    "x[k-2]",
+    "slow(play(x, 0.2), 0.05)",
+    "stop(slow(x, 0.1), 0.1)",
+    "slow(saturate(x), 0.1)",
+    "resonance(x, 3, 0.2)",
+)
 
 
 @given(arrays(float, st.integers(1, 60), elements=st.floats(-10, 10)), st.integers(1, 70))
@@ -38,8 +45,12 @@ def test_widths_are_fractions_of_the_training_range_of_their_source():
     lagging = slow(x, 0.1, STEP)
     assert states.ranges["slow(x, 0.1)"] == (lagging[:200].min(), lagging[:200].max())
     values = evaluate_states(states, {"x": x})
-    np.testing.assert_array_equal(values["slow(play(x, 0.2), 0.05)"], slow(play(x, 0.2 * np.ptp(x[:200])), 0.05, STEP))
-    np.testing.assert_array_equal(values["slow(saturate(x), 0.1)"], slow(np.clip(x, *states.ranges["x"]), 0.1, STEP))
+    np.testing.assert_array_equal(
+        values["slow(play(x, 0.2), 0.05)"], slow(play(x, 0.2 * np.ptp(x[:200])), 0.05, STEP)
+    )
+    np.testing.assert_array_equal(
+        values["slow(saturate(x), 0.1)"], slow(np.clip(x, *states.ranges["x"]), 0.1, STEP)
+    )
 
 
 @settings(deadline=None, max_examples=25)
@@ -47,9 +58,18 @@ def test_widths_are_fractions_of_the_training_range_of_their_source():
 def test_scaled_states_span_one_in_training_and_are_clipped_beyond(n, margin, slope, offset):
     x = wandering(300)
     training = np.arange(300) < n
-    states = resolve(NAMES, [record(training, x=slope * x + offset, y=x)], replace(RECIPE, scaling="range", margin=margin))
-    plain = resolve(NAMES, [record(training, x=x, y=x)], replace(RECIPE, scaling="range", margin=margin))
-    physical, other = evaluate_states(states, {"x": slope * x + offset}), evaluate_states(plain, {"x": x})
+    states = resolve(
+        NAMES,
+        [record(training, x=slope * x + offset, y=x)],
+        replace(RECIPE, scaling="range", margin=margin),
+    )
+    plain = resolve(
+        NAMES, [record(training, x=x, y=x)], replace(RECIPE, scaling="range", margin=margin)
+    )
+    physical, other = (
+        evaluate_states(states, {"x": slope * x + offset}),
+        evaluate_states(plain, {"x": x}),
+    )
     for name in NAMES:
         taught = physical[name][:n][np.isfinite(physical[name][:n])]
         assert taught.min() == pytest.approx(0.0, abs=1e-12)
@@ -60,20 +80,30 @@ def test_scaled_states_span_one_in_training_and_are_clipped_beyond(n, margin, sl
 
 
 def test_a_state_that_stood_still_in_training_is_zero():
-    states = resolve(["x"], [record(x=np.full(5, 3.0), y=np.arange(5.0))], replace(RECIPE, scaling="range"))
-    np.testing.assert_array_equal(evaluate_states(states, {"x": np.array([1.0, 3.0, 9.0])})["x"], 0.0)
+    states = resolve(
+        ["x"], [record(x=np.full(5, 3.0), y=np.arange(5.0))], replace(RECIPE, scaling="range")
+    )
+    np.testing.assert_array_equal(
+        evaluate_states(states, {"x": np.array([1.0, 3.0, 9.0])})["x"], 0.0
+    )
 
 
 @pytest.mark.parametrize(("frequency", "damping"), [(1.59, 0.1), (4.46, 0.3), (10.3, 0.06)])
 def test_the_resonance_of_a_recording_is_found(frequency, damping):
     x = np.repeat(np.random.default_rng(1).uniform(0, 1, 20), 100)
     y = 3 + 2 * x + x**2 + 0.5 * slow(x, 0.3, STEP) + 2 * resonance(x, frequency, damping, STEP)
-    states = resolve(["resonance(x)", "resonance_velocity(x)"], [record(x=x[:900], y=y[:900]), record(x=x[900:], y=y[900:])], RECIPE)
+    states = resolve(
+        ["resonance(x)", "resonance_velocity(x)"],
+        [record(x=x[:900], y=y[:900]), record(x=x[900:], y=y[900:])],
+        RECIPE,
+    )
     assert list(states.resonances) == ["x"]
     found = states.resonances["x"]
     assert found[0] == pytest.approx(frequency, rel=0.06)
     assert found[1] == pytest.approx(damping, rel=0.35)
-    np.testing.assert_array_equal(evaluate_states(states, {"x": x})["resonance(x)"], resonance(x, *found, STEP))
+    np.testing.assert_array_equal(
+        evaluate_states(states, {"x": x})["resonance(x)"], resonance(x, *found, STEP)
+    )
 
 
 REFUSED = [
@@ -91,8 +121,13 @@ def test_a_state_without_values_is_refused(name, changed, told):
 
 
 def test_only_what_looks_back_can_be_fed_back():
-    assert fed_back_states(state_set("x", "y[k-2]", "y[k-1]", "x[k-3]"), "y") == {"y[k-2]": 2, "y[k-1]": 1}
-    assert fed_back_states(state_set("slow(stop(y[k-1], 0.1)[k-2], 1)"), "y") == {"slow(stop(y[k-1], 0.1)[k-2], 1)": 3}
+    assert fed_back_states(state_set("x", "y[k-2]", "y[k-1]", "x[k-3]"), "y") == {
+        "y[k-2]": 2,
+        "y[k-1]": 1,
+    }
+    assert fed_back_states(state_set("slow(stop(y[k-1], 0.1)[k-2], 1)"), "y") == {
+        "slow(stop(y[k-1], 0.1)[k-2], 1)": 3
+    }
     for name in ("y", "slow(y, 1)", "play(y, 0.1)[k-1]"):
         with pytest.raises(DataError, match="depends on the output y as it is now"):
             fed_back_states(state_set("x", name), "y")
@@ -108,14 +143,22 @@ def test_a_record_is_cut_at_gaps_and_where_the_clock_was_set_back():
 
 def test_pieces_of_curves_share_one_time_step():
     def curve(name, time):
-        return Curve(name, None, {"time": np.asarray(time), "x": np.asarray(time)}, np.asarray(time) > 0.03, (name,))
+        return Curve(
+            name,
+            None,
+            {"time": np.asarray(time), "x": np.asarray(time)},
+            np.asarray(time) > 0.03,
+            (name,),
+        )
 
     curves = [curve("a", np.r_[0:5, 9:12] * STEP), curve("b", np.arange(4) * STEP)]
     assert time_step(curves) == pytest.approx(STEP)
     records = records_of(curves, STEP)
     assert [piece.size for piece in records] == [5, 3, 4]
     assert [piece.training.tolist() for piece in records][:2] == [[True] * 4 + [False], [False] * 3]
-    with pytest.raises(DataError, match=r"c: its samples are 0\.02 s apart, those of other recordings 0\.01 s"):
+    with pytest.raises(
+        DataError, match=r"c: its samples are 0\.02 s apart, those of other recordings 0\.01 s"
+    ):
         time_step([*curves, curve("c", np.arange(9) * 2 * STEP)])
     with pytest.raises(DataError, match="there is no time step"):
         time_step([curve("single", [0.0])])

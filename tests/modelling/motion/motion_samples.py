@@ -34,9 +34,28 @@ def published(model):
     for row in rows:
         place = max(int(row["section"]), 1)
         name = f"{row['direction']} {place}" if directed else str(place)
-        sections.append(MotionSection(name, place, row["direction"], *coefficients(row)[:2], np.array(coefficients(row)[2:])))
+        sections.append(
+            MotionSection(
+                name,
+                place,
+                row["direction"],
+                *coefficients(row)[:2],
+                np.array(coefficients(row)[2:]),
+            )
+        )
     boundaries = BOUNDARIES if len(rows) >= 6 else ()
-    return Motion("input", "displacement", STEP, "hard", boundaries, directed, 0.0, ("input",), tuple(sections), (0.0, 5.0))
+    return Motion(
+        "input",
+        "displacement",
+        STEP,
+        "hard",
+        boundaries,
+        directed,
+        0.0,
+        ("input",),
+        tuple(sections),
+        (0.0, 5.0),
+    )
 
 
 def stepped(pairs, drive, at=None):
@@ -55,15 +74,23 @@ def looped(u, section, at=None):
 
 
 def sine(samples=240, low=0.0, high=5.0, frequency=0.25):
-    return low + (high - low) * (0.5 - 0.5 * np.cos(2 * np.pi * frequency * STEP * np.arange(samples)))
+    return low + (high - low) * (
+        0.5 - 0.5 * np.cos(2 * np.pi * frequency * STEP * np.arange(samples))
+    )
 
 
 def record(u, y, training=None):
     n = len(u)
-    return Record({"time": STEP * np.arange(n), "input": u, "displacement": y}, np.ones(n, dtype=bool) if training is None else training)
+    return Record(
+        {"time": STEP * np.arange(n), "input": u, "displacement": y},
+        np.ones(n, dtype=bool) if training is None else training,
+    )
 
 
 def made_by(row, samples=240, noise=0.0, seed=0):
     """A record that a published row makes, with noise."""
     u = sine(samples)
-    return record(u, looped(u, coefficients(row)) + noise * np.random.default_rng(seed).standard_normal(samples))
+    return record(
+        u,
+        looped(u, coefficients(row)) + noise * np.random.default_rng(seed).standard_normal(samples),
+    )

@@ -6,7 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from motion_samples import BOUNDARIES, ROWS, STEP, coefficients, looped, made_by, published, recipe, record, sine
+from motion_samples import (
+    BOUNDARIES,
+    ROWS,
+    STEP,
+    coefficients,
+    looped,
+    made_by,
+    published,
+    recipe,
+    record,
+    sine,
+)
 from motion_tables import continued
 
 from mapmore_cli.domain.errors import DataError, SpecError
@@ -48,7 +59,12 @@ def test_the_published_swarm_does_not_settle():
 
 
 def test_differential_evolution_comes_near():
-    assert beside_least_squares(ROWS[0], range(5), solver="differential_evolution", iterations=60).max() < 1.05
+    assert (
+        beside_least_squares(
+            ROWS[0], range(5), solver="differential_evolution", iterations=60
+        ).max()
+        < 1.05
+    )
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
@@ -67,13 +83,18 @@ def test_every_solver_tells_its_way(solver):
 
 def test_another_seed_makes_another_swarm():
     records = [made_by(ROWS[0], 200, NOISE)]
-    assert one(records, solver="swarm", seed=1)[1].rmse != one(records, solver="swarm", seed=2)[1].rmse
+    assert (
+        one(records, solver="swarm", seed=1)[1].rmse != one(records, solver="swarm", seed=2)[1].rmse
+    )
 
 
 def test_sections_draw_numbers_of_their_own():
     """The same record in each section: one seed for all would find the same parameters twice."""
     u = np.concatenate([sine(200), sine(200)])
-    fit = fit_motion([record(u, simulate(published("linear"), {"input": u}))], recipe(direction=True, solver="swarm"))
+    fit = fit_motion(
+        [record(u, simulate(published("linear"), {"input": u}))],
+        recipe(direction=True, solver="swarm"),
+    )
     first, second = fit.searches
     assert first.history[0] != second.history[0]
 
@@ -82,7 +103,10 @@ def test_the_displacement_says_which_samples_rise():
     """The output moves against the input: its rise is the input's fall."""
     u = sine(400)
     y = -u
-    by = {mask: fit_motion([record(u, y)], recipe(direction=True, mask=mask)).searches[0].samples for mask in ("input", "displacement")}
+    by = {
+        mask: fit_motion([record(u, y)], recipe(direction=True, mask=mask)).searches[0].samples
+        for mask in ("input", "displacement")
+    }
     assert by["input"] == int(np.sum(np.diff(u, prepend=u[0]) > 0))
     assert by["displacement"] == int(np.sum(np.diff(y, prepend=y[0]) > 0))
 
@@ -92,7 +116,12 @@ def test_a_swarm_finds_the_bottom_of_a_bowl_from_its_box_and_may_leave_it(begin)
     seen = []
     walls, bottom = np.array([[-1.0, -1.0], [1.0, 1.0]]), np.array([-0.6, -0.4])
     best, history = fly(
-        lambda x: (seen.append(x.copy()), float(np.sum((x - bottom) ** 2)))[1], walls, 50, 20, np.random.default_rng(2), begin
+        lambda x: (seen.append(x.copy()), float(np.sum((x - bottom) ** 2)))[1],
+        walls,
+        50,
+        20,
+        np.random.default_rng(2),
+        begin,
     )
     low, high = walls if begin is None else begin
     assert np.all((np.array(seen[:50]) >= low) & (np.array(seen[:50]) <= high))
@@ -107,25 +136,37 @@ def two_sines(samples):
 @pytest.mark.parametrize("model", ["inflate_deflate", "piecewise", "piecewise_inflate_deflate"])
 def test_hard_sections_come_back_from_what_they_made(model):
     truth, u = published(model), two_sines(480)
-    fit = fit_motion([record(u, simulate(truth, {"input": u}))], recipe(sections=truth.boundaries, direction=truth.directed, slowest=5.0))
+    fit = fit_motion(
+        [record(u, simulate(truth, {"input": u}))],
+        recipe(sections=truth.boundaries, direction=truth.directed, slowest=5.0),
+    )
     for ours, theirs in zip(fit.model.sections, truth.sections, strict=True):
         assert ours.id == theirs.id
-        assert (ours.p1, ours.p2, ours.p3) == pytest.approx((theirs.p1, theirs.p2, theirs.p3), abs=1e-5)
+        assert (ours.p1, ours.p2, ours.p3) == pytest.approx(
+            (theirs.p1, theirs.p2, theirs.p3), abs=1e-5
+        )
 
 
 @pytest.mark.parametrize("directed", [False, True])
 def test_sections_that_share_a_state_come_back(directed):
     """From a model whose sections meet, with offsets."""
     u = two_sines(160)
-    y = simulate(continued(published("piecewise_inflate_deflate" if directed else "piecewise")), {"input": u})
-    fit = fit_motion([record(u, y)], recipe(sections=BOUNDARIES, direction=directed, switching=BUMPLESS, slowest=5.0))
+    y = simulate(
+        continued(published("piecewise_inflate_deflate" if directed else "piecewise")), {"input": u}
+    )
+    fit = fit_motion(
+        [record(u, y)],
+        recipe(sections=BOUNDARIES, direction=directed, switching=BUMPLESS, slowest=5.0),
+    )
     assert np.sqrt(np.mean((simulate(fit.model, {"input": u}) - y) ** 2)) < 0.02 * np.ptp(y)
 
 
 def test_joined_sections_agree_at_every_boundary():
     u, boundaries = two_sines(320), BOUNDARIES[1::2]
     y = simulate(published("piecewise_inflate_deflate"), {"input": u})
-    model = fit_motion([record(u, y)], recipe(sections=boundaries, direction=True, switching=BUMPLESS)).model
+    model = fit_motion(
+        [record(u, y)], recipe(sections=boundaries, direction=True, switching=BUMPLESS)
+    ).model
 
     def steady(section, level):
         return section.weights @ [level, 1.0] / (1 - section.p1 - section.p2)

@@ -1,4 +1,6 @@
-"""Sections as linear filters, against a loop over samples; switching; the published rows used directly; errors over one wavelength."""
+"""Sections as linear filters, against a loop over samples; switching; the published rows used
+directly; errors over one wavelength.
+"""
 
 from __future__ import annotations
 
@@ -42,9 +44,12 @@ def run(motion, u):
 
 
 def switched(motion, u, start):
-    """Sections that hand one state on, sample by sample; an input that stands still falls (P eq 15-17)."""
+    """Sections that hand one state on, sample by sample; an input that stands still falls (P eq
+    15-17).
+    """
     numbers = [
-        2 * sum(now >= boundary for boundary in BOUNDARIES) + (not now > before) for now, before in zip(u, [u[0], *u[:-1]], strict=True)
+        2 * sum(now >= boundary for boundary in BOUNDARIES) + (not now > before)
+        for now, before in zip(u, [u[0], *u[:-1]], strict=True)
     ]
     active = [motion.sections[number] for number in numbers]
     drive = [section.p3 * now for section, now in zip(active, u, strict=True)]
@@ -84,13 +89,19 @@ def test_hard_switching_takes_the_active_one_of_parallel_sections(start):
 @pytest.mark.parametrize("start", [REST, ZERO])
 def test_a_carried_state_passes_from_section_to_section(start):
     """The section that holds drives one state on; nothing is joined."""
-    motion, u = replace(published("piecewise_inflate_deflate"), switching=CARRIED, start=start), sine(480, 0.5, 5.0)
+    motion, u = (
+        replace(published("piecewise_inflate_deflate"), switching=CARRIED, start=start),
+        sine(480, 0.5, 5.0),
+    )
     np.testing.assert_allclose(run(motion, u), switched(motion, u, start)[1], atol=1e-12)
 
 
 def test_steady_outputs_of_published_sections_disagree_by_up_to_one_and_a_half_centimetres():
     sections = published("piecewise").sections
-    jumps = [abs(edge * (right.gain - left.gain)) for edge, left, right in zip(BOUNDARIES, sections, sections[1:], strict=False)]
+    jumps = [
+        abs(edge * (right.gain - left.gain))
+        for edge, left, right in zip(BOUNDARIES, sections, sections[1:], strict=False)
+    ]
     assert 1.0 < max(jumps) < 1.6
 
 
@@ -146,13 +157,40 @@ def test_an_oscillator_is_sampled(frequency, damping):
 
 def test_direction_is_literal_or_latched():
     u = np.array([0.0, 0.0, 1.0, 1.0, 0.95, 0.93, 1.1, 0.5, 0.5])
-    assert rising(u, 0.0, latched=False).tolist() == [False, False, True, False, False, False, True, False, False]
-    assert rising(u, 0.1, latched=True).tolist() == [True, True, True, True, True, True, True, False, False]
+    assert rising(u, 0.0, latched=False).tolist() == [
+        False,
+        False,
+        True,
+        False,
+        False,
+        False,
+        True,
+        False,
+        False,
+    ]
+    assert rising(u, 0.1, latched=True).tolist() == [
+        True,
+        True,
+        True,
+        True,
+        True,
+        True,
+        True,
+        False,
+        False,
+    ]
 
 
 def test_sections_begin_at_their_lower_boundary():
     motion = published("piecewise")
-    assert active(motion, np.array([0.0, 1.05, 1.049, 4.75, 9.0, -1.0])).tolist() == [0, 1, 0, 5, 5, 0]
+    assert active(motion, np.array([0.0, 1.05, 1.049, 4.75, 9.0, -1.0])).tolist() == [
+        0,
+        1,
+        0,
+        5,
+        5,
+        0,
+    ]
 
 
 def test_sections_are_spread_by_equal_shares():
@@ -166,7 +204,9 @@ def test_each_piece_begins_at_rest():
     time = STEP * np.arange(100)
     time[60:] += 3.0
     values = simulate(motion, {"time": time, "input": u})
-    np.testing.assert_allclose(values, np.concatenate([run(motion, u[:60]), run(motion, u[60:])]), atol=1e-12)
+    np.testing.assert_allclose(
+        values, np.concatenate([run(motion, u[:60]), run(motion, u[60:])]), atol=1e-12
+    )
     assert values[60] == pytest.approx(u[60] * motion.sections[0].gain)
 
 
@@ -178,7 +218,14 @@ def test_another_time_step_is_refused():
 @pytest.mark.parametrize("switching", ["hard", BUMPLESS])
 def test_an_unstable_section_is_refused_by_name(switching):
     motion = published("piecewise") if switching == "hard" else continued(published("piecewise"))
-    broken = replace(motion, sections=(*motion.sections[:2], replace(motion.sections[2], p1=0.9, p2=0.3), *motion.sections[3:]))
+    broken = replace(
+        motion,
+        sections=(
+            *motion.sections[:2],
+            replace(motion.sections[2], p1=0.9, p2=0.3),
+            *motion.sections[3:],
+        ),
+    )
     with pytest.raises(FitError, match=r"section 3 .* unstable: a pole lies at 1\.\d+") as raised:
         run(broken, sine())
     assert raised.value.remedy
@@ -201,7 +248,10 @@ def test_the_last_wavelength_is_where_an_input_repeats_itself(length, times, res
     assert last_wavelength(u) == length
 
 
-@pytest.mark.parametrize("u", [np.arange(50.0), np.zeros(50), np.array([1.0]), np.random.default_rng(1).standard_normal(60)])
+@pytest.mark.parametrize(
+    "u",
+    [np.arange(50.0), np.zeros(50), np.array([1.0]), np.random.default_rng(1).standard_normal(60)],
+)
 def test_without_repetition_it_is_the_whole_record(u):
     assert last_wavelength(u) == len(u)
 
@@ -209,7 +259,9 @@ def test_without_repetition_it_is_the_whole_record(u):
 def test_errors_are_those_of_the_last_wavelength():
     n, length = 240, 80
     u = np.sin(2 * np.pi * np.arange(n) / length)
-    error = np.where(np.arange(n) < n - length, 3.0, 0.5 * np.sin(2 * np.pi * np.arange(n) / length))
+    error = np.where(
+        np.arange(n) < n - length, 3.0, 0.5 * np.sin(2 * np.pi * np.arange(n) / length)
+    )
     measured = 2 * u
     found = motion_errors(measured, measured + error, u, STEP)
     tail = error[-length:]

@@ -15,7 +15,10 @@ S = {
 def dense(model, columns):
     """`y = backbone + sum_l w_l(level) sum_i f_i(E(x)) prod_j w_ij(x_j)` row by row, (n,)."""
     names = [quantity.name for quantity in model.inputs]
-    rows = [dict(zip(names, map(float, values), strict=True)) for values in zip(*(columns[name] for name in names), strict=True)]
+    rows = [
+        dict(zip(names, map(float, values), strict=True))
+        for values in zip(*(columns[name] for name in names), strict=True)
+    ]
     y = np.array([pieces(model, row) for row in rows])
     if model.backbone is not None:
         y = y + literature.get(model.backbone.name).predict(model.backbone.parameters, columns)
@@ -35,9 +38,14 @@ def pieces(model, row):
     row = {**row, model.level: x}
     if (x < at[0] and below == "zero") or (x > at[-1] and above == "zero"):
         return 0.0
-    straight = (x < at[0] and below == "continue_linear") or (x > at[-1] and above == "continue_linear")
+    straight = (x < at[0] and below == "continue_linear") or (
+        x > at[-1] and above == "continue_linear"
+    )
     within = x if straight else min(max(x, at[0]), at[-1])
-    f = {number: curve_value(model, model.body.curves[number], moved(model, row, number)) for number in counting(model, at, within)}
+    f = {
+        number: curve_value(model, model.body.curves[number], moved(model, row, number))
+        for number in counting(model, at, within)
+    }
     if len(f) == 1:
         return next(iter(f.values()))
     share = 1.0
@@ -75,7 +83,12 @@ def moved(model, row, number):
     if name is None:
         return row
     at = np.array([curve.level for curve in model.body.curves])
-    marks = np.array([[curve.limits[name][0], curve.threshold, curve.limits[name][1]] for curve in model.body.curves])
+    marks = np.array(
+        [
+            [curve.limits[name][0], curve.threshold, curve.limits[name][1]]
+            for curve in model.body.curves
+        ]
+    )
     here = [np.interp(row[model.level], at, mark) for mark in marks.T]
     own, x = marks[number], row[name]
     side = 0 if x < here[1] else 1
@@ -90,7 +103,12 @@ def curve_value(model, curve, row):
         if name == model.level:
             continue
         low, high = model.body.fusion.domain.get(name, curve.limits[name])
-        for side, limit, out in zip(model.body.fusion.extrapolation[name], (low, high), (row[name] < low, row[name] > high), strict=True):
+        for side, limit, out in zip(
+            model.body.fusion.extrapolation[name],
+            (low, high),
+            (row[name] < low, row[name] > high),
+            strict=True,
+        ):
             if out and side == "zero":
                 return 0.0
             if out and side != "continue":
@@ -100,15 +118,21 @@ def curve_value(model, curve, row):
     total = 0.0
     for segment in curve.segments:
         weight = 1.0
-        for name, boundaries, place in zip(model.body.variables, curve.boundaries, segment.cell, strict=True):
-            weight *= cell_weight(at[name], boundaries, place, S[model.body.fusion.transition], model.body.fusion.z_s)
+        for name, boundaries, place in zip(
+            model.body.variables, curve.boundaries, segment.cell, strict=True
+        ):
+            weight *= cell_weight(
+                at[name], boundaries, place, S[model.body.fusion.transition], model.body.fusion.z_s
+            )
         if weight != 0.0:
             total += weight * segment_at(model, curve, segment, at, beyond)
     return total
 
 
 def cell_weight(x, boundaries, place, s, z_s):
-    """M2 eq 10 and 11: rises in the zone at the left boundary of the segment, falls in that at its right one."""
+    """M2 eq 10 and 11: rises in the zone at the left boundary of the segment, falls in that at its
+    right one.
+    """
 
     def rise(i):
         if i == 0:
@@ -124,7 +148,9 @@ def cell_weight(x, boundaries, place, s, z_s):
 
 def segment_at(model, curve, segment, at, beyond):
     held = dict(at)
-    for name, boundaries, place in zip(model.body.variables, curve.boundaries, segment.cell, strict=True):
+    for name, boundaries, place in zip(
+        model.body.variables, curve.boundaries, segment.cell, strict=True
+    ):
         if name not in segment.limits or model.body.fusion.hold == "none":
             continue
         low, high = segment.limits[name]
@@ -133,11 +159,19 @@ def segment_at(model, curve, segment, at, beyond):
         held[name] = min(held[name], high + reach) if place < len(boundaries) - 1 else held[name]
     scaling = segment.scaling
     slopes = dict(zip(scaling.variables, scaling.slope, strict=True))
-    z = {n: np.array([held[n] * m + c]) for n, m, c in zip(scaling.variables, scaling.slope, scaling.intercept, strict=True)}
+    z = {
+        n: np.array([held[n] * m + c])
+        for n, m, c in zip(scaling.variables, scaling.slope, scaling.intercept, strict=True)
+    }
     terms = [parse(term) for term in segment.terms]
-    value = sum(theta * evaluate(term, z, 1)[0] for theta, term in zip(segment.theta, terms, strict=True))
+    value = sum(
+        theta * evaluate(term, z, 1)[0] for theta, term in zip(segment.theta, terms, strict=True)
+    )
     for name, distance in beyond.items():
         if name in slopes:
-            steep = sum(theta * evaluate(derivative(term, name), z, 1)[0] for theta, term in zip(segment.theta, terms, strict=True))
+            steep = sum(
+                theta * evaluate(derivative(term, name), z, 1)[0]
+                for theta, term in zip(segment.theta, terms, strict=True)
+            )
             value += steep * slopes[name] * distance
     return scaling.y_slope * value + scaling.y_intercept

@@ -19,7 +19,11 @@ POWERS = ("1", "strain", "strain^2", "strain^3", "strain^4")
 
 def force(pressure, strain):
     """Neither polynomial nor Sarosi's form."""
-    return 3 * pressure * (1 - 3.5 * strain) ** 2 - 40 * np.sqrt(1 + (strain / 0.05) ** 2) + 60 / (1 + strain / 0.02)
+    return (
+        3 * pressure * (1 - 3.5 * strain) ** 2
+        - 40 * np.sqrt(1 + (strain / 0.05) ** 2)
+        + 60 / (1 + strain / 0.02)
+    )
 
 
 def curves(levels=(80.0, 150.0, 250.0, 350.0), held_out=(250.0,), n=120, noise=1.0, seed=0):
@@ -33,16 +37,31 @@ def curves(levels=(80.0, 150.0, 250.0, 350.0), held_out=(250.0,), n=120, noise=1
             "strain": strain,
             "force": force(level, strain) + rng.normal(0, noise, n),
         }
-        made.append(Curve(f"pressure={level:g}", level, columns, np.full(n, level in held_out), (f"load_cycle_{level:g}",)))
+        made.append(
+            Curve(
+                f"pressure={level:g}",
+                level,
+                columns,
+                np.full(n, level in held_out),
+                (f"load_cycle_{level:g}",),
+            )
+        )
     return tuple(made)
 
 
 def recipe(**changes):
     """M2's default configuration, with changes by the name of the setting."""
-    asked = {"target": "force", "level": "pressure", "cuts": {"strain": Cuts("even", 4)}, "dictionary": POWERS} | changes
+    asked = {
+        "target": "force",
+        "level": "pressure",
+        "cuts": {"strain": Cuts("even", 4)},
+        "dictionary": POWERS,
+    } | changes
 
     def told(of, **own):
-        return of(**{one.name: asked.pop(one.name) for one in fields(of) if one.name in asked}, **own)
+        return of(
+            **{one.name: asked.pop(one.name) for one in fields(of) if one.name in asked}, **own
+        )
 
     if isinstance(sides := asked.get("extrapolation"), dict):
         asked["extrapolation"] = {name: BelowAbove(*ends) for name, ends in sides.items()}

@@ -1,4 +1,6 @@
-"""What left-out training data decide: the share of a residual on a backbone, and the backbone; of levels, and of one surface."""
+"""What left-out training data decide: the share of a residual on a backbone, and the backbone; of
+levels, and of one surface.
+"""
 
 from dataclasses import replace
 from itertools import pairwise, product
@@ -36,12 +38,18 @@ from mapmore_cli.modelling.pieces.recipe import Cuts
 from mapmore_cli.modelling.pieces.segmentation import joined_cells, segment_curve
 
 LEVELS = (80.0, 150.0, 250.0, 350.0)
-SETTINGS = {"max_terms": 2, "cuts": {"strain": Cuts("even", 2)}, "dictionary": ("1", "strain", "strain^2")}
+SETTINGS = {
+    "max_terms": 2,
+    "cuts": {"strain": Cuts("even", 2)},
+    "dictionary": ("1", "strain", "strain^2"),
+}
 
 
 def trusted(samples, **changes):
     made = recipe(max_terms=3, **changes)
-    return with_trusted_residual(on_polynomial(samples, max_terms=3, **changes), samples, made, QUANTITIES)
+    return with_trusted_residual(
+        on_polynomial(samples, max_terms=3, **changes), samples, made, QUANTITIES
+    )
 
 
 def on_polynomial(samples, **changes):
@@ -52,7 +60,9 @@ def bumped(samples, height):
     """A bump of each curve's own height, which no formula explains."""
     moved = []
     for number, curve in enumerate(samples):
-        bump = height(number) * np.sin(np.pi * curve.columns["strain"] / curve.columns["strain"].max())
+        bump = height(number) * np.sin(
+            np.pi * curve.columns["strain"] / curve.columns["strain"].max()
+        )
         moved.append(changed(curve, force=curve.columns["force"] + bump))
     return moved
 
@@ -61,7 +71,9 @@ def backbone_of(model, columns):
     return literature.get(model.backbone.name).predict(model.backbone.parameters, columns)
 
 
-parts = st.integers(2, 30).flatmap(lambda n: st.tuples(*[st.lists(st.floats(-100, 100), min_size=n, max_size=n).map(np.array)] * 3))
+parts = st.integers(2, 30).flatmap(
+    lambda n: st.tuples(*[st.lists(st.floats(-100, 100), min_size=n, max_size=n).map(np.array)] * 3)
+)
 
 
 @given(parts)
@@ -69,7 +81,10 @@ def test_no_share_is_better_on_the_left_out_data(arrays):
     left_out = LeftOut(*arrays, folds=2)
     g = left_out.share
     assert 0 <= g <= 1
-    assert all(left_out.rmse(g) <= left_out.rmse(share) * (1 + 1e-9) + 1e-9 for share in np.linspace(0, 1, 21))
+    assert all(
+        left_out.rmse(g) <= left_out.rmse(share) * (1 + 1e-9) + 1e-9
+        for share in np.linspace(0, 1, 21)
+    )
 
 
 def test_a_residual_that_runs_through_the_levels_is_carried_whole():
@@ -79,21 +94,33 @@ def test_a_residual_that_runs_through_the_levels_is_carried_whole():
     assert list(by_choice) == [BACKBONE, RESIDUAL, SHRUNKEN]
     assert by_choice[SHRUNKEN] <= min(by_choice.values()) * (1 + 1e-9)
     assert {error.folds for error in model.body.cross_validation} == {3}
-    assert f"{model.body.fusion.shrink:.0%} of the residual on polynomial_2 is carried" in model.notes[-1]
+    assert (
+        f"{model.body.fusion.shrink:.0%} of the residual on polynomial_2 is carried"
+        in model.notes[-1]
+    )
 
 
 def test_a_residual_that_jumps_from_level_to_level_counts_at_the_levels_alone():
-    samples = bumped(curves(levels=(*LEVELS, 450.0), held_out=()), lambda number: 150 * (-1) ** number)
+    samples = bumped(
+        curves(levels=(*LEVELS, 450.0), held_out=()), lambda number: 150 * (-1) ** number
+    )
     model = trusted(samples)
     assert model.body.fusion.shrink < 0.2
     for curve in samples:
         places = at(curve.level, curve.columns["strain"])
-        own, alone = ((values - curve.columns["force"]).std() for values in (predict(model, places), backbone_of(model, places)))
+        own, alone = (
+            (values - curve.columns["force"]).std()
+            for values in (predict(model, places), backbone_of(model, places))
+        )
         assert own < 0.3 * alone
     middle = at(200, np.linspace(0, 0.12, 40))
     whole = replace(model, body=replace(model.body, fusion=replace(model.body.fusion, shrink=1.0)))
     alone = backbone_of(model, middle)
-    np.testing.assert_allclose(predict(model, middle) - alone, model.body.fusion.shrink * (predict(whole, middle) - alone), atol=1e-9)
+    np.testing.assert_allclose(
+        predict(model, middle) - alone,
+        model.body.fusion.shrink * (predict(whole, middle) - alone),
+        atol=1e-9,
+    )
 
 
 @pytest.mark.parametrize("shrink", [0.0, 0.35, 1.0])
@@ -115,7 +142,13 @@ def test_between_two_levels_the_backbone_stands_alone():
 
 def test_pooled_data_drop_a_residual_that_does_harm():
     rng, plain = np.random.default_rng(0), curves(held_out=())
-    samples = [changed(c, force=2 * c.columns["pressure"] * (1 - c.columns["strain"]) + rng.normal(0, 5, c.size)) for c in plain]
+    samples = [
+        changed(
+            c,
+            force=2 * c.columns["pressure"] * (1 - c.columns["strain"]) + rng.normal(0, 5, c.size),
+        )
+        for c in plain
+    ]
     model = trusted(samples, level=None, tolerance=0.0)
     assert not any(curve.segments for curve in model.body.curves)
     assert model.body.cross_validation[0].rmse < model.body.cross_validation[1].rmse
@@ -129,9 +162,19 @@ def test_pooled_data_drop_a_residual_that_does_harm():
 def test_held_out_forces_decide_nothing(seed):
     samples = curves(seed=seed)
     rng = np.random.default_rng(seed)
-    spoilt = [changed(c, force=np.where(c.held_out, rng.permutation(c.columns["force"]) * 9, c.columns["force"])) for c in samples]
+    spoilt = [
+        changed(
+            c,
+            force=np.where(c.held_out, rng.permutation(c.columns["force"]) * 9, c.columns["force"]),
+        )
+        for c in samples
+    ]
     one, two = trusted(samples), trusted(spoilt)
-    assert (one.body.fusion, one.body.cross_validation, one.notes) == (two.body.fusion, two.body.cross_validation, two.notes)
+    assert (one.body.fusion, one.body.cross_validation, one.notes) == (
+        two.body.fusion,
+        two.body.cross_validation,
+        two.notes,
+    )
 
 
 def of_formula(name):
@@ -139,7 +182,10 @@ def of_formula(name):
     rng = np.random.default_rng(0)
     made = curves(levels=LEVELS, held_out=(), n=25)
     fit = fit_formula(name, made, "force")
-    said = [literature.get(name).predict(fit.parameters, c.columns) + rng.normal(0, 0.5, c.size) for c in made]
+    said = [
+        literature.get(name).predict(fit.parameters, c.columns) + rng.normal(0, 0.5, c.size)
+        for c in made
+    ]
     return [changed(c, force=force) for c, force in zip(made, said, strict=True)]
 
 
@@ -147,7 +193,9 @@ def of_formula(name):
 def test_what_made_the_data_is_chosen(name):
     choice = choose_backbone(of_formula(name), recipe(**SETTINGS), QUANTITIES)
     assert choice.name == name
-    assert f"backbone {name} is chosen: with each of 2 inner training levels left out" in choice.note
+    assert (
+        f"backbone {name} is chosen: with each of 2 inner training levels left out" in choice.note
+    )
     assert "outermost level left out" in choice.note
 
 
@@ -168,16 +216,29 @@ def test_candidates_are_the_static_formulas_of_the_inputs():
     names = candidates(curves(), "force")
     assert {None, "sarosi", "polynomial_5", FEW} <= set(names)
     assert not {"reynolds", "none", "muscle_like", "polynomial_3"} & set(names)
-    without = [replace(c, columns={"load": c.columns["pressure"], "force": c.columns["force"]}) for c in curves()]
+    without = [
+        replace(c, columns={"load": c.columns["pressure"], "force": c.columns["force"]})
+        for c in curves()
+    ]
     assert candidates(without, "force") == (None,)
 
 
-@given(st.lists(st.tuples(st.sampled_from([None, "sarosi", "polynomial_2", "polynomial_5"]), st.floats(1, 2)), min_size=1, max_size=6))
+@given(
+    st.lists(
+        st.tuples(
+            st.sampled_from([None, "sarosi", "polynomial_2", "polynomial_5"]), st.floats(1, 2)
+        ),
+        min_size=1,
+        max_size=6,
+    )
+)
 def test_the_simplest_within_the_margin_is_taken(given_errors):
     found = [Candidate(name, rmse, 1.0) for name, rmse in given_errors]
     chosen, least = simplest(found), min(one.rmse for one in found)
     assert chosen.rmse <= (1 + MARGIN) * least
-    assert all(one.rmse > (1 + MARGIN) * least for one in found if one.parameters < chosen.parameters)
+    assert all(
+        one.rmse > (1 + MARGIN) * least for one in found if one.parameters < chosen.parameters
+    )
 
 
 @settings(max_examples=20)
@@ -201,7 +262,11 @@ def scattered(n=60, noise=1.0, seed=0):
     rng = np.random.default_rng(seed)
     pressure = rng.uniform(80, 400, n)
     strain = rng.uniform(0, 1, n) * (0.05 + 0.0005 * pressure)
-    columns = {"pressure": pressure, "strain": strain, "force": force(pressure, strain) + rng.normal(0, noise, n)}
+    columns = {
+        "pressure": pressure,
+        "strain": strain,
+        "force": force(pressure, strain) + rng.normal(0, noise, n),
+    }
     return (Curve("table", None, columns, np.zeros(n, dtype=bool), ("table",)),)
 
 
@@ -227,11 +292,16 @@ def test_joined_cells_hold_enough_samples_and_lose_none(shape, places, least):
 def test_directions_are_never_joined():
     cells = {(1, 1): np.array([True, False]), (1, 2): np.array([False, True])}
     found = joined_cells(cells, 2, (True, False))
-    assert {cell: mask.tolist() for cell, mask in found.items()} == {(1, 1): [True, False], (1, 2): [False, True]}
+    assert {cell: mask.tolist() for cell, mask in found.items()} == {
+        (1, 1): [True, False],
+        (1, 2): [False, True],
+    }
 
 
 def test_an_empty_corner_takes_the_function_of_its_neighbour():
-    """At low pressure there is no large strain: that cell is empty, and an even cut of both alone is refused."""
+    """At low pressure there is no large strain: that cell is empty, and an even cut of both alone
+    is refused.
+    """
     (curve,) = scattered(seed=3)
     cut = {"pressure": Cuts("even", 3, min_samples=8), "strain": Cuts("even", 3, min_samples=8)}
     segmented = segment_curve(curve, cut, "force", lambda _curve, _rows: 0.0)
@@ -284,11 +354,20 @@ def test_a_given_share_counts_on_a_surface_as_well(share):
     whole, part = (on_polynomial(samples, **OF_SURFACE, shrink=given) for given in (1.0, share))
     columns = samples[0].columns
     alone = backbone_of(whole, columns)
-    np.testing.assert_allclose(predict(part, columns), alone + share * (predict(whole, columns) - alone), rtol=1e-10, atol=1e-8)
+    np.testing.assert_allclose(
+        predict(part, columns),
+        alone + share * (predict(whole, columns) - alone),
+        rtol=1e-10,
+        atol=1e-8,
+    )
 
 
-def test_a_backbone_is_chosen_for_a_surface_as_if_every_candidate_were_tried_on_every_fold(monkeypatch):
-    """A candidate that first folds rule out is tried on no more; the choice is that of all folds."""
+def test_a_backbone_is_chosen_for_a_surface_as_if_every_candidate_were_tried_on_every_fold(
+    monkeypatch,
+):
+    """A candidate that first folds rule out is tried on no more; the choice is that of all
+    folds.
+    """
     samples, made = scattered(n=48, seed=2), recipe(**OF_SURFACE)
     some = (None, "chou_hannaford", "polynomial_2", "polynomial_5", "sarosi")
     assert set(some) < set(candidates(samples, "force"))

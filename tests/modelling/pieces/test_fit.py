@@ -1,4 +1,6 @@
-"""Scaling and fit of one segment: the unit square, its anchors, and segments so long that their dictionary is made block by block."""
+"""Scaling and fit of one segment: the unit square, its anchors, and segments so long that their
+dictionary is made block by block.
+"""
 
 import numpy as np
 import pytest
@@ -50,12 +52,25 @@ def test_every_corner_of_two_variables_is_offered():
     X = np.random.default_rng(0).uniform(size=(50, 2))
     found = [s.placement for s in placements("unit_square", X, X[:, 0], ["a", "b"])]
     assert found == ["left,left", "left,right", "right,left", "right,right"]
-    assert len(placements("unit_square", np.random.default_rng(0).uniform(size=(50, 5)), X[:, 0], list("abcde"))) == 2
+    assert (
+        len(
+            placements(
+                "unit_square",
+                np.random.default_rng(0).uniform(size=(50, 5)),
+                X[:, 0],
+                list("abcde"),
+            )
+        )
+        == 2
+    )
 
 
 def test_max_abs_divides_without_offset():
     (scaling,) = placements("max_abs", np.array([[-4.0], [2.0]]), np.array([10.0, -20]), ["x"])
-    np.testing.assert_allclose([scaling.slope[0], scaling.intercept[0], scaling.y_slope, scaling.y_intercept], [0.25, 0, 20, 0])
+    np.testing.assert_allclose(
+        [scaling.slope[0], scaling.intercept[0], scaling.y_slope, scaling.y_intercept],
+        [0.25, 0, 20, 0],
+    )
 
 
 @pytest.mark.parametrize("rule", ["unit_square", "max_abs", "none"])
@@ -71,7 +86,9 @@ TERMS = products(["pressure", "strain"], 5)
 def long_segment(n, **changes):
     rng = np.random.default_rng(0)
     samples = {"pressure": rng.uniform(0, 1, n), "strain": rng.uniform(0, 1, n)}
-    samples["force"] = 3 * samples["pressure"] * (1 - samples["strain"]) ** 2 + rng.normal(0, 0.01, n)
+    samples["force"] = 3 * samples["pressure"] * (1 - samples["strain"]) ** 2 + rng.normal(
+        0, 0.01, n
+    )
     made = recipe(dictionary=tuple(map(to_text, TERMS)), scaling="none", max_terms=5, **changes)
     return Segment("all/all", "all", (), np.arange(n)), samples, made
 
@@ -82,7 +99,9 @@ def test_blocks_of_the_dictionary_give_what_the_whole_gives(stop):
     segment, samples, made = long_segment(n, stop=stop)
     assert reads_once(n, len(TERMS), 5)
     ours = fit_segment(segment, samples, TERMS, made).selection
-    whole = frols(dictionary_matrix(TERMS, samples, n), samples["force"], 5, made.fit.tolerance, stop=stop)
+    whole = frols(
+        dictionary_matrix(TERMS, samples, n), samples["force"], 5, made.fit.tolerance, stop=stop
+    )
     assert ours.chosen.tolist() == whole.chosen.tolist()
     assert ours.stop == whole.stop
     np.testing.assert_allclose(ours.theta, whole.theta, rtol=1e-9)
@@ -93,7 +112,9 @@ def test_the_dictionary_is_never_there_as_a_whole():
     n = 200_000
     segment, samples, made = long_segment(n)
     peak = peak_memory(lambda: fit_segment(segment, samples, TERMS, made))
-    assert peak < 0.6 * n * len(TERMS) * 8  # its columns sorted, and scaled: twelve of the dictionary's 21
+    assert (
+        peak < 0.6 * n * len(TERMS) * 8
+    )  # its columns sorted, and scaled: twelve of the dictionary's 21
 
 
 def test_a_wide_dictionary_is_read_as_a_whole(monkeypatch):
@@ -105,5 +126,11 @@ def test_a_value_that_is_not_finite_is_found_in_any_block():
     n = 60_000
     segment, samples, made = long_segment(n)
     samples["strain"][41_234] = 2.0
-    with pytest.raises(DataError, match=r"segment all/all: the term `log\(1.5 - strain\)` is not finite in row \d+ \(strain = 2\)"):
+    with pytest.raises(
+        DataError,
+        match=(
+            r"segment all/all: the term `log\(1.5 - strain\)` is not finite in row \d+ "
+            r"\(strain = 2\)"
+        ),
+    ):
         fit_segment(segment, samples, [*TERMS, parse("log(1.5 - strain)")], made)

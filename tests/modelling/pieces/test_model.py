@@ -1,4 +1,6 @@
-"""The fused model: continuity, extrapolation, invariance; weights (M2 eq 9-12); curves aligned at their thresholds."""
+"""The fused model: continuity, extrapolation, invariance; weights (M2 eq 9-12); curves aligned at
+their thresholds.
+"""
 
 from dataclasses import replace
 from functools import cache
@@ -35,35 +37,65 @@ def test_the_model_follows_its_training_curves_and_interpolates():
 
 @pytest.mark.parametrize("far", [1e6, 1e12])
 def test_an_offset_changes_neither_the_terms_nor_the_curve(far):
-    """Lengths and forces far from zero, in steps that a double still holds there (2^-13 at 1e12), are cut, scaled and fitted as near it."""
-    columns = [(np.rint(1e6 * c.columns["strain"]), np.rint(1024 * c.columns["force"]) / 1024) for c in curves()]
+    """Lengths and forces far from zero, in steps that a double still holds there (2^-13 at 1e12),
+    are cut, scaled and fitted as near it.
+    """
+    columns = [
+        (np.rint(1e6 * c.columns["strain"]), np.rint(1024 * c.columns["force"]) / 1024)
+        for c in curves()
+    ]
     near, away = (
-        [changed(c, strain=x + offset, force=y + offset) for c, (x, y) in zip(curves(), columns, strict=True)] for offset in (0.0, far)
+        [
+            changed(c, strain=x + offset, force=y + offset)
+            for c, (x, y) in zip(curves(), columns, strict=True)
+        ]
+        for offset in (0.0, far)
     )
     one, two = built(near, max_terms=3), built(away, max_terms=3)
     assert all(f.terms == g.terms for f, g in segments_of(one, two))
     strain = np.rint(np.linspace(0, 9e4, 200))
-    np.testing.assert_allclose(predict(two, at(150, far + strain)) - far, predict(one, at(150, strain)), rtol=0, atol=4e-16 * far + 1e-8)
+    np.testing.assert_allclose(
+        predict(two, at(150, far + strain)) - far,
+        predict(one, at(150, strain)),
+        rtol=0,
+        atol=4e-16 * far + 1e-8,
+    )
 
 
 @settings(max_examples=15)
 @given(seeds, st.floats(1e-3, 1e3), st.floats(1e-3, 1e3), st.integers(1, 3))
 def test_positive_units_change_neither_selection_nor_scaled_theta(seed, a, b, k):
     plain = built(curves(seed=seed), max_terms=k)
-    other = built([changed(c, strain=a * c.columns["strain"], force=b * c.columns["force"]) for c in curves(seed=seed)], max_terms=k)
+    other = built(
+        [
+            changed(c, strain=a * c.columns["strain"], force=b * c.columns["force"])
+            for c in curves(seed=seed)
+        ],
+        max_terms=k,
+    )
     for f, g in segments_of(plain, other):
         assert (f.terms, f.scaling.placement) == (g.terms, g.scaling.placement)
         np.testing.assert_allclose(g.theta, f.theta, rtol=1e-6, atol=1e-9)
     x = np.linspace(0, 0.1, 50)
-    np.testing.assert_allclose(predict(other, at(200, a * x)), b * predict(plain, at(200, x)), rtol=1e-6, atol=1e-6 * b)
+    np.testing.assert_allclose(
+        predict(other, at(200, a * x)), b * predict(plain, at(200, x)), rtol=1e-6, atol=1e-6 * b
+    )
 
 
 def shuffled(curve, rng):
     order = rng.permutation(curve.size)
-    return replace(curve, columns={name: x[order] for name, x in curve.columns.items()}, held_out=curve.held_out[order])
+    return replace(
+        curve,
+        columns={name: x[order] for name, x in curve.columns.items()},
+        held_out=curve.held_out[order],
+    )
 
 
-WAYS = [{"max_terms": 2}, {"cuts": {"strain": Cuts("optimal", 2, grid=5)}}, {"cuts": {"strain": Cuts("gradient", 3)}, "align": "threshold"}]
+WAYS = [
+    {"max_terms": 2},
+    {"cuts": {"strain": Cuts("optimal", 2, grid=5)}},
+    {"cuts": {"strain": Cuts("gradient", 3)}, "align": "threshold"},
+]
 
 
 @settings(max_examples=12)
@@ -72,8 +104,13 @@ def test_neither_the_order_of_rows_nor_held_out_forces_matter(seed, way):
     """Strains are rounded, so that some are equal."""
     rng = np.random.default_rng(seed)
     held = rng.random(120) < 0.3
-    plain = [replace(changed(c, strain=np.round(c.columns["strain"], 4)), held_out=held) for c in curves(seed=seed)]
-    spoilt = [changed(c, force=np.where(held, 1e6 * rng.random(120), c.columns["force"])) for c in plain]
+    plain = [
+        replace(changed(c, strain=np.round(c.columns["strain"], 4)), held_out=held)
+        for c in curves(seed=seed)
+    ]
+    spoilt = [
+        changed(c, force=np.where(held, 1e6 * rng.random(120), c.columns["force"])) for c in plain
+    ]
     one, two = built(plain, **way), built([shuffled(c, rng) for c in spoilt], **way)
     for f, g in zip(one.body.curves, two.body.curves, strict=True):
         assert f.threshold == g.threshold
@@ -93,33 +130,51 @@ def test_several_terms_saturate_by_default_and_one_term_continues():
 
 
 def test_a_narrow_segment_beside_a_wide_one_does_not_explode_in_the_zone():
-    """M2 eq 11 carries the left function by a quarter of the right segment's width: many times its own, most of which is empty."""
+    """M2 eq 11 carries the left function by a quarter of the right segment's width: many times its
+    own, most of which is empty.
+    """
     strain = np.concatenate([np.linspace(0, 0.010, 100), np.linspace(0.04, 0.2, 100)])
     force = 500 * np.exp(-strain / 0.1) + np.random.default_rng(0).normal(0, 10, 200)
-    clustered = Curve("pressure=150", 150.0, {**at(150, strain), "force": force}, np.zeros(200, bool), ())
-    model = built([clustered], cuts={"strain": Cuts("breakpoints", at=(0.011,))}, max_terms=4, tolerance=0.0)
+    clustered = Curve(
+        "pressure=150", 150.0, {**at(150, strain), "force": force}, np.zeros(200, bool), ()
+    )
+    model = built(
+        [clustered], cuts={"strain": Cuts("breakpoints", at=(0.011,))}, max_terms=4, tolerance=0.0
+    )
     strain = np.linspace(0, 0.2, 500)
     assert np.abs(predict(model, at(150, strain)) - 500 * np.exp(-strain / 0.1)).max() < 60
-    carried = replace(model, body=replace(model.body, fusion=replace(model.body.fusion, hold="none")))
+    carried = replace(
+        model, body=replace(model.body, fusion=replace(model.body.fusion, hold="none"))
+    )
     assert np.abs(predict(carried, at(150, strain)) - 500 * np.exp(-strain / 0.1)).max() > 500
 
 
 def test_outside_range_follows_each_curves_own_range():
-    flags = outside_range(built(), at([80, 80, 115, 115, 350, 79, 351], [0.09, 0.0901, 0.1074, 0.1076, 0.225, 0.01, 0.01]))
+    flags = outside_range(
+        built(),
+        at([80, 80, 115, 115, 350, 79, 351], [0.09, 0.0901, 0.1074, 0.1076, 0.225, 0.01, 0.01]),
+    )
     assert flags.tolist() == [False, True, False, True, False, True, True]
 
 
 def test_two_segmented_variables_without_levels():
     samples = curves(held_out=())
     terms = ("1", "strain", "pressure", "pressure*strain")
-    model = built(samples, level=None, cuts={"strain": Cuts("even", 2)}, dictionary=terms, max_terms=4)
+    model = built(
+        samples, level=None, cuts={"strain": Cuts("even", 2)}, dictionary=terms, max_terms=4
+    )
     assert [c.curve for c in model.body.curves] == ["all"]
-    x = {name: np.concatenate([c.columns[name] for c in samples]) for name in ("pressure", "strain", "force")}
+    x = {
+        name: np.concatenate([c.columns[name] for c in samples])
+        for name in ("pressure", "strain", "force")
+    }
     assert np.sqrt(np.mean((predict(model, x) - x["force"]) ** 2)) < 0.1 * np.abs(x["force"]).max()
 
 
 def test_too_few_samples_for_a_segment():
-    with pytest.raises(DataError, match=r"pressure=80/strain:1: 2 training sample\(s\), too few for 3 term"):
+    with pytest.raises(
+        DataError, match=r"pressure=80/strain:1: 2 training sample\(s\), too few for 3 term"
+    ):
         built(curves(n=5), max_terms=3)
 
 
@@ -130,11 +185,16 @@ def test_a_term_that_is_not_finite_names_the_segment():
 
 def test_limits_of_the_domain_are_those_of_the_longest_curve():
     """At 80 kPa the curve ends at a strain of 0.09, the domain at 0.225 (M2 eq 12)."""
-    model, own = (built(limits=limits, extrapolation={"strain": ("saturate", "saturate")}) for limits in ("domain", "curve"))
+    model, own = (
+        built(limits=limits, extrapolation={"strain": ("saturate", "saturate")})
+        for limits in ("domain", "curve")
+    )
     free = built(extrapolation={"strain": ("continue", "continue")})
     assert model.body.fusion.domain == {"strain": (0.0, pytest.approx(0.225))}
     strain = [0.05, 0.15, 0.3]
-    assert predict(model, at(80, strain)) == pytest.approx(predict(free, at(80, [0.05, 0.15, 0.225])))
+    assert predict(model, at(80, strain)) == pytest.approx(
+        predict(free, at(80, [0.05, 0.15, 0.225]))
+    )
     assert predict(own, at(80, strain))[1] == pytest.approx(predict(own, at(80, 0.09))[0])
 
 
@@ -142,19 +202,32 @@ def test_limits_of_the_domain_are_those_of_the_longest_curve():
 def test_weights_make_the_model(extrapolation):
     """The weights times the segment functions are what is added to the backbone."""
     samples = curves(held_out=())
-    ways = {"shrink": 0.3, "hold": "none", "max_terms": 1, "extrapolation": {"pressure": (extrapolation, extrapolation)}}
+    ways = {
+        "shrink": 0.3,
+        "hold": "none",
+        "max_terms": 1,
+        "extrapolation": {"pressure": (extrapolation, extrapolation)},
+    }
     model = built(samples, fit_formula("polynomial_2", samples, "force"), **ways)
     rng = np.random.default_rng(0)
     columns = at(rng.uniform(60, 380, 50), rng.uniform(0.0, 0.085, 50))
     segments, pieces = model.body.segments, np.zeros(50)
     for curve in model.body.curves:
         for segment in curve.segments:
-            values = [segment_at(model, curve, segment, {"strain": x}, {}) for x in columns["strain"]]
+            values = [
+                segment_at(model, curve, segment, {"strain": x}, {}) for x in columns["strain"]
+            ]
             pieces += weight_of(model.body, {segment.id}, columns) * values
-    np.testing.assert_allclose(pieces, predict(replace(model, body=replace(model.body, backbone=None)), columns), atol=1e-6)
+    np.testing.assert_allclose(
+        pieces, predict(replace(model, body=replace(model.body, backbone=None)), columns), atol=1e-6
+    )
     middle = at(200, 0.03)
-    assert weight_of(model.body, {segment.id for segment in segments}, middle) == pytest.approx([0.3])
-    assert sum(weight_of(model.body, {segment.id}, middle) for segment in segments) == pytest.approx([0.3])
+    assert weight_of(model.body, {segment.id for segment in segments}, middle) == pytest.approx(
+        [0.3]
+    )
+    assert sum(
+        weight_of(model.body, {segment.id}, middle) for segment in segments
+    ) == pytest.approx([0.3])
 
 
 STRAINS = (0.0, 0.05, 0.1, 0.15)
@@ -175,9 +248,15 @@ def slack_curves(strains=STRAINS, held_out=(), noise=0.5, seed=0):
     made = []
     for strain in strains:
         pressure = rng.uniform(50, 600, 500)
-        force = hinged(pressure, strain) + rng.normal(0, noise, 500) + 5 * np.sin(pressure / 50) * (pressure < foot(strain))
+        force = (
+            hinged(pressure, strain)
+            + rng.normal(0, noise, 500)
+            + 5 * np.sin(pressure / 50) * (pressure < foot(strain))
+        )
         columns = {**at(pressure, strain), "force": force}
-        made.append(Curve(f"strain={strain:g}", strain, columns, np.full(500, strain in held_out), ()))
+        made.append(
+            Curve(f"strain={strain:g}", strain, columns, np.full(500, strain in held_out), ())
+        )
     return made
 
 
@@ -185,7 +264,9 @@ def slack_curves(strains=STRAINS, held_out=(), noise=0.5, seed=0):
 @pytest.mark.parametrize("seed", range(5))
 def test_the_corner_of_a_slack_foot_is_found(strain, seed):
     (curve,) = slack_curves([strain], noise=3, seed=seed)
-    assert threshold(curve.columns["pressure"], curve.columns["force"]) == pytest.approx(foot(strain), abs=20)
+    assert threshold(curve.columns["pressure"], curve.columns["force"]) == pytest.approx(
+        foot(strain), abs=20
+    )
 
 
 SHAPES = {
@@ -193,7 +274,11 @@ SHAPES = {
     "rises": (lambda x: 3 * x + 7, 0.0, 0.0),
     "constant": (lambda x: np.full_like(x, 7.0), 0.0, 0.0),
     "falls": (lambda x: 7 - 3 * x, 1.0, 0.0),
-    "bends high above the lower end, as with flat tubes": (lambda x: np.where(x < 0.1, 1 - 6 * x, 0.4 * (1 - x) / 0.9), 1.0, 0.0),
+    "bends high above the lower end, as with flat tubes": (
+        lambda x: np.where(x < 0.1, 1 - 6 * x, 0.4 * (1 - x) / 0.9),
+        1.0,
+        0.0,
+    ),
 }
 
 
@@ -205,7 +290,12 @@ def test_the_threshold_is_at_the_foot_or_else_at_the_lower_end(shape):
     assert threshold(0 * x, curve(x)) == 0.0
 
 
-SLACK = {"level": "strain", "dictionary": ("1", "pressure", "pressure^2"), "cuts": {"pressure": Cuts("even", 6)}, "max_terms": 3}
+SLACK = {
+    "level": "strain",
+    "dictionary": ("1", "pressure", "pressure^2"),
+    "cuts": {"pressure": Cuts("even", 6)},
+    "max_terms": 3,
+}
 
 
 @pytest.mark.parametrize("levels", ["linear", "pchip"])
@@ -213,7 +303,9 @@ def test_alignment_carries_the_foot_between_levels(levels):
     pressure, samples, error = np.linspace(60, 590, 300), slack_curves(held_out=(0.1,)), {}
     for align in ("none", "threshold"):
         model = built(samples, **SLACK, levels=levels, align=align)
-        error[align] = np.sqrt(np.mean((predict(model, at(pressure, 0.1)) - hinged(pressure, 0.1)) ** 2))
+        error[align] = np.sqrt(
+            np.mean((predict(model, at(pressure, 0.1)) - hinged(pressure, 0.1)) ** 2)
+        )
     assert error["threshold"] < 0.5 * error["none"]
 
 
@@ -223,8 +315,13 @@ def slack_model(levels, align):
 
 
 @settings(max_examples=20)
-@given(st.sampled_from(["linear", "pchip"]), st.sampled_from(["none", "threshold"]), st.floats(60, 590))
+@given(
+    st.sampled_from(["linear", "pchip"]), st.sampled_from(["none", "threshold"]), st.floats(60, 590)
+)
 def test_continuous_across_levels(levels, align, pressure):
     model = slack_model(levels, align)
-    coarse, fine = (np.abs(np.diff(predict(model, at(pressure, np.linspace(-0.01, 0.16, n))))).max() for n in (1001, 4001))
+    coarse, fine = (
+        np.abs(np.diff(predict(model, at(pressure, np.linspace(-0.01, 0.16, n))))).max()
+        for n in (1001, 4001)
+    )
     assert fine < 0.4 * coarse + 1e-9

@@ -18,26 +18,56 @@ from mapmore_cli.modelling.literature import model as evaluation
 
 TERMS = ("1", "a", "a^2", "a^5", "b*a", "exp(-a)", "sqrt(a^2 + b^2)", "b", "c*b", "a/(1 + b^2)")
 WORDS = ("continue", "continue_linear", "saturate", "zero")
-BACKBONE = FormulaFit("sarosi", {f"a{i}": 1.0 / i for i in range(1, 7)}, {}, "converged", "variable projection", 6, 1.0, 0.0, 1)
+BACKBONE = FormulaFit(
+    "sarosi",
+    {f"a{i}": 1.0 / i for i in range(1, 7)},
+    {},
+    "converged",
+    "variable projection",
+    6,
+    1.0,
+    0.0,
+    1,
+)
 
 
 def imagined(rng, names, level, count, cuts, terms=3):
-    """A model of random pieces over inputs of about one unit; `cuts` has the number of segments along each segmented variable."""
+    """A model of random pieces over inputs of about one unit; `cuts` has the number of segments
+    along each segmented variable.
+    """
     free = [name for name in names if name != level]
     levels = np.sort(rng.permutation(np.linspace(0.5, 4, 8))[:count]) if level else [None]
     curves = []
     for number, at in enumerate(levels):
         limits = {name: tuple(sorted(rng.uniform([0, 0.8], [0.2, 1.5]))) for name in free}
-        boundaries = {n: np.sort([*limits[n], *rng.uniform(*limits[n], k - 1)]) for n, k in cuts.items()}
+        boundaries = {
+            n: np.sort([*limits[n], *rng.uniform(*limits[n], k - 1)]) for n, k in cuts.items()
+        }
         cells = product(*(range(1, k + 1) for k in cuts.values()))
-        segments = [segment(rng, f"{number}/{cell}", cell, names, boundaries, terms) for cell in cells]
+        segments = [
+            segment(rng, f"{number}/{cell}", cell, names, boundaries, terms) for cell in cells
+        ]
         if level:
             limits[level] = (at - 0.01, at + 0.01)
         threshold = rng.uniform(*limits[free[0]])
-        curves.append(CurveFunction(f"curve {number}", at, tuple(boundaries.values()), limits, tuple(segments), threshold))
+        curves.append(
+            CurveFunction(
+                f"curve {number}",
+                at,
+                tuple(boundaries.values()),
+                limits,
+                tuple(segments),
+                threshold,
+            )
+        )
     quantities = tuple(Quantity(name, "1") for name in names)
     sides = dict.fromkeys(names, ("continue", "continue"))
-    return Model("imagined", Quantity("force", "N"), quantities, Pieces(level, tuple(cuts), tuple(curves), Fusion(extrapolation=sides)))
+    return Model(
+        "imagined",
+        Quantity("force", "N"),
+        quantities,
+        Pieces(level, tuple(cuts), tuple(curves), Fusion(extrapolation=sides)),
+    )
 
 
 def of_pieces(model, **changes):
@@ -54,23 +84,37 @@ def segment(rng, name, cell, names, boundaries, terms):
     slope, intercept = rng.uniform(0.5, 2, len(names)), rng.normal(size=len(names))
     scaling = Scaling("none", "-", tuple(names), slope, intercept, rng.uniform(1, 9), rng.normal())
     places = zip(boundaries.items(), cell, strict=True)
-    limits = {n: tuple(sorted(at[place - 1 : place + 1] + rng.normal(0, 0.05, 2))) for (n, at), place in places}
+    limits = {
+        n: tuple(sorted(at[place - 1 : place + 1] + rng.normal(0, 0.05, 2)))
+        for (n, at), place in places
+    }
     usable = [term for term in TERMS if not set("abc") & set(term) - set(names)]
     chosen = tuple(rng.choice(usable, rng.integers(0, terms + 1), replace=False))
     theta, nothing = rng.normal(size=len(chosen)), np.zeros(len(chosen))
-    return SegmentFunction(name, cell, chosen, theta, nothing, nothing, nothing, scaling, 9, 1.0, "tolerance", limits)
+    return SegmentFunction(
+        name, cell, chosen, theta, nothing, nothing, nothing, scaling, 9, 1.0, "tolerance", limits
+    )
 
 
 def places(rng, model, n=25):
-    """Rows all over, well beyond every limit, and exactly at levels, limits, boundaries and ends of zones."""
+    """Rows all over, well beyond every limit, and exactly at levels, limits, boundaries and ends of
+    zones.
+    """
     columns = {}
     for quantity in model.inputs:
         name = quantity.name
         exact = [x for curve in model.body.curves for x in curve.limits[name]]
         exact += [curve.level for curve in model.body.curves] if name == model.level else []
-        for curve, j in product(model.body.curves, [j for j, variable in enumerate(model.body.variables) if variable == name]):
+        for curve, j in product(
+            model.body.curves,
+            [j for j, variable in enumerate(model.body.variables) if variable == name],
+        ):
             at, widths = curve.boundaries[j], np.diff(curve.boundaries[j])
-            exact += [*at, *(at[1:-1] - model.body.fusion.z_s * widths[:-1]), *(at[1:-1] + model.body.fusion.z_s * widths[1:])]
+            exact += [
+                *at,
+                *(at[1:-1] - model.body.fusion.z_s * widths[:-1]),
+                *(at[1:-1] + model.body.fusion.z_s * widths[1:]),
+            ]
         low, high = min(exact), max(exact)
         anywhere = rng.uniform(low - (high - low), high + (high - low), n)
         columns[name] = np.where(rng.random(n) < 0.4, rng.choice(exact, n), anywhere)
@@ -79,7 +123,9 @@ def places(rng, model, n=25):
 
 def agree(model, columns):
     expected = dense(model, columns)
-    np.testing.assert_allclose(predict(model, columns), expected, rtol=0, atol=1e-12 * np.abs(expected).max(initial=1.0))
+    np.testing.assert_allclose(
+        predict(model, columns), expected, rtol=0, atol=1e-12 * np.abs(expected).max(initial=1.0)
+    )
 
 
 ways = st.fixed_dictionaries(
@@ -98,7 +144,13 @@ seeds = st.integers(0, 2**32 - 1)
 
 def sides(rng, names):
     """A word or a value for either side of every input."""
-    return {name: tuple(str(rng.choice(WORDS)) if rng.random() < 0.8 else float(rng.uniform(0.2, 1.2)) for _ in range(2)) for name in names}
+    return {
+        name: tuple(
+            str(rng.choice(WORDS)) if rng.random() < 0.8 else float(rng.uniform(0.2, 1.2))
+            for _ in range(2)
+        )
+        for name in names
+    }
 
 
 @given(seeds, ways, st.integers(1, 5), st.integers(0, 4))
@@ -114,34 +166,69 @@ def test_agrees_with_the_sum_over_all_segments(seed, way, levels, segments):
 def test_agrees_where_two_variables_are_cut(seed, way, level, count_a, count_b):
     rng = np.random.default_rng(seed)
     model = imagined(rng, ("a", "b", "c"), level, 3, {"a": count_a, "b": count_b})
-    model = fused(model, extrapolation=sides(rng, "abc"), **{**way, "aligned": level and way["aligned"]})
+    model = fused(
+        model, extrapolation=sides(rng, "abc"), **{**way, "aligned": level and way["aligned"]}
+    )
     agree(model, places(rng, model))
 
 
 def test_a_backbone_is_added():
     rng = np.random.default_rng(1)
     model = imagined(rng, ("a", "b"), "b", 3, {"a": 3})
-    model = replace(model, inputs=(Quantity("a", "1"), Quantity("b", "1"), Quantity("pressure", "kPa"), Quantity("strain", "1")))
-    model = fused(model, extrapolation={quantity.name: ("continue",) * 2 for quantity in model.inputs})
-    model = of_pieces(model, curves=tuple(replace(c, limits={**c.limits, "pressure": (0, 1), "strain": (0, 1)}) for c in model.body.curves))
+    model = replace(
+        model,
+        inputs=(
+            Quantity("a", "1"),
+            Quantity("b", "1"),
+            Quantity("pressure", "kPa"),
+            Quantity("strain", "1"),
+        ),
+    )
+    model = fused(
+        model, extrapolation={quantity.name: ("continue",) * 2 for quantity in model.inputs}
+    )
+    model = of_pieces(
+        model,
+        curves=tuple(
+            replace(c, limits={**c.limits, "pressure": (0, 1), "strain": (0, 1)})
+            for c in model.body.curves
+        ),
+    )
     columns = {**places(rng, model)}
     backbone = literature.get(BACKBONE.name).predict(BACKBONE.parameters, columns)
-    np.testing.assert_allclose(predict(of_pieces(model, backbone=BACKBONE), columns), predict(model, columns) + backbone)
-    bare = of_pieces(model, backbone=BACKBONE, curves=tuple(replace(curve, segments=()) for curve in model.body.curves))
+    np.testing.assert_allclose(
+        predict(of_pieces(model, backbone=BACKBONE), columns), predict(model, columns) + backbone
+    )
+    bare = of_pieces(
+        model,
+        backbone=BACKBONE,
+        curves=tuple(replace(curve, segments=()) for curve in model.body.curves),
+    )
     np.testing.assert_array_equal(predict(bare, columns), backbone)
 
 
 @pytest.mark.parametrize("level", ["b", None])
 def test_rows_depend_on_themselves_alone(level, monkeypatch):
-    """Bit for bit, whatever the other rows are and wherever a block ends; what is not finite stays where it is."""
+    """Bit for bit, whatever the other rows are and wherever a block ends; what is not finite stays
+    where it is.
+    """
     rng = np.random.default_rng(2)
     model = imagined(rng, ("a", "b"), level, 4, {"a": 3})
     columns = places(rng, model, 500)
     whole = predict(model, columns)
     spoilt = rng.random(500) < 0.1
-    spoilt_columns = {**columns, "b": np.where(spoilt, rng.choice([np.nan, np.inf, -np.inf], 500), columns["b"])}
+    spoilt_columns = {
+        **columns,
+        "b": np.where(spoilt, rng.choice([np.nan, np.inf, -np.inf], 500), columns["b"]),
+    }
     np.testing.assert_array_equal(predict(model, spoilt_columns), np.where(spoilt, np.nan, whole))
-    np.testing.assert_array_equal([predict(model, {name: x[i : i + 1] for name, x in columns.items()})[0] for i in range(500)], whole)
+    np.testing.assert_array_equal(
+        [
+            predict(model, {name: x[i : i + 1] for name, x in columns.items()})[0]
+            for i in range(500)
+        ],
+        whole,
+    )
     monkeypatch.setattr(evaluation, "BLOCK", 7)
     np.testing.assert_array_equal(predict(model, columns), whole)
 
@@ -152,7 +239,9 @@ def test_no_row_is_no_prediction():
 
 
 def test_what_does_not_count_is_not_evaluated():
-    """The logarithm of one segment has no value on the rows of the other, and one curve none at the other's level."""
+    """The logarithm of one segment has no value on the rows of the other, and one curve none at the
+    other's level.
+    """
     rng = np.random.default_rng(4)
     model = imagined(rng, ("a", "b"), "b", 2, {"a": 2})
     curve = model.body.curves[0]
@@ -162,9 +251,15 @@ def test_what_does_not_count_is_not_evaluated():
         for s, term in zip(curve.segments, ("1", "log(a - 2)"), strict=True)
     )
     far = replace(curve, boundaries=(np.array([0.0, 4.0, 8.0]),), segments=(left, right), level=1.0)
-    nowhere = replace(far, segments=tuple(replace(s, terms=("log(-1 - a^2)",)) for s in (left, right)), level=2.0)
+    nowhere = replace(
+        far, segments=tuple(replace(s, terms=("log(-1 - a^2)",)) for s in (left, right)), level=2.0
+    )
     model = fused(of_pieces(model, curves=(far, nowhere)), z_s=0.25)
     a = np.array([0.0, 1.9, 3.0, 5.0, 7.0])
-    np.testing.assert_allclose(predict(model, {"a": a, "b": np.full(5, 1.0)}), [1, 1, 1, np.log(3), np.log(5)])
-    np.testing.assert_allclose(predict(model, {"a": a, "b": np.full(5, 0.5)}), [1, 1, 1, np.log(3), np.log(5)])
+    np.testing.assert_allclose(
+        predict(model, {"a": a, "b": np.full(5, 1.0)}), [1, 1, 1, np.log(3), np.log(5)]
+    )
+    np.testing.assert_allclose(
+        predict(model, {"a": a, "b": np.full(5, 0.5)}), [1, 1, 1, np.log(3), np.log(5)]
+    )
     assert np.isnan(predict(model, {"a": a, "b": np.full(5, 1.5)})).all()

@@ -20,7 +20,13 @@ from mapmore_cli.modelling.pieces.segmentation import trained_at
 from mapmore_cli.modelling.signals.plateau import damping_component
 
 QUANTITIES = {
-    name: Quantity(name, unit) for name, unit in {"pressure": "kPa", "strain_rate": "1/s", "direction": "1", "damping": "N"}.items()
+    name: Quantity(name, unit)
+    for name, unit in {
+        "pressure": "kPa",
+        "strain_rate": "1/s",
+        "direction": "1",
+        "damping": "N",
+    }.items()
 }
 
 
@@ -28,17 +34,31 @@ def curve(level: float, **columns: np.ndarray) -> Curve:
     """A step response at one pressure; its damping is what `columns` says, else one."""
     rng = np.random.default_rng(0)
     way = np.repeat([1.0, -1.0], 200)
-    base = {"strain_rate": way * rng.uniform(0.1, 1.0, 400), "pressure": rng.uniform(0.0, level, 400), "direction": way}
-    return Curve(f"step_pressure={level:g}", level, {**base, "damping": np.ones(400), **columns}, np.zeros(400, bool), ("r",))
+    base = {
+        "strain_rate": way * rng.uniform(0.1, 1.0, 400),
+        "pressure": rng.uniform(0.0, level, 400),
+        "direction": way,
+    }
+    return Curve(
+        f"step_pressure={level:g}",
+        level,
+        {**base, "damping": np.ones(400), **columns},
+        np.zeros(400, bool),
+        ("r",),
+    )
 
 
 def built(curves: Sequence[Curve], level: str | None, *terms: str) -> Model:
     cuts = {"direction": CutByDirection("pressure", 1.0)}
-    made = settings_of(target="damping", level=level, cuts=cuts, dictionary=terms, scaling="max_abs")
+    made = settings_of(
+        target="damping", level=level, cuts=cuts, dictionary=terms, scaling="max_abs"
+    )
     return build("d", curves, made, QUANTITIES)
 
 
-@given(st.lists(st.tuples(st.floats(-50, 600), st.sampled_from([-1.0, 1.0])), min_size=1, max_size=30))
+@given(
+    st.lists(st.tuples(st.floats(-50, 600), st.sampled_from([-1.0, 1.0])), min_size=1, max_size=30)
+)
 def test_weights_of_direction_and_pressure_sum_to_one(points: list[tuple[float, float]]) -> None:
     pressure, way = (np.array(values) for values in zip(*points, strict=True))
     constant = built([curve(p) for p in (80.0, 150.0, 350.0)], "pressure", "1")
@@ -69,7 +89,10 @@ def test_one_level_trains_the_pieces() -> None:
     """`highest` is the highest that trains: 350 kPa is held out here."""
     curves = [curve(p, damping=np.full(400, p)) for p in (80.0, 150.0, 350.0)]
     held = replace(curves[2], held_out=np.ones(400, bool))
-    assert np.allclose(predict(built(trained_at([*curves[:2], held], "highest"), None, "1"), curves[0].columns), 150.0)
+    assert np.allclose(
+        predict(built(trained_at([*curves[:2], held], "highest"), None, "1"), curves[0].columns),
+        150.0,
+    )
     assert np.allclose(predict(built(trained_at(curves, 80.0), None, "1"), curves[0].columns), 80.0)
 
 

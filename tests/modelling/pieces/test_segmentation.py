@@ -44,7 +44,9 @@ def test_every_training_sample_lies_in_a_segment_and_no_other(count, seed):
     segmented = cut(curve, {"strain": Cuts("even", count)})
     rows = np.concatenate([s.rows for s in segmented.segments])
     assert set(rows.tolist()) == set(np.flatnonzero(~held).tolist())
-    for one, low, high in zip(segmented.segments, segmented.boundaries[0][:-1], segmented.boundaries[0][1:], strict=True):
+    for one, low, high in zip(
+        segmented.segments, segmented.boundaries[0][:-1], segmented.boundaries[0][1:], strict=True
+    ):
         x = curve.columns["strain"][one.rows]
         assert low <= x.min()
         assert x.max() <= high
@@ -53,14 +55,19 @@ def test_every_training_sample_lies_in_a_segment_and_no_other(count, seed):
 def test_each_curve_is_cut_over_its_own_range_and_a_sample_on_a_boundary_belongs_to_both_segments():
     for curve in curves(held_out=(), n=121):
         segmented = cut(curve, {"strain": Cuts("even", 4)})
-        np.testing.assert_allclose(segmented.boundaries[0], np.linspace(0, curve.columns["strain"].max(), 5))
+        np.testing.assert_allclose(
+            segmented.boundaries[0], np.linspace(0, curve.columns["strain"].max(), 5)
+        )
         assert segmented.limits["strain"] == (0.0, curve.columns["strain"].max())
         first, second, *_ = segmented.segments
         assert set(first.rows) & set(second.rows) == {30}
 
 
 def test_breakpoints_beyond_a_short_curve_are_left_out():
-    np.testing.assert_allclose(cut(line(0, 0.09), {"strain": Cuts("breakpoints", at=(0.05, 0.1, 0.15))}).boundaries[0], [0, 0.05, 0.09])
+    np.testing.assert_allclose(
+        cut(line(0, 0.09), {"strain": Cuts("breakpoints", at=(0.05, 0.1, 0.15))}).boundaries[0],
+        [0, 0.05, 0.09],
+    )
 
 
 def test_ids():
@@ -91,7 +98,11 @@ def test_without_levels_all_recordings_are_one_training_curve():
     assert len(training_curves(curves(), by_level=True)) == 3
 
 
-@given(st.lists(st.floats(0, 1), min_size=2, max_size=40, unique=True), st.integers(1, 8), st.integers(1, 12))
+@given(
+    st.lists(st.floats(0, 1), min_size=2, max_size=40, unique=True),
+    st.integers(1, 8),
+    st.integers(1, 12),
+)
 def test_joined_segments_hold_enough_samples(values, count, least):
     x = np.array(values)
     boundaries = np.linspace(x.min(), x.max(), count + 1)
@@ -106,7 +117,10 @@ def test_joined_segments_hold_enough_samples(values, count, least):
 
 def exhaustive(table, cells, count):
     """Least cost of all partitions, each tried."""
-    return min(sum(table[i, j] for i, j in pairwise((0, *inner, cells))) for inner in combinations(range(1, cells), count - 1))
+    return min(
+        sum(table[i, j] for i, j in pairwise((0, *inner, cells)))
+        for inner in combinations(range(1, cells), count - 1)
+    )
 
 
 @given(st.integers(1, 9), st.integers(1, 9), st.integers(0, 2**32 - 1), st.floats(0, 0.6))
@@ -120,7 +134,9 @@ def test_equals_exhaustive_search(cells, count, seed, forbidden):
         assert places is None
         return
     assert len(places) == count - 1
-    assert sum(table[i, j] for i, j in pairwise((0, *places, cells))) == pytest.approx(least, rel=1e-9, abs=1e-8)
+    assert sum(table[i, j] for i, j in pairwise((0, *places, cells))) == pytest.approx(
+        least, rel=1e-9, abs=1e-8
+    )
 
 
 def test_of_equals_the_first():
@@ -136,12 +152,23 @@ def sse(samples, made):
 
 @pytest.mark.parametrize(("max_terms", "count"), [(1, 3), (2, 2)])
 def test_real_fits_equal_exhaustive_search(max_terms, count):
-    """Every set of boundaries on the grid tried as given breakpoints, through the fits that the model would have."""
+    """Every set of boundaries on the grid tried as given breakpoints, through the fits that the
+    model would have.
+    """
     (sample,) = curves(levels=(150.0,), n=60)
     grid = np.linspace(0, sample.columns["strain"].max(), 9)
-    best = sse([sample], recipe(cuts={"strain": Cuts("optimal", count, grid=8, min_samples=4)}, max_terms=max_terms))
+    best = sse(
+        [sample],
+        recipe(cuts={"strain": Cuts("optimal", count, grid=8, min_samples=4)}, max_terms=max_terms),
+    )
     every = [
-        sse([sample], recipe(cuts={"strain": Cuts("breakpoints", at=tuple(grid[list(inner)]))}, max_terms=max_terms))
+        sse(
+            [sample],
+            recipe(
+                cuts={"strain": Cuts("breakpoints", at=tuple(grid[list(inner)]))},
+                max_terms=max_terms,
+            ),
+        )
         for inner in combinations(range(1, 8), count - 1)
     ]
     assert best == pytest.approx(min(every), rel=1e-9)
@@ -153,19 +180,31 @@ def test_a_planted_corner_is_found_on_thousands_of_samples():
     x = rng.uniform(0, 10, 5000)
     y = np.where(x < 6, x, 6 - 3 * (x - 6)) + rng.normal(0, 0.1, 5000)
     curve = Curve("a", None, {"strain": x, "force": y}, np.zeros(5000, bool), ())
-    (cut,) = segment([curve], recipe(level=None, cuts={"strain": Cuts("optimal", 2, grid=10)}, dictionary=("1", "strain"), max_terms=2))
+    (cut,) = segment(
+        [curve],
+        recipe(
+            level=None,
+            cuts={"strain": Cuts("optimal", 2, grid=10)},
+            dictionary=("1", "strain"),
+            max_terms=2,
+        ),
+    )
     assert cut.boundaries[0][1] == pytest.approx(6, abs=0.01)
 
 
 def test_too_few_samples_say_what_to_do():
     (sample,) = curves(levels=(150.0,), n=20)
-    with pytest.raises(DataError, match="cannot be cut into 4 segments of at least 10 samples") as error:
+    with pytest.raises(
+        DataError, match="cannot be cut into 4 segments of at least 10 samples"
+    ) as error:
         segment([sample], recipe(cuts={"strain": Cuts("optimal", 4)}))
     assert "segment.strain.min_samples" in error.value.remedy
 
 
 def bent(seed, corners, slopes, n=400):
-    """Straight pieces over [0, 1] with noise, and local spikes of a few neighbouring samples, many times as high as the noise."""
+    """Straight pieces over [0, 1] with noise, and local spikes of a few neighbouring samples, many
+    times as high as the noise.
+    """
     rng = np.random.default_rng(seed)
     x = np.sort(rng.uniform(0, 1, n))
     knots = np.array([0, *corners, 1])
@@ -176,7 +215,12 @@ def bent(seed, corners, slopes, n=400):
     return x, y
 
 
-CORNERS = [([0.25], [2.0, 0.2]), ([0.5], [2.0, 0.2]), ([0.8], [2.0, 0.2]), ([0.3, 0.65], [1.5, -0.5, 1.0])]
+CORNERS = [
+    ([0.25], [2.0, 0.2]),
+    ([0.5], [2.0, 0.2]),
+    ([0.8], [2.0, 0.2]),
+    ([0.3, 0.65], [1.5, -0.5, 1.0]),
+]
 
 
 @pytest.mark.parametrize(("corners", "slopes"), CORNERS)
@@ -185,16 +229,23 @@ def test_planted_changes_of_slope_are_found_under_noise_and_spikes(corners, slop
     hits, cuts = 0, Cuts("gradient", len(corners) + 1, window=0.1)
     for seed in range(100):
         boundaries = gradient_boundaries(*bent(seed, corners, slopes), cuts)
-        hits += all(len(boundaries) and np.abs(boundaries - corner).min() <= 0.1 for corner in corners)
+        hits += all(
+            len(boundaries) and np.abs(boundaries - corner).min() <= 0.1 for corner in corners
+        )
     assert hits >= 95
 
 
 @settings(max_examples=40)
 @given(st.integers(0, 1000), st.integers(1, 8), st.floats(0.03, 0.3), st.floats(0.05, 0.4))
 def test_boundaries_keep_their_distance(seed, count, window, separation):
-    boundaries = gradient_boundaries(*bent(seed, [0.5], [2.0, 0.2]), Cuts("gradient", count, window=window, separation=separation))
+    boundaries = gradient_boundaries(
+        *bent(seed, [0.5], [2.0, 0.2]),
+        Cuts("gradient", count, window=window, separation=separation),
+    )
     assert len(boundaries) <= count - 1
-    assert (np.diff([0.0, *boundaries, 1.0]) >= separation - 0.02).all()  # the samples end a little inside of [0, 1]
+    assert (
+        np.diff([0.0, *boundaries, 1.0]) >= separation - 0.02
+    ).all()  # the samples end a little inside of [0, 1]
     assert (np.diff(boundaries) >= separation).all()
 
 
@@ -204,8 +255,12 @@ def test_units_and_the_order_of_rows_do_not_matter(seed, a, b, offset):
     x, y = bent(seed, [0.4], [2.0, 0.2])
     plain = gradient_boundaries(x, y, Cuts("gradient", 3))
     order = np.random.default_rng(seed).permutation(len(x))
-    np.testing.assert_array_equal(gradient_boundaries(x[order], y[order], Cuts("gradient", 3)), plain)
-    np.testing.assert_allclose(gradient_boundaries(a * x, b * y + offset, Cuts("gradient", 3)), a * plain, rtol=1e-6)
+    np.testing.assert_array_equal(
+        gradient_boundaries(x[order], y[order], Cuts("gradient", 3)), plain
+    )
+    np.testing.assert_allclose(
+        gradient_boundaries(a * x, b * y + offset, Cuts("gradient", 3)), a * plain, rtol=1e-6
+    )
 
 
 def test_a_slope_changes_at_a_corner_by_the_difference_of_the_slopes_and_nowhere_on_a_line():
@@ -213,11 +268,15 @@ def test_a_slope_changes_at_a_corner_by_the_difference_of_the_slopes_and_nowhere
     np.testing.assert_allclose(slope_change(x, 7 * x - 2, 0.1)[1], 0, atol=1e-9)
     grid, change = slope_change(x, np.where(x < 0.5, 3 * x, 1.5 - (x - 0.5)), 0.1)
     assert grid[np.argmax(np.abs(change))] == pytest.approx(0.5, abs=0.02)
-    assert change[np.argmax(np.abs(change))] == pytest.approx(-4, rel=0.3)  # the corner is rounded over a window
+    assert change[np.argmax(np.abs(change))] == pytest.approx(
+        -4, rel=0.3
+    )  # the corner is rounded over a window
 
 
 def test_no_segment_of_its_own_for_a_gap():
-    """Both rims of a gap look like corners; a boundary at each would leave a segment without samples."""
+    """Both rims of a gap look like corners; a boundary at each would leave a segment without
+    samples.
+    """
     x = np.concatenate([np.linspace(0, 0.3, 100), np.linspace(0.7, 1, 100)])
     boundaries = gradient_boundaries(x, np.sin(6 * x), Cuts("gradient", 5))
     assert np.histogram(x, [0, *boundaries, 1])[0].min() >= 5

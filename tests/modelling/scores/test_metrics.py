@@ -1,4 +1,6 @@
-"""Metrics, their parts and bands; residual tests against definitions written down here, and against errors whose cause is known."""
+"""Metrics, their parts and bands; residual tests against definitions written down here, and against
+errors whose cause is known.
+"""
 
 import math
 from itertools import pairwise
@@ -14,13 +16,26 @@ from mapmore_cli.domain.results import Forecast
 from mapmore_cli.modelling.validation import metrics
 from mapmore_cli.modelling.validation.metrics import EDGES, bands, normaliser, uncentred
 from mapmore_cli.modelling.validation.repeatability import error_parts
-from mapmore_cli.modelling.validation.residuals import PARTS, autocorrelation, cross_correlation, means_over
+from mapmore_cli.modelling.validation.residuals import (
+    PARTS,
+    autocorrelation,
+    cross_correlation,
+    means_over,
+)
 
 
 def score(measured, predicted, scale=None, **more):
     """The row of some samples, all of them ready."""
     found = Forecast(predicted, np.ones(len(measured), dtype=bool), **more)
-    return metrics.score("m", "static", "validate", "all", measured, found, scale or normaliser("max", measured, "force", "validate"))
+    return metrics.score(
+        "m",
+        "static",
+        "validate",
+        "all",
+        measured,
+        found,
+        scale or normaliser("max", measured, "force", "validate"),
+    )
 
 
 def test_a_row_by_hand():
@@ -39,7 +54,10 @@ def test_errors_by_the_range_do_not_depend_on_where_zero_lies():
     measured = np.array([110.0, 112, 130])
     scale = normaliser("range", measured, "displacement", "validate")
     row = score(measured, measured + 2, scale)
-    assert (row.nrmse, row.normaliser_name) == (pytest.approx(0.1), "range of displacement over validate")
+    assert (row.nrmse, row.normaliser_name) == (
+        pytest.approx(0.1),
+        "range of displacement over validate",
+    )
     assert normaliser("range", measured - 1000, "displacement", "validate") == scale
 
 
@@ -59,7 +77,12 @@ def test_the_smallest_and_the_largest_forces_have_scores_too():
         row = score(y, predicted * factor, one_step=predicted * factor)
         plain = score(measured, predicted, one_step=predicted)
         assert row.rmse == plain.rmse * factor
-        assert (row.nrmse, row.r2, row.rrse, row.rrse_one_step) == (plain.nrmse, plain.r2, plain.rrse, plain.rrse_one_step)
+        assert (row.nrmse, row.r2, row.rrse, row.rrse_one_step) == (
+            plain.nrmse,
+            plain.r2,
+            plain.rrse,
+            plain.rrse_one_step,
+        )
         assert row.r_uncentred == plain.r_uncentred
     e = predicted - measured
     assert plain.rmse == np.sqrt(np.mean(e**2))
@@ -73,8 +96,17 @@ PLACE = np.linspace(0, 2 * np.pi * CYCLES, len(X), endpoint=False)
 
 
 def of(error, held=CYCLE >= CYCLES // 2, parts=(slice(None),)):
-    curves = [Curve(f"r{n}", None, {"x": X[rows], "y": np.zeros(len(X[rows]))}, held[rows], (f"r{n}",)) for n, rows in enumerate(parts)]
-    return error_parts(curves, [error[rows] for rows in parts], "y", "x", {f"r{n}": "log" for n in range(len(parts))})
+    curves = [
+        Curve(f"r{n}", None, {"x": X[rows], "y": np.zeros(len(X[rows]))}, held[rows], (f"r{n}",))
+        for n, rows in enumerate(parts)
+    ]
+    return error_parts(
+        curves,
+        [error[rows] for rows in parts],
+        "y",
+        "x",
+        {f"r{n}": "log" for n in range(len(parts))},
+    )
 
 
 @pytest.mark.parametrize(
@@ -104,18 +136,26 @@ def test_squares_add_up_over_gaps_and_empty_predictions(seed, pieces):
     assert [one.split for one in found] == ["train", "validate"]
     for one, rows in zip(found, (CYCLE < 4, CYCLE >= 4), strict=True):
         known = error[rows & np.isfinite(error)]
-        assert sum(value**2 for value in one.rms.values()) == pytest.approx(np.mean(known**2), rel=0.05)
+        assert sum(value**2 for value in one.rms.values()) == pytest.approx(
+            np.mean(known**2), rel=0.05
+        )
         assert one.samples <= len(known)
 
 
 @pytest.mark.parametrize(
     ("name", "error"),
-    [("drift", 0.3 * (CYCLE == CYCLES - 1)), ("shape", np.sin(PLACE)), ("change", np.where(CYCLE == CYCLES - 1, np.cos(3 * PLACE), 1e-3))],
+    [
+        ("drift", 0.3 * (CYCLE == CYCLES - 1)),
+        ("shape", np.sin(PLACE)),
+        ("change", np.where(CYCLE == CYCLES - 1, np.cos(3 * PLACE), 1e-3)),
+    ],
 )
 def test_one_held_out_cycle_is_parted_beside_those_of_training(name, error):
     _, one = of(error, held=CYCLE >= CYCLES - 1)
     assert (one.split, len(one.offsets), one.limit) == ("validate", 1, name)
-    assert sum(value**2 for value in one.rms.values()) == pytest.approx(np.mean(error[-one.samples :] ** 2), rel=0.01)
+    assert sum(value**2 for value in one.rms.values()) == pytest.approx(
+        np.mean(error[-one.samples :] ** 2), rel=0.01
+    )
 
 
 def test_without_two_training_cycles_one_tells_nothing():
@@ -130,14 +170,26 @@ def forces(measured: np.ndarray, held_out: np.ndarray | None = None) -> Dataset:
 def test_each_sample_is_in_the_band_of_its_size() -> None:
     measured = np.array([0.0, -5.0, 10.0, -24.0, 30.0, 60.0, -100.0])
     found = bands(forces(measured), {"off": (measured + np.arange(7.0),)})
-    assert [(band.low, band.high, band.samples) for band in found] == [(0, 10, 3), (10, 25, 1), (25, 50, 1), (50, 100, 2)]
-    assert [found[0].rmse["off"], found[1].rmse["off"]] == pytest.approx([np.sqrt((0 + 1 + 4) / 3), 3.0])
+    assert [(band.low, band.high, band.samples) for band in found] == [
+        (0, 10, 3),
+        (10, 25, 1),
+        (25, 50, 1),
+        (50, 100, 2),
+    ]
+    assert [found[0].rmse["off"], found[1].rmse["off"]] == pytest.approx(
+        [np.sqrt((0 + 1 + 4) / 3), 3.0]
+    )
 
 
 def test_held_out_samples_decide_where_there_are_any_and_empty_bands_are_left_out() -> None:
     measured = np.array([1.0, 100.0, 2.0, 90.0])
-    found = bands(forces(measured, np.array([False, False, True, True])), {"off": (measured + 2.0,)})
-    assert [(band.samples, band.high) for band in found] == [(1, pytest.approx(9.0)), (1, pytest.approx(90.0))]
+    found = bands(
+        forces(measured, np.array([False, False, True, True])), {"off": (measured + 2.0,)}
+    )
+    assert [(band.samples, band.high) for band in found] == [
+        (1, pytest.approx(9.0)),
+        (1, pytest.approx(90.0)),
+    ]
 
 
 @given(st.lists(st.floats(-1e3, 1e3), min_size=2, max_size=40), st.integers(0, 99))
@@ -146,7 +198,9 @@ def test_the_bands_share_out_the_squared_errors(values: list[float], seed: int) 
     predicted = measured + np.random.default_rng(seed).standard_normal(len(measured))
     found = bands(forces(measured), {"noisy": (predicted,)})
     assert sum(band.samples for band in found) == len(values)
-    assert sum(band.samples * band.rmse["noisy"] ** 2 for band in found) == pytest.approx(np.sum((predicted - measured) ** 2))
+    assert sum(band.samples * band.rmse["noisy"] ** 2 for band in found) == pytest.approx(
+        np.sum((predicted - measured) ** 2)
+    )
     assert len(found) < len(EDGES)
 
 
@@ -166,17 +220,23 @@ def test_one_piece_is_the_textbook_formula(seed: int, n: int) -> None:
     found = autocorrelation([e])
     c, d = e - e.mean(), u - u.mean()
     for lag, value in zip(found.lags, found.values, strict=True):
-        np.testing.assert_allclose(value, sum(c[t] * c[t + int(lag)] for t in range(n - int(lag))) / sum(c**2), atol=1e-12)
+        np.testing.assert_allclose(
+            value, sum(c[t] * c[t + int(lag)] for t in range(n - int(lag))) / sum(c**2), atol=1e-12
+        )
     crossed = cross_correlation([e], [u])
     for lag, value in zip(crossed.lags.astype(int), crossed.values, strict=True):
         pairs = [(t, t + lag) for t in range(n) if 0 <= t + lag < n]
-        np.testing.assert_allclose(value, sum(d[a] * c[b] for a, b in pairs) / np.sqrt(sum(c**2) * sum(d**2)), atol=1e-12)
+        np.testing.assert_allclose(
+            value, sum(d[a] * c[b] for a, b in pairs) / np.sqrt(sum(c**2) * sum(d**2)), atol=1e-12
+        )
 
 
 def test_noise_stays_within_the_bounds_nineteen_times_in_twenty() -> None:
     random = np.random.default_rng(11)
     own = [autocorrelation([random.normal(size=150), random.normal(size=250)]) for _ in range(60)]
-    crossed = [cross_correlation([random.normal(size=400)], [random.normal(size=400)]) for _ in range(60)]
+    crossed = [
+        cross_correlation([random.normal(size=400)], [random.normal(size=400)]) for _ in range(60)
+    ]
     parts = [means_over(random.normal(size=400), random.uniform(size=400)) for _ in range(60)]
     for tests in (own, crossed, parts):
         assert 0.02 < sum(test.beyond for test in tests) / sum(test.tested for test in tests) < 0.08
@@ -200,7 +260,10 @@ def test_a_forgotten_input_shows_at_its_lag() -> None:
 def test_pieces_do_not_touch() -> None:
     """The end of one piece tells nothing of the beginning of the next."""
     ramp = np.linspace(-1, 1, 40)
-    apart, joined = autocorrelation([ramp, -ramp, ramp]), autocorrelation([np.concatenate([ramp, -ramp, ramp])])
+    apart, joined = (
+        autocorrelation([ramp, -ramp, ramp]),
+        autocorrelation([np.concatenate([ramp, -ramp, ramp])]),
+    )
     total = 3 * np.sum(ramp**2)
     np.testing.assert_allclose(apart.values[1], 3 * np.sum(ramp[:-1] * ramp[1:]) / total)
     assert joined.values[1] > apart.values[1]  # +1 meets +1 where they were put together

@@ -1,4 +1,6 @@
-"""Repeatability: each sample against other recordings at its level, coordinate and direction, or against the last training cycle."""
+"""Repeatability: each sample against other recordings at its level, coordinate and direction, or
+against the last training cycle.
+"""
 
 from dataclasses import replace
 
@@ -9,24 +11,46 @@ from hypothesis import strategies as st
 
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.signals.cycles import last_cycles
-from mapmore_cli.modelling.validation.repeatability import WORTH, floors, monotone_floor, repeated_cycles, repeats, rising
+from mapmore_cli.modelling.validation.repeatability import (
+    WORTH,
+    floors,
+    monotone_floor,
+    repeated_cycles,
+    repeats,
+    rising,
+)
 
 UP_AND_DOWN = np.concatenate([np.linspace(50, 600, 400), np.linspace(600, 50, 400)])
 
 
-def curve(offsets: dict[str, float], pressure: np.ndarray = UP_AND_DOWN, hysteresis: float = 0.0, level: float = 0.1) -> Curve:
-    """One recording for each name: the same force up to an offset, higher by `hysteresis` on the way down."""
+def curve(
+    offsets: dict[str, float],
+    pressure: np.ndarray = UP_AND_DOWN,
+    hysteresis: float = 0.0,
+    level: float = 0.1,
+) -> Curve:
+    """One recording for each name: the same force up to an offset, higher by `hysteresis` on the
+    way down.
+    """
     n, names = len(pressure), tuple(offsets)
     falling = np.arange(n) >= n // 2
     force = [0.5 * pressure + offset + hysteresis * falling for offset in offsets.values()]
-    columns = {"pressure": np.tile(pressure, len(names)), "strain": np.full(n * len(names), level), "force": np.concatenate(force)}
+    columns = {
+        "pressure": np.tile(pressure, len(names)),
+        "strain": np.full(n * len(names), level),
+        "force": np.concatenate(force),
+    }
     origin = np.repeat(np.arange(len(names)), n)
-    return Curve(f"strain={level}", level, columns, np.zeros(n * len(names), bool), names, origin=origin)
+    return Curve(
+        f"strain={level}", level, columns, np.zeros(n * len(names), bool), names, origin=origin
+    )
 
 
 def repeated(curves, inputs):
     """What repeats say, where recordings are logs but for the pieces of the log called `log`."""
-    logs = {name: "log" if name.startswith("log") else name for one in curves for name in one.recordings}
+    logs = {
+        name: "log" if name.startswith("log") else name for one in curves for name in one.recordings
+    }
     return repeats(curves, "force", inputs, logs)
 
 
@@ -37,13 +61,19 @@ def errors(one: Curve) -> np.ndarray:
 
 
 @given(st.lists(st.floats(-50, 50), min_size=2, max_size=5), st.floats(0, 30))
-def test_a_repeat_is_held_against_the_mean_of_the_others_on_its_own_branch(offsets: list[float], hysteresis: float) -> None:
-    found = errors(curve({f"r{i}": offset for i, offset in enumerate(offsets)}, hysteresis=hysteresis))
+def test_a_repeat_is_held_against_the_mean_of_the_others_on_its_own_branch(
+    offsets: list[float], hysteresis: float
+) -> None:
+    found = errors(
+        curve({f"r{i}": offset for i, offset in enumerate(offsets)}, hysteresis=hysteresis)
+    )
     for i, offset in enumerate(offsets):
         others = np.mean([other for j, other in enumerate(offsets) if j != i])
         known = np.isfinite(found[i])
         assert known.mean() > 0.97
-        inner = found[i][known & (UP_AND_DOWN < 590)]  # the very sample of the turn belongs to either branch
+        inner = found[i][
+            known & (UP_AND_DOWN < 590)
+        ]  # the very sample of the turn belongs to either branch
         np.testing.assert_allclose(inner, others - offset, atol=1e-6)
 
 
@@ -51,13 +81,18 @@ def test_nothing_is_said_beyond_the_ends_of_the_others() -> None:
     both = curve({"long": 0.0, "short": 0.0})
     kept = (both.origin == 0) | (both.columns["pressure"] > 190)
     columns = {name: x[kept] for name, x in both.columns.items()}
-    (found,) = repeated([replace(both, columns=columns, held_out=both.held_out[kept], origin=both.origin[kept])], ["pressure"])
+    (found,) = repeated(
+        [replace(both, columns=columns, held_out=both.held_out[kept], origin=both.origin[kept])],
+        ["pressure"],
+    )
     assert np.isnan(found[:800][columns["pressure"][:800] < 190]).all()
     assert np.isfinite(found[800:]).mean() > 0.99
 
 
 def test_a_dwell_counts_no_more_than_a_passage() -> None:
-    dwelling = np.concatenate([UP_AND_DOWN[:200], np.full(2000, UP_AND_DOWN[200]), UP_AND_DOWN[200:]])
+    dwelling = np.concatenate(
+        [UP_AND_DOWN[:200], np.full(2000, UP_AND_DOWN[200]), UP_AND_DOWN[200:]]
+    )
     noise = np.random.default_rng(3).normal(0, 1, 2000)
     one = curve({"a": 0.0, "b": 0.0}, dwelling)
     force = one.columns["force"].copy()
@@ -72,10 +107,18 @@ def test_a_dwell_counts_no_more_than_a_passage() -> None:
         lambda c: replace(c, origin=None),
         lambda c: replace(c, recordings=("log#1", "log#2")),  # pieces of one log
         lambda c: replace(c, columns={**c.columns, "pressure": np.full(c.size, 300.0)}),
-        lambda c: replace(c, columns={**c.columns, "temperature": np.where(c.origin == 0, 20.0, 60.0)}),
+        lambda c: replace(
+            c, columns={**c.columns, "temperature": np.where(c.origin == 0, 20.0, 60.0)}
+        ),
         lambda c: replace(c, columns={**c.columns, "temperature": np.linspace(20, 60, c.size)}),
     ],
-    ids=["unknown recordings", "pieces of one log", "nothing varies", "another held value", "two inputs vary"],
+    ids=[
+        "unknown recordings",
+        "pieces of one log",
+        "nothing varies",
+        "another held value",
+        "two inputs vary",
+    ],
 )
 def test_what_does_not_repeat(changed) -> None:  # type: ignore[no-untyped-def]
     one = changed(curve({"a": 0.0, "b": 1.0}))
@@ -93,7 +136,9 @@ def test_a_single_recording_has_no_repeat_and_other_levels_are_none() -> None:
 def test_recordings_at_the_same_value_of_a_held_input_repeat_each_other() -> None:
     one = curve({"a": 0.0, "b": 1.0, "c": 40.0, "d": 41.0})
     length = np.where(one.origin < 2, 83.0, 281.0)  # type: ignore[operator]
-    found = repeated([replace(one, columns={**one.columns, "length": length})], ["length", "pressure"])
+    found = repeated(
+        [replace(one, columns={**one.columns, "length": length})], ["length", "pressure"]
+    )
     assert np.nanmax(np.abs(found[0] - one.columns["force"])) == pytest.approx(1.0)
 
 
@@ -112,9 +157,16 @@ def test_a_record_that_never_turns_rises() -> None:
 
 
 @settings(max_examples=50)
-@given(samples=st.lists(st.tuples(st.integers(0, 9), st.floats(-100, 100)), min_size=1, max_size=30), falls=st.booleans())
-def test_floors_are_told_where_one_is_worth_a_word(samples: list[tuple[int, float]], *, falls: bool) -> None:
-    """What lies near some monotone curve is known to have no floor worth a word without the nearest one."""
+@given(
+    samples=st.lists(st.tuples(st.integers(0, 9), st.floats(-100, 100)), min_size=1, max_size=30),
+    falls=st.booleans(),
+)
+def test_floors_are_told_where_one_is_worth_a_word(
+    samples: list[tuple[int, float]], *, falls: bool
+) -> None:
+    """What lies near some monotone curve is known to have no floor worth a word without the nearest
+    one.
+    """
     x, noise = (np.array(values, dtype=np.float64) for values in zip(*samples, strict=True))
     curves = [(x, 300.0 * (-x if falls else x) + noise), (np.arange(5.0), np.arange(5.0))]
     largest = max(np.abs(y).max() for _, y in curves)
@@ -135,14 +187,21 @@ BEGIN = 11
 
 
 def record(cycles, drift=0.0, cuts=(), name="a"):
-    """Pieces of a record in which each cycle lies `drift` above the one before; the later half of the cycles is held out."""
+    """Pieces of a record in which each cycle lies `drift` above the one before; the later half of
+    the cycles is held out.
+    """
     pressure = np.tile(ONE, cycles)
     motion = 2 * pressure + drift * ((np.arange(len(pressure)) - BEGIN) // len(ONE))
     columns = {"pressure": pressure, "displacement": motion}
     parts = np.split(np.arange(len(pressure)), cuts)
     held = last_cycles(pressure, 0.5)
-    names = [f"{name}#{number}" for number in range(1, len(parts) + 1)] if len(parts) > 1 else [name]
-    return [Curve(n, None, {k: v[rows] for k, v in columns.items()}, held[rows], (n,)) for n, rows in zip(names, parts, strict=True)]
+    names = (
+        [f"{name}#{number}" for number in range(1, len(parts) + 1)] if len(parts) > 1 else [name]
+    )
+    return [
+        Curve(n, None, {k: v[rows] for k, v in columns.items()}, held[rows], (n,))
+        for n, rows in zip(names, parts, strict=True)
+    ]
 
 
 def again_of(curves):
@@ -153,13 +212,20 @@ def again_of(curves):
 
 def again(pressure, motion, held, level=None):
     """The repeated cycles of one record."""
-    found = again_of([Curve("a", level, {"pressure": pressure, "displacement": motion}, held, ("a",))])
+    found = again_of(
+        [Curve("a", level, {"pressure": pressure, "displacement": motion}, held, ("a",))]
+    )
     return found and found[0]
 
 
 def beside_last_cycle(curves):
     found = again_of(curves)
-    return np.concatenate([values - curve.columns["displacement"] for values, curve in zip(found, curves, strict=True)])
+    return np.concatenate(
+        [
+            values - curve.columns["displacement"]
+            for values, curve in zip(found, curves, strict=True)
+        ]
+    )
 
 
 @given(cuts=st.lists(st.integers(1, 319), max_size=4, unique=True).map(sorted))
@@ -176,11 +242,17 @@ def test_each_log_is_compared_with_itself():
     np.testing.assert_array_equal(beside_last_cycle(both), np.concatenate(alone))
 
 
-@pytest.mark.parametrize("second", [np.concatenate([ONE, np.zeros(40)]), 1.3 * ONE], ids=["longer", "further"])
+@pytest.mark.parametrize(
+    "second", [np.concatenate([ONE, np.zeros(40)]), 1.3 * ONE], ids=["longer", "further"]
+)
 def test_a_cycle_that_lasts_longer_or_reaches_further_is_unknown_there(second):
     pressure = np.concatenate([ONE, second])
     held = last_cycles(pressure, 0.5)
-    known = held & (pressure <= 100) & (np.arange(len(pressure)) < 2 * len(ONE) + BEGIN * (len(second) > len(ONE)))
+    known = (
+        held
+        & (pressure <= 100)
+        & (np.arange(len(pressure)) < 2 * len(ONE) + BEGIN * (len(second) > len(ONE)))
+    )
     np.testing.assert_array_equal(np.isfinite(again(pressure, pressure, held)), known)
 
 

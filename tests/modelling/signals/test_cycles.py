@@ -11,7 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.modelling.signals.cycles import cycle_starts, last_cycles, split_cycles, turning_points
+from mapmore_cli.modelling.signals.cycles import (
+    cycle_starts,
+    last_cycles,
+    split_cycles,
+    turning_points,
+)
 
 REACH = 0.2
 Signal = Callable[[np.ndarray], np.ndarray]
@@ -26,13 +31,18 @@ def half_width(strain):
 
 
 def loop(per_branch, cycles=1, warp=1.0, rest=0, start=0.0):
-    """Strain and force of load cycles run at uneven speed (`warp`), with rests in which force creeps between the branches."""
+    """Strain and force of load cycles run at uneven speed (`warp`), with rests in which force
+    creeps between the branches.
+    """
     rise = REACH * np.linspace(0, 1, per_branch) ** warp
     strain, sign = [], []
     for branch in range(2 * cycles):
         path = rise if branch % 2 == 0 else rise[::-1]
         strain += [path, np.full(rest, path[-1])]
-        sign += [np.full(per_branch, -1.0 if branch % 2 == 0 else 1.0), np.linspace(-1, 1, rest) * (1 if branch % 2 == 0 else -1)]
+        sign += [
+            np.full(per_branch, -1.0 if branch % 2 == 0 else 1.0),
+            np.linspace(-1, 1, rest) * (1 if branch % 2 == 0 else -1),
+        ]
     over, side = np.concatenate(strain), np.concatenate(sign)
     begin = int(np.searchsorted(rise, start))
     return over[begin:], (static(over) + side * half_width(over))[begin:]
@@ -46,7 +56,9 @@ def loop(per_branch, cycles=1, warp=1.0, rest=0, start=0.0):
     start=st.floats(0, 0.1),
     samples=st.integers(50, 200),
 )
-def test_known_components_are_recovered_at_any_speed(per_branch, cycles, warp, rest, start, samples):
+def test_known_components_are_recovered_at_any_speed(
+    per_branch, cycles, warp, rest, start, samples
+):
     over, force = loop(per_branch, cycles, warp, rest, start if cycles > 1 else 0.0)
     branches = split_cycles(over, {"force": force, "pressure": np.full(len(over), 150.0)}, samples)
     x = branches.over
@@ -58,11 +70,15 @@ def test_known_components_are_recovered_at_any_speed(per_branch, cycles, warp, r
     np.testing.assert_allclose(branches.static()["force"], static(x), atol=0.01 + bend)
     np.testing.assert_allclose(branches.hysteresis("force"), half_width(x), atol=0.01 + bend)
     np.testing.assert_allclose(branches.static()["pressure"], 150.0)
-    np.testing.assert_allclose(branches.static()["force"] + branches.hysteresis("force"), branches.extension["force"])
+    np.testing.assert_allclose(
+        branches.static()["force"] + branches.hysteresis("force"), branches.extension["force"]
+    )
 
 
 @settings(deadline=None, max_examples=30)
-@given(seed=st.integers(0, 2**31), noise=st.floats(0, 0.003), step=st.sampled_from([0.0, 1e-4, 1e-3]))
+@given(
+    seed=st.integers(0, 2**31), noise=st.floats(0, 0.003), step=st.sampled_from([0.0, 1e-4, 1e-3])
+)
 def test_noise_and_quantisation_do_not_split_a_branch(seed, noise, step):
     over, force = loop(2500, cycles=2, rest=400)
     rng = np.random.default_rng(seed)
@@ -71,14 +87,18 @@ def test_noise_and_quantisation_do_not_split_a_branch(seed, noise, step):
     assert len(turning_points(seen, 0.1 * float(np.ptp(seen)))) == 5
     branches = split_cycles(seen, {"force": force + rng.normal(0, 1, len(force))}, 100)
     inner = slice(5, -5)
-    np.testing.assert_allclose(branches.static()["force"][inner], static(branches.over)[inner], atol=4)
+    np.testing.assert_allclose(
+        branches.static()["force"][inner], static(branches.over)[inner], atol=4
+    )
     assert (branches.hysteresis("force")[inner] > 0).all()
 
 
 def test_rest_at_the_end_of_the_stroke_belongs_to_no_branch():
     over, force = loop(500, rest=5000)
     branches = split_cycles(over, {"force": force}, 100)
-    np.testing.assert_allclose(branches.hysteresis("force")[[0, -1]], half_width(branches.over[[0, -1]]), atol=0.2)
+    np.testing.assert_allclose(
+        branches.hysteresis("force")[[0, -1]], half_width(branches.over[[0, -1]]), atol=0.2
+    )
 
 
 def test_range_is_the_one_that_both_branches_cover():
@@ -125,7 +145,9 @@ def pulses(heights, rest=50, rise=20, noise=0.0, drift=0.0, seed=0):
         starts.append(now + rest)
         now += rest + 2 * rise
     x = np.concatenate([*parts, np.zeros(rest)])
-    return x + drift * np.arange(len(x)) / len(x) + noise * np.random.default_rng(seed).uniform(-1, 1, len(x)), np.array(starts)
+    return x + drift * np.arange(len(x)) / len(x) + noise * np.random.default_rng(seed).uniform(
+        -1, 1, len(x)
+    ), np.array(starts)
 
 
 @settings(deadline=None)
@@ -160,7 +182,10 @@ def test_a_record_may_begin_and_end_within_a_cycle():
     assert len(cycle_starts(np.full(9, 2.0))) == len(cycle_starts(np.empty(0))) == 0
 
 
-@pytest.mark.parametrize(("count", "share", "first"), [(4, 0.5, 2), (3, 0.5, 2), (5, 0.5, 3), (4, 0.25, 3), (3, 1 / 3, 2), (4, 0.7, 2)])
+@pytest.mark.parametrize(
+    ("count", "share", "first"),
+    [(4, 0.5, 2), (3, 0.5, 2), (5, 0.5, 3), (4, 0.25, 3), (3, 1 / 3, 2), (4, 0.7, 2)],
+)
 def test_whole_cycles_are_held_out_with_the_rest_after_them(count, share, first):
     x, starts = pulses([1.0] * count)
     held = last_cycles(x, share)

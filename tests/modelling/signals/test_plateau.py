@@ -13,7 +13,13 @@ from hypothesis.extra.numpy import arrays
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Signal
-from mapmore_cli.modelling.signals.plateau import default_within, find_levels, find_plateau, match_levels, without_steady_state
+from mapmore_cli.modelling.signals.plateau import (
+    default_within,
+    find_levels,
+    find_plateau,
+    match_levels,
+    without_steady_state,
+)
 from mapmore_cli.modelling.signals.rates import direction, needed_signals, with_signals
 
 
@@ -21,33 +27,52 @@ def held(levels, ripple, seed, samples=2500):
     """Pressures of load cycles: the regulator's ripple and noise about each level."""
     rng = np.random.default_rng(seed)
     phase = np.linspace(0, 60, samples)
-    return np.concatenate([level + ripple * np.sin(phase) + rng.normal(0, ripple / 3, samples) for level in levels])
+    return np.concatenate(
+        [level + ripple * np.sin(phase) + rng.normal(0, ripple / 3, samples) for level in levels]
+    )
 
 
 @settings(deadline=None, max_examples=40)
-@given(ripple=st.floats(0.05, 4.0), seed=st.integers(0, 2**31), order=st.permutations([80.0, 150.0, 250.0, 350.0]))
+@given(
+    ripple=st.floats(0.05, 4.0),
+    seed=st.integers(0, 2**31),
+    order=st.permutations([80.0, 150.0, 250.0, 350.0]),
+)
 def test_levels_of_rippling_pressure(ripple, seed, order):
-    np.testing.assert_allclose(find_levels(held(order, ripple, seed)), [80, 150, 250, 350], atol=ripple)
+    np.testing.assert_allclose(
+        find_levels(held(order, ripple, seed)), [80, 150, 250, 350], atol=ripple
+    )
 
 
 @settings(deadline=None)
-@given(levels=st.lists(st.integers(-20, 20).map(lambda k: k * 0.0137), min_size=1, max_size=12, unique=True), count=st.integers(2, 30))
+@given(
+    levels=st.lists(
+        st.integers(-20, 20).map(lambda k: k * 0.0137), min_size=1, max_size=12, unique=True
+    ),
+    count=st.integers(2, 30),
+)
 def test_constant_levels_are_found_exactly(levels, count):
-    assume(len(levels) == 1 or np.ptp(levels) > 0.05 * np.abs(levels).max())  # closer ones are one level with ripple, by the rule
+    assume(
+        len(levels) == 1 or np.ptp(levels) > 0.05 * np.abs(levels).max()
+    )  # closer ones are one level with ripple, by the rule
     np.testing.assert_array_equal(find_levels(np.repeat(levels, count)), np.sort(levels))
 
 
 def test_holds_between_ramps_are_found_and_ramps_are_not():
     holds = np.linspace(-0.167, 0.668, 11)
     ramps = [np.linspace(a, b, 900) for a, b in pairwise(holds)]
-    pieces = [np.full(2300, holds[0])] + [piece for ramp in ramps for piece in (ramp, np.full(2300, ramp[-1]))]
+    pieces = [np.full(2300, holds[0])] + [
+        piece for ramp in ramps for piece in (ramp, np.full(2300, ramp[-1]))
+    ]
     noise = np.random.default_rng(3).normal(0, 1e-4, sum(map(len, pieces)))
     np.testing.assert_allclose(find_levels(np.concatenate(pieces) + noise), holds, atol=1e-3)
 
 
 def test_what_is_a_level_and_what_is_none():
     assert find_levels(np.linspace(0, 600, 15_000)).size == 0  # a steady sweep
-    np.testing.assert_array_equal(find_levels(held([150.0], 1.5, seed=1)), [150.0])  # with a small ripple
+    np.testing.assert_array_equal(
+        find_levels(held([150.0], 1.5, seed=1)), [150.0]
+    )  # with a small ripple
     glitches = held([80.0, 150.0, 250.0], 1.0, seed=2)
     glitches[[7, 900]] = [1e6, -1e6]
     np.testing.assert_allclose(find_levels(glitches), [80, 150, 250], atol=1)
@@ -75,9 +100,13 @@ def test_every_value_goes_to_its_nearest_level_or_to_none(levels, values, within
 def test_half_way_belongs_to_the_lower_level_and_a_single_one_takes_everything():
     levels = np.array([250.0, 150.0])
     assert default_within(levels) == 50.0
-    np.testing.assert_array_equal(match_levels(np.array([200.0, 200.001, 100.0, 99.9, 300.0]), levels, 50.0), [1, 0, 1, -1, 0])
+    np.testing.assert_array_equal(
+        match_levels(np.array([200.0, 200.001, 100.0, 99.9, 300.0]), levels, 50.0), [1, 0, 1, -1, 0]
+    )
     assert default_within(np.array([3.0])) == math.inf
-    np.testing.assert_array_equal(match_levels(np.array([-1e9, 1e9]), np.array([3.0]), math.inf), [0, 0])
+    np.testing.assert_array_equal(
+        match_levels(np.array([-1e9, 1e9]), np.array([3.0]), math.inf), [0, 0]
+    )
 
 
 @pytest.mark.parametrize("at", [0.1, 1 / 3, 250.0])
@@ -105,7 +134,9 @@ def test_the_direction_is_latched_and_causal(rate, dead_band):
     for value, told in zip(rate, found, strict=True):  # the definition, sample by sample
         last = np.sign(value) if abs(value) > dead_band else last
         assert told == last
-    assert np.array_equal(direction(rate[: len(rate) // 2 + 1], dead_band), found[: len(rate) // 2 + 1])
+    assert np.array_equal(
+        direction(rate[: len(rate) // 2 + 1], dead_band), found[: len(rate) // 2 + 1]
+    )
 
 
 def test_a_noisy_staircase_changes_direction_only_where_it_turns():
@@ -118,14 +149,26 @@ def test_a_noisy_staircase_changes_direction_only_where_it_turns():
 
 
 @settings(deadline=None, max_examples=30)
-@given(st.floats(0.05, 0.3), st.floats(2.4, 3.4), st.floats(20, 600), st.integers(0, 5), st.floats(1e-3, 1e3))
+@given(
+    st.floats(0.05, 0.3),
+    st.floats(2.4, 3.4),
+    st.floats(20, 600),
+    st.integers(0, 5),
+    st.floats(1e-3, 1e3),
+)
 def test_a_plateau_lies_between_rise_and_fall_in_any_unit(rise, vent, height, seed, scale):
-    pressure = step(rise, 0.2, vent, height) + np.random.default_rng(seed).normal(0, 0.002 * height, len(TIME))
+    pressure = step(rise, 0.2, vent, height) + np.random.default_rng(seed).normal(
+        0, 0.002 * height, len(TIME)
+    )
     strain = 0.1 * step(1.3 * rise, 0.3, vent, 1.0)
     start, end = find_plateau(TIME, pressure, {"strain": strain})
-    assert 0.2 + 2.5 * rise < start < 0.3 + 6 * 1.3 * rise  # settled to 5 %: three time constants of the slower one
+    assert (
+        0.2 + 2.5 * rise < start < 0.3 + 6 * 1.3 * rise
+    )  # settled to 5 %: three time constants of the slower one
     assert vent - 0.05 < end < vent + 0.2 * rise
-    assert find_plateau(TIME, scale * pressure, {"strain": scale * strain}) == pytest.approx((start, end), abs=0.002)
+    assert find_plateau(TIME, scale * pressure, {"strain": scale * strain}) == pytest.approx(
+        (start, end), abs=0.002
+    )
 
 
 def test_the_slower_signal_settles_last():
@@ -152,11 +195,19 @@ def test_what_has_no_plateau_is_refused(pressure, others, words):
 
 def test_the_steady_state_is_the_mean_on_the_plateau():
     rest = np.array([5.0, 3.0, 4.0, -1.0])
-    assert without_steady_state(rest, np.array([False, True, True, False])).tolist() == [1.5, -0.5, 0.5, -4.5]
+    assert without_steady_state(rest, np.array([False, True, True, False])).tolist() == [
+        1.5,
+        -0.5,
+        0.5,
+        -4.5,
+    ]
 
 
 def test_signals_follow_in_order_and_only_where_they_are_missing():
-    signals = (Signal("strain_rate", "rate", "strain", 0.04, 3), Signal("way", "direction", "strain_rate", dead_band=0.01))
+    signals = (
+        Signal("strain_rate", "rate", "strain", 0.04, 3),
+        Signal("way", "direction", "strain_rate", dead_band=0.01),
+    )
     columns = {"time": TIME, "strain": np.sin(2 * TIME)}
     found = with_signals(needed_signals(signals, ["way"]), columns)
     assert np.allclose(found["strain_rate"], 2 * np.cos(2 * TIME), atol=1e-4)

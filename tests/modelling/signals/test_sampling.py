@@ -21,7 +21,9 @@ from mapmore_cli.modelling.signals.sampling import (
     typical_step,
 )
 
-stamps = st.lists(st.integers(0, 3), min_size=1, max_size=40).map(lambda steps: np.cumsum(steps) * 0.001)
+stamps = st.lists(st.integers(0, 3), min_size=1, max_size=40).map(
+    lambda steps: np.cumsum(steps) * 0.001
+)
 
 
 @settings(deadline=None)
@@ -31,7 +33,9 @@ def test_averaging_leaves_each_stamp_once_with_the_mean_of_its_samples(time, see
     once, averaged = average_repeated(time, {"force": force, "time": time})
     assert (np.diff(once) > 0).all()
     assert set(once) == set(time)
-    np.testing.assert_allclose(averaged["force"], [force[time == t].mean() for t in once], rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(
+        averaged["force"], [force[time == t].mean() for t in once], rtol=1e-12, atol=1e-15
+    )
 
 
 @settings(deadline=None)
@@ -47,7 +51,10 @@ def test_spreading_makes_stamps_unique_without_reaching_the_next(time):
 
 
 def test_spreading_is_even():
-    np.testing.assert_allclose(spread_repeated(np.array([0.0, 1.0, 1.0, 3.0, 3.0, 3.0])), [0, 1, 2, 3, 3 + 2 / 3, 3 + 4 / 3])
+    np.testing.assert_allclose(
+        spread_repeated(np.array([0.0, 1.0, 1.0, 3.0, 3.0, 3.0])),
+        [0, 1, 2, 3, 3 + 2 / 3, 3 + 4 / 3],
+    )
 
 
 @settings(deadline=None)
@@ -57,7 +64,9 @@ def test_spreading_is_even():
     step=st.sampled_from([0.001, 0.02, 0.1, 7.0]),
 )
 def test_planted_gaps_are_found_and_their_samples_counted(sizes, missing, step):
-    counts = np.concatenate([np.arange(size) + sum(sizes[:i]) + sum(missing[:i]) for i, size in enumerate(sizes)])
+    counts = np.concatenate(
+        [np.arange(size) + sum(sizes[:i]) + sum(missing[:i]) for i, size in enumerate(sizes)]
+    )
     gaps = find_gaps(counts * step, 3 * step)
     np.testing.assert_array_equal(gaps.after, np.cumsum(sizes)[:-1] - 1)
     np.testing.assert_allclose(gaps.lengths, (np.array(missing[: len(sizes) - 1]) + 1) * step)
@@ -74,20 +83,34 @@ def test_repeated_stamps_do_not_hide_the_usual_step_and_resets_are_found():
     time = np.repeat(np.arange(10.0), 3)
     assert (typical_step(time), typical_step(np.zeros(4))) == (1.0, 0.0)
     assert find_gaps(np.append(time, 19.0), 2.0).samples_missing == 9
-    assert pieces(6, find_resets(np.array([0, 1, 1, 0.5, 2, 0]))) == [slice(0, 3), slice(3, 5), slice(5, 6)]
+    assert pieces(6, find_resets(np.array([0, 1, 1, 0.5, 2, 0]))) == [
+        slice(0, 3),
+        slice(3, 5),
+        slice(5, 6),
+    ]
 
 
-times = st.lists(st.integers(-50, 50), min_size=1, max_size=30, unique=True).map(lambda stamps: np.array(sorted(stamps), dtype=float))
+times = st.lists(st.integers(-50, 50), min_size=1, max_size=30, unique=True).map(
+    lambda stamps: np.array(sorted(stamps), dtype=float)
+)
 
 
 @settings(deadline=None)
-@given(time=times, stamps=st.lists(st.floats(-60, 60), min_size=1, max_size=40), max_gap=st.one_of(st.none(), st.floats(0.5, 20)))
+@given(
+    time=times,
+    stamps=st.lists(st.floats(-60, 60), min_size=1, max_size=40),
+    max_gap=st.one_of(st.none(), st.floats(0.5, 20)),
+)
 def test_every_value_lies_between_two_near_samples_or_is_missing(time, stamps, max_gap):
     values = 2 * time - 1
     aligned = align(np.array(stamps), time, values, max_gap)
     for stamp, value in zip(stamps, aligned, strict=True):
         before, after = time[time <= stamp], time[time >= stamp]
-        near = len(before) and len(after) and (max_gap is None or after[0] - before[-1] <= max_gap * (1 + 1e-9))
+        near = (
+            len(before)
+            and len(after)
+            and (max_gap is None or after[0] - before[-1] <= max_gap * (1 + 1e-9))
+        )
         if near:
             np.testing.assert_allclose(value, 2 * stamp - 1, atol=1e-9)
         else:
@@ -97,7 +120,9 @@ def test_every_value_lies_between_two_near_samples_or_is_missing(time, stamps, m
 def test_own_stamps_keep_their_values_on_both_sides_of_a_gap():
     time, values = np.array([0.0, 1.0, 9.0, 10.0]), np.array([5.0, 6.0, 7.0, 8.0])
     np.testing.assert_array_equal(align(time, time, values, 2.0), values)
-    np.testing.assert_array_equal(align(np.array([1.5, np.nan, -0.1, 10.1]), time, values, 2.0), [np.nan] * 4)
+    np.testing.assert_array_equal(
+        align(np.array([1.5, np.nan, -0.1, 10.1]), time, values, 2.0), [np.nan] * 4
+    )
 
 
 def rounded_stamps(seed, n):
@@ -106,14 +131,27 @@ def rounded_stamps(seed, n):
     return np.round(np.cumsum(steps), 3)
 
 
-@given(seed=st.integers(0, 2**31), order=st.integers(1, 5), degree=st.integers(0, 5), offset=st.sampled_from([0.0, 1e3, -1e5]))
-def test_polynomial_up_to_the_order_has_its_exact_rate_on_rounded_stamps(seed, order, degree, offset):
+@given(
+    seed=st.integers(0, 2**31),
+    order=st.integers(1, 5),
+    degree=st.integers(0, 5),
+    offset=st.sampled_from([0.0, 1e3, -1e5]),
+)
+def test_polynomial_up_to_the_order_has_its_exact_rate_on_rounded_stamps(
+    seed, order, degree, offset
+):
     degree = min(degree, order)
     time = rounded_stamps(seed, 150)
     c = np.random.default_rng(seed + 1).uniform(-3, 3, degree + 1)
     values = np.polynomial.polynomial.polyval(time, c) + offset
-    exact = np.polynomial.polynomial.polyval(time, np.polynomial.polynomial.polyder(c)) if degree else np.zeros_like(time)
-    np.testing.assert_allclose(rate(time, values, 0.04, order), exact, atol=1e-6 * (1 + abs(offset) / 100))
+    exact = (
+        np.polynomial.polynomial.polyval(time, np.polynomial.polynomial.polyder(c))
+        if degree
+        else np.zeros_like(time)
+    )
+    np.testing.assert_allclose(
+        rate(time, values, 0.04, order), exact, atol=1e-6 * (1 + abs(offset) / 100)
+    )
 
 
 @pytest.mark.parametrize("order", [1, 2, 3, 4, 5])
@@ -123,7 +161,9 @@ def test_even_stamps_give_the_filter_of_scipy_ends_included(order, half):
     time = 7.0 + step * np.arange(200)
     values = np.random.default_rng(order).normal(size=200)
     expected = savgol_filter(values, 2 * half + 1, order, deriv=1, delta=step, mode="interp")
-    np.testing.assert_allclose(rate(time, values, 2 * half * step, order), expected, rtol=1e-8, atol=1e-8)
+    np.testing.assert_allclose(
+        rate(time, values, 2 * half * step, order), expected, rtol=1e-8, atol=1e-8
+    )
 
 
 @settings(deadline=None, max_examples=30)
@@ -180,7 +220,11 @@ def test_straight_lines_stay_straight_on_even_stamps(n, ratio, slope, start, jit
     assert len(stamps) == 0 or (stamps[0] >= time[0] - 1e-9 and stamps[-1] <= time[-1] + step)
     assert len(stamps) >= int((time[-1] - time[0]) / step)
     means_inside = slice(1, -1)  # at both ends, the first and the last mean are held
-    np.testing.assert_allclose(columns["x"][means_inside], (3 + slope * (stamps - start))[means_inside], atol=1e-6 * (1 + abs(slope)))
+    np.testing.assert_allclose(
+        columns["x"][means_inside],
+        (3 + slope * (stamps - start))[means_inside],
+        atol=1e-6 * (1 + abs(slope)),
+    )
 
 
 @pytest.mark.parametrize("samples", [2, 3, 10])
@@ -188,13 +232,19 @@ def test_blocks_of_an_even_record_are_plain_means(samples):
     time = 5 + 0.001 * np.arange(12 * samples + 1)
     x = np.random.default_rng(1).normal(size=len(time))
     stamps, columns = resample(time, {"x": x}, 0.001 * samples)
-    np.testing.assert_allclose(columns["x"], x[: 12 * samples].reshape(12, samples).mean(axis=1), atol=1e-9)
-    np.testing.assert_allclose(stamps, time[: 12 * samples].reshape(12, samples).mean(axis=1), rtol=0, atol=1e-9)
+    np.testing.assert_allclose(
+        columns["x"], x[: 12 * samples].reshape(12, samples).mean(axis=1), atol=1e-9
+    )
+    np.testing.assert_allclose(
+        stamps, time[: 12 * samples].reshape(12, samples).mean(axis=1), rtol=0, atol=1e-9
+    )
 
 
 def test_what_the_new_rate_cannot_show_is_averaged_away():
     time = np.arange(10_000) * 0.001
-    hum = np.sin(2 * np.pi * 100 * time)  # a whole period in each step of 10 ms: picking samples would alias it to a constant
+    hum = np.sin(
+        2 * np.pi * 100 * time
+    )  # a whole period in each step of 10 ms: picking samples would alias it to a constant
     _, columns = resample(time, {"x": hum + 7}, 0.01)
     np.testing.assert_allclose(columns["x"], 7, atol=1e-6)
 

@@ -38,8 +38,12 @@ def sure(shift):
 @given(st.floats(-10, 10), st.integers(0, 10_000), st.floats(0, 3))
 @example(0.0, 0, 0.0)
 @example(
-    -14.654927770943802, 1592, 0.0
-)  # less than 0.3 of the changes overlap: at the edge of what is looked at, the correlation still rises
+    -14.654927770943802,
+    1592,
+    0.0,
+    # less than 0.3 of the changes overlap: at the edge of what is looked at, the correlation still
+    # rises
+)
 def test_a_shared_quantity_tells_the_shift_to_half_a_sample(shift, seed, noise):
     one = found(ramps(seed), shift, noise, seed)
     assert sure(one)
@@ -79,7 +83,9 @@ def test_noise_is_refused(kind):
 
 @settings(max_examples=15)
 @given(st.floats(-5, 5), st.floats(2, 8), st.sampled_from(["sine", "square", "staircase"]))
-@example(1.5, 7.75, "staircase")  # changes over one of the widths make the true peak and its neighbours look unlike
+@example(
+    1.5, 7.75, "staircase"
+)  # changes over one of the widths make the true peak and its neighbours look unlike
 def test_several_equal_peaks_are_refused(shift, period, kind):
     waves = {
         "sine": lambda t: np.sin(2 * np.pi * t / period),
@@ -125,5 +131,7 @@ def test_the_correlation_is_pearsons_over_the_overlap():
         start, end = max(lag, 0), min(40, 30 + lag)
         assert overlap[place] == end - start
         if r[place] != 0.0:
-            assert r[place] == pytest.approx(np.corrcoef(u[start:end], v[start - lag : end - lag])[0, 1], abs=1e-9)
+            assert r[place] == pytest.approx(
+                np.corrcoef(u[start:end], v[start - lag : end - lag])[0, 1], abs=1e-9
+            )
     assert np.count_nonzero(r) > 20

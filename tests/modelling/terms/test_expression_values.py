@@ -12,19 +12,35 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.modelling.expressions import Name, NotFinite, affine, derivative, dictionary_matrix, evaluate, parse, substitute, to_text
+from mapmore_cli.modelling.expressions import (
+    Name,
+    NotFinite,
+    affine,
+    derivative,
+    dictionary_matrix,
+    evaluate,
+    parse,
+    substitute,
+    to_text,
+)
 from mapmore_cli.modelling.expressions.families import products
 from mapmore_cli.modelling.expressions.operator import FUNCTIONS
 
-POINTS = st.fixed_dictionaries({name: st.floats(-3, 3).map(lambda v: round(v, 3)) for name in NAMES})
+POINTS = st.fixed_dictionaries(
+    {name: st.floats(-3, 3).map(lambda v: round(v, 3)) for name in NAMES}
+)
 
 
 def value_at(expression, point):
-    return float(evaluate(expression, {name: np.array([value]) for name, value in point.items()}, 1)[0])
+    return float(
+        evaluate(expression, {name: np.array([value]) for name, value in point.items()}, 1)[0]
+    )
 
 
 def oracle(text, point):
-    """Python's value; the example is dropped where there is none, or where rounding decides about it."""
+    """Python's value; the example is dropped where there is none, or where rounding decides about
+    it.
+    """
     try:
         value = by_python(text, point)
         nearby = by_python(text, point, nudge=1e-9)
@@ -36,8 +52,14 @@ def oracle(text, point):
 
 @given(texts(), POINTS)
 def test_value_is_pythons_and_folding_loses_none(text, point):
-    """Where NumPy's plain evaluation of the text is finite, so is ours. A root of a negative number is complex for Python, NaN here."""
-    expected, plain, found = oracle(text, point), by_numpy(text, point), value_at(parse(text), point)
+    """Where NumPy's plain evaluation of the text is finite, so is ours. A root of a negative number
+    is complex for Python, NaN here.
+    """
+    expected, plain, found = (
+        oracle(text, point),
+        by_numpy(text, point),
+        value_at(parse(text), point),
+    )
     if math.isfinite(plain):
         assert found == pytest.approx(plain, rel=1e-7, abs=1e-7)
     if math.isfinite(found) and abs(expected.imag) <= 1e-6 * abs(expected):
@@ -72,7 +94,9 @@ def test_slope_of_every_function(function):
     x = np.array([0.3, 0.7, 1.4])
     text, h = parse(f"{function}(2*x)"), 1e-6
     expected = (evaluate(text, {"x": x + h}) - evaluate(text, {"x": x - h})) / (2 * h)
-    np.testing.assert_allclose(evaluate(derivative(text, "x"), {"x": x}), expected, rtol=1e-7, atol=1e-9)
+    np.testing.assert_allclose(
+        evaluate(derivative(text, "x"), {"x": x}), expected, rtol=1e-7, atol=1e-9
+    )
 
 
 @pytest.mark.parametrize(
@@ -99,20 +123,33 @@ def test_substitution_is_evaluation_in_two_steps(outer, inner, point):
     expected = value_at(parse(outer), {**point, "x": put})
     assume(math.isfinite(expected))
     oracle(outer, {**point, "x": put})
-    assert value_at(substitute(parse(outer), {"x": parse(inner)}), point) == pytest.approx(expected, rel=1e-7, abs=1e-7)
-    assert to_text(substitute(parse("x - 2*y"), {"x": Name("y"), "y": Name("x")})) == "y - 2*x"  # all at once
+    assert value_at(substitute(parse(outer), {"x": parse(inner)}), point) == pytest.approx(
+        expected, rel=1e-7, abs=1e-7
+    )
+    assert (
+        to_text(substitute(parse("x - 2*y"), {"x": Name("y"), "y": Name("x")})) == "y - 2*x"
+    )  # all at once
 
 
 @settings(deadline=None)
 @given(st.floats(-1e3, 1e3), st.floats(-1e3, 1e3), st.floats(-10, 10))
 def test_affine_is_slope_and_intercept(slope, intercept, x):
     assume(slope == 0.0 or abs(slope) > 1e-3)
-    assert value_at(affine(Name("x"), slope, intercept), {"x": x}) == pytest.approx(slope * x + intercept, rel=1e-9, abs=1e-9)
+    assert value_at(affine(Name("x"), slope, intercept), {"x": x}) == pytest.approx(
+        slope * x + intercept, rel=1e-9, abs=1e-9
+    )
 
 
 @pytest.mark.parametrize(
     ("slope", "intercept", "text"),
-    [(2.0, -1.0, "(x - 0.5)/0.5"), (-2.0, 1.0, "(0.5 - x)/0.5"), (4.0, 0.0, "x/0.25"), (1.0, 0.0, "x"), (-1.0, 0.0, "-x"), (0.0, 3.0, "3")],
+    [
+        (2.0, -1.0, "(x - 0.5)/0.5"),
+        (-2.0, 1.0, "(0.5 - x)/0.5"),
+        (4.0, 0.0, "x/0.25"),
+        (1.0, 0.0, "x"),
+        (-1.0, 0.0, "-x"),
+        (0.0, 3.0, "3"),
+    ],
 )
 def test_affine_prints_centre_and_width(slope, intercept, text):
     assert to_text(affine(Name("x"), slope, intercept)) == text
@@ -159,14 +196,18 @@ def test_dictionary_matrix_spans_blocks_of_rows():
     x, y = np.random.default_rng(0).uniform(-2, 2, (2, n))
     matrix = dictionary_matrix(products(["x", "y"], 5), {"x": x, "y": y}, n)
     powers = [(total - j, j) for total in range(6) for j in range(total + 1)]
-    np.testing.assert_allclose(matrix, np.stack([x**i * y**j for i, j in powers], axis=1), rtol=1e-14)
+    np.testing.assert_allclose(
+        matrix, np.stack([x**i * y**j for i, j in powers], axis=1), rtol=1e-14
+    )
 
 
 @pytest.mark.parametrize("row", [0, 8191, 8192, 19_999])
 def test_a_term_that_is_not_finite_is_named_with_its_first_row(row):
     x = np.full(20_000, 0.5)
     x[row:] = -1.0
-    with pytest.raises(NotFinite, match=rf"`log\(x\)` is not finite in row {row} \(x = -1\)") as caught:
+    with pytest.raises(
+        NotFinite, match=rf"`log\(x\)` is not finite in row {row} \(x = -1\)"
+    ) as caught:
         dictionary_matrix([parse("x"), parse("log(x)"), parse("sqrt(x)")], {"x": x}, len(x))
     assert (caught.value.term, caught.value.row) == ("log(x)", row)
     assert isinstance(caught.value, ValueError)
@@ -174,7 +215,10 @@ def test_a_term_that_is_not_finite_is_named_with_its_first_row(row):
 
 def test_a_tree_keeps_its_hash_but_does_not_take_it_along():
     """Hashes of text differ from process to process."""
-    tree, same = (substitute(parse("2*strain*pressure + exp(strain)"), {"strain": Name("x")}) for _ in range(2))
+    tree, same = (
+        substitute(parse("2*strain*pressure + exp(strain)"), {"strain": Name("x")})
+        for _ in range(2)
+    )
     assert hash(tree) == hash(same) == hash(tree)
     carried = pickle.loads(pickle.dumps(tree))
     assert "_hash" in vars(tree)

@@ -10,7 +10,13 @@ from hypothesis import strategies as st
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.expressions import families, to_text
-from mapmore_cli.modelling.expressions.families import count_products, delays, lags, operated, products
+from mapmore_cli.modelling.expressions.families import (
+    count_products,
+    delays,
+    lags,
+    operated,
+    products,
+)
 from mapmore_cli.modelling.expressions.operators.play import spread_widths
 from mapmore_cli.modelling.expressions.operators.slow import spread_times
 
@@ -22,7 +28,10 @@ def test_number_and_degrees_of_monomials(count, order, constant):
     found = [to_text(term) for term in products(names, order, constant=constant)]
     assert len(found) == math.comb(count + order, order) - (not constant)
     assert len(set(found)) == len(found)
-    degrees = [sum(int(factor.partition("^")[2] or factor != "1") for factor in text.split("*")) for text in found]
+    degrees = [
+        sum(int(factor.partition("^")[2] or factor != "1") for factor in text.split("*"))
+        for text in found
+    ]
     assert degrees == sorted(degrees)
 
 
@@ -34,7 +43,14 @@ def test_monomials_are_written_as_a_person_would():
 
 
 def test_names_are_written_as_a_person_would():
-    assert lags(["force", "pressure"], [0, 1, 2]) == ("force", "pressure", "force[k-1]", "pressure[k-1]", "force[k-2]", "pressure[k-2]")
+    assert lags(["force", "pressure"], [0, 1, 2]) == (
+        "force",
+        "pressure",
+        "force[k-1]",
+        "pressure[k-1]",
+        "force[k-2]",
+        "pressure[k-2]",
+    )
     assert delays(["p"], [0, 0.011, 0.012, 0.04], 0.01) == ("p", "p[k-1]", "p[k-4]")
     assert operated("play", ["p"], [0.16, 0.4]) == ("play(p, 0.16)", "play(p, 0.4)")
     assert operated("slow", operated("play", ["p"], [0.16]), [0.3]) == ("slow(play(p, 0.16), 0.3)",)
@@ -42,7 +58,10 @@ def test_names_are_written_as_a_person_would():
     assert operated("resonance", ["p"]) == ("resonance(p)", "resonance_velocity(p)")
 
 
-@pytest.mark.parametrize(("operator", "numbers"), [("play", [0.0]), ("saturate", [1.0]), ("play", [1.0]), ("resonance", [4.0])])
+@pytest.mark.parametrize(
+    ("operator", "numbers"),
+    [("play", [0.0]), ("saturate", [1.0]), ("play", [1.0]), ("resonance", [4.0])],
+)
 def test_impossible_operators_are_refused(operator, numbers):
     with pytest.raises(ValueError, match=r"number|between"):
         operated(operator, ["p"], numbers)
@@ -55,26 +74,43 @@ def test_spread_numbers_cover_the_training_range():
 
 
 @given(st.integers(1, 5), st.integers(0, 4), st.integers(0, 5), st.booleans())
-def test_products_are_those_monomials_that_have_few_states_beside_the_partners(count, order, partners, constant):
+def test_products_are_those_monomials_that_have_few_states_beside_the_partners(
+    count, order, partners, constant
+):
     names = ["p", "q[k-1]", "slow(p, 1)", "play(q, 0.5)", "r"][:count]
     free = set(names[:partners])
     found = products(names, order, partners=names[:partners], constant=constant)
-    assert found == tuple(term for term in products(names, order, constant=constant) if len(term.names - free) <= 1)
+    assert found == tuple(
+        term for term in products(names, order, constant=constant) if len(term.names - free) <= 1
+    )
     assert len(found) == count_products(count, order, len(free)) - (not constant)
 
 
-@pytest.mark.parametrize(("of", "order", "partners"), [(["p", "p"], 2, None), (["p"], 21, None), (["p"], -1, None), (["p"], 2, ["q"])])
+@pytest.mark.parametrize(
+    ("of", "order", "partners"),
+    [(["p", "p"], 2, None), (["p"], 21, None), (["p"], -1, None), (["p"], 2, ["q"])],
+)
 def test_impossible_products_are_refused(of, order, partners):
     with pytest.raises(ValueError, match=r"order|twice|none of the states"):
         products(of, order, partners)
 
 
-def test_more_products_than_memory_allows_are_refused_with_numbers_before_they_are_built(monkeypatch):
+def test_more_products_than_memory_allows_are_refused_with_numbers_before_they_are_built(
+    monkeypatch,
+):
     names = [f"x[k-{i}]" for i in range(1, 61)]
     count = count_products(60, 8, 60)
-    with pytest.raises(DataError, match=rf"a dictionary of {count} candidates needs .* GB of memory .* may be used"):
+    with pytest.raises(
+        DataError, match=rf"a dictionary of {count} candidates needs .* GB of memory .* may be used"
+    ):
         products(names, 8)
     monkeypatch.setattr(families, "usable_memory", lambda: families.products_bytes(10))
     assert len(products(["p", "q", "r"], 2)) == 10
-    with pytest.raises(DataError, match=r"a dictionary of 15 candidates needs 0\.00614 MB of memory .* 0\.0029 MB may be used"):
+    with pytest.raises(
+        DataError,
+        match=(
+            r"a dictionary of 15 candidates needs 0\.00614 MB of memory .* 0\.0029 MB may be "
+            r"used"
+        ),
+    ):
         products(["p", "q", "r", "s"], 2)

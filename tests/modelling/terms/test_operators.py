@@ -1,4 +1,6 @@
-"""Operators: against their recursions, written out sample by sample; and what follows from a recursion, a free run, derivatives and C."""
+"""Operators: against their recursions, written out sample by sample; and what follows from a
+recursion, a free run, derivatives and C.
+"""
 
 from __future__ import annotations
 
@@ -24,12 +26,21 @@ sys.path.append(str(Path(__file__).parents[2] / "exporting"))
 STEP = 0.01
 PATHS = arrays(float, st.integers(1, 60), elements=st.floats(-10, 10, width=16))
 WIDTHS = st.floats(0.01, 20)
-NUMBERS = {"tau": (0.05, 0.1), "widths": (0.11,), "frequency": (4.0, 0.2), "p": (1.5, 7.0), "rate": (3.0,), "v": (0.05, 0.2)}
+NUMBERS = {
+    "tau": (0.05, 0.1),
+    "widths": (0.11,),
+    "frequency": (4.0, 0.2),
+    "p": (1.5, 7.0),
+    "rate": (3.0,),
+    "v": (0.05, 0.2),
+}
 
 
 def setting_of(name):
     parameters = OPERATORS[name].parameters
-    return Setting(NUMBERS[parameters[0].key][: len(parameters)] if parameters else (), STEP, (-3.0, 4.0))
+    return Setting(
+        NUMBERS[parameters[0].key][: len(parameters)] if parameters else (), STEP, (-3.0, 4.0)
+    )
 
 
 def state_of(name, x, *numbers, step=STEP):
@@ -41,7 +52,9 @@ def state_of(name, x, *numbers, step=STEP):
 @given(PATHS, st.floats(1e-3, 100))
 def test_slow_follows_its_recursion_from_rest(x, tau):
     a, s = np.exp(-STEP / tau), x[0]
-    np.testing.assert_allclose(state_of("slow", x, tau), [s := a * s + (1 - a) * now for now in x], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(
+        state_of("slow", x, tau), [s := a * s + (1 - a) * now for now in x], rtol=1e-9, atol=1e-9
+    )
 
 
 @given(PATHS, WIDTHS, st.lists(st.integers(1, 4), min_size=60, max_size=60))
@@ -49,13 +62,17 @@ def test_play_follows_its_recursion_however_fast_the_path_is_run(x, width, repea
     w, each = x[0], np.array(repeats[: len(x)])
     expected = [w := min(max(w, now - width), now + width) for now in x]
     np.testing.assert_array_equal(state_of("play", x, width), expected)
-    np.testing.assert_array_equal(state_of("play", np.repeat(x, each), width)[np.cumsum(each) - 1], expected)
+    np.testing.assert_array_equal(
+        state_of("play", np.repeat(x, each), width)[np.cumsum(each) - 1], expected
+    )
 
 
 @given(PATHS, WIDTHS)
 def test_stop_is_the_elasto_slide_operator_of_the_rig(x, width):
     slides = width * rig_stop(x, np.array([width]))[:, 0]
-    np.testing.assert_allclose(state_of("stop", x, width), slides, atol=1e-12 + 1e-14 * len(x) * np.abs(x).max())
+    np.testing.assert_allclose(
+        state_of("stop", x, width), slides, atol=1e-12 + 1e-14 * len(x) * np.abs(x).max()
+    )
 
 
 @settings(deadline=None)
@@ -65,10 +82,15 @@ def test_resonance_follows_its_recursion_from_rest(x, frequency, damping):
     q, th = np.exp(-damping * w * STEP), w * STEP * np.sqrt(1 - damping**2)
     y, before, velocity, expected = x[0], x[0], [], []
     for now in x:
-        y, before = 2 * q * np.cos(th) * y - q**2 * before + (1 - 2 * q * np.cos(th) + q**2) * now, y
+        y, before = (
+            2 * q * np.cos(th) * y - q**2 * before + (1 - 2 * q * np.cos(th) + q**2) * now,
+            y,
+        )
         expected.append(y)
         velocity.append((y - before) / (w * STEP))
-    np.testing.assert_allclose(state_of("resonance", x, frequency, damping), expected, rtol=1e-7, atol=1e-7)
+    np.testing.assert_allclose(
+        state_of("resonance", x, frequency, damping), expected, rtol=1e-7, atol=1e-7
+    )
     found = state_of("resonance_velocity", x, frequency, damping)
     assert found[0] == 0.0
     np.testing.assert_allclose(found[1:], velocity[1:], rtol=1e-5, atol=1e-5)
@@ -78,9 +100,13 @@ def test_resonance_rings_at_its_frequency_with_its_decay():
     step, frequency, damping = 1e-3, 4.0, 0.1
     y = state_of("resonance", np.r_[0.0, np.ones(5000)], frequency, damping, step=step)
     peaks = np.flatnonzero((np.diff(y)[:-1] > 0) & (np.diff(y)[1:] <= 0)) + 1
-    assert np.diff(peaks[:4]) * step == pytest.approx(1 / (frequency * np.sqrt(1 - damping**2)), rel=5e-3)
+    assert np.diff(peaks[:4]) * step == pytest.approx(
+        1 / (frequency * np.sqrt(1 - damping**2)), rel=5e-3
+    )
     over = y[peaks[:4]] - 1
-    assert over[1:] / over[:-1] == pytest.approx(np.exp(-2 * np.pi * damping / np.sqrt(1 - damping**2)), rel=5e-3)
+    assert over[1:] / over[:-1] == pytest.approx(
+        np.exp(-2 * np.pi * damping / np.sqrt(1 - damping**2)), rel=5e-3
+    )
     assert y[-1] == pytest.approx(1.0, abs=1e-4)
 
 
@@ -104,8 +130,15 @@ def test_every_way_along_a_recording_is_the_recursion(name, x, empty):
     operator, setting = OPERATORS[name], setting_of(name)
     expected = sample_by_sample(operator, setting, x)
     np.testing.assert_allclose(along(operator, x, setting), expected, rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(followed(operator.recursion(setting), x), expected, rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(followed(replace(operator.recursion(setting), weights=None), x), expected, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(
+        followed(operator.recursion(setting), x), expected, rtol=1e-9, atol=1e-9
+    )
+    np.testing.assert_allclose(
+        followed(replace(operator.recursion(setting), weights=None), x),
+        expected,
+        rtol=1e-9,
+        atol=1e-9,
+    )
     late = along(operator, np.r_[np.full(empty, np.nan), x], setting)
     assert np.isnan(late[:empty]).all()
     np.testing.assert_allclose(late[empty:], expected, rtol=1e-9, atol=1e-9)
@@ -124,19 +157,29 @@ def test_slopes_are_the_derivatives_of_the_recursion(name):
     for place, slope in enumerate(slopes):
         shift = np.zeros((len(arguments), 1))
         shift[place] = 1e-6
-        above, below = (np.array([rule.next(FLOATS, *column) for column in (arguments + sign * shift).T]) for sign in (1, -1))
+        above, below = (
+            np.array([rule.next(FLOATS, *column) for column in (arguments + sign * shift).T])
+            for sign in (1, -1)
+        )
         np.testing.assert_allclose(np.broadcast_to(slope, 200), (above - below) / 2e-6, atol=1e-7)
-        np.testing.assert_allclose(np.broadcast_to(by_statements[place], 200), np.broadcast_to(slope, 200), atol=1e-15)
+        np.testing.assert_allclose(
+            np.broadcast_to(by_statements[place], 200), np.broadcast_to(slope, 200), atol=1e-15
+        )
 
 
 @pytest.mark.parametrize("name", OPERATORS)
 def test_a_resting_source_keeps_the_recursion_at_rest(name):
     rule = OPERATORS[name].recursion(setting_of(name))
-    assert rule.next(FLOATS, *[rule.rest(1.5)] * rule.own, *[1.5] * (rule.source + 1)) == pytest.approx(rule.rest(1.5), abs=1e-12)
+    assert rule.next(
+        FLOATS, *[rule.rest(1.5)] * rule.own, *[1.5] * (rule.source + 1)
+    ) == pytest.approx(rule.rest(1.5), abs=1e-12)
 
 
 def test_a_family_writes_the_operators_that_name_it():
-    assert [operator.name for operator in families()["resonance"]] == ["resonance", "resonance_velocity"]
+    assert [operator.name for operator in families()["resonance"]] == [
+        "resonance",
+        "resonance_velocity",
+    ]
     assert sum(map(len, families().values())) == len(OPERATORS)
 
 
@@ -149,7 +192,8 @@ def recursion(setting):
     most = setting.numbers[0] * setting.step
     soft = lambda m, s, x: s + most * m.call("tanh", (x - s) / most)
     return Recursion(
-        1, 1, lambda m, s, x, before: m.where(x > before, lambda: soft(m, s, x), lambda: m.clip(x, s - most, s + most)), lambda x: x
+        1, 1, lambda m, s, x, before: m.where(x > before, lambda: soft(m, s, x), lambda: m.clip(x,
+            s - most, s + most)), lambda x: x
     )
 
 
@@ -159,7 +203,9 @@ OPERATORS = (Operator("valve", "A rate limit.", recursion, (Parameter("rate", "1
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="there is no C compiler here")
 def test_an_operator_of_one_file_is_evaluated_fed_back_and_compiled(tmp_path, monkeypatch):
-    """Nothing else knows of it: its file is found, and its C equals its prediction, in a model driven by inputs and by its output."""
+    """Nothing else knows of it: its file is found, and its C equals its prediction, in a model
+    driven by inputs and by its output.
+    """
     from agreement import compare
     from export_samples import memory
 

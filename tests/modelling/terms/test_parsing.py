@@ -1,4 +1,6 @@
-"""Text to syntax tree and back, as text and as LaTeX: what is accepted, what is refused, and where; states are names, written one way."""
+"""Text to syntax tree and back, as text and as LaTeX: what is accepted, what is refused, and where;
+states are names, written one way.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,19 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from matplotlib.mathtext import MathTextParser
 
-from mapmore_cli.modelling.expressions import ExpressionError, Name, Number, add, call, multiply, parse, power, state, to_latex, to_text
+from mapmore_cli.modelling.expressions import (
+    ExpressionError,
+    Name,
+    Number,
+    add,
+    call,
+    multiply,
+    parse,
+    power,
+    state,
+    to_latex,
+    to_text,
+)
 from mapmore_cli.modelling.expressions.operators import OPERATORS
 from mapmore_cli.modelling.expressions.states import Lagged, Measured, Operated
 
@@ -34,9 +48,26 @@ from mapmore_cli.modelling.expressions.states import Lagged, Measured, Operated
         ("force [ k - 12 ] ^2", "force[k-12]^2"),
         ("pressure*slow( pressure ,.50)", "pressure*slow(pressure, 0.5)"),
         ("slow(play(pressure,0.16),3e-1)", "slow(play(pressure, 0.16), 0.3)"),
-        ("-resonance(p)/2 + resonance_velocity(p, 4.50, .1)", "-resonance(p)/2 + resonance_velocity(p, 4.5, 0.1)"),
-        *((text, text) for text in ("-x^2", "(-x)^2", "a - (b - c)", "a/b/c", "a/(b*c)", "(0.083 - length)/0.083", "force[k-1]")),
-        *((text, text) for text in ("play(force[k-2], 0.5)[k-3]", "exp(-saturate(x)/3)", "slow + play*k")),  # quantities like operators
+        (
+            "-resonance(p)/2 + resonance_velocity(p, 4.50, .1)",
+            "-resonance(p)/2 + resonance_velocity(p, 4.5, 0.1)",
+        ),
+        *(
+            (text, text)
+            for text in (
+                "-x^2",
+                "(-x)^2",
+                "a - (b - c)",
+                "a/b/c",
+                "a/(b*c)",
+                "(0.083 - length)/0.083",
+                "force[k-1]",
+            )
+        ),
+        *(
+            (text, text)
+            for text in ("play(force[k-2], 0.5)[k-3]", "exp(-saturate(x)/3)", "slow + play*k")
+        ),  # quantities like operators
     ],
 )
 def test_canonical_text(text, canonical):
@@ -46,7 +77,15 @@ def test_canonical_text(text, canonical):
 MALFORMED = {
     "ends": {"": 0, "   ": 3, "strain +": 8},
     "stands": {"strain * * 2": 9, "()": 1},
-    "operator": {"2 strain": 2, "2strain": 1, "strain)": 6, "1e": 1, "1.2.3": 3, "0x10": 1, "a if b else c": 2},
+    "operator": {
+        "2 strain": 2,
+        "2strain": 1,
+        "strain)": 6,
+        "1e": 1,
+        "1.2.3": 3,
+        "0x10": 1,
+        "a if b else c": 2,
+    },
     r"`\)`": {"(strain": 7},
     "beyond 20": {"x^21": 2, "x^-20.5": 2, "x^(1/0)": 2, "x^log(-1)": 2},
     "constant": {"x^y": 2},
@@ -55,7 +94,14 @@ MALFORMED = {
     "did you mean `exp`": {"expp(x)": 0},
     "no function": {"strain(2)": 0, "__import__(os)": 0},
     "unexpected character": {
-        **{"__import__('os').system('true')": 11, "x.real": 1, "lambda: 0": 6, "x = 1": 2, "strain; pressure": 6, "exp(x, y)": 5},
+        **{
+            "__import__('os').system('true')": 11,
+            "x.real": 1,
+            "lambda: 0": 6,
+            "x = 1": 2,
+            "strain; pressure": 6,
+            "exp(x, y)": 5,
+        },
         **{"ε + 1": 0, "1 + ٣": 4, "x\u00a0+ 1": 1, "x\x00": 1, "x[k-1][k-2]": 6},
     },
     "a delay is written": {"x[0]": 1, "x[k-0]": 1, "x[k+1]": 1, "x[k-1": 1, "x[k-99999999]": 1},
@@ -71,7 +117,10 @@ MALFORMED = {
 """Texts and the places at which they are refused, by what is said."""
 
 
-@pytest.mark.parametrize(("message", "text", "position"), [(told, *one) for told, where in MALFORMED.items() for one in where.items()])
+@pytest.mark.parametrize(
+    ("message", "text", "position"),
+    [(told, *one) for told, where in MALFORMED.items() for one in where.items()],
+)
 def test_malformed_text_is_refused_at_its_place(message, text, position):
     with pytest.raises(ExpressionError, match=message) as caught:
         parse(text)
@@ -99,13 +148,17 @@ def test_hostile_size_is_an_expression_error(text):
         parse(text)
 
 
-@pytest.mark.parametrize("text", ["-" * 9998 + "x", "x" + "+x" * 2499, "x" + "*x" * 4999, "(" * 50 + "x" + ")" * 50])
+@pytest.mark.parametrize(
+    "text", ["-" * 9998 + "x", "x" + "+x" * 2499, "x" + "*x" * 4999, "(" * 50 + "x" + ")" * 50]
+)
 def test_long_but_shallow_text_is_accepted(text):
     assert parse(text).names == {"x"}
 
 
 def place_of_refusal(text, read, write):
-    """Where `read` refuses a text, 0 where it does not; what it reads is written so that it reads the same."""
+    """Where `read` refuses a text, 0 where it does not; what it reads is written so that it reads
+    the same.
+    """
     try:
         found = read(text)
     except ExpressionError as error:
@@ -128,7 +181,11 @@ def test_any_text_is_a_state_or_refused_within_it(text):
 def test_names_of_an_expression():
     assert parse("exp(-strain/a)*pressure^2 + 3").names == {"strain", "a", "pressure"}
     assert parse("1 + 2").names == frozenset()
-    assert parse("force[k-1]*play(pressure, 0.16)^2 + strain").names == {"force[k-1]", "play(pressure, 0.16)", "strain"}
+    assert parse("force[k-1]*play(pressure, 0.16)^2 + strain").names == {
+        "force[k-1]",
+        "play(pressure, 0.16)",
+        "strain",
+    }
     assert state("slow(play(force[k-2], 0.16), 0.3)").quantity == "force"
 
 
@@ -136,7 +193,17 @@ def test_names_of_an_expression():
     "build",
     [
         *(lambda name=name: Name(name) for name in ("exp", "two words", "", "1x", "ε", "a-b")),
-        *(lambda name=name: Name(name) for name in ("slow(x,1)", "x[k - 1]", "slow(x, 1.0)", "slow(x, 1)^2", "slow(x, 1) ", "x[k-01]")),
+        *(
+            lambda name=name: Name(name)
+            for name in (
+                "slow(x,1)",
+                "x[k - 1]",
+                "slow(x, 1.0)",
+                "slow(x, 1)^2",
+                "slow(x, 1) ",
+                "x[k-01]",
+            )
+        ),
         lambda: Number(math.nan),
         lambda: Number(math.inf),
         lambda: power(Name("x"), 20.5),
@@ -152,10 +219,19 @@ NUMBERS = st.floats(1e-9, 0.999, allow_subnormal=False)
 STATES = st.recursive(
     st.sampled_from(["x", "pressure", "slow", "k"]).map(Measured),
     lambda inner: st.one_of(
-        st.builds(Lagged, inner.filter(lambda found: not isinstance(found, Lagged)), st.integers(1, 1_000_000)),
+        st.builds(
+            Lagged,
+            inner.filter(lambda found: not isinstance(found, Lagged)),
+            st.integers(1, 1_000_000),
+        ),
         st.sampled_from(sorted(OPERATORS)).flatmap(
             lambda name: st.builds(
-                Operated, st.just(name), inner, st.sampled_from(OPERATORS[name].counts).flatmap(lambda count: st.tuples(*[NUMBERS] * count))
+                Operated,
+                st.just(name),
+                inner,
+                st.sampled_from(OPERATORS[name].counts).flatmap(
+                    lambda count: st.tuples(*[NUMBERS] * count)
+                ),
             )
         ),
     ),
@@ -174,11 +250,16 @@ def test_every_state_survives_as_text_and_is_typeset(found):
 
 
 NODES = st.recursive(
-    st.one_of(st.sampled_from("xyz").map(Name), st.floats(allow_nan=False, allow_infinity=False).map(Number)),
+    st.one_of(
+        st.sampled_from("xyz").map(Name),
+        st.floats(allow_nan=False, allow_infinity=False).map(Number),
+    ),
     lambda inner: st.one_of(
         st.lists(inner, max_size=3).map(lambda terms: add(*terms)),
         st.lists(inner, max_size=3).map(lambda factors: multiply(*factors)),
-        st.builds(power, inner, st.one_of(st.sampled_from([-1.0, 2.0, -3.0, 0.5]), st.floats(-20, 20))),
+        st.builds(
+            power, inner, st.one_of(st.sampled_from([-1.0, 2.0, -3.0, 0.5]), st.floats(-20, 20))
+        ),
         st.builds(call, st.sampled_from(["exp", "sqrt", "abs"]), inner),
     ),
     max_leaves=10,

@@ -1,4 +1,6 @@
-"""Splines, ends and steps: candidate terms whose places and widths are parts of a training range."""
+"""Splines, ends and steps: candidate terms whose places and widths are parts of a training
+range.
+"""
 
 from __future__ import annotations
 
@@ -70,11 +72,22 @@ def test_given_knots_follow_the_scaling_of_the_segment():
 
 def test_a_step_times_the_change_and_its_square_over_every_window():
     factors = ["1", *(f"(x - x[k-{w}]){power}" for w in (4, 16) for power in ("", "^2"))]
-    found = along(written("steps", of="x", count=2, widths=[0.1], window=[4, 16], **{"with": ["change"]}), 0, 1, name="x")
-    assert found == tuple(text.removeprefix("1*") for f in factors for text in (f"{f}*tanh(x/0.1)", f"{f}*tanh((x - 1)/0.1)"))
+    found = along(
+        written("steps", of="x", count=2, widths=[0.1], window=[4, 16], **{"with": ["change"]}),
+        0,
+        1,
+        name="x",
+    )
+    assert found == tuple(
+        text.removeprefix("1*")
+        for f in factors
+        for text in (f"{f}*tanh(x/0.1)", f"{f}*tanh((x - 1)/0.1)")
+    )
 
 
-ranges = st.tuples(st.floats(-1e3, 1e3), st.floats(1e-2, 1e4)).map(lambda pair: (pair[0], pair[0] + pair[1]))
+ranges = st.tuples(st.floats(-1e3, 1e3), st.floats(1e-2, 1e4)).map(
+    lambda pair: (pair[0], pair[0] + pair[1])
+)
 
 
 @given(ranges, st.integers(2, 12), st.lists(st.floats(-1, 1), min_size=4, max_size=4))
@@ -105,7 +118,15 @@ def test_ends_are_one_at_their_end_and_decay_by_their_width(course, width):
 
 def chosen_of(samples, scaling="unit_square", texts=None, **changes):
     texts = texts or [*spline(9, ["pressure"]), *ends([0.03, 0.1], ["pressure"])]
-    asked = recipe(level=None, cuts={}, dictionary=tuple(texts), scaling=scaling, max_terms=6, tolerance=0.0, **changes)
+    asked = recipe(
+        level=None,
+        cuts={},
+        dictionary=tuple(texts),
+        scaling=scaling,
+        max_terms=6,
+        tolerance=0.0,
+        **changes,
+    )
     (piece,) = build("m", [curve_of(samples)], asked, QUANTITIES).body.curves
     (segment,) = piece.segments
     return segment
@@ -127,9 +148,13 @@ def test_other_units_select_the_same_terms(scaling):
     if scaling == "unit_square":
         assert segment.terms == other.terms
     else:
-        assert [text.count("exp") for text in segment.terms] == [text.count("exp") for text in other.terms]
+        assert [text.count("exp") for text in segment.terms] == [
+            text.count("exp") for text in other.terms
+        ]
     np.testing.assert_allclose(
-        evaluate_segment(segment, metres), evaluate_segment(other, {**metres, "strain": 1000 * metres["strain"]}), rtol=1e-6
+        evaluate_segment(segment, metres),
+        evaluate_segment(other, {**metres, "strain": 1000 * metres["strain"]}),
+        rtol=1e-6,
     )
 
 
@@ -143,7 +168,13 @@ def test_held_out_samples_do_not_move_a_range():
     samples, n = muscle(), 400
     far = {name: np.append(values, 5 * values.max()) for name, values in samples.items()}
     held_out = np.arange(n + 1) == n
-    asked = recipe(level=None, cuts={"strain": Cuts("even", 1)}, dictionary=tuple(ends([0.1])), scaling="none", max_terms=2)
+    asked = recipe(
+        level=None,
+        cuts={"strain": Cuts("even", 1)},
+        dictionary=tuple(ends([0.1])),
+        scaling="none",
+        max_terms=2,
+    )
     with_held_out = build("m", [curve_of(far, held_out)], asked, QUANTITIES)
     alone = build("m", [curve_of(samples)], asked, QUANTITIES)
     assert with_held_out.body.curves[0].segments[0].terms == alone.body.curves[0].segments[0].terms
@@ -152,7 +183,12 @@ def test_held_out_samples_do_not_move_a_range():
 def test_products_take_them_as_any_other_family():
     of = [{"ends": {"of": "strain", "widths": [0.1]}}, "pressure"]
     texts = written("products", of=of, order=2, constant=False, **{"with": ["pressure"]})
-    assert {"pressure", "exp(-strain/0.1)", "exp(-strain/0.1)*pressure", "exp((strain - 1)/0.1)^2"} <= set(along(texts, 0, 1))
+    assert {
+        "pressure",
+        "exp(-strain/0.1)",
+        "exp(-strain/0.1)*pressure",
+        "exp((strain - 1)/0.1)^2",
+    } <= set(along(texts, 0, 1))
     inside = written("products", of=[{"spline": {"of": "strain", "knots": 2}}, "pressure"], order=1)
     assert inside.count("1") == 1
 

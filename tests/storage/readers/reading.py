@@ -1,4 +1,6 @@
-"""Files read as a spec asks for them, under the name `a.SUFFIX`; and refusals with all that they have to say."""
+"""Files read as a spec asks for them, under the name `a.SUFFIX`; and refusals with all that they
+have to say.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,9 @@ SUFFIXES = {"hdf5": "h5"}
 
 def tables_of(reader: str, path: Path, *columns: SourceColumn, **request: Any) -> list[RawTable]:
     """The recordings of a file."""
-    return READERS[reader].read(path, TableRequest(f"a.{SUFFIXES.get(reader, reader)}", columns, **request))
+    return READERS[reader].read(
+        path, TableRequest(f"a.{SUFFIXES.get(reader, reader)}", columns, **request)
+    )
 
 
 def table_of(reader: str, path: Path, *columns: SourceColumn, **request: Any) -> RawTable:
@@ -33,7 +37,9 @@ def csv_table(path: Path, content: bytes, *columns: SourceColumn, **request: Any
     return table_of("csv", path, *columns, **request)
 
 
-def refusal(parts: list[str], reader: str, path: Path, *columns: SourceColumn, **request: Any) -> str:
+def refusal(
+    parts: list[str], reader: str, path: Path, *columns: SourceColumn, **request: Any
+) -> str:
     """The message of the error with which a file is refused, which has all of the `parts`."""
     with pytest.raises(DataError) as caught:
         tables_of(reader, path, *columns, **request)
@@ -43,13 +49,21 @@ def refusal(parts: list[str], reader: str, path: Path, *columns: SourceColumn, *
 
 
 def opaque_mat(path: Path, name: str, of_class: str, x: Any) -> Path:
-    """A file of version 7 with an object as MATLAB lays it out, and the numbers `x`: only what a reader sees before the contents."""
+    """A file of version 7 with an object as MATLAB lays it out, and the numbers `x`: only what a
+    reader sees before the contents.
+    """
 
     def element(kind: int, content: bytes) -> bytes:
-        return np.array([kind, len(content)], "<u4").tobytes() + content + b"\0" * (-len(content) % 8)
+        return (
+            np.array([kind, len(content)], "<u4").tobytes() + content + b"\0" * (-len(content) % 8)
+        )
 
-    numbers = element(6, np.array([13, 0], "<u4").tobytes()) + element(5, np.array([1, 1], "<i4").tobytes())
-    numbers = element(14, numbers + element(1, b"") + element(6, np.array([0xDD000000], "<u4").tobytes()))
+    numbers = element(6, np.array([13, 0], "<u4").tobytes()) + element(
+        5, np.array([1, 1], "<i4").tobytes()
+    )
+    numbers = element(
+        14, numbers + element(1, b"") + element(6, np.array([0xDD000000], "<u4").tobytes())
+    )
     words = b"".join(element(1, word.encode()) for word in (name, "MCOS", of_class))
     scipy.io.savemat(path, {"x": x})
     with path.open("ab") as file:

@@ -1,4 +1,6 @@
-"""One rule says what a cell is, whatever file it comes from: a number in ASCII digits, nothing, a stamp of time, or refused."""
+"""One rule says what a cell is, whatever file it comes from: a number in ASCII digits, nothing, a
+stamp of time, or refused.
+"""
 
 from __future__ import annotations
 
@@ -28,13 +30,66 @@ openpyxl = pytest.importorskip("openpyxl")
 
 ASCII_NUMBER = re.compile(r"[+-]?([0-9]+[.]?[0-9]*|[.][0-9]+)([eE][+-]?[0-9]+)?")
 STAMPS = [
-    *("12:00:00", "0:03:20", "11:59:59 PM", "12:00:00:250", "03:20.5", "25:00:00", "12:00:00,250", "2026-03-01T12:00:00Z"),
+    *(
+        "12:00:00",
+        "0:03:20",
+        "11:59:59 PM",
+        "12:00:00:250",
+        "03:20.5",
+        "25:00:00",
+        "12:00:00,250",
+        "2026-03-01T12:00:00Z",
+    ),
     *("2026-03-01 12:00:00", "01.03.2026 12:00:00", "0 days 00:00:01.5"),
 ]
 ODD = [
-    *("01/02/2026", "2026-03-01", "1.5.26", "12:30", "TRUE", "false", "1_5", "0x1f", "1e5 N", "20 N", "5%", "1+2j", "2j", "1,5", "1,234.5"),
-    *("1 234", "1'234", "\u0661\u0662", "\uff11\uff12", "1\u066b5", "\u00b2", "\u2212" + "5", "1.2.3", "--", "e5", "1e", "5-3", "infinit"),
-    *('"20"1.2', '20"', "nan", "inf", "-inf", "1e999", "na", "NULL", "1d5", "#DIV/0!", "+", ".", "abc"),
+    *(
+        "01/02/2026",
+        "2026-03-01",
+        "1.5.26",
+        "12:30",
+        "TRUE",
+        "false",
+        "1_5",
+        "0x1f",
+        "1e5 N",
+        "20 N",
+        "5%",
+        "1+2j",
+        "2j",
+        "1,5",
+        "1,234.5",
+    ),
+    *(
+        "1 234",
+        "1'234",
+        "\u0661\u0662",
+        "\uff11\uff12",
+        "1\u066b5",
+        "\u00b2",
+        "\u2212" + "5",
+        "1.2.3",
+        "--",
+        "e5",
+        "1e",
+        "5-3",
+        "infinit",
+    ),
+    *(
+        '"20"1.2',
+        '20"',
+        "nan",
+        "inf",
+        "-inf",
+        "1e999",
+        "na",
+        "NULL",
+        "1d5",
+        "#DIV/0!",
+        "+",
+        ".",
+        "abc",
+    ),
 ]
 NUMBERS = ["1", "-2.5", "+3", ".5", "5.", "1e5", "1E-3", "007", "-0"]
 cells = st.one_of(
@@ -83,11 +138,25 @@ def of_predict(_path: Path, cell: str, clocks: frozenset[str] = frozenset()) -> 
 
 
 def of_frame(_path: Path, cell: Any, clocks: frozenset[str] = frozenset()) -> float:
-    return float(column_of({"x": np.array([cell], dtype=object)}, "x", "the frame", *(("time", "s") if clocks else ("force", "N")))[0])
+    return float(
+        column_of(
+            {"x": np.array([cell], dtype=object)},
+            "x",
+            "the frame",
+            *(("time", "s") if clocks else ("force", "N")),
+        )[0]
+    )
 
 
 def of_texts(_path: Path, cell: str, clocks: frozenset[str] = frozenset()) -> float:
-    return float(column_of({"x": np.array([cell])}, "x", "the frame", *(("time", "s") if clocks else ("force", "N")))[0])
+    return float(
+        column_of(
+            {"x": np.array([cell])},
+            "x",
+            "the frame",
+            *(("time", "s") if clocks else ("force", "N")),
+        )[0]
+    )
 
 
 EVERY = (of_csv, of_xlsx, of_mat, of_hdf5, of_tdms, of_predict, of_frame, of_texts)
@@ -102,19 +171,28 @@ def verdict(read: Any, path: Path, cell: Any, clock: bool) -> float | str:
     return value if math.isfinite(value) else "nothing"
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 @given(cell=cells, clock=st.booleans())
 @example("0:03:20", False)
 @example("\u0661\u0662", False)
 def test_all_readers_are_of_one_opinion(tmp_path: Path, cell: str, clock: bool) -> None:
-    found = {read.__name__: verdict(read, tmp_path / f"a.{read.__name__}", cell, clock) for read in EVERY}
+    found = {
+        read.__name__: verdict(read, tmp_path / f"a.{read.__name__}", cell, clock) for read in EVERY
+    }
     assert len(set(found.values())) == 1, found
     if not clock:
         (said,) = set(found.values())
-        assert isinstance(said, str) or (ASCII_NUMBER.fullmatch(cell.strip()) and said == float(cell))
+        assert isinstance(said, str) or (
+            ASCII_NUMBER.fullmatch(cell.strip()) and said == float(cell)
+        )
 
 
-@pytest.mark.parametrize("cell", [*STAMPS, *(cell for cell in ODD if cell not in ("nan", "inf", "-inf", "1e999", "na", "NULL"))])
+@pytest.mark.parametrize(
+    "cell",
+    [*STAMPS, *(cell for cell in ODD if cell not in ("nan", "inf", "-inf", "1e999", "na", "NULL"))],
+)
 def test_what_is_no_number_is_refused(cell: str) -> None:
     with pytest.raises(NotANumber):
         CellReader()(cell)
@@ -122,8 +200,14 @@ def test_what_is_no_number_is_refused(cell: str) -> None:
 
 @pytest.mark.parametrize("cell", [True, False, datetime(2026, 3, 1), time(12), timedelta(hours=1)])
 def test_typed_cells_are_of_one_opinion(tmp_path: Path, cell: Any) -> None:
-    assert verdict(of_xlsx, tmp_path / "a.xlsx", cell, False) == verdict(of_frame, tmp_path, cell, False) == "refused"
-    assert verdict(of_xlsx, tmp_path / "a.xlsx", cell, True) == verdict(of_frame, tmp_path, cell, True)
+    assert (
+        verdict(of_xlsx, tmp_path / "a.xlsx", cell, False)
+        == verdict(of_frame, tmp_path, cell, False)
+        == "refused"
+    )
+    assert verdict(of_xlsx, tmp_path / "a.xlsx", cell, True) == verdict(
+        of_frame, tmp_path, cell, True
+    )
 
 
 @pytest.mark.parametrize(
@@ -134,7 +218,10 @@ def test_typed_cells_are_of_one_opinion(tmp_path: Path, cell: Any) -> None:
         (["12:00:00:250", "12:00:00:500"], [43200.25, 43200.5]),
         (["12:00:00,250", "12:00:00,500"], [43200.25, 43200.5]),
         (["00:59.9", "01:00.0", "61:00.5"], [59.9, 60, 3660.5]),
-        (["59:59.9", "1:00:00.0", "1:00:00.1"], [3599.9, 3600, 3600.1]),  # a logger that goes on so after an hour
+        (
+            ["59:59.9", "1:00:00.0", "1:00:00.1"],
+            [3599.9, 3600, 3600.1],
+        ),  # a logger that goes on so after an hour
         (["23:59:59", "24:00:00", "101:00:00"], [86399, 86400, 363600]),
         (["0 days 23:59:59.5", "1 days 00:00:00"], [86399.5, 86400]),
         (["2026-03-01 12:00", "2026-03-01 12:01"], [1772366400, 1772366460]),
@@ -148,16 +235,28 @@ def test_typed_cells_are_of_one_opinion(tmp_path: Path, cell: Any) -> None:
 def test_stamps_that_need_no_format(tmp_path: Path, cells: list[str], seconds: list[float]) -> None:
     content = "\n".join(["t;P", *(f"{cell};1" for cell in cells)]).encode()
     for decimal in ".,":
-        table = csv_table(tmp_path / "a", content, "t", delimiter=";", decimal=decimal, clocks=frozenset({"t"}))
+        table = csv_table(
+            tmp_path / "a", content, "t", delimiter=";", decimal=decimal, clocks=frozenset({"t"})
+        )
         np.testing.assert_array_equal(table.columns["t"], seconds)
-        refusal(["row 2, column t", "stands here", "column `time` alone"], "csv", tmp_path / "a", "t", delimiter=";", decimal=decimal)
+        refusal(
+            ["row 2, column t", "stands here", "column `time` alone"],
+            "csv",
+            tmp_path / "a",
+            "t",
+            delimiter=";",
+            decimal=decimal,
+        )
 
 
 @pytest.mark.parametrize(
     ("cells", "parts"),
     [
         (["12:00:00", "5"], ["row 3", "'5' is a number, where a time as `hh:mm:ss` stands above"]),
-        (["5", "12:00:00"], ["row 3", "'12:00:00' is a time as `hh:mm:ss`, where a number stands above"]),
+        (
+            ["5", "12:00:00"],
+            ["row 3", "'12:00:00' is a time as `hh:mm:ss`, where a number stands above"],
+        ),
         (["1:00:00.0", "59:59.9"], ["row 3", "`mm:ss.s`, where a time as `hh:mm:ss` stands above"]),
         (["12:00:00", "01:00:00 PM"], ["row 3", "with AM and PM"]),
         (["2026-03-01 12:00:00", "2026-03-01T12:00:00+01:00"], ["row 3", "a zone"]),
@@ -173,27 +272,41 @@ def test_stamps_that_need_no_format(tmp_path: Path, cells: list[str], seconds: l
 )
 def test_stamps_that_are_refused(tmp_path: Path, cells: list[str], parts: list[str]) -> None:
     (tmp_path / "a").write_bytes("\n".join(["t;P", *(f"{cell};1" for cell in cells)]).encode())
-    refusal(["column t", *parts], "csv", tmp_path / "a", "t", delimiter=";", clocks=frozenset({"t"}))
+    refusal(
+        ["column t", *parts], "csv", tmp_path / "a", "t", delimiter=";", clocks=frozenset({"t"})
+    )
 
 
-def test_the_form_of_stamps_is_known_from_block_to_block(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_form_of_stamps_is_known_from_block_to_block(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("mapmore_cli.storage.readers.csv.CHUNK", 3)
     for first, then in (("{}.5", "0:00:{:02}"), ("0:00:{:02}", "{}.5")):
-        content = "\n".join(["t,P", *(f"{(first if i < 6 else then).format(i)},1" for i in range(12))]).encode()
+        content = "\n".join(
+            ["t,P", *(f"{(first if i < 6 else then).format(i)},1" for i in range(12))]
+        ).encode()
         (tmp_path / "a").write_bytes(content)
-        refusal(["row 8, column t", "stands above"], "csv", tmp_path / "a", "t", clocks=frozenset({"t"}))
+        refusal(
+            ["row 8, column t", "stands above"], "csv", tmp_path / "a", "t", clocks=frozenset({"t"})
+        )
 
 
 @pytest.mark.parametrize(
     ("layout", "cells", "seconds"),
     [
-        ("%m/%d/%Y %I:%M:%S.%f %p", ["03/01/2026 12:00:00.250 PM", "03/01/2026 01:00:00.5 PM"], [1772366400.25, 1772370000.5]),
+        (
+            "%m/%d/%Y %I:%M:%S.%f %p",
+            ["03/01/2026 12:00:00.250 PM", "03/01/2026 01:00:00.5 PM"],
+            [1772366400.25, 1772370000.5],
+        ),
         ("%d/%m/%y %H:%M:%S", ["01/03/26 12:00:00"], [1772366400]),
         ("%H:%M", ["12:30", "12:31"], [45000, 45060]),
         ("%Y%m%d%H%M%S", ["20260301120000", "20260301120001"], [1772366400, 1772366401]),
     ],
 )
-def test_a_format_says_how_stamps_are_read(tmp_path: Path, layout: str, cells: list[str], seconds: list[float]) -> None:
+def test_a_format_says_how_stamps_are_read(
+    tmp_path: Path, layout: str, cells: list[str], seconds: list[float]
+) -> None:
     asked = {"clocks": frozenset({"x"}), "format": layout}
     content = "\n".join(["x,P", *(f"{cell},1" for cell in cells)]).encode()
     assert csv_table(tmp_path / "a", content, "x", **asked).columns["x"].tolist() == seconds
@@ -222,7 +335,9 @@ def test_a_format_says_how_stamps_are_read(tmp_path: Path, layout: str, cells: l
         ((",", "."), "1.50", None),
     ],
 )
-def test_thousands_stand_in_groups_of_three(tmp_path: Path, marks: tuple[str, str], cell: str, number: float | None) -> None:
+def test_thousands_stand_in_groups_of_three(
+    tmp_path: Path, marks: tuple[str, str], cell: str, number: float | None
+) -> None:
     decimal, thousands = marks
     asked: dict[str, Any] = {"delimiter": ";", "decimal": decimal, "thousands": thousands}
     content = f"F;x\n{cell};1\n2;2\n".encode()
@@ -236,7 +351,10 @@ def test_thousands_stand_in_groups_of_three(tmp_path: Path, marks: tuple[str, st
 @pytest.mark.parametrize(
     ("cell", "parts"),
     [
-        *((cell, ['`thousands: ","`', '`decimal: ","`']) for cell in ("1,234.5", "1.234,5", "1,234", "1,5", "1'234", "1 234,5")),
+        *(
+            (cell, ['`thousands: ","`', '`decimal: ","`'])
+            for cell in ("1,234.5", "1.234,5", "1,234", "1,5", "1'234", "1 234,5")
+        ),
         ("20 N", ["a unit stands behind it", "unit:"]),
         ("1e5 N", ["a unit stands behind it"]),
         ("TRUE", ["TRUE or FALSE stands here"]),
@@ -247,7 +365,9 @@ def test_thousands_stand_in_groups_of_three(tmp_path: Path, marks: tuple[str, st
 def test_remedies_keep_the_sample(tmp_path: Path, cell: str, parts: list[str]) -> None:
     """Tokens for missing values would lose it."""
     (tmp_path / "a").write_bytes(f"F;x\n{cell};1\n".encode())
-    assert "tokens" not in refusal(["a.csv:row 2, column F", *parts], "csv", tmp_path / "a", "F", delimiter=";")
+    assert "tokens" not in refusal(
+        ["a.csv:row 2, column F", *parts], "csv", tmp_path / "a", "F", delimiter=";"
+    )
 
 
 @pytest.mark.parametrize("cell", ['"20"1.2', '2"0', '"20""1.2"', '2"0"', '"20"1"2"', ' "20"'])
@@ -272,6 +392,8 @@ def test_a_table_that_was_read_with_stamps_is_read_anew_without(tmp_path: Path) 
 
     (tmp_path / "a").write_bytes(b"t,F\n12:00:00,1\n")
     with remembered():
-        read_with(READERS["csv"], tmp_path / "a", TableRequest("a", ("t", "F"), clocks=frozenset({"t"})))
+        read_with(
+            READERS["csv"], tmp_path / "a", TableRequest("a", ("t", "F"), clocks=frozenset({"t"}))
+        )
         with pytest.raises(NotANumber):
             read_with(READERS["csv"], tmp_path / "a", TableRequest("a", ("t", "F")))

@@ -1,4 +1,6 @@
-"""Text as loggers and spreadsheets write it: every dialect is read, block by block as record by record, and what is wrong is told."""
+"""Text as loggers and spreadsheets write it: every dialect is read, block by block as record by
+record, and what is wrong is told.
+"""
 
 from __future__ import annotations
 
@@ -23,29 +25,42 @@ NAMES: tuple[str | int, ...] = ("t", "F")
 PLACES: tuple[str | int, ...] = (0, 1)
 
 DIALECTS: dict[str, tuple[str, str, tuple[str | int, ...], dict[str, Any]]] = {
-    "German spreadsheet": ("t;F\r\n0,0;1,5\r\n0,5;-2000,25\r\n1,0;\r\n", "utf-8", NAMES, {"delimiter": ";", "decimal": ","}),
-    "its byte order mark": ("t;F\r\n0,0;1,5\r\n0,5;-2000,25\r\n1,0;\r\n", "utf-8-sig", NAMES, {"delimiter": ";", "decimal": ","}),
+    "German spreadsheet": ("t;F\r\n0,0;1,5\r\n0,5;-2000,25\r\n1,0;\r\n", "utf-8", NAMES,
+        {"delimiter": ";", "decimal": ","}),
+    "its byte order mark": ("t;F\r\n0,0;1,5\r\n0,5;-2000,25\r\n1,0;\r\n", "utf-8-sig", NAMES,
+        {"delimiter": ";", "decimal": ","}),
     "tabs": ("t\tF\n0\t1.5\n.5\t-2.00025e3\n1\t\n", "utf-8", NAMES, {"delimiter": "tab"}),
     "one tab": ("t\tF\n0\t1.5\n.5\t-2.00025e3\n1\t\n", "utf-8", NAMES, {"delimiter": "\t"}),
-    "columns of blanks": ("   t      F\n 0.0    1.5\n 0.5  -2000.25\n 1.0  NaN\n", "utf-8", NAMES, {"delimiter": "whitespace"}),
-    "blanks and commas": ("t F\n0,0 1,5\n0,5 -2000,25\n1,0 nan\n", "utf-8", NAMES, {"delimiter": "whitespace", "decimal": ","}),
-    "tabs among blanks": ("\tt \t F\n0\t1.5\n\n.5 \t -2000.25\n1 n/a", "utf-8", NAMES, {"delimiter": "whitespace"}),
+    "columns of blanks": ("   t      F\n 0.0    1.5\n 0.5  -2000.25\n 1.0  NaN\n", "utf-8", NAMES,
+        {"delimiter": "whitespace"}),
+    "blanks and commas": ("t F\n0,0 1,5\n0,5 -2000,25\n1,0 nan\n", "utf-8", NAMES,
+        {"delimiter": "whitespace", "decimal": ","}),
+    "tabs among blanks": ("\tt \t F\n0\t1.5\n\n.5 \t -2000.25\n1 n/a", "utf-8", NAMES,
+        {"delimiter": "whitespace"}),
     "bars": ("t|F\n0|1.5\n.5|-2000.25\n1|NA\n", "utf-8", NAMES, {"delimiter": "|"}),
     "names and units": ("t,F\n(s),(N)\n0,1.5\n.5,-2000.25\n1,\n", "utf-8", NAMES, {"header": 2}),
-    "names, units, blank": ("t,F\n(s),(N)\n\n0,1.5\n.5,-2000.25\n1,\n", "utf-8", NAMES, {"header": 3}),
-    "preamble": ("Rig 7\n\nrun, by, hand, 4\nt,F\n0,1.5\n.5,-2000.25\n1,\n", "utf-8", NAMES, {"skip_rows": 3}),
-    "preamble, no names": ("Rig 7\n#\n0,1.5\n.5,-2000.25\n1,\n", "utf-8", PLACES, {"skip_rows": 2, "header": 0}),
-    "preamble, units": ("°µ\nt,F\ns,N\n0,1.5\n.5,-2000.25\n1,\n", "latin-1", NAMES, {"skip_rows": 1, "header": 2, "encoding": "latin-1"}),
+    "names, units, blank": ("t,F\n(s),(N)\n\n0,1.5\n.5,-2000.25\n1,\n", "utf-8", NAMES,
+        {"header": 3}),
+    "preamble": ("Rig 7\n\nrun, by, hand, 4\nt,F\n0,1.5\n.5,-2000.25\n1,\n", "utf-8", NAMES,
+        {"skip_rows": 3}),
+    "preamble, no names": ("Rig 7\n#\n0,1.5\n.5,-2000.25\n1,\n", "utf-8", PLACES, {"skip_rows": 2,
+        "header": 0}),
+    "preamble, units": ("°µ\nt,F\ns,N\n0,1.5\n.5,-2000.25\n1,\n", "latin-1", NAMES, {"skip_rows": 1,
+        "header": 2, "encoding": "latin-1"}),
     "old Mac": ("t,F\r0,1.5\r.5,-2000.25\r1,", "utf-8", NAMES, {}),
     "twice returned": ("t,F\r0,1.5\r\r.5,-2000.25\r\r1,\r\r", "utf-8", NAMES, {}),
     "returned and ended": ("t,F\r\r\n0,1.5\r\r\n.5,-2000.25\r\r\n1,\r\r\n", "utf-8", NAMES, {}),
     "quotation marks": ('"t","F"\n"0","1.5"\n"0.5","-2000.25"\n"1.0",""\n', "utf-8", NAMES, {}),
     "delimiter at the end": ("t,F\n0,1.5,\n.5,-2000.25,\n1,,\n", "utf-8", NAMES, {}),
     "UTF-16": ("t,F\n0,1.5\n.5,-2000.25\n1,\n", "utf-16", NAMES, {"encoding": "utf-16"}),
-    "cp1252 header": ("t,F,°C – €\n0,1.5,\n.5,-2000.25,x\n1,,\n", "cp1252", NAMES, {"encoding": "cp1252"}),
-    "header on the first record": ("t,F0,9\n0,1.5\n.5,-2000.25\n1,\n", "utf-8", PLACES, {"skip_rows": 1, "header": 0}),
-    "closing remark": ("t,F\n0,1.5\n.5,-2000.25\n1,\nLogging end\n", "utf-8", NAMES, {"incomplete": True}),
-    "half a record at the end": ("t,F\n0,1.5\n.5,-2000.25\n1,\n1.", "utf-8", NAMES, {"incomplete": True}),
+    "cp1252 header": ("t,F,°C – €\n0,1.5,\n.5,-2000.25,x\n1,,\n", "cp1252", NAMES,
+        {"encoding": "cp1252"}),
+    "header on the first record": ("t,F0,9\n0,1.5\n.5,-2000.25\n1,\n", "utf-8", PLACES,
+        {"skip_rows": 1, "header": 0}),
+    "closing remark": ("t,F\n0,1.5\n.5,-2000.25\n1,\nLogging end\n", "utf-8", NAMES,
+        {"incomplete": True}),
+    "half a record at the end": ("t,F\n0,1.5\n.5,-2000.25\n1,\n1.", "utf-8", NAMES,
+        {"incomplete": True}),
 }  # fmt: skip
 
 
@@ -54,7 +69,9 @@ DIALECTS: dict[str, tuple[str, str, tuple[str | int, ...], dict[str, Any]]] = {
 def test_dialects(tmp_path: Path, name: str, zipped: bool) -> None:
     text, encoding, columns, dialect = DIALECTS[name]
     content = text.encode(encoding)
-    table = csv_table(tmp_path / "a", gzip.compress(content) if zipped else content, *columns, **dialect)
+    table = csv_table(
+        tmp_path / "a", gzip.compress(content) if zipped else content, *columns, **dialect
+    )
     got = np.array([table.columns[column] for column in columns]).T
     np.testing.assert_array_equal(got[:3], EXPECTED)
     assert np.isnan(got[3:]).all()
@@ -68,7 +85,11 @@ def test_empty_cells_are_missing_and_blank_lines_keep_the_count(tmp_path: Path) 
 
 @PATIENT
 @given(
-    values=st.lists(st.tuples(st.floats(allow_infinity=False), st.floats(allow_infinity=False)), min_size=1, max_size=20),
+    values=st.lists(
+        st.tuples(st.floats(allow_infinity=False), st.floats(allow_infinity=False)),
+        min_size=1,
+        max_size=20,
+    ),
     delimiter=st.sampled_from([",", ";", "|", "\t", ":", "whitespace", "tab"]),
     decimal=st.sampled_from([".", ","]),
     lines_before=st.tuples(st.integers(0, 3), st.integers(0, 3)),
@@ -76,7 +97,9 @@ def test_empty_cells_are_missing_and_blank_lines_keep_the_count(tmp_path: Path) 
     blank=st.integers(1, 4),
     flags=st.tuples(st.booleans(), st.booleans(), st.booleans()),
 )
-def test_numbers_and_their_rows_survive_every_dress(tmp_path: Path, values, delimiter, decimal, lines_before, end, blank, flags) -> None:
+def test_numbers_and_their_rows_survive_every_dress(
+    tmp_path: Path, values, delimiter, decimal, lines_before, end, blank, flags
+) -> None:
     (skipped, header), (quoted, bom, zipped) = lines_before, flags
     dialect = {"delimiter": delimiter, "decimal": decimal, "skip_rows": skipped, "header": header}
     mark = {"whitespace": "   ", **DELIMITERS}.get(delimiter, delimiter)
@@ -89,15 +112,59 @@ def test_numbers_and_their_rows_survive_every_dress(tmp_path: Path, values, deli
     lines += [mark.join([cell(x), cell(y), "hello"]) for x, y in values]
     content = (end.join(lines) + blank * end).encode("utf-8-sig" if bom else "utf-8")
     columns: tuple[str | int, ...] = ("y", 0) if header else (1, 0)
-    table = csv_table(tmp_path / "dressed.csv", gzip.compress(content) if zipped else content, *columns, **dialect)
+    table = csv_table(
+        tmp_path / "dressed.csv", gzip.compress(content) if zipped else content, *columns, **dialect
+    )
     np.testing.assert_array_equal(table.columns[0], [x for x, _ in values])
     np.testing.assert_array_equal(table.columns[columns[0]], [y for _, y in values])
     np.testing.assert_array_equal(table.rows, skipped + header + 1 + np.arange(len(values)))
 
 
-PLAIN = "0 1.5 -2e-3 .5 1. +7 1e400 1e-400 9007199254740993 0.1000000000000000055511151231257827 nan -inf".split()  # noqa: SIM905
-ODD = ["", " ", "1 5", "1\x0b", "\xa03\xa0", *'1_5 NA x 1,5 1.5.2 0x1p3 １ "2" "2 2" "a,b" 1e #1 1j Infinity'.split()]  # noqa: SIM905
-CELLS = st.one_of(st.sampled_from(PLAIN), st.sampled_from(PLAIN), st.floats().map(repr), st.sampled_from(ODD), st.text(max_size=3))
+PLAIN = [
+    "0",
+    "1.5",
+    "-2e-3",
+    ".5",
+    "1.",
+    "+7",
+    "1e400",
+    "1e-400",
+    "9007199254740993",
+    "0.1000000000000000055511151231257827",
+    "nan",
+    "-inf",
+]
+ODD = [
+    "",
+    " ",
+    "1 5",
+    "1\x0b",
+    "\xa03\xa0",
+    *[
+        "1_5",
+        "NA",
+        "x",
+        "1,5",
+        "1.5.2",
+        "0x1p3",
+        "１",
+        '"2"',
+        '"2',
+        '2"',
+        '"a,b"',
+        "1e",
+        "#1",
+        "1j",
+        "Infinity",
+    ],
+]
+CELLS = st.one_of(
+    st.sampled_from(PLAIN),
+    st.sampled_from(PLAIN),
+    st.floats().map(repr),
+    st.sampled_from(ODD),
+    st.text(max_size=3),
+)
 
 
 def outcome(path: Path, content: bytes, *columns: int, **request: Any) -> list[list[float]] | str:
@@ -105,12 +172,20 @@ def outcome(path: Path, content: bytes, *columns: int, **request: Any) -> list[l
         table = csv_table(path, content, *columns, **request)
     except DataError as error:
         return str(error)
-    return [table.rows.tolist(), *(table.columns[column].view(np.int64).tolist() for column in columns)]
+    return [
+        table.rows.tolist(),
+        *(table.columns[column].view(np.int64).tolist() for column in columns),
+    ]
 
 
 @PATIENT
 @given(
-    lines=st.lists(st.one_of(st.lists(st.sampled_from(PLAIN), min_size=2, max_size=2), st.lists(CELLS, max_size=4)), max_size=12),
+    lines=st.lists(
+        st.one_of(
+            st.lists(st.sampled_from(PLAIN), min_size=2, max_size=2), st.lists(CELLS, max_size=4)
+        ),
+        max_size=12,
+    ),
     end=st.sampled_from(["\n", "\r\n", "\r", "\n\n", "\r\r\n"]),
     delimiter=st.sampled_from([",", ";", "tab", "whitespace", "|"]),
     decimal=st.sampled_from([".", ","]),
@@ -118,11 +193,15 @@ def outcome(path: Path, content: bytes, *columns: int, **request: Any) -> list[l
     incomplete=st.booleans(),
     sizes=st.tuples(st.integers(1, 5), st.integers(1, 40)),
 )
-def test_blocks_give_what_records_give(tmp_path: Path, lines, end, delimiter, decimal, header, incomplete, sizes) -> None:
+def test_blocks_give_what_records_give(
+    tmp_path: Path, lines, end, delimiter, decimal, header, incomplete, sizes
+) -> None:
     """With the result, or the error, of reading record by record."""
     asked = {"delimiter": delimiter, "decimal": decimal, "header": header, "incomplete": incomplete}
     mark = {"tab": "\t", "whitespace": "  "}.get(delimiter, delimiter)
-    rows = [mark.join(["a", "b"])] * header + [mark.join(cells).replace(".", decimal) for cells in lines]
+    rows = [mark.join(["a", "b"])] * header + [
+        mark.join(cells).replace(".", decimal) for cells in lines
+    ]
     content = end.join(rows).encode("utf-8", "ignore")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("mapmore_cli.storage.readers.csv.CHUNK", sizes[0])
@@ -151,7 +230,9 @@ def test_ordinary_lines_are_read_at_once(text: str, dialect: dict[str, str]) -> 
     assert values.tolist() == [[2, 1], [-400, 3.5]]
 
 
-def test_one_odd_line_costs_its_chunk_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_one_odd_line_costs_its_chunk_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("mapmore_cli.storage.readers.csv.CHUNK", 10)
     slow = []
 
@@ -162,13 +243,21 @@ def test_one_odd_line_costs_its_chunk_alone(tmp_path: Path, monkeypatch: pytest.
     monkeypatch.setattr("mapmore_cli.storage.readers.csv.values_of_records", noted)
     cells = [f"{i}" for i in range(100)]
     cells[37] = ""
-    table = csv_table(tmp_path / "a", ("t,F\n" + "".join(f"{i},{cell}\n" for i, cell in enumerate(cells))).encode(), "F")
+    table = csv_table(
+        tmp_path / "a",
+        ("t,F\n" + "".join(f"{i},{cell}\n" for i, cell in enumerate(cells))).encode(),
+        "F",
+    )
     assert slow == list(range(32, 42))
-    np.testing.assert_array_equal(table.columns["F"], [np.nan if i == 37 else i for i in range(100)])
+    np.testing.assert_array_equal(
+        table.columns["F"], [np.nan if i == 37 else i for i in range(100)]
+    )
     np.testing.assert_array_equal(table.rows, np.arange(2, 102))
 
 
-def test_a_quoted_field_may_go_on_in_the_next_block(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_quoted_field_may_go_on_in_the_next_block(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("mapmore_cli.storage.readers.csv.CHUNK", 2)
     table = csv_table(tmp_path / "a", b't,note\n1,a\n2,"b\nb\nb"\n3,c\n4,d\n5,e\n', "t")
     assert table.columns["t"].tolist() == [1, 2, 3, 4, 5]
@@ -191,23 +280,34 @@ ZIPPED = gzip.compress(GOOD * 200, mtime=0)
 SEMICOLON = {"delimiter": ";"}
 
 WRONG: dict[str, tuple[bytes, tuple[SourceColumn, ...], dict[str, Any], list[str]]] = {
-    "text in a number column": (b"t,P\n0,80\n1,abc\n", ("P",), {}, ["a.csv:row 3, column P: 'abc' is not a number"]),
-    "text, no header": (b"0,80\n1,abc\n", (1,), {"header": 0}, ["a.csv:row 2, column 1: 'abc' is not a number"]),
-    "header taken for data": (GOOD, (0,), {"header": 0}, ["row 1, column 0: 't' is not a number", "header"]),
+    "text in a number column": (b"t,P\n0,80\n1,abc\n", ("P",), {},
+        ["a.csv:row 3, column P: 'abc' is not a number"]),
+    "text, no header": (b"0,80\n1,abc\n", (1,), {"header": 0},
+        ["a.csv:row 2, column 1: 'abc' is not a number"]),
+    "header taken for data": (GOOD, (0,), {"header": 0}, ["row 1, column 0: 't' is not a number",
+        "header"]),
     "Python's own numbers": (b"t\n1_5\n", ("t",), {}, ["'1_5' is not a number"]),
-    "closing remark": (b"t,P\n0,80\n1\n", ("P",), {}, ["a.csv:row 3: too few fields: 1", "has 2", "cut off", "missing: drop"]),
+    "closing remark": (b"t,P\n0,80\n1\n", ("P",), {}, ["a.csv:row 3: too few fields: 1", "has 2",
+        "cut off", "missing: drop"]),
     "too many fields": (b"t,P\n0,80,9\n", ("P",), {}, ["a.csv:row 2: too many fields: 3"]),
-    "semicolons": (b"t;F\n1,5;2,0\n", ("t",), {}, ["no column 't'", "delimiter looks like a semicolon", 'delimiter: ";"']),
-    "semicolons, no header": (b"1,5;2,0\n", (1,), {"header": 0}, ["'5;2' is not a number", "delimiter looks like a semicolon"]),
+    "semicolons": (b"t;F\n1,5;2,0\n", ("t",), {}, ["no column 't'",
+        "delimiter looks like a semicolon", 'delimiter: ";"']),
+    "semicolons, no header": (b"1,5;2,0\n", (1,), {"header": 0}, ["'5;2' is not a number",
+        "delimiter looks like a semicolon"]),
     "tabs": (b"t\tF\n1\t2\n", ("F",), {}, ["delimiter looks like a tab", "delimiter: tab"]),
-    "thousands or decimals": (b"t;F\n0;1.500\n", NAMES, {**SEMICOLON, "decimal": ","}, ["row 2, column F: '1.500'", 'decimal: "."']),
-    "commas unannounced": (b"t;F\n0;1,5\n", NAMES, SEMICOLON, ["a.csv:row 2, column F: '1,5' is not a number", 'decimal: ","']),
-    "misspelt column": (b"time,Pressure\n0,1\n", ("Presure",), {}, ["no column 'Presure'", "Did you mean 'Pressure'?", "time, Pressure"]),
+    "thousands or decimals": (b"t;F\n0;1.500\n", NAMES, {**SEMICOLON, "decimal": ","},
+        ["row 2, column F: '1.500'", 'decimal: "."']),
+    "commas unannounced": (b"t;F\n0;1,5\n", NAMES, SEMICOLON,
+        ["a.csv:row 2, column F: '1,5' is not a number", 'decimal: ","']),
+    "misspelt column": (b"time,Pressure\n0,1\n", ("Presure",), {}, ["no column 'Presure'",
+        "Did you mean 'Pressure'?", "time, Pressure"]),
     "other capitals": (b"T\n0\n", ("t",), {}, ["Did you mean 'T'?"]),
     "column twice": (b"F,F\n0,1\n", ("F",), {}, ["'F' stands 2 times", "index"]),
     "no such index": (GOOD, (3,), {}, ["no column 3", "3 columns", "0 to 2"]),
-    "name without header": (GOOD, ("t",), {"header": 0}, ["'t' is asked for by name", "header: true"]),
-    "no header after all": (b"0,80\n1,81\n", ("t",), {}, ["no column 't'", "first line holds numbers", "header: false"]),
+    "name without header": (GOOD, ("t",), {"header": 0}, ["'t' is asked for by name",
+        "header: true"]),
+    "no header after all": (b"0,80\n1,81\n", ("t",), {}, ["no column 't'",
+        "first line holds numbers", "header: false"]),
     "empty file": (b"", ("t",), {}, ["a.csv: the file is empty"]),
     "blank lines only": (b"\n\r\n  \n", ("t",), {}, ["the file is empty"]),
     "nothing after the skipped lines": (GOOD, ("t",), {"skip_rows": 5}, ["the file is empty"]),
@@ -217,9 +317,11 @@ WRONG: dict[str, tuple[bytes, tuple[SourceColumn, ...], dict[str, Any], list[str
     "binary": (bytes(range(256)), (0,), {"header": 0}, ["not a text file in UTF-8"]),
     "UTF-16": ("t,F\n1,2\n".encode("utf-16"), ("t",), {}, ["not a text file in UTF-8"]),
     "not UTF-16": (GOOD, ("t",), {"encoding": "utf-16"}, ["not a text file in UTF-16"]),
-    "latin-1 header": ("t,°C\n1,2\n".encode("latin-1"), ("t",), {}, ["not a text file in UTF-8", "0xb0"]),
+    "latin-1 header": ("t,°C\n1,2\n".encode("latin-1"), ("t",), {}, ["not a text file in UTF-8",
+        "0xb0"]),
     "zero bytes": (b"\0" * 64, (0,), {"header": 0}, ["is not a number"]),
-    "quotation mark never closed": (b't,F\n1,"2\n' + b"3,4\n" * 40_000, ("t",), {}, ["quotation mark"]),
+    "quotation mark never closed": (b't,F\n1,"2\n' + b"3,4\n" * 40_000, ("t",), {},
+        ["quotation mark"]),
     "escape codes": (b"t\n\x1b[31mred\n", ("t",), {}, [r"'\x1b[31mred' is not a number"]),
 }  # fmt: skip
 

@@ -1,4 +1,6 @@
-"""What holds for every reader: it is one file, tells of what is no file of its kind, and no table is read twice where it is remembered."""
+"""What holds for every reader: it is one file, tells of what is no file of its kind, and no table
+is read twice where it is remembered.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +42,11 @@ READER = Reader("bars", read_bars, suffixes=(".bar",), keys=("header",), peek=pe
 
 
 def test_one_new_file_adds_a_format(tmp_path: Path) -> None:
-    shutil.copytree(Path(mapmore_cli.__file__).parent, tmp_path / "mapmore_cli", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(
+        Path(mapmore_cli.__file__).parent,
+        tmp_path / "mapmore_cli",
+        ignore=shutil.ignore_patterns("__pycache__"),
+    )
     (tmp_path / "mapmore_cli/storage/readers/bars.py").write_text(TEXT_OF_BARS)
     rows = "".join(f"{i / 100}|150|{1.5 * i}\n" for i in range(40))
     (tmp_path / "log.bar").write_text(f"strain|pressure|force\n{rows}")
@@ -56,14 +62,22 @@ from mapmore_cli.spec.sections.logs import Logs
 columns = {"time": {"column": "strain"}}
 print(Logs.model_validate({"files": ["log.bar"], "reader": "bars", "columns": columns}).reader)
 try:
-    Logs.model_validate({"files": ["log.bar"], "reader": "bars", "columns": columns, "decimal": ","})
+    Logs.model_validate({"files": ["log.bar"], "reader": "bars", "columns": columns,
+        "decimal": ","})
 except ValueError as error:
     assert "no use for `decimal`" in str(error), error
 else:
     raise AssertionError("the key was taken")
 """
     environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
-    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert done.stderr == ""
     assert done.stdout.split() == ["log", "bars"]
 
@@ -79,17 +93,33 @@ def test_a_file_that_vanished(tmp_path: Path, reader: str) -> None:
     refusal(["cannot be read: No such file"], reader, tmp_path / "gone", 0, header=0)
 
 
-@pytest.mark.parametrize("content", [b"", b"t,F\n0,1\n", bytes(600), b"\x7fELF" * 100, b"\xd0\xcf\x11\xe0" + bytes(600)])
+@pytest.mark.parametrize(
+    "content", [b"", b"t,F\n0,1\n", bytes(600), b"\x7fELF" * 100, b"\xd0\xcf\x11\xe0" + bytes(600)]
+)
 @pytest.mark.parametrize("reader", [name for name in READERS if name != "csv"])
 def test_a_file_of_another_kind(tmp_path: Path, reader: str, content: bytes) -> None:
     (tmp_path / "a").write_bytes(content)
     assert refusal([], reader, tmp_path / "a", "g/c").startswith("a.")
 
 
-@pytest.mark.parametrize(("reader", "module", "library"), [("xlsx", "openpyxl", "openpyxl"), ("tdms", "nptdms", "npTDMS")])
-def test_a_library_that_is_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, reader: str, module: str, library: str) -> None:
+@pytest.mark.parametrize(
+    ("reader", "module", "library"),
+    [("xlsx", "openpyxl", "openpyxl"), ("tdms", "nptdms", "npTDMS")],
+)
+def test_a_library_that_is_missing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, reader: str, module: str, library: str
+) -> None:
     monkeypatch.setitem(sys.modules, module, None)
-    refusal([f"a.{reader}: ", f"needs {library}, which is not installed", "pip install 'mapmore[formats]'"], reader, tmp_path / "a", "t")
+    refusal(
+        [
+            f"a.{reader}: ",
+            f"needs {library}, which is not installed",
+            "pip install 'mapmore[formats]'",
+        ],
+        reader,
+        tmp_path / "a",
+        "t",
+    )
 
 
 Reads = tuple[Reader, Path, list[TableRequest]]
@@ -113,14 +143,24 @@ def test_a_table_is_read_once_and_named_as_asked(reads: Reads) -> None:
     reader, path, asked = reads
     with remembered():
         read_with(reader, path, ASKED)
-        (again,) = read_with(reader, path.parent / "." / "a.csv", replace(ASKED, columns=("F",), label="rig/a.csv"))
+        (again,) = read_with(
+            reader, path.parent / "." / "a.csv", replace(ASKED, columns=("F",), label="rig/a.csv")
+        )
     assert len(asked) == 1
     assert again.label == "rig/a.csv"
     assert list(again.columns) == ["F"]
     np.testing.assert_array_equal(again.columns["F"], [10, 20])
 
 
-@pytest.mark.parametrize("change", [{"columns": ("x",)}, {"columns": ("P", "x")}, {"incomplete": True}, {"missing": frozenset({"-"})}])
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"columns": ("x",)},
+        {"columns": ("P", "x")},
+        {"incomplete": True},
+        {"missing": frozenset({"-"})},
+    ],
+)
 def test_what_was_not_read_that_way_is_read(reads: Reads, change: dict[str, object]) -> None:
     reader, path, asked = reads
     with remembered():
@@ -130,7 +170,9 @@ def test_what_was_not_read_that_way_is_read(reads: Reads, change: dict[str, obje
     assert set(other.columns) == set(replace(ASKED, **change).columns)
 
 
-def test_nothing_is_kept_outside_or_beyond_its_room(reads: Reads, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nothing_is_kept_outside_or_beyond_its_room(
+    reads: Reads, monkeypatch: pytest.MonkeyPatch
+) -> None:
     reader, path, asked = reads
     with remembered():
         read_with(reader, path, ASKED)

@@ -20,7 +20,9 @@ def file(tmp_path: Path) -> Path:
     path = tmp_path / "a.h5"
     with h5py.File(path, "w") as made:
         made["run/pressure"] = T.astype(">f4")
-        made.create_dataset("run/both", data=np.column_stack([T, -T]), chunks=(2, 1), compression="gzip")
+        made.create_dataset(
+            "run/both", data=np.column_stack([T, -T]), chunks=(2, 1), compression="gzip"
+        )
         made["run/text"] = ["a"] * 6
         made["run/scalar"] = 3.0
         table = np.zeros(6, dtype=[("t", "f8"), ("F", "i4")])
@@ -49,20 +51,30 @@ read = partial(table_of, "hdf5")
         ("run/scalar", {}, [3]),
     ],
 )
-def test_addresses(file: Path, column: SourceColumn, request_: dict[str, Any], expected: Any) -> None:
+def test_addresses(
+    file: Path, column: SourceColumn, request_: dict[str, Any], expected: Any
+) -> None:
     values = read(file, column, **request_).columns[column]
     np.testing.assert_array_equal(values, expected)
     assert values.dtype == np.float64
 
 
 def test_members_of_a_group_come_in_natural_order(file: Path) -> None:
-    assert [table.columns["P"][0] for table in tables_of("hdf5", file, "P", root="runs[*]")] == [1, 2, 10]
+    assert [table.columns["P"][0] for table in tables_of("hdf5", file, "P", root="runs[*]")] == [
+        1,
+        2,
+        10,
+    ]
 
 
 @pytest.mark.parametrize(
     ("columns", "request_", "parts"),
     [
-        (("run/presure",), {}, ["no 'presure' on the way to 'run/presure'", "Did you mean 'pressure'?"]),
+        (
+            ("run/presure",),
+            {},
+            ["no 'presure' on the way to 'run/presure'", "Did you mean 'pressure'?"],
+        ),
         (("run",), {}, ["'run' is a group of 4, not an array", "both, pressure"]),
         (("run/both",), {}, ["an array of 6 x 2", "`run/both[:,0]`"]),
         (("run/both[:,2]",), {}, ["reaches beyond an array of 6 x 2"]),
@@ -72,10 +84,16 @@ def test_members_of_a_group_come_in_natural_order(file: Path) -> None:
         (("run/scalar", "run/pressure"), {}, ["'run/scalar' has 1 samples, 'run/pressure' has 6"]),
         (("link",), {}, ["a.h5: 'link' is a link that leads nowhere"]),
         (("P",), {"root": "runs"}, ["no 'P' on the way", "A group of 3 has: run_1, run_10, run_2"]),
-        (("x",), {"root": "run/pressure[*]"}, ["every element of an array of 6", "`root: run/pressure`"]),
+        (
+            ("x",),
+            {"root": "run/pressure[*]"},
+            ["every element of an array of 6", "`root: run/pressure`"],
+        ),
     ],
 )
-def test_addresses_that_lead_nowhere(file: Path, columns: tuple[SourceColumn, ...], request_: dict[str, Any], parts: list[str]) -> None:
+def test_addresses_that_lead_nowhere(
+    file: Path, columns: tuple[SourceColumn, ...], request_: dict[str, Any], parts: list[str]
+) -> None:
     refusal(parts, "hdf5", file, *columns, **request_)
 
 
@@ -89,5 +107,9 @@ def test_cut_files_are_noticed(file: Path, tmp_path: Path) -> None:
 
 def test_one_column_is_read_without_the_others(tmp_path: Path) -> None:
     with h5py.File(tmp_path / "wide.h5", "w") as made:
-        made.create_dataset("wide", shape=(6, 10**10), chunks=(6, 1000), dtype="f8", fillvalue=3.0)  # 480 GB, never written
-    np.testing.assert_array_equal(read(tmp_path / "wide.h5", "wide[:,5]").columns["wide[:,5]"], [3] * 6)
+        made.create_dataset(
+            "wide", shape=(6, 10**10), chunks=(6, 1000), dtype="f8", fillvalue=3.0
+        )  # 480 GB, never written
+    np.testing.assert_array_equal(
+        read(tmp_path / "wide.h5", "wide[:,5]").columns["wide[:,5]"], [3] * 6
+    )

@@ -1,4 +1,6 @@
-"""MAT files: those that MATLAB wrote come with SciPy; the others are SciPy's, and HDF5 laid out as MATLAB 7.3 does."""
+"""MAT files: those that MATLAB wrote come with SciPy; the others are SciPy's, and HDF5 laid out as
+MATLAB 7.3 does.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,9 @@ from mapmore_cli.storage.readers import READERS
 from mapmore_cli.storage.tables import SourceColumn
 
 # SciPy 1.18 says so of `loadmat`, which is the oracle here
-pytestmark = pytest.mark.filterwarnings("ignore:The default value for `spmatrix`:DeprecationWarning")
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:The default value for `spmatrix`:DeprecationWarning"
+)
 
 BY_MATLAB = Path(scipy.io.__file__).parent / "matlab" / "tests" / "data"
 T = np.arange(5.0)
@@ -46,19 +50,34 @@ def write_v5(path: Path) -> Path:
     for i in range(2):
         runs[i] = (100 * i + T, {"eps": T / 10})
     run = {"P": T, "sensor": {"F": -T[:, None]}, "note": "hello"}
-    content = {"run": run, "y": Y, "train": train, "runs": runs, "z": T + 1j, "flags": T > 2, "nothing": np.zeros((0, 0)), "cube": CUBE}
+    content = {
+        "run": run,
+        "y": Y,
+        "train": train,
+        "runs": runs,
+        "z": T + 1j,
+        "flags": T > 2,
+        "nothing": np.zeros((0, 0)),
+        "cube": CUBE,
+    }
     scipy.io.savemat(path, {**content, "sparse": sparse.csc_array(np.diag(T))})
     return path
 
 
 def write_v73(path: Path) -> Path:
-    """The same as MATLAB 7.3 lays it out: axes in the opposite order, cells and elements of struct arrays as references."""
+    """The same as MATLAB 7.3 lays it out: axes in the opposite order, cells and elements of struct
+    arrays as references.
+    """
     with h5py.File(path, "w", userblock_size=512) as file:
         kinds = {"b": b"logical", "i": b"int16", "f": b"double", "V": b"double"}
 
-        def put(group: h5py.Group, name: str, array: Any, kind: bytes | None = None) -> h5py.Dataset:
+        def put(
+            group: h5py.Group, name: str, array: Any, kind: bytes | None = None
+        ) -> h5py.Dataset:
             array = np.atleast_2d(np.asarray(array))
-            stored = group.create_dataset(name, data=(array.astype(np.uint8) if array.dtype == bool else array).T)
+            stored = group.create_dataset(
+                name, data=(array.astype(np.uint8) if array.dtype == bool else array).T
+            )
             stored.attrs["MATLAB_class"] = kind or kinds[array.dtype.kind]
             return stored
 
@@ -79,14 +98,18 @@ def write_v73(path: Path) -> Path:
         for i in range(3):
             put(struct(f"#refs#/train{i}"), "y", np.column_stack([T + i, 10 * T]))
             put(file[f"#refs#/train{i}"], "t", T[None, : 5 - i])
-        file["train"] = np.array([[file[f"#refs#/train{i}"].ref] for i in range(3)], dtype=h5py.ref_dtype)
+        file["train"] = np.array(
+            [[file[f"#refs#/train{i}"].ref] for i in range(3)], dtype=h5py.ref_dtype
+        )
         file["train"].attrs["MATLAB_class"] = b"cell"
         runs = struct("runs")
         for i in range(2):
             put(file["#refs#"], f"P{i}", 100 * i + T)
             put(struct(f"#refs#/inner{i}"), "eps", T / 10)
         for name in ("P", "inner"):
-            runs[name] = np.array([[file[f"#refs#/{name}{i}"].ref] for i in range(2)], dtype=h5py.ref_dtype)
+            runs[name] = np.array(
+                [[file[f"#refs#/{name}{i}"].ref] for i in range(2)], dtype=h5py.ref_dtype
+            )
     head = b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\x00\x02IM"
     with path.open("r+b") as file_:
         file_.write(head)
@@ -123,7 +146,9 @@ def test_addresses(tmp_path: Path, write: Writer, column: str, expected: Any) ->
 def test_every_element_is_a_recording(tmp_path: Path, write: Writer) -> None:
     path = write(tmp_path / "a.mat")
     tables = read(path, "y[:,0]", "y[:,1]", root="train[*]")
-    assert [(table.element, table.at(4)) for table in tables] == [(i, f"a.mat:train[{i}]:index 4") for i in range(3)]
+    assert [(table.element, table.at(4)) for table in tables] == [
+        (i, f"a.mat:train[{i}]:index 4") for i in range(3)
+    ]
     for i, table in enumerate(tables):
         np.testing.assert_array_equal(table.columns["y[:,0]"], T + i)
         np.testing.assert_array_equal(table.columns["y[:,1]"], 10 * T)
@@ -139,7 +164,11 @@ def test_columns_from_the_root(tmp_path: Path, write: Writer) -> None:
 
 
 WRONG: list[tuple[tuple[SourceColumn, ...], dict[str, Any], list[str]]] = [
-    (("run.p",), {}, ["a.mat: there is no 'p' on the way to 'run.p'", "Did you mean 'P'?", "A struct has: P, "]),
+    (
+        ("run.p",),
+        {},
+        ["a.mat: there is no 'p' on the way to 'run.p'", "Did you mean 'P'?", "A struct has: P, "],
+    ),
     (("runn.P",), {}, ["no 'runn' on the way", "Did you mean 'run'?", "The file has"]),
     (("run.P.x",), {}, ["no 'x' on the way", "It is an array of"]),
     (("run",), {}, ["'run' is a struct, not an array", "has: P, "]),
@@ -158,8 +187,16 @@ WRONG: list[tuple[tuple[SourceColumn, ...], dict[str, Any], list[str]]] = [
     (("run.note",), {}, ["'run.note' holds text, not real numbers"]),
     (("nothing",), {}, ["'nothing' is empty"]),
     (("run.P", "y[3,:]"), {}, ["different length: 'y[3,:]' has 3 samples, 'run.P' has 5", "join"]),
-    (("y[:,0]", "t"), {"root": "train[*]"}, ["a.mat:train[1]: columns of different length: 't' has 4 samples, 'y[:,0]' has 5"]),
-    (("P",), {"root": "y[*]"}, ["`root: y[*]` asks for every element of an array of 5 x 3", "`root: y`"]),
+    (
+        ("y[:,0]", "t"),
+        {"root": "train[*]"},
+        ["a.mat:train[1]: columns of different length: 't' has 4 samples, 'y[:,0]' has 5"],
+    ),
+    (
+        ("P",),
+        {"root": "y[*]"},
+        ["`root: y[*]` asks for every element of an array of 5 x 3", "`root: y`"],
+    ),
     (("P",), {"root": "trains[*]"}, ["Did you mean 'train'?"]),
 ]
 
@@ -167,13 +204,21 @@ WRONG: list[tuple[tuple[SourceColumn, ...], dict[str, Any], list[str]]] = [
 @VERSIONS
 @pytest.mark.parametrize(("columns", "request_", "parts"), WRONG, ids=lambda value: str(value)[:30])
 def test_addresses_that_lead_nowhere(
-    tmp_path: Path, write: Writer, columns: tuple[SourceColumn, ...], request_: dict[str, Any], parts: list[str]
+    tmp_path: Path,
+    write: Writer,
+    columns: tuple[SourceColumn, ...],
+    request_: dict[str, Any],
+    parts: list[str],
 ) -> None:
-    assert refusal(parts, "mat", write(tmp_path / "a.mat"), *columns, **request_).startswith(("a.mat", "'"))
+    assert refusal(parts, "mat", write(tmp_path / "a.mat"), *columns, **request_).startswith(
+        ("a.mat", "'")
+    )
 
 
 @VERSIONS
-def test_ragged_recordings_end_with_the_shortest_column_where_the_spec_drops_what_is_missing(tmp_path: Path, write: Writer) -> None:
+def test_ragged_recordings_end_with_the_shortest_column_where_the_spec_drops_what_is_missing(
+    tmp_path: Path, write: Writer
+) -> None:
     tables = read(write(tmp_path / "a.mat"), "y[:,0]", "t", root="train[*]", incomplete=True)
     assert [len(table.rows) for table in tables] == [5, 4, 3]
 
@@ -200,29 +245,56 @@ def test_files_that_matlab_wrote(name: str, column: str, expected: Any) -> None:
     if expected is None:
         expected = scipy.io.loadmat(BY_MATLAB / name)["floats"][:, 0]
     np.testing.assert_allclose(values(BY_MATLAB / name, column), expected)
-    if name.startswith("testhdf5"):  # the other reader takes it as well, with the axes as MATLAB shows them
+    if name.startswith(
+        "testhdf5"
+    ):  # the other reader takes it as well, with the axes as MATLAB shows them
         (table,) = tables_of("hdf5", BY_MATLAB / name, "testdouble[0,:]")
         np.testing.assert_allclose(table.columns["testdouble[0,:]"], expected)
 
 
 @pytest.mark.parametrize("format_", ["4", "5"])
 @pytest.mark.parametrize("packed", [False, True])
-def test_arrays_of_every_type_equal_those_of_scipy(tmp_path: Path, format_: str, packed: bool) -> None:
-    kinds = ("f8", "f4", "i4", "i2", "u2", "u1") if format_ == "4" else ("f8", "f4", "i8", "u8", "i4", "u4", "i2", "u2", "i1", "u1", "?")
-    arrays = {f"v{kind[0].replace('?', 'b')}{kind[1:]}": np.arange(12).reshape(4, 3).astype(kind) for kind in kinds}
-    scipy.io.savemat(tmp_path / "a.mat", {**arrays, "few": sparse.csc_array(Y > 2)}, format=format_, do_compression=packed)
+def test_arrays_of_every_type_equal_those_of_scipy(
+    tmp_path: Path, format_: str, packed: bool
+) -> None:
+    kinds = (
+        ("f8", "f4", "i4", "i2", "u2", "u1")
+        if format_ == "4"
+        else ("f8", "f4", "i8", "u8", "i4", "u4", "i2", "u2", "i1", "u1", "?")
+    )
+    arrays = {
+        f"v{kind[0].replace('?', 'b')}{kind[1:]}": np.arange(12).reshape(4, 3).astype(kind)
+        for kind in kinds
+    }
+    scipy.io.savemat(
+        tmp_path / "a.mat",
+        {**arrays, "few": sparse.csc_array(Y > 2)},
+        format=format_,
+        do_compression=packed,
+    )
     known = scipy.io.loadmat(tmp_path / "a.mat")
     for name in arrays:
         np.testing.assert_array_equal(values(tmp_path / "a.mat", f"{name}[:,2]"), known[name][:, 2])
-    np.testing.assert_array_equal(values(tmp_path / "a.mat", "few[:,1]"), known["few"].toarray()[:, 1])
+    np.testing.assert_array_equal(
+        values(tmp_path / "a.mat", "few[:,1]"), known["few"].toarray()[:, 1]
+    )
 
 
 @pytest.mark.parametrize("name", sorted(path.name for path in BY_MATLAB.glob("*.mat")))
 def test_variables_of_all_files_have_the_numbers_that_scipy_reads(name: str) -> None:
-    known = scipy.io.loadmat(BY_MATLAB / name) if name.startswith(("test", "big", "little")) and "hdf5" not in name else {}
+    known = (
+        scipy.io.loadmat(BY_MATLAB / name)
+        if name.startswith(("test", "big", "little")) and "hdf5" not in name
+        else {}
+    )
     for variable, array in known.items():
         array = array.toarray() if sparse.issparse(array) else array
-        if not variable.startswith("__") and array.dtype.kind in "iufb" and array.ndim == 2 and array.size:
+        if (
+            not variable.startswith("__")
+            and array.dtype.kind in "iufb"
+            and array.ndim == 2
+            and array.size
+        ):
             np.testing.assert_array_equal(values(BY_MATLAB / name, f"{variable}[:,0]"), array[:, 0])
 
 
@@ -241,27 +313,55 @@ def element_5(kind: int, content: bytes) -> bytes:
 
 def variable_5(of_class: int, shape: tuple[int, ...], *parts: bytes) -> bytes:
     flags, size = np.array([of_class, 0], "<u4").tobytes(), np.array(shape, "<i4").tobytes()
-    return element_5(14, element_5(6, flags) + element_5(5, size) + element_5(1, b"x") + b"".join(parts))
+    return element_5(
+        14, element_5(6, flags) + element_5(5, size) + element_5(1, b"x") + b"".join(parts)
+    )
 
 
-FEW = (element_5(5, np.array([1], "<i4").tobytes()), element_5(5, np.array([0, 1], "<i4").tobytes()), element_5(9, T[1:2].tobytes()))
+FEW = (
+    element_5(5, np.array([1], "<i4").tobytes()),
+    element_5(5, np.array([0, 1], "<i4").tobytes()),
+    element_5(9, T[1:2].tobytes()),
+)
 ZEROS = zlib.compress(variable_5(6, (1, 15 * 10**6), element_5(9, bytes(12 * 10**7))), 1)
 FAR_TOO_MUCH: dict[str, tuple[bytes, str]] = {
-    "sparse": (variable_5(5, (10**9, 10**9), *FEW), "a sparse matrix of 1000000000 x 1000000000 unpacks"),
-    "sparse, of one column": (variable_5(5, (10**9, 1), *FEW), "a sparse matrix of 1000000000 x 1 unpacks"),
-    "sparse, with more ends": (variable_5(5, (5, 10**9), FEW[0], element_5(5, b"\xff\xff\xff\x7f" * 2), FEW[2]), "a sparse matrix"),
-    "cells": (variable_5(1, (1, 200_000), element_5(14, b"") * 200_000), "'x' has more than 100000 elements"),
+    "sparse": (
+        variable_5(5, (10**9, 10**9), *FEW),
+        "a sparse matrix of 1000000000 x 1000000000 unpacks",
+    ),
+    "sparse, of one column": (
+        variable_5(5, (10**9, 1), *FEW),
+        "a sparse matrix of 1000000000 x 1 unpacks",
+    ),
+    "sparse, with more ends": (
+        variable_5(5, (5, 10**9), FEW[0], element_5(5, b"\xff\xff\xff\x7f" * 2), FEW[2]),
+        "a sparse matrix",
+    ),
+    "cells": (
+        variable_5(1, (1, 200_000), element_5(14, b"") * 200_000),
+        "'x' has more than 100000 elements",
+    ),
     "cells that are not there": (variable_5(1, (10**9, 1)), "0 elements of 1000000000"),
-    "fields": (variable_5(2, (10**9, 1), element_5(5, np.array([2], "<i4").tobytes()), element_5(1, b"P\0")), "0 elements of 1000000000"),
+    "fields": (
+        variable_5(
+            2, (10**9, 1), element_5(5, np.array([2], "<i4").tobytes()), element_5(1, b"P\0")
+        ),
+        "0 elements of 1000000000",
+    ),
     "numbers that are not there": (variable_5(6, (10**9, 10**9), FEW[2]), "cannot reshape"),
-    "packed": (b"\x0f\0\0\0" + np.array([len(ZEROS)], "<u4").tobytes() + ZEROS, "the file unpacks from"),
+    "packed": (
+        b"\x0f\0\0\0" + np.array([len(ZEROS)], "<u4").tobytes() + ZEROS,
+        "the file unpacks from",
+    ),
     "a size below zero": (variable_5(6, (-1, 1), FEW[2]), "cannot reshape"),
     "an end beyond the file": (variable_5(6, (1, 1), FEW[2])[:-8], "an array is cut off"),
 }
 
 
 @pytest.mark.parametrize(("variable", "told"), FAR_TOO_MUCH.values(), ids=FAR_TOO_MUCH)
-def test_files_that_declare_far_too_much_are_refused_at_once(tmp_path: Path, variable: bytes, told: str) -> None:
+def test_files_that_declare_far_too_much_are_refused_at_once(
+    tmp_path: Path, variable: bytes, told: str
+) -> None:
     path = tmp_path / "a.mat"
     path.write_bytes(b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM" + variable)
     tracemalloc.start()
@@ -296,13 +396,23 @@ def test_objects_of_matlab_are_told_with_the_way_to_save_arrays(tmp_path: Path) 
     tables = opaque_mat(tmp_path / "a.mat", "log", "timetable", T)
     assert values(tables, "x") == list(T)
     with h5py.File(tmp_path / "b.mat", "w") as file:
-        log = file.create_dataset("log", data=np.array([[0xDD000000, 2, 1, 1, 1, 1]], dtype=np.uint32))
+        log = file.create_dataset(
+            "log", data=np.array([[0xDD000000, 2, 1, 1, 1, 1]], dtype=np.uint32)
+        )
         log.attrs["MATLAB_class"], log.attrs["MATLAB_object_decode"] = b"timetable", np.int32(3)
     for path, column, name in [
         (tables, "log", "'log' is an object of MATLAB (timetable)"),
         (tables, "log.P", "'log' is an object of MATLAB (timetable)"),
         (tmp_path / "b.mat", "log", "'log' is an object of MATLAB (timetable)"),
-        (BY_MATLAB / "testobject_7.4_GLNX86.mat", "testobject", "'testobject' is an object of MATLAB (inline)"),
-        (BY_MATLAB / "testfunc_7.4_GLNX86.mat", "testfunc", "'testfunc' is an object of MATLAB (a function)"),
+        (
+            BY_MATLAB / "testobject_7.4_GLNX86.mat",
+            "testobject",
+            "'testobject' is an object of MATLAB (inline)",
+        ),
+        (
+            BY_MATLAB / "testfunc_7.4_GLNX86.mat",
+            "testfunc",
+            "'testfunc' is an object of MATLAB (a function)",
+        ),
     ]:
         assert refusal(["table2struct"], "mat", path, column).startswith(f"a.mat: {name}")

@@ -21,9 +21,20 @@ def file(tmp_path: Path) -> Path:
     stamps = np.datetime64("1970-01-02T00:00:00") + (T * 1e6).astype("timedelta64[us]")
     with nptdms.TdmsWriter(str(path)) as writer:
         for half in (slice(0, 25), slice(25, 50)):
-            channels = {"P": (100 + T)[half], "eps": (T / 100)[half].astype(np.float32), "stamp": stamps[half]}
-            writer.write_segment([nptdms.ChannelObject("Rig 7", name, values) for name, values in channels.items()])
-        writer.write_segment([nptdms.ChannelObject("Rig 7", "short", T[:7]), nptdms.ChannelObject("Notes", "who", ["me", "you"])])
+            channels = {
+                "P": (100 + T)[half],
+                "eps": (T / 100)[half].astype(np.float32),
+                "stamp": stamps[half],
+            }
+            writer.write_segment(
+                [nptdms.ChannelObject("Rig 7", name, values) for name, values in channels.items()]
+            )
+        writer.write_segment(
+            [
+                nptdms.ChannelObject("Rig 7", "short", T[:7]),
+                nptdms.ChannelObject("Notes", "who", ["me", "you"]),
+            ]
+        )
     return path
 
 
@@ -52,27 +63,40 @@ def test_what_a_file_lacks(file: Path, columns: tuple[str, ...], parts: list[str
     refusal(parts, "tdms", file, *columns)
 
 
-@pytest.mark.parametrize("name", ["raw1.tdms", "Digital_Input.tdms", "big_endian.tdms", "raw_timestamps.tdms"])
+@pytest.mark.parametrize(
+    "name", ["raw1.tdms", "Digital_Input.tdms", "big_endian.tdms", "raw_timestamps.tdms"]
+)
 def test_files_that_labview_wrote(name: str) -> None:
     if not (BY_LABVIEW / name).is_file():
         pytest.skip("this npTDMS comes without its test files")
     with nptdms.TdmsFile.open(BY_LABVIEW / name) as whole:
-        channels = {f"{group.name}/{channel.name}": channel[:] for group in whole.groups() for channel in group.channels()}
+        channels = {
+            f"{group.name}/{channel.name}": channel[:]
+            for group in whole.groups()
+            for channel in group.channels()
+        }
     column, expected = next((name, values) for name, values in channels.items() if len(values))
     got = read(BY_LABVIEW / name, column, clocks=frozenset({column})).columns[column]
     if expected.dtype.kind == "M":
-        expected = [stamp.astype("datetime64[us]").astype(datetime).replace(tzinfo=UTC).timestamp() for stamp in expected]
+        expected = [
+            stamp.astype("datetime64[us]").astype(datetime).replace(tzinfo=UTC).timestamp()
+            for stamp in expected
+        ]
     np.testing.assert_allclose(got, expected)
 
 
-def test_cut_files_are_noticed_and_read_where_the_spec_drops_what_is_missing(file: Path, tmp_path: Path) -> None:
+def test_cut_files_are_noticed_and_read_where_the_spec_drops_what_is_missing(
+    file: Path, tmp_path: Path
+) -> None:
     whole = file.read_bytes()
     second = whole.index(b"TDSm", 4)
     third = whole.index(b"TDSm", second + 4)
     cut = tmp_path / "cut.tdms"
     for end in {*range(0, third, 37), *range(second + 1, second + 60)} - {0, second}:
         cut.write_bytes(whole[:end])
-        with pytest.raises(DataError, match=r"a\.tdms: the (last segment breaks off|file is damaged)"):
+        with pytest.raises(
+            DataError, match=r"a\.tdms: the (last segment breaks off|file is damaged)"
+        ):
             read(cut, "Rig 7/P")
     cut.write_bytes(whole[: third - 300])
     with pytest.raises(DataError, match="the last segment breaks off"):

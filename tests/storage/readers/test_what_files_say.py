@@ -13,19 +13,51 @@ from reading import refusal, table_of, tables_of
 
 NAN = np.nan
 STORED: dict[str, tuple[Any, dict[str, Any], list[float]]] = {
-    "scaled": (np.array([0, 10, -20], "i2"), {"scale_factor": 0.1, "add_offset": np.array([5.0])}, [5, 6, 3]),
-    "big-endian, fill value": (np.array([0, -32768, 7], ">i2"), {"_FillValue": np.array([-32768], ">i2")}, [0, NAN, 7]),
-    "fill value, scaled": (np.array([0, -1, 7], "i4"), {"_FillValue": np.int32(-1), "scale_factor": np.float32(2)}, [0, NAN, 14]),
-    "several missing": (np.array([-999.0, 1, -888]), {"missing_value": np.array([-999, -888], "i4")}, [NAN, 1, NAN]),
+    "scaled": (
+        np.array([0, 10, -20], "i2"),
+        {"scale_factor": 0.1, "add_offset": np.array([5.0])},
+        [5, 6, 3],
+    ),
+    "big-endian, fill value": (
+        np.array([0, -32768, 7], ">i2"),
+        {"_FillValue": np.array([-32768], ">i2")},
+        [0, NAN, 7],
+    ),
+    "fill value, scaled": (
+        np.array([0, -1, 7], "i4"),
+        {"_FillValue": np.int32(-1), "scale_factor": np.float32(2)},
+        [0, NAN, 14],
+    ),
+    "several missing": (
+        np.array([-999.0, 1, -888]),
+        {"missing_value": np.array([-999, -888], "i4")},
+        [NAN, 1, NAN],
+    ),
     "float32 by a double": (np.array([1e20, 1, 2], "f4"), {"missing_value": 1e20}, [NAN, 1, 2]),
     "a mark too large for float32": (np.array([1, 2, 3], "f4"), {"_FillValue": 1e300}, [1, 2, 3]),
     "fill value is NaN": (np.array([NAN, 1, 2]), {"_FillValue": NAN}, [NAN, 1, 2]),
-    "valid range as stored": (np.array([0, 50, 200], "i2"), {"valid_range": np.array([1, 100], "i2"), "scale_factor": 0.1}, [NAN, 5, NAN]),
-    "valid range as meant": (np.array([0, 50, 200], "i2"), {"valid_range": [1.0, 10.0], "scale_factor": 0.1}, [NAN, 5, NAN]),
-    "valid_min as stored": (np.array([0, 50, 200], "i2"), {"valid_min": np.int16(40), "scale_factor": 0.1}, [NAN, 5, 20]),
+    "valid range as stored": (
+        np.array([0, 50, 200], "i2"),
+        {"valid_range": np.array([1, 100], "i2"), "scale_factor": 0.1},
+        [NAN, 5, NAN],
+    ),
+    "valid range as meant": (
+        np.array([0, 50, 200], "i2"),
+        {"valid_range": [1.0, 10.0], "scale_factor": 0.1},
+        [NAN, 5, NAN],
+    ),
+    "valid_min as stored": (
+        np.array([0, 50, 200], "i2"),
+        {"valid_min": np.int16(40), "scale_factor": 0.1},
+        [NAN, 5, 20],
+    ),
     "valid_min": (np.array([-5.0, 0, 5]), {"valid_min": 0.0}, [NAN, 0, 5]),
     "valid_max": (np.array([-5.0, 0, 5]), {"valid_max": 0.0}, [-5, 0, NAN]),
-    "unsigned": (np.array([-1, 1, -2], "i1"), {"_Unsigned": "true", "_FillValue": np.int8(-1)}, [NAN, 1, 254]),
+    "unsigned": (
+        np.array([-1, 1, -2], "i1"),
+        {"_Unsigned": "true", "_FillValue": np.int8(-1)},
+        [NAN, 1, 254],
+    ),
     "not unsigned": (np.array([-1, 1, -2], "i1"), {"_Unsigned": "false"}, [-1, 1, -2]),
     "nothing": (np.array([-1, 1, -2], "i1"), {"comment": "x" * 9000}, [-1, 1, -2]),
 }
@@ -48,7 +80,12 @@ def test_stored_numbers_mean_what_the_attributes_of_netcdf_say(
 
 
 def test_a_factor_that_is_a_text_is_refused(tmp_path: Path) -> None:
-    refusal(["a.h5: /F: its attribute scale_factor is no number"], "hdf5", hdf5(tmp_path / "a.h5", [1, 2], {"scale_factor": "0.1"}), "F")
+    refusal(
+        ["a.h5: /F: its attribute scale_factor is no number"],
+        "hdf5",
+        hdf5(tmp_path / "a.h5", [1, 2], {"scale_factor": "0.1"}),
+        "F",
+    )
 
 
 @pytest.mark.parametrize(
@@ -57,7 +94,10 @@ def test_a_factor_that_is_a_text_is_refused(tmp_path: Path) -> None:
         ({"units": "kPa"}, "kPa"),
         ({"units": np.bytes_(b"bar")}, "bar"),
         ({"Unit": np.array(["mm"], dtype=h5py.string_dtype())}, "mm"),
-        ({"units": "x" * 5000}, "x" * 5000),  # one text that lies elsewhere in the file, of its size at most
+        (
+            {"units": "x" * 5000},
+            "x" * 5000,
+        ),  # one text that lies elsewhere in the file, of its size at most
         ({"units": np.bytes_(b"x" * 5000)}, ""),
         ({"units": np.array(["mm"] * 5, dtype=h5py.string_dtype())}, ""),
         ({"units": np.array([b"mm", b"N"])}, ""),  # of the columns of a matrix, perhaps
@@ -69,7 +109,12 @@ def test_units_of_datasets(tmp_path: Path, said: dict[str, Any], unit: str) -> N
 
 def test_netcdf_of_the_classic_format_is_named(tmp_path: Path) -> None:
     (tmp_path / "a.nc").write_bytes(b"CDF\x01" + bytes(100))
-    refusal(["a.h5: is a netCDF file of the classic format", "nccopy -k nc4"], "hdf5", tmp_path / "a.nc", "F")
+    refusal(
+        ["a.h5: is a netCDF file of the classic format", "nccopy -k nc4"],
+        "hdf5",
+        tmp_path / "a.nc",
+        "F",
+    )
 
 
 def test_long_texts_and_references_are_refused(tmp_path: Path) -> None:
@@ -77,11 +122,16 @@ def test_long_texts_and_references_are_refused(tmp_path: Path) -> None:
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file["F"] = np.array([text] * 20, dtype=h5py.string_dtype())
         file["R"] = np.array([file["F"].ref] * 3, dtype=h5py.ref_dtype)
-        file.create_dataset("L", (2,), dtype=h5py.vlen_dtype(np.float64))[:] = [np.arange(3.0), np.arange(2.0)]
+        file.create_dataset("L", (2,), dtype=h5py.vlen_dtype(np.float64))[:] = [
+            np.arange(3.0),
+            np.arange(2.0),
+        ]
         file["S"] = np.array([b"ab", b"c"])
         file["T"] = h5py.Empty("f8")
         file["type"] = np.dtype("f8")
-        file["table"] = np.array([("a", 0.0)] * 3, dtype=[("note", h5py.string_dtype()), ("F", "f8")])
+        file["table"] = np.array(
+            [("a", 0.0)] * 3, dtype=[("note", h5py.string_dtype()), ("F", "f8")]
+        )
     tracemalloc.start()
     try:
         refusal(["a.h5: 'F' holds text, not real numbers"], "hdf5", tmp_path / "a.h5", "F")
@@ -108,17 +158,30 @@ def test_a_filter_that_is_not_installed_is_named(tmp_path: Path) -> None:
         space = h5py.h5s.create_simple((9,))
         made = h5py.Dataset(h5py.h5d.create(file.id, b"F", h5py.h5t.NATIVE_DOUBLE, space, created))
         made.id.write_direct_chunk((0,), bytes(16), filter_mask=0)
-    refusal(["a.h5: /F is packed by the filter 32001", "pip install hdf5plugin"], "hdf5", tmp_path / "a.h5", "F")
+    refusal(
+        ["a.h5: /F is packed by the filter 32001", "pip install hdf5plugin"],
+        "hdf5",
+        tmp_path / "a.h5",
+        "F",
+    )
 
 
-# TDMS ------------------------------------------------------------------------------------------------------------------------
+# TDMS
+# --------------------------------------------------------------------------------------------------
 
 nptdms = pytest.importorskip("nptdms")
 START = np.datetime64("2026-03-01T00:00:00", "us")
 
 
-def wave(step: float = 0.01, start: Any = START, offset: float = 0.0, unit: str = "kPa") -> dict[str, Any]:
-    return {"wf_increment": step, "wf_start_time": start, "wf_start_offset": offset, "unit_string": unit}
+def wave(
+    step: float = 0.01, start: Any = START, offset: float = 0.0, unit: str = "kPa"
+) -> dict[str, Any]:
+    return {
+        "wf_increment": step,
+        "wf_start_time": start,
+        "wf_start_offset": offset,
+        "unit_string": unit,
+    }
 
 
 def tdms(path: Path, p: dict[str, Any], f: dict[str, Any], length: int = 40) -> Path:
@@ -132,9 +195,25 @@ def tdms(path: Path, p: dict[str, Any], f: dict[str, Any], length: int = 40) -> 
 @pytest.mark.parametrize(
     ("said", "told"),
     [
-        (wave(0.009), ["P' was sampled every 0.01 s, 'G/F' every 0.009 s", "`sample_time: 0.009 s` and `shift: 0 s`"]),
-        (wave(start=START + np.timedelta64(100, "ms")), ["F' begins 0.1 s after 'G/P'", "`shift: 0.1 s`"]),
-        (wave(offset=0.005), ["F' begins 0.005 s after 'G/P'", "`sample_time: 0.01 s` and `shift: 0.005 s`", "`on: row`"]),
+        (
+            wave(0.009),
+            [
+                "P' was sampled every 0.01 s, 'G/F' every 0.009 s",
+                "`sample_time: 0.009 s` and `shift: 0 s`",
+            ],
+        ),
+        (
+            wave(start=START + np.timedelta64(100, "ms")),
+            ["F' begins 0.1 s after 'G/P'", "`shift: 0.1 s`"],
+        ),
+        (
+            wave(offset=0.005),
+            [
+                "F' begins 0.005 s after 'G/P'",
+                "`sample_time: 0.01 s` and `shift: 0.005 s`",
+                "`on: row`",
+            ],
+        ),
         (wave(offset=-0.5), ["F' begins -0.5 s after 'G/P'", "`shift: -0.5 s`"]),
     ],
 )
@@ -147,20 +226,36 @@ def test_channels_that_were_not_sampled_together_are_refused(
 
 
 def test_channels_of_other_lengths_are_told_by_their_rates(tmp_path: Path) -> None:
-    refusal(["every 0.01 s, 'G/F' every 0.1 s"], "tdms", tdms(tmp_path / "a.tdms", wave(), wave(0.1), 4), "G/P", "G/F")
+    refusal(
+        ["every 0.01 s, 'G/F' every 0.1 s"],
+        "tdms",
+        tdms(tmp_path / "a.tdms", wave(), wave(0.1), 4),
+        "G/P",
+        "G/F",
+    )
 
 
 @pytest.mark.parametrize(
-    "said", [wave(), wave(start=START + np.timedelta64(10, "us")), {}, {"wf_increment": 0.0}, wave(0.01 * (1 + 1e-9), unit="N")]
+    "said",
+    [
+        wave(),
+        wave(start=START + np.timedelta64(10, "us")),
+        {},
+        {"wf_increment": 0.0},
+        wave(0.01 * (1 + 1e-9), unit="N"),
+    ],
 )
-def test_channels_that_were_or_that_nobody_says_more_of_are_read(tmp_path: Path, said: dict[str, Any]) -> None:
+def test_channels_that_were_or_that_nobody_says_more_of_are_read(
+    tmp_path: Path, said: dict[str, Any]
+) -> None:
     table = table_of("tdms", tdms(tmp_path / "a.tdms", wave(), said), "G/P", "G/F")
     assert table.size == 40
     assert (table.noted["G/P"].unit, table.noted["G/P"].step) == ("kPa", 0.01)
     assert table.noted["G/F"].unit == said.get("unit_string", "")
 
 
-# Workbooks -------------------------------------------------------------------------------------------------------------------
+# Workbooks
+# --------------------------------------------------------------------------------------------------
 
 openpyxl = pytest.importorskip("openpyxl")
 
@@ -183,7 +278,9 @@ def hidden(path: Path, *titles: str, **sheets: list[list[Any]]) -> Path:
     made = book(path, **sheets)
     for title in titles:
         made[title].sheet_state = "hidden" if title == "old" else "veryHidden"
-    made.active = next((i for i, sheet in enumerate(made.worksheets) if sheet.title not in titles), 0)
+    made.active = next(
+        (i for i, sheet in enumerate(made.worksheets) if sheet.title not in titles), 0
+    )
     made.save(path)
     return path
 
@@ -198,7 +295,9 @@ def test_hidden_sheets_are_passed_over_but_where_they_are_named(tmp_path: Path) 
 
 def test_which_of_several_sheets_was_read_is_told(tmp_path: Path) -> None:
     path = hidden(tmp_path / "a.xlsx", "old", old=OLD, now=NOW, next=NEXT, empty=[])
-    assert table_of("xlsx", path, "F").doubts == ("a.xlsx: the sheet 'now' is read, and not next; say which by `sheet`",)
+    assert table_of("xlsx", path, "F").doubts == (
+        "a.xlsx: the sheet 'now' is read, and not next; say which by `sheet`",
+    )
     assert table_of("xlsx", path, "F", sheet="now").doubts == ()
 
 
@@ -206,10 +305,23 @@ def test_formulas_that_were_never_computed(tmp_path: Path) -> None:
     book(tmp_path / "a.xlsx", a=[["t", "F", "G"], [0, 1.0, "=A2"], [1, "=A3*2", 2]])
     for request in ({}, {"incomplete": True}):
         told = "a.xlsx:a:row 3, column F: is a formula that was never computed"
-        refusal([told, "open the workbook in Excel or LibreOffice and save it"], "xlsx", tmp_path / "a.xlsx", "t", "F", **request)
+        refusal(
+            [told, "open the workbook in Excel or LibreOffice and save it"],
+            "xlsx",
+            tmp_path / "a.xlsx",
+            "t",
+            "F",
+            **request,
+        )
     assert list(table_of("xlsx", tmp_path / "a.xlsx", "t").columns["t"]) == [0, 1]
     book(tmp_path / "all.xlsx", a=[["t", "F"], ["=ROW()", "=1+1"]])
-    refusal(["a.xlsx:a:row 2, column t: is a formula that was never computed"], "xlsx", tmp_path / "all.xlsx", "t", "F")
+    refusal(
+        ["a.xlsx:a:row 2, column t: is a formula that was never computed"],
+        "xlsx",
+        tmp_path / "all.xlsx",
+        "t",
+        "F",
+    )
 
 
 def test_merged_cells(tmp_path: Path) -> None:
@@ -224,10 +336,17 @@ def test_merged_cells(tmp_path: Path) -> None:
 
 def test_cells_that_are_empty_stay_missing(tmp_path: Path) -> None:
     book(tmp_path / "a.xlsx", a=[["t", "F"], [0, None], [1, 2]])
-    np.testing.assert_array_equal(table_of("xlsx", tmp_path / "a.xlsx", "F", "t").columns["F"], [np.nan, 2])
+    np.testing.assert_array_equal(
+        table_of("xlsx", tmp_path / "a.xlsx", "F", "t").columns["F"], [np.nan, 2]
+    )
 
 
 @pytest.mark.parametrize("error", ["#DIV/0!", "#REF!", "#VALUE!"])
 def test_errors_of_formulas(tmp_path: Path, error: str) -> None:
     book(tmp_path / "a.xlsx", a=[["t", "F"], [0, 1], [1, error]])
-    refusal([f"a.xlsx:a:row 3, column F: '{error}' is not a number", "a formula failed there"], "xlsx", tmp_path / "a.xlsx", "F")
+    refusal(
+        [f"a.xlsx:a:row 3, column F: '{error}' is not a number", "a formula failed there"],
+        "xlsx",
+        tmp_path / "a.xlsx",
+        "F",
+    )

@@ -52,16 +52,33 @@ def test_named_sheet_with_rows_as_the_sheet_counts_them(book: Path) -> None:
 
 
 def test_without_header_after_skipped_rows(book: Path) -> None:
-    np.testing.assert_array_equal(read(book, 1, sheet="Run1", header=0, skip_rows=1).columns[1], [1.5, -2, np.nan])
+    np.testing.assert_array_equal(
+        read(book, 1, sheet="Run1", header=0, skip_rows=1).columns[1], [1.5, -2, np.nan]
+    )
     units = of_rows(book.with_name("b.xlsx"), ["made by hand"], ["t", "F"], ["s", "N"], [1, 2])
     np.testing.assert_array_equal(read(units, "F", skip_rows=1, header=2).columns["F"], [2])
 
 
 def test_dates_count_as_seconds_in_the_column_of_the_time(tmp_path: Path) -> None:
-    path = of_rows(tmp_path / "a.xlsx", [datetime(1970, 1, 2, 0, 0, 1), time(0, 1, 0, 500_000), timedelta(hours=1), " 2.5 ", "#N/A"])
+    path = of_rows(
+        tmp_path / "a.xlsx",
+        [
+            datetime(1970, 1, 2, 0, 0, 1),
+            time(0, 1, 0, 500_000),
+            timedelta(hours=1),
+            " 2.5 ",
+            "#N/A",
+        ],
+    )
     table = read(path, *range(5), header=0, clocks=frozenset(range(5)))
-    np.testing.assert_allclose([table.columns[i][0] for i in range(5)], [86_401, 60.5, 3600, 2.5, np.nan], atol=1e-3)
-    told = [["row 1, column 0", "a date stands here", "format the cells as numbers"], ["a time stands here"], ["a time stands here"]]
+    np.testing.assert_allclose(
+        [table.columns[i][0] for i in range(5)], [86_401, 60.5, 3600, 2.5, np.nan], atol=1e-3
+    )
+    told = [
+        ["row 1, column 0", "a date stands here", "format the cells as numbers"],
+        ["a time stands here"],
+        ["a time stands here"],
+    ]
     for column, parts in enumerate(told):
         refusal(parts, "xlsx", path, column, header=0)
 
@@ -69,15 +86,25 @@ def test_dates_count_as_seconds_in_the_column_of_the_time(tmp_path: Path) -> Non
 def test_a_boolean_is_no_number_not_even_of_time(tmp_path: Path) -> None:
     path = of_rows(tmp_path / "a.xlsx", ["F"], [True])
     for clocks in (frozenset[str](), frozenset({"F"})):
-        refusal(["row 2, column F: 'True' is not a number", "TRUE or FALSE stands here"], "xlsx", path, "F", clocks=clocks)
+        refusal(
+            ["row 2, column F: 'True' is not a number", "TRUE or FALSE stands here"],
+            "xlsx",
+            path,
+            "F",
+            clocks=clocks,
+        )
 
 
-def test_wrong_dimensions_of_other_software_do_not_cut_the_sheet(book: Path, tmp_path: Path) -> None:
+def test_wrong_dimensions_of_other_software_do_not_cut_the_sheet(
+    book: Path, tmp_path: Path
+) -> None:
     patched = tmp_path / "patched.xlsx"
     with zipfile.ZipFile(book) as old, zipfile.ZipFile(patched, "w") as new:
         for member in old.infolist():
             content = old.read(member)
-            new.writestr(member, content.replace(b'<dimension ref="A1:C5"', b'<dimension ref="A1:A1"'))
+            new.writestr(
+                member, content.replace(b'<dimension ref="A1:C5"', b'<dimension ref="A1:A1"')
+            )
             assert member.filename != "xl/worksheets/sheet2.xml" or b'ref="A1:C5"' in content
     np.testing.assert_array_equal(read(patched, "t", sheet="Run1").columns["t"], [0, 0.5, 1])
 
@@ -85,16 +112,26 @@ def test_wrong_dimensions_of_other_software_do_not_cut_the_sheet(book: Path, tmp
 @pytest.mark.parametrize(
     ("columns", "request_", "parts"),
     [
-        (("t",), {"sheet": "Run 1"}, ["a.xlsx: there is no sheet 'Run 1'", "Did you mean 'Run1'?", "About, Run1"]),
+        (
+            ("t",),
+            {"sheet": "Run 1"},
+            ["a.xlsx: there is no sheet 'Run 1'", "Did you mean 'Run1'?", "About, Run1"],
+        ),
         (("force",), {"sheet": "Run1"}, ["no column 'force'", "t, F, note"]),
         ((3,), {"sheet": "Run1"}, ["no column 3", "0 to 2"]),
         (("note",), {"sheet": "Run1"}, ["a.xlsx:Run1:row 2, column note: 'a' is not a number"]),
-        ((0,), {"sheet": "Run1", "header": 0}, ["a.xlsx:Run1:row 1, column 0: 't' is not a number"]),
+        (
+            (0,),
+            {"sheet": "Run1", "header": 0},
+            ["a.xlsx:Run1:row 1, column 0: 't' is not a number"],
+        ),
         (("t",), {"sheet": "Run1", "skip_rows": 9}, ["a.xlsx:Run1: the sheet is empty"]),
         (("Rig",), {}, ["a.xlsx:About: the sheet has a header but no data"]),
     ],
 )
-def test_what_a_workbook_lacks(book: Path, columns: tuple[SourceColumn, ...], request_: dict[str, Any], parts: list[str]) -> None:
+def test_what_a_workbook_lacks(
+    book: Path, columns: tuple[SourceColumn, ...], request_: dict[str, Any], parts: list[str]
+) -> None:
     refusal(parts, "xlsx", book, *columns, **request_)
 
 

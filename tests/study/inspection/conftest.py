@@ -1,4 +1,6 @@
-"""Searches of drafts try two families here, whatever the clock says: what is tested is what a draft says of the data."""
+"""Searches of drafts try two families here, whatever the clock says: what is tested is what a draft
+says of the data.
+"""
 
 from __future__ import annotations
 

@@ -19,12 +19,21 @@ from mapmore_cli.spec.loader import LoadedSpec, load
 Columns = Mapping[str, Any]
 
 
-def write(path: Path, columns: Columns | Sequence[Any], head: str | None = None, mark: str = ",", point: str = ".") -> None:
+def write(
+    path: Path,
+    columns: Columns | Sequence[Any],
+    head: str | None = None,
+    mark: str = ",",
+    point: str = ".",
+) -> None:
     """Write columns as text, under their names or under `head`."""
     path.parent.mkdir(parents=True, exist_ok=True)
     titles = mark.join(columns) + "\n" if isinstance(columns, Mapping) else ""
     values = np.broadcast_arrays(*(columns.values() if isinstance(columns, Mapping) else columns))
-    rows = [mark.join(f"{value:.10g}".replace(".", point) for value in row) for row in zip(*values, strict=True)]
+    rows = [
+        mark.join(f"{value:.10g}".replace(".", point) for value in row)
+        for row in zip(*values, strict=True)
+    ]
     path.write_text((titles if head is None else head) + "\n".join(rows) + "\n")
 
 
@@ -40,7 +49,9 @@ def workbook(path: Path, sheets: Mapping[str, Sequence[Sequence[Any]]]) -> None:
 
 
 def tree(path: Path, runs: Mapping[str, Columns]) -> None:
-    """Write runs at 50 Hz as groups of an HDF5 or TDMS file, or structs of a MAT file, with something of another kind beside them."""
+    """Write runs at 50 Hz as groups of an HDF5 or TDMS file, or structs of a MAT file, with
+    something of another kind beside them.
+    """
     if path.suffix == ".h5":
         with h5py.File(path, "w") as file:
             for run, columns in runs.items():
@@ -50,12 +61,23 @@ def tree(path: Path, runs: Mapping[str, Columns]) -> None:
             file["comment"] = "made by hand"
     elif path.suffix == ".mat":
         structs = {run: {**columns, "fs": 50.0} for run, columns in runs.items()}
-        savemat(path, {**(structs if len(structs) > 1 else next(iter(structs.values()))), "comment": "made by hand"})
+        savemat(
+            path,
+            {
+                **(structs if len(structs) > 1 else next(iter(structs.values()))),
+                "comment": "made by hand",
+            },
+        )
     else:
         nptdms = pytest.importorskip("nptdms")
         with nptdms.TdmsWriter(path) as file:
             for run, columns in runs.items():
-                file.write_segment([nptdms.ChannelObject(run, name, values, {"wf_increment": 0.02}) for name, values in columns.items()])
+                file.write_segment(
+                    [
+                        nptdms.ChannelObject(run, name, values, {"wf_increment": 0.02})
+                        for name, values in columns.items()
+                    ]
+                )
             file.write_segment([nptdms.ChannelObject("Notes", "who", ["me", "you"])])
 
 

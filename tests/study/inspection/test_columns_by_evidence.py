@@ -1,4 +1,6 @@
-"""Columns without titles, in any order, with sensors' volts, counts and clocks beside them: never a wrong one that looks sure."""
+"""Columns without titles, in any order, with sensors' volts, counts and clocks beside them: never a
+wrong one that looks sure.
+"""
 
 from __future__ import annotations
 
@@ -18,18 +20,28 @@ TIME = np.arange(400) * 0.01
 
 
 def strokes(level: float, rng: np.random.Generator) -> dict[str, np.ndarray]:
-    """A cylinder that is pushed in and out: its pressure, a load cell that lies between 1 and 8 as well, and the volts of both."""
+    """A cylinder that is pushed in and out: its pressure, a load cell that lies between 1 and 8 as
+    well, and the volts of both.
+    """
     swing = 20 * (1 - np.cos(2 * np.pi * TIME))
     pressure = level + rng.normal(0, 0.005, TIME.size)
-    force = 47 * level * 1.05 + 6 * np.sign(np.sin(2 * np.pi * TIME)) + rng.normal(0, 0.3, TIME.size)
+    force = (
+        47 * level * 1.05 + 6 * np.sign(np.sin(2 * np.pi * TIME)) + rng.normal(0, 0.3, TIME.size)
+    )
     position = swing + rng.normal(0, 0.05, TIME.size)
-    volts = {"pressure volts": pressure / 2, "force volts": force / 46.5, "position volts": 3.2 + position / 12}
+    volts = {
+        "pressure volts": pressure / 2,
+        "force volts": force / 46.5,
+        "position volts": 3.2 + position / 12,
+    }
     return {"time": TIME, "pressure": pressure, "force": force, "position": position, **volts}
 
 
 @settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck))
 @given(order=st.permutations(range(7)), seed=st.integers(0, 99))
-def test_volts_beside_each_sensor_are_never_taken_for_the_pressure(order: list[int], seed: int) -> None:
+def test_volts_beside_each_sensor_are_never_taken_for_the_pressure(
+    order: list[int], seed: int
+) -> None:
     rng = np.random.default_rng(seed)
     records = [strokes(level, rng) for level in LEVELS]
     names = list(records[0])
@@ -38,10 +50,15 @@ def test_volts_beside_each_sensor_are_never_taken_for_the_pressure(order: list[i
     found = {name: names[order[guess.column]] for name, guess in guesses.items()}
     assert found["time"] == "time"
     assert found["pressure"] == "pressure"
-    assert found["force"].partition(" ")[0] != found["displacement"].partition(" ")[0]  # two signals, and neither the pressure
+    assert (
+        found["force"].partition(" ")[0] != found["displacement"].partition(" ")[0]
+    )  # two signals, and neither the pressure
     assert not {"pressure", "pressure volts"} & {found["force"], found["displacement"]}
     assert not any(guess.sure for guess in guesses.values())
-    assert any(rival.column == order.index(names.index("pressure volts")) for rival in guesses["pressure"].rivals)
+    assert any(
+        rival.column == order.index(names.index("pressure volts"))
+        for rival in guesses["pressure"].rivals
+    )
 
 
 RNG = np.random.default_rng(0)
@@ -62,7 +79,9 @@ RAMP = np.linspace(0, 0.2, 3)
         ([np.arange(30.0), np.arange(30.0) ** 2], {}, False),
     ],
 )
-def test_columns_without_titles_are_told_by_their_values(columns: list[np.ndarray], found: dict[str, int], counts: bool) -> None:
+def test_columns_without_titles_are_told_by_their_values(
+    columns: list[np.ndarray], found: dict[str, int], counts: bool
+) -> None:
     guesses = guess_columns(Table({}, {place: [values] for place, values in enumerate(columns)}))
     assert {name: guess.column for name, guess in guesses.items()} == found
     assert not any(guess.sure for guess in guesses.values())
@@ -73,11 +92,25 @@ def test_both_chambers_at_an_atmosphere_drive_in_mbar() -> None:
     rng = np.random.default_rng(1)
     one, two = (1012 + 600 * np.clip(np.sin(3 * TIME + shift), 0, None) for shift in (0.0, 3.2))
     angle = 0.05 * (one - two) + rng.normal(0, 0.3, TIME.size)
-    still = [1011 + rng.normal(0, 0.05, TIME.size), 64 + rng.normal(0, 0.1, TIME.size), np.round(7 * rng.random(TIME.size))]
-    table = Table({}, dict(enumerate([[column] for column in (TIME, one, still[0], two, still[1], angle, still[2])])))
+    still = [
+        1011 + rng.normal(0, 0.05, TIME.size),
+        64 + rng.normal(0, 0.1, TIME.size),
+        np.round(7 * rng.random(TIME.size)),
+    ]
+    table = Table(
+        {},
+        dict(
+            enumerate(
+                [[column] for column in (TIME, one, still[0], two, still[1], angle, still[2])]
+            )
+        ),
+    )
     found = guess_others(table, guess_columns(table))
     guesses, inputs, target = found
-    assert [(guesses[name].column, guesses[name].unit) for name in inputs] == [(1, "mbar"), (3, "mbar")]
+    assert [(guesses[name].column, guesses[name].unit) for name in inputs] == [
+        (1, "mbar"),
+        (3, "mbar"),
+    ]
     assert guesses[target].column == 5
 
 
@@ -120,7 +153,17 @@ def test_columns_are_said_by_place_or_by_title() -> None:
     assert Answers(told).for_columns(("a", "b", "c"), 3) is None
 
 
-@pytest.mark.parametrize("text", ["", "time:s", "a b:s,force:N", "force:kPa,pressure:bar", "force:N,force:N,time:s", "x:parrots,y"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "time:s",
+        "a b:s,force:N",
+        "force:kPa,pressure:bar",
+        "force:N,force:N,time:s",
+        "x:parrots,y",
+    ],
+)
 def test_columns_that_cannot_be_are_refused(text: str) -> None:
     with pytest.raises(UsageError):
         read_columns(text)

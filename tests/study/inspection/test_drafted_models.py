@@ -1,4 +1,5 @@
-"""What `init` writes in the end: one study or several of specimens, the model that a search finds, and the table of measured data.
+"""What `init` writes in the end: one study or several of specimens, the model that a search finds,
+and the table of measured data.
 
 Quick folders of measured data are tried here, `docs/drafted_tables.py` tries all.
 """
@@ -29,16 +30,26 @@ from mapmore_cli.annexes.search.stage import reads
 from mapmore_cli.ingestion.files import expand
 from mapmore_cli.storage.readers import reader_of
 
-# Specimens that the names of files tell apart --------------------------------------------------------------------------------------
+# Specimens that the names of files tell apart
+# --------------------------------------------------------------------------------------
 
 
 def pull(path: Path, bar: int, strength: float) -> None:
     k = np.arange(40)
-    write(path, {"P_kPa": 100 * bar, "eps": k / 300, "F_N": 100 * bar * strength - 9 * k + 0.02 * k**2})
+    write(
+        path,
+        {"P_kPa": 100 * bar, "eps": k / 300, "F_N": 100 * bar * strength - 9 * k + 0.02 * k**2},
+    )
 
 
 SPECIMENS = [
-    *(("red", "green", "blue"), ("left", "right"), ("10cm", "20cm"), ("S1", "S2", "S12"), ("Sample 1", "Sample 2")),
+    *(
+        ("red", "green", "blue"),
+        ("left", "right"),
+        ("10cm", "20cm"),
+        ("S1", "S2", "S12"),
+        ("Sample 1", "Sample 2"),
+    ),
     *(("muscleA", "muscleB"), ("specimen-3", "specimen-10"), ("actuator_1", "actuator_2")),
 ]
 
@@ -49,12 +60,19 @@ SPECIMENS = [
     bars=st.lists(st.integers(1, 9), min_size=2, max_size=4, unique=True),
     first=st.booleans(),
 )
-def test_specimens_that_names_tell_apart_are_never_pooled_unasked(words: tuple[str, ...], bars: list[int], first: bool) -> None:
+def test_specimens_that_names_tell_apart_are_never_pooled_unasked(
+    words: tuple[str, ...], bars: list[int], first: bool
+) -> None:
     with TemporaryDirectory() as place:
         folder = Path(place)
         for number, word in enumerate(words):
             for bar in bars:
-                pull(folder / (f"{word}_pull_{bar}bar.csv" if first else f"pull_{word}_{bar}bar.csv"), bar, 2 + number)
+                pull(
+                    folder
+                    / (f"{word}_pull_{bar}bar.csv" if first else f"pull_{word}_{bar}bar.csv"),
+                    bar,
+                    2 + number,
+                )
         apart = drafts(folder)
         assert len(apart) == len(words)
         for draft in apart:
@@ -66,12 +84,18 @@ def test_specimens_that_names_tell_apart_are_never_pooled_unasked(words: tuple[s
         grouped = untried(folder, answers=Answers(group="specimen"))
         assert grouped.data["groups"] == {"of": "specimen"}
         assert len(expand_all(grouped, folder)) == len(words) * len(bars)
-        assert {entry["set"]["specimen"] for entry in grouped.data["files"]} == set(range(1, len(words) + 1))
+        assert {entry["set"]["specimen"] for entry in grouped.data["files"]} == set(
+            range(1, len(words) + 1)
+        )
 
 
 def expand_all(draft: Draft, folder: Path) -> list[Path]:
     """The files that a draft reads."""
-    return [path for entry in draft.data["files"] for path in expand(entry if isinstance(entry, str) else entry["path"], folder)]
+    return [
+        path
+        for entry in draft.data["files"]
+        for path in expand(entry if isinstance(entry, str) else entry["path"], folder)
+    ]
 
 
 def test_the_groups_are_no_input_of_a_search(tmp_path: Path) -> None:
@@ -82,13 +106,17 @@ def test_the_groups_are_no_input_of_a_search(tmp_path: Path) -> None:
     assert reads(spec).ignored == ("force", "specimen")
 
 
-# Models ----------------------------------------------------------------------------------------------------------------------------
+# Models
+# --------------------------------------------------------------------------------------------------
 
 
 def table(folder: Path, levels: int, samples: int, force: Any) -> None:
     strain = np.linspace(0, 0.15, samples)
     for pressure in 100.0 * np.arange(1, levels + 1):
-        write(folder / f"pull_{pressure:g}.csv", {"P [kPa]": pressure, "eps": strain, "F [N]": force(pressure, strain)})
+        write(
+            folder / f"pull_{pressure:g}.csv",
+            {"P [kPa]": pressure, "eps": strain, "F [N]": force(pressure, strain)},
+        )
 
 
 def drafted(folder: Path) -> Draft:
@@ -113,7 +141,9 @@ def test_the_page_counts_all_files_and_those_that_are_drawn(tmp_path: Path) -> N
     draft = untried(tmp_path)
     drawn = len(draft.raw["eps"])
     assert drawn < 7
-    assert f"made of 7 files, to be checked by eye; {drawn} of them are drawn</p>" in guesses_page(draft)
+    assert f"made of 7 files, to be checked by eye; {drawn} of them are drawn</p>" in guesses_page(
+        draft
+    )
 
 
 @pytest.mark.usefixtures("fewer_families")
@@ -122,20 +152,33 @@ def test_held_out_levels_do_not_move_the_structure(tmp_path: Path) -> None:
     found = []
     for spoil in (0.0, 40.0):
         folder = tmp_path / f"{spoil:g}"
-        table(folder, 5, 60, lambda p, e, spoil=spoil: p * (2 - 9 * e + 20 * e**2) + spoil * (p == 400) * np.sin(60 * e))
+        table(
+            folder,
+            5,
+            60,
+            lambda p, e, spoil=spoil: (
+                p * (2 - 9 * e + 20 * e**2) + spoil * (p == 400) * np.sin(60 * e)
+            ),
+        )
         found.append(drafted(folder))
     first, second = found
     assert first.data["split"] == second.data["split"] == {"validate": {"pressure": [400]}}
-    assert all(first.spec.get(key) == second.spec.get(key) for key in ("dictionary", "model", "segment"))
+    assert all(
+        first.spec.get(key) == second.spec.get(key) for key in ("dictionary", "model", "segment")
+    )
     assert first.notes[("target",)].why != second.notes[("target",)].why
 
 
 @pytest.mark.usefixtures("fewer_families")
 def test_with_few_levels_nothing_bends_between_them(tmp_path: Path) -> None:
-    """Two training levels cannot tell of a curve across them: levels, a formula, or what is straight across them."""
+    """Two training levels cannot tell of a curve across them: levels, a formula, or what is
+    straight across them.
+    """
     table(tmp_path, 3, 60, lambda p, e: p * (2 - 9 * e) + 30 * np.sin(40 * e))
     found = drafted(tmp_path).found
-    words = [one.words for one in found.tried if one.family not in ("formula", "black box", "papers")]
+    words = [
+        one.words for one in found.tried if one.family not in ("formula", "black box", "papers")
+    ]
     assert words == ["plane", "cubic splines of strain", "levels, 3 segments of strain"]
 
 
@@ -147,21 +190,34 @@ def test_a_position_that_follows_slowly_gets_a_memory(tmp_path: Path) -> None:
     for k in range(1, 700):
         position[k] = position[k - 1] + 0.15 * (0.02 * pressure[k] - position[k - 1])
     position += rng.normal(0, 0.01, 700)
-    write(tmp_path / "log.csv", {"t [s]": 0.1 * np.arange(700), "P [kPa]": pressure, "x [mm]": position})
+    write(
+        tmp_path / "log.csv",
+        {"t [s]": 0.1 * np.arange(700), "P [kPa]": pressure, "x [mm]": position},
+    )
     draft = drafted(tmp_path)
     assert loaded(draft, tmp_path).spec.has_memory
     assert draft.notes[("target",)].sure, draft.notes[("target",)].why
 
 
-# Measured data ---------------------------------------------------------------------------------------------------------------------
+# Measured data
+# --------------------------------------------------------------------------------------------------
 
 
 FAMILIES = searching.FAMILIES
 ROWS = [tuple(row) for row in read_rows(drafted_tables.PAGE, "drafts")[1:]]
 
 
-@pytest.mark.parametrize("name", [pytest.param("festo_datasheet", marks=pytest.mark.long), "pgm_mckibben", "festo_fmax_by_length"])
-def test_the_page_says_what_is_proposed(measured_data: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param("festo_datasheet", marks=pytest.mark.long),
+        "pgm_mckibben",
+        "festo_fmax_by_length",
+    ],
+)
+def test_the_page_says_what_is_proposed(
+    measured_data: Path, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(searching, "FAMILIES", FAMILIES)
     monkeypatch.setattr(proof, "BUDGET", 60.0)  # no structure is cut off on a busy machine
     rows = drafted_tables.rows_of(measured_data / name)
@@ -177,7 +233,9 @@ NOTES = ("ReadMe.txt", "Load Cell Calibration Equations.txt", "peer_sysidentpy.j
 
 
 def test_every_recording_is_in_a_study_of_the_page(measured_data: Path) -> None:
-    """No file of a folder that the page names is left out; every study has a row, that of a hysteresis besides."""
+    """No file of a folder that the page names is left out; every study has a row, that of a
+    hysteresis besides.
+    """
     assert len(FOLDERS) >= 9
     for folder in (measured_data / name for name in FOLDERS):
         groups, left_out = find_groups(folder)
@@ -187,7 +245,13 @@ def test_every_recording_is_in_a_study_of_the_page(measured_data: Path) -> None:
         assert {file for group in (*groups, *beside) for file in group.files} == {
             file for file in folder.rglob("*") if reader_of(file) and file.name not in NOTES
         }
-        seconds = {second.files for group in groups if (second := second_of(group, groups)) is not None}
-        rows = [row for row in ROWS if row[:2] == (folder.name, "nothing") and not row[2].endswith("-hysteresis")]
+        seconds = {
+            second.files for group in groups if (second := second_of(group, groups)) is not None
+        }
+        rows = [
+            row
+            for row in ROWS
+            if row[:2] == (folder.name, "nothing") and not row[2].endswith("-hysteresis")
+        ]
         assert len(rows) == len(groups) - len(seconds), folder
         assert all("held out" in row[8] or "training" in row[8] for row in rows)

@@ -40,10 +40,16 @@ PLAIN = "1,10\n2,20\n3,30\n4,40\n"
         ("t,P\n1,\n2,20\n,30\n", {}, ("t", "P")),
         ("t,P\r1,2\r3,4\r", {}, ("t", "P")),
         ("t,P\n" + PLAIN + "5,5", {}, ("t", "P")),
-        ("t,P\n" + "".join(f"{k},{2 * k}\n\n" for k in range(20)) + "end of test\n\n\n", {}, ("t", "P")),
+        (
+            "t,P\n" + "".join(f"{k},{2 * k}\n\n" for k in range(20)) + "end of test\n\n\n",
+            {},
+            ("t", "P"),
+        ),
     ],
 )
-def test_dialects_are_recognised(tmp_path: Path, text: str, settings: dict[str, Any], titles: tuple[str, ...] | None) -> None:
+def test_dialects_are_recognised(
+    tmp_path: Path, text: str, settings: dict[str, Any], titles: tuple[str, ...] | None
+) -> None:
     path = tmp_path / "a.csv"
     path.write_bytes(text.encode())
     found = preview(path)
@@ -54,12 +60,25 @@ def test_dialects_are_recognised(tmp_path: Path, text: str, settings: dict[str, 
 
 
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "cp1252", "utf-16"])
-def test_files_of_older_programs_are_read_as_what_they_look_like(tmp_path: Path, encoding: str) -> None:
-    """Umlauts and degree signs of a logger under Windows; a mark at the beginning of UTF-8 needs no word."""
+def test_files_of_older_programs_are_read_as_what_they_look_like(
+    tmp_path: Path, encoding: str
+) -> None:
+    """Umlauts and degree signs of a logger under Windows; a mark at the beginning of UTF-8 needs no
+    word.
+    """
     strain = np.linspace(0, 0.1, 20)
     for level in (100.0, 200.0):
         path = tmp_path / f"r{level:g}.csv"
-        write(path, {"Prüfdruck P [kPa]": level, "eps": strain, "Zugkraft F [N] (20 °C)": level * (2 - 10 * strain)}, mark=";", point=",")
+        write(
+            path,
+            {
+                "Prüfdruck P [kPa]": level,
+                "eps": strain,
+                "Zugkraft F [N] (20 °C)": level * (2 - 10 * strain),
+            },
+            mark=";",
+            point=",",
+        )
         path.write_bytes(path.read_text().encode(encoding))
     draft = drafted(tmp_path)
     assert draft.data.get("encoding") == (None if encoding == "utf-8-sig" else encoding)
@@ -68,11 +87,24 @@ def test_files_of_older_programs_are_read_as_what_they_look_like(tmp_path: Path,
 
 
 @pytest.mark.parametrize(
-    ("stamp", "delimiter"), [("01.03.2026 12:00:{:06.3f}", ";"), ("2026-03-01T12:00:{:06.3f}+02:00", ","), ("12:00:{:06.3f}", ",")]
+    ("stamp", "delimiter"),
+    [
+        ("01.03.2026 12:00:{:06.3f}", ";"),
+        ("2026-03-01T12:00:{:06.3f}+02:00", ","),
+        ("12:00:{:06.3f}", ","),
+    ],
 )
-def test_local_dates_and_times_of_day_are_the_time(tmp_path: Path, stamp: str, delimiter: str) -> None:
+def test_local_dates_and_times_of_day_are_the_time(
+    tmp_path: Path, stamp: str, delimiter: str
+) -> None:
     pressure = 100 + np.cumsum(np.random.default_rng(2).normal(0, 5, 150))
-    lines = ["Time", "P [kPa]", "F [N]"], *([stamp.format(k / 10), f"{p:.3f}", f"{2 * p + k / 50:.3f}"] for k, p in enumerate(pressure))
+    lines = (
+        ["Time", "P [kPa]", "F [N]"],
+        *(
+            [stamp.format(k / 10), f"{p:.3f}", f"{2 * p + k / 50:.3f}"]
+            for k, p in enumerate(pressure)
+        ),
+    )
     text = "".join(delimiter.join(line) + "\n" for line in lines)
     if delimiter == ";":
         text = text.replace(".", ",").replace("01,03,2026", "01.03.2026")
@@ -83,7 +115,17 @@ def test_local_dates_and_times_of_day_are_the_time(tmp_path: Path, stamp: str, d
     np.testing.assert_allclose(np.diff(dataset.recordings[0].columns["time"]), 0.1, atol=1e-6)
 
 
-@pytest.mark.parametrize("content", [b"", b"\x00\x01\x02" * 50, b"dear diary\ntoday\n", b"1\n2\n3\n", b"a,b\n", b'"never closed,1\n2,3\n'])
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"",
+        b"\x00\x01\x02" * 50,
+        b"dear diary\ntoday\n",
+        b"1\n2\n3\n",
+        b"a,b\n",
+        b'"never closed,1\n2,3\n',
+    ],
+)
 def test_what_is_no_table_is_refused(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "a.csv"
     path.write_bytes(content)
@@ -100,7 +142,12 @@ LOOP = 1 - np.abs(T / 10 - 1)
 def isobaric(folder: Path, name: str = "pull_{:g}.csv", percent: float = 1.0) -> None:
     strain = 0.15 * LOOP
     for level in (100, 200, 300, 400):
-        columns = {"time_s": T, "P": level, "strain": percent * strain, "F": level * (2 - 9 * strain) + 0.1}
+        columns = {
+            "time_s": T,
+            "P": level,
+            "strain": percent * strain,
+            "F": level * (2 - 9 * strain) + 0.1,
+        }
         write(folder / name.format(level), columns)
 
 
@@ -140,7 +187,10 @@ def test_two_muscles_in_one_folder_are_two_studies(tmp_path: Path) -> None:
         isobaric(tmp_path, size + "_pull_{:g}.csv")
     (tmp_path / "notes.csv").write_text("dear diary\n")
     found = start(tmp_path, tmp_path, search=lambda one, _: one)
-    assert [checked(draft, tmp_path).spec.data.files for draft in found.drafts] == [["10cm_pull_*.csv"], ["20cm_pull_*.csv"]]
+    assert [checked(draft, tmp_path).spec.data.files for draft in found.drafts] == [
+        ["10cm_pull_*.csv"],
+        ["20cm_pull_*.csv"],
+    ]
     assert len({draft.name for draft in found.drafts}) == 2
     assert any("notes.csv" in remark for remark in found.remarks)
 
@@ -148,7 +198,12 @@ def test_two_muscles_in_one_folder_are_two_studies(tmp_path: Path) -> None:
 def test_tests_of_another_kind_in_the_same_folder_are_another_study(tmp_path: Path) -> None:
     for name in ("left/pull", "left/slow_pull", "right/pull", "right/slow_pull"):
         isobaric(tmp_path, name + "_{:g}.csv")
-    assert [draft.name for draft in drafts(tmp_path)] == ["left-pull", "left-slow_pull", "right-pull", "right-slow_pull"]
+    assert [draft.name for draft in drafts(tmp_path)] == [
+        "left-pull",
+        "left-slow_pull",
+        "right-pull",
+        "right-slow_pull",
+    ]
 
 
 def test_what_readers_stumble_over_is_named_in_the_draft(tmp_path: Path) -> None:
@@ -177,7 +232,9 @@ def test_a_backward_clock_is_left_out(tmp_path: Path) -> None:
 
 
 def test_what_nobody_knows_is_taken_as_it_comes(tmp_path: Path) -> None:
-    """No force, no displacement: what is named as a command drives, the last column follows, and both are marked."""
+    """No force, no displacement: what is named as a command drives, the last column follows, and
+    both are marked.
+    """
     write(tmp_path / "valve.csv", {"t_s": T, "cmd_kPa": 100 * LOOP, "sensor_kPa": 99 * LOOP**2})
     draft = drafted(tmp_path)
     spec = checked(draft, tmp_path).spec
@@ -203,7 +260,9 @@ def test_a_force_that_was_set_is_no_target(tmp_path: Path) -> None:
     force = 0.5 * np.concatenate([np.arange(60), np.arange(60, 0, -1)])
     for level in (50, 100, 150, 200, 250):
         strain = 0.3 * (1 - force / (0.25 * level + 30)) * level / 250 + 1e-4 * np.sin(7 * force)
-        write(tmp_path / f"m_{level}.csv", {"pressure_kPa": level, "force_N": force, "strain": strain})
+        write(
+            tmp_path / f"m_{level}.csv", {"pressure_kPa": level, "force_N": force, "strain": strain}
+        )
     (draft,) = start(tmp_path, tmp_path).drafts
     assert checked(draft, tmp_path).spec.target == TargetColumn(column="strain")
     assert "the force was set in steps of 0.5 N" in draft.text()
@@ -211,7 +270,13 @@ def test_a_force_that_was_set_is_no_target(tmp_path: Path) -> None:
 
 def test_pressures_in_the_names_of_files_without_a_header(tmp_path: Path) -> None:
     for bar in (1, 2, 3, 4):
-        columns = (1000 * T, 3 + 0.1 * LOOP, bar + 0.01 * np.sin(T), 20 * LOOP, 50 * bar - 20 * LOOP + LOOP**2)
+        columns = (
+            1000 * T,
+            3 + 0.1 * LOOP,
+            bar + 0.01 * np.sin(T),
+            20 * LOOP,
+            50 * bar - 20 * LOOP + LOOP**2,
+        )
         write(tmp_path / f"K_{bar}bar.csv", columns)
     data = checked(drafted(tmp_path), tmp_path).spec.data
     assert (data.columns["pressure"].column, data.columns["pressure"].unit) == (2, "bar")
@@ -221,34 +286,61 @@ def test_pressures_in_the_names_of_files_without_a_header(tmp_path: Path) -> Non
 def test_a_line_of_units_and_every_sheet(tmp_path: Path) -> None:
     head = [["time", "P", "eps", "F"], ["s", "bar", "%", "kN"]]
     pull = list(zip(T[::20].tolist(), LOOP[::20].tolist(), strict=True))
-    rows = {level: [(t, level, 15 * e, level * (0.2 - 0.135 * e)) for t, e in pull] for level in (1.0, 2.0, 3.0, 4.0)}
-    workbook(tmp_path / "all.xlsx", {f"{level:g} bar": [*head, *own] for level, own in rows.items()})
+    rows = {
+        level: [(t, level, 15 * e, level * (0.2 - 0.135 * e)) for t, e in pull]
+        for level in (1.0, 2.0, 3.0, 4.0)
+    }
+    workbook(
+        tmp_path / "all.xlsx", {f"{level:g} bar": [*head, *own] for level, own in rows.items()}
+    )
     data = checked(drafted(tmp_path), tmp_path).spec.data
     assert (data.sheet, data.header) == ("*", 2)
-    assert [data.columns[name].unit for name in ("pressure", "strain", "force")] == ["bar", "%", "kN"]
+    assert [data.columns[name].unit for name in ("pressure", "strain", "force")] == [
+        "bar",
+        "%",
+        "kN",
+    ]
     assert data.levels.at == [100, 200, 300, 400]
 
 
-def test_of_sheets_of_different_layout_the_longest_is_read_and_the_others_are_told(tmp_path: Path) -> None:
-    rows = [(100.0 * (1 + k // 20), 0.005 * (k % 20), 100.0 * (1 + k // 20) * (2 - 0.05 * (k % 20))) for k in range(60)]
-    sheets = {"Sheet": [["Rig 4, operator, remarks"]], "short": [["a", "b", "c"], *rows[:5]], "run": [["P [kPa]", "eps", "F [N]"], *rows]}
+def test_of_sheets_of_different_layout_the_longest_is_read_and_the_others_are_told(
+    tmp_path: Path,
+) -> None:
+    rows = [
+        (100.0 * (1 + k // 20), 0.005 * (k % 20), 100.0 * (1 + k // 20) * (2 - 0.05 * (k % 20)))
+        for k in range(60)
+    ]
+    sheets = {
+        "Sheet": [["Rig 4, operator, remarks"]],
+        "short": [["a", "b", "c"], *rows[:5]],
+        "run": [["P [kPa]", "eps", "F [N]"], *rows],
+    }
     workbook(tmp_path / "all.xlsx", sheets)
     draft = drafted(tmp_path)
     assert draft.data["sheet"] == "run"
-    assert "CHECK: the sheet with the most rows; laid out in another way, and left out: 'Sheet', 'short'" in draft.text()
+    assert (
+        "CHECK: the sheet with the most rows; laid out in another way, and left out: 'Sheet', "
+        "'short'" in draft.text()
+    )
 
 
 def test_what_fails_its_own_run_is_made_simpler(tmp_path: Path) -> None:
     """Two samples at each of three pressures: too few to leave any out."""
     for level in (100, 200, 300):
-        write(tmp_path / f"p_{level}.csv", {"P_kPa": level, "eps": [0.0, 0.2], "F_N": [2.0 * level, 0.1 * level]})
+        write(
+            tmp_path / f"p_{level}.csv",
+            {"P_kPa": level, "eps": [0.0, 0.2], "F_N": [2.0 * level, 0.1 * level]},
+        )
     (draft,) = start(tmp_path, tmp_path).drafts
-    simpler = proven(draft.with_section("segment", {"strain": {"method": "even", "count": 2}}), tmp_path)
+    simpler = proven(
+        draft.with_section("segment", {"strain": {"method": "even", "count": 2}}), tmp_path
+    )
     assert "made simpler" in simpler.text()
     bring_up_to_date(loaded(simpler, tmp_path), tmp_path / "runs", until="validate")
 
 
-# Names and text -----------------------------------------------------------------------------------------------------------------------
+# Names and text
+# --------------------------------------------------------------------------------------------------
 
 
 def test_results_of_runs_are_no_recordings(tmp_path: Path) -> None:
@@ -266,25 +358,45 @@ def test_patterns_match_their_files_and_no_others(tmp_path: Path) -> None:
         path.write_text(PLAIN)
     assert patterns([files["a_1_up.csv"], files["a_2_up.csv"]], tmp_path) == ["a_*_up.csv"]
     assert patterns([files[name] for name in names[:4]], tmp_path) == ["a_*.csv"]
-    assert patterns([files["a_1_up.csv"], files["a_2_down.csv"]], tmp_path) == ["a_1_up.csv", "a_2_down.csv"]
+    assert patterns([files["a_1_up.csv"], files["a_2_down.csv"]], tmp_path) == [
+        "a_1_up.csv",
+        "a_2_down.csv",
+    ]
     assert patterns([files["[x].csv"]], tmp_path) == ["[x].csv"]
 
 
 def test_yaml_says_what_the_dictionary_says() -> None:
     columns = {"force": {"column": "no: #1", "scale": 0.5}}
-    spec = {"name": "1e5", "data": {"files": ["a b.csv", "${x}.csv"], "header": False, "columns": columns}, "n": 3}
+    spec = {
+        "name": "1e5",
+        "data": {"files": ["a b.csv", "${x}.csv"], "header": False, "columns": columns},
+        "n": 3,
+    }
     terms = [{"terms": [f"tanh((pressure-{k / 100:.2f})/0.05)" for k in range(60)]}]
     text = Draft(
-        {**spec, "dictionary": terms}, {("data", "files", 0): Note("why " * 60), ("data",): Note("is it?", sure=False), ("n",): Note("n")}
+        {**spec, "dictionary": terms},
+        {
+            ("data", "files", 0): Note("why " * 60),
+            ("data",): Note("is it?", sure=False),
+            ("n",): Note("n"),
+        },
     ).text()
-    assert yaml.safe_load(text) == {**spec, "data": {**spec["data"], "files": ["a b.csv", "$${x}.csv"]}, "dictionary": terms}  # type: ignore[dict-item]
+    assert yaml.safe_load(text) == {
+        **spec,
+        "data": {**spec["data"], "files": ["a b.csv", "$${x}.csv"]},
+        "dictionary": terms,
+    }  # type: ignore[dict-item]
     assert "# CHECK: is it?" in text
     assert max(map(len, text.splitlines())) <= 132
 
 
 def test_titles_with_commands_to_a_terminal_are_told_as_text(tmp_path: Path) -> None:
     """In a comment of the draft, they made it no YAML."""
-    rows = "".join(f"{i / 10},{100 + 100 * (i // 30)},{i % 30 / 200},{200 - i % 30 - (i // 30) * (i % 7)},{i}\n" for i in range(90))
+    rows = "".join(
+        f"{i / 10},{100 + 100 * (i // 30)},{i % 30 / 200},"
+        f"{200 - i % 30 - (i // 30) * (i % 7)},{i}\n"
+        for i in range(90)
+    )
     (tmp_path / "a.csv").write_text('t,P [kPa],eps,F [N],"\x1b[2J\nb"\n' + rows)
     draft = drafted(tmp_path)
     assert "\\x1b[2J" in draft.text()
@@ -292,17 +404,25 @@ def test_titles_with_commands_to_a_terminal_are_told_as_text(tmp_path: Path) -> 
 
 
 def stamped(path: Path, stamp: str, *, odd: str = "") -> None:
-    """Ten contractions with a stamp every half a second, as `stamp` writes minutes and seconds; one cell of the force may be `odd`."""
+    """Ten contractions with a stamp every half a second, as `stamp` writes minutes and seconds; one
+    cell of the force may be `odd`.
+    """
     rows = []
     for level in range(1, 6):
         for place in range(40):
             k = 40 * level + place
             force = f"{100 * level * (1 - 3 * place / 200):.3f}"
-            rows.append(f"{stamp.format(k // 120, k / 2 % 60)},{100 * level},{place / 200:.4f},{odd if odd and k == 95 else force}")
+            rows.append(
+                f"{stamp.format(k // 120, k / 2 % 60)},{100 * level},{place / 200:.4f},"
+                f"{odd if odd and k == 95 else force}"
+            )
     path.write_text("\n".join(["time [s],pressure [kPa],strain,force [N]", *rows, ""]))
 
 
-@pytest.mark.parametrize("stamp", ["12:{:02}:{:04.1f}", "2026-03-01 12:{:02}:{:04.1f}", "11:{:02}:{:04.1f} PM", "{:02}:{:04.1f}"])
+@pytest.mark.parametrize(
+    "stamp",
+    ["12:{:02}:{:04.1f}", "2026-03-01 12:{:02}:{:04.1f}", "11:{:02}:{:04.1f} PM", "{:02}:{:04.1f}"],
+)
 def test_time_stamps_are_read_in_seconds(tmp_path: Path, stamp: str) -> None:
     stamped(tmp_path / "a.csv", stamp)
     spec = yaml.safe_load(drafted(tmp_path).text())

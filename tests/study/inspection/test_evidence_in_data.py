@@ -8,7 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mapmore_cli.annexes.drafting.columns import Table, guess_columns
-from mapmore_cli.annexes.drafting.experiment import find_held, goes_in_cycles, inner_levels, staircase
+from mapmore_cli.annexes.drafting.experiment import (
+    find_held,
+    goes_in_cycles,
+    inner_levels,
+    staircase,
+)
 from mapmore_cli.checking.evidence import neighbourhood, set_in_steps, slack_foot, spikes
 from mapmore_cli.checking.names import number_in, read_label, read_names
 from mapmore_cli.domain.arrays import Array
@@ -19,7 +24,9 @@ STRAINS = np.array([0.0, 0.05, 0.1, 0.15])
 
 
 def samples(force, seed: int = 1):
-    """Pressure, strain and force of a static muscle at four strains, with noise and the offset of a load cell."""
+    """Pressure, strain and force of a static muscle at four strains, with noise and the offset of a
+    load cell.
+    """
     rng = np.random.default_rng(seed)
     pressure, strain = (grid.ravel() for grid in np.meshgrid(np.linspace(10, 600, 200), STRAINS))
     return pressure, strain, force(pressure, strain) + rng.normal(0, 1.0, pressure.size) - 5.0
@@ -29,14 +36,18 @@ def samples(force, seed: int = 1):
 @given(start=st.floats(100, 150), slope=st.floats(1000, 2500))
 def test_the_threshold_of_a_slack_muscle_is_found(start: float, slope: float) -> None:
     foot = slack_foot(*samples(lambda p, e: 0.8 * np.maximum(p - start - slope * e, 0)))
-    bins = 590 / 24 + 0.05 * 480 / 0.8  # the width of a bin, and the pressure that makes the force leave the band
+    bins = (
+        590 / 24 + 0.05 * 480 / 0.8
+    )  # the width of a bin, and the pressure that makes the force leave the band
     np.testing.assert_allclose(foot.threshold, start + slope * foot.strain, atol=1.5 * bins)
 
 
 @pytest.mark.parametrize(
     "force",
     [
-        lambda p, e: p * (1.2 * np.exp(-6 * e) - 0.3) - 150 * e,  # Sarosi's form: linear in pressure at every strain
+        lambda p, e: (
+            p * (1.2 * np.exp(-6 * e) - 0.3) - 150 * e
+        ),  # Sarosi's form: linear in pressure at every strain
         lambda p, e: 0.8 * np.maximum(p - 200, 0) + 0 * e,  # a threshold that does not move
         lambda p, e: 0 * p * e,
         lambda p, e: -0.3 * p + 50 * e,  # it pushes
@@ -47,13 +58,19 @@ def test_no_foot_where_there_is_none(force) -> None:
 
 
 def test_no_foot_can_be_seen_at_a_few_held_pressures() -> None:
-    pressure, strain = (grid.ravel() for grid in np.meshgrid([100.0, 250, 400, 600], np.linspace(0, 0.2, 100)))
+    pressure, strain = (
+        grid.ravel() for grid in np.meshgrid([100.0, 250, 400, 600], np.linspace(0, 0.2, 100))
+    )
     assert slack_foot(pressure, strain, np.maximum(pressure - 2000 * strain - 100, 0)) is None
 
 
 def recording(**columns) -> Recording:
     return Recording(
-        "r", "r.csv", {name: np.asarray(values, dtype=float) for name, values in columns.items()}, len(columns["pressure"]), {}
+        "r",
+        "r.csv",
+        {name: np.asarray(values, dtype=float) for name, values in columns.items()},
+        len(columns["pressure"]),
+        {},
     )
 
 
@@ -63,7 +80,10 @@ LOOP = 1 - np.abs(T / 20 - 1)
 
 def strokes(pressures, rows: slice = slice(None)) -> list[Recording]:
     """Strokes there and back, each at a pressure or the course of one."""
-    return [recording(time=T[rows], pressure=(pressure + 0 * T)[rows], strain=0.2 * LOOP[rows]) for pressure in pressures]
+    return [
+        recording(time=T[rows], pressure=(pressure + 0 * T)[rows], strain=0.2 * LOOP[rows])
+        for pressure in pressures
+    ]
 
 
 LEVELS = np.array([[1], [2], [3]])
@@ -73,10 +93,16 @@ BOTH = ("pressure", "strain")
 @pytest.mark.parametrize(
     ("pressures", "at", "off"),
     [
-        (np.random.default_rng(3).normal([[80], [150], [250], [350]], 0.7, (4, T.size)), [80, 150, 250, 350], 0),
-        # a closed or slow supply: the pressure dwells at both ends of every stroke, and each recording has its own
+        (
+            np.random.default_rng(3).normal([[80], [150], [250], [350]], 0.7, (4, T.size)),
+            [80, 150, 250, 350],
+            0,
+        ),
+        # a closed or slow supply: the pressure dwells at both ends of every stroke, and each
+        # recording has its own
         (100 * (LEVELS + np.where(T < 20, 0.2, -0.2) + 0.02 * np.sin(7 * T)), [100, 200, 300], 25),
-        # it rests at the end of a stroke, and is far lower on the way back: the median would leave that to the level below
+        # it rests at the end of a stroke, and is far lower on the way back: the median would leave
+        # that to the level below
         (100 * (LEVELS + np.where(T < 30, 0.0, -0.6)), [70, 170, 270], 0),
     ],
 )
@@ -91,7 +117,12 @@ def test_what_hardly_moves_was_held(pressures, at: list[float], off: float) -> N
 
 
 def test_holds_within_one_recording_keep_the_ways_between_out() -> None:
-    holds = np.concatenate([np.concatenate([np.full(T.size, e), np.linspace(e, e + 0.1, 300)]) for e in (0.0, 0.1, 0.2)])[:-300]
+    holds = np.concatenate(
+        [
+            np.concatenate([np.full(T.size, e), np.linspace(e, e + 0.1, 300)])
+            for e in (0.0, 0.1, 0.2)
+        ]
+    )[:-300]
     loops = np.concatenate([np.concatenate([500 * LOOP, np.zeros(300)]) for _ in range(3)])[:-300]
     held = find_held([recording(pressure=loops, strain=holds)], BOTH)
     assert (held.of, held.at.tolist()) == ("strain", [0, 0.1, 0.2])
@@ -102,12 +133,17 @@ def loops(heights: list[float]) -> list[Curve]:
     """A loop at each level, so many newtons wide in the middle."""
     x = np.linspace(0, 1, 200)
     columns = [{"strain": x, "hysteresis": height * np.sin(np.pi * x)} for height in heights]
-    return [Curve(str(level), float(level), one, np.zeros(200, dtype=bool), ("r",)) for level, one in enumerate(columns)]
+    return [
+        Curve(str(level), float(level), one, np.zeros(200, dtype=bool), ("r",))
+        for level, one in enumerate(columns)
+    ]
 
 
 @given(st.floats(-5, 5), st.floats(0.1, 5), st.integers(4, 9))
 def test_levels_on_a_line_tell_of_each_other(first: float, step: float, count: int) -> None:
-    found = neighbourhood(loops([first + step * level for level in range(count)]), "strain", "hysteresis")
+    found = neighbourhood(
+        loops([first + step * level for level in range(count)]), "strain", "hysteresis"
+    )
     assert found.neighbours == pytest.approx(0, abs=1e-9)
     assert found.tells
 
@@ -145,17 +181,43 @@ def test_held_out_levels_are_inner_ones(levels: list[float]) -> None:
 @pytest.mark.parametrize(
     ("name", "quantity", "unit"),
     [
-        *(("pressure_kPa", "pressure", "kPa"), ("P [bar]", "pressure", "bar"), ("Pressure (psi)", "pressure", "psi")),
-        *(("pressureMPa", "pressure", "MPa"), ("mpr_sensor_kPa", "pressure", "kPa"), ("cmd_kPa", "input", None)),
-        *(("t", "time", None), ("time_ms", "time", "ms"), ("Time (s)", "time", "s"), ("eps", "strain", None)),
-        *(("strain_pct", "strain", "%"), ("contraction [%]", "strain", "%"), ("contraction_frac", "strain", "1")),
-        *(("F", "force", None), ("force_N_total", "force", "N"), ("Load (kN)", "load", "kN"), ("position_mm", "displacement", "mm")),
+        *(
+            ("pressure_kPa", "pressure", "kPa"),
+            ("P [bar]", "pressure", "bar"),
+            ("Pressure (psi)", "pressure", "psi"),
+        ),
+        *(
+            ("pressureMPa", "pressure", "MPa"),
+            ("mpr_sensor_kPa", "pressure", "kPa"),
+            ("cmd_kPa", "input", None),
+        ),
+        *(
+            ("t", "time", None),
+            ("time_ms", "time", "ms"),
+            ("Time (s)", "time", "s"),
+            ("eps", "strain", None),
+        ),
+        *(
+            ("strain_pct", "strain", "%"),
+            ("contraction [%]", "strain", "%"),
+            ("contraction_frac", "strain", "1"),
+        ),
+        *(
+            ("F", "force", None),
+            ("force_N_total", "force", "N"),
+            ("Load (kN)", "load", "kN"),
+            ("position_mm", "displacement", "mm"),
+        ),
         *(("temperature", None, None), ("", None, None), ("42", None, None)),
     ],
 )
 def test_names_of_columns(name: str, quantity: str | None, unit: str | None) -> None:
     label = read_label(name)
-    assert (quantity, unit) == (None, None) if label is None else (label.quantity, label.unit) == (quantity, unit)
+    assert (
+        (quantity, unit) == (None, None)
+        if label is None
+        else (label.quantity, label.unit) == (quantity, unit)
+    )
 
 
 @given(st.text())
@@ -168,13 +230,23 @@ def test_units_by_size() -> None:
     t = np.arange(2000.0)
     raw = {"t": [20 * t], "P": [1e5 * (1 + t / 2000)], "eps": [t / 100], "F": [np.sin(t)]}
     guesses = guess_columns(Table({name: name for name in raw}, raw))
-    assert {name: guess.unit for name, guess in guesses.items()} == {"time": "ms", "pressure": "Pa", "strain": "%", "force": "N"}
+    assert {name: guess.unit for name, guess in guesses.items()} == {
+        "time": "ms",
+        "pressure": "Pa",
+        "strain": "%",
+        "force": "N",
+    }
     assert not guesses["time"].sure
     assert not guesses["pressure"].sure
 
 
 def test_names_of_files_tell_groups_conditions_and_repeats() -> None:
-    names = [f"10mm_{size}_{state}_Test{n}.csv.gz" for size in ("10cm", "20cm") for state in ("Unkink", "kinked25") for n in (8, 9)]
+    names = [
+        f"10mm_{size}_{state}_Test{n}.csv.gz"
+        for size in ("10cm", "20cm")
+        for state in ("Unkink", "kinked25")
+        for n in (8, 9)
+    ]
     parts = read_names(names)
     assert [part.group for part in parts] == [("10cm",)] * 4 + [("20cm",)] * 4
     assert [part.condition for part in parts[:4]] == ["Unkink", "Unkink", "kinked25", "kinked25"]
@@ -183,8 +255,19 @@ def test_names_of_files_tell_groups_conditions_and_repeats() -> None:
 @pytest.mark.parametrize(
     ("word", "number"),
     [
-        *(("kinked25", (25, None)), ("200kPa", (200, "kPa")), ("1.5bar", (1.5, "bar")), ("12%", (12, "%")), ("2bar", (2, "bar"))),
-        *(("Kinked19mm2", (19, "mm")), ("Kinked9mm", (9, "mm")), ("Unkinked", None), ("200grams", None)),
+        *(
+            ("kinked25", (25, None)),
+            ("200kPa", (200, "kPa")),
+            ("1.5bar", (1.5, "bar")),
+            ("12%", (12, "%")),
+            ("2bar", (2, "bar")),
+        ),
+        *(
+            ("Kinked19mm2", (19, "mm")),
+            ("Kinked9mm", (9, "mm")),
+            ("Unkinked", None),
+            ("200grams", None),
+        ),
     ],
 )
 def test_numbers_in_words(word: str, number: tuple[float, str | None] | None) -> None:
@@ -202,7 +285,10 @@ def smooth_signals(draw: st.DrawFn) -> Array:
     """Sums of slow waves with normal noise of any size, as records of a sensor are."""
     n, seed = draw(st.integers(30, 3000)), draw(st.integers(0, 2**32 - 1))
     rng, time = np.random.default_rng(seed), np.arange(n)
-    waves = [rng.normal() * np.sin(2 * np.pi * time * rng.uniform(0, 1 / 12) + rng.uniform(0, 7)) for _ in range(draw(st.integers(1, 5)))]
+    waves = [
+        rng.normal() * np.sin(2 * np.pi * time * rng.uniform(0, 1 / 12) + rng.uniform(0, 7))
+        for _ in range(draw(st.integers(1, 5)))
+    ]
     noisy = sum(waves) + 10 ** draw(st.floats(-6, 1)) * rng.normal(size=n)
     resolution = draw(st.sampled_from([0.0, 1e-3, 0.05, 0.5]))  # of the converter
     return np.round(noisy / resolution) * resolution if resolution else np.asarray(noisy)
@@ -223,12 +309,21 @@ def test_commands_and_steps_have_no_spikes(n: int, seed: int, kind: str) -> None
         values = np.cumsum(rng.normal(size=n) * (rng.random(n) < 3 / n))
         values = followed(linear([0.7], [0.3]), values) + 1e-3 * rng.normal(size=n)
     else:
-        values = np.repeat(rng.integers(0, 2, size=n) if kind == "two" else rng.uniform(size=n), held)[:n].astype(float)
+        values = np.repeat(
+            rng.integers(0, 2, size=n) if kind == "two" else rng.uniform(size=n), held
+        )[:n].astype(float)
     assert not spikes(values).size
 
 
-@given(st.integers(40, 1000), st.integers(0, 2**32 - 1), st.floats(1.0, 100.0), st.sampled_from([-1.0, 1.0]))
-def test_a_sample_that_left_the_range_is_a_spike(n: int, seed: int, height: float, sign: float) -> None:
+@given(
+    st.integers(40, 1000),
+    st.integers(0, 2**32 - 1),
+    st.floats(1.0, 100.0),
+    st.sampled_from([-1.0, 1.0]),
+)
+def test_a_sample_that_left_the_range_is_a_spike(
+    n: int, seed: int, height: float, sign: float
+) -> None:
     rng = np.random.default_rng(seed)
     values = np.sin(np.arange(n) * rng.uniform(0.01, 0.1)) + 0.01 * rng.normal(size=n)
     place = int(rng.integers(1, n - 1))

@@ -1,4 +1,6 @@
-"""What `init` takes for a table: in text with remarks and words, in workbooks of several sheets, in files that hold trees of arrays."""
+"""What `init` takes for a table: in text with remarks and words, in workbooks of several sheets, in
+files that hold trees of arrays.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,9 @@ def table(**columns: np.ndarray) -> list[list[Any]]:
     return [list(columns), *np.column_stack(list(columns.values())).tolist()]
 
 
-RUN = table(time_s=T, P_kPa=np.repeat([100.0, 200.0, 300.0], N // 3), eps=0.2 * SWING, F_N=200 - 100 * SWING)
+RUN = table(
+    time_s=T, P_kPa=np.repeat([100.0, 200.0, 300.0], N // 3), eps=0.2 * SWING, F_N=200 - 100 * SWING
+)
 
 
 def read(folder: Path, rows: list[list[Any]], title: str = "P_kPa") -> Draft:
@@ -38,11 +42,15 @@ def as_text(rows: list[list[Any]], delimiter: str = ",") -> str:
     return "".join(delimiter.join(map(str, row)) + "\n" for row in rows)
 
 
-# Text --------------------------------------------------------------------------------------------------------------------------------
+# Text
+# --------------------------------------------------------------------------------------------------
 
 
 def test_a_column_of_words_is_left_out(tmp_path: Path) -> None:
-    rows = [[*row[:2], "note" if not k else "up" if k < 30 else "down", *row[2:]] for k, row in enumerate(RUN)]
+    rows = [
+        [*row[:2], "note" if not k else "up" if k < 30 else "down", *row[2:]]
+        for k, row in enumerate(RUN)
+    ]
     draft = read(tmp_path, rows)
     assert set(draft.data["columns"]) == {"time", "pressure", "strain", "force"}
     assert "left out: note" in draft.text()
@@ -55,7 +63,10 @@ def test_a_word_for_a_missing_number_is_told_to_the_reader(tmp_path: Path, place
     rows[place][3] = rows[place + 3][3] = "OVLD"
     draft = read(tmp_path, rows)
     assert draft.data["missing"] == {"tokens": ["OVLD"]}
-    assert "CHECK: 2 samples have a cell that is empty or holds 'OVLD': taken as no value" in draft.text()
+    assert (
+        "CHECK: 2 samples have a cell that is empty or holds 'OVLD': taken as no value"
+        in draft.text()
+    )
     assert read_draft(draft, tmp_path, "force").recordings[0].dropped == {"missing value": 2}
 
 
@@ -65,7 +76,10 @@ def test_a_column_that_is_hardly_filled_hides_no_other(tmp_path: Path) -> None:
     for k in (1, 2):
         rows[k][1] = 4.0 + k
     for title in ("P_kPa", "P"):
-        assert read(tmp_path, rows, title).data["columns"]["pressure"] == {"column": title, "unit": "kPa"}
+        assert read(tmp_path, rows, title).data["columns"]["pressure"] == {
+            "column": title,
+            "unit": "kPa",
+        }
 
 
 @pytest.mark.parametrize("title", ["P [bar]", "P_MPa"])
@@ -76,51 +90,85 @@ def test_a_title_that_cannot_be_true_is_marked(tmp_path: Path, title: str) -> No
 
 
 def test_what_cannot_be_a_strain_is_none(tmp_path: Path) -> None:
-    rows = [["time_s", "P_kPa", "e", "F_N"], *([*row[:2], 9000 * row[2], row[3]] for row in RUN[1:])]
+    rows = [
+        ["time_s", "P_kPa", "e", "F_N"],
+        *([*row[:2], 9000 * row[2], row[3]] for row in RUN[1:]),
+    ]
     assert "strain" not in read(tmp_path, rows).data["columns"]
 
 
 def test_a_line_of_units_that_has_a_one_and_words_beside_numbers(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_text("P;eps\nkPa;1\n" + "".join(f"{k};0,{k}\n" for k in range(10, 30)))
-    assert (preview(path).settings, preview(path).below) == ({"delimiter": ";", "decimal": ",", "header": 2}, ("kPa", "1"))
+    assert (preview(path).settings, preview(path).below) == (
+        {"delimiter": ";", "decimal": ",", "header": 2},
+        ("kPa", "1"),
+    )
     path.write_text("t;state;F\n" + "".join(f"{k},5;up;{k},25\n" for k in range(20)))
     assert preview(path).settings == {"delimiter": ";", "decimal": ","}
 
 
-# Workbooks ---------------------------------------------------------------------------------------------------------------------------
+# Workbooks
+# --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
     ("rows", "settings"),
     [
         (table(t=T, P=SWING, F=SWING), {}),  # a first row of zeros is no blank one
-        ([["rig 1"], [], ["t", "P", "F"], *([k, 2.0 * k, *([3.0 * k] if k % 2 else [])] for k in range(6))], {"skip_rows": 2}),
+        (
+            [
+                ["rig 1"],
+                [],
+                ["t", "P", "F"],
+                *([k, 2.0 * k, *([3.0 * k] if k % 2 else [])] for k in range(6)),
+            ],
+            {"skip_rows": 2},
+        ),
     ],
 )
-def test_a_row_ends_at_its_last_filled_cell(tmp_path: Path, rows: list[list[Any]], settings: dict[str, int]) -> None:
+def test_a_row_ends_at_its_last_filled_cell(
+    tmp_path: Path, rows: list[list[Any]], settings: dict[str, int]
+) -> None:
     workbook(tmp_path / "a.xlsx", {"run": rows})
-    assert (preview(tmp_path / "a.xlsx").titles, preview(tmp_path / "a.xlsx").settings) == (("t", "P", "F"), settings)
+    assert (preview(tmp_path / "a.xlsx").titles, preview(tmp_path / "a.xlsx").settings) == (
+        ("t", "P", "F"),
+        settings,
+    )
 
 
 NOTES = [["operator", "remarks"], ["me", "none"]]
 
 
 @pytest.mark.parametrize(
-    ("titles", "sheet"), [(("run 1", "run 2"), "run *"), (("left", "right"), None), (("up load", "down load"), "* load"), (("one",), "one")]
+    ("titles", "sheet"),
+    [
+        (("run 1", "run 2"), "run *"),
+        (("left", "right"), None),
+        (("up load", "down load"), "* load"),
+        (("one",), "one"),
+    ],
 )
-def test_every_sheet_that_is_alike_is_read(tmp_path: Path, titles: tuple[str, ...], sheet: str | None) -> None:
-    workbook(tmp_path / "a.xlsx", {"notes": NOTES, **dict.fromkeys(titles, RUN), "summary": [["P", "F"], [1, 2], [3, 4]]})
+def test_every_sheet_that_is_alike_is_read(
+    tmp_path: Path, titles: tuple[str, ...], sheet: str | None
+) -> None:
+    workbook(
+        tmp_path / "a.xlsx",
+        {"notes": NOTES, **dict.fromkeys(titles, RUN), "summary": [["P", "F"], [1, 2], [3, 4]]},
+    )
     draft = drafted(tmp_path)
     assert draft.data.get("sheet") == sheet
-    files: list[Any] = ["a.xlsx"] if sheet else [{"path": "a.xlsx", "sheet": title} for title in titles]
+    files: list[Any] = (
+        ["a.xlsx"] if sheet else [{"path": "a.xlsx", "sheet": title} for title in titles]
+    )
     assert draft.data["files"] == files
     assert len(read_draft(draft, tmp_path, "force").recordings) == len(titles)
     assert "CHECK: the sheet" in draft.text()
     assert "laid out in another way, and left out: 'notes', 'summary'" in draft.text()
 
 
-# Trees -------------------------------------------------------------------------------------------------------------------------------
+# Trees
+# --------------------------------------------------------------------------------------------------
 
 
 COLUMNS = dict(zip(RUN[0], np.array(RUN[1:]).T, strict=True))
@@ -138,17 +186,39 @@ RECORDED = np.array(list(zip(T, SWING, strict=True)), dtype=[("t", "f8"), ("P", 
 @pytest.mark.parametrize(
     ("arrays", "columns", "settings"),
     [
-        ({"run/P": SWING, "run/F": T[:, None], "run/fs": [[20.0]]}, ("run/F", "run/P"), {"sample_time": 0.05}),
-        ({"a/P": SWING, "b/F": T, "dt": 0.05, "photo": np.zeros((9, 9, 3))}, ("a/P", "b/F"), {"sample_time": 0.05}),
+        (
+            {"run/P": SWING, "run/F": T[:, None], "run/fs": [[20.0]]},
+            ("run/F", "run/P"),
+            {"sample_time": 0.05},
+        ),
+        (
+            {"a/P": SWING, "b/F": T, "dt": 0.05, "photo": np.zeros((9, 9, 3))},
+            ("a/P", "b/F"),
+            {"sample_time": 0.05},
+        ),
         ({"all": RECORDED}, ("all/t", "all/P"), {}),
         ({"data": np.column_stack([T, SWING])}, ("data[:,0]", "data[:,1]"), {}),
         ({"data": np.stack([T, SWING])}, ("data[0,:]", "data[1,:]"), {}),
-        ({f"r_{k}/{name}": SWING for k in (1, 2, 10) for name in "FP"}, ("F", "P"), {"root": "[*]"}),
-        ({"short/P": SWING[:9], "short/F": T[:9], "long/P": SWING, "long/F": T, "who": "me"}, ("F", "P"), {"root": "[*]"}),
-        ({"short/P": SWING[:9], "short/x": T[:9], "long/P": SWING, "long/F": T, "who": "me"}, ("long/F", "long/P"), {}),
+        (
+            {f"r_{k}/{name}": SWING for k in (1, 2, 10) for name in "FP"},
+            ("F", "P"),
+            {"root": "[*]"},
+        ),
+        (
+            {"short/P": SWING[:9], "short/F": T[:9], "long/P": SWING, "long/F": T, "who": "me"},
+            ("F", "P"),
+            {"root": "[*]"},
+        ),
+        (
+            {"short/P": SWING[:9], "short/x": T[:9], "long/P": SWING, "long/F": T, "who": "me"},
+            ("long/F", "long/P"),
+            {},
+        ),
     ],
 )
-def test_columns_of_an_hdf5_file(tmp_path: Path, arrays: Any, columns: tuple[str, ...], settings: dict[str, Any]) -> None:
+def test_columns_of_an_hdf5_file(
+    tmp_path: Path, arrays: Any, columns: tuple[str, ...], settings: dict[str, Any]
+) -> None:
     hdf5(tmp_path / "a.h5", **arrays)
     found = preview(tmp_path / "a.h5")
     assert (found.columns, found.settings) == (columns, settings)
@@ -167,7 +237,11 @@ def test_columns_of_a_mat_file(tmp_path: Path) -> None:
     cells = np.empty(2, dtype=object)
     cells[:] = [{"t": T, "P": SWING}, {"t": T, "P": SWING}]
     for content, columns, settings in (
-        ({"run": {"t": T, "P": SWING, "Ts": 0.05}, "who": "me"}, ("run.t", "run.P"), {"sample_time": 0.05}),
+        (
+            {"run": {"t": T, "P": SWING, "Ts": 0.05}, "who": "me"},
+            ("run.t", "run.P"),
+            {"sample_time": 0.05},
+        ),
         ({"train": cells, "fs": 20.0}, ("t", "P"), {"root": "train[*]"}),
         ({"data": np.column_stack([T, SWING])}, ("data[:,0]", "data[:,1]"), {}),
     ):
@@ -179,20 +253,38 @@ def test_columns_of_a_mat_file(tmp_path: Path) -> None:
 def test_columns_of_a_tdms_file(tmp_path: Path) -> None:
     nptdms = pytest.importorskip("nptdms")
     with nptdms.TdmsWriter(tmp_path / "a.tdms") as file:
-        waves = [nptdms.ChannelObject("Rig", name, values, {"wf_increment": 0.05}) for name, values in (("P", SWING), ("F", T))]
+        waves = [
+            nptdms.ChannelObject("Rig", name, values, {"wf_increment": 0.05})
+            for name, values in (("P", SWING), ("F", T))
+        ]
         file.write_segment([*waves, nptdms.ChannelObject("Notes", "who", ["me", "you"])])
     found = preview(tmp_path / "a.tdms")
-    assert (found.columns, found.titles, found.settings) == (("Rig/P", "Rig/F"), ("P", "F"), {"sample_time": 0.05})
+    assert (found.columns, found.titles, found.settings) == (
+        ("Rig/P", "Rig/F"),
+        ("P", "F"),
+        {"sample_time": 0.05},
+    )
 
 
 @pytest.mark.parametrize(
-    ("suffix", "word"), [("h5", "run_{}"), ("h5", "Run.{}"), ("mat", "run_{}"), ("tdms", "run_{}"), ("tdms", "Run.{}")]
+    ("suffix", "word"),
+    [("h5", "run_{}"), ("h5", "Run.{}"), ("mat", "run_{}"), ("tdms", "run_{}"), ("tdms", "Run.{}")],
 )
-def test_groups_of_a_tree_are_recordings_in_the_order_of_their_numbers(tmp_path: Path, suffix: str, word: str) -> None:
+def test_groups_of_a_tree_are_recordings_in_the_order_of_their_numbers(
+    tmp_path: Path, suffix: str, word: str
+) -> None:
     """Also where something of another kind lies beside them; the sample time stands for a clock."""
     levels = [100, 200, 1000]
-    runs = {word.format(level // 100): COLUMNS | {"P_kPa": np.full(N, float(level))} for level in levels}
-    tree(tmp_path / f"a.{suffix}", {name: {title: run[title] for title in ("P_kPa", "eps", "F_N")} for name, run in runs.items()})
+    runs = {
+        word.format(level // 100): COLUMNS | {"P_kPa": np.full(N, float(level))} for level in levels
+    }
+    tree(
+        tmp_path / f"a.{suffix}",
+        {
+            name: {title: run[title] for title in ("P_kPa", "eps", "F_N")}
+            for name, run in runs.items()
+        },
+    )
     draft = drafted(tmp_path)
     assert (draft.data["root"], draft.data["sample_time"]) == ("[*]", 0.02)
     assert draft.data["columns"]["force"] == {"column": "F_N", "unit": "N"}
@@ -211,8 +303,14 @@ def test_a_run_that_lacks_columns_is_no_recording_among_others(tmp_path: Path, o
 
 
 def test_a_tree_is_drafted_by_the_titles_of_its_arrays(tmp_path: Path) -> None:
-    """The name of the group is no title; a clock among the columns takes the place of the sample time."""
-    hdf5(tmp_path / "a.h5", **{f"pressure test/{title}": values for title, values in COLUMNS.items()}, dt=1.0)
+    """The name of the group is no title; a clock among the columns takes the place of the sample
+    time.
+    """
+    hdf5(
+        tmp_path / "a.h5",
+        **{f"pressure test/{title}": values for title, values in COLUMNS.items()},
+        dt=1.0,
+    )
     draft = drafted(tmp_path)
     assert draft.data["columns"]["force"] == {"column": "pressure test/F_N", "unit": "N"}
     assert "sample_time" not in draft.data

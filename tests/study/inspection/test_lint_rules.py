@@ -1,4 +1,6 @@
-"""Every rule of `check`: a study that it speaks of, the clean one of which none does, and the page that explains them."""
+"""Every rule of `check`: a study that it speaks of, the clean one of which none does, and the page
+that explains them.
+"""
 
 from __future__ import annotations
 
@@ -48,21 +50,44 @@ SPEC: dict[str, Any] = {
 def table(level: float, samples: int = 60) -> Table:
     """A slow pull at constant pressure."""
     strain = np.linspace(0, 0.2, samples)
-    return {"t": 0.1 * np.arange(samples), "P": np.full(samples, level), "eps": strain, "F": level * (2 - 8 * strain) + level**2 / 400}
+    return {
+        "t": 0.1 * np.arange(samples),
+        "P": np.full(samples, level),
+        "eps": strain,
+        "F": level * (2 - 8 * strain) + level**2 / 400,
+    }
 
 
 def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
-    """`over` on top of `base`, mappings merged deeply; a split and what is empty replace, None removes."""
-    deep = [key for key, value in over.items() if isinstance(value, dict) and value and isinstance(base.get(key), dict) and key != "split"]
+    """`over` on top of `base`, mappings merged deeply; a split and what is empty replace, None
+    removes.
+    """
+    deep = [
+        key
+        for key, value in over.items()
+        if isinstance(value, dict) and value and isinstance(base.get(key), dict) and key != "split"
+    ]
     both = {**base, **over, **{key: merged(base[key], over[key]) for key in deep}}
     return {key: value for key, value in both.items() if value is not None}
 
 
-def inspected(folder: Path, spoil: Spoil = lambda _, columns: columns, names: Mapping[str, str] | None = None, **spec: Any) -> Inspection:
-    """What `check` finds in the clean study with spoilt recordings, other names of columns, and a spec that is merged over its own."""
+def inspected(
+    folder: Path,
+    spoil: Spoil = lambda _, columns: columns,
+    names: Mapping[str, str] | None = None,
+    **spec: Any,
+) -> Inspection:
+    """What `check` finds in the clean study with spoilt recordings, other names of columns, and a
+    spec that is merged over its own.
+    """
     for level in LEVELS:
-        columns = {(names or {}).get(name, name): values for name, values in spoil(level, table(level)).items()}
-        rows = [",".join(f"{value:.9g}" for value in row) for row in zip(*columns.values(), strict=True)]
+        columns = {
+            (names or {}).get(name, name): values
+            for name, values in spoil(level, table(level)).items()
+        }
+        rows = [
+            ",".join(f"{value:.9g}" for value in row) for row in zip(*columns.values(), strict=True)
+        ]
         (folder / f"level_{level:g}.csv").write_text("\n".join([",".join(columns), *rows]) + "\n")
     path = folder / "clean.yaml"
     path.write_text(dump(merged(SPEC, spec)))
@@ -80,7 +105,8 @@ def only(inspection: Inspection, id_: str) -> Issue:
     return issue
 
 
-# Ways to spoil the clean study -------------------------------------------------------------------------------------------------------
+# Ways to spoil the clean study
+# --------------------------------------------------------------------------------------------------
 
 
 def clean(_: float, columns: Table) -> Table:
@@ -88,7 +114,9 @@ def clean(_: float, columns: Table) -> Table:
 
 
 def scaled(**factors: float) -> Spoil:
-    return lambda _, columns: {name: values * factors.get(name, 1.0) for name, values in columns.items()}
+    return lambda _, columns: {
+        name: values * factors.get(name, 1.0) for name, values in columns.items()
+    }
 
 
 def at(level: float, spoil: Spoil) -> Spoil:
@@ -110,11 +138,16 @@ def at_most(name: str, limit: float) -> Spoil:
 
 
 def slow(stamps: str) -> Spoil:
-    return lambda level, _: {stamps: 20.0 * np.arange(1200), **{name: values for name, values in table(level, 1200).items() if name != "t"}}
+    return lambda level, _: {
+        stamps: 20.0 * np.arange(1200),
+        **{name: values for name, values in table(level, 1200).items() if name != "t"},
+    }
 
 
 def staircase(slack: bool) -> Spoil:
-    """Isometric steps of pressure, one second of rest after a tenth of a second of change; with a slack foot or without."""
+    """Isometric steps of pressure, one second of rest after a tenth of a second of change; with a
+    slack foot or without.
+    """
 
     def spoil(level: float, _: Table) -> Table:
         t = np.arange(0, 22, 0.02)
@@ -132,7 +165,11 @@ def sweep(level: float, columns: Table) -> Table:
 
 
 def wandering(level: float, columns: Table) -> Table:
-    return {**columns, "P": level + np.sin(np.arange(60.0)), "eps": 0.1 * (1 - np.cos(np.linspace(0, 2 * np.pi, 60)))}
+    return {
+        **columns,
+        "P": level + np.sin(np.arange(60.0)),
+        "eps": 0.1 * (1 - np.cos(np.linspace(0, 2 * np.pi, 60))),
+    }
 
 
 def looped(width: Callable[[float], float]) -> Spoil:
@@ -140,7 +177,9 @@ def looped(width: Callable[[float], float]) -> Spoil:
 
     def spoil(level: float, columns: Table) -> Table:
         strain = np.concatenate([columns["eps"][::2], columns["eps"][::-2]])
-        force = level * (2 - 8 * strain) + level**2 / 400 + width(level) * np.repeat([1.0, -1.0], 30)
+        force = (
+            level * (2 - 8 * strain) + level**2 / 400 + width(level) * np.repeat([1.0, -1.0], 30)
+        )
         return {**columns, "eps": strain, "F": force}
 
     return spoil
@@ -153,7 +192,10 @@ def set_force(level: float, columns: Table) -> Table:
 
 
 def with_spike(place: int) -> Spoil:
-    return lambda _, columns: {**columns, "F": np.where(np.arange(len(columns["F"])) == place, 9000.0, columns["F"])}
+    return lambda _, columns: {
+        **columns,
+        "F": np.where(np.arange(len(columns["F"])) == place, 9000.0, columns["F"]),
+    }
 
 
 def with_vacuum(_: float, columns: Table) -> Table:
@@ -161,7 +203,8 @@ def with_vacuum(_: float, columns: Table) -> Table:
     return {**columns, "P": np.where(np.isin(np.arange(60), (10, 40)), -300.0, columns["P"])}
 
 
-# Specs, merged over the clean one ------------------------------------------------------------------------------------------------------
+# Specs, merged over the clean one
+# --------------------------------------------------------------------------------------------------
 
 
 def column(name: str, **changes: Any) -> dict[str, Any]:
@@ -170,7 +213,12 @@ def column(name: str, **changes: Any) -> dict[str, Any]:
 
 def levels_times(factor: float) -> dict[str, Any]:
     """The spec for pressures in another unit."""
-    return {"data": {"levels": {"at": [factor * level for level in LEVELS]}, "split": {"validate": {"pressure": [factor * 200]}}}}
+    return {
+        "data": {
+            "levels": {"at": [factor * level for level in LEVELS]},
+            "split": {"validate": {"pressure": [factor * 200]}},
+        }
+    }
 
 
 def held_out(**condition: Any) -> dict[str, Any]:
@@ -184,12 +232,19 @@ def cycles(over: str, **spec: Any) -> dict[str, Any]:
 ONE_LEVEL = {"data": {"levels": {"at": [100.0], "within": 50.0}, "split": None}}
 BY_FILE = {"data": {"levels": None, "split": {"validate": {"files": ["level_300.csv"]}}}}
 THREE_LEVELS = {"data": {"levels": {"at": [100, 200, 400]}}}
-MEMORY = {**BY_FILE, "segment": {}, "dictionary": [{"slow": {"of": ["strain"], "tau": [0.5]}}, {"terms": ["pressure"]}]}
+MEMORY = {
+    **BY_FILE,
+    "segment": {},
+    "dictionary": [{"slow": {"of": ["strain"], "tau": [0.5]}}, {"terms": ["pressure"]}],
+}
 LAST_HALF = {**MEMORY, "data": {**MEMORY["data"], "split": {"validate": {"last": 0.5}}}}  # type: ignore[dict-item]
 FIRST_SAMPLES = {"data": {"keep": [{"quantity": "strain", "below": 0.008}]}, "segment": {}}
 STRAINS = dict(zip(LEVELS, (0.0, 0.07, 0.14, 0.21), strict=True))
 BY_STRAIN: dict[str, Any] = {
-    "data": {"levels": {"of": "strain", "at": list(STRAINS.values())}, "split": {"validate": {"strain": [0.14]}}},
+    "data": {
+        "levels": {"of": "strain", "at": list(STRAINS.values())},
+        "split": {"validate": {"strain": [0.14]}},
+    },
     "segment": {"strain": "levels", "pressure": {"method": "even", "count": 2}},
     "dictionary": [{"polynomial": {"of": ["pressure"], "order": 3}}],
 }
@@ -218,28 +273,94 @@ FINE = [{"set": {"segment.strain.count": 30}, "as": "fine"}]
         ("time-in-milliseconds", "hint", slow("t"), column("time", unit=None), []),
         ("constant", "error", scaled(F=0), {}, []),
         ("constant", "warning", scaled(eps=0), {"segment": {}}, []),
-        ("same-signal", "error", lambda _, c: {**c, "F": 7 - 30 * c["eps"]}, {"data": {"levels": None, "split": None}}, []),
+        (
+            "same-signal",
+            "error",
+            lambda _, c: {**c, "F": 7 - 30 * c["eps"]},
+            {"data": {"levels": None, "split": None}},
+            [],
+        ),
         ("force-never-positive", "warning", lambda _, c: {**c, "F": -np.abs(c["F"]) - 1}, {}, []),
         ("recorded-twice", "warning", at(300, copied(100)), THREE_LEVELS, []),
         ("recorded-twice", "error", at(300, copied(100)), BY_FILE, []),
         ("few-samples", "warning", at(200, first_rows(3)), {}, []),
         ("short-segment", "error", at(300, first_rows(5)), {}, []),
-        ("short-segment", "error", clean, {"validate": {"against": FINE}}, ["in `fine`: "]),  # competitors are checked as well
-        ("empty-segment", "error", lambda _, c: {**c, "eps": 0.2 * (c["eps"] > 0.18)}, {"segment": {"strain": {"count": 3}}}, []),
+        (
+            "short-segment",
+            "error",
+            clean,
+            {"validate": {"against": FINE}},
+            ["in `fine`: "],
+        ),  # competitors are checked as well
+        (
+            "empty-segment",
+            "error",
+            lambda _, c: {**c, "eps": 0.2 * (c["eps"] > 0.18)},
+            {"segment": {"strain": {"count": 3}}},
+            [],
+        ),
         ("validation-outside", "warning", clean, held_out(pressure=[400]), []),
-        ("validation-outside", "warning", at(200, scaled(eps=1.5)), held_out(pressure=[200], strain={"between": [[0.1, 0.4]]}), []),
-        ("validation-outside", "warning", at(200, scaled(eps=1.3)), {}, ["of the validation samples have strain 0.2"]),
-        ("validation-outside", "warning", clean, LAST_HALF, ["of the validation samples have strain"]),
+        (
+            "validation-outside",
+            "warning",
+            at(200, scaled(eps=1.5)),
+            held_out(pressure=[200], strain={"between": [[0.1, 0.4]]}),
+            [],
+        ),
+        (
+            "validation-outside",
+            "warning",
+            at(200, scaled(eps=1.3)),
+            {},
+            ["of the validation samples have strain 0.2"],
+        ),
+        (
+            "validation-outside",
+            "warning",
+            clean,
+            LAST_HALF,
+            ["of the validation samples have strain"],
+        ),
         ("many-dropped", "warning", clean, ONE_LEVEL, []),
         ("few-kept", "hint", clean, FIRST_SAMPLES, []),
-        ("memory-breaks", "warning", lambda _, c: {name: np.delete(values, slice(20, 25)) for name, values in c.items()}, MEMORY, []),
-        ("uneven-steps", "error", lambda _, c: {**c, "t": c["t"] + 0.03 * (np.arange(60) % 2)}, MEMORY, []),
+        (
+            "memory-breaks",
+            "warning",
+            lambda _, c: {name: np.delete(values, slice(20, 25)) for name, values in c.items()},
+            MEMORY,
+            [],
+        ),
+        (
+            "uneven-steps",
+            "error",
+            lambda _, c: {**c, "t": c["t"] + 0.03 * (np.arange(60) % 2)},
+            MEMORY,
+            [],
+        ),
         ("uneven-steps", "error", at(400, scaled(t=2)), MEMORY, []),
         ("slack-foot", "hint", staircase(slack=True), BY_STRAIN, []),
         ("unsettled", "hint", sweep, BY_STRAIN, []),
-        ("clipped", "warning", at_most("F", 900), {}, ["level_400.csv: 28 of 60 samples have force at exactly 900 N", "below: 900"]),
-        ("clipped", "hint", at_most("F", 900), VOLUME, ["a limit that it has", "keep them"]),  # a tank may be full
-        ("cycles-of-noise", "warning", wandering, cycles("pressure"), ["say `cycles: {over: strain}`, and `levels` of pressure"]),
+        (
+            "clipped",
+            "warning",
+            at_most("F", 900),
+            {},
+            ["level_400.csv: 28 of 60 samples have force at exactly 900 N", "below: 900"],
+        ),
+        (
+            "clipped",
+            "hint",
+            at_most("F", 900),
+            VOLUME,
+            ["a limit that it has", "keep them"],
+        ),  # a tank may be full
+        (
+            "cycles-of-noise",
+            "warning",
+            wandering,
+            cycles("pressure"),
+            ["say `cycles: {over: strain}`, and `levels` of pressure"],
+        ),
         (
             "not-single-valued",
             "hint",
@@ -251,12 +372,41 @@ FINE = [{"set": {"segment.strain.count": 30}, "as": "fine"}]
             *("not-single-valued", "hint", looped(lambda _: 60), VOLUME),
             ["no model without memory does better than 4.6 % at pressure=100"],
         ),
-        ("spike", "warning", with_spike(30), {}, ["level_100.csv:row 32 (time 3 s): force is 9000 for one sample, between "]),
-        ("below-vacuum", "warning", at(300, with_vacuum), BY_FILE, ["level_300.csv:row 12 (time 1 s) and 1 more: pressure is -300 kPa"]),
-        ("label", "error", clean, {"report": {"style": {"labels": {"force": "$x" + "^{x" * 60 + "}" * 60 + "$"}}}}, ["nested 60 levels"]),
-        ("label", "error", clean, {"report": {"style": {"labels": {"force": r"$\nonsense{x}$"}}}}, ["nonsense"]),
         (
-            *("computed-from", "warning", lambda level, c: {**c, "F": 7 * c["eps"] + level}, {"segment": {}}),
+            "spike",
+            "warning",
+            with_spike(30),
+            {},
+            ["level_100.csv:row 32 (time 3 s): force is 9000 for one sample, between "],
+        ),
+        (
+            "below-vacuum",
+            "warning",
+            at(300, with_vacuum),
+            BY_FILE,
+            ["level_300.csv:row 12 (time 1 s) and 1 more: pressure is -300 kPa"],
+        ),
+        (
+            "label",
+            "error",
+            clean,
+            {"report": {"style": {"labels": {"force": "$x" + "^{x" * 60 + "}" * 60 + "$"}}}},
+            ["nested 60 levels"],
+        ),
+        (
+            "label",
+            "error",
+            clean,
+            {"report": {"style": {"labels": {"force": r"$\nonsense{x}$"}}}},
+            ["nonsense"],
+        ),
+        (
+            *(
+                "computed-from",
+                "warning",
+                lambda level, c: {**c, "F": 7 * c["eps"] + level},
+                {"segment": {}},
+            ),
             ["force is 7 times strain, plus a constant of each recording"],
         ),
         (
@@ -266,13 +416,30 @@ FINE = [{"set": {"segment.strain.count": 30}, "as": "fine"}]
                 lambda level, _: {**table(200), "P": np.full(60, 200.0), "F": table(level)["F"]},
                 SAME_INPUTS,
             ),
-            ["level_200.csv has the same pressure, strain as level_100.csv, and force differs by up to "],
+            [
+                "level_200.csv has the same pressure, strain as level_100.csv, and force "
+                "differs by up to "
+            ],
         ),
         (
-            *("loops-apart", "hint", looped(lambda level: -60 if level in (100, 300) else -15), HYSTERESIS),
-            ["a loop hardly follows from those at the next levels (an error of", "segment: {pressure: none}"],
+            *(
+                "loops-apart",
+                "hint",
+                looped(lambda level: -60 if level in (100, 300) else -15),
+                HYSTERESIS,
+            ),
+            [
+                "a loop hardly follows from those at the next levels (an error of",
+                "segment: {pressure: none}",
+            ],
         ),
-        ("wrong-way-round", "hint", set_force, {}, ["force goes in even steps of 5 N and strain does not", "target: {column: strain}"]),
+        (
+            "wrong-way-round",
+            "hint",
+            set_force,
+            {},
+            ["force goes in even steps of 5 N and strain does not", "target: {column: strain}"],
+        ),
     ],
 )
 def test_a_rule_speaks_of_what_it_is_made_for(
@@ -291,39 +458,85 @@ def test_a_rule_speaks_of_what_it_is_made_for(
     ("id_", "spoil", "spec"),
     [
         ("slack-foot", staircase(slack=False), BY_STRAIN),
-        ("slack-foot", staircase(slack=True), {**BY_STRAIN, "model": {"type": "mapmore", "backbone": "sarosi_hinged"}}),
-        ("unsettled", staircase(slack=False), {**BY_STRAIN, "data": {**BY_STRAIN["data"], **SETTLED}}),
-        ("time-in-milliseconds", slow("t [s]"), column("time", column="t [s]", unit=None)),  # a name that tells the unit is believed
+        (
+            "slack-foot",
+            staircase(slack=True),
+            {**BY_STRAIN, "model": {"type": "mapmore", "backbone": "sarosi_hinged"}},
+        ),
+        (
+            "unsettled",
+            staircase(slack=False),
+            {**BY_STRAIN, "data": {**BY_STRAIN["data"], **SETTLED}},
+        ),
+        (
+            "time-in-milliseconds",
+            slow("t [s]"),
+            column("time", column="t [s]", unit=None),
+        ),  # a name that tells the unit is believed
         ("time-in-milliseconds", slow("t"), {}),  # and a spec that does
-        ("time-in-milliseconds", slow("t"), {"data": {"columns": {"time": None}, "sample_time": 20.0}}),
-        ("time-in-milliseconds", slow("t"), {"data": {"columns": {"time": {"unit": None}}, "every": 2}}),
-        ("time-in-milliseconds", slow("t"), {"data": {"columns": {"time": {"unit": None}}, "resample": 40.0}}),
+        (
+            "time-in-milliseconds",
+            slow("t"),
+            {"data": {"columns": {"time": None}, "sample_time": 20.0}},
+        ),
+        (
+            "time-in-milliseconds",
+            slow("t"),
+            {"data": {"columns": {"time": {"unit": None}}, "every": 2}},
+        ),
+        (
+            "time-in-milliseconds",
+            slow("t"),
+            {"data": {"columns": {"time": {"unit": None}}, "resample": 40.0}},
+        ),
         ("spike", lambda _, c: {**c, "F": np.where(c["eps"] > 0.1, 100.0, 800.0)}, {}),  # a step
         ("spike", lambda _, c: {**c, "F": 800.0 * (np.arange(60) % 5 == 0)}, {}),  # two values
-        ("spike", lambda _, c: {name: values[:20] for name, values in with_spike(10)(_, c).items()}, {"segment": {}}),  # a table
+        (
+            "spike",
+            lambda _, c: {name: values[:20] for name, values in with_spike(10)(_, c).items()},
+            {"segment": {}},
+        ),  # a table
         ("untold-difference", at(200, copied(200)), {}),
         ("computed-from", clean, ISOMETRIC_LINES),
         (
             "not-single-valued",
             looped(lambda _: 60),
-            {**VOLUME, "dictionary": [{"lags": {"of": ["strain"], "steps": [1]}}], "segment": {"pressure": "none", "strain": None}},
+            {
+                **VOLUME,
+                "dictionary": [{"lags": {"of": ["strain"], "steps": [1]}}],
+                "segment": {"pressure": "none", "strain": None},
+            },
         ),
-        ("clipped", lambda _, c: {**c, "F": np.maximum(c["F"] - 400, -8.7)}, {}),  # slack: the force rests at the offset of the sensor
+        (
+            "clipped",
+            lambda _, c: {**c, "F": np.maximum(c["F"] - 400, -8.7)},
+            {},
+        ),  # slack: the force rests at the offset of the sensor
         ("cycles-of-noise", wandering, cycles("strain")),
         ("not-single-valued", looped(lambda _: 60), cycles("strain")),
         ("loops-apart", looped(lambda level: 0.1 * level), HYSTERESIS),
     ],
 )
-def test_a_rule_is_silent_where_nothing_is_wrong(tmp_path: Path, id_: str, spoil: Spoil, spec: dict[str, Any]) -> None:
+def test_a_rule_is_silent_where_nothing_is_wrong(
+    tmp_path: Path, id_: str, spoil: Spoil, spec: dict[str, Any]
+) -> None:
     assert id_ not in found(inspected(tmp_path, spoil, **spec))
 
 
 def test_every_issue_that_a_rule_can_raise_is_on_the_page_and_no_other() -> None:
     project = Path(__file__).resolve().parents[3]
     sources = (project / "mapmore_cli").rglob("*.py")
-    raised = {id_ for path in sources for id_ in re.findall(r'Issue\([^,]*(?:, )"([a-z-]+)"', path.read_text())}
+    raised = {
+        id_
+        for path in sources
+        for id_ in re.findall(r'Issue\([^,]*(?:, )"([a-z-]+)"', path.read_text())
+    }
     page = (project / "docs/init-and-check.md").read_text()
-    rows = [line.split("|")[1] for line in page.splitlines() if re.search(r"\| (?:error|warning|hint)\b", line)]
+    rows = [
+        line.split("|")[1]
+        for line in page.splitlines()
+        if re.search(r"\| (?:error|warning|hint)\b", line)
+    ]
     assert raised == {id_ for row in rows for id_ in re.findall(r"`([a-z-]+)`", row)}
     assert len(raised) > 10
 
@@ -337,16 +550,31 @@ def test_the_clean_study_has_no_issues(tmp_path: Path) -> None:
 
 def test_a_column_named_after_another_unit(tmp_path: Path) -> None:
     names = {"P": "P_psi"}
-    assert only(inspected(tmp_path, names=names, **column("pressure", column="P_psi")), "unit-in-name").severity == "warning"
+    assert (
+        only(
+            inspected(tmp_path, names=names, **column("pressure", column="P_psi")), "unit-in-name"
+        ).severity
+        == "warning"
+    )
     for unit in ({"unit": "psi"}, {"scale": 6.894757}):
-        spec = {"columns": {"pressure": {"column": "P_psi", **unit}}, "levels": {"at": "auto"}, "split": {"validate": {"strain": [0.0]}}}
+        spec = {
+            "columns": {"pressure": {"column": "P_psi", **unit}},
+            "levels": {"at": "auto"},
+            "split": {"validate": {"strain": [0.0]}},
+        }
         assert "unit-in-name" not in found(inspected(tmp_path, names=names, data=spec))
 
 
 def test_per_cent_is_reported_where_it_also_made_the_levels_impossible(tmp_path: Path) -> None:
     """The level that no sample is at is a consequence; the user is told the cause with it."""
-    isometric = {"levels": {"of": "strain", "at": [0.0, 0.1, 0.2]}, "split": {"validate": {"strain": [0.1]}}}
-    whole: dict[str, Any] = {"segment": {"strain": "levels"}, "dictionary": [{"polynomial": {"of": ["pressure"], "order": 3}}]}
+    isometric = {
+        "levels": {"of": "strain", "at": [0.0, 0.1, 0.2]},
+        "split": {"validate": {"strain": [0.1]}},
+    }
+    whole: dict[str, Any] = {
+        "segment": {"strain": "levels"},
+        "dictionary": [{"polynomial": {"of": ["pressure"], "order": 3}}],
+    }
     inspection = inspected(tmp_path, scaled(eps=100), data=isometric, **whole)
     assert inspection.dataset is None
     assert found(inspection, "error") == {"strain-in-per-cent", "no-curves"}
@@ -356,7 +584,9 @@ def test_per_cent_is_reported_where_it_also_made_the_levels_impossible(tmp_path:
     assert only(inspection, "strain-in-per-cent").place.endswith(f"clean.yaml:{line}:5")
 
 
-def test_curves_that_are_impossible_for_no_known_reason_are_an_error_as_before(tmp_path: Path) -> None:
+def test_curves_that_are_impossible_for_no_known_reason_are_an_error_as_before(
+    tmp_path: Path,
+) -> None:
     with pytest.raises(DataError, match="no sample is within"):
         inspected(tmp_path, data={"levels": {"at": [100, 200, 300, 400, 500]}})
 
@@ -368,7 +598,9 @@ def test_data_errors_end_as_such(tmp_path: Path) -> None:
 
 
 def test_the_worst_comes_first(tmp_path: Path) -> None:
-    spoilt = inspected(tmp_path, scaled(eps=100, F=7), data={"split": {"validate": {"pressure": [400]}}})
+    spoilt = inspected(
+        tmp_path, scaled(eps=100, F=7), data={"split": {"validate": {"pressure": [400]}}}
+    )
     severities = [issue.severity for issue in spoilt.issues]
     assert severities == sorted(severities, key=["error", "warning", "hint"].index)
     assert len(severities) >= 3
@@ -406,7 +638,10 @@ def test_a_run_that_is_compared_with_is_checked(tmp_path: Path) -> None:
     [
         (["rig.xlsx"], ["rig.xlsx (rig[run A])", "rig.xlsx (rig[run B])"]),
         (
-            [{"path": "rig.xlsx", "sheet": "run A", "id": "a"}, {"path": "rig.xlsx", "sheet": "run B", "id": "b"}],
+            [
+                {"path": "rig.xlsx", "sheet": "run A", "id": "a"},
+                {"path": "rig.xlsx", "sheet": "run B", "id": "b"},
+            ],
             ["rig.xlsx (a)", "rig.xlsx (b)"],
         ),
         (
@@ -424,7 +659,13 @@ def test_copied_sheets_are_named(tmp_path: Path, files: list[Any], names: list[s
         for row in zip(*table(100.0).values(), strict=True):
             sheet.append([float(cell) for cell in row])
     book.save(tmp_path / "rig.xlsx")
-    data = {"files": files, "reader": "xlsx", "sheet": "run*" if len(files) == 1 else None, "levels": None, "split": {}}
+    data = {
+        "files": files,
+        "reader": "xlsx",
+        "sheet": "run*" if len(files) == 1 else None,
+        "levels": None,
+        "split": {},
+    }
     (tmp_path / "rig.yaml").write_text(dump(merged(SPEC, {"data": data})))
     issue = only(inspect(load(tmp_path / "rig.yaml")), "recorded-twice")
     assert [issue.place, issue.message] == [names[1], f"it has the same samples as {names[0]}"]

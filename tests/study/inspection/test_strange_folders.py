@@ -1,4 +1,6 @@
-"""Folders as laboratories keep them: what names of folders, lines before titles, remarks and clocks tell is used."""
+"""Folders as laboratories keep them: what names of folders, lines before titles, remarks and clocks
+tell is used.
+"""
 
 from __future__ import annotations
 
@@ -24,13 +26,19 @@ def force(bar: float, strain: Any) -> Any:
     return 40 * bar * (1 - 3 * strain) - 100 * strain
 
 
-@pytest.mark.parametrize("name", ["{:g} psi/Specimen_RawData_{}.csv", "{:g}psi/{}.csv", "psi_{:g}psi_up/run{}.csv"])
-def test_pressures_in_names_of_folders_are_levels_and_numbers_of_files_repeats(tmp_path: Path, name: str) -> None:
+@pytest.mark.parametrize(
+    "name", ["{:g} psi/Specimen_RawData_{}.csv", "{:g}psi/{}.csv", "psi_{:g}psi_up/run{}.csv"]
+)
+def test_pressures_in_names_of_folders_are_levels_and_numbers_of_files_repeats(
+    tmp_path: Path, name: str
+) -> None:
     for psi in (10, 20, 30, 40):
         for repeat in (1, 2):
             own = force(psi / 14.5, THERE_AND_BACK) + repeat
             write(
-                tmp_path / name.format(psi, repeat), (0.1 * np.arange(80), 200 * THERE_AND_BACK, own), "Time (s),Extension (mm),Load (N)\n"
+                tmp_path / name.format(psi, repeat),
+                (0.1 * np.arange(80), 200 * THERE_AND_BACK, own),
+                "Time (s),Extension (mm),Load (N)\n",
             )
     data = drafted(tmp_path).data
     assert data["levels"]["of"] == "pressure"
@@ -42,13 +50,21 @@ def test_a_pressure_in_the_names_of_files_without_titles_is_no_column(tmp_path: 
     for bar in (0.5, 1.0, 1.5, 2.0):
         write(tmp_path / f"P={bar}bar_run1.txt", (150 * STRAIN, force(bar, STRAIN)), mark="\t")
     draft = drafted(tmp_path)
-    assert {name: told["column"] for name, told in draft.data["columns"].items()} == {"displacement": 0, "force": 1}
+    assert {name: told["column"] for name, told in draft.data["columns"].items()} == {
+        "displacement": 0,
+        "force": 1,
+    }
     assert draft.data["levels"] == {"of": "pressure", "at": [50, 100, 150, 200]}
 
 
 def test_lines_of_fewer_cells_before_the_titles_are_no_titles(tmp_path: Path) -> None:
     for number, bar in enumerate((1, 2, 3, 4)):
-        columns = (0.05 * np.arange(80), bar + 0.01 * np.sin(np.arange(80)), 200 * THERE_AND_BACK, force(bar, THERE_AND_BACK))
+        columns = (
+            0.05 * np.arange(80),
+            bar + 0.01 * np.sin(np.arange(80)),
+            200 * THERE_AND_BACK,
+            force(bar, THERE_AND_BACK),
+        )
         head = "Rig 7;;;\nDatum;12.03.2021;;\nZeit [s];Druck [bar];Weg [mm];Kraft [N]\n"
         write(tmp_path / f"Messung_{number:02}.csv", columns, head, ";", ",")
     data = drafted(tmp_path).data
@@ -58,7 +74,12 @@ def test_lines_of_fewer_cells_before_the_titles_are_no_titles(tmp_path: Path) ->
 
 
 def test_a_title_that_is_missing_leaves_the_others_above_their_units(tmp_path: Path) -> None:
-    columns = (np.arange(80.0), 100.0 + np.arange(80) % 40, THERE_AND_BACK, force(2, THERE_AND_BACK))
+    columns = (
+        np.arange(80.0),
+        100.0 + np.arange(80) % 40,
+        THERE_AND_BACK,
+        force(2, THERE_AND_BACK),
+    )
     write(tmp_path / "run.csv", columns, ",Druck,eps,Kraft\nNo,kPa,1,N\n")
     told = {name: one["column"] for name, one in drafted(tmp_path).data["columns"].items()}
     assert told == {"pressure": 1, "strain": 2, "force": 3}
@@ -76,14 +97,21 @@ def test_what_moves_without_a_title_is_named_as_left_out(tmp_path: Path) -> None
     write(tmp_path / "pair.dat", PAIR, mark="   ")
     draft = drafted(tmp_path)
     used = {one["column"] for one in draft.data["columns"].values()}
-    assert all(f"column {place}" in draft.notes["data", "columns"].why for place in {0, 1, 2, 3} - used)
+    assert all(
+        f"column {place}" in draft.notes["data", "columns"].why for place in {0, 1, 2, 3} - used
+    )
 
 
 @pytest.mark.parametrize(("unit", "ticks"), [("s", 1.0), ("ms", 1e3), ("us", 1e6), ("ns", 1e9)])
 def test_stamps_since_1970_say_their_unit(tmp_path: Path, unit: str, ticks: float) -> None:
     drive = 100 * (1 + np.sin(T))
-    stamps = [f"{1_616_161_616 + now:.2f}" if unit == "s" else f"{round((1_616_161_616 + now) * ticks)}" for now in T]
-    rows = "\n".join(f"{stamp},{p:.4f},{np.tanh(p / 90):.5f}" for stamp, p in zip(stamps, drive, strict=True))
+    stamps = [
+        f"{1_616_161_616 + now:.2f}" if unit == "s" else f"{round((1_616_161_616 + now) * ticks)}"
+        for now in T
+    ]
+    rows = "\n".join(
+        f"{stamp},{p:.4f},{np.tanh(p / 90):.5f}" for stamp, p in zip(stamps, drive, strict=True)
+    )
     (tmp_path / "bag.csv").write_text(f"%time,pressure_kpa,angle\n{rows}\n")
     draft = drafted(tmp_path)
     assert draft.data["columns"]["time"] == {"column": "%time", "unit": unit}
@@ -96,14 +124,21 @@ def test_a_unit_stays_with_its_number() -> None:
 
 
 def test_numbers_behind_names_are_refused_with_the_line_that_converts_them(tmp_path: Path) -> None:
-    (tmp_path / "log.txt").write_text("ready\n" + "".join(f"t:{k},p:{3 * k % 50},d:{k / 7:.2f}\n" for k in range(100)))
+    (tmp_path / "log.txt").write_text(
+        "ready\n" + "".join(f"t:{k},p:{3 * k % 50},d:{k / 7:.2f}\n" for k in range(100))
+    )
     with pytest.raises(DataError, match=r"name:number"):
         start(tmp_path, tmp_path)
 
 
 def test_pressures_in_the_names_of_sheets_are_levels(tmp_path: Path) -> None:
-    pulls = {f"{bar} bar": [(100 * e, force(bar, e)) for e in STRAIN.tolist()] for bar in (1, 2, 3, 4)}
-    workbook(tmp_path / "muscle.xlsx", {name: [("Strain (%)", "Force (N)"), *rows] for name, rows in pulls.items()})
+    pulls = {
+        f"{bar} bar": [(100 * e, force(bar, e)) for e in STRAIN.tolist()] for bar in (1, 2, 3, 4)
+    }
+    workbook(
+        tmp_path / "muscle.xlsx",
+        {name: [("Strain (%)", "Force (N)"), *rows] for name, rows in pulls.items()},
+    )
     data = drafted(tmp_path).data
     assert data["files"][0] == {"path": "muscle.xlsx", "sheet": "1 bar", "set": {"pressure": 100}}
     assert data["levels"] == {"of": "pressure", "at": [100, 200, 300, 400]}
@@ -120,7 +155,11 @@ def test_a_length_in_names_is_a_length(tmp_path: Path) -> None:
 def test_what_was_commanded_is_no_target_and_no_second_pressure(tmp_path: Path, title: str) -> None:
     command = 200 + 100 * np.sin(T) * np.cos(3.1 * T)
     pressure = np.concatenate([np.full(9, command[0]), command[:-9]])
-    write(tmp_path / "log.csv", (T, pressure, np.tanh(pressure / 200), command), f"time,pressure_kPa,bend,{title}\n")
+    write(
+        tmp_path / "log.csv",
+        (T, pressure, np.tanh(pressure / 200), command),
+        f"time,pressure_kPa,bend,{title}\n",
+    )
     draft = drafted(tmp_path)
     assert list(draft.data["columns"]) == ["time", "pressure", "bend"]
     assert draft.notes["data", "columns"].why == f"left out: {title}"
@@ -133,7 +172,14 @@ def test_files_that_no_reader_takes_are_named(tmp_path: Path) -> None:
     assert [one for one in remarks if "run.npz: no reader takes .npz" in one]
 
 
-@pytest.mark.parametrize("head", ["time,pressure,bend\n(s),(V),(deg)\n", "time,pressure [V],bend\n", "time,Volts of pressure,bend\n"])
+@pytest.mark.parametrize(
+    "head",
+    [
+        "time,pressure,bend\n(s),(V),(deg)\n",
+        "time,pressure [V],bend\n",
+        "time,Volts of pressure,bend\n",
+    ],
+)
 def test_a_title_that_says_volts_asks_for_a_calibration(tmp_path: Path, head: str) -> None:
     volts = 2 + np.sin(T) * np.cos(3.1 * T)
     write(tmp_path / "log.csv", (T, volts, np.tanh(volts)), head)
@@ -146,15 +192,32 @@ def test_names_of_files_say_what_tests(tmp_path: Path) -> None:
     for name, speed in (("train_1", 1.0), ("train_2", 1.3), ("validation_1", 1.15)):
         t = 0.02 * np.arange(1500)
         pressure = 200 + 100 * np.sin(speed * t) * np.cos(0.31 * t)
-        write(tmp_path / f"{name}.csv", (t, pressure, np.tanh(pressure / 200)), "time,pressure_kPa,bend\n")
+        write(
+            tmp_path / f"{name}.csv",
+            (t, pressure, np.tanh(pressure / 200)),
+            "time,pressure_kPa,bend\n",
+        )
     asked = drafts(tmp_path, ask=lambda _: "")[0]
-    assert drafted(tmp_path).data["split"] == asked.data["split"] == {"validate": {"files": ["validation_1.csv"]}}
+    assert (
+        drafted(tmp_path).data["split"]
+        == asked.data["split"]
+        == {"validate": {"files": ["validation_1.csv"]}}
+    )
 
 
-@pytest.mark.parametrize(("title", "unit", "sure"), [("Load (kg)", "kgf", True), ("Force (counts)", "N", False), ("Force (N)", "N", True)])
-def test_a_force_is_in_the_unit_of_its_title(tmp_path: Path, title: str, unit: str, sure: bool) -> None:
+@pytest.mark.parametrize(
+    ("title", "unit", "sure"),
+    [("Load (kg)", "kgf", True), ("Force (counts)", "N", False), ("Force (N)", "N", True)],
+)
+def test_a_force_is_in_the_unit_of_its_title(
+    tmp_path: Path, title: str, unit: str, sure: bool
+) -> None:
     for kpa in (100, 200, 300, 400):
-        write(tmp_path / f"test_{kpa}kPa.csv", (STRAIN, force(kpa / 100, STRAIN)), f"Contraction ratio,{title}\n")
+        write(
+            tmp_path / f"test_{kpa}kPa.csv",
+            (STRAIN, force(kpa / 100, STRAIN)),
+            f"Contraction ratio,{title}\n",
+        )
     draft = drafted(tmp_path)
     assert draft.data["columns"]["force"]["unit"] == unit
     assert draft.notes["data", "columns", "force"].sure == sure

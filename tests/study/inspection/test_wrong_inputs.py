@@ -1,6 +1,8 @@
-"""No headline comes of a wrong input: a column that is taken for what it is not is an open question, in whatever folder.
+"""No headline comes of a wrong input: a column that is taken for what it is not is an open
+question, in whatever folder.
 
-Folders have sensors twice (in volts, in counts), columns in any order, other units, titles or none, and several specimens.
+Folders have sensors twice (in volts, in counts), columns in any order, other units, titles or none,
+and several specimens.
 """
 
 from __future__ import annotations
@@ -43,7 +45,9 @@ MUSCLES = ("S{n}_{bar}bar", "muscle{letter}_pull_{bar}")  # names of files of tw
 
 @dataclass(frozen=True)
 class Rig:
-    """What stands in the files of a rig: the names of its columns in their order, their titles or none, and how files are called."""
+    """What stands in the files of a rig: the names of its columns in their order, their titles or
+    none, and how files are called.
+    """
 
     order: list[str]
     unit: str
@@ -60,7 +64,10 @@ class Rig:
         for specimen in range(2 if self.words in MUSCLES else 1):
             for bar in (1, 2, 3, 4):
                 columns = measured(bar, self.seed + 100 * specimen)
-                columns |= {name: convert(columns[name], "kPa", self.unit) for name in ("pressure", "command")}
+                columns |= {
+                    name: convert(columns[name], "kPa", self.unit)
+                    for name in ("pressure", "command")
+                }
                 head = "\t".join(self.titles) + "\n" if self.titles else None
                 name = self.words.format(bar=bar, n=specimen + 1, letter="AB"[specimen])
                 write(folder / f"{name}.txt", [columns[name] for name in self.order], head, "\t")
@@ -69,11 +76,21 @@ class Rig:
 @st.composite
 def rigs(draw: st.DrawFn, titled: bool) -> Rig:
     """A rig with other sensors beside those that matter."""
-    more = draw(st.lists(st.sampled_from([*SENSORS, "temperature", "command"]), unique=True, max_size=4))
+    more = draw(
+        st.lists(st.sampled_from([*SENSORS, "temperature", "command"]), unique=True, max_size=4)
+    )
     order = draw(st.permutations(["time", "pressure", "displacement", "force", *more]))
     unit = draw(st.sampled_from(UNITS))
-    titles = [draw(st.sampled_from(TITLES[name])).format(u=unit) for name in order] if titled else None
-    return Rig([*order], unit, titles, draw(st.sampled_from(["Circle_{bar}bar", "run{bar}", *MUSCLES])), draw(st.integers(0, 9)))
+    titles = (
+        [draw(st.sampled_from(TITLES[name])).format(u=unit) for name in order] if titled else None
+    )
+    return Rig(
+        [*order],
+        unit,
+        titles,
+        draw(st.sampled_from(["Circle_{bar}bar", "run{bar}", *MUSCLES])),
+        draw(st.integers(0, 9)),
+    )
 
 
 def measured(bar: int, seed: int) -> dict[str, np.ndarray]:
@@ -97,7 +114,10 @@ def measured(bar: int, seed: int) -> dict[str, np.ndarray]:
 
 @pytest.mark.parametrize("titled", [True, False])
 def test_a_wrong_column_is_an_open_question_and_no_sensor_is_taken_twice(titled: bool) -> None:
-    @settings(max_examples=int(os.environ.get("MAPMORE_EXAMPLES", "8")), derandomize="MAPMORE_EXAMPLES" not in os.environ)
+    @settings(
+        max_examples=int(os.environ.get("MAPMORE_EXAMPLES", "8")),
+        derandomize="MAPMORE_EXAMPLES" not in os.environ,
+    )
     @given(rigs(titled))
     def holds(rig: Rig) -> None:
         with TemporaryDirectory() as place, suppress(DataError):  # refused: no headline
@@ -110,8 +130,15 @@ def test_a_wrong_column_is_an_open_question_and_no_sensor_is_taken_twice(titled:
 
 def holds_true(draft: Draft, rig: Rig, folder: Path) -> None:
     units = {"pressure": rig.unit, "displacement": "mm", "force": "N", "time": "s"}
-    taken = {name: (rig.name_of(entry["column"]), entry.get("unit")) for name, entry in draft.data["columns"].items()}
-    wrong = {name for name, (of, unit) in taken.items() if name in units and (of != name or unit != units[name])}
+    taken = {
+        name: (rig.name_of(entry["column"]), entry.get("unit"))
+        for name, entry in draft.data["columns"].items()
+    }
+    wrong = {
+        name
+        for name, (of, unit) in taken.items()
+        if name in units and (of != name or unit != units[name])
+    }
     assert wrong <= {loc[-1] for loc in draft.open}, draft.text()
     signals = [SENSORS.get(of, of) for of, _ in taken.values()]
     assert len(set(signals)) == len(signals), draft.text()
@@ -121,4 +148,12 @@ def holds_true(draft: Draft, rig: Rig, folder: Path) -> None:
     assert "same-signal" not in [issue.id for issue in found.issues]
     assert found.dataset is not None
     if rig.words in MUSCLES:
-        assert len({Path(recording.source).name.split("_")[0] for recording in found.dataset.recordings}) == 1, draft.text()
+        assert (
+            len(
+                {
+                    Path(recording.source).name.split("_")[0]
+                    for recording in found.dataset.recordings
+                }
+            )
+            == 1
+        ), draft.text()

@@ -1,4 +1,6 @@
-"""Operators with memory (and `saturate`, which has none). One file each: adding an operator is adding a file with `OPERATORS`."""
+"""Operators with memory (and `saturate`, which has none). One file each: adding an operator is
+adding a file with `OPERATORS`.
+"""
 
 from __future__ import annotations
 
@@ -14,10 +16,15 @@ def _found() -> Iterator[Operator]:
         yield from importlib.import_module(f"{__name__}.{module}").OPERATORS
 
 
-OPERATORS: Mapping[str, Operator] = {operator.name: operator for operator in _found()}  # every operator by its name
+OPERATORS: Mapping[str, Operator] = {
+    operator.name: operator for operator in _found()
+}  # every operator by its name
 
 
 def families() -> Mapping[str, tuple[Operator, ...]]:
     """Return the operators that each family of a spec writes, by its key."""
     keys = dict.fromkeys(operator.family or operator.name for operator in OPERATORS.values())
-    return {key: tuple(one for one in OPERATORS.values() if (one.family or one.name) == key) for key in keys}
+    return {
+        key: tuple(one for one in OPERATORS.values() if (one.family or one.name) == key)
+        for key in keys
+    }

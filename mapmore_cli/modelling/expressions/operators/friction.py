@@ -1,13 +1,27 @@
-"""Smooth friction of a velocity: Coulomb's sign and Stribeck's excess near standstill. They have no memory."""
+"""Smooth friction of a velocity: Coulomb's sign and Stribeck's excess near standstill. They have no
+memory.
+"""
 
 from __future__ import annotations
 
 import math
 from typing import Any
 
-from mapmore_cli.modelling.expressions.operator import Arithmetic, Operator, Parameter, Recursion, Setting
+from mapmore_cli.modelling.expressions.operator import (
+    Arithmetic,
+    Operator,
+    Parameter,
+    Recursion,
+    Setting,
+)
 
-WIDTHS = (0.001, 0.004, 0.016, 0.064, 0.25)  # velocities that a search begins from, as fractions of the training range
+WIDTHS = (
+    0.001,
+    0.004,
+    0.016,
+    0.064,
+    0.25,
+)  # velocities that a search begins from, as fractions of the training range
 FINEST, COARSEST = 1e-4, 4.0  # least and greatest of them: a jump, and a straight line
 
 
@@ -18,7 +32,9 @@ def coulomb(setting: Setting) -> Recursion:
 
 
 def stribeck(setting: Setting) -> Recursion:
-    """Return `tanh(x/v) exp(-(x/fades)^2)`: friction that breaks away; both velocities as fractions of the training range of x."""
+    """Return `tanh(x/v) exp(-(x/fades)^2)`: friction that breaks away; both velocities as fractions
+    of the training range of x.
+    """
     v, (low, high) = setting.width or 1.0, setting.limits
     fades = setting.numbers[1] * (high - low) or 1.0
 
@@ -35,7 +51,8 @@ def _velocity(key: str, example: str) -> Parameter:
 OPERATORS = (
     Operator(
         name="coulomb",
-        summary="The smooth sign `tanh(x/v)` of the rates `of`; `v` is a fraction of the training range, and found by training where not "
+        summary="The smooth sign `tanh(x/v)` of the rates `of`; `v` is a fraction of the training "
+        "range, and found by training where not "
         "given.",
         recursion=coulomb,
         parameters=(_velocity("v", "0.01"),),
@@ -44,11 +61,14 @@ OPERATORS = (
     ),
     Operator(
         name="stribeck",
-        summary="Break-away friction `tanh(x/v) exp(-(x/fades)^2)` of the rates `of`, `v` and `fades` as fractions of the training range; "
+        summary="Break-away friction `tanh(x/v) exp(-(x/fades)^2)` of the rates `of`, `v` and "
+        "`fades` as fractions of the training range; "
         "found by training where not given.",
         recursion=stribeck,
         parameters=(_velocity("v", "0.01"), _velocity("fades", "0.1")),
         needs="range",
-        starts=lambda _step, _longest: tuple((v, fades) for v in WIDTHS[:3] for fades in WIDTHS[1:4] if fades > v),
+        starts=lambda _step, _longest: tuple(
+            (v, fades) for v in WIDTHS[:3] for fades in WIDTHS[1:4] if fades > v
+        ),
     ),
 )

@@ -13,11 +13,18 @@ WIDEST = 0.5  # half-width, as a fraction of the range, from which a play never 
 
 WIDTHS = Parameter("widths", "1", "0.1", below=1.0, between=lambda _step, _longest: (1e-3, WIDEST))
 
-STARTS = ((0.02,), (0.05,), (0.1,), (0.2,), (0.35,))  # half-widths that a search begins from, as fractions of the range
+STARTS = (
+    (0.02,),
+    (0.05,),
+    (0.1,),
+    (0.2,),
+    (0.35,),
+)  # half-widths that a search begins from, as fractions of the range
 
 
 def recursion(setting: Setting) -> Recursion:
-    """Return `w[k] = min(max(w[k-1], x[k] - width), x[k] + width)`, from `w[0] = x[0]`; `width` is half the slack.
+    """Return `w[k] = min(max(w[k-1], x[k] - width), x[k] + width)`, from `w[0] = x[0]`; `width` is
+    half the slack.
 
     Sums of such operators are the Prandtl-Ishlinskii model (P. Krejci, K. Kuhnen 2001).
     """
@@ -26,7 +33,9 @@ def recursion(setting: Setting) -> Recursion:
 
 
 def play(x: Array, width: float) -> Array:
-    """Return the same along one piece, (n,): in a loop over floats five times as fast as by the recursion."""
+    """Return the same along one piece, (n,): in a loop over floats five times as fast as by the
+    recursion.
+    """
     return _followed(np.ascontiguousarray(x, dtype=np.float64).tobytes(), width).copy()
 
 
@@ -45,14 +54,17 @@ def _followed(x: bytes, width: float) -> Array:
 
 
 def spread_widths(count: int, _step: float = 0.0, _longest: float = 0.0) -> tuple[float, ...]:
-    """Return `count` half-widths of play or stop, evenly over those that can move, as fractions of the training range."""
+    """Return `count` half-widths of play or stop, evenly over those that can move, as fractions of
+    the training range.
+    """
     return tuple(round(WIDEST * (i + 1) / (count + 1), 4) for i in range(count))
 
 
 OPERATORS = (
     Operator(
         name="play",
-        summary="`play` operators (backlash) on the quantities `of`. `widths` are half the slack as fractions of the training range; a "
+        summary="`play` operators (backlash) on the quantities `of`. `widths` are half the slack "
+        "as fractions of the training range; a "
         "`count` of them is spread evenly; training finds one that is given by neither.",
         recursion=recursion,
         along=lambda x, setting: play(x, setting.width),

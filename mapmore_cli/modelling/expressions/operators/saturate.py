@@ -12,5 +12,10 @@ def recursion(setting: Setting) -> Recursion:
 
 
 OPERATORS = (
-    Operator(name="saturate", summary="The quantities `of`, held at the ends of their training range.", recursion=recursion, needs="range"),
+    Operator(
+        name="saturate",
+        summary="The quantities `of`, held at the ends of their training range.",
+        recursion=recursion,
+        needs="range",
+    ),
 )

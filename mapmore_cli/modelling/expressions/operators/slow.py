@@ -6,9 +6,18 @@ import math
 
 import numpy as np
 
-from mapmore_cli.modelling.expressions.operator import Operator, Parameter, Recursion, Setting, linear
+from mapmore_cli.modelling.expressions.operator import (
+    Operator,
+    Parameter,
+    Recursion,
+    Setting,
+    linear,
+)
 
-QUICKEST, SLOWEST = 10, 0.25  # spread time constants lie between so many samples and this fraction of the longest piece
+QUICKEST, SLOWEST = (
+    10,
+    0.25,
+)  # spread time constants lie between so many samples and this fraction of the longest piece
 BEYOND = 100.0  # times the longest piece: what is slower than that is a drift at a constant rate
 STARTING = 6  # time constants that a search begins from
 
@@ -20,7 +29,9 @@ def recursion(setting: Setting) -> Recursion:
 
 
 def spread_times(count: int, step: float, longest: float) -> tuple[float, ...]:
-    """Return `count` time constants, s, in even ratios from ten samples of `step` seconds to a quarter of the `longest` piece, s."""
+    """Return `count` time constants, s, in even ratios from ten samples of `step` seconds to a
+    quarter of the `longest` piece, s.
+    """
     quickest = QUICKEST * step
     times = np.geomspace(quickest, max(SLOWEST * longest, quickest), count)
     return tuple(dict.fromkeys(float(f"{time:.3g}") for time in times))
@@ -29,11 +40,18 @@ def spread_times(count: int, step: float, longest: float) -> tuple[float, ...]:
 OPERATORS = (
     Operator(
         name="slow",
-        summary="First-order lags of the quantities `of`, with time constants `tau`, or a `count` of them spread over what the recordings "
+        summary="First-order lags of the quantities `of`, with time constants `tau`, or a `count` "
+        "of them spread over what the recordings "
         "can show; training finds one that is given by neither.",
         recursion=recursion,
-        parameters=(Parameter("tau", "s", "50 ms", between=lambda step, longest: (0.5 * step, BEYOND * longest)),),
-        starts=lambda step, longest: tuple((tau,) for tau in spread_times(STARTING, step, 4 * longest)),
+        parameters=(
+            Parameter(
+                "tau", "s", "50 ms", between=lambda step, longest: (0.5 * step, BEYOND * longest)
+            ),
+        ),
+        starts=lambda step, longest: tuple(
+            (tau,) for tau in spread_times(STARTING, step, 4 * longest)
+        ),
         spread=spread_times,
     ),
 )

@@ -1,21 +1,33 @@
-"""Smooth hysteresis with two rates: Bouc-Wen's state, integrated exactly; with one rate it is Dahl's friction."""
+"""Smooth hysteresis with two rates: Bouc-Wen's state, integrated exactly; with one rate it is
+Dahl's friction.
+"""
 
 from __future__ import annotations
 
 from typing import Any
 
-from mapmore_cli.modelling.expressions.operator import Arithmetic, Operator, Parameter, Recursion, Setting
+from mapmore_cli.modelling.expressions.operator import (
+    Arithmetic,
+    Operator,
+    Parameter,
+    Recursion,
+    Setting,
+)
 
-STEEPEST = 700.0  # largest exponent: beyond it, a state is as good as infinite, and the run has diverged
+STEEPEST = (
+    700.0  # largest exponent: beyond it, a state is as good as infinite, and the run has diverged
+)
 MOST = 1e4  # largest rate that training tries: the loop turns within 1e-4 of the range
 
 
 def recursion(setting: Setting) -> Recursion:
-    """Return z with `dz/du = 1 - p |z|` moving away from zero, `1 + q |z|` moving towards it; u is x divided by its training range.
+    """Return z with `dz/du = 1 - p |z|` moving away from zero, `1 + q |z|` moving towards it; u is
+    x divided by its training range.
 
-    Over one step u changes by d; s is its sign, a its size, and w = s z. Each branch is a first-order lag in a:
-    `w' = w exp(-r a) + (1 - exp(-r a))/r`, r = q where w < 0 and p elsewhere. A step from w < 0 reaches zero after `a = ln(1 - q w)/q`.
-    Sources: Y. K. Wen 1976; P. R. Dahl 1968 (p = q).
+    Over one step u changes by d; s is its sign, a its size, and w = s z. Each branch is a
+    first-order lag in a: `w' = w exp(-r a) + (1 - exp(-r a))/r`, r = q where w < 0 and p elsewhere.
+    A step from w < 0 reaches zero after `a = ln(1 - q w)/q`. Sources: Y. K. Wen 1976; P. R. Dahl
+    1968 (p = q).
     """
     p, q = setting.numbers[0], setting.numbers[-1]
     low, high = setting.limits
@@ -29,7 +41,9 @@ def recursion(setting: Setting) -> Recursion:
         zero = -back if q == 0 else m.call("log1p", -q * back) / q
 
         def turning() -> Any:
-            return m.where(a <= zero, lambda: _relaxed(m, back, q, a), lambda: _relaxed(m, 0.0, p, a - zero))
+            return m.where(
+                a <= zero, lambda: _relaxed(m, back, q, a), lambda: _relaxed(m, 0.0, p, a - zero)
+            )
 
         after = m.where(w < 0, turning, lambda: _relaxed(m, w, p, a))
         return m.where(falls, -after, after)
@@ -54,13 +68,16 @@ def _rates(least: float) -> tuple[Parameter, Parameter]:
 
 GRID = tuple((p, q) for p in (0.0, 2.0, 8.0, 32.0) for q in (0.0, 2.0, 8.0, 32.0))
 STIFFENING = tuple((p, q) for p in (-4.0, -1.0) for q in (2.0, 8.0, 32.0) if q > -p)
-"""Pairs of rates that a search begins from; a state that turns back more slowly than it grows has no bound."""
+"""Pairs of rates that a search begins from; a state that turns back more slowly than it grows has
+no bound.
+"""
 
 
 OPERATORS = (
     Operator(
         name="wen",
-        summary="Smooth hysteresis (Bouc-Wen) on the quantities `of`: a state that saturates at the rate `p` and turns back at the rate "
+        summary="Smooth hysteresis (Bouc-Wen) on the quantities `of`: a state that saturates at "
+        "the rate `p` and turns back at the rate "
         "`q`, both per training range; training finds them where not given, from 0 on.",
         recursion=recursion,
         parameters=_rates(0.0),
@@ -69,7 +86,8 @@ OPERATORS = (
     ),
     Operator(
         name="wen_stiffening",
-        summary="As `wen`, where `p` may be negative: the state grows faster the further it moves, and has no bound.",
+        summary="As `wen`, where `p` may be negative: the state grows faster the further it "
+        "moves, and has no bound.",
         recursion=recursion,
         parameters=_rates(-8.0),
         needs="range",
@@ -77,9 +95,12 @@ OPERATORS = (
     ),
     Operator(
         name="dahl",
-        summary="Dahl's friction on the quantities `of`: `wen` with one `rate`, p = q; training finds it where not given.",
+        summary="Dahl's friction on the quantities `of`: `wen` with one `rate`, p = q; training "
+        "finds it where not given.",
         recursion=recursion,
-        parameters=(Parameter("rate", "1", "20", above=-1e-9, between=lambda _step, _longest: (0.0, MOST)),),
+        parameters=(
+            Parameter("rate", "1", "20", above=-1e-9, between=lambda _step, _longest: (0.0, MOST)),
+        ),
         needs="range",
         starts=lambda _step, _longest: ((1.0,), (4.0,), (16.0,), (64.0,), (256.0,), (1024.0,)),
     ),

@@ -1,7 +1,8 @@
 """Bolen's static force of a McKibben muscle, with all constants fitted.
 
-As printed `F* = c0 (exp(-c1 e*) - 1) + P* exp(-c2 e*^2)`, of the force over that at 620 kPa and no strain, the strain over the largest at
-620 kPa, and the pressure over 620 kPa. Data that do not reach that strain show
+As printed `F* = c0 (exp(-c1 e*) - 1) + P* exp(-c2 e*^2)`, of the force over that at 620 kPa and no
+strain, the strain over the largest at 620 kPa, and the pressure over 620 kPa. Data that do not
+reach that strain show
 `k1 = c1/e620` and `k2 = c2/e620^2` alone, so these are fitted.
 """
 
@@ -10,13 +11,16 @@ from mapmore_cli.modelling.literature.problem import Nonlinear
 
 SOURCE = "Bolen, Elzein, Pang, Hunt, Actuators 2026"
 
-# The constants of the two published muscles, over the largest strains of 0.16 to 0.25, lie at k1*max|strain| of 4 to 7.
+# The constants of the two published muscles, over the largest strains of 0.16 to 0.25, lie at
+# k1*max|strain| of 4 to 7.
 DECAY = Nonlinear("k1", per="strain", intervals=((1e-2, 50.0),))
 BELL = Nonlinear("k2", per=None, intervals=((1e-2, 1e4),))
 
 
 def published(diameter: int, largest: str, c0: float, c1: float, c2: float) -> Formula:
-    """Return the formula with the constants of one diameter, in mm; `largest` is the force at 620 kPa by the rest length."""
+    """Return the formula with the constants of one diameter, in mm; `largest` is the force at 620
+    kPa by the rest length.
+    """
     return Formula(
         name=f"bolen_{diameter}mm",
         title=f"Bolen, {diameter} mm",
@@ -25,7 +29,10 @@ def published(diameter: int, largest: str, c0: float, c1: float, c2: float) -> F
         "the largest strain at 620 kPa alone is fitted. In kPa and N.",
         inputs=("pressure", "strain"),
         parameters=("length", "e620"),
-        text=f"{largest}*({c0}*(exp(-{c1}*strain/e620) - 1) + pressure/620*exp(-{c2}*(strain/e620)^2))",
+        text=(
+            f"{largest}*({c0}*(exp(-{c1}*strain/e620) - 1) + "
+            f"pressure/620*exp(-{c2}*(strain/e620)^2))"
+        ),
         nonlinear=(Nonlinear("e620", per=None, intervals=((0.02, 0.6),)),),
         dimensions=("length",),
     )

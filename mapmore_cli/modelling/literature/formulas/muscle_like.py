@@ -1,17 +1,20 @@
-"""H's muscle-like force: pressure as activation, times force-length and force-velocity factors, beside a passive spring.
+"""H's muscle-like force: pressure as activation, times force-length and force-velocity factors,
+beside a passive spring.
 
-H eq 4-5, `F_PAM = P F f_la(l) f_v(v) + F f_lp(l)` with `f_la = 1 + a0 l + a1 l^2 + a2 l^3`, `f_v = 1 + b0 v`, `f_lp = c0 + c1 l`. As in H's
-table I, P is in kPa, the length l in m of elongation from a rest length of the muscle's own, and the velocity v in m/s with *shortening
-positive*: with b0 < 0 a shortening muscle then pulls less, as a damper does. F is in N/kPa, c0 in kPa, c1 in kPa/m.
+H eq 4-5, `F_PAM = P F f_la(l) f_v(v) + F f_lp(l)` with `f_la = 1 + a0 l + a1 l^2 + a2 l^3`, `f_v =
+1 + b0 v`, `f_lp = c0 + c1 l`. As in H's table I, P is in kPa, the length l in m of elongation from
+a rest length of the muscle's own, and the velocity v in m/s with *shortening positive*: with b0 < 0
+a shortening muscle then pulls less, as a damper does. F is in N/kPa, c0 in kPa, c1 in kPa/m.
 
-It is linear in all but b0 once the products with F are parameters, so that a search for b0 alone fits it (variable projection); H seeks
-all seven by the simplex (method `simplex`).
+It is linear in all but b0 once the products with F are parameters, so that a search for b0 alone
+fits it (variable projection); H seeks all seven by the simplex (method `simplex`).
 """
 
 from mapmore_cli.modelling.literature.formula import Formula, LinearForm
 from mapmore_cli.modelling.literature.problem import Nonlinear
 
-# Sought from a factor on the force that is next to none up to ten times the active force at the fastest velocity, with either sign.
+# Sought from a factor on the force that is next to none up to ten times the active force at the
+# fastest velocity, with either sign.
 DAMPING = Nonlinear("b0", per="velocity", intervals=((-10.0, -1e-4), (1e-4, 10.0)))
 
 FORMULA = Formula(
@@ -20,12 +23,26 @@ FORMULA = Formula(
     reference="H eq 4-5",
     inputs=("pressure", "length", "velocity"),
     parameters=("F", "a0", "a1", "a2", "b0", "c0", "c1"),
-    text="pressure*F*(1 + a0*length + a1*length^2 + a2*length^3)*(1 + b0*velocity) + F*(c0 + c1*length)",
+    text=(
+        "pressure*F*(1 + a0*length + a1*length^2 + a2*length^3)*(1 + b0*velocity) + F*(c0 + "
+        "c1*length)"
+    ),
     nonlinear=(DAMPING,),
     form=LinearForm(
-        text="pressure*(k0 + k1*length + k2*length^2 + k3*length^3)*(1 + b0*velocity) + d0 + d1*length",
+        text=(
+            "pressure*(k0 + k1*length + k2*length^2 + k3*length^3)*(1 + b0*velocity) + d0 + "
+            "d1*length"
+        ),
         linear=("k0", "k1", "k2", "k3", "d0", "d1"),
-        printed={"F": "k0", "a0": "k1/k0", "a1": "k2/k0", "a2": "k3/k0", "b0": "b0", "c0": "d0/k0", "c1": "d1/k0"},
+        printed={
+            "F": "k0",
+            "a0": "k1/k0",
+            "a1": "k2/k0",
+            "a2": "k3/k0",
+            "b0": "b0",
+            "c0": "d0/k0",
+            "c1": "d1/k0",
+        },
     ),
     component="dynamic",
 )

@@ -2,4 +2,12 @@
 
 from mapmore_cli.modelling.literature.formula import Formula
 
-FORMULA = Formula(name="none", reference="M2 section 5.3", inputs=(), parameters=(), text="0", component="damping", title="none")
+FORMULA = Formula(
+    name="none",
+    reference="M2 section 5.3",
+    inputs=(),
+    parameters=(),
+    text="0",
+    component="damping",
+    title="none",
+)

@@ -3,16 +3,33 @@
 from mapmore_cli.modelling.literature.formula import Formula
 from mapmore_cli.modelling.literature.problem import Nonlinear
 
-# The curvature is sought from almost straight to a decay within 1/50 of the largest strain, with either sign. Published fits lie at
-# a3*max|strain| of about -8 (W). Nearer to zero the exponential cannot be told from the linear terms, and a1, a2 grow without bound.
+# The curvature is sought from almost straight to a decay within 1/50 of the largest strain, with
+# either sign. Published fits lie at
+# a3*max|strain| of about -8 (W). Nearer to zero the exponential cannot be told from the linear
+# terms, and a1, a2 grow without bound.
 CURVATURE = Nonlinear("a3", per="strain", intervals=((-50.0, -1e-3), (1e-3, 50.0)))
 
 STARTS = {
-    "published": {"a1": -0.09219, "a2": 203.701, "a3": -34.221042, "a4": -3.226, "a5": 1.09203, "a6": -208.372},
-    "printed": {"a1": -0.09219, "a2": 203.701, "a3": -0.34221042, "a4": -0.03226, "a5": 1.09203, "a6": -208.372},
+    "published": {
+        "a1": -0.09219,
+        "a2": 203.701,
+        "a3": -34.221042,
+        "a4": -3.226,
+        "a5": 1.09203,
+        "a6": -208.372,
+    },
+    "printed": {
+        "a1": -0.09219,
+        "a2": 203.701,
+        "a3": -0.34221042,
+        "a4": -0.03226,
+        "a5": 1.09203,
+        "a6": -208.372,
+    },
 }
-"""Sárosi and Fabulya's coefficients, W's starting values (section III), in kPa: they are for the strain in per cent (`published` has them
-for a fraction), but W's strain is a fraction (`printed` has the numbers as they stand)."""
+"""Sárosi and Fabulya's coefficients, W's starting values (section III), in kPa: they are for the
+strain in per cent (`published` has them for a fraction), but W's strain is a fraction (`printed`
+has the numbers as they stand)."""
 
 FORMULA = Formula(
     name="sarosi",

@@ -1,14 +1,17 @@
-"""Sárosi's formula with a slack foot, blended with the plain one (ours; M1's outlook asks for physics-based terms).
+"""Sárosi's formula with a slack foot, blended with the plain one (ours; M1's outlook asks for
+physics-based terms).
 
-Measured muscles give almost no force below a threshold pressure that rises with strain, and the plain formula spends its terms on that
-corner. Here `hi`, Sárosi's formula with a1..a6, and the foot `lo = b0 + b1 P + b2 strain` are joined by a hinge of width w:
+Measured muscles give almost no force below a threshold pressure that rises with strain, and the
+plain formula spends its terms on that corner. Here `hi`, Sárosi's formula with a1..a6, and the foot
+`lo = b0 + b1 P + b2 strain` are joined by a hinge of width w:
 
     F = share (lo + w ln(1 + exp((hi - lo)/w))) + (1 - share) (Sárosi's with s1..s6)
 
-The second is the plain formula fitted to the same data. The shares are in proportion to `(r^2 + 0.01^2)^-2`, r the training RMSE/max|F| of
-each, so that data without a foot keep Sárosi's. A plain fit whose curvature ran to a bound or is not determined has no share: past the
-strains tested its exp(+-400 strain) would swamp the rest, however small the share. Strain must be a fraction (the prior of a3 is a decay
-over a strain of 1/33).
+The second is the plain formula fitted to the same data. The shares are in proportion to `(r^2 +
+0.01^2)^-2`, r the training RMSE/max|F| of each, so that data without a foot keep Sárosi's. A plain
+fit whose curvature ran to a bound or is not determined has no share: past the strains tested its
+exp(+-400 strain) would swamp the rest, however small the share. Strain must be a fraction (the
+prior of a3 is a decay over a strain of 1/33).
 """
 
 from __future__ import annotations
@@ -32,44 +35,74 @@ PLAIN_NAMES = {name: name.replace("a", "s") for name in PLAIN.parameters}
 PLAIN_TEXT = "(s1*pressure + s2)*exp(s3*strain) + s4*strain*pressure + s5*pressure + s6"
 PRINTED = f"share*({LOW} + w*log(1 + exp(({HIGH} - ({LOW}))/w))) + (1 - share)*({PLAIN_TEXT})"
 COMPUTED = (  # the same, but cannot overflow: ln(1 + exp(z)) = (z + |z|)/2 + ln(1 + exp(-|z|))
-    f"share*(({HIGH} + {LOW} + abs({HIGH} - ({LOW})))/2 + w*log(1 + exp(-abs({HIGH} - ({LOW}))/w))) + (1 - share)*({PLAIN_TEXT})"
+    f"share*(({HIGH} + {LOW} + abs({HIGH} - ({LOW})))/2 + w*log(1 + exp(-abs({HIGH} - "
+    f"({LOW}))/w))) + (1 - share)*({PLAIN_TEXT})"
 )
 
 
 class SarosiHinged(Formula):
-    """A formula with a fit of its own, whose equation is printed in another form than it is computed in."""
+    """A formula with a fit of its own, whose equation is printed in another form than it is
+    computed in.
+    """
 
-    def fit(self, columns: Columns, y: Array, method: str | None = None, *, advice: bool = True) -> FormulaFit:  # noqa: ARG002 - has none
-        """Penalised least-squares fit of the hinged part (`hinge.fit`), blended with the plain formula.
+    def fit(
+        self,
+        columns: Columns,
+        y: Array,
+        method: str | None = None,
+        *,
+        advice: bool = True,  # noqa: ARG002
+    ) -> FormulaFit:
+        """Penalised least-squares fit of the hinged part (`hinge.fit`), blended with the plain
+        formula.
 
-        `method` is that of the plain formula. Standard errors are those of the two parts, the share's is unknown; status and condition are
-        those of the part with the larger share. Raises as `Formula.fit`.
+        `method` is that of the plain formula. Standard errors are those of the two parts, the
+        share's is unknown; status and condition are those of the part with the larger share. Raises
+        as `Formula.fit`.
         """
         problem = self._problem(columns, y)
         ordered = problem.columns, problem.y
-        return self._blended(hinge.fit(*ordered), PLAIN.fit(*ordered, method, advice=False), *ordered)
+        return self._blended(
+            hinge.fit(*ordered), PLAIN.fit(*ordered, method, advice=False), *ordered
+        )
 
-    def _blended(self, hinged: FormulaFit, plain: FormulaFit, columns: Columns, y: Array) -> FormulaFit:
+    def _blended(
+        self, hinged: FormulaFit, plain: FormulaFit, columns: Columns, y: Array
+    ) -> FormulaFit:
         """Return the blend; the parameters of a plain formula that has no share are zero."""
         usable, largest = plain.status == "converged", float(np.abs(y).max()) or 1.0
         own = {name: value if usable else 0.0 for name, value in plain.parameters.items()}
-        parameters = {**hinged.parameters, "share": 1.0, **{PLAIN_NAMES[name]: value for name, value in own.items()}}
+        parameters = {
+            **hinged.parameters,
+            "share": 1.0,
+            **{PLAIN_NAMES[name]: value for name, value in own.items()},
+        }
         alone = self.predict(parameters, columns), PLAIN.predict(plain.parameters, columns)
         scatter = [float(np.sqrt(np.mean((predicted - y) ** 2))) / largest for predicted in alone]
         if usable:
-            parameters["share"] = 1.0 / (1.0 + ((scatter[0] ** 2 + GOOD_ENOUGH**2) / (scatter[1] ** 2 + GOOD_ENOUGH**2)) ** 2)
+            parameters["share"] = 1.0 / (
+                1.0 + ((scatter[0] ** 2 + GOOD_ENOUGH**2) / (scatter[1] ** 2 + GOOD_ENOUGH**2)) ** 2
+            )
         share = parameters["share"]
         if share < 1.0:
-            blend = f"{share:.1%} hinged (training RMSE {scatter[0]:.2%} of the largest target), {1 - share:.1%} plain ({scatter[1]:.2%})"
+            blend = (
+                f"{share:.1%} hinged (training RMSE {scatter[0]:.2%} of the largest target), "
+                f"{1 - share:.1%} plain ({scatter[1]:.2%})"
+            )
         else:
-            blend = f"hinged alone (training RMSE {scatter[0]:.2%} of the largest target), as the plain fit is {plain.status}"
+            blend = (
+                f"hinged alone (training RMSE {scatter[0]:.2%} of the largest target), as the "
+                f"plain fit is {plain.status}"
+            )
 
         def told(values: Mapping[str, float]) -> Optimum:
             residual = self.predict(values, columns) - y
             return Optimum(values, float(residual @ residual))
 
         unknown = float("nan")
-        errors = {PLAIN_NAMES[name]: value if usable else unknown for name, value in plain.errors.items()}
+        errors = {
+            PLAIN_NAMES[name]: value if usable else unknown for name, value in plain.errors.items()
+        }
         main = hinged if share > 0.5 else plain
         return FormulaFit(
             name=self.name,
@@ -86,8 +119,12 @@ class SarosiHinged(Formula):
         )
 
     def equation(self, fit: FormulaFit) -> Expression:
-        """Return the formula as a person would write it; where `hi - lo` is beyond 700 w it overflows, which `predict` does not."""
-        return substitute(parse(PRINTED), {name: Number(value) for name, value in fit.parameters.items()})
+        """Return the formula as a person would write it; where `hi - lo` is beyond 700 w it
+        overflows, which `predict` does not.
+        """
+        return substitute(
+            parse(PRINTED), {name: Number(value) for name, value in fit.parameters.items()}
+        )
 
 
 FORMULA = SarosiHinged(

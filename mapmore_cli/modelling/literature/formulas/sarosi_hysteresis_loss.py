@@ -1,6 +1,8 @@
-"""Sárosi's hysteresis loss: critical damping times the share of a load cycle's energy that hysteresis takes (M2 eq 17-23).
+"""Sárosi's hysteresis loss: critical damping times the share of a load cycle's energy that
+hysteresis takes (M2 eq 17-23).
 
-At one pressure, Sárosi's force (M2 eq 14) is `F(x) = A exp(c x) + B x + C` of the strain x, which is integrated exactly.
+At one pressure, Sárosi's force (M2 eq 14) is `F(x) = A exp(c x) + B x + C` of the strain x, which
+is integrated exactly.
 """
 
 from __future__ import annotations
@@ -15,7 +17,17 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import FormulaFit
-from mapmore_cli.modelling.expressions import Expression, Name, Number, derivative, evaluate, multiply, parse, power, substitute
+from mapmore_cli.modelling.expressions import (
+    Expression,
+    Name,
+    Number,
+    derivative,
+    evaluate,
+    multiply,
+    parse,
+    power,
+    substitute,
+)
 from mapmore_cli.modelling.literature.formula import LOAD_CYCLES, LiteratureModel, merged, renamed
 from mapmore_cli.modelling.literature.formulas.sarosi import FORMULA as SAROSI
 from mapmore_cli.modelling.literature.problem import finite, needed
@@ -38,21 +50,31 @@ class ForceCurve:
         return np.asarray(self.A * np.exp(self.c * strain) + self.B * strain + self.C)
 
     def mean(self, start: float, end: Array) -> Array:
-        """Mean force from strain `start` to each `end`, `(n,)`; the force itself where they are one."""
+        """Mean force from strain `start` to each `end`, `(n,)`; the force itself where they are
+        one.
+        """
         z = self.c * (end - start)
         ratio = np.where(z == 0.0, 1.0, np.expm1(z) / np.where(z == 0.0, 1.0, z))
-        return np.asarray(self.A * np.exp(self.c * start) * ratio + self.B * (start + end) / 2 + self.C)
+        return np.asarray(
+            self.A * np.exp(self.c * start) * ratio + self.B * (start + end) / 2 + self.C
+        )
 
     @np.errstate(all="ignore")
     def stroke(self, start: float) -> tuple[Array, BoolArray, BoolArray]:
-        """Return the strain at which the force first falls to zero from `start` on, and where it is slack, and endless, `(n,)` each.
+        """Return the strain at which the force first falls to zero from `start` on, and where it is
+        slack, and endless, `(n,)` each.
 
-        Slack it does not pull, even at `start`, which is the end then; endless it pulls at every strain, and the end is where the curve
-        turns up again, or `SHORTEST`.
+        Slack it does not pull, even at `start`, which is the end then; endless it pulls at every
+        strain, and the end is where the curve turns up again, or `SHORTEST`.
         """
         turns = (self.A > 0.0) & (self.A * self.c * self.B < 0.0)
-        turning = np.log(-self.B / (self.A * self.c)) / self.c  # the strain of least force of a curve that is bent upwards
-        low, high = np.full_like(self.A, start), np.where(turns, np.clip(turning, start, SHORTEST), SHORTEST)
+        turning = (
+            np.log(-self.B / (self.A * self.c)) / self.c
+        )  # the strain of least force of a curve that is bent upwards
+        low, high = (
+            np.full_like(self.A, start),
+            np.where(turns, np.clip(turning, start, SHORTEST), SHORTEST),
+        )
         slack, endless = self(low) <= 0.0, self(high) > 0.0
         for _ in range(BISECTIONS):
             middle = (low + high) / 2
@@ -62,21 +84,29 @@ class ForceCurve:
 
 
 UPPER, LOWER = "u", "l"
-PARAMETERS = (*(f"a{branch}{i}" for branch in (UPPER, LOWER) for i in range(1, 7)), "length", "strain_min")
+PARAMETERS = (
+    *(f"a{branch}{i}" for branch in (UPPER, LOWER) for i in range(1, 7)),
+    "length",
+    "strain_min",
+)
 NOTED_PRESSURES = 1001  # from zero to the highest of the load cycles
 
 
 @dataclass(frozen=True)
 class HysteresisLoss(LiteratureModel):
-    """A share `zeta(P)` of critical damping, with the stiffness of the upper branch and the mass that hangs on the muscle.
+    """A share `zeta(P)` of critical damping, with the stiffness of the upper branch and the mass
+    that hangs on the muscle.
 
-    `text` is the damping force (M2 eq 19) of the inputs, `length` (m) and two more: `zeta`, Lehr's coefficient (eq 21), and `stiffness`,
-    `k_t = (d F_su/d strain)/length` (eq 20, with the muscle's length for its n_t w_t). Pressure in kPa, strain a fraction, strain_rate in
-    1/s, load in N: the weight of the experiment that is predicted, whose mass is load/9.81 (M2 table 3 prints the mass in newtons).
+    `text` is the damping force (M2 eq 19) of the inputs, `length` (m) and two more: `zeta`, Lehr's
+    coefficient (eq 21), and `stiffness`, `k_t = (d F_su/d strain)/length` (eq 20, with the muscle's
+    length for its n_t w_t). Pressure in kPa, strain a fraction, strain_rate in 1/s, load in N: the
+    weight of the experiment that is predicted, whose mass is load/9.81 (M2 table 3 prints the mass
+    in newtons).
 
-    zeta is a share, so it is limited to [0, 1]. M2 leaves open what it is without a free strain: where the upper curve does not even pull
-    at `strain_min`, it is 1, as just above that pressure; where the curve never falls to zero, the stroke ends where it turns up again,
-    or at a strain of one.
+    zeta is a share, so it is limited to [0, 1]. M2 leaves open what it is without a free strain:
+    where the upper curve does not even pull at `strain_min`, it is 1, as just above that pressure;
+    where the curve never falls to zero, the stroke ends where it turns up again, or at a strain of
+    one.
     """
 
     text: str
@@ -85,26 +115,48 @@ class HysteresisLoss(LiteratureModel):
 
     def fit(self, *_: Any, **__: Any) -> FormulaFit:
         """Raise `DataError`: a damping force cannot show the energy that a load cycle loses."""
-        raise DataError(f"{self.name} is fitted to load cycles, not to the target", "give it the load cycles of a static study")
+        raise DataError(
+            f"{self.name} is fitted to load cycles, not to the target",
+            "give it the load cycles of a static study",
+        )
 
     def fit_cycles(self, cycles: Columns, length: float) -> FormulaFit:
-        """Fit Sárosi's formula to the upper and to the lower branch of load cycles (M2 eq 17-18), each by variable projection.
+        """Fit Sárosi's formula to the upper and to the lower branch of load cycles (M2 eq 17-18),
+        each by variable projection.
 
-        - `cycles`: `pressure` (kPa), `strain`, `force` (N, the mean of the branches) and `hysteresis` (N, half their distance), `(n,)`
+        - `cycles`: `pressure` (kPa), `strain`, `force` (N, the mean of the branches) and
+          `hysteresis` (N, half their distance), `(n,)`
           each.
         - `length`: length of the muscle at rest, m.
 
-        Status and condition are those of the worse branch; ranks and sums of squares add up. Notes say at which pressures zeta had to be
-        limited, or there is no free strain. Length and least strain are given, so that they have no standard error.
+        Status and condition are those of the worse branch; ranks and sums of squares add up. Notes
+        say at which pressures zeta had to be limited, or there is no free strain. Length and least
+        strain are given, so that they have no standard error.
 
-        Raises DataError for a column that is absent or not finite, too few samples, or a length that is not positive.
+        Raises DataError for a column that is absent or not finite, too few samples, or a length
+        that is not positive.
         """
         if not 0.0 < length < np.inf:
-            raise DataError(f"{self.name} needs the length of the muscle, which is {length:g} m", "state it as `muscle: {length: 88 mm}`")
-        columns = {name: finite(name, needed(name, cycles)) for name in ("pressure", "strain", "force", "hysteresis")}
+            raise DataError(
+                f"{self.name} needs the length of the muscle, which is {length:g} m",
+                "state it as `muscle: {length: 88 mm}`",
+            )
+        columns = {
+            name: finite(name, needed(name, cycles))
+            for name in ("pressure", "strain", "force", "hysteresis")
+        }
         force, hysteresis = columns["force"], columns["hysteresis"]
-        upper, lower = SAROSI.fit(columns, force + hysteresis), SAROSI.fit(columns, force - hysteresis)
-        both = merged(self.name, {"upper curve": renamed(upper, partial(_of, UPPER)), "lower curve": renamed(lower, partial(_of, LOWER))})
+        upper, lower = (
+            SAROSI.fit(columns, force + hysteresis),
+            SAROSI.fit(columns, force - hysteresis),
+        )
+        both = merged(
+            self.name,
+            {
+                "upper curve": renamed(upper, partial(_of, UPPER)),
+                "lower curve": renamed(lower, partial(_of, LOWER)),
+            },
+        )
         given = {"length": length, "strain_min": float(columns["strain"].min())}
         parameters = {**both.parameters, **given}
         return replace(
@@ -122,12 +174,17 @@ class HysteresisLoss(LiteratureModel):
         return evaluate(self.expression, {**inputs, **numbers, "zeta": share}, len(share))
 
     def equations(self, fit: FormulaFit) -> dict[str, Expression]:
-        """Return the damping force with `zeta` as a name, and the two curves from which zeta follows."""
+        """Return the damping force with `zeta` as a name, and the two curves from which zeta
+        follows.
+        """
         numbers = {name: Number(value) for name, value in fit.parameters.items()}
         curves = {"upper": _branch(UPPER), "lower": _branch(LOWER)}
         return {
             self.name: substitute(self.expression, numbers),
-            **{f"{self.name}: {name} curve": substitute(curve, numbers) for name, curve in curves.items()},
+            **{
+                f"{self.name}: {name} curve": substitute(curve, numbers)
+                for name, curve in curves.items()
+            },
         }
 
     @cached_property
@@ -139,16 +196,21 @@ class HysteresisLoss(LiteratureModel):
 
 @np.errstate(all="ignore")
 def lehr(parameters: Mapping[str, float], pressure: Array) -> tuple[Array, BoolArray, BoolArray]:
-    """`zeta = (U_u - U_l)/U_u` (M2 eq 21) at each `pressure`, and where the upper curve is slack, and endless, `(n,)` each.
+    """`zeta = (U_u - U_l)/U_u` (M2 eq 21) at each `pressure`, and where the upper curve is slack,
+    and endless, `(n,)` each.
 
-    It is not limited to [0, 1]: towards a slack muscle the energy U_u of the stroke vanishes, and there zeta is infinite, as where U_u
-    overflows.
+    It is not limited to [0, 1]: towards a slack muscle the energy U_u of the stroke vanishes, and
+    there zeta is infinite, as where U_u overflows.
     """
     upper, lower = (_curve(parameters, branch, pressure) for branch in (UPPER, LOWER))
     start = parameters["strain_min"]
     end, slack, endless = upper.stroke(start)
     whole, kept = upper.mean(start, end), lower.mean(start, end)
-    return np.where((whole > 0.0) & (whole < np.inf), (whole - kept) / whole, np.inf), slack, endless
+    return (
+        np.where((whole > 0.0) & (whole < np.inf), (whole - kept) / whole, np.inf),
+        slack,
+        endless,
+    )
 
 
 def zeta(parameters: Mapping[str, float], pressure: Array) -> Array:
@@ -157,14 +219,18 @@ def zeta(parameters: Mapping[str, float], pressure: Array) -> Array:
 
 
 def _curve(parameters: Mapping[str, float], branch: str, pressure: Array) -> ForceCurve:
-    """Sárosi's force with the parameters `a{branch}1` ... `a{branch}6` at each `pressure`, `(n,)`."""
+    """Sárosi's force with the parameters `a{branch}1` ... `a{branch}6` at each `pressure`,
+    `(n,)`.
+    """
     a1, a2, a3, a4, a5, a6 = (parameters[f"a{branch}{i}"] for i in range(1, 7))
     return ForceCurve(a1 * pressure + a2, a4 * pressure, a5 * pressure + a6, a3)
 
 
 def _branch(branch: str) -> Expression:
     """Sárosi's formula with the parameters of one branch."""
-    return substitute(SAROSI.expression, {name: Name(_of(branch, name)) for name in SAROSI.parameters})
+    return substitute(
+        SAROSI.expression, {name: Name(_of(branch, name)) for name in SAROSI.parameters}
+    )
 
 
 def _of(branch: str, parameter: str) -> str:
@@ -179,9 +245,15 @@ def _notes(parameters: Mapping[str, float], highest: float) -> Iterator[str]:
         return f"between {pressure[rows].min():.3g} and {pressure[rows].max():.3g} kPa"
 
     if slack.any():
-        yield f"the upper curve does not pull {between(slack)}: there is no free strain, and zeta is taken as 1"
+        yield (
+            f"the upper curve does not pull {between(slack)}: there is no free strain, and "
+            "zeta is taken as 1"
+        )
     if endless.any():
-        yield f"the upper curve does not fall to zero {between(endless)}: the stroke is taken to end where it turns up, or at 1"
+        yield (
+            f"the upper curve does not fall to zero {between(endless)}: the stroke is taken "
+            "to end where it turns up, or at 1"
+        )
     limited = ~slack & ((share < 0.0) | (share > 1.0))
     if limited.any():
         yield f"zeta is limited to [0, 1] {between(limited)}"
@@ -189,7 +261,9 @@ def _notes(parameters: Mapping[str, float], highest: float) -> Iterator[str]:
 
 def _loss(name: str, title: str, reference: str, text: str, about: str) -> HysteresisLoss:
     inputs = ("pressure", "strain", "strain_rate", "load")
-    return HysteresisLoss(name, reference, inputs, PARAMETERS, text, component="damping", title=title, about=about)
+    return HysteresisLoss(
+        name, reference, inputs, PARAMETERS, text, component="damping", title=title, about=about
+    )
 
 
 FORMULAS = (
@@ -198,15 +272,18 @@ FORMULAS = (
         "Sárosi, hysteresis loss",
         "M2 eq 17-23, times the length",
         "-2*zeta*sqrt(abs(stiffness)*load/9.81)*length*strain_rate",
-        """Sárosi's hysteresis loss: critical damping `2 sqrt(|k_t| m)`, the share zeta of it, times the muscle's velocity.
+        """Sárosi's hysteresis loss: critical damping `2 sqrt(|k_t| m)`, the share zeta of it, times
+        the muscle's velocity.
 
-M2 eq 19 multiplies by the strain rate though k_t is per metre (eq 20), so that its unit is N/m; with the length it is a force.""",
+M2 eq 19 multiplies by the strain rate though k_t is per metre (eq 20), so that its unit is N/m;
+with the length it is a force.""",
     ),
     _loss(
         "sarosi_hysteresis_loss_printed",
         "Sárosi, hysteresis loss, printed",
         "M2 eq 17-23",
         "-2*zeta*sqrt(abs(stiffness)*load/9.81)*strain_rate",
-        "Sárosi's hysteresis loss as M2 eq 19-20 print it, without the muscle's length: `1/length` times `sarosi_hysteresis_loss`.",
+        "Sárosi's hysteresis loss as M2 eq 19-20 print it, without the muscle's length: "
+        "`1/length` times `sarosi_hysteresis_loss`.",
     ),
 )

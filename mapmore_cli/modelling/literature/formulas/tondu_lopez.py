@@ -1,4 +1,6 @@
-"""The static force of a cylinder under a braid of threads that do not stretch (W eq 1-2, 6-7, 10): Tondu and Lopez', and Kerscher's."""
+"""The static force of a cylinder under a braid of threads that do not stretch (W eq 1-2, 6-7, 10):
+Tondu and Lopez', and Kerscher's.
+"""
 
 from __future__ import annotations
 
@@ -8,37 +10,71 @@ from mapmore_cli.modelling.literature.formula import Formula, LinearForm
 from mapmore_cli.modelling.literature.problem import Nonlinear
 
 ANGLE = Nonlinear("theta", per=None, intervals=((math.radians(5.0), math.radians(85.0)),))
-"""Angle of the threads to the axis at rest, in radians; a muscle with more than 54.7 degrees lengthens under pressure.
+"""Angle of the threads to the axis at rest, in radians; a muscle with more than 54.7 degrees
+lengthens under pressure.
 
-Towards zero, only the ratio of the area to the squared angle remains, so nothing is to be found below five degrees.
+Towards zero, only the ratio of the area to the squared angle remains, so nothing is to be found
+below five degrees.
 """
 
-CORRECTION = (Nonlinear("a_k", per="strain", intervals=((0.01, 100.0),)), Nonlinear("b_k", per="strain", intervals=((-10.0, -0.01),)))
-"""Bounds of the factor on the strain: it is positive and falls with the pressure, as in W's fits (other signs turn the strain around).
+CORRECTION = (
+    Nonlinear("a_k", per="strain", intervals=((0.01, 100.0),)),
+    Nonlinear("b_k", per="strain", intervals=((-10.0, -0.01),)),
+)
+"""Bounds of the factor on the strain: it is positive and falls with the pressure, as in W's fits
+(other signs turn the strain around).
 
-They are wide: W prints a_k = 3.55, but on points rebuilt from W eq 12 the least squares of eq 8 are at 88, 17/max|strain|.
+They are wide: W prints a_k = 3.55, but on points rebuilt from W eq 12 the least squares of eq 8 are
+at 88, 17/max|strain|.
 """
 
 CORRECTED_STRAIN = "(a_k*exp(-pressure/100) - b_k)*strain"
-"""W eq 10, `k = a_k exp(-P) - b_k` with P in bar: the 100 is kPa/bar, so the formula holds in kPa alone."""
+"""W eq 10, `k = a_k exp(-P) - b_k` with P in bar: the 100 is kPa/bar, so the formula holds in kPa
+alone.
+"""
 
 AREA = f"{250.0 * math.pi!r}*diameter^2"
 """`pi D^2/4` in 1e-3 m^2, which is N/kPa, with the diameter in m."""
 
 
 def braid(strain: str) -> str:
-    """Return the text of `h (1 - strain)^2 - y`, with `h = 3/tan(theta)^2` and `y = 1/sin(theta)^2` (W eq 6-7)."""
+    """Return the text of `h (1 - strain)^2 - y`, with `h = 3/tan(theta)^2` and `y = 1/sin(theta)^2`
+    (W eq 6-7).
+    """
     return f"(3*(1 - {strain})^2/tan(theta)^2 - 1/sin(theta)^2)"
 
 
-def with_area(name: str, title: str, reference: str, strain: str, correction: tuple[Nonlinear, ...], about: str) -> Formula:
+def with_area(
+    name: str,
+    title: str,
+    reference: str,
+    strain: str,
+    correction: tuple[Nonlinear, ...],
+    about: str,
+) -> Formula:
     """Return `area P braid(strain)` with the area fitted too."""
     parameters = ("area", "theta", *(one.name for one in correction))
     text = f"area*pressure*{braid(strain)}"
-    return Formula(name, reference, ("pressure", "strain"), parameters, text, (ANGLE, *correction), title=title, about=about)
+    return Formula(
+        name,
+        reference,
+        ("pressure", "strain"),
+        parameters,
+        text,
+        (ANGLE, *correction),
+        title=title,
+        about=about,
+    )
 
 
-def of_diameter(name: str, title: str, reference: str, strain: str, correction: tuple[Nonlinear, ...], about: str) -> Formula:
+def of_diameter(
+    name: str,
+    title: str,
+    reference: str,
+    strain: str,
+    correction: tuple[Nonlinear, ...],
+    about: str,
+) -> Formula:
     """Return `AREA P braid(strain)` of a muscle's diameter.
 
     It is linear in h, since `y = 1 + h/3`; the angle follows as `atan(sqrt(3/h))`.
@@ -49,7 +85,18 @@ def of_diameter(name: str, title: str, reference: str, strain: str, correction: 
     form = LinearForm(f"{AREA}*pressure*(h*((1 - {strain})^2 - 1/3) - 1)", ("h",), printed)
     text, dimensions = f"{AREA}*pressure*{braid(strain)}", ("diameter",)
     inputs = ("pressure", "strain")
-    return Formula(name, reference, inputs, parameters, text, correction, form, title=title, about=about, dimensions=dimensions)
+    return Formula(
+        name,
+        reference,
+        inputs,
+        parameters,
+        text,
+        correction,
+        form,
+        title=title,
+        about=about,
+        dimensions=dimensions,
+    )
 
 
 FORMULAS = (
@@ -61,8 +108,10 @@ FORMULAS = (
         (),
         """Tondu and Lopez' static force of a braided cylinder, from virtual work.
 
-W eq 4 takes the area pi D^2/4 from the muscle's nominal diameter and fits the angle alone. Here the area is fitted too (in kPa and N it is
-in 1e-3 m^2), so that no dimension is needed and the bladder's diameter need not be known: this can only fit better. It then is W eq 3 in
+W eq 4 takes the area pi D^2/4 from the muscle's nominal diameter and fits the angle alone. Here the
+area is fitted too (in kPa and N it is
+in 1e-3 m^2), so that no dimension is needed and the bladder's diameter need not be known: this can
+only fit better. It then is W eq 3 in
 other parameters, and equals `chou_hannaford` wherever that describes a braid.""",
     ),
     of_diameter(
@@ -71,9 +120,11 @@ other parameters, and equals `chou_hannaford` wherever that describes a braid.""
         "W eq 4, as printed",
         "strain",
         (),
-        """Tondu and Lopez' static force as W prints it: the area is that of the muscle's nominal diameter, and the angle alone is fitted.
+        """Tondu and Lopez' static force as W prints it: the area is that of the muscle's nominal
+        diameter, and the angle alone is fitted.
 
-W eq 4 with eq 6-7. `tondu_lopez` is the same with the area fitted too, which then is one model with `chou_hannaford`.""",
+W eq 4 with eq 6-7. `tondu_lopez` is the same with the area fitted too, which then is one model with
+`chou_hannaford`.""",
     ),
     with_area(
         "tondu_lopez_corrected",
@@ -81,9 +132,11 @@ W eq 4 with eq 6-7. `tondu_lopez` is the same with the area fitted too, which th
         "W eq 8 with 10",
         CORRECTED_STRAIN,
         CORRECTION,
-        """Tondu and Lopez' static force with a factor on the strain, for the muscle's ends that do not stay cylindrical.
+        """Tondu and Lopez' static force with a factor on the strain, for the muscle's ends that do
+        not stay cylindrical.
 
-The factor depends on the pressure, which must be in kPa. As in `tondu_lopez`, the area pi D^2/4 is fitted; W fits theta, a_k and b_k alone.
+The factor depends on the pressure, which must be in kPa. As in `tondu_lopez`, the area pi D^2/4 is
+fitted; W fits theta, a_k and b_k alone.
 """,
     ),
     of_diameter(
@@ -92,9 +145,11 @@ The factor depends on the pressure, which must be in kPa. As in `tondu_lopez`, t
         "W eq 8 with 10, as printed",
         CORRECTED_STRAIN,
         CORRECTION,
-        """Tondu and Lopez' static force with a factor on the strain, as W prints it: with the area of the muscle's nominal diameter.
+        """Tondu and Lopez' static force with a factor on the strain, as W prints it: with the area
+        of the muscle's nominal diameter.
 
-W eq 8 with eq 10; theta, a_k and b_k are fitted. `tondu_lopez_corrected` is the same with the area fitted too.""",
+W eq 8 with eq 10; theta, a_k and b_k are fitted. `tondu_lopez_corrected` is the same with the area
+fitted too.""",
     ),
     Formula(
         name="kerscher",
@@ -104,9 +159,12 @@ W eq 8 with eq 10; theta, a_k and b_k are fitted. `tondu_lopez_corrected` is the
         parameters=("theta", "a_k", "b_k", "a_e", "b_e"),
         text=f"(a_e*exp(-40*strain) - b_e)*pressure*{braid(CORRECTED_STRAIN)}",
         nonlinear=(ANGLE, *CORRECTION),
-        about="""Kerscher et al.'s static force: Tondu and Lopez' with factors on the strain and on the force.
+        about="""Kerscher et al.'s static force: Tondu and Lopez' with factors on the strain and on
+        the force.
 
-The factor on the force, `mu = a_e exp(-40 strain) - b_e` (W eq 11, strain as a fraction), takes the area pi D^2/4 in: a_e and b_e are W's
-times the area (in kPa and N in 1e-3 m^2), and the number of parameters is W's. The pressure must be in kPa (W eq 10).""",
+The factor on the force, `mu = a_e exp(-40 strain) - b_e` (W eq 11, strain as a fraction), takes the
+area pi D^2/4 in: a_e and b_e are W's
+times the area (in kPa and N in 1e-3 m^2), and the number of parameters is W's. The pressure must be
+in kPa (W eq 10).""",
     ),
 )
