@@ -73,11 +73,9 @@ def simulated(name: str, seed: int, pressures: Sequence[float], factor: float) -
     curves = []
     for pressure in pressures:
         truth, random = cycle(seed, pressure)
-        logged = measure(
-            {**truth, "force": factor * truth["force"]},
-            seen,
-            np.random.default_rng(random.bit_generator.seed_seq),
-        )  # type: ignore[arg-type]
+        scaled = {**truth, "force": factor * truth["force"]}
+        seed_again = random.bit_generator.seed_seq
+        logged = measure(scaled, seen, np.random.default_rng(seed_again))  # type: ignore[arg-type]
         columns = {key: logged[key][::EVERY] for key in ("strain", "force")}
         n = len(columns["force"])
         columns["pressure"] = np.full(n, pressure)

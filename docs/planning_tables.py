@@ -156,9 +156,8 @@ def of_levels_by(name: str, runs: Path) -> Mapping[str, Campaign]:
     drawn = []
     for seed in range(DRAWS):
         rng = np.random.default_rng(seed)
-        drawn.append(
-            campaign(choices, dataset, lambda _known, rest, rng=rng: float(rng.choice(rest)))
-        )  # type: ignore[misc]
+        random = lambda _known, rest, rng=rng: float(rng.choice(rest))  # noqa: E731
+        drawn.append(campaign(choices, dataset, random))
     return {
         "equal": campaign(
             choices, dataset, lambda known, rest: in_gap(known, rest, np.diff(known))

@@ -62,11 +62,8 @@ class Contradiction(ValueError):
 
 def taken(of: type[S], settings: Any, **own: Any) -> S:
     """Return an `of` with the fields that it shares with `settings`, and with its `own`."""
-    shared = {
-        field.name: getattr(settings, field.name)
-        for field in fields(of)
-        if hasattr(settings, field.name)
-    }  # type: ignore[arg-type]
+    names = [field.name for field in fields(of)]  # type: ignore[arg-type]
+    shared = {name: getattr(settings, name) for name in names if hasattr(settings, name)}
     return of(**{**shared, **own})
 
 
