@@ -275,8 +275,7 @@ class StateSet:
 class MemoryModel:
     """`output[k] = constant + sum_j theta_j D_j(states[k])`.
 
-    A free run that leaves `limits` a hundredfold has diverged. It begins with `measured` outputs,
-    at the `steady` one of the first inputs, or with `identified` ones (`start`).
+    A free run begins with measured outputs. One that leaves `limits` a hundredfold has diverged.
     """
 
     output: Annotated[QuantityName, "the quantity whose delays are fed back"]
@@ -292,9 +291,6 @@ class MemoryModel:
     ]
     constant: Annotated[Number, "the constant", "[target]"]
     limits: Annotated[Span, "least and greatest training output", "[target]"]
-    start: Annotated[str, "how free runs begin", one_of("measured", "steady", "identified")] = (
-        "measured"
-    )
 
     @property
     def scaling(self) -> Scaling:

@@ -9,10 +9,8 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.fits import MemoryFit, StateSet
 from mapmore_cli.domain.models import HARD, MotionFit
-from mapmore_cli.modelling.memory.free_run import FIRST
 from mapmore_cli.modelling.motion.simulation import extent, motion_errors
 from mapmore_cli.modelling.validation.repeatability import PARTS, error_parts
 from mapmore_cli.reporting.inputs import ReportInputs
@@ -104,36 +102,6 @@ def error_parts_table(inputs: ReportInputs) -> Table:
     return Table.of(
         "error_parts", "What the errors consist of", columns, rows, ERROR_PARTS_NOTE + told
     )
-
-
-def starts_table(inputs: ReportInputs) -> Table:
-    """Errors of free runs over their first part and after it; no rows where nothing is fed back."""
-    unit, curves, target = inputs.target.unit, inputs.dataset.curves, inputs.dataset.target
-    title, columns = (
-        "The beginning of free runs",
-        (MODEL, "first samples", f"RMSE there [{unit}] .4g", f"RMSE after [{unit}] .4g"),
-    )
-    if inputs.start is None:
-        return Table.of("starts", title, columns, ())
-    rows: list[tuple[Cell, ...]] = []
-    for model, predicted in inputs.validation.predictions.items():
-        parts = [
-            (values - curve.columns[target])[rows]
-            for values, curve in zip(predicted, curves, strict=True)
-            for rows in curve.logs
-        ]
-        early = [part[: int(FIRST * len(part))] for part in parts]
-        later = [part[int(FIRST * len(part)) :] for part in parts]
-        rows.append(
-            (model, sum(map(len, early)), *(_rms(np.concatenate(ones)) for ones in (early, later)))
-        )
-    note = f"{inputs.start} First samples: {FIRST:.0%} of each recording, training or held out."
-    return Table.of("starts", title, columns, rows, note)
-
-
-def _rms(errors: Array) -> float | None:
-    known = errors[np.isfinite(errors)]
-    return float(np.sqrt(np.mean(known**2))) if len(known) else None
 
 
 def identified_table(fit: MemoryFit) -> Table:

@@ -191,6 +191,9 @@ def part_of(expression: Expression, known: Known) -> Part:
 
 def _sum(terms: Sequence[Part]) -> Part:
     first, *others = terms
+    if len(others) == 1:
+        second = others[0]
+        return lambda columns, shared: first(columns, shared) + second(columns, shared)
 
     def total(columns: Mapping[str, Value], shared: Shared) -> Value:
         value = first(columns, shared)
@@ -209,6 +212,9 @@ def _product(factors: Sequence[Expression], known: Known) -> Part:
             others.append((True, _power(factor.base, -factor.exponent, known)))
         else:
             others.append((False, part_of(factor, known)))
+    if len(others) == 1 and not others[0][0]:
+        second = others[0][1]
+        return lambda columns, shared: first(columns, shared) * second(columns, shared)
 
     def total(columns: Mapping[str, Value], shared: Shared) -> Value:
         value = first(columns, shared)

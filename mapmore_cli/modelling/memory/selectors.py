@@ -17,7 +17,7 @@ from mapmore_cli.domain.fits import Selection, StateSet
 from mapmore_cli.modelling.expressions import Expression, dictionary_blocks, dictionary_matrix
 from mapmore_cli.modelling.expressions.families import fits_whole, refuse_beyond_memory
 from mapmore_cli.modelling.frols import frols, frols_streamed
-from mapmore_cli.modelling.frols.moments import moments, standard, standardised, uncentred
+from mapmore_cli.modelling.frols.moments import moments, standard, standardised
 from mapmore_cli.modelling.frols.ridge import (
     Regularised,
     choose_ridge,
@@ -29,7 +29,7 @@ from mapmore_cli.modelling.frols.ridge import (
 from mapmore_cli.modelling.frols.select import fewest, in_units, information_criterion, widened
 from mapmore_cli.modelling.memory.records import Record, complete
 from mapmore_cli.modelling.memory.states import evaluate_states
-from mapmore_cli.modelling.selection import LEAST_RIDGE, MemoryRecipe, Stop
+from mapmore_cli.modelling.selection import MemoryRecipe, Stop
 
 
 @dataclass(frozen=True)
@@ -124,14 +124,6 @@ class _Plain:
     def _largest(self) -> IntArray:
         return self._selected(self.all, self.recipe.most_terms).selection.chosen
 
-    @cached_property
-    def ranking(self) -> Regularised:
-        """The covariance of all candidates, divided by their root mean squares, by which they are
-        ranked beside chosen ones.
-        """
-        total = moments(standardised(self.data.blocks, uncentred(self.data.blocks)))
-        return Regularised(total.products / total.samples, total.samples, LEAST_RIDGE)
-
     def best(self) -> Choice:
         """Return the model whose number of terms the recipe's rule prefers; the largest where free
         runs decide on it.
@@ -145,9 +137,12 @@ class _Plain:
         """Return the model of so many terms, or of as many as there can be."""
         return self.among(self._largest[:terms])
 
-    def among(self, chosen: IntArray) -> Choice:
-        """Return the model of these candidates, in the order of their error reduction."""
-        return self._selected(chosen, len(chosen))
+    def among(self, chosen: IntArray, stop: str | None = None) -> Choice:
+        """Return the model of these candidates, in the order of their error reduction; `stop` says
+        why it has so many.
+        """
+        choice = self._selected(chosen, len(chosen))
+        return replace(choice, selection=replace(choice.selection, stop=stop)) if stop else choice
 
     def penalty(self, chosen: IntArray) -> Array:
         """(k,) what the ridge, a part of each candidate's variance, adds to the squared error for

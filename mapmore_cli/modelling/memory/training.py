@@ -30,9 +30,7 @@ from mapmore_cli.modelling.memory.refinement import Coefficients, Problem, stand
 from mapmore_cli.modelling.memory.selectors import Choice, regressors, selector
 from mapmore_cli.modelling.memory.simulation import (
     Course,
-    Piece,
     bounds_of,
-    piece_of,
     refuse_unknown_beginning,
 )
 from mapmore_cli.modelling.memory.states import resolve
@@ -237,7 +235,6 @@ class Training:
             found.theta_error,
             choice.constant,
             self.limits,
-            recipe.start,
         )
         return MemoryFit(
             model,
@@ -283,22 +280,20 @@ class Training:
         Raises DataError where no sample has a history, or a first output is missing.
         """
         wanted = [record.training for record in self.records] if counted is None else counted
-        ends = [
-            int(np.flatnonzero(mask)[-1]) + 1 if mask.any() else 0 for mask in wanted
-        ]  # a run goes on to the last wanted sample
+        parts = []  # a run goes on to the last wanted sample
+        for record, mask in zip(self.records, wanted, strict=True):
+            end = int(np.max(np.flatnonzero(mask), initial=-1)) + 1
+            if end:
+                parts.append(({name: x[:end] for name, x in record.columns.items()}, mask[:end]))
 
-        def made_ready(
-            terms: Sequence[str], states: StateSet, pieces: Sequence[Piece]
-        ) -> list[Course]:
+        def made_ready(terms: Sequence[str], states: StateSet) -> list[Course]:
             feedback = Feedback(terms, states, self.recipe.target)
-            return [Course(feedback, piece, end) for piece, end in zip(pieces, ends, strict=True)]
+            return [Course(feedback, columns) for columns, _ in parts]
 
-        courses = made_ready(
-            [self.dictionary[i] for i in chosen], self._states_of(chosen), self.pieces
-        )
+        courses = made_ready([self.dictionary[i] for i in chosen], self._states_of(chosen))
         rows = [
-            mask[one.start :][: one.size] & np.isfinite(one.measured[one.start :])
-            for one, mask in zip(courses, wanted, strict=True)
+            mask[one.start :] & np.isfinite(one.measured[one.start :])
+            for one, (_, mask) in zip(courses, parts, strict=True)
         ]
         places = [place for place, own in enumerate(rows) if own.any()]
         if not places:
@@ -308,33 +303,25 @@ class Training:
             )
         for place in places:
             refuse_unknown_beginning(courses[place])
-        problem = Problem(
-            tuple(courses[place] for place in places),
+        ready = tuple(courses[place] for place in places)
+        open_terms = [self.recipe.dictionary[i] for i in chosen] if search else []
+        numbers = left_open(self.records, open_terms, self.recipe.step)
+
+        @lru_cache(maxsize=4)
+        def moved(at: bytes) -> tuple[Course, ...]:
+            terms = numbers.filled(open_terms, numbers.numbers(np.frombuffer(at)))
+            states = resolve(_names_in(terms), self.records, self.recipe, self.states.resonances)
+            others = made_ready(terms, states)
+            return tuple(others[place] for place in places)
+
+        return Problem(
+            lambda at: moved(at.tobytes()) if numbers.places else ready,
             tuple(rows[place] for place in places),
             bounds_of(self.limits),
             self.selector.penalty(chosen),
             self.recipe.ridge != 0.0,
+            np.hstack([[[-np.inf], [np.inf]] * np.ones(len(chosen) + 1), numbers.bounds.T]),
         )
-        if not search or not (numbers := self.open_in(chosen)).places:
-            return problem
-        open_terms = [self.recipe.dictionary[i] for i in chosen]
-
-        @lru_cache(maxsize=2)
-        def moved(at: tuple[float, ...]) -> tuple[Course, ...]:
-            terms = numbers.filled(open_terms, numbers.numbers(np.array(at)))
-            states = resolve(_names_in(terms), self.records, self.recipe, self.states.resonances)
-            courses = made_ready(terms, states, self._pieces(states))
-            return tuple(courses[place] for place in places)
-
-        return replace(problem, moved=lambda at: moved(tuple(at.tolist())), between=numbers.bounds)
-
-    @cached_property
-    def pieces(self) -> list[Piece]:
-        """The records with the states of all candidates."""
-        return self._pieces(self.states)
-
-    def _pieces(self, states: StateSet) -> list[Piece]:
-        return [piece_of(states, self.recipe.target, record.columns) for record in self.records]
 
     def _states_of(self, chosen: IntArray) -> StateSet:
         """Return the states that some candidates need, with their numbers."""

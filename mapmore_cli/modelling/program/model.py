@@ -10,13 +10,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
-
-from mapmore_cli.domain.arrays import Array, Columns, Value
+from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.modelling.expressions import Expression, Name, add, derivative, multiply
-from mapmore_cli.modelling.expressions.operator import Recursion
 from mapmore_cli.modelling.expressions.syntax import ONE, ZERO
 from mapmore_cli.modelling.kinds import kind_of, numbers_in_reach
 from mapmore_cli.modelling.program.statements import (
@@ -28,8 +25,8 @@ from mapmore_cli.modelling.program.statements import (
     Statement,
     Use,
 )
-from mapmore_cli.modelling.program.values import INPUT, block_values, evaluator
-from mapmore_cli.modelling.program.writing import Inputs, Writer, pruned
+from mapmore_cli.modelling.program.values import INPUT, evaluator
+from mapmore_cli.modelling.program.writing import Inputs, Writer, pruned, pruned_block
 from mapmore_cli.modelling.signals.sampling import UNEVEN
 
 
@@ -89,31 +86,27 @@ def with_slopes(model: Program) -> Program:
             "a model with memory has no derivative at a point: its output depends on the past",
             "differentiate along a run",
         )
-    functions = []
-    for one in model.functions:
-        note = f"{one.note}, and its slopes" if one.note else ""
-        functions.append(
-            Function(
-                FUNCTION.format(one.name),
-                one.parameters,
-                _with_slopes(one.body, one.parameters),
-                note,
-            )
-        )
     body = _with_slopes(model.body, [f"{INPUT}{name}" for name in model.inputs])
-    return pruned(replace(model, functions=tuple(functions), body=body))
+    return pruned(replace(model, functions=functions_with_slopes(model.functions), body=body))
 
 
-def recursion_slopes(rule: Recursion, arguments: Sequence[Array]) -> list[Value]:
-    """Return the derivatives of `rule.next` by each of its p + q + 1 arguments, given those, (n,)
-    each; (n,), or one for all samples.
-    """
-    if rule.weights is not None:
-        return [np.float64(weight) for weight in rule.weights]
-    names = [f"argument_{place}" for place in range(len(arguments))]
-    m = Writer()
-    block = _with_slopes(m.side(lambda: rule.next(m, *map(Name, names))), names)
-    return block_values(block, dict(zip(names, arguments, strict=True)))[1:]
+def functions_with_slopes(functions: Sequence[Function]) -> tuple[Function, ...]:
+    """Return the functions with the derivatives by all parameters behind their values."""
+    return tuple(
+        Function(
+            FUNCTION.format(one.name),
+            one.parameters,
+            _with_slopes(one.body, one.parameters),
+            f"{one.note}, and its slopes" if one.note else "",
+        )
+        for one in functions
+    )
+
+
+def with_slopes_by(block: Block, names: Sequence[str]) -> Block:
+    """Return the block with the derivatives of its results by `names` in place of these."""
+    whole = _with_slopes(block, names)
+    return pruned_block(Block(whole.statements, whole.results[len(block.results) :]))
 
 
 def _with_slopes(block: Block, names: Sequence[str]) -> Block:

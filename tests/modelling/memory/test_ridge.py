@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mapmore_cli.modelling.expressions import parse
 from mapmore_cli.modelling.frols import frols
 from mapmore_cli.modelling.frols.moments import moments, standard, standardised
 from mapmore_cli.modelling.frols.ridge import (
@@ -21,8 +20,6 @@ from mapmore_cli.modelling.frols.ridge import (
     select,
     substitutes,
 )
-from mapmore_cli.modelling.memory.selectors import Regressors, selector
-from mapmore_cli.modelling.selection import MemoryRecipe
 
 
 def blocks_of(P, y, *cuts):
@@ -91,34 +88,6 @@ def test_squares_that_overflow_or_vanish_change_nothing(n, M, seed, ridge, power
     near, far = regularised(P, y, ridge), regularised(P * units, y, ridge)
     np.testing.assert_allclose(far.covariance, near.covariance, rtol=0, atol=1e-12)
     assert select(far, M).chosen.tolist() == select(near, M).chosen.tolist()
-
-
-@pytest.mark.parametrize("power", [-1000, -600, 540, 900])
-def test_candidates_without_a_ridge_are_ranked_the_same_in_any_unit(power):
-    """The square of `1e160*a` overflows."""
-    P, y = problem(40, 3, 5)
-    recipe = MemoryRecipe(
-        target="y",
-        dictionary=tuple("abc"),
-        step=1.0,
-        scaling="none",
-        max_terms=2,
-        tolerance=0.0,
-        stop="bic",
-    )
-    terms = tuple(parse(name) for name in "abc")
-
-    def ranking(units):
-        states = dict(zip("abc", (P * units).T, strict=True))
-        return selector(Regressors(terms, states, y), recipe).ranking.covariance
-
-    near = ranking(np.ones(3))
-    columns = np.column_stack([P, y])
-    columns /= np.sqrt((columns**2).mean(axis=0))
-    np.testing.assert_allclose(near, columns.T @ columns / 40, rtol=0, atol=1e-13)
-    np.testing.assert_allclose(
-        ranking(np.array([2.0**power, 1.0, 0.0]))[:2, :2], near[:2, :2], rtol=0, atol=1e-13
-    )
 
 
 @settings(deadline=None)
