@@ -54,7 +54,7 @@ class Selection:
     candidates, in scaled coordinates.
 
     `candidates` are the names of the dictionary's M columns, where they were given; they are not
-    stored. `stop` is `tolerance`, `max_terms`, `no_gain`, `rank`, `bic`, `aicc`, `press`,
+    stored. `stop` is `tolerance`, `max_terms`, `no_gain`, `rank`, `bic`,
     `free_run`, or `pruned` (from more terms to `max_terms`).
     """
 
@@ -349,12 +349,6 @@ class MemoryFit:
         float, "ridge as a fraction of the variance of a standardised candidate; 0 for none"
     ]
     forward: Annotated[IntArray, "candidates chosen before pruning, in their order, from 0", "-"]
-    substitutes: Annotated[
-        IntArray,
-        "(k or 0) candidate that would best replace each term, -1 for none; empty without a ridge",
-        "-",
-    ]
-    shares: Annotated[Array, "(k or 0) its gain over the term's own; empty without a ridge"]
     held_out: Annotated[
         Array | None,
         "free-run RMSE of the models of 1, 2, ... terms over the last training samples, "

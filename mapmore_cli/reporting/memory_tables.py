@@ -129,25 +129,6 @@ def identified_table(fit: MemoryFit) -> Table:
     return Table.of("identified", "Numbers of operators that training found", columns, rows, note)
 
 
-def substitutes_table(fit: MemoryFit) -> Table:
-    """For every term the candidate that would serve best in its place, beside the other terms; no
-    rows without a ridge.
-    """
-    places = zip(fit.model.terms, fit.substitutes.tolist(), fit.shares.tolist(), strict=False)
-    rows = (
-        (term, fit.candidates[place] if place >= 0 else None, 100 * share)
-        for term, place, share in places
-    )
-    columns = ("term", "best substitute", "its gain over the term's own [%] .1f")
-    notes = (
-        "Gain: by how much the regularised error falls with the term, or with its substitute, "
-        "beside all other terms. Near 100 %, the "
-        "data do not tell the two apart, and another recording may choose the other.",
-        f"{len(fit.forward)} terms were chosen forward, and pruned to {len(fit.model.terms)}.",
-    )
-    return Table.of("substitutes", "What else would have served", columns, rows, *notes)
-
-
 def sizes_table(fit: MemoryFit) -> Table:
     """Return the error in free run of models of 1, 2, ... terms over training samples held out for
     that; no rows where none were.

@@ -51,7 +51,6 @@ def all_tables(inputs: ReportInputs) -> tuple[Table, ...]:
     if memory is not None:
         found += [
             memory_tables.states_table(memory.model.states),
-            memory_tables.substitutes_table(memory),
             memory_tables.sizes_table(memory),
             memory_tables.identified_table(memory),
         ]

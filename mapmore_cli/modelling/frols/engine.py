@@ -237,10 +237,8 @@ def frols(
     - `tolerance`: stop when `1 - sum ERR <= tolerance` (M2 eq 6). Where a column of `P` is
       constant, it counts out first: what is
       left has to be that fraction of the squares about the mean of `y`.
-    - `stop`: `tolerance`; or `bic`, `aicc`, `press`: go on to `max_terms`, or until rounding error
-      is left (1e-28 of `y'y`, or no
-      independent candidate), and keep the number of terms at which the criterion is least. `press`
-      reads `P` once more.
+    - `stop`: `tolerance`; or `bic`: go on to `max_terms`, or until rounding error is left (1e-28 of
+      `y'y`, or no independent candidate), and keep the number of terms of least BIC.
     - `names` of the candidates, (M,), for tables and messages; `p0`, `p1`, ... where they have
       none.
 
@@ -283,8 +281,8 @@ def frols_streamed(
     Each call of `blocks` yields `P (b, M)` and `y (b,)` of one block after the other, best of a few
     thousand rows. Most records need one pass. There is another where the normal equations lose
     digits (an ill-conditioned or dependent dictionary, a residual sum of squares below 1e-9 of
-    `y'y`), two where squares of the values overflow or vanish, one for `press`, and one where a
-    tolerance may end the choice.
+    `y'y`), two where squares of the values overflow or vanish, and one where a tolerance may end
+    the choice.
 
     Raises DataError where a value is not finite, with its column and its row counted over all
     blocks; ValueError where the shapes do not fit, there is no row, or `max_terms` is below one.

@@ -87,8 +87,8 @@ class StateWriter:
         return {queue: known[source] for source, queue in self.queues.items()}
 
     def _recalled(self, source: State, steps: int) -> Expression:
-        while isinstance(source, Lagged):
-            source, steps = source.source, steps + source.steps
+        if isinstance(source, Lagged):
+            return self._recalled(source.source, steps + source.steps)
         if source not in self.queues:
             self.queues[source] = self.m.fresh("queue")
         queue, sizes = self.queues[source], self.m.kept.queues

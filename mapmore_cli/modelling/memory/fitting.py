@@ -126,8 +126,8 @@ def _sized_in_free_run(
         beginnings.append(Record(record.columns, record.training & ~late[-1]))
     early = Training(beginnings, recipe, numbers)
     sizes, errors = [], []
-    for terms in range(1, recipe.most_terms + 1):
-        choice = early.selector.of_size(terms)
+    for terms, chosen in enumerate(early.selector.sizes, 1):
+        choice = early.selector.among(chosen, "free_run")
         sizes.append(choice.selection.chosen)
         point = _ahead(choice)
         if recipe.criterion == "free_run":
@@ -135,7 +135,7 @@ def _sized_in_free_run(
         held = early.problem(sizes[-1], late)
         at = held.at(point)
         errors.append(np.sqrt(np.mean(held.errors(at) ** 2)) if at.runs else np.inf)
-        progress(terms, recipe.most_terms)
+        progress(terms, len(early.selector.sizes))
     if not np.isfinite(errors).any():
         raise DataError(
             "the free run of every model diverges, or has no history, on the last quarter of "

@@ -204,7 +204,7 @@ class Problem:
         """(k + 1 + m,) what may move: not a number at a bound that the search wants to leave."""
         low, high = self.between
         at_low, at_high = point.vector <= low, point.vector >= high
-        free = ~((at_low & (downhill < 0)) | (at_high & (downhill > 0)))
+        free: BoolArray = ~((at_low & (downhill < 0)) | (at_high & (downhill > 0)))
         free[point.terms] = self.free_constant
         return free
 

@@ -9,10 +9,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray, Value
 from mapmore_cli.modelling.expressions import evaluate
 from mapmore_cli.modelling.memory.feedback import Feedback
 from mapmore_cli.modelling.memory.records import AtSample, complete
@@ -127,13 +128,13 @@ class Course:
         """
         depth, step, (low, high) = self.feedback.depth, self.feedback.step, bounds
         before = np.maximum(np.arange(-depth, 0) + self.start + samples.start, 0)
-        queues: list[list[float]] = self.history[:, before].tolist()
+        queues: list[list[Any]] = self.history[:, before].tolist()
         recalls = [
             (name, queues[place], -steps) for name, (place, steps) in self.feedback.recalls.items()
         ]
         with np.errstate(all="ignore"):
             for k in samples:
-                known = {name: queue[back] for name, queue, back in recalls}
+                known: dict[str, Any] = {name: queue[back] for name, queue, back in recalls}
                 known.update([(name, column[k]) for name, column in driven])
                 values = step(known, 1)
                 if not low <= values[0] <= high:
@@ -142,12 +143,12 @@ class Course:
                     queue.append(value)
         return np.array(queues)[:, depth:]
 
-    def recalled(self, trajectory: Trajectory) -> dict[str, Array]:
+    def recalled(self, trajectory: Trajectory) -> dict[str, Value]:
         """Return every past value that a run needs, (n,) each by name: measured where it is from
         before the beginning of its stretch.
         """
         rows, begins = np.arange(len(trajectory.begins)), trajectory.begins
-        columns = {}
+        columns: dict[str, Value] = {}
         for name, (place, steps) in self.feedback.recalls.items():
             back = rows - steps
             columns[name] = np.where(

@@ -242,8 +242,6 @@ class Training:
             found,
             choice.ridge,
             choice.forward,
-            choice.substitutes,
-            choice.shares,
         )
 
     def refined(self, choice: Choice, point: Coefficients) -> MemoryFit:

@@ -16,9 +16,7 @@ from mapmore_cli.modelling.frols.ridge import (
     Regularised,
     choose_ridge,
     prune,
-    ridge_press,
     select,
-    substitutes,
 )
 
 
@@ -101,49 +99,6 @@ def test_pruning_leaves_out_the_term_that_costs_least(n, M, seed, ridge):
         every = [squares_left(*full, np.delete(larger, place)) for place in range(len(larger))]
         assert set(smaller) < set(larger)
         assert squares_left(*full, smaller) <= min(every) * (1 + 1e-9) + 1e-9
-
-
-@settings(deadline=None)
-@given(**CASES, size=st.integers(1, 6))
-def test_a_substitute_is_the_best_of_the_others_in_the_place_of_a_term(n, M, seed, ridge, size):
-    P, y = problem(n, M, seed)
-    full = in_full(P, y, ridge)
-    chosen = np.random.default_rng(seed).permutation(M)[: min(size, M)]
-    best, shares = substitutes(regularised(P, y, ridge), chosen)
-
-    def gain(kept, one):
-        return squares_left(*full, kept) - squares_left(*full, np.append(kept, one))
-
-    for place, one in enumerate(chosen):
-        kept, others = np.delete(chosen, place), np.setdiff1d(np.arange(M), chosen)
-        if not len(others):
-            assert best[place] == -1
-            assert np.isnan(shares[place])
-            continue
-        gains = [gain(kept, other) for other in others]
-        assert gain(kept, best[place]) == pytest.approx(max(gains), rel=1e-6, abs=1e-9)
-        assert shares[place] * gain(kept, one) == pytest.approx(max(gains), rel=1e-5, abs=1e-8)
-
-
-@settings(deadline=None, max_examples=25)
-@given(
-    n=st.integers(8, 25),
-    M=st.integers(1, 4),
-    seed=st.integers(0, 10_000),
-    ridge=st.sampled_from([1e-6, 1e-3, 0.1]),
-)
-def test_press_is_the_error_of_models_fitted_without_the_sample(n, M, seed, ridge):
-    P, y = problem(n, M + 1, seed)
-    Z, z = (P[:, :M] - P[:, :M].mean(axis=0)) / P[:, :M].std(axis=0), (y - y.mean()) / y.std()
-    expected = 0.0
-    for left in range(n):
-        A = np.column_stack([np.ones(n - 1), np.delete(Z, left, axis=0)])
-        penalty = n * ridge * np.diag([0.0, *[1.0] * M])
-        theta = np.linalg.solve(A.T @ A + penalty, A.T @ np.delete(z, left))
-        expected += (z[left] - np.r_[1.0, Z[left]] @ theta) ** 2
-    data = regularised(P[:, :M], y, ridge)
-    found = ridge_press(blocks_of(Z, z, 3), data, [np.arange(1), np.arange(M)])
-    assert found[1] == pytest.approx(expected, rel=1e-6)
 
 
 @settings(deadline=None)
