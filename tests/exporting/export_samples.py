@@ -305,7 +305,6 @@ OPERATORS = (
     "dahl(pressure[k-2], 30)",
     "creep(pressure, 4, 0.05)",
     "coulomb(rate(strain), 0.1)",
-    "stribeck(rate(strain), 0.02, 0.2)",
     "direction(play(pressure, 0.2))",
 )
 FED_BACK = ("force[k-1]", "force[k-3]", "pressure", "pressure[k-2]")

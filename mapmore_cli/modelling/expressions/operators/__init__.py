@@ -1,5 +1,5 @@
-"""Operators with memory (and `saturate`, which has none). One file each: adding an operator is
-adding a file with `OPERATORS`.
+"""Operators with memory, and a few without. Adding one is adding a file with `OPERATORS`, or a row
+to one.
 """
 
 from __future__ import annotations
