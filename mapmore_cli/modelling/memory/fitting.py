@@ -69,7 +69,7 @@ def fit_with_memory(
         vector = [*point.theta[order], point.constant, *point.numbers]
         point = Coefficients(np.array(vector), len(order))
         choice = replace(again, forward=choice.forward)
-    return replace(training.refined(choice, point), held_out=held_out)
+    return replace(training.fit(choice, point), held_out=held_out)
 
 
 def _ahead(choice: Choice, numbers: Sequence[float] | Array = ()) -> Coefficients:

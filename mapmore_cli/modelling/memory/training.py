@@ -10,11 +10,10 @@ searches end at the best model; from the grid most do.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import chain, product
-from typing import NamedTuple
 
 import numpy as np
 
@@ -22,6 +21,7 @@ from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import Identified, MemoryFit, MemoryModel, StateSet
 from mapmore_cli.modelling.expressions import Name, parse, substitute, to_text
+from mapmore_cli.modelling.expressions.operator import Parameter
 from mapmore_cli.modelling.expressions.operators import OPERATORS
 from mapmore_cli.modelling.expressions.states import Measured, Operated, State, state
 from mapmore_cli.modelling.memory.feedback import Feedback, fed_back_states, parted
@@ -41,26 +41,13 @@ ALL = 64  # sets of starting numbers up to which every one is tried
 AT_BOUND = 1e-6  # of the way between the bounds: a number so near to one lies on it
 
 
-class _Place(NamedTuple):
-    """One number: the state that it belongs to, its key, its bounds. It is searched by its
-    logarithm where it is positive.
-    """
-
-    state: Operated
-    key: str
-    low: float
-    high: float
-
-    def searched(self, number: float) -> float:
-        return float(np.log(max(number, self.low))) if self.low > 0 else float(number)
-
-    def number(self, searched: float, digits: int) -> float:
-        return float(f"{np.exp(searched) if self.low > 0 else searched:.{digits}g}") + 0.0
+Numbers = tuple[tuple[float, ...], ...]  # those of each state
 
 
 @dataclass(frozen=True)
 class Unknown:
-    """The numbers that some terms leave open.
+    """The m numbers that some terms leave open. One is searched by its logarithm where it is
+    positive.
 
     - `states`: operators without their numbers, the innermost first, each once; those of fewer
       terms keep their order.
@@ -72,39 +59,45 @@ class Unknown:
     longest: float
 
     @cached_property
-    def places(self) -> tuple[_Place, ...]:
-        """(m) every number."""
-        return tuple(
-            _Place(one, parameter.key, *parameter.between(self.step, self.longest))
+    def places(self) -> list[tuple[Operated, Parameter]]:
+        """(m) the state that each number belongs to, and what it is."""
+        return [
+            (one, parameter)
             for one in self.states
             for parameter in OPERATORS[one.operator].parameters
+        ]
+
+    @cached_property
+    def limits(self) -> Array:
+        """(2, m) least and greatest numbers."""
+        ends = [
+            parameter.between(self.step, self.longest)
+            for _, parameter in self.places
             if parameter.between is not None
-        )
+        ]
+        return np.array(ends).reshape(-1, 2).T
 
     @property
     def bounds(self) -> Array:
-        """(m, 2) least and greatest place of each number in the search."""
-        return np.array(
-            [[place.searched(place.low), place.searched(place.high)] for place in self.places]
-        ).reshape(-1, 2)
+        """(2, m) least and greatest places in the search."""
+        return np.array([self._place(end) for end in self.limits])
 
-    def those_of(self, part: Unknown) -> BoolArray:
-        """(m,) whether a number is one of `part`, too."""
-        return np.array([place.state in part.states for place in self.places], dtype=np.bool_)
+    def _place(self, numbers: Array) -> Array:
+        positive = self.limits[0] > 0
+        return np.where(positive, np.log(np.where(positive, numbers, 1.0)), numbers)
 
     def searched(self, numbers: Sequence[float]) -> Array:
         """(m,) where numbers lie in the search."""
-        places = np.array(
-            [place.searched(number) for number, place in zip(numbers, self.places, strict=True)]
-        )
-        return np.asarray(np.clip(places, *self.bounds.T))
+        return self._place(np.clip(numbers, *self.limits))
 
     def numbers(self, searched: Array, digits: int = 17) -> tuple[float, ...]:
         """Return the numbers at a place of the search, to so many significant digits."""
-        return tuple(
-            place.number(at, digits)
-            for at, place in zip(searched.tolist(), self.places, strict=True)
-        )
+        values = np.where(self.limits[0] > 0, np.exp(searched), searched)
+        return tuple(float(f"{value:.{digits}g}") + 0.0 for value in values)
+
+    def those_of(self, part: Unknown) -> BoolArray:
+        """(m,) whether a number is one of `part`, too."""
+        return np.array([one in part.states for one, _ in self.places], dtype=np.bool_)
 
     def filled(self, texts: Sequence[str], numbers: Sequence[float]) -> tuple[str, ...]:
         """Return the terms with the numbers in their states' names."""
@@ -119,20 +112,15 @@ class Unknown:
             for term in map(parse, texts)
         )
 
-    def found(self, searched: Array, errors: Array) -> Identified:
-        """Numbers with their standard errors and bounds, from those of the search."""
-        numbers = self.numbers(searched, DIGITS)
-        names = tuple(f"{place.key} of {place.state.name}" for place in self.places)
-        scale = np.array(
-            [
-                number if place.low > 0 else 1.0
-                for number, place in zip(numbers, self.places, strict=True)
-            ]
-        )
-        low, high = self.bounds.T
+    def identified(self, searched: Array, errors: Array) -> Identified:
+        """Return the numbers with their standard errors, from those of the search."""
+        numbers = np.array(self.numbers(searched, DIGITS))
+        names = tuple(f"{parameter.key} of {one.name}" for one, parameter in self.places)
+        scale = np.where(self.limits[0] > 0, numbers, 1.0)
+        low, high = self.bounds
         near = AT_BOUND * (high - low)
         held = (searched <= low + near) | (searched >= high - near)
-        return Identified(names, np.array(numbers), np.where(held, np.nan, errors * scale), held)
+        return Identified(names, numbers, np.where(held, np.nan, errors * scale), held)
 
     def scan(
         self, error: Callable[[tuple[float, ...]], float], keep: int
@@ -148,17 +136,15 @@ class Unknown:
             if (starts := OPERATORS[one.operator].starts) is not None
         ]
 
-        def ranked(
-            sets: Sequence[tuple[tuple[float, ...], ...]],
-        ) -> list[tuple[tuple[float, ...], ...]]:
+        def ranked(sets: Iterable[Numbers]) -> list[Numbers]:
             return sorted(sets, key=lambda own: error(tuple(chain(*own))))
 
         if math.prod(map(len, grids)) <= ALL:
-            best = ranked(list(product(*grids)))
+            best = ranked(product(*grids))
         else:
             best = [tuple(grid[len(grid) // 2] for grid in grids)]
             for place, grid in enumerate(grids):
-                best = ranked([(*best[0][:place], own, *best[0][place + 1 :]) for own in grid])
+                best = ranked((*best[0][:place], own, *best[0][place + 1 :]) for own in grid)
         return [tuple(chain(*own)) for own in best[:keep]]
 
 
@@ -222,43 +208,34 @@ class Training:
         self.limits = (float(self.data.y.min()), float(self.data.y.max()))
         self.selector = selector(self.data, recipe)
 
-    def fit(self, choice: Choice) -> MemoryFit:
-        """Return the model of a choice, with its coefficients of one step ahead."""
-        found, recipe = choice.selection, self.recipe
-        terms = tuple(self.dictionary[i] for i in found.chosen)
-        states = self._states_of(found.chosen)
+    def fit(self, choice: Choice, point: Coefficients | None = None) -> MemoryFit:
+        """Return the model of a choice, with its coefficients of one step ahead; or with those of
+        a `point` found in free run, in the order of the choice, and their standard errors.
+        """
+        selection, constant, identified = choice.selection, choice.constant, None
+        chosen = selection.chosen
+        if point is not None:
+            errors, of_numbers = standard_errors(self.problem(chosen, search=True), point)
+            selection = replace(selection, theta=point.theta, theta_error=errors)
+            constant, numbers = point.constant, self.open_in(chosen)
+            if numbers.states:
+                identified = numbers.identified(point.numbers, of_numbers)
         model = MemoryModel(
-            recipe.target,
-            states,
-            terms,
-            found.theta,
-            found.theta_error,
-            choice.constant,
+            self.recipe.target,
+            self._states_of(chosen),
+            tuple(self.dictionary[i] for i in chosen),
+            selection.theta,
+            selection.theta_error,
+            constant,
             self.limits,
         )
         return MemoryFit(
             model,
             self.dictionary,
-            found,
+            selection,
             choice.ridge,
             choice.forward,
-        )
-
-    def refined(self, choice: Choice, point: Coefficients) -> MemoryFit:
-        """Return the model of a choice with coefficients and numbers found in free run, and their
-        standard errors.
-
-        theta are in the order of the choice.
-        """
-        chosen = choice.selection.chosen
-        errors, of_numbers = standard_errors(self.problem(chosen, search=True), point)
-        selection = replace(choice.selection, theta=point.theta, theta_error=errors)
-        fit = self.fit(replace(choice, selection=selection, constant=point.constant))
-        numbers = self.open_in(chosen)
-        return (
-            replace(fit, identified=numbers.found(point.numbers, of_numbers))
-            if numbers.places
-            else fit
+            identified=identified,
         )
 
     def open_in(self, chosen: IntArray) -> Unknown:
@@ -318,7 +295,7 @@ class Training:
             bounds_of(self.limits),
             self.selector.penalty(chosen),
             self.recipe.ridge != 0.0,
-            np.hstack([[[-np.inf], [np.inf]] * np.ones(len(chosen) + 1), numbers.bounds.T]),
+            np.hstack([[[-np.inf], [np.inf]] * np.ones(len(chosen) + 1), numbers.bounds]),
         )
 
     def _states_of(self, chosen: IntArray) -> StateSet:

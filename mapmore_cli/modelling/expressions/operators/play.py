@@ -75,8 +75,8 @@ def _with_widths(
 ) -> Operator:
     return Operator(
         name,
-        f"{summary} as fractions of the training range; a `count` of them is spread evenly; training "
-        "finds one that is given by neither.",
+        f"{summary} as fractions of the training range; a `count` of them is spread evenly; "
+        "training finds one that is given by neither.",
         recursion,
         (WIDTHS,),
         "range",
