@@ -13,7 +13,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve, Recording
-from mapmore_cli.modelling.expressions.operator import followed, linear
+from mapmore_cli.modelling.expressions.operator import linear, run_recursion
 from mapmore_cli.modelling.signals.cycles import bin_means
 from mapmore_cli.modelling.signals.rates import rate
 from mapmore_cli.modelling.signals.sampling import correlation
@@ -228,7 +228,7 @@ def scaled(values: Sequence[Array]) -> list[Array]:
 def _earlier(u: Array) -> Array:
     """Return the input delayed and followed slowly, and the square of the latter, `(n, 8)`."""
     delayed = [np.concatenate([np.full(min(k, len(u)), u[0]), u[:-k]])[: len(u)] for k in DELAYS]
-    slow = [followed(linear([1 - 1 / lag], [1 / lag]), u) for lag in LAGS]
+    slow = [run_recursion(linear([1 - 1 / lag], [1 / lag]), u) for lag in LAGS]
     return np.column_stack([*delayed, *slow, *(one**2 for one in slow)])
 
 

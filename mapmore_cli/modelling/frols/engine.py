@@ -15,11 +15,11 @@ from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.fits import Selection
 from mapmore_cli.modelling.frols.moments import (
     Blocks,
-    checked,
+    blocks_of_rows,
+    checked_blocks,
+    divided,
     gram,
-    row_blocks,
     safe_scale,
-    scaled,
 )
 from mapmore_cli.modelling.frols.select import (
     RANK_TOLERANCE,
@@ -265,7 +265,7 @@ def frols(
     if len(names) not in (0, M):
         raise ValueError(f"{len(names)} names for {M} candidates")
     found = (
-        _by_gram(row_blocks(P, y), stopping)
+        _by_gram(blocks_of_rows(P, y), stopping)
         if reads_once(n, M, stopping.limit(n, M))
         else _by_basis(P, y, stopping)
     )
@@ -287,7 +287,7 @@ def frols_streamed(
     Raises DataError where a value is not finite, with its column and its row counted over all
     blocks; ValueError where the shapes do not fit, there is no row, or `max_terms` is below one.
     """
-    return _by_gram(checked(blocks), Stopping(max_terms, tolerance, stop))
+    return _by_gram(checked_blocks(blocks), Stopping(max_terms, tolerance, stop))
 
 
 def reads_once(n: int, M: int, terms: int) -> bool:
@@ -303,7 +303,7 @@ def reads_once(n: int, M: int, terms: int) -> bool:
 def _by_gram(blocks: Blocks, stopping: Stopping) -> Selection:
     """On the Gram matrix as long as it has the digits, otherwise on explicit remainders."""
     matrix, scale, samples = gram(blocks)
-    rows, limit = scaled(blocks, scale), stopping.limit(samples, len(scale) - 1)
+    rows, limit = divided(blocks, scale), stopping.limit(samples, len(scale) - 1)
     rest = (stopping, limit, scale, samples, blocks)
     try:
         return selected(GramRemainders(matrix, rows), *rest)
@@ -317,7 +317,7 @@ def _by_gram(blocks: Blocks, stopping: Stopping) -> Selection:
 
 
 def _by_basis(P: Array, y: Array, stopping: Stopping) -> Selection:
-    blocks, limit = row_blocks(P, y), stopping.limit(*P.shape)
+    blocks, limit = blocks_of_rows(P, y), stopping.limit(*P.shape)
     with np.errstate(over="ignore", invalid="ignore"):  # `safe_scale` looks for the cause
         squares = np.append(_column_squares(P), y @ y)
     scale = safe_scale(squares, blocks)

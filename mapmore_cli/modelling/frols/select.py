@@ -13,7 +13,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.fits import Selection
-from mapmore_cli.modelling.frols.moments import Blocks, scaled, standard
+from mapmore_cli.modelling.frols.moments import Blocks, divided, standard
 
 # candidates whose ERR lies within this fraction of the best are tied; the lower dictionary index
 # wins
@@ -90,7 +90,7 @@ class Remainders:
         self.products -= row[-1] * row[:-1]
 
 
-class Step(NamedTuple):
+class Iteration(NamedTuple):
     """One iteration: the pick, `g` and ERR of all candidates, (M,), the row of the triangular
     factor, (M+1,), what is left of `y'y`.
     """
@@ -106,7 +106,7 @@ class Step(NamedTuple):
 
 def greedy(
     remainders: Remainders, stopping: Stopping, limit: int, whole: Callable[[], float]
-) -> tuple[list[Step], str]:
+) -> tuple[list[Iteration], str]:
     """Choose the candidate of the highest ERR (M2 eq 5) until the error is within the tolerance (eq
     6) or `limit` terms are chosen (eq 7).
 
@@ -116,7 +116,7 @@ def greedy(
     ones. A residual of rounding error ends them by any rule. Raises DigitsLost as the remainders
     do.
     """
-    steps: list[Step] = []
+    steps: list[Iteration] = []
     by_tolerance = stopping.criterion == "tolerance"
     yy, tolerance = remainders.yy, stopping.tolerance * by_tolerance
     while len(steps) < limit:
@@ -125,11 +125,11 @@ def greedy(
             return steps, "rank"
         if np.nanmax(err) <= NO_GAIN:
             return steps, "no_gain"
-        pick, *tied = _best(err).tolist()
-        others = _best(np.where(np.arange(len(err)) == pick, np.nan, err)).tolist()
+        pick, *tied = _highest(err).tolist()
+        others = _highest(np.where(np.arange(len(err)) == pick, np.nan, err)).tolist()
         row = remainders.choose(pick)
         steps.append(
-            Step(pick, g, err, others[0] if others else -1, len(tied), row, remainders.sse)
+            Iteration(pick, g, err, others[0] if others else -1, len(tied), row, remainders.sse)
         )
         left = remainders.sse
         if left <= NO_GAIN * yy or (left <= tolerance * yy and left <= tolerance * whole()):
@@ -137,7 +137,7 @@ def greedy(
     return steps, "max_terms" if limit == stopping.max_terms else "rank"
 
 
-def _best(err: Array) -> IntArray:
+def _highest(err: Array) -> IntArray:
     """Return the candidates of the highest ERR that tie; none where every ERR is NaN."""
     return np.flatnonzero(
         err >= np.max(err, initial=-np.inf, where=~np.isnan(err)) * (1 - TIE_TOLERANCE)
@@ -188,18 +188,18 @@ def selected(
     The remainders are of columns of `Z = [P y]` divided by `scale`, (M+1,); `blocks` are the rows
     of `Z`, read where the tolerance may end the choice.
     """
-    whole = cache(lambda: to_explain(scaled(blocks, scale), samples, remainders.yy))
+    whole = cache(lambda: to_explain(divided(blocks, scale), samples, remainders.yy))
     steps, stop = greedy(remainders, stopping, limit, whole)
     best = k = len(steps)
     if k and stopping.criterion == "bic":
         best = least_bic(np.array([step.sse for step in steps]) / remainders.yy, samples)
-    return _selection(
+    return _in_order(
         steps[:best], stopping.criterion if best < k else stop, remainders.yy, scale, samples
     )
 
 
-def _selection(
-    steps: Sequence[Step], stop: str, yy: float, scale: Array, samples: int
+def _in_order(
+    steps: Sequence[Iteration], stop: str, yy: float, scale: Array, samples: int
 ) -> Selection:
     k, M = len(steps), len(scale) - 1
     chosen = np.array([step.pick for step in steps], dtype=np.int64)

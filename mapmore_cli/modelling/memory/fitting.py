@@ -15,8 +15,8 @@ from mapmore_cli.domain.fits import MemoryFit
 from mapmore_cli.modelling.expressions import NotFinite
 from mapmore_cli.modelling.memory.records import Record
 from mapmore_cli.modelling.memory.refinement import Coefficients, refine
-from mapmore_cli.modelling.memory.selectors import Choice
-from mapmore_cli.modelling.memory.training import DIGITS, Training, Unknown, left_open
+from mapmore_cli.modelling.memory.selectors import TermChoice
+from mapmore_cli.modelling.memory.training import DIGITS, TrainingData, Unknown, left_open
 from mapmore_cli.modelling.selection import MemoryRecipe
 
 # share of each piece's training samples on which free runs compete, where they decide on the number
@@ -46,7 +46,7 @@ def fit_with_memory(
     """
     numbers = left_open(records, recipe.dictionary, recipe.step)
     start = _start(records, recipe, numbers) if numbers.states else np.empty(0)
-    training, held_out = Training(records, recipe, numbers.numbers(start)), None
+    training, held_out = TrainingData(records, recipe, numbers.numbers(start)), None
     if recipe.stop == "free_run":
         chosen, held_out = _sized_in_free_run(records, recipe, numbers.numbers(start), progress)
         choice = training.selector.among(chosen, "free_run")
@@ -63,7 +63,7 @@ def fit_with_memory(
         )
     if own.any():
         start[own] = point.numbers
-        training = Training(records, recipe, numbers.numbers(start, DIGITS))
+        training = TrainingData(records, recipe, numbers.numbers(start, DIGITS))
         again = training.selector.among(chosen, choice.selection.stop)
         order = [chosen.tolist().index(term) for term in again.selection.chosen]
         vector = [*point.theta[order], point.constant, *point.numbers]
@@ -72,7 +72,7 @@ def fit_with_memory(
     return replace(training.fit(choice, point), held_out=held_out)
 
 
-def _ahead(choice: Choice, numbers: Sequence[float] | Array = ()) -> Coefficients:
+def _ahead(choice: TermChoice, numbers: Sequence[float] | Array = ()) -> Coefficients:
     """Coefficients of one step ahead, and the operators' numbers that go with them."""
     theta = choice.selection.theta
     return Coefficients(np.concatenate([theta, [choice.constant], numbers]), len(theta))
@@ -86,7 +86,7 @@ def _start(records: Sequence[Record], recipe: MemoryRecipe, numbers: Unknown) ->
     def ahead(own: tuple[float, ...]) -> float:
         with np.errstate(all="ignore"):
             try:
-                return Training(records, recipe, own).selector.best().selection.sse
+                return TrainingData(records, recipe, own).selector.best().selection.sse
             except NotFinite:
                 return np.inf  # these numbers make the state grow without bound
 
@@ -99,7 +99,7 @@ def _start(records: Sequence[Record], recipe: MemoryRecipe, numbers: Unknown) ->
         for one, taken in zip(records, before, strict=False)
     ]
     for own in numbers.scan(ahead, STARTS):
-        training, searched = Training(records, recipe, own), numbers.searched(own)
+        training, searched = TrainingData(records, recipe, own), numbers.searched(own)
         choice = training.selector.best()
         chosen = choice.selection.chosen
         if not len(best):
@@ -124,7 +124,7 @@ def _sized_in_free_run(
         rows = np.flatnonzero(record.training)
         late.append(np.isin(np.arange(record.size), rows[len(rows) - int(LATE * len(rows)) :]))
         beginnings.append(Record(record.columns, record.training & ~late[-1]))
-    early = Training(beginnings, recipe, numbers)
+    early = TrainingData(beginnings, recipe, numbers)
     sizes, errors = [], []
     for terms, chosen in enumerate(early.selector.sizes, 1):
         choice = early.selector.among(chosen, "free_run")

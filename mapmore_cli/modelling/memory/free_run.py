@@ -15,7 +15,7 @@ from mapmore_cli.modelling.expressions import dictionary_matrix, parse
 from mapmore_cli.modelling.memory.feedback import Feedback
 from mapmore_cli.modelling.memory.records import AtSample, complete, numbered, uninterrupted
 from mapmore_cli.modelling.memory.simulation import (
-    Course,
+    ReadyPiece,
     bounds_of,
     refuse_unknown_beginning,
 )
@@ -25,13 +25,13 @@ from mapmore_cli.modelling.signals.sampling import UNEVEN
 FEW = 2  # samples up to which a longer step is taken for a gap
 
 
-def one_step_ahead(model: MemoryModel, columns: Columns) -> Array:
+def predict_one_step(model: MemoryModel, columns: Columns) -> Array:
     """Prediction of every sample from the measured past, (n,); NaN before there is history. Memory
     starts anew where `free_run`'s does.
     """
     terms = [parse(term) for term in model.terms]
     predicted = _nothing(columns)
-    for rows, piece in _pieces(model, columns):
+    for rows, piece in _uninterrupted_rows(model, columns):
         states = evaluate_states(model.states, piece)
         known = complete(states.values(), len(rows))
         matrix = dictionary_matrix(
@@ -55,11 +55,11 @@ def free_run(model: MemoryModel, columns: Columns) -> Run:
     """
     feedback = Feedback(model.terms, model.states, model.output)
     if not feedback.names:
-        return Run(one_step_ahead(model, columns))
+        return Run(predict_one_step(model, columns))
     values, diverged = _nothing(columns), list[int]()
-    for rows, piece in _pieces(model, columns):
+    for rows, piece in _uninterrupted_rows(model, columns):
         with numbered(rows):
-            course = Course(feedback, piece)
+            course = ReadyPiece(feedback, piece)
             refuse_unknown_beginning(course)
         simulated = course.run(model.theta, model.constant, bounds_of(model.limits)).output
         end = course.start + len(simulated)
@@ -72,7 +72,7 @@ def _nothing(columns: Columns) -> Array:
     return np.full(len(next(iter(columns.values()))), np.nan)
 
 
-def _pieces(model: MemoryModel, columns: Columns) -> Iterator[tuple[IntArray, Columns]]:
+def _uninterrupted_rows(model: MemoryModel, columns: Columns) -> Iterator[tuple[IntArray, Columns]]:
     """Yield row numbers and columns of the pieces within which memory lasts: rows with all inputs,
     one step apart.
     """

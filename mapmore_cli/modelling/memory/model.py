@@ -24,12 +24,12 @@ from mapmore_cli.modelling.literature.model import (
     formula_equations,
     formula_value,
 )
-from mapmore_cli.modelling.memory.feedback import StateWriter, fed_back_states, parts_of
-from mapmore_cli.modelling.memory.free_run import free_run, one_step_ahead
+from mapmore_cli.modelling.memory.feedback import StateWriter, fed_back_states, taken_apart
+from mapmore_cli.modelling.memory.free_run import free_run, predict_one_step
 from mapmore_cli.modelling.memory.simulation import bounds_of
 from mapmore_cli.modelling.memory.states import memory_inputs
 from mapmore_cli.modelling.program.statements import NOTHING, Queue
-from mapmore_cli.modelling.program.writing import Inputs, Writer, limit, times, total
+from mapmore_cli.modelling.program.writing import Inputs, Writer, limit, multiplied, total
 
 
 def build(
@@ -59,18 +59,18 @@ def build(
 
 def simulate(model: Model, columns: Columns) -> Run:
     """Return the model in free run along one recording, (n,), on its backbone where it has one."""
-    run = free_run(_body(model).model, columns)
+    run = free_run(_memory_of(model).model, columns)
     return Run(_base(model, columns) + run.values, run.diverged)
 
 
 def one_step(model: Model, columns: Columns) -> Array:
     """Prediction of every row from the measured past, (n,); NaN before there is history."""
-    return _base(model, columns) + one_step_ahead(_body(model).model, columns)
+    return _base(model, columns) + predict_one_step(_memory_of(model).model, columns)
 
 
 def equations(model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
     """Return the backbone first, then the equation of the next output."""
-    body = _body(model)
+    body = _memory_of(model)
     own, limits = (
         body.model,
         united([*(one.limits for one in body.ranges), {body.model.output: body.model.limits}]),
@@ -84,19 +84,19 @@ def parameters(model: Model) -> int:
     """Return the coefficients of the terms, with the model's own constant where it has one, and the
     parameters of the backbone.
     """
-    body = _body(model)
+    body = _memory_of(model)
     own = len(body.model.theta) + (body.model.constant != 0.0)
     return own + (0 if body.backbone is None else len(body.backbone.parameters))
 
 
 def fed_back(model: Model) -> tuple[str, ...]:
     """Return the output, where the model goes on from it."""
-    memory = _body(model).model
+    memory = _memory_of(model).model
     return (memory.output,) if fed_back_states(memory.states, memory.output) else ()
 
 
 def _base(model: Model, columns: Columns) -> Array:
-    body = _body(model)
+    body = _memory_of(model)
     if body.backbone is None and not model.inputs:
         return np.zeros(len(next(iter(columns.values()))))
     return by_blocks(
@@ -104,14 +104,14 @@ def _base(model: Model, columns: Columns) -> Array:
     )
 
 
-def _body(model: Model) -> Memory:
+def _memory_of(model: Model) -> Memory:
     assert isinstance(model.body, Memory)
     return model.body
 
 
 def write(m: Writer, model: Model, inputs: Inputs) -> Expression:
     """Write a model with memory, on its backbone where it has one."""
-    body = _body(model)
+    body = _memory_of(model)
     limit(m, body.ranges, None, inputs)
     m.kept.steps.append(body.model.states.step)
     return m.let("model", formula_value(m, body.backbone, inputs) + _written(m, body.model, inputs))
@@ -131,7 +131,7 @@ def _written(m: Writer, model: MemoryModel, inputs: Inputs) -> Expression:
         """Write the output while it stays within bounds; nothing from where it leaves them, up to
         a reset.
         """
-        value, (low, high) = _sum(m, model, names), bounds_of(model.limits)
+        value, (low, high) = _sum_of_terms(m, model, names), bounds_of(model.limits)
         lost_now = [(lost > 0, NOTHING), (value < low, NOTHING), (value > high, NOTHING)]
         return m.choose("within", lost_now, value)
 
@@ -143,31 +143,31 @@ def _written(m: Writer, model: MemoryModel, inputs: Inputs) -> Expression:
         queue = writer.queues[Measured(model.output)]
         m.kept.fed_back.setdefault(model.output, []).append(queue)
     else:
-        output = m.choose("memory", [(early, NOTHING)], lambda: _sum(m, model, names))
+        output = m.choose("memory", [(early, NOTHING)], lambda: _sum_of_terms(m, model, names))
     m.statements += [Queue(queue, value) for queue, value in writer.pushed(output).items()]
     m.keep(seen, seen + 1)
     return output
 
 
-def _sum(m: Writer, model: MemoryModel, names: Mapping[str, Expression]) -> Expression:
+def _sum_of_terms(m: Writer, model: MemoryModel, names: Mapping[str, Expression]) -> Expression:
     """Write `constant + sum_j theta_j D_j`, the terms of inputs first, as a free run adds them
     up.
     """
-    parts = parts_of(model.terms, fed_back_states(model.states, model.output))
+    parts = taken_apart(model.terms, fed_back_states(model.states, model.output))
     sums: dict[int, list[Expression]] = {group: [] for group in range(len(parts.owns))}
     sums[-1] = [Number(model.constant)]
     for inputs, theta, group in zip(
         parts.inputs, model.theta.tolist(), parts.groups.tolist(), strict=True
     ):
         driven = m.let("driven", substitute(inputs, names))
-        sums[group].append(times(Number(theta), driven))
+        sums[group].append(multiplied(Number(theta), driven))
     base = m.let("base", total(sums.pop(-1)))
     return parts.summed(m, base, [m.let("weight", total(own)) for own in sums.values()], names)
 
 
 def faults(model: Model) -> Iterator[str]:
     """Say what of a stored model no prediction would notice."""
-    memory = _body(model).model
+    memory = _memory_of(model).model
     if memory.output != model.output.name or not all(
         parse(text).names <= {*memory.states.names} for text in memory.terms
     ):

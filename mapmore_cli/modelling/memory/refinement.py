@@ -19,7 +19,7 @@ import numpy as np
 from scipy.linalg.lapack import dtbtrs
 
 from mapmore_cli.domain.arrays import Array, BoolArray
-from mapmore_cli.modelling.memory.simulation import Course, Trajectory
+from mapmore_cli.modelling.memory.simulation import ReadyPiece, Trajectory
 
 FIRST, GROWTH = 16, 8  # samples of the shortest horizon, and how many times longer the next one is
 # where a run over the next horizon explodes a nearer one is tried, down to this many times the last
@@ -30,7 +30,7 @@ DAMPING, MOST_DAMPING = 1e-3, 1e8
 NUDGE = 1e-5
 
 
-def sensitivities(course: Course, run: Trajectory, theta: Array) -> Array:
+def sensitivities(course: ReadyPiece, run: Trajectory, theta: Array) -> Array:
     """Return the derivatives of the outputs of a run by theta and by the constant, (n, k + 1); not
     finite where the run is unstable.
     """
@@ -55,7 +55,7 @@ def sensitivities(course: Course, run: Trajectory, theta: Array) -> Array:
     return np.asarray(solution[::q])
 
 
-def _band(course: Course, run: Trajectory, slopes: Array) -> Array:
+def _band(course: ReadyPiece, run: Trajectory, slopes: Array) -> Array:
     """`I - d(values)/d(past values)` by its diagonals; what lies before the beginning of a stretch
     is measured, and does not move.
     """
@@ -117,7 +117,7 @@ class Coefficients:
 
 
 @dataclass(frozen=True)
-class Problem:
+class FreeRunProblem:
     """Simulation error of one set of terms on training samples.
 
     - `courses`: the pieces, of the operators' numbers (m,).
@@ -128,7 +128,7 @@ class Problem:
     - `between`: (2, k + 1 + m) least and greatest place of a point.
     """
 
-    courses: Callable[[Array], tuple[Course, ...]]
+    courses: Callable[[Array], tuple[ReadyPiece, ...]]
     counted: tuple[BoolArray, ...]
     bounds: tuple[float, float]
     ridge: Array
@@ -209,7 +209,7 @@ class Problem:
         return free
 
 
-def refine(problem: Problem, start: Coefficients) -> Coefficients:
+def refine(problem: FreeRunProblem, start: Coefficients) -> Coefficients:
     """Return coefficients of least error in free run, searched from `start`; of infinite error
     where no run on the way stays finite.
     """
@@ -234,7 +234,7 @@ def refine(problem: Problem, start: Coefficients) -> Coefficients:
 
 
 def minimise(
-    problem: Problem, start: Coefficients, horizon: int | None, effort: Effort
+    problem: FreeRunProblem, start: Coefficients, horizon: int | None, effort: Effort
 ) -> Coefficients:
     """Search by Levenberg-Marquardt at one horizon (None: free run); steps whose run diverges are
     refused as those are that raise the error.
@@ -274,7 +274,7 @@ def _of_unit_diagonal(curvature: Array) -> tuple[Array, Array]:
     return curvature / size / size[:, None], size
 
 
-def standard_errors(problem: Problem, point: Coefficients) -> tuple[Array, Array]:
+def errors_of_coefficients(problem: FreeRunProblem, point: Coefficients) -> tuple[Array, Array]:
     """Return standard errors of theta (k,) and of the operators' numbers (m,), from the curvature
     of the simulation error.
 

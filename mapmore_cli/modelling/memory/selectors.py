@@ -87,7 +87,7 @@ FOLDS = 4  # blocks of samples that are left out in turn where the ridge is chos
 
 
 @dataclass(frozen=True)
-class Choice:
+class TermChoice:
     """Terms of one model: their selection in units of the candidates, the constant that belongs to
     it, the ridge, and the candidates that were chosen before pruning.
     """
@@ -108,7 +108,7 @@ class _Plain:
         else:
             refuse_beyond_memory(len(data.terms))
 
-    def best(self) -> Choice:
+    def best(self) -> TermChoice:
         """Return the model whose number of terms the recipe's rule prefers."""
         recipe = self.recipe
         every = np.arange(len(self.data.terms))
@@ -122,7 +122,7 @@ class _Plain:
         largest = self._selected(np.arange(len(self.data.terms)), self.recipe.most_terms)
         return [largest.forward[: size + 1] for size in range(len(largest.forward))]
 
-    def among(self, chosen: IntArray, stop: str) -> Choice:
+    def among(self, chosen: IntArray, stop: str) -> TermChoice:
         """Return the model of these candidates, in the order of their error reduction; `stop` says
         why it has so many.
         """
@@ -137,7 +137,7 @@ class _Plain:
 
     def _selected(
         self, among: IntArray, terms: int, tolerance: float = 0.0, stop: Stop = "tolerance"
-    ) -> Choice:
+    ) -> TermChoice:
         if self.whole is None:
             selection = frols_streamed(
                 lambda: ((P[:, among], y) for P, y in self.data.blocks()),
@@ -148,7 +148,7 @@ class _Plain:
         else:
             selection = frols(self.whole[:, among], self.data.y, terms, tolerance, stop=stop)
         selection = widened(selection, among, len(self.data.terms))
-        return Choice(selection, 0.0, 0.0, selection.chosen)
+        return TermChoice(selection, 0.0, 0.0, selection.chosen)
 
 
 class _Ridged:
@@ -177,7 +177,7 @@ class _Ridged:
             raise DataError("no candidate explains anything of the output", remedy)
         self.sizes = prune(self.data, self.forward)[: recipe.most_terms]
 
-    def best(self) -> Choice:
+    def best(self) -> TermChoice:
         unexplained = np.array(
             [self.data.unexplained(kept, self.data.coefficients(kept)) for kept in self.sizes]
         )
@@ -188,12 +188,12 @@ class _Ridged:
             return self.among(self.sizes[enough[0]], "tolerance")
         return self.among(self.sizes[-1], "pruned")
 
-    def among(self, chosen: IntArray, stop: str) -> Choice:
+    def among(self, chosen: IntArray, stop: str) -> TermChoice:
         selection = replace(select(self.data, len(chosen), chosen), stop=stop)
         selection = in_units(selection, self.standard.spread)
         centre = self.standard.centre
         constant = float(centre[-1] - selection.theta @ centre[selection.chosen])
-        return Choice(selection, constant, self.data.ridge, self.forward)
+        return TermChoice(selection, constant, self.data.ridge, self.forward)
 
     def penalty(self, chosen: IntArray) -> Array:
         return self.data.ridge * self.data.samples * self.standard.spread[chosen] ** 2

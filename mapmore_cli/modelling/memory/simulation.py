@@ -41,7 +41,7 @@ class Trajectory:
         return np.asarray(self.values[0])
 
 
-class Course:
+class ReadyPiece:
     """A piece made ready for one set of terms: its samples from the row `start` on, where every
     state of inputs has a value and the longest delay is over.
 
@@ -159,7 +159,7 @@ class Course:
         return columns
 
 
-def refuse_unknown_beginning(course: Course) -> None:
+def refuse_unknown_beginning(course: ReadyPiece) -> None:
     """Raise AtSample where a measured output that the run begins with is missing."""
     first = course.start - course.feedback.longest
     known = np.isfinite(course.measured[first : course.start])

@@ -26,14 +26,18 @@ from mapmore_cli.modelling.expressions.operators import OPERATORS
 from mapmore_cli.modelling.expressions.states import Measured, Operated, State, state
 from mapmore_cli.modelling.memory.feedback import Feedback, fed_back_states, parted
 from mapmore_cli.modelling.memory.records import Record
-from mapmore_cli.modelling.memory.refinement import Coefficients, Problem, standard_errors
-from mapmore_cli.modelling.memory.selectors import Choice, regressors, selector
+from mapmore_cli.modelling.memory.refinement import (
+    Coefficients,
+    FreeRunProblem,
+    errors_of_coefficients,
+)
+from mapmore_cli.modelling.memory.selectors import TermChoice, regressors, selector
 from mapmore_cli.modelling.memory.simulation import (
-    Course,
+    ReadyPiece,
     bounds_of,
     refuse_unknown_beginning,
 )
-from mapmore_cli.modelling.memory.states import resolve
+from mapmore_cli.modelling.memory.states import resolve_states
 from mapmore_cli.modelling.selection import MemoryRecipe
 
 DIGITS = 10  # significant digits of a number that was found; its standard error is far larger
@@ -178,7 +182,7 @@ def _with(found: State, numbers: dict[Operated, tuple[float, ...]]) -> State:
     )
 
 
-class Training:
+class TrainingData:
     """One set of training samples, and the `numbers` of operators that the recipe's dictionary
     leaves open.
 
@@ -194,7 +198,7 @@ class Training:
             recipe.dictionary, numbers
         )
         self.terms = tuple(map(parse, self.dictionary))
-        self.states = resolve(_names_in(self.dictionary), records, recipe)
+        self.states = resolve_states(_names_in(self.dictionary), records, recipe)
         fed_back = fed_back_states(self.states, recipe.target)
         for term in self.terms:
             parted(term, fed_back)  # refuses what no free run could feed back
@@ -208,14 +212,14 @@ class Training:
         self.limits = (float(self.data.y.min()), float(self.data.y.max()))
         self.selector = selector(self.data, recipe)
 
-    def fit(self, choice: Choice, point: Coefficients | None = None) -> MemoryFit:
+    def fit(self, choice: TermChoice, point: Coefficients | None = None) -> MemoryFit:
         """Return the model of a choice, with its coefficients of one step ahead; or with those of
         a `point` found in free run, in the order of the choice, and their standard errors.
         """
         selection, constant, identified = choice.selection, choice.constant, None
         chosen = selection.chosen
         if point is not None:
-            errors, of_numbers = standard_errors(self.problem(chosen, search=True), point)
+            errors, of_numbers = errors_of_coefficients(self.problem(chosen, search=True), point)
             selection = replace(selection, theta=point.theta, theta_error=errors)
             constant, numbers = point.constant, self.open_in(chosen)
             if numbers.states:
@@ -246,7 +250,7 @@ class Training:
 
     def problem(
         self, chosen: IntArray, counted: Sequence[BoolArray] | None = None, *, search: bool = False
-    ) -> Problem:
+    ) -> FreeRunProblem:
         """Return the simulation error of some candidates, over the training samples or those that
         are `counted`, (n,) for each record.
 
@@ -261,9 +265,9 @@ class Training:
             if end:
                 parts.append(({name: x[:end] for name, x in record.columns.items()}, mask[:end]))
 
-        def made_ready(terms: Sequence[str], states: StateSet) -> list[Course]:
+        def made_ready(terms: Sequence[str], states: StateSet) -> list[ReadyPiece]:
             feedback = Feedback(terms, states, self.recipe.target)
-            return [Course(feedback, columns) for columns, _ in parts]
+            return [ReadyPiece(feedback, columns) for columns, _ in parts]
 
         courses = made_ready([self.dictionary[i] for i in chosen], self._states_of(chosen))
         rows = [
@@ -283,13 +287,15 @@ class Training:
         numbers = left_open(self.records, open_terms, self.recipe.step)
 
         @lru_cache(maxsize=4)
-        def moved(at: bytes) -> tuple[Course, ...]:
+        def moved(at: bytes) -> tuple[ReadyPiece, ...]:
             terms = numbers.filled(open_terms, numbers.numbers(np.frombuffer(at)))
-            states = resolve(_names_in(terms), self.records, self.recipe, self.states.resonances)
+            states = resolve_states(
+                _names_in(terms), self.records, self.recipe, self.states.resonances
+            )
             others = made_ready(terms, states)
             return tuple(others[place] for place in places)
 
-        return Problem(
+        return FreeRunProblem(
             lambda at: moved(at.tobytes()) if numbers.places else ready,
             tuple(rows[place] for place in places),
             bounds_of(self.limits),

@@ -111,14 +111,14 @@ def with_slopes_by(block: Block, names: Sequence[str]) -> Block:
 
 def _with_slopes(block: Block, names: Sequence[str]) -> Block:
     """Return the block with the derivatives of its results by `names` behind them."""
-    return _block(
+    return _block_with_slopes(
         block,
         {name: tuple(ONE if other == name else ZERO for other in names) for name in names},
         len(names),
     )
 
 
-def _block(block: Block, slopes: dict[str, Slopes], count: int) -> Block:
+def _block_with_slopes(block: Block, slopes: dict[str, Slopes], count: int) -> Block:
     """Return the block with the derivatives of its results behind them; `slopes` are those of the
     names known outside of it.
     """
@@ -127,7 +127,7 @@ def _block(block: Block, slopes: dict[str, Slopes], count: int) -> Block:
         match statement:
             case Let(name, value):
                 statements.append(statement)
-                known[name] = _named(statements, name, _chained(value, known, count))
+                known[name] = _named_slopes(statements, name, _chained(value, known, count))
             case Use((name,), function, arguments):
                 outer = [Name(f"{name}_by{i}") for i in range(len(arguments))]
                 statements.append(
@@ -138,27 +138,27 @@ def _block(block: Block, slopes: dict[str, Slopes], count: int) -> Block:
                     add(*(multiply(o, slope[way]) for o, slope in zip(outer, inner, strict=True)))
                     for way in range(count)
                 )
-                known[name] = _named(statements, name, tuple(parts))
+                known[name] = _named_slopes(statements, name, tuple(parts))
             case Choose():
-                statements.append(_chosen(statement, known, count))
+                statements.append(_choice_with_slopes(statement, known, count))
             case _:
                 raise TypeError(f"not a statement of a model without memory: {statement!r}")
     results = [slope for result in block.results for slope in _chained(result, known, count)]
     return Block(tuple(statements), (*block.results, *results))
 
 
-def _chosen(choice: Choose, known: dict[str, Slopes], count: int) -> Choose:
+def _choice_with_slopes(choice: Choose, known: dict[str, Slopes], count: int) -> Choose:
     """Return the choice with the derivatives of its results, and add those to `known`."""
     names = (*choice.names, *(f"{name}_d{way}" for name in choice.names for way in range(count)))
     known.update(
         {name: tuple(Name(f"{name}_d{way}") for way in range(count)) for name in choice.names}
     )
     cases = tuple(
-        (condition, _block(block, known, count))
+        (condition, _block_with_slopes(block, known, count))
         for condition, block in choice.cases
         if condition.comparison != "=="
     )
-    return Choose(names, cases, _block(choice.otherwise, known, count))
+    return Choose(names, cases, _block_with_slopes(choice.otherwise, known, count))
 
 
 def _chained(value: Expression, known: dict[str, Slopes], count: int) -> Slopes:
@@ -170,7 +170,7 @@ def _chained(value: Expression, known: dict[str, Slopes], count: int) -> Slopes:
     )
 
 
-def _named(statements: list[Statement], name: str, slopes: Slopes) -> Slopes:
+def _named_slopes(statements: list[Statement], name: str, slopes: Slopes) -> Slopes:
     """Name each derivative that is neither a name nor a number."""
     found = list(slopes)
     for way, slope in enumerate(slopes):

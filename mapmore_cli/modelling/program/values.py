@@ -26,7 +26,7 @@ from mapmore_cli.modelling.program.statements import (
     Statement,
     Use,
 )
-from mapmore_cli.modelling.program.writing import names_in
+from mapmore_cli.modelling.program.writing import names_used_in
 
 INPUT = "x_"  # how the names of inputs begin in a program, so that no other name equals them
 
@@ -107,7 +107,8 @@ class _Compiler:
     def _step(self, statement: Statement, known: Known) -> Step:
         match statement:
             case Let(name, value):
-                return _let(name, part_of(value, known))
+                part = part_of(value, known)
+                return lambda values, shared, _n: values.update({name: part(values, shared)})
             case Use(names, function, arguments):
                 return self._use(
                     names, function, [part_of(argument, known) for argument in arguments]
@@ -117,13 +118,13 @@ class _Compiler:
         raise TypeError(f"not a statement of a model without memory: {statement!r}")
 
     def _choice(self, choice: Choose, known: Known) -> Step:
-        conditions = [_condition(condition, known) for condition, _ in choice.cases]
+        conditions = [_compared(condition, known) for condition, _ in choice.cases]
         if all(
             not one.statements and all(isinstance(result, Name | Number) for result in one.results)
             for one in choice.blocks
         ):
             sides = [[part_of(result, known) for result in one.results] for one in choice.blocks]
-            return _selection(choice.names, conditions, sides)
+            return _values_where(choice.names, conditions, sides)
         return self._branches(choice.names, conditions, choice.blocks)
 
     def _use(self, names: Sequence[str], function: str, arguments: Sequence[Part]) -> Step:
@@ -141,7 +142,7 @@ class _Compiler:
     def _branches(
         self, names: Sequence[str], conditions: Sequence[Test], blocks: Sequence[Block]
     ) -> Step:
-        needed = [names_in(block) for block in blocks]
+        needed = [names_used_in(block) for block in blocks]
         side = cache(lambda number: self.block(blocks[number]))
 
         def step(values: Values, shared: Shared, n: int) -> None:
@@ -185,7 +186,7 @@ class _SampleCompiler(_Compiler):
         return step
 
     def _choice(self, choice: Choose, known: Known) -> Step:
-        conditions = [_condition(condition, known) for condition, _ in choice.cases]
+        conditions = [_compared(condition, known) for condition, _ in choice.cases]
         *sides, otherwise = map(self.block, choice.blocks)
         cases, names = list(zip(conditions, sides, strict=True)), choice.names
 
@@ -200,14 +201,7 @@ class _SampleCompiler(_Compiler):
         return step
 
 
-def _let(name: str, value: Part) -> Step:
-    def step(values: Values, shared: Shared, _n: int) -> None:
-        values[name] = value(values, shared)
-
-    return step
-
-
-def _condition(condition: Condition, known: Known) -> Test:
+def _compared(condition: Condition, known: Known) -> Test:
     compare, left, right = (
         COMPARE[condition.comparison],
         part_of(condition.left, known),
@@ -216,7 +210,7 @@ def _condition(condition: Condition, known: Known) -> Test:
     return lambda values, shared: compare(left(values, shared), right(values, shared))
 
 
-def _selection(
+def _values_where(
     names: Sequence[str], conditions: Sequence[Test], sides: Sequence[Sequence[Part]]
 ) -> Step:
     """Return a choice between values that are there already: no rows are sorted."""

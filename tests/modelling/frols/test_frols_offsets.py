@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 
 import mapmore_cli as mm
 from mapmore_cli.modelling.frols import frols, frols_streamed
-from mapmore_cli.modelling.frols.moments import row_blocks
+from mapmore_cli.modelling.frols.moments import blocks_of_rows
 
 X = np.linspace(0, 1, 4000)
 P = np.column_stack([X**0, X, X**2, np.cos(9 * X)])
 FORMS = {
     "whole": frols,
-    "streamed": lambda P, y, *rest, **named: frols_streamed(row_blocks(P, y), *rest, **named),
+    "streamed": lambda P, y, *rest, **named: frols_streamed(blocks_of_rows(P, y), *rest, **named),
 }
 
 
@@ -86,7 +86,7 @@ def test_the_record_is_read_again_only_where_the_tolerance_may_end_the_choice(ri
 
     def blocks():
         read.append(1)
-        return row_blocks(P, 2 + X + ripple * np.cos(50 * X))()
+        return blocks_of_rows(P, 2 + X + ripple * np.cos(50 * X))()
 
     frols_streamed(blocks, 2, 1e-4)
     assert (len(read) == 1) == once

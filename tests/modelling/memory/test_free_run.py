@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from memory_samples import STEP, memory_model, narx_truth, state_set
 
-from mapmore_cli.modelling.memory.free_run import free_run, one_step_ahead
+from mapmore_cli.modelling.memory.free_run import free_run, predict_one_step
 
 LAGS = state_set("x[k-1]", "x[k-2]", "y[k-1]", "y[k-2]")
 TRUTH = memory_model(["x[k-2]", "y[k-2]", "x[k-1]*y[k-1]", "y[k-1]^2"], [0.6, -0.5, 0.7, 0.2], LAGS)
@@ -21,7 +21,7 @@ def test_a_noise_free_record_is_repeated_from_its_first_two_outputs():
     assert np.isnan(run.values[:2]).all()
     np.testing.assert_allclose(run.values[2:], y[2:], rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(
-        one_step_ahead(TRUTH, {"x": x, "y": y})[2:], y[2:], rtol=1e-12, atol=1e-12
+        predict_one_step(TRUTH, {"x": x, "y": y})[2:], y[2:], rtol=1e-12, atol=1e-12
     )
     assert run.diverged == ()
 
@@ -29,7 +29,7 @@ def test_a_noise_free_record_is_repeated_from_its_first_two_outputs():
 def test_only_the_sample_after_the_first_outputs_has_a_measured_past():
     x = np.random.default_rng(0).uniform(-1, 1, 200)
     known = np.where(np.arange(200) < 2, narx_truth(x), np.nan)
-    assert np.isfinite(one_step_ahead(TRUTH, {"x": x, "y": known})).sum() == 1
+    assert np.isfinite(predict_one_step(TRUTH, {"x": x, "y": known})).sum() == 1
     assert np.isfinite(free_run(TRUTH, {"x": x, "y": known}).values).sum() == 198
 
 

@@ -13,16 +13,16 @@ from mapmore_cli.modelling.frols import frols
 from mapmore_cli.modelling.memory import selectors
 from mapmore_cli.modelling.memory.feedback import Feedback
 from mapmore_cli.modelling.memory.fitting import fit_with_memory
-from mapmore_cli.modelling.memory.free_run import free_run, one_step_ahead
+from mapmore_cli.modelling.memory.free_run import free_run, predict_one_step
 from mapmore_cli.modelling.memory.refinement import (
     THOROUGH,
     Coefficients,
-    Problem,
+    FreeRunProblem,
     minimise,
     refine,
     sensitivities,
 )
-from mapmore_cli.modelling.memory.simulation import Course
+from mapmore_cli.modelling.memory.simulation import ReadyPiece
 
 TERMS = {
     "x": 0.5,
@@ -44,7 +44,7 @@ WIDE = (-1e9, 1e9)
 def course(terms, names, x, y, scaled=False):
     scales = {"low": [-0.7] * len(names), "high": [0.9] * len(names)} if scaled else {}
     states = state_set(*names, ranges={"y[k-1]": (-1.0, 1.0)}, **scales)
-    return Course(Feedback(list(terms), states, "y"), {"x": x, "y": y})
+    return ReadyPiece(Feedback(list(terms), states, "y"), {"x": x, "y": y})
 
 
 @pytest.mark.parametrize("scaled", [False, True])
@@ -74,7 +74,7 @@ def test_runs_that_begin_anew_follow_the_measured_output():
     ahead = course(TERMS, NAMES, x, y)
     run = ahead.run(model.theta, 0.1, WIDE, horizon=1)
     np.testing.assert_allclose(
-        run.output, one_step_ahead(model, {"x": x, "y": y})[ahead.start :], rtol=1e-12, atol=1e-12
+        run.output, predict_one_step(model, {"x": x, "y": y})[ahead.start :], rtol=1e-12, atol=1e-12
     )
     free = ahead.run(model.theta, 0.1, WIDE)
     np.testing.assert_allclose(
@@ -146,7 +146,7 @@ def test_a_start_that_explodes_is_tamed_by_short_horizons():
     """One that explodes at once has an infinite error."""
     given = logistic().columns
     ready = course(["y[k-1]", "x[k-1]"], ("y[k-1]", "x[k-1]"), given["x"], given["y"])
-    one = Problem(
+    one = FreeRunProblem(
         lambda _numbers: (ready,),
         (np.ones(ready.size, dtype=bool),),
         (-100.0, 100.0),

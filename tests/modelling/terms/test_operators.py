@@ -17,7 +17,7 @@ from hypothesis.extra.numpy import arrays
 
 from mapmore_cli.annexes.rig.muscle import stop as rig_stop
 from mapmore_cli.modelling.expressions import Name, operators
-from mapmore_cli.modelling.expressions.operator import FLOATS, Setting, along, followed
+from mapmore_cli.modelling.expressions.operator import FLOATS, Setting, along, run_recursion
 from mapmore_cli.modelling.expressions.operators import OPERATORS, families
 from mapmore_cli.modelling.program.model import with_slopes_by
 from mapmore_cli.modelling.program.values import ready_for_columns
@@ -133,10 +133,10 @@ def test_every_way_along_a_recording_is_the_recursion(name, x, empty):
     expected = sample_by_sample(operator, setting, x)
     np.testing.assert_allclose(along(operator, x, setting), expected, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(
-        followed(operator.recursion(setting), x), expected, rtol=1e-9, atol=1e-9
+        run_recursion(operator.recursion(setting), x), expected, rtol=1e-9, atol=1e-9
     )
     np.testing.assert_allclose(
-        followed(replace(operator.recursion(setting), weights=None), x),
+        run_recursion(replace(operator.recursion(setting), weights=None), x),
         expected,
         rtol=1e-9,
         atol=1e-9,
@@ -212,7 +212,7 @@ def test_an_operator_of_one_file_is_evaluated_fed_back_and_compiled(tmp_path, mo
 
     (tmp_path / "valve.py").write_text(NEW)
     monkeypatch.setattr(operators, "__path__", [*operators.__path__, str(tmp_path)])
-    found, with_it = OPERATORS, {operator.name: operator for operator in operators._found()}
+    found, with_it = OPERATORS, {operator.name: operator for operator in operators._all_operators()}
     for module in list(sys.modules.values()):
         if vars(module).get("OPERATORS") is found:
             monkeypatch.setattr(module, "OPERATORS", with_it)

@@ -11,13 +11,13 @@ from collections.abc import Iterator, Mapping
 from mapmore_cli.modelling.expressions.operator import Operator
 
 
-def _found() -> Iterator[Operator]:
+def _all_operators() -> Iterator[Operator]:
     for module in sorted(found.name for found in pkgutil.iter_modules(__path__)):
         yield from importlib.import_module(f"{__name__}.{module}").OPERATORS
 
 
 OPERATORS: Mapping[str, Operator] = {
-    operator.name: operator for operator in _found()
+    operator.name: operator for operator in _all_operators()
 }  # every operator by its name
 
 

@@ -58,12 +58,12 @@ def creep(setting: Setting) -> Recursion:
     return Recursion(1, 0, following, lambda x: x)
 
 
-def rate(setting: Setting) -> Recursion:
+def rate_of_change(setting: Setting) -> Recursion:
     """Return `(x[k] - x[k-1])/step`, per second."""
     return linear([], [1 / setting.step, -1 / setting.step], steady=0.0)
 
 
-def direction(_setting: Setting) -> Recursion:
+def last_direction(_setting: Setting) -> Recursion:
     """Return 1 after x has risen, -1 after it has fallen, 0 before it has moved; of `play(x, r)`,
     with a dead band of r.
     """
@@ -109,7 +109,7 @@ OPERATORS = (
     Operator(
         name="rate",
         summary="The change of the quantities `of` per second, from one sample to the next.",
-        recursion=rate,
+        recursion=rate_of_change,
     ),
     Operator(
         name="direction",
@@ -117,6 +117,6 @@ OPERATORS = (
             "The sign of the last change of the quantities `of`; of `play(pressure, 0.02)`, "
             "one that small changes do not turn."
         ),
-        recursion=direction,
+        recursion=last_direction,
     ),
 )
