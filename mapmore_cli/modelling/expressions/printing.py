@@ -99,7 +99,8 @@ class _Text:
         return f"{function}({argument})", _ATOM
 
     def power(self, base: str, exponent: float) -> str:
-        return f"{base}^{shortest_text(exponent) if exponent.is_integer() else self.digits_of(exponent)}"
+        digits = shortest_text if exponent.is_integer() else self.digits_of
+        return f"{base}^{digits(exponent)}"
 
     def product(self, expression: Expression) -> str:
         factors, minus = _factors(expression)

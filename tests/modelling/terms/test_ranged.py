@@ -191,9 +191,3 @@ def test_products_take_them_as_any_other_family():
     } <= set(along(texts, 0, 1))
     inside = written("products", of=[{"spline": {"of": "strain", "knots": 2}}, "pressure"], order=1)
     assert inside.count("1") == 1
-
-
-def test_a_spline_without_the_constant_keeps_its_factors():
-    texts = written("spline", of="strain", knots=2, constant=False, **{"with": ["pressure"]})
-    assert "1" not in texts
-    assert "pressure" in texts
