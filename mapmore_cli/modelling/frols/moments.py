@@ -75,7 +75,7 @@ def _largest_values(blocks: Blocks, columns: IntArray) -> Array:
             raise DataError(
                 f"candidate {columns[place]} {at}", "drop or mend the sample, or leave the term out"
             )
-        np.maximum(largest, values.max(axis=0), out=largest)
+        np.maximum(largest, values.max(axis=0, initial=0.0), out=largest)
         start += len(y)
     return largest
 
