@@ -49,6 +49,7 @@ class StateWriter:
         self.m, self.states, self.output, self.inputs, self.seen = m, states, output, inputs, seen
         self.known: dict[State, Expression] = {}
         self.queues: dict[State, str] = {}
+        self.recalls: dict[tuple[str, int], Recall] = {}
         self.rules: dict[str, Callable[..., Any]] = {}
 
     def scaled(self, name: str) -> Expression:
@@ -92,10 +93,11 @@ class StateWriter:
         if source not in self.queues:
             self.queues[source] = self.m.fresh("queue")
         queue, sizes = self.queues[source], self.m.kept.queues
-        sizes[queue] = max(sizes.get(queue, 0), steps)
-        name = self.m.fresh("past")
-        self.m.statements.append(Recall(name, queue, steps))
-        return Name(name)
+        if (queue, steps) not in self.recalls:
+            sizes[queue] = max(sizes.get(queue, 0), steps)
+            self.recalls[queue, steps] = Recall(self.m.fresh("past"), queue, steps)
+            self.m.statements.append(self.recalls[queue, steps])
+        return Name(self.recalls[queue, steps].name)
 
     def _operated(self, one: Operated) -> Expression:
         """Write an operator from past values; it rests up to the first sample on which its source
@@ -192,11 +194,7 @@ class Feedback:
         pushed = writer.pushed(value)
         self.queues = list(writer.queues)
         places = {queue: place for place, queue in enumerate(pushed)}
-        self.recalls = {
-            one.name: (places[one.queue], one.steps)
-            for one in m.statements
-            if isinstance(one, Recall)
-        }
+        self.recalls = {one.name: (places[one.queue], one.steps) for one in writer.recalls.values()}
         self.depth = max((steps for _, steps in self.recalls.values()), default=0)
         own = tuple(one for one in m.statements if not isinstance(one, Recall))
         self.block, self.functions = Block(own, tuple(pushed.values())), tuple(m.functions.values())
