@@ -8,6 +8,7 @@ import ast
 import json
 import re
 from collections.abc import Iterator
+from dataclasses import fields
 from pathlib import Path
 from typing import Any, get_type_hints
 
@@ -208,7 +209,11 @@ def test_every_field_is_read_outside_of_the_spec(outside: set[str]) -> None:
         through = set().union(
             *(reads for name, reads in properties_of(model).items() if name in outside)
         )
-        own = model.model_fields if issubclass(model, BaseModel) else vars(model)["__annotations__"]
+        own = (
+            model.model_fields
+            if issubclass(model, BaseModel)
+            else {one.name for one in fields(model)}
+        )
         unread = [
             name
             for name in own
