@@ -50,7 +50,6 @@ def all_tables(inputs: ReportInputs) -> tuple[Table, ...]:
         if inputs.motions
         else []
     )
-    found += inputs.published_tables
     if memory is not None:
         found += [
             memory_tables.states_table(memory.model.states),

@@ -24,7 +24,7 @@ from mapmore_cli.spec.experiment import Competitor, ExperimentSpec, TargetColumn
 from mapmore_cli.spec.sections.data import STEP_OF
 from mapmore_cli.spec.sections.dictionary import entries_of, texts_in
 from mapmore_cli.spec.sections.logs import Logs
-from mapmore_cli.spec.sections.model import ModelChoice, OwnFormula, Summand
+from mapmore_cli.spec.sections.model import OwnFormula, Summand
 from mapmore_cli.spec.tree import Loc
 from mapmore_cli.spec.units import CANONICAL, check_unit, convert, default_unit, is_canonical
 
@@ -158,26 +158,6 @@ def after_cycles(spec: ExperimentSpec) -> Iterator[Finding]:
             f"name `{cycles.over}` or another quantity, or remove `cycles`",
             on_key=loc[-1] == "time",
         )
-
-
-def joining(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Require something for what is set about the way between levels, or about a residual, to act
-    on.
-    """
-    pooled = spec.data.levels is None or spec.segment.get(spec.data.levels.of) == "none"
-    for key in spec.fuse.changed:
-        if key in ("levels", "align") and pooled:
-            yield Finding(
-                f"fuse.{key}:",
-                "there are no levels to interpolate between",
-                f"remove `{key}`, or add `levels` to `data`",
-            )
-        if key == "shrink" and spec.model.backbone is None:
-            yield Finding(
-                "fuse.shrink:",
-                "there is no residual to carry",
-                "remove it, or give the `model` a `backbone`",
-            )
 
 
 def chosen_levels(spec: ExperimentSpec) -> Iterator[Finding]:
@@ -320,22 +300,14 @@ def state_space(spec: ExperimentSpec) -> Iterator[Finding]:
             "switching goes by every change of the input"
         )
         yield Finding("model.dead_band:", what, "remove it")
-    for key in ("bounds", "begin"):
-        if getattr(model, key) is not None and model.solver != "swarm":
-            yield Finding(
-                f"model.{key}:",
-                f"`solver: {model.solver}` looks at all stable sections",
-                f"remove `{key}`",
-            )
+    if model.begin is not None and model.solver != "swarm":
+        what = f"`solver: {model.solver}` looks at all stable sections"
+        yield Finding("model.begin:", what, "remove `begin`")
     if model.mask != "input" and not model.direction:
         yield Finding(
             "model.mask:",
             "`mask` tells rise from fall, and sections have no direction",
             "add `direction: true`",
-        )
-    if model.polish and model.solver == "least_squares":
-        yield Finding(
-            "model.polish:", "`polish` goes on by least squares, which this solver is", "remove it"
         )
     if model.solver == "swarm" and (
         model.offset or model.load is not None or model.switching == "bumpless"
@@ -347,15 +319,16 @@ def state_space(spec: ExperimentSpec) -> Iterator[Finding]:
         yield Finding(
             "model.solver",
             what,
-            "use `swarm_projected`, `differential_evolution` or `least_squares`",
+            "use `swarm_projected` or `least_squares`",
         )
 
 
 def sums(spec: ExperimentSpec) -> Iterator[Finding]:
     """Check every sum of a study: its own, and those that it is compared with."""
-    for _, settings, loc in _with_settings(spec):
-        if settings.sum is not None:
-            yield from _sum(spec, settings.sum, (*loc, "sum"))
+    own: tuple[Loc, Sequence[Summand] | None] = (("model",), spec.model.sum)
+    for loc, parts in [own, *((loc, rival.sum) for loc, rival in _rivals(spec))]:
+        if parts is not None:
+            yield from _sum(spec, parts, (*loc, "sum"))
 
 
 def _sum(spec: ExperimentSpec, parts: Sequence[Summand], loc: Loc) -> Iterator[Finding]:
@@ -408,7 +381,7 @@ def _defined(spec: ExperimentSpec, one: OwnFormula) -> LiteratureModel:
     units = {
         name: default_unit(name, spec.units) for name in (*spec.quantities, spec.target_quantity)
     }
-    return formula_of(one.definition(units, units[spec.target_quantity]))
+    return formula_of(one.definition(units))
 
 
 def _unknown_formula(
@@ -428,16 +401,6 @@ def _rivals(spec: ExperimentSpec) -> list[tuple[Loc, Competitor]]:
         for one in spec.validation.against
     )
     return [(("validate", "against", i), one) for i, one in enumerate(against)]
-
-
-def _with_settings(spec: ExperimentSpec) -> list[tuple[str | None, ModelChoice | Competitor, Loc]]:
-    """Return the run's own model and its competitors: what formula each names, the settings, where
-    they stand.
-    """
-    return [
-        (spec.model.name, spec.model, ("model",)),
-        *((one.model, one, loc) for loc, one in _rivals(spec)),
-    ]
 
 
 def formulas(spec: ExperimentSpec) -> Iterator[Finding]:
@@ -523,10 +486,10 @@ def competitors(spec: ExperimentSpec) -> Iterator[Finding]:
     """Require that formulas can be fitted in the way that is wanted, and competitors have names of
     their own and data to be fitted to.
     """
-    for name, settings, loc in _with_settings(spec):
-        formula, starts = formula_called(spec, name), settings.starts
-        if formula is not None and starts is not None:
-            yield from refused((*loc, "starts"), formula.starting_from, starts)
+    for loc, rival in _rivals(spec):
+        formula = formula_called(spec, rival.model)
+        if formula is not None and rival.starts is not None:
+            yield from refused((*loc, "starts"), formula.starting_from, rival.starts)
     shown = [OWN, REPEATABILITY]
     for loc, rival in _rivals(spec):
         if rival.static is not None and spec.target not in MOTION:

@@ -192,14 +192,13 @@ class PublishedScores(Section):
     uses them.
 
     `nrmse` are fractions, `rmse` in the target's unit; `rmse_at_least` are lower bounds, where no
-    more was printed. `tables` are CSV files that the page shows as they are.
+    more was printed.
     """
 
     source: str
     nrmse: dict[str, Share] = {}
     rmse: dict[str, OfTarget] = {}
     rmse_at_least: dict[str, OfTarget] = {}
-    tables: list[SpecPath] = []
 
     @property
     def numbers(self) -> Published:

@@ -63,7 +63,6 @@ CHECKS = (
         check_study.after_cycles,
     ),
     *(
-        check_study.joining,
         check_study.chosen_levels,
         check_study.target,
         check_study.kind,

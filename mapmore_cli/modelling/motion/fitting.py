@@ -32,7 +32,7 @@ from mapmore_cli.domain.models import (
     SectionSearch,
 )
 from mapmore_cli.modelling.memory.records import Record
-from mapmore_cli.modelling.motion.problem import Found, MotionRecipe, Piece, Problem
+from mapmore_cli.modelling.motion.problem import MotionRecipe, Piece, Problem
 from mapmore_cli.modelling.motion.simulation import (
     active,
     angles,
@@ -42,7 +42,7 @@ from mapmore_cli.modelling.motion.simulation import (
     shared,
     spread,
 )
-from mapmore_cli.modelling.motion.solvers import solve
+from mapmore_cli.modelling.motion.solvers import SOLVERS
 
 REFINEMENTS = 20  # steps that refine the poles of all sections together, at most
 TOLERANCE = 1e-8
@@ -93,7 +93,8 @@ def fit_motion(
                 "move the boundaries of `model.sections` to where the input has been, or "
                 "train on records that go there",
             )
-        found: Found = solve(Problem(own, reach, recipe.start, (recipe.seed, number)), recipe)
+        problem = Problem(own, reach, recipe.start, (recipe.seed, number))
+        found = SOLVERS[recipe.solver](problem, recipe)
         sections.append(replace(section, p1=found.p1, p2=found.p2, weights=found.weights))
         searches.append(
             SectionSearch(section.id, samples, found.rmse, found.evaluations, found.history)

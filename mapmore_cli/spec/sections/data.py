@@ -201,14 +201,11 @@ class GapRule(Section):
 
 
 class MissingRule(Section):
-    """What becomes of missing values: samples without one are an `error`, or left out (`drop`).
-
-    `tokens` are texts and numbers that stand for a missing value, besides an empty cell, `nan`,
-    `NA` and the like.
+    """Texts and numbers that stand for a missing value, besides an empty cell, `nan`, `NA` and the
+    like; samples without a value are then left out.
     """
 
     tokens: list[Annotated[str | float, Either()]] = []
-    action: Literal["error", "drop"] = "drop"
 
     @property
     def texts(self) -> frozenset[str]:
@@ -270,8 +267,8 @@ class Data(Logs):
 
     @property
     def missing_rule(self) -> MissingRule:
-        """The rule that `missing` says in a word or in full."""
-        return MissingRule(action=self.missing) if isinstance(self.missing, str) else self.missing
+        """What stands for a missing value."""
+        return self.missing if isinstance(self.missing, MissingRule) else MissingRule()
 
     @property
     def quantities(self) -> tuple[str, ...]:
