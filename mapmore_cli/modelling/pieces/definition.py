@@ -117,8 +117,9 @@ def segment_value(
     x: Inputs,
     beyond: Mapping[str, list[tuple[Condition, Expression]]],
 ) -> Expression:
-    """Write `f(x) = y_slope sum_k theta_k D_k(z) + y_intercept`, `z = slope x + intercept` (M2 eq
-    8).
+    """Write a segment function (M2 eq 8).
+
+    It is `f(x) = y_slope sum_k theta_k D_k(z) + y_intercept`, `z = slope x + intercept`.
 
     `beyond` has, by input, where a curve goes straight on from its limit, and how far beyond that
     the sample is.

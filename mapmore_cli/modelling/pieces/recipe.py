@@ -128,7 +128,7 @@ class Fuse(Joining):
     - Curves are interpolated linearly between levels.
     - `extrapolation` is a word, or a mapping from variable to word or `{below, above}`. The default
       is `continue` for one-term fits, else
-      `saturate`. It begins at each curve's ends.
+      `saturate`. It begins at each curve's ends (M2 eq 12).
     - `hold: samples` holds a segment function beyond its samples by more than `z_s` of their width;
       `none` is M2 eq 9-11.
     """

@@ -8,10 +8,10 @@ from collections.abc import Iterator
 from itertools import pairwise
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, ConfigDict, Field
+from pydantic import ConfigDict, Field
 
 from mapmore_cli.domain.declared import Contradiction, Either, InUnit, OfKey, Seconds, of_sibling
-from mapmore_cli.spec.fields import Quantity, RelativePath, Section, SignedSeconds, possible_path
+from mapmore_cli.spec.fields import PathOrName, Quantity, Section, SignedSeconds
 from mapmore_cli.spec.sections.logs import FileEntry, Join, Keep, Logs
 
 OfLevel = Annotated[float, of_sibling("of")]
@@ -123,9 +123,7 @@ class Holdout(Section):
     model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, HeldOut]
 
-    files: list[Annotated[str, AfterValidator(possible_path), RelativePath(bare=True)]] | None = (
-        None
-    )
+    files: list[PathOrName] | None = None
     recordings: list[str] | None = None
     last: Part | None = None
     last_cycles: Part | None = None
