@@ -42,7 +42,10 @@ class Settings:
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Any:
         """Take mappings too, although the values in them are strict."""
-        return before({**handler(source), "strict": False}, cls._noted)
+        schema = {**handler(source), "strict": False}
+        ref = schema.pop("ref", None)
+        noted = before(schema, cls._noted)
+        return noted if ref is None else {**noted, "ref": ref}
 
     @classmethod
     def _noted(cls, given: Any, info: Any) -> Any:
