@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mapmore_cli.domain.errors import DataError, SpecError, UsageError
-from mapmore_cli.domain.foreign import is_one_line
 from mapmore_cli.fitting.stage import Stage, Workspace
 from mapmore_cli.spec.experiment import ExperimentSpec, Muscle, Report, Validate
 from mapmore_cli.storage.run_folder import VALIDATION, RunFiles
@@ -17,18 +15,8 @@ from mapmore_cli.storage.run_folder import VALIDATION, RunFiles
 if TYPE_CHECKING:
     from mapmore_cli.domain.models import Equation, Model
     from mapmore_cli.reporting.inputs import FigureStyle, ReportInputs
-    from mapmore_cli.reporting.table import Table
 
 METRES_PER_INCH = 0.0254
-
-TABLES = "MAPMORE_TABLES"
-"""The variable that lists folders, beside that of the spec, in which published tables may lie;
-`--tables` adds to it.
-"""
-
-LARGEST_TABLE = 100_000
-"""Bytes of a published table."""
-
 
 LEFT_OUT = (
     "Every {0} is left out in turn: the validation scores are those of models of the other "
@@ -67,92 +55,14 @@ def run(part: Slice, workspace: Workspace) -> None:
     from mapmore_cli.annexes.search.stage import SEARCH, read_search
     from mapmore_cli.reporting.report import write_report
 
-    tables = (
-        tuple(published_table(workspace.spec_dir / path) for path in part.report.published.tables)
-        if part.report.published
-        else ()
-    )
     search = read_search(workspace.run_dir / SEARCH) if workspace.searched else None
     inputs = replace(
         collected(part, workspace.run_dir, workspace.spec_text),
-        published_tables=tables,
         search=search,
     )
     for warning in faults_of(inputs.style):
         workspace.warn(warning)
     write_report(inputs, workspace.out / "report", part.report.figures, part.report.formats)
-
-
-def sources(spec: ExperimentSpec, folder: Path) -> list[Path]:
-    """Return the tables of a publication.
-
-    Raises SpecError where one is missing, is no CSV file, or lies neither below the spec's folder
-    nor below one of `--tables`: a page shows it whole.
-    """
-    paths = (
-        [folder / path for path in spec.report.published.tables] if spec.report.published else []
-    )
-    allowed = [
-        folder,
-        *(Path(place) for place in os.environ.get(TABLES, "").split(os.pathsep) if place),
-    ]
-    for path in paths:
-        if not path.is_file():
-            raise SpecError(
-                f"report.published.tables: {path}: no such file",
-                "give a CSV file with a line of headings",
-            )
-        if path.suffix != ".csv" or not any(
-            path.resolve().is_relative_to(place.resolve()) for place in allowed
-        ):
-            raise SpecError(
-                f"report.published.tables: {path}: is no CSV file below the folder of the spec",
-                "see `--tables`",
-            )
-        if path.stat().st_size > LARGEST_TABLE:
-            raise SpecError(
-                f"report.published.tables: {path}: larger than {LARGEST_TABLE // 1000} kB",
-                "give the table of a publication",
-            )
-    return paths
-
-
-def published_table(path: Path) -> Table:
-    """Return a table of a publication as it was transcribed, every cell as text.
-
-    Raises SpecError where the file is no table.
-    """
-    import csv
-
-    from mapmore_cli.reporting.table import Column, Table
-
-    try:
-        with path.open(newline="", encoding="utf-8") as lines:
-            header, *rows = list(csv.reader(lines))
-    except (OSError, UnicodeDecodeError, ValueError) as fault:
-        raise SpecError(
-            f"report.published.tables: {path} cannot be read ({fault})",
-            "give a CSV file with a line of headings",
-        ) from fault
-    uneven = next(
-        (number for number, row in enumerate(rows, start=2) if len(row) != len(header)), None
-    )
-    if not all(is_one_line(cell) for row in (header, *rows) for cell in row):
-        raise SpecError(
-            f"report.published.tables: {path}: has cells with control characters or several lines",
-            "mend the table",
-        )
-    if uneven is not None:
-        raise SpecError(
-            f"report.published.tables: {path}: line {uneven} has not {len(header)} cells",
-            "mend the line",
-        )
-    return Table(
-        f"published_{path.stem}",
-        f"Published: {path.stem}",
-        tuple(map(Column, header)),
-        tuple(tuple(row) for row in rows),
-    )
 
 
 def collected(part: Slice, run_dir: Path, spec_text: str = "") -> ReportInputs:
@@ -310,4 +220,4 @@ def _in_units(model: Model, units: Mapping[str, str]) -> dict[str, tuple[Equatio
     return {words: model_equations(model, changed)} if changed else {}
 
 
-STAGE = Stage(name="report", revision=6, outputs=("report",), reads=reads, run=run, sources=sources)
+STAGE = Stage(name="report", revision=6, outputs=("report",), reads=reads, run=run)

@@ -17,7 +17,6 @@ from pydantic import BaseModel
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.fitting.stage import Compared, Need, Stage, Variation
 from mapmore_cli.spec.experiment import ExperimentSpec
-from mapmore_cli.spec.tree import keys_at
 from mapmore_cli.storage.run_record import StageRecord, Stamp, load_records, take_stamp
 
 if TYPE_CHECKING:
@@ -349,7 +348,7 @@ def place_in_spec(key: str, stage: str) -> str:
     homes = [
         name
         for name, section in sections.items()
-        if isinstance(section, type) and key in keys_at(section, ())
+        if isinstance(section, type) and key in section.__annotations__
     ]
     # `levels` of fuse stands inside its own section, so the first home is the one
     return f"{homes[0] if homes else stage}.{key}"

@@ -46,7 +46,6 @@ def all_tables(inputs: ReportInputs) -> tuple[Table, ...]:
     found += [] if inputs.search is None else [search_table(inputs.search)]
     found.append(folds_table(pieces.cross_validation if pieces else (), unit))
     found += [table for page in inputs.pages for table in page.tables(inputs)]
-    found += inputs.published_tables
     if memory is not None:
         found += [
             memory_tables.states_table(memory.model.states),

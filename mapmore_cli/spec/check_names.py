@@ -18,7 +18,6 @@ from mapmore_cli.spec.experiment import ExperimentSpec, TargetColumn
 from mapmore_cli.spec.sections.data import Direction, Rate
 from mapmore_cli.spec.sections.dictionary import (
     AlongRange,
-    Delays,
     Family,
     Lags,
     Polynomial,
@@ -244,7 +243,7 @@ def _state(
         return
     yield from unknown_quantity(found.quantity, spec.quantities, loc, _word(found.quantity, text))
     target = spec.target_quantity
-    if not isinstance(family, Lags | Delays):
+    if not isinstance(family, Lags):
         yield from _of_target(
             found
             if isinstance(family, Polynomial | Products | AlongRange)

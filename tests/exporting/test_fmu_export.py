@@ -75,7 +75,7 @@ def checked(model: Model, folder: Path, columns: Mapping[str, np.ndarray]) -> np
 
 @needs_compiler
 def test_a_static_unit_is_predict(tmp_path: Path) -> None:
-    model = STATIC["two smooth levels"]
+    model = STATIC["two levels"]
     assert set(checked(model, tmp_path, points(model, 400))["outside_range"]) >= {0, 1, 2}
 
 
