@@ -1,5 +1,5 @@
-"""What the numbers of recordings show: slack, rest, memory, one signal in two units, what was set,
-and levels that tell of each other.
+"""What the numbers of recordings show: slack, rest, one signal in two units, what was set, levels
+that tell of each other, and spikes.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve, Recording
-from mapmore_cli.modelling.expressions.operator import followed, linear
 from mapmore_cli.modelling.signals.cycles import bin_means
 from mapmore_cli.modelling.signals.rates import rate
 from mapmore_cli.modelling.signals.sampling import correlation
@@ -157,105 +156,12 @@ def two_digits(value: float) -> float:
     return float(f"{round(value, 1 - math.floor(math.log10(value))):.6g}")
 
 
-# What is remembered
-# --------------------------------------------------------------------------------------------------
-
-KNOTS = 12  # of the curve over the input of now
-DELAYS, LAGS = (1, 2), (4, 16, 64)  # samples
-TENTHS = 10  # parts of each record, of which every second one is learnt from
-MOST_SHOWN = 20_000  # samples that are looked at, one in so many of longer records
-RIDGE = 1e-6
-THERE_AND_BACK = 1.9  # ranges that an input travels at least
-
-
-@dataclass(frozen=True)
-class Remembered:
-    """Errors of a response, relative to its standard deviation: `now` by the input of the same
-    sample, `before` by earlier ones as well.
-    """
-
-    now: float
-    before: float
-
-
-def remembered(drive: Sequence[Array], response: Sequence[Array]) -> Remembered | None:
-    """How much better earlier samples of an input tell the response; the arrays `(n,)` are those of
-    each record, in order.
-
-    Two least-squares fits: a curve of 12 pieces over the input of now, and the same with the input
-    delayed and followed slowly. None where the input does not go there and back: nothing then tells
-    the two from each other.
-    """
-    drive, response = scaled(_thinned(drive)), _thinned(response)
-    if sum(float(np.abs(np.diff(u)).sum()) for u in drive) < THERE_AND_BACK:
-        return None
-    now = np.concatenate(drive)
-    knots = np.unique(np.quantile(now, np.linspace(0, 1, KNOTS + 1)))
-    hats = np.column_stack([np.interp(now, knots, row) for row in np.eye(len(knots))])
-    past = np.concatenate([_earlier(u) for u in drive])
-    return Remembered(
-        _left_over(hats, response), _left_over(np.column_stack([hats, past]), response)
-    )
-
-
-def untold(drives: Sequence[Sequence[Array]], response: Sequence[Array]) -> float:
-    """Return the RMSE, relative to its spread, of a response by several inputs now and before; the
-    arrays `(n,)` are those of each record.
-
-    Least squares on the inputs, their squares, delayed and slowly followed copies. 1 where the
-    lengths of columns differ.
-    """
-    if any([len(one) for one in drive] != [len(one) for one in response] for drive in drives):
-        return 1.0  # one of them lacks values
-    inputs = [_thinned(scaled(drive)) for drive in drives]
-    columns = [
-        np.concatenate([np.column_stack([u, u**2, _earlier(u)]) for u in drive]) for drive in inputs
-    ]
-    return _left_over(np.column_stack([np.ones(len(columns[0])), *columns]), _thinned(response))
-
-
-def _thinned(values: Sequence[Array]) -> list[Array]:
-    every = -(-sum(map(len, values)) // MOST_SHOWN)
-    return [one[::every] for one in values]
-
-
-def scaled(values: Sequence[Array]) -> list[Array]:
-    """Return a column in units of its range."""
-    pooled = np.concatenate(values)
-    return [(one - pooled.min()) / (float(np.ptp(pooled)) or 1.0) for one in values]
-
-
-def _earlier(u: Array) -> Array:
-    """Return the input delayed and followed slowly, and the square of the latter, `(n, 8)`."""
-    delayed = [np.concatenate([np.full(min(k, len(u)), u[0]), u[:-k]])[: len(u)] for k in DELAYS]
-    slow = [followed(linear([1 - 1 / lag], [1 / lag]), u) for lag in LAGS]
-    return np.column_stack([*delayed, *slow, *(one**2 for one in slow)])
-
-
-def _left_over(columns: Array, response: Sequence[Array]) -> float:
-    """Return the RMSE, relative to its spread, of a ridge regression that has learnt from every
-    second tenth of each record, on the others.
-
-    1 where these are none.
-    """
-    y = np.concatenate(response)
-    learn = np.concatenate([np.arange(len(one)) * TENTHS // len(one) % 2 == 0 for one in response])
-    if learn.all() or not learn.any():
-        return 1.0
-    gram = columns[learn].T @ columns[learn]
-    weights = np.linalg.solve(
-        gram + RIDGE * np.trace(gram) / len(gram) * np.eye(len(gram)), columns[learn].T @ y[learn]
-    )
-    return float(np.sqrt(np.mean((y[~learn] - columns[~learn] @ weights) ** 2))) / (
-        float(np.std(y[~learn])) or 1.0
-    )
-
-
 # One signal in two units
 # --------------------------------------------------------------------------------------------------
 
 SAME = 0.9999  # correlation, from which two columns are one signal
 FEWEST_SAME = 30  # samples, below which a straight line may be chance
+MOST_SHOWN = 20_000  # samples that are looked at, one in so many of longer records
 
 
 def same_signals(columns: Sequence[Array]) -> list[list[int]]:
@@ -277,25 +183,6 @@ def same_signals(columns: Sequence[Array]) -> list[list[int]]:
         ]
         alike[0].append(place) if alike else families.append([place])
     return [family for family in families if len(family) > 1]
-
-
-TOGETHER, FARTHEST = (
-    0.9,
-    30,
-)  # correlation of a command with what it commands, and samples that this may lag behind
-
-
-def leads(first: Array, second: Array) -> bool:
-    """Return True where the second column `(n,)` repeats the first one later: a command, and what
-    was measured of it.
-    """
-    n = len(first)
-    if n != len(second) or n < 4 * FARTHEST or not np.ptp(first) or not np.ptp(second):
-        return False
-    inner = first[FARTHEST : n - FARTHEST]
-    later = [second[FARTHEST + lag : n - FARTHEST + lag] for lag in range(-FARTHEST, FARTHEST + 1)]
-    alike = [correlation(inner, one) for one in later]
-    return bool(np.max(alike) > TOGETHER and int(np.argmax(alike)) > FARTHEST)
 
 
 # What was set
