@@ -16,9 +16,9 @@ from mapmore_cli.checking.evidence import same_signals
 from mapmore_cli.checking.names import POSITIONS, ColumnTitle, read_label, unit_in
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError, SpecError, UsageError
+from mapmore_cli.ingestion.clock import MOST_GLITCHES
 from mapmore_cli.spec.units import CANONICAL, check_unit, default_unit
 
-JUMPS = 0.001  # of the steps of a clock, that may go back
 _CALLED = ("pressure", *POSITIONS, "force", "load")
 """Quantities that columns are called by where their titles say so."""
 _IN_BRACKETS = re.compile(r"[\[(]\s*([^\W\d_][^\])]*|%)\s*[\])]")
@@ -49,7 +49,7 @@ def moves(values: Sequence[Array]) -> bool:
 
 def is_clock(values: Sequence[Array]) -> bool:
     """Return True for what goes on in every file, but for a few steps back."""
-    return all(np.ptp(one) > 0 and np.mean(np.diff(one) < 0) <= JUMPS for one in values)
+    return all(np.ptp(one) > 0 and np.mean(np.diff(one) < 0) <= MOST_GLITCHES for one in values)
 
 
 def named_by_titles(table: Table) -> dict[str, NamedColumn]:
@@ -91,14 +91,25 @@ def _rank(label: ColumnTitle | None) -> tuple[bool, bool]:
 
 
 def _without_copies(table: Table, columns: Sequence[Column]) -> list[Column]:
-    """Return the columns that move, and of copies of one signal the best named."""
+    """Return the columns that move, and of copies of one signal the best named; a title that names
+    another quantity is believed.
+    """
     moving = [column for column in columns if moves(table.raw[column])]
     copies: set[Column] = set()
     for family in same_signals([np.concatenate(table.raw[column]) for column in moving]):
         members = [moving[place] for place in family]
         best = min(members, key=lambda one: (*_rank(table.label(one)), _telling(table, one)))
-        copies |= {member for member in members if member != best}
+        copies |= {
+            one for one in members if one != best and _kind(table, one) in ("", _kind(table, best))
+        }
     return [column for column in moving if column not in copies]
+
+
+def _kind(table: Table, column: Column) -> str:
+    """Return the quantity that a title names, one word for all positions; empty for none."""
+    label = table.label(column)
+    quantity = label.quantity if label is not None else ""
+    return "position" if quantity in POSITIONS else quantity if quantity in _CALLED else ""
 
 
 def _telling(table: Table, column: Column) -> int:

@@ -90,7 +90,7 @@ def proven(
     try:
         made, told = _tried(draft, folder, seconds, progress)
     except MapmoreError as fault:
-        line = draft.without("validate", *(f"data.{key}" for key in EXPERIMENT))
+        line = draft.without("validate", *MODEL, *(f"data.{key}" for key in EXPERIMENT))
         terms = [{"polynomial": {"of": _inputs_of(draft)[:1], "order": 1}}]
         why = f"a straight line, as {' '.join(fault.message.split())[:160]}"
         note = Note(why, sure=False)

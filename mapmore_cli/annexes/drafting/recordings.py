@@ -249,20 +249,21 @@ def with_strain(draft: Draft, dataset: Dataset, length: float) -> Draft:
     return draft.with_data("derive", {"strain": rules[measured]}, why, False)
 
 
-def with_second_log(draft: Draft, second: Group, folder: Path, target: str) -> Draft:
+def with_second_log(
+    draft: Draft, first: Array | None, second: Group, folder: Path, target: str
+) -> Draft:
     """Return the draft with the pressure of a second log, shifted as the changes of the target and
-    of the pressure tell, where they do.
+    of the pressure tell, where they do; `first` is the time of the first log, (n,) in s.
     """
     table = table_of(second, folder)
     columns = named_by_titles(table)
-    if not {"time", "pressure"} <= columns.keys():
+    if first is None or not {"time", "pressure"} <= columns.keys():
         raise DataError(
-            f"{second.files[0].name}: its time and its pressure are no numbers, or its time never "
-            "goes on",
+            f"{second.files[0].name}: holds the pressure, and no clock goes on in both logs",
             "write `join` by hand",
         )
-    time = columns["time"]
-    steps = np.diff(convert(table.raw[time.column][0], time.unit, "s"))
+    time = convert(table.raw[columns["time"].column][0], columns["time"].unit, "s")
+    steps = np.diff(time)
     entry: dict[str, Any] = {
         "files": patterns(second.files, folder),
         "reader": second.layout.reader,
@@ -276,8 +277,10 @@ def with_second_log(draft: Draft, second: Group, folder: Path, target: str) -> D
     try:
         dataset = read_draft(lenient(draft).with_data("join", [entry]), folder, target)
     except DataError:
-        entry["shift"] = 0.0
         del entry["match"]
-        return draft.with_data("join", [entry], f"{beside}: are both clocks one?", False)
+        is_one = first[0] <= time[-1] and time[0] <= first[-1]
+        entry["shift"] = 0.0 if is_one else float(f"{first[0] - time[0]:.6g}")
+        how = "are both clocks one?" if is_one else "taken to begin together: look at `shift`"
+        return draft.with_data("join", [entry], f"{beside}; {how}", False)
     told = next((note for note in dataset.notes if ": shift " in note), "").partition(": ")[2]
     return draft.with_data("join", [entry], f"{beside}; {told}", False)

@@ -186,16 +186,6 @@ def test_held_out_levels_are_inner_ones(levels: list[float]) -> None:
     assert len(levels) - len(inner) >= min(len(levels), 2)
 
 
-
-
-
-
-
-
-
-
-
-
 def test_nothing_was_set_where_nothing_was_recorded() -> None:
     """Found by fuzzing `init`: recordings without a finite row were an internal fault."""
     assert set_in_steps([]) is None

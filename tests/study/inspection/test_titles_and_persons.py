@@ -74,9 +74,10 @@ def test_columns_are_called_by_their_titles(titles: str, names: str) -> None:
     places = list(enumerate(titles.split(",")))
     raw = {place: [T if not place else WAVES[place]] for place, _ in places}
     told = named_by_titles(Table(dict(places), raw))
-    assert " ".join(
-        f"{name}:{one.unit}{'' if one.sure else '?'}" for name, one in told.items()
-    ) == names
+    assert (
+        " ".join(f"{name}:{one.unit}{'' if one.sure else '?'}" for name, one in told.items())
+        == names
+    )
     assert [one.column for one in told.values()] == [place for place, _ in places]
 
 
@@ -84,7 +85,10 @@ def test_copies_constants_and_counters_are_left_out() -> None:
     columns = {"F raw (V)": 3 * WAVES[0], "F [N]": 2 - WAVES[0], "x": WAVES[1], "n": np.arange(400)}
     raw = {name: [values] for name, values in {**columns, "T": 21 + 0 * T}.items()}
     told = named_by_titles(Table({name: name for name in raw}, raw))
-    assert {name: one.column for name, one in told.items()} == {"force": "F [N]", "displacement": "x"}
+    assert {name: one.column for name, one in told.items()} == {
+        "force": "F [N]",
+        "displacement": "x",
+    }
 
 
 @pytest.mark.parametrize(
