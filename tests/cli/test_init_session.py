@@ -66,11 +66,13 @@ def test_who_says_the_columns_has_a_model_without_an_open_question(
 
 
 def test_the_target_is_asked_where_names_leave_a_choice(tmp_path: Path, cylinder: Path) -> None:
-    shown, asked, code = session(tmp_path, cylinder, ("time=0:ms,a=2,b=3,c=4", "d", "b"), *SHORT)
+    shown, asked, code = session(tmp_path, cylinder, ("time=0:ms,a=2,b=3,c=4", "d", "2", "no"), *SHORT)
     assert code == 0, shown
-    assert asked == 3, shown
+    assert asked == 4, shown
     assert "'d' is none of them" in shown
-    assert "target: {column: b}" in (tmp_path / "asked.yaml").read_text()
+    text = (tmp_path / "asked.yaml").read_text()
+    assert "target: {column: b}" in text
+    assert "# CHECK: '1bar' taken as pressure 1 bar" in text
 
 
 @pytest.mark.usefixtures("quick_families")

@@ -84,7 +84,9 @@ def propose(
     if target is None and ask is not None:
         if not answers.columns:
             columns = named_by_person(asked_columns(table, ask), table)
-        target = target_of([*columns], False) or asked_target([*columns.keys() - {"time"}], ask)
+        target = target_of([*columns], False) or asked_target(
+            [one for one in columns if one != "time"], ask
+        )
     if target is None:
         raise refuse_choice(table, group.files[0].name)
     if target not in columns or len(columns.keys() - {"time"}) + (constants is not None) < 2:
