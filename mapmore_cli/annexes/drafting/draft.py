@@ -293,7 +293,8 @@ def _thumbnail(across: Sequence[Array] | None, up: Sequence[Array]) -> Any:
 
 
 def _scaled(values: Array) -> Array:
-    return (values - values.min()) / (float(np.ptp(values)) or 1.0)
+    span = float(np.ptp(values)) or 1.0
+    return np.asarray((values - values.min()) / span)
 
 
 def range_of(values: Sequence[Array], unit: str = "1") -> str:

@@ -214,38 +214,38 @@ def started(
     if layout.sheets or of_sheets:
         draft = draft.without("data.sheet")
     if layout.left:
-        left = ", ".join(map(repr, layout.left))
-        why = f"laid out in another way, and left out: {left}"
+        why = f"laid out in another way, and left out: {', '.join(map(repr, layout.left))}"
         draft = draft.noted(("data", "sheet" if "sheet" in draft.data else "reader"), why)
-    entries: list[dict[str, Any]] = []
+    specimens = group.specimens if group.of else [(0, "")] * count
     if of_sheets:
-        (path,) = patterns(group.files, folder)
-        for sheet, told in zip(layout.told, constants, strict=True):
-            draft = draft.noted(("data", "files", len(entries)), told.why, sure=False)
-            entries.append({"path": path, "sheet": sheet, "set": {quantity: told.value}})
-        return draft.with_data("files", entries)
-    unknown = [Told()] * count
-    known = list(
-        zip(constants or unknown, group.specimens if group.of else [(0, "")] * count, strict=True)
-    )
-    for told, (number, word) in sorted(set(known)):
-        members = [
-            file
-            for file, own in zip(group.files, known, strict=True)
-            if own == (told, (number, word))
-        ]
+        one_each = zip(layout.told, constants, strict=True)
+        parts = [(group.files[0], sheet, told, specimens[0]) for sheet, told in one_each]
+    else:
+        known = zip(group.files, constants or [Told()] * count, specimens, strict=True)
+        sheets = layout.sheets or ("",)
+        parts = [(file, sheet, told, one) for file, told, one in known for sheet in sheets]
+    members: dict[tuple[Told, tuple[int, str], str], list[Path]] = {}
+    for file, sheet, told, specimen in parts:
+        members.setdefault((told, specimen, sheet), []).append(file)
+    entries: list[Any] = []
+    for (told, (number, word), sheet), files in sorted(members.items(), key=_of_constants):
         values = {quantity: told.value} if constants else {}
         values |= {group.of: number} if group.of else {}
-        why = [told.why, f"'{word}' is {group.of} {number}" if group.of else ""]
-        if any(why):
-            told_by = "; ".join(filter(None, why))
-            draft = draft.noted(("data", "files", len(entries)), told_by, sure=not constants)
-        for pattern in patterns(members, folder):
-            for sheet in layout.sheets or (None,):
-                entry = {"path": pattern, "sheet": sheet, "set": values}
-                entries.append({key: value for key, value in entry.items() if value})
-    plain = [entry["path"] if entry.keys() == {"path"} else entry for entry in entries]
-    draft = draft.with_data("files", plain)
+        whys = [told.why, f"'{word}' is {group.of} {number}" if group.of else ""]
+        draft = draft.noted(
+            ("data", "files", len(entries)), "; ".join(filter(None, whys)) or None, not constants
+        )
+        more = {"sheet": sheet, "set": values}
+        more = {key: value for key, value in more.items() if value}
+        paths = patterns(files, folder)
+        entries += [{"path": path, **more} for path in paths] if more else paths
+    draft = draft.with_data("files", entries)
     if group.of is None:
         return draft
     return draft.with_data("groups", {"of": group.of}, "each is scored by itself")
+
+
+def _of_constants(
+    item: tuple[tuple[Told, tuple[int, str], str], list[Path]],
+) -> tuple[Told, tuple[int, str]]:
+    return item[0][:2]
