@@ -10,6 +10,7 @@ import numpy as np
 
 from mapmore_cli.annexes.drafting.columns import Table
 from mapmore_cli.annexes.drafting.draft import Column, Draft, NamedColumn, Note, range_of
+from mapmore_cli.annexes.drafting.groups import Group
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import SpecError, UsageError
 from mapmore_cli.spec.units import CANONICAL, check_unit, convert
@@ -53,18 +54,17 @@ class Answers:
     group: str | None = None
     length: float | None = None
 
-    def for_columns(self, columns: Sequence[Column], width: int) -> Answers | None:
-        """Return the answers about a table with these columns; None where it has none of them."""
-        fits = all(
-            told.column < width for told in self.columns.values() if isinstance(told.column, int)
-        )
-        here = {}
-        for name, told in self.columns.items():
-            if isinstance(told.column, int) and fits:
-                here[name] = replace(told, column=columns[told.column])
-            elif told.column in columns:
-                here[name] = told
-        return replace(self, columns=here) if here or not self.columns else None
+    def about(self, group: Group) -> dict[str, NamedColumn]:
+        """Return the columns that files have, of those that were said; none by their places where
+        the files have fewer.
+        """
+        here, width = group.layout.columns, group.layout.width
+        places = [one.column for one in self.columns.values() if isinstance(one.column, int)]
+        return {
+            name: replace(told, column=here[told.column]) if isinstance(told.column, int) else told
+            for name, told in self.columns.items()
+            if told.column in here or (isinstance(told.column, int) and max(places) < width)
+        }
 
 
 NOTHING_SAID = Answers()

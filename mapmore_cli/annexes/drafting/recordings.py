@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from mapmore_cli.annexes.drafting.columns import Table, named_by_titles
+from mapmore_cli.annexes.drafting.columns import Table, named_by_person, named_by_titles
 from mapmore_cli.annexes.drafting.draft import Column, Draft, NamedColumn
 from mapmore_cli.annexes.drafting.groups import Group, patterns
 from mapmore_cli.checking.evidence import two_digits
@@ -250,13 +250,18 @@ def with_strain(draft: Draft, dataset: Dataset, length: float) -> Draft:
 
 
 def with_second_log(
-    draft: Draft, first: Array | None, second: Group, folder: Path, target: str
+    draft: Draft,
+    first: Array | None,
+    second: Group,
+    folder: Path,
+    target: str,
+    said: Mapping[str, NamedColumn],
 ) -> Draft:
     """Return the draft with the pressure of a second log, shifted as the changes of the target and
     of the pressure tell, where they do; `first` is the time of the first log, (n,) in s.
     """
     table = table_of(second, folder)
-    columns = named_by_titles(table)
+    columns = named_by_titles(table) | named_by_person(said, table)
     if first is None or not {"time", "pressure"} <= columns.keys():
         raise DataError(
             f"{second.files[0].name}: holds the pressure, and no clock goes on in both logs",

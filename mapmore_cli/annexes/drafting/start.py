@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from mapmore_cli.annexes.drafting.answers import (
@@ -77,6 +77,8 @@ def propose(
         Where the recordings cannot be read.
     """
     table = table_of(group, folder)
+    told_of_second = {} if second is None else answers.about(second)
+    answers = replace(answers, columns=answers.about(group))
     hold = answers.hold
     constants = held_in_names(group.conditions, None if hold == ("none", "") else hold)
     columns = named_by_person(answers.columns, table) if answers.columns else named_by_titles(table)
@@ -109,7 +111,7 @@ def propose(
     if second is not None and "pressure" not in columns:
         clock = columns.get("time")
         first = None if clock is None else convert(table.raw[clock.column][0], clock.unit, "s")
-        draft = with_second_log(draft, first, second, folder, target)
+        draft = with_second_log(draft, first, second, folder, target, told_of_second)
     draft, dataset = cleaned(draft, folder, target)
     if answers.length is not None:
         draft = with_strain(draft, dataset, answers.length)
@@ -171,10 +173,9 @@ def start(
         )
         seconds = {group.files: second_of(group, groups) for group in groups}
         for group, own in zip(groups, names, strict=True):
-            said = answers.for_columns(group.layout.columns, group.layout.width)
             if any(group is second for second in seconds.values()):
                 continue
-            if said is None:
+            if answers.columns and not answers.about(group):
                 remarks.append(f"{own} ({group}): it has none of the columns that were named")
                 continue
             if drafts and single:
@@ -185,7 +186,7 @@ def start(
             is_only = single or len(groups) == 1
             called = own if name is None else name if is_only else f"{name}-{own}"
             try:
-                draft = propose(group, called, folder, said, seconds[group.files], ask)
+                draft = propose(group, called, folder, answers, seconds[group.files], ask)
                 if tests := tests_of(group.files):
                     held_out = {"validate": {"files": tests}}
                     draft = draft.with_data("split", held_out, "the names of the files say so")

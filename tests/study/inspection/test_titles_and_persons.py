@@ -16,6 +16,8 @@ from mapmore_cli.annexes.drafting.answers import Answers, read_columns, read_hol
 from mapmore_cli.annexes.drafting.columns import Table, named_by_titles, target_of
 from mapmore_cli.annexes.drafting.draft import NamedColumn
 from mapmore_cli.annexes.drafting.filenames import held_in_names, number_in, read_names, words_of
+from mapmore_cli.annexes.drafting.groups import Group
+from mapmore_cli.annexes.drafting.preview import Preview
 from mapmore_cli.annexes.drafting.start import start
 from mapmore_cli.checking.names import read_label
 from mapmore_cli.domain.errors import UsageError
@@ -129,7 +131,10 @@ def test_columns_are_said_by_place_or_by_title() -> None:
         "force": NamedColumn("Load Cell", "N", scale=1.744, offset=-18.6),
         "pressure": NamedColumn(3, "mbar", offset=-1013.0),
     }
-    assert Answers(told).for_columns(("a", "b", "c"), 3) is None
+    three = Group((), (), Preview("csv", 3, ("a", "b", "c")))
+    four = Group((), (), Preview("csv", 4, None))
+    assert Answers(told).about(three) == {}
+    assert list(Answers(told).about(four)) == ["time", "pressure"]
 
 
 @pytest.mark.parametrize(
