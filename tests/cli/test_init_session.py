@@ -66,7 +66,9 @@ def test_who_says_the_columns_has_a_model_without_an_open_question(
 
 
 def test_the_target_is_asked_where_names_leave_a_choice(tmp_path: Path, cylinder: Path) -> None:
-    shown, asked, code = session(tmp_path, cylinder, ("time=0:ms,a=2,b=3,c=4", "d", "2", "no"), *SHORT)
+    shown, asked, code = session(
+        tmp_path, cylinder, ("time=0:ms,a=2,b=3,c=4", "d", "2", "no"), *SHORT
+    )
     assert code == 0, shown
     assert asked == 4, shown
     assert "'d' is none of them" in shown

@@ -274,35 +274,6 @@ def test_bars_between_fields_and_a_readme_beside(tmp_path: Path) -> None:
     assert any("ReadMe" in remark for remark in found.remarks)
 
 
-def test_quoted_numbers_under_two_header_rows_and_a_pressure_log_of_its_own(tmp_path: Path) -> None:
-    time = np.arange(600) * 20.0
-    pressure = 2 + np.sin(time / 1500)
-    strain = 5 * np.sin(time / 400)
-    force = 3 * pressure - strain
-    header = ["Time,Tensile strain,Force", "(ms),(%),(N)"]
-    table(
-        tmp_path / "tester.csv",
-        [
-            *header,
-            *(
-                f'"{t:.4f}","{e:.4f}","{f:.4f}"'
-                for t, e, f in zip(time, strain, force, strict=True)
-            ),
-        ],
-    )
-    table(
-        tmp_path / "log.txt",
-        [
-            "Time, Pressure",
-            *(f"{int(t)},{p:.3f}" for t, p in zip(time, pressure, strict=True) for _ in (0, 1)),
-        ],
-    )
-    (draft, *_) = drafting.start(tmp_path, tmp_path).drafts
-    assert draft.data["header"] == 2
-    assert draft.data["repeated_time"] == "average"
-    assert "join" in draft.data
-
-
 @given(st.lists(st.integers(-20, 20), max_size=40))
 def test_the_longest_ascent_never_decreases_and_leaves_out_no_ordered_stamp(
     stamps: list[int],

@@ -18,7 +18,6 @@ from mapmore_cli.annexes.drafting.preview import preview
 from mapmore_cli.annexes.drafting.proof import proven
 from mapmore_cli.annexes.drafting.start import start
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.pipeline.inspection import inspect
 from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.spec.experiment import TargetColumn
 
@@ -87,35 +86,6 @@ def test_files_of_older_programs_are_read_as_what_they_look_like(
 
 
 @pytest.mark.parametrize(
-    ("stamp", "delimiter"),
-    [
-        ("01.03.2026 12:00:{:06.3f}", ";"),
-        ("2026-03-01T12:00:{:06.3f}+02:00", ","),
-        ("12:00:{:06.3f}", ","),
-    ],
-)
-def test_local_dates_and_times_of_day_are_the_time(
-    tmp_path: Path, stamp: str, delimiter: str
-) -> None:
-    pressure = 100 + np.cumsum(np.random.default_rng(2).normal(0, 5, 150))
-    lines = (
-        ["Time", "P [kPa]", "F [N]"],
-        *(
-            [stamp.format(k / 10), f"{p:.3f}", f"{2 * p + k / 50:.3f}"]
-            for k, p in enumerate(pressure)
-        ),
-    )
-    text = "".join(delimiter.join(line) + "\n" for line in lines)
-    if delimiter == ";":
-        text = text.replace(".", ",").replace("01,03,2026", "01.03.2026")
-    (tmp_path / "log.csv").write_text(text)
-    draft = drafted(tmp_path)
-    assert draft.data["columns"]["time"] == {"column": "Time", "unit": "s"}
-    dataset = inspect(checked(draft, tmp_path)).dataset
-    np.testing.assert_allclose(np.diff(dataset.recordings[0].columns["time"]), 0.1, atol=1e-6)
-
-
-@pytest.mark.parametrize(
     "content",
     [
         b"",
@@ -175,19 +145,6 @@ def test_the_held_strain_in_the_names_of_files(tmp_path: Path) -> None:
     assert [keep.quantity for keep in data.keep] == ["pressure_rate"]
     assert "# CHECK: 'slack' has no number: taken as strain 0" in draft.text()
     assert "# CHECK: 'c10' taken as strain 10 %: say what was measured" in draft.text()
-
-
-def test_two_muscles_in_one_folder_are_two_studies(tmp_path: Path) -> None:
-    for size in ("10cm", "20cm"):
-        isobaric(tmp_path, size + "_pull_{:g}.csv")
-    (tmp_path / "notes.csv").write_text("dear diary\n")
-    found = start(tmp_path, tmp_path, search=lambda one, _: one)
-    assert [checked(draft, tmp_path).spec.data.files for draft in found.drafts] == [
-        ["10cm_pull_*.csv"],
-        ["20cm_pull_*.csv"],
-    ]
-    assert len({draft.name for draft in found.drafts}) == 2
-    assert any("notes.csv" in remark for remark in found.remarks)
 
 
 def test_tests_of_another_kind_in_the_same_folder_are_another_study(tmp_path: Path) -> None:
@@ -257,24 +214,6 @@ def test_a_line_of_units_and_every_sheet(tmp_path: Path) -> None:
         "kN",
     ]
     assert data.levels.at == [100, 200, 300, 400]
-
-
-def test_of_sheets_of_different_layout_the_longest_is_read_and_the_others_are_told(
-    tmp_path: Path,
-) -> None:
-    rows = [
-        (100.0 * (1 + k // 20), 0.005 * (k % 20), 100.0 * (1 + k // 20) * (2 - 0.05 * (k % 20)))
-        for k in range(60)
-    ]
-    sheets = {
-        "Sheet": [["Rig 4, operator, remarks"]],
-        "short": [["a", "b", "c"], *rows[:5]],
-        "run": [["P [kPa]", "eps", "F [N]"], *rows],
-    }
-    workbook(tmp_path / "all.xlsx", sheets)
-    draft = drafted(tmp_path)
-    assert draft.data["sheet"] == "run"
-    assert "laid out in another way, and left out: 'Sheet', 'short'" in draft.text()
 
 
 def test_what_fails_its_own_run_is_made_simpler(tmp_path: Path) -> None:
