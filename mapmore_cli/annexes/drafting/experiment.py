@@ -66,23 +66,19 @@ def find_held(
     levels = own if own is not None and len(levels) > len(own) else levels
     if len(levels) < 2:
         return None
-    return Held(of, _rounded(values, levels), _within(values, levels), swept)
+    at, within = _rounded(values, levels)
+    return Held(of, at, within, swept)
 
 
 def _level_of_each(recordings: Sequence[Recording], name: str) -> Array | None:
     """Return the middle of each recording, ascending, where each has a range of its own: one level
     that drifts, as while a muscle is pulled.
     """
-    middles = {
-        float(np.ptp(one.columns[name]) / 2 + one.columns[name].min()): one.columns[name]
-        for one in recordings
-        if one.rows_kept
-    }
-    series = [middles[middle] for middle in sorted(middles)]
-    apart = all(
-        np.quantile(lower, 0.95) < np.quantile(upper, 0.05) for lower, upper in pairwise(series)
-    )
-    return np.array(sorted(middles)) if len(series) > 1 and apart else None
+    series = [one.columns[name] for one in recordings if one.rows_kept]
+    ends = sorted(tuple(np.quantile(values, (0.05, 0.95)).tolist()) for values in series)
+    apart = all(lower[1] < upper[0] for lower, upper in pairwise(ends))
+    middles = sorted((float(values.min()) + float(values.max())) / 2 for values in series)
+    return np.array(middles) if len(series) > 1 and apart else None
 
 
 def _travel(recordings: Sequence[Recording], name: str) -> float:
@@ -96,31 +92,24 @@ def _travel(recordings: Sequence[Recording], name: str) -> float:
     return way / span if span else 0.0
 
 
-def _rounded(values: Array, levels: Array) -> Array:
-    """Return the levels with as few digits as the spread of their samples allows: 249.9 +- 0.7 was
-    meant to be 250.
+def _rounded(values: Array, levels: Array) -> tuple[Array, float | None]:
+    """Return the levels with as few digits as the scatter of their samples allows, and how near a
+    sample has to be to its level: 249.9 +- 0.7 was meant to be 250. None where few samples lie
+    between levels.
     """
-    nearest = match_levels(values, levels, np.inf)
-    off = values - levels[nearest]
-    near = np.abs(off) < 2 * TIGHT * default_within(levels)
-    rounded = []
-    for place, level in enumerate(levels.tolist()):
-        own = nearest == place
-        spread = float(np.std(off[near & own] if (near & own).any() else off[own]))
-        shorter = (round(level, digits) + 0.0 for digits in range(-6, 7))
-        rounded.append(next((one for one in shorter if abs(one - level) <= spread), level))
-    return np.array(rounded if len(set(rounded)) == len(levels) else levels)
-
-
-def _within(values: Array, levels: Array) -> float | None:
-    """Return how near a sample has to be to its level; None where few lie between levels."""
     half = default_within(levels)
     nearest = match_levels(values, levels, np.inf)
     off = np.abs(values - levels[nearest])
-    scatter = max(float(np.median(off[nearest == place])) for place in range(len(levels)))
-    tight = max(2 * TIGHT * half, 7 * scatter)
+    scatter = [float(np.median(off[nearest == place])) for place in range(len(levels))]
+    rounded = []
+    for level, spread in zip(levels.tolist(), scatter, strict=True):
+        near = min(spread, 2 * TIGHT * half)
+        shorter = (round(level, digits) + 0.0 for digits in range(-6, 7))
+        rounded.append(next((one for one in shorter if abs(one - level) <= near), level))
+    tight = max(2 * TIGHT * half, *(7 * spread for spread in scatter))
     is_worth_it = tight < half and np.mean((off > tight) & (off <= half)) > BETWEEN
-    return two_digits(tight) if is_worth_it else None
+    distinct = np.array(rounded if len(set(rounded)) == len(levels) else levels)
+    return distinct, two_digits(tight) if is_worth_it else None
 
 
 def goes_in_cycles(recordings: Sequence[Recording], held: Held) -> bool:

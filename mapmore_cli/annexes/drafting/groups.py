@@ -8,12 +8,14 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
 from mapmore_cli.annexes.drafting.draft import Draft
 from mapmore_cli.annexes.drafting.filenames import NameParts, Told, read_names, words_of
-from mapmore_cli.annexes.drafting.preview import Preview, preview, shared_start
+from mapmore_cli.annexes.drafting.preview import Preview, preview
 from mapmore_cli.checking.names import POSITIONS, read_label
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.ingestion.files import expand, relative_name
@@ -171,23 +173,21 @@ def second_of(group: Group, groups: Sequence[Group]) -> Group | None:
 def patterns(files: Sequence[Path], folder: Path) -> list[str]:
     """Globs from `folder` that match these files and no others: one where there is one, else the
     files themselves.
+
+    It is made of the words at which all names begin and end.
     """
     parent = relative_name(files[0].parent, folder)
     where = "" if parent == "." else f"{glob.escape(parent)}/"
-    for pattern in _candidates([file.name for file in files]):
-        if len(files) > 1 and {path.resolve() for path in expand(where + pattern, folder)} == {
-            path.resolve() for path in files
-        }:
-            return [where + pattern]
-    return [relative_name(file, folder) for file in files]
-
-
-def _candidates(names: Sequence[str]) -> list[str]:
-    """Patterns made of the words at which all names begin and end; the shortest are tried first."""
-    begin = shared_start(names).rstrip("0123456789")
-    end = shared_start([name[::-1] for name in names])[::-1]
+    names = [file.name for file in files]
+    begin = os.path.commonprefix(names).rstrip("0123456789")  # noqa: RUF071 - of letters
+    end = os.path.commonprefix([name[::-1] for name in names])[::-1]  # noqa: RUF071 - of letters
     words = [end[mark.start() :] for mark in re.finditer(r"(?:\.[A-Za-z]\w*)+$|[_\s-]", end)][::-1]
-    return [f"{glob.escape(start)}*{glob.escape(stop)}" for stop in words for start in (begin, "")]
+    wanted = {path.resolve() for path in files}
+    for start, stop in product((begin, ""), words) if len(files) > 1 else ():
+        pattern = f"{where}{glob.escape(start)}*{glob.escape(stop)}"
+        if {path.resolve() for path in expand(pattern, folder)} == wanted:
+            return [pattern]
+    return [relative_name(file, folder) for file in files]
 
 
 def started(
@@ -225,10 +225,10 @@ def started(
         sheets = layout.sheets or ("",)
         parts = [(file, sheet, told, one) for file, told, one in known for sheet in sheets]
     members: dict[tuple[Told, tuple[int, str], str], list[Path]] = {}
-    for file, sheet, told, specimen in parts:
+    for file, sheet, told, specimen in sorted(parts, key=itemgetter(2, 3)):
         members.setdefault((told, specimen, sheet), []).append(file)
     entries: list[Any] = []
-    for (told, (number, word), sheet), files in sorted(members.items(), key=_of_constants):
+    for (told, (number, word), sheet), files in members.items():
         values = {quantity: told.value} if constants else {}
         values |= {group.of: number} if group.of else {}
         whys = [told.why, f"'{word}' is {group.of} {number}" if group.of else ""]
@@ -243,9 +243,3 @@ def started(
     if group.of is None:
         return draft
     return draft.with_data("groups", {"of": group.of}, "each is scored by itself")
-
-
-def _of_constants(
-    item: tuple[tuple[Told, tuple[int, str], str], list[Path]],
-) -> tuple[Told, tuple[int, str]]:
-    return item[0][:2]

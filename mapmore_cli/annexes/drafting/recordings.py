@@ -250,25 +250,20 @@ def with_strain(draft: Draft, dataset: Dataset, length: float) -> Draft:
 
 
 def with_second_log(
-    draft: Draft,
-    first: Array | None,
-    second: Group,
-    folder: Path,
-    target: str,
-    said: Mapping[str, NamedColumn],
+    draft: Draft, second: Group, folder: Path, target: str, said: Mapping[str, NamedColumn]
 ) -> Draft:
     """Return the draft with the pressure of a second log, shifted as the changes of the target and
-    of the pressure tell, where they do; `first` is the time of the first log, (n,) in s.
+    of the pressure tell, where they do.
     """
     table = table_of(second, folder)
     columns = named_by_titles(table) | named_by_person(said, table)
-    if first is None or not {"time", "pressure"} <= columns.keys():
+    if not {"time", "pressure"} <= columns.keys() or "time" not in draft.data["columns"]:
         raise DataError(
             f"{second.files[0].name}: holds the pressure, and no clock goes on in both logs",
             "write `join` by hand",
         )
-    time = convert(table.raw[columns["time"].column][0], columns["time"].unit, "s")
-    steps = np.diff(time)
+    steps = np.diff(table.raw[columns["time"].column][0])
+    usual = convert(float(np.median(steps[steps > 0])), columns["time"].unit, "s")
     entry: dict[str, Any] = {
         "files": patterns(second.files, folder),
         "reader": second.layout.reader,
@@ -276,16 +271,13 @@ def with_second_log(
         "columns": {name: columns[name].as_spec() for name in ("time", "pressure")},
         "shift": "auto",
         "match": {"first": target, "second": "pressure"},
-        "max_gap": two_digits(REST * float(np.median(steps[steps > 0]))),
+        "max_gap": two_digits(REST * usual),
     }
-    beside = "the pressure is in a log of its own"
     try:
-        dataset = read_draft(lenient(draft).with_data("join", [entry]), folder, target)
-    except DataError:
-        del entry["match"]
-        is_one = first[0] <= time[-1] and time[0] <= first[-1]
-        entry["shift"] = 0.0 if is_one else float(f"{first[0] - time[0]:.6g}")
-        how = "are both clocks one?" if is_one else "taken to begin together: look at `shift`"
-        return draft.with_data("join", [entry], f"{beside}; {how}", False)
-    told = next((note for note in dataset.notes if ": shift " in note), "").partition(": ")[2]
-    return draft.with_data("join", [entry], f"{beside}; {told}", False)
+        notes = read_draft(lenient(draft.with_data("join", [entry])), folder, target).notes
+        told = next((note for note in notes if ": shift " in note), "").partition(": ")[2]
+    except DataError:  # nothing changes, or several shifts would do
+        entry = {key: value for key, value in entry.items() if key != "match"} | {"shift": 0.0}
+        told = "are both clocks one?"
+    why = f"the pressure is in a log of its own; {told}; {columns['pressure'].why}"
+    return draft.with_data("join", [entry], why, False)

@@ -39,7 +39,6 @@ from mapmore_cli.annexes.drafting.recordings import (
 )
 from mapmore_cli.checking.names import POSITIONS
 from mapmore_cli.domain.errors import DataError, SpecError, UsageError
-from mapmore_cli.spec.units import convert
 from mapmore_cli.storage.tables import remembered
 
 Search = Callable[[Draft, Path], Draft]
@@ -109,9 +108,7 @@ def propose(
         }
     draft = with_columns(started(group, name, folder, quantity, told), columns, table)
     if second is not None and "pressure" not in columns:
-        clock = columns.get("time")
-        first = None if clock is None else convert(table.raw[clock.column][0], clock.unit, "s")
-        draft = with_second_log(draft, first, second, folder, target, told_of_second)
+        draft = with_second_log(draft, second, folder, target, told_of_second)
     draft, dataset = cleaned(draft, folder, target)
     if answers.length is not None:
         draft = with_strain(draft, dataset, answers.length)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -199,37 +199,21 @@ def recorded_twice(subject: Subject) -> Iterator[Issue]:
     """
     curves = subject.made.curves if subject.made else ()
     held_out = {name for curve in curves if curve.held_out.all() for name in curve.recordings}
-    alike: dict[tuple[object, ...], list[Recording]] = {}
+    known: dict[tuple[object, ...], Recording] = {}
     for recording in (recording for recording in subject.recordings if recording.rows_kept):
-        measured = sorted(
-            recording.columns.keys() & subject.spec.data.columns
-        )  # what is set for a file does not make it another
-        columns = [recording.columns[name] for name in measured]
-        same = alike.setdefault(
-            (*measured, recording.rows_kept, *(float(one[-1]) for one in columns)), []
-        )
-        twin = next((other for other in same if _same_samples(recording, other, measured)), None)
-        same.append(recording)
-        if twin is None:
+        # what is set for a file does not make it another
+        measured = sorted(recording.columns.keys() & subject.spec.data.columns)
+        samples = (hash(recording.columns[name].tobytes()) for name in measured)
+        twin = known.setdefault((*measured, *samples), recording)
+        if twin is recording:
             continue
         leak = (twin.id in held_out) != (recording.id in held_out)
         message = f"it has the same samples as {twin.name}" + (
             ", and one of them validates the other" if leak else ""
         )
-        yield Issue(
-            "error" if leak else "warning",
-            "recorded-twice",
-            recording.name,
-            message,
-            "leave one of them out",
-            "data",
-        )
-
-
-def _same_samples(one: Recording, other: Recording, names: Sequence[str]) -> bool:
-    return all(
-        np.array_equal(one.columns[name], other.columns[name], equal_nan=True) for name in names
-    )
+        severity: Severity = "error" if leak else "warning"
+        remedy = "leave one of them out"
+        yield Issue(severity, "recorded-twice", recording.name, message, remedy, "data")
 
 
 def many_dropped(subject: Subject) -> Iterator[Issue]:
