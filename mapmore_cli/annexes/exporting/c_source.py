@@ -46,7 +46,7 @@ from mapmore_cli.modelling.inverse import (
 from mapmore_cli.modelling.kinds import OUTSIDE_TOLERANCE, runs_over_time
 from mapmore_cli.modelling.program.model import program_of, with_slopes
 from mapmore_cli.modelling.program.statements import Choose, Function, Limit, Program
-from mapmore_cli.modelling.program.writing import names_in
+from mapmore_cli.modelling.program.writing import names_used_in
 
 MOST_INPUTS = 14
 """Bits of the returned number, one for every input and one more: an `int` may have 16."""
@@ -302,7 +302,7 @@ class CStatements(Statements):
             f"{self.real} *results"
         ] * several
         lines, results = self.block(function.body, self.expressions())
-        used = names_in(function.body)
+        used = names_used_in(function.body)
         ignored = [f"(void){name};" for name in function.parameters if name not in used]
         ends = (
             [f"results[{i}] = {text};" for i, text in enumerate(results)]
