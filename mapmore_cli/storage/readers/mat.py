@@ -33,8 +33,8 @@ from mapmore_cli.storage.tables.members import (
     array_of,
     group_of,
     size_in_words,
-    tree_reader,
 )
+from mapmore_cli.storage.tables.overview import tree_reader
 
 KIND = "MAT file"
 MATRIX, COMPRESSED, BYTES, LOGICAL, COMPLEX = 14, 15, 2, 0x200, 0x800

@@ -83,7 +83,7 @@ def test_members_of_a_group_come_in_natural_order(file: Path) -> None:
         (("table.force",), {}, ["no 'force'", "t, F"]),
         (("run/scalar", "run/pressure"), {}, ["'run/scalar' has 1 samples, 'run/pressure' has 6"]),
         (("link",), {}, ["a.h5: 'link' is a link that leads nowhere"]),
-        (("P",), {"root": "runs"}, ["no 'P' on the way", "A group of 3 has: run_1, run_10, run_2"]),
+        (("P",), {"root": "runs"}, ["there is no 'P'", "A group of 3 has: run_1, run_10, run_2"]),
         (
             ("x",),
             {"root": "run/pressure[*]"},

@@ -52,10 +52,10 @@ def test_channels_over_several_segments(file: Path) -> None:
 @pytest.mark.parametrize(
     ("columns", "parts"),
     [
-        (("Rig 7/p",), ["a.tdms: there is no channel 'Rig 7/p'", "Did you mean 'Rig 7/P'?"]),
-        (("P",), ["no channel 'P'", "Rig 7/P, Rig 7/eps"]),
-        (("Rig 7/stamp",), ["channel 'Rig 7/stamp'", "a date stands here"]),
-        (("Notes/who",), ["channel 'Notes/who' holds", "not real numbers"]),
+        (("Rig 7/p",), ["a.tdms: there is no 'Rig 7' on the way", "Did you mean 'Rig 7/P'?"]),
+        (("P",), ["there is no 'P'", "Rig 7/P, Rig 7/eps"]),
+        (("Rig 7/stamp",), ["'Rig 7/stamp'", "a date stands here"]),
+        (("Notes/who",), ["'Notes/who' holds", "not real numbers"]),
         (("Rig 7/P", "Rig 7/short"), ["'Rig 7/short' has 7 samples, 'Rig 7/P' has 50"]),
     ],
 )
