@@ -211,8 +211,7 @@ def _refuse_other_clocks(noted: Mapping[SourceColumn, Noted], label: str) -> Non
         later = round(told.start - first.start, 6)  # as exact as seconds since 1970 are
         if not math.isclose(first.step, told.step, rel_tol=1e-6):
             what = (
-                f"'{name}' was sampled every {first.step:.6g} s, "
-                f"'{column}' every {told.step:.6g} s"
+                f"'{name}' was sampled every {first.step:.6g} s, '{column}' every {told.step:.6g} s"
             )
         elif abs(later) > SAME_TIME * abs(told.step):
             what = f"'{column}' begins {later:.6g} s after '{name}'"
