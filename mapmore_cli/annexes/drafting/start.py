@@ -56,7 +56,6 @@ from mapmore_cli.annexes.drafting.recordings import (
 from mapmore_cli.checking.names import POSITIONS, number_in, tests_of
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.spec.units import convert, parse_quantity
-from mapmore_cli.storage.tables import remembered
 
 Search = Callable[[Draft, Path], Draft]
 """Returns a draft with the model that was found for it, given the folder that its paths start at.
@@ -234,44 +233,39 @@ def start(
         Where nothing usable is found; the message says why of every file.
     """
     drafts: list[Draft] = []
-    with remembered():
-        groups, remarks = find_groups(path, answers.group)
-        names = _unique(
-            [_name(group.label) for group in groups], [_name(group.folder.name) for group in groups]
+    groups, remarks = find_groups(path, answers.group)
+    names = _unique(
+        [_name(group.label) for group in groups], [_name(group.folder.name) for group in groups]
+    )
+    seconds = {
+        group.files: second for group in groups if (second := second_of(group, groups)) is not None
+    }
+    for group, own in zip(groups, names, strict=True):
+        said = answers.for_columns(group.layout.columns, group.layout.width)
+        if group in seconds.values():
+            continue
+        if said is None:
+            remarks.append(f"{own} ({group}): it has none of the columns that were named")
+            continue
+        if drafts and single:
+            remarks.append(
+                f"{own} ({group}): another study; without -o every study gets a spec of its own"
+            )
+            continue
+        called = own if name is None else name if single or len(groups) == 1 else f"{name}-{own}"
+        other = seconds.get(group.files)
+        beside = (
+            None
+            if other is None
+            else (other, answers.for_columns(other.layout.columns, other.layout.width))
         )
-        seconds = {
-            group.files: second
-            for group in groups
-            if (second := second_of(group, groups)) is not None
-        }
-        for group, own in zip(groups, names, strict=True):
-            said = answers.for_columns(group.layout.columns, group.layout.width)
-            if group in seconds.values():
-                continue
-            if said is None:
-                remarks.append(f"{own} ({group}): it has none of the columns that were named")
-                continue
-            if drafts and single:
-                remarks.append(
-                    f"{own} ({group}): another study; without -o every study gets a spec of its own"
-                )
-                continue
-            called = (
-                own if name is None else name if single or len(groups) == 1 else f"{name}-{own}"
-            )
-            other = seconds.get(group.files)
-            beside = (
-                None
-                if other is None
-                else (other, answers.for_columns(other.layout.columns, other.layout.width))
-            )
-            try:
-                for draft in _drafts_of(
-                    group, called, folder, said, beside, ask, search or proven, single
-                ):
-                    drafts.append(draft)  # noqa: PERF402 - the first one stays where the second fails
-            except (DataError, SpecError) as fault:
-                remarks.append(f"{own} ({group}): {fault.message}")
+        try:
+            for draft in _drafts_of(
+                group, called, folder, said, beside, ask, search or proven, single
+            ):
+                drafts.append(draft)  # noqa: PERF402 - the first one stays where the second fails
+        except (DataError, SpecError) as fault:
+            remarks.append(f"{own} ({group}): {fault.message}")
     remarks = [
         *remarks[:MOST_REMARKS],
         *([f"... and {len(remarks) - MOST_REMARKS} more"] if len(remarks) > MOST_REMARKS else []),

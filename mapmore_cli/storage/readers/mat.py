@@ -63,13 +63,11 @@ def opened_mat(path: Path, label: str, request: TableRequest | None) -> Iterator
     with reading(label, KIND), path.open("rb") as stream:
         whole = memoryview(stream.read())
         if 0 in whole[:4]:  # as in version 4 alone
-            known = dict(_version_4(path, len(whole)))
+            variables = _version_4(path, len(whole))
         else:
-            known = dict(
-                _Version5({b"IM": "<", b"MI": ">"}[bytes(whole[126:128])], len(whole)).variables(
-                    whole[128:]
-                )
-            )
+            order = {b"IM": "<", b"MI": ">"}[bytes(whole[126:128])]
+            variables = _Version5(order, len(whole)).variables(whole[128:])
+        known = dict(variables)
         yield group_of("the file", sorted(known), lambda name: known[name](name))
 
 
@@ -107,11 +105,11 @@ class _Version5:
 
     def unpacked(self, part: memoryview, most: int) -> memoryview:
         unpacker = zlib.decompressobj()
-        found = unpacker.decompress(part, most)
-        refuse_bombs("the file", len(found), self.file_size)
-        if len(found) < most and not unpacker.eof:
+        content = unpacker.decompress(part, most)
+        refuse_bombs("the file", len(content), self.file_size)
+        if len(content) < most and not unpacker.eof:
             raise ValueError("a variable is cut off")
-        return memoryview(found)
+        return memoryview(content)
 
     def elements(self, content: memoryview) -> Iterator[Element]:
         """Yield what stands one behind another; ValueError for an element that goes on beyond the
@@ -138,43 +136,34 @@ class _Version5:
         parts = self.elements(content)
         flags = int(self.numbers(next(parts))[0])
         of_class = flags & 0xFF
-        if of_class in (
-            OBJECT,
-            FUNCTION,
-            OPAQUE,
-        ):  # an object's class stands behind its size and its name
-            raise object_of_matlab(
-                name,
-                "a function"
-                if of_class == FUNCTION
-                else [_letters(part) for part in islice(parts, 3)][2],
-            )
+        if of_class == FUNCTION:
+            raise object_of_matlab(name, "a function")
+        if of_class in (OBJECT, OPAQUE):  # its class stands behind its size and its name
+            raise object_of_matlab(name, [_letters(part) for part in islice(parts, 3)][2])
         shape = tuple(self.numbers(next(parts)).astype(np.uint32).tolist())
         next(parts)  # the name
         if of_class in (CELL, STRUCT):
             return self.collection(parts, of_class, shape, name)
-        stored = (
-            np.complex128 if flags & COMPLEX else np.float64
-        )  # complex numbers are refused, whatever they are
+        # complex numbers are refused, whatever they are
+        stored = np.complex128 if flags & COMPLEX else np.float64
         if of_class == SPARSE:
             rows, ends, values = (next(parts) for _ in range(3))
             last = self.numbers(ends).clip(0, len(rows[1]))  # of each column, among the rows
             columns = np.repeat(np.arange(len(last) - 1), np.diff(last))
-            numbers = self.numbers((BYTES, values[1]) if flags & LOGICAL else values)[
-                : len(columns)
-            ]  # whatever type it says
+            # flags are bytes, whatever their element says
+            numbers = self.numbers((BYTES, values[1]) if flags & LOGICAL else values)
             return _sparse(
                 (self.numbers(rows)[: len(columns)], columns),
-                numbers.astype(stored),
+                numbers[: len(columns)].astype(stored),
                 shape,
                 self.file_size,
             )
         if of_class == TEXT:
-            width, letters = self.numbers(part := next(parts)).itemsize, bytes(part[1])
+            kind, letters = next(parts)
+            width = self.numbers((kind, letters)).itemsize
             end = "le" if self.order == "<" else "be"
-            text = letters.decode(
-                {1: "utf-8", 2: f"utf-16-{end}"}.get(width, f"utf-32-{end}"), "replace"
-            )
+            encoding = {1: "utf-8", 2: f"utf-16-{end}"}.get(width, f"utf-32-{end}")
+            text = bytes(letters).decode(encoding, "replace")
             return Member("text", values=lambda _: np.array([text]))
         array = self.numbers(next(parts)).reshape(shape, order="F").astype(stored)
         return array_of(array.__getitem__, shape)
@@ -182,19 +171,17 @@ class _Version5:
     def collection(
         self, parts: Iterator[Element], of_class: int, shape: tuple[int, ...], name: str
     ) -> Member:
-        names = []
+        names, count = [], math.prod(shape)
         if of_class == STRUCT:
             width, letters = int(self.numbers(next(parts))[0]), next(parts)[1]
-            names = [
-                _letters((BYTES, letters[i : i + width])) for i in range(0, len(letters), width)
-            ]
+            starts = range(0, len(letters), width)
+            names = [_letters((BYTES, letters[i : i + width])) for i in starts]
         inner = [part for _, part in islice(parts, MOST_ELEMENTS + 1)]
         if len(inner) > MOST_ELEMENTS:
             raise DataError(
                 f"'{name}' has more than {MOST_ELEMENTS} elements",
                 "save the measurements as arrays of numbers",
             )
-        count = math.prod(shape)
         if len(inner) != count * (len(names) or of_class == CELL):
             raise ValueError(f"{len(inner)} elements of {count}")
         if of_class == CELL:
@@ -204,12 +191,10 @@ class _Version5:
                 element=lambda i: self.member(inner[i], f"{name}[{i}]"),
             )
 
-        def element(number: int, kind: str = "a struct") -> Member:
-            own = dict(
-                zip(names, inner[number * len(names) : (number + 1) * len(names)], strict=True)
-            )
+        def element(number: int) -> Member:
+            own = dict(zip(names, inner[number * len(names) :], strict=False))
             return Member(
-                kind, names, member=lambda field: self.member(own[field], f"{name}.{field}")
+                "a struct", names, lambda field: self.member(own[field], f"{name}.{field}")
             )
 
         if count == 1 and names:

@@ -21,7 +21,6 @@ from reading import csv_table, refusal, table_of
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.pipeline.notebooks import column_of
 from mapmore_cli.pipeline.records import Sheet
-from mapmore_cli.storage.tables import read_with, remembered
 from mapmore_cli.storage.tables.cells import CellReader, NotANumber
 
 h5py = pytest.importorskip("h5py")
@@ -385,15 +384,3 @@ def test_quoted_fields_are_as_rfc_4180_has_them(tmp_path: Path) -> None:
     table = csv_table(tmp_path / "a", content, "F")
     assert table.columns["F"].tolist() == [20.5, 1]
     assert table.rows.tolist() == [2, 4]
-
-
-def test_a_table_that_was_read_with_stamps_is_read_anew_without(tmp_path: Path) -> None:
-    from mapmore_cli.storage.readers import READERS, TableRequest
-
-    (tmp_path / "a").write_bytes(b"t,F\n12:00:00,1\n")
-    with remembered():
-        read_with(
-            READERS["csv"], tmp_path / "a", TableRequest("a", ("t", "F"), clocks=frozenset({"t"}))
-        )
-        with pytest.raises(NotANumber):
-            read_with(READERS["csv"], tmp_path / "a", TableRequest("a", ("t", "F")))
