@@ -7,11 +7,9 @@ itself crashes or hangs is counted; anything else is printed and ends with 1.
 
 from __future__ import annotations
 
-import random
 import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 from driver import Fault, Target, explore
 
@@ -23,7 +21,7 @@ from test_artefacts import KINDS, examples
 from mapmore_cli.domain.errors import DataError
 
 
-def damaged(whole: bytes, chance: random.Random) -> bytes:
+def damaged(whole, chance):
     """One to eight bits flipped, or the file cut off."""
     if chance.random() < 0.1:
         return whole[: chance.randrange(len(whole))]
@@ -33,15 +31,15 @@ def damaged(whole: bytes, chance: random.Random) -> bytes:
     return bytes(changed)
 
 
-def target(kind: str, record: Any, folder: Path) -> Target:
+def target(kind, record, folder):
     write, read, _ = KINDS[kind]
     path = folder / "file.h5"
     write(path, record)
     whole = path.read_bytes()
 
-    def attempt(chance: random.Random, _number: int, _folder: Path) -> str:
+    def attempt(chance, _number, _folder):
         path.write_bytes(damaged(whole, chance))
-        told: list[str] = []
+        told = []
         try:
             found = read(path, told.append)
         except DataError:
@@ -53,9 +51,9 @@ def target(kind: str, record: Any, folder: Path) -> Target:
     return Target(kind, attempt, (), library="libhdf5")
 
 
-def main(count: int, seed: int) -> int:
+def main(count, seed):
     """Try `count` changes of each kind of file; 1 where one of them went unnoticed."""
-    faults: list[str] = []
+    faults = []
     with TemporaryDirectory() as folder:
         for kind, record in examples().items():
             found = explore(target(kind, record, Path(folder)), count, seed, Path(folder), traced=0)

@@ -18,16 +18,14 @@ import sys
 import time
 import traceback
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 from contextlib import contextmanager, nullcontext
 from copy import deepcopy
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import CodeType, FrameType
-from typing import Any
+from types import CodeType
 
 import mapmore_cli
-from mapmore_cli.domain.errors import MapmoreError
 
 PACKAGE = Path(mapmore_cli.__file__).parent
 LONGEST = 5  # seconds of one input
@@ -73,7 +71,7 @@ class Findings:
     interrupted: bool = False
 
     @property
-    def ran(self) -> int:
+    def ran(self):
         return len(self.seen)
 
 
@@ -82,13 +80,13 @@ class Fault(Exception):
 
 
 def explore(
-    target: Target,
-    count: int,
-    seed: int,
-    folder: Path,
-    traced: int | None = None,
-    tell: Callable[[str], None] = lambda _words: None,
-) -> Findings:
+    target,
+    count,
+    seed,
+    folder,
+    traced=None,
+    tell=lambda _words: None,
+):
     """Try `count` inputs, or fewer where Ctrl-C ends it; `traced` as the target says, if not
     otherwise; `tell` how far it is.
     """
@@ -99,7 +97,7 @@ def explore(
         time.monotonic(),
     )
 
-    def told() -> None:
+    def told():
         nonlocal last
         if time.monotonic() - last > SILENCE:
             last = time.monotonic()
@@ -124,14 +122,14 @@ def explore(
 
 
 def _batch(
-    target: Target,
-    numbers: range,
-    seed: int,
-    folder: Path,
-    found: Findings,
-    tracing: bool,
-    told: Callable[[], None],
-) -> int:
+    target,
+    numbers,
+    seed,
+    folder,
+    found,
+    tracing,
+    told,
+):
     """Try inputs in one fork; the number of the first one that it left."""
     read, write = os.pipe()
     gc.freeze()  # what is there before the inputs is not looked through again and again
@@ -174,9 +172,7 @@ def _batch(
     return done
 
 
-def _inputs(
-    target: Target, numbers: range, seed: int, folder: Path, report: Any, tracing: bool
-) -> None:
+def _inputs(target, numbers, seed, folder, report, tracing):
     # libraries reserve address space that they never use: what counts is beside what was reserved
     # at the start
     taken = (
@@ -201,22 +197,22 @@ def _inputs(
     signal.setitimer(signal.ITIMER_VIRTUAL, 0)
 
 
-def refused(error: MapmoreError) -> str:
+def refused(error):
     return f"refused (exit {error.exit_code})"
 
 
 @contextmanager
-def traced(parts: Sequence[str]) -> Iterator[set[tuple[str, int]]]:
+def traced(parts):
     """Note the lines of some parts of the package that run."""
-    seen: set[tuple[str, int]] = set()
+    seen = set()
     files = {str(path) for path in files_of(parts)}
 
-    def within(frame: FrameType, event: str, _argument: Any) -> Any:
+    def within(frame, event, _argument):
         if event == "line":
             seen.add((frame.f_code.co_filename, frame.f_lineno))
         return within
 
-    def enter(frame: FrameType, _event: str, _argument: Any) -> Any:
+    def enter(frame, _event, _argument):
         return within if frame.f_code.co_filename in files else None
 
     sys.settrace(enter)
@@ -226,7 +222,7 @@ def traced(parts: Sequence[str]) -> Iterator[set[tuple[str, int]]]:
         sys.settrace(None)
 
 
-def files_of(parts: Sequence[str]) -> list[Path]:
+def files_of(parts):
     """The modules of parts of the package, each a file or a folder of it."""
     places = [PACKAGE / part for part in parts]
     return sorted(
@@ -234,7 +230,7 @@ def files_of(parts: Sequence[str]) -> list[Path]:
     )
 
 
-def lines_of(parts: Sequence[str]) -> set[tuple[str, int]]:
+def lines_of(parts):
     """The lines of the functions of parts of the package; what runs while a module is imported does
     not count.
     """
@@ -245,7 +241,7 @@ def lines_of(parts: Sequence[str]) -> set[tuple[str, int]]:
     }
 
 
-def _lines_of(code: CodeType) -> Iterator[int]:
+def _lines_of(code):
     if (
         code.co_flags & 0x2
         # CO_NEWLOCALS: a function; neither a module nor, in this package, a class with lines of its
@@ -261,7 +257,7 @@ def _lines_of(code: CodeType) -> Iterator[int]:
             yield from _lines_of(constant)
 
 
-def changed_text(text: str, chance: random.Random, marks: str) -> str:
+def changed_text(text, chance, marks):
     """A text with a few characters left out, doubled, swapped, or put in."""
     letters = list(text)
     for _ in range(chance.choice([1, 1, 2, 5])):
@@ -282,7 +278,7 @@ def changed_text(text: str, chance: random.Random, marks: str) -> str:
     return "".join(letters)
 
 
-def changed_bytes(whole: bytes, chance: random.Random) -> bytes:
+def changed_bytes(whole, chance):
     """One to eight bits flipped, a stretch overwritten or left out, or the end cut off."""
     if not whole:
         return whole
@@ -305,7 +301,7 @@ def changed_bytes(whole: bytes, chance: random.Random) -> bytes:
 Way = tuple[str | int, ...]
 
 
-def ways(tree: Any, here: Way = ()) -> Iterator[Way]:
+def ways(tree, here=()):
     """The places in a document."""
     yield here
     for key, value in (
@@ -318,13 +314,13 @@ def ways(tree: Any, here: Way = ()) -> Iterator[Way]:
         yield from ways(value, (*here, key))
 
 
-def at(tree: Any, way: Way) -> Any:
+def at(tree, way):
     for step in way:
         tree = tree[step]
     return tree
 
 
-def changed_tree(tree: Any, chance: random.Random, value: Callable[[Any], Any], part: Any) -> None:
+def changed_tree(tree, chance, value, part):
     """Change a document at one place: left out, doubled, renamed, replaced by a hostile value
     (given the old one) or by some of `part`.
     """

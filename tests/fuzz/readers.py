@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import gzip
 import io
-import random
 import struct
 import zipfile
 import zlib
@@ -17,7 +16,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import scipy.io
-from driver import Fault, Target, Try, changed_bytes, changed_text, refused
+from driver import Fault, Target, changed_bytes, changed_text, refused
 from nptdms import ChannelObject, TdmsWriter
 from openpyxl import Workbook
 from scipy import sparse
@@ -48,7 +47,7 @@ CELLS = (
 MARKS = " ,;\t\"'\n\r\x00.eE+-0123456789é"
 
 
-def table(chance: random.Random) -> list[list[str]]:
+def table(chance):
     """A header and rows of numbers, some cells hostile."""
     columns = chance.choice([2, 3, 3, 4])
     rows = [
@@ -63,7 +62,7 @@ def table(chance: random.Random) -> list[list[str]]:
     return [["t", "P", "F", "x"][:columns], *rows]
 
 
-def text(chance: random.Random) -> bytes:
+def text(chance):
     """A text file in some dialect, encoding and packing."""
     mark, end = chance.choice([",", ",", ";", "\t", " "]), chance.choice(["\n", "\n", "\r\n", "\r"])
     written = end.join(mark.join(row) for row in table(chance)) + chance.choice(["", end])
@@ -79,7 +78,7 @@ def text(chance: random.Random) -> bytes:
 
 
 @cache
-def binary(kind: str) -> bytes:
+def binary(kind):
     stream = io.BytesIO()
     time, pressure = np.arange(ROWS) * 0.1, np.linspace(0, 300, ROWS)
     if kind == "xlsx":
@@ -157,17 +156,17 @@ def binary(kind: str) -> bytes:
     return stream.getvalue()
 
 
-def opaque() -> bytes:
+def opaque():
     """An object as MATLAB lays it out: what a reader sees before the contents."""
 
-    def element(kind: int, content: bytes) -> bytes:
+    def element(kind, content):
         return struct.pack("<II", kind, len(content)) + content + b"\0" * (-len(content) % 8)
 
     words = b"".join(element(1, word) for word in (b"log", b"MCOS", b"timetable"))
     return element(14, element(6, struct.pack("<II", 17, 0)) + words + element(14, b""))
 
 
-def changed_matlab(whole: bytes, chance: random.Random, kind: str) -> bytes:
+def changed_matlab(whole, chance, kind):
     """A MATLAB file with wrong types, sizes and parts of others in place of some; what is packed is
     changed before it is packed anew.
     """
@@ -205,7 +204,7 @@ def changed_matlab(whole: bytes, chance: random.Random, kind: str) -> bytes:
     return changed_bytes(bytes(changed), chance) if chance.random() < 0.2 else bytes(changed)
 
 
-def changed_members(whole: bytes, chance: random.Random) -> bytes:
+def changed_members(whole, chance):
     out = io.BytesIO()
     with zipfile.ZipFile(io.BytesIO(whole)) as old, zipfile.ZipFile(out, "w") as new:
         names = old.namelist()
@@ -267,7 +266,7 @@ FORMATS = {
 }
 
 
-def attempt(chance: random.Random, number: int, folder: Path) -> str:
+def attempt(chance, number, folder):
     """Try a file of any format."""
     return attempt_of(
         chance.choice(["csv", "csv", "csv", "xlsx", "mat", "packed.mat", "hdf5", "tdms"]),
@@ -277,12 +276,12 @@ def attempt(chance: random.Random, number: int, folder: Path) -> str:
     )
 
 
-def only(*kinds: str) -> Try:
+def only(*kinds):
     """Return what tries files of some formats."""
     return lambda chance, number, folder: attempt_of(chance.choice(kinds), chance, number, folder)
 
 
-def attempt_of(kind: str, chance: random.Random, number: int, folder: Path) -> str:
+def attempt_of(kind, chance, number, folder):
     """Write a file and read it; a table has finite rows, as many as its columns, or is refused."""
     reader = READERS[kind.rsplit(".", 1)[-1]]
     whole = text(chance) if kind == "csv" else binary(kind)
@@ -325,7 +324,7 @@ def attempt_of(kind: str, chance: random.Random, number: int, folder: Path) -> s
     return "read"
 
 
-def warm(_folder: Path) -> None:
+def warm(_folder):
     for kind in ("xlsx", "mat", "packed.mat", "4.mat", "hdf5", "tdms"):
         binary(kind)
         with suppress(MapmoreError):

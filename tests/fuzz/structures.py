@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import random
 import sys
-from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
@@ -87,7 +86,7 @@ VALUES = (
     1e9,
 )
 TYPES = ("<f4", ">f8", "<f2", "<i8", "<i4", "|i1", "<u8", "|u1", "|b1", "<c16", "S8", "V3")
-PACKINGS: tuple[dict[str, Any], ...] = (
+PACKINGS = (
     {"compression": "gzip"},
     {"compression": "lzf"},
     {"shuffle": True},
@@ -127,7 +126,7 @@ class Whole:
 
 
 @cache
-def whole_files() -> tuple[Whole, ...]:
+def whole_files():
     place, made, found = Path(_folder[0]) / "whole.h5", list(examples().items()), list[Whole]()
     for kind, (_, _, strategy) in KINDS.items():
         made += [(kind, record) for record in _drawn(strategy)[-RANDOM_RECORDS:]]
@@ -140,14 +139,14 @@ def whole_files() -> tuple[Whole, ...]:
 _folder = ["."]
 
 
-def _whole(place: Path, kind: str, record: Any) -> Whole:
+def _whole(place, kind, record):
     with h5py.File(place, "r") as file:
         return Whole(kind, place.read_bytes(), record, tuple(places(file)))
 
 
-def _drawn(strategy: Any) -> list[Any]:
+def _drawn(strategy):
     """Random records, the same in every process."""
-    records: list[Any] = []
+    records = []
 
     @settings(
         max_examples=3 * RANDOM_RECORDS,
@@ -157,20 +156,20 @@ def _drawn(strategy: Any) -> list[Any]:
         suppress_health_check=[*HealthCheck],
     )
     @given(strategy)
-    def collect(record: Any) -> None:
+    def collect(record):
         records.append(record)
 
     collect()
     return records
 
 
-def places(file: h5py.File) -> list[Place]:
+def places(file):
     """Every group, dataset and attribute but the root: its path (of an attribute, that of its
     holder) and an attribute's name.
     """
-    found: list[Place] = [("/", name) for name in file.attrs]
+    found = [("/", name) for name in file.attrs]
 
-    def note(path: str, item: Any) -> None:
+    def note(path, item):
         found.append((path, ""))
         found.extend((path, name) for name in item.attrs if name not in ("unit", "description"))
 
@@ -178,7 +177,7 @@ def places(file: h5py.File) -> list[Place]:
     return found
 
 
-def changed(file: h5py.File, known: Sequence[Place], chance: random.Random) -> None:
+def changed(file, known, chance):
     """Change a file at one of its places; a change that HDF5 refuses is none."""
     path, attribute = chance.choice(known)
     with suppress(
@@ -198,7 +197,7 @@ def changed(file: h5py.File, known: Sequence[Place], chance: random.Random) -> N
             _change_group(file, file[path], chance)
 
 
-def _change_attribute(attributes: Any, name: str, chance: random.Random) -> None:
+def _change_attribute(attributes, name, chance):
     match chance.randrange(4):
         case 0:
             del attributes[name]
@@ -221,7 +220,7 @@ def _change_attribute(attributes: Any, name: str, chance: random.Random) -> None
             )
 
 
-def _change_tree(file: h5py.File, path: str, other: str, chance: random.Random) -> None:
+def _change_tree(file, path, other, chance):
     """Remove, rename, exchange, copy or link a group or a dataset, with what stands at another
     place.
     """
@@ -253,7 +252,7 @@ def _change_tree(file: h5py.File, path: str, other: str, chance: random.Random) 
             )
 
 
-def _change_group(file: h5py.File, group: h5py.Group, chance: random.Random) -> None:
+def _change_group(file, group, chance):
     """Put something more into a group, or a dataset in its place."""
     name = chance.choice([*WORDS[1:7], "000", "001", "more"])
     match chance.randrange(4):
@@ -270,7 +269,7 @@ def _change_group(file: h5py.File, group: h5py.Group, chance: random.Random) -> 
                 group.attrs[f"more{number}"] = number
 
 
-def _change_dataset(file: h5py.File, path: str, chance: random.Random) -> None:
+def _change_dataset(file, path, chance):
     """Give a dataset other values, another type or another shape; what is said about it stays."""
     old = file[path]
     values = old.asstr()[()] if h5py.check_string_dtype(old.dtype) else old[()]
@@ -315,13 +314,13 @@ def _change_dataset(file: h5py.File, path: str, chance: random.Random) -> None:
     file[path].attrs.update(attributes)
 
 
-def _is_text(values: Any) -> bool:
+def _is_text(values):
     return isinstance(values, str) or (
         isinstance(values, np.ndarray) and values.dtype.kind in "OSU"
     )
 
 
-def _reshaped(values: Any, chance: random.Random) -> Any:
+def _reshaped(values, chance):
     array = np.asarray(values)
     flat = array.reshape(-1)
     one = flat[:1].reshape(()) if flat.size else flat
@@ -330,7 +329,7 @@ def _reshaped(values: Any, chance: random.Random) -> Any:
     )
 
 
-def _revalued(values: Any, chance: random.Random) -> Any:
+def _revalued(values, chance):
     """The values with one to all of them replaced, exchanged or reversed, in their type."""
     array = np.array(values)
     flat, made = array.reshape(-1), chance.choice(WORDS if _is_text(values) else VALUES)
@@ -348,11 +347,11 @@ def _revalued(values: Any, chance: random.Random) -> Any:
     return flat.reshape(array.shape)
 
 
-def _of_type(value: Any, dtype: Any) -> Any:
+def _of_type(value, dtype):
     return int(value) if dtype.kind in "iu" and np.isfinite(value) and abs(value) < 2**62 else value
 
 
-def attempt(chance: random.Random, number: int, folder: Path) -> str:
+def attempt(chance, number, folder):
     """Change a file and read it; then read it without its checksum, and show and use what it
     holds.
     """
@@ -363,7 +362,7 @@ def attempt(chance: random.Random, number: int, folder: Path) -> str:
         for change in range(chance.choice([1, 1, 1, 2, 4])):
             changed(file, places(file) if change else whole.places, chance)
     _, read, _ = KINDS[kind]
-    told: list[str] = []
+    told = []
     said = ""
     try:
         found = read(path, told.append)
@@ -384,7 +383,7 @@ def attempt(chance: random.Random, number: int, folder: Path) -> str:
     return f"{outcome}, unverified used" if outcome.startswith("refused") else outcome
 
 
-def _checked_words(error: DataError, path: Path) -> str:
+def _checked_words(error, path):
     """What is said: it names the file, is of a bearable length, and sends no escapes to a
     terminal.
     """
@@ -394,7 +393,7 @@ def _checked_words(error: DataError, path: Path) -> str:
     return said
 
 
-def warm(folder: Path) -> None:
+def warm(folder):
     _folder[0] = str(folder)
     chance = random.Random(1)
     for whole in whole_files()[:5]:

@@ -35,7 +35,7 @@ READER = Reader("bars", read_bars, suffixes=(".bar",), keys=("header",), peek=pe
 '''
 
 
-def test_one_new_file_adds_a_format(tmp_path: Path) -> None:
+def test_one_new_file_adds_a_format(tmp_path):
     shutil.copytree(
         Path(mapmore_cli.__file__).parent,
         tmp_path / "mapmore_cli",
@@ -76,14 +76,14 @@ else:
     assert done.stdout.split() == ["log", "bars"]
 
 
-def test_no_two_readers_claim_a_suffix() -> None:
+def test_no_two_readers_claim_a_suffix():
     suffixes = [suffix for reader in READERS.values() for suffix in reader.suffixes]
     assert len(set(suffixes)) == len(suffixes)
     assert all(suffix.startswith(".") and suffix == suffix.lower() for suffix in suffixes)
 
 
 @pytest.mark.parametrize("reader", READERS)
-def test_a_file_that_vanished(tmp_path: Path, reader: str) -> None:
+def test_a_file_that_vanished(tmp_path, reader):
     refusal(["cannot be read: No such file"], reader, tmp_path / "gone", 0, header=0)
 
 
@@ -91,7 +91,7 @@ def test_a_file_that_vanished(tmp_path: Path, reader: str) -> None:
     "content", [b"", b"t,F\n0,1\n", bytes(600), b"\x7fELF" * 100, b"\xd0\xcf\x11\xe0" + bytes(600)]
 )
 @pytest.mark.parametrize("reader", [name for name in READERS if name != "csv"])
-def test_a_file_of_another_kind(tmp_path: Path, reader: str, content: bytes) -> None:
+def test_a_file_of_another_kind(tmp_path, reader, content):
     (tmp_path / "a").write_bytes(content)
     assert refusal([], reader, tmp_path / "a", "g/c").startswith("a.")
 
@@ -100,9 +100,7 @@ def test_a_file_of_another_kind(tmp_path: Path, reader: str, content: bytes) -> 
     ("reader", "module", "library"),
     [("xlsx", "openpyxl", "openpyxl"), ("tdms", "nptdms", "npTDMS")],
 )
-def test_a_library_that_is_missing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, reader: str, module: str, library: str
-) -> None:
+def test_a_library_that_is_missing(tmp_path, monkeypatch, reader, module, library):
     monkeypatch.setitem(sys.modules, module, None)
     refusal(
         [
