@@ -160,6 +160,4 @@ PAST = (
     "record refused (exit 4)",
     "record read, ignored with a warning",
 )
-TARGET = Target(
-    "documents", attempt, ("storage/run_record.py", "cli/views.py"), past=PAST, traced=50, warm=warm
-)
+TARGET = Target("documents", attempt, past=PAST, warm=warm)

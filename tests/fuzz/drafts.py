@@ -116,6 +116,4 @@ def warm(folder):
         start(folder / "warm.csv", folder)
 
 
-TARGET = Target(
-    "init", attempt, ("annexes/drafting",), past=("drafted",), longest=10, traced=20, warm=warm
-)
+TARGET = Target("init", attempt, past=("drafted",), longest=10, warm=warm)

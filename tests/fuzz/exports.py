@@ -404,17 +404,13 @@ def _warm(_folder):
 EXPORTS = Target(
     "exports",
     try_model,
-    ("annexes/exporting", "domain/foreign.py"),
     past=("compared (tcc)", "compared (cc)"),
     longest=60,
-    traced=3,
     warm=_warm,
 )
 FREE_TEXTS = Target(
     "texts",
     try_text,
-    ("domain/foreign.py", "reporting/table.py"),
     past=("read back",),
-    traced=20,
     warm=_warm,
 )

@@ -344,9 +344,7 @@ def _told(command):
 TARGET = Target(
     "forged",
     attempt,
-    ("storage/artefacts", "modelling/soundness.py"),
     past=("used", "refused (exit 4)"),
     longest=60,
-    traced=20,
     warm=exports._warm,
 )

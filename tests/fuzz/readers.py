@@ -334,7 +334,6 @@ def warm(_folder):
 TARGET = Target(
     "recordings",
     attempt,
-    ("storage/readers", "storage/tables"),
     past=("read",),
     library="libhdf5",
     warm=warm,
@@ -343,7 +342,6 @@ BINARY = tuple(
     Target(
         name,
         only(*kinds),
-        (f"storage/readers/{kinds[0]}.py",),
         past=("read",),
         library=library,
         warm=warm,

@@ -265,6 +265,5 @@ def attempt(chance, number, folder):
 TARGET = Target(
     "tables",
     attempt,
-    ("storage/tables/cells.py", "storage/readers/csv.py"),
     past=("csv read", "predict read", "xlsx read"),
 )

@@ -33,6 +33,7 @@ pytestmark = pytest.mark.filterwarnings("ignore")
         (specs.TARGET, 60),
         (readers.TARGET, 60),
         *((target, 60) for target in readers.BINARY),
+        (structures.DAMAGED, 50),
         (tables.TARGET, 300),
         (drafts.TARGET, 6),
         (exports.FREE_TEXTS, 25),
@@ -41,7 +42,7 @@ pytestmark = pytest.mark.filterwarnings("ignore")
     ids=lambda x: getattr(x, "name", x),
 )
 def test_what_strangers_may_write_is_read_or_refused(target, count, tmp_path):
-    found = explore(target, count, 16, tmp_path, traced=0)
+    found = explore(target, count, 16, tmp_path)
     assert found.faults == []
     assert found.outcomes.total() == count
 
@@ -55,14 +56,14 @@ def test_results_that_somebody_changed_are_refused_or_say_the_same(
     target, count, tmp_path, monkeypatch
 ):
     monkeypatch.setattr(structures, "RANDOM_RECORDS", 2)
-    found = explore(target, count, 16, tmp_path, traced=0)
+    found = explore(target, count, 16, tmp_path)
     assert found.faults == []
     assert found.outcomes.total() == count
     assert sum(found.outcomes[outcome] for outcome in target.past) >= count / 2
 
 
 def test_forged_models_are_refused_or_used(tmp_path):
-    found = explore(forged.TARGET, 300, 16, tmp_path, traced=0)
+    found = explore(forged.TARGET, 300, 16, tmp_path)
     assert found.faults == []
     assert found.outcomes["used"] > 30
     assert found.outcomes["refused (exit 4)"] > 100
@@ -70,7 +71,7 @@ def test_forged_models_are_refused_or_used(tmp_path):
 
 def test_at_least_half_of_specs_and_expressions_are_past_the_syntax(tmp_path):
     for target in (expressions.TARGET, specs.TARGET):
-        found = explore(target, 30, 1, tmp_path, traced=0)
+        found = explore(target, 30, 1, tmp_path)
         assert sum(found.outcomes[outcome] for outcome in target.past) >= 15
 
 
@@ -93,11 +94,10 @@ def test_what_the_driver_must_notice(tmp_path):
         return "fine"
 
     found = explore(
-        Target("driver", attempt, ("modelling/expressions/syntax.py",), longest=1),
+        Target("driver", attempt, longest=1),
         6,
         16,
         tmp_path,
-        traced=0,
     )
     assert found.outcomes == {"fine": 2, "FAULT": 4}
     assert [fault.split(": ", 1)[1].split(" (")[0] for fault in found.faults] == [
@@ -116,20 +116,14 @@ def test_ctrl_c_keeps_what_was_found(tmp_path, monkeypatch):
 
     monkeypatch.setattr(driver, "SILENCE", -1)
     found = explore(
-        Target("driver", lambda *_: "fine", ("modelling/expressions/syntax.py",)),
+        Target("driver", lambda *_: "fine"),
         9,
         16,
         tmp_path,
-        traced=0,
         tell=tell,
     )
     assert found.interrupted
     assert found.outcomes == {"fine": 2}
-
-
-def test_lines_that_run_are_counted(tmp_path):
-    found = explore(expressions.TARGET, 20, 16, tmp_path, traced=20)
-    assert 0.4 < found.ran / found.lines < 1
 
 
 def test_what_is_too_long_when_it_is_written_out_is_refused():
