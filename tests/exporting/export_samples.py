@@ -7,6 +7,8 @@ from itertools import product
 
 import numpy as np
 
+from mapmore_cli.annexes.motion.body import Motion, MotionSection, StateSpace
+from mapmore_cli.annexes.sums.body import Part, Sum
 from mapmore_cli.domain.fits import FormulaFit, MemoryModel, Scaling, StateSet
 from mapmore_cli.domain.models import (
     CurveFunction,
@@ -15,13 +17,8 @@ from mapmore_cli.domain.models import (
     Fusion,
     Memory,
     Model,
-    Motion,
-    MotionSection,
-    Part,
     Pieces,
     SegmentFunction,
-    StateSpace,
-    Sum,
 )
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.modelling import literature
