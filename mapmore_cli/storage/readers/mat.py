@@ -37,7 +37,7 @@ from mapmore_cli.storage.tables.members import (
 from mapmore_cli.storage.tables.overview import tree_reader
 
 KIND = "MAT file"
-MATRIX, COMPRESSED, BYTES, LOGICAL, COMPLEX = 14, 15, 2, 0x200, 0x800
+MATRIX, COMPRESSED, BYTES, COMPLEX = 14, 15, 2, 0x800
 NUMBERS = "-bBhHiIf-d--qQ--BHI"
 """How elements of version 5 hold numbers, and letters, by their type; codes of NumPy."""
 
@@ -63,7 +63,7 @@ def opened_mat(path: Path, label: str, request: TableRequest | None) -> Iterator
     with reading(label, KIND), path.open("rb") as stream:
         whole = memoryview(stream.read())
         if 0 in whole[:4]:  # as in version 4 alone
-            variables = _version_4(path, len(whole))
+            variables = _version_4(path)
         else:
             order = {b"IM": "<", b"MI": ">"}[bytes(whole[126:128])]
             variables = _Version5(order, len(whole)).variables(whole[128:])
@@ -140,24 +140,12 @@ class _Version5:
             raise object_of_matlab(name, "a function")
         if of_class in (OBJECT, OPAQUE):  # its class stands behind its size and its name
             raise object_of_matlab(name, [_letters(part) for part in islice(parts, 3)][2])
+        if of_class == SPARSE:
+            raise _sparse(name)
         shape = tuple(self.numbers(next(parts)).astype(np.uint32).tolist())
         next(parts)  # the name
         if of_class in (CELL, STRUCT):
             return self.collection(parts, of_class, shape, name)
-        # complex numbers are refused, whatever they are
-        stored = np.complex128 if flags & COMPLEX else np.float64
-        if of_class == SPARSE:
-            rows, ends, values = (next(parts) for _ in range(3))
-            last = self.numbers(ends).clip(0, len(rows[1]))  # of each column, among the rows
-            columns = np.repeat(np.arange(len(last) - 1), np.diff(last))
-            # flags are bytes, whatever their element says
-            numbers = self.numbers((BYTES, values[1]) if flags & LOGICAL else values)
-            return _sparse(
-                (self.numbers(rows)[: len(columns)], columns),
-                numbers[: len(columns)].astype(stored),
-                shape,
-                self.file_size,
-            )
         if of_class == TEXT:
             kind, letters = next(parts)
             width = self.numbers((kind, letters)).itemsize
@@ -165,6 +153,8 @@ class _Version5:
             encoding = {1: "utf-8", 2: f"utf-16-{end}"}.get(width, f"utf-32-{end}")
             text = bytes(letters).decode(encoding, "replace")
             return Member("text", values=lambda _: np.array([text]))
+        # complex numbers are refused, whatever they are
+        stored = np.complex128 if flags & COMPLEX else np.float64
         array = self.numbers(next(parts)).reshape(shape, order="F").astype(stored)
         return array_of(array.__getitem__, shape)
 
@@ -206,31 +196,23 @@ def _letters(element: Element) -> str:
     return bytes(element[1]).rstrip(b"\0").decode(errors="replace")
 
 
-def _sparse(
-    places: tuple[Any, Any], values: Array, shape: tuple[int, ...], file_size: int
-) -> Member:
-    """Return a sparse matrix with its zeros, of which there may be far too many."""
-    refuse_bombs(f"a sparse matrix of {size_in_words(shape)}", 8 * math.prod(shape), file_size)
-    dense = np.zeros(shape, dtype=values.dtype)
-    dense[*(axis.astype(np.uint32) for axis in places)] = values
-    return array_of(dense.__getitem__, dense.shape)
+def _sparse(name: str) -> DataError:
+    return DataError(f"'{name}' is a sparse matrix", f"save `full({name})` in MATLAB")
 
 
-def _version_4(path: Path, file_size: int) -> Iterator[tuple[str, Any]]:
+def _version_4(path: Path) -> Iterator[tuple[str, Any]]:
     """Yield the name of each variable, and what makes a member of it; SciPy reads this version by
     NumPy alone.
     """
     from scipy.io import loadmat
 
-    def member(value: Any, _name: str) -> Member:
-        if hasattr(value, "row"):
-            return _sparse((value.row, value.col), value.data, value.shape, file_size)
+    def member(value: Any, name: str) -> Member:
+        if not isinstance(value, np.ndarray):
+            raise _sparse(name)
         return array_of(value.__getitem__, value.shape)
 
     with warnings.catch_warnings():
-        warnings.filterwarnings(
-            "ignore", "The default value for `spmatrix`", DeprecationWarning
-        )  # either kind has rows and columns
+        warnings.filterwarnings("ignore", "The default value for `spmatrix`", DeprecationWarning)
         variables = loadmat(str(path), appendmat=False)
     for name, value in variables.items():
         if not name.startswith("__"):
