@@ -10,13 +10,12 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from tempfile import mkdtemp
+from tempfile import TemporaryDirectory
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, cast
 
@@ -234,11 +233,9 @@ def stage_folder(run_dir: Path, stage: str) -> Iterator[Path]:
     """Make a fresh folder inside the run's, on the same file system, gone when the stage ends in
     whatever way.
     """
-    folder = Path(mkdtemp(prefix=f"{TEMPORARY}{stage}-", dir=run_dir))
-    try:
-        yield folder
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
+    prefix = f"{TEMPORARY}{stage}-"
+    with TemporaryDirectory(prefix=prefix, dir=run_dir, ignore_cleanup_errors=True) as folder:
+        yield Path(folder)
 
 
 def swap_in(folder: Path, run_dir: Path, outputs: Sequence[str]) -> None:

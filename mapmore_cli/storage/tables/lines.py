@@ -179,8 +179,15 @@ def replaced(path: Path) -> Iterator[TextIO]:
     BrokenPipeError where nobody reads more.
     """
     try:
-        with written(path) as raw, _encoded(raw, path.suffix == ".gz") as text:
+        with written(path) as raw:
+            # no name and no time in the header of gzip: the same table gives the same bytes
+            zipped = path.suffix == ".gz"
+            binary = gzip.GzipFile("", "wb", fileobj=raw, mtime=0) if zipped else raw
+            text = io.TextIOWrapper(binary, "utf-8", TEXT_ERRORS, newline="")
             yield text
+            text.flush()
+            # to close a gzip stream writes its end, and leaves `raw` open
+            text.close() if zipped else text.detach()
     except BrokenPipeError:
         raise
     except OSError as fault:
@@ -188,16 +195,3 @@ def replaced(path: Path) -> Iterator[TextIO]:
             f"{path}: cannot be written ({fault.strerror})",
             "choose another place with -o, or make room",
         ) from fault
-
-
-@contextmanager
-def _encoded(raw: IO[bytes], zipped: bool) -> Iterator[TextIO]:
-    # No name and no time in the gzip header: the same table gives the same bytes.
-    binary = gzip.GzipFile(filename="", mode="wb", fileobj=raw, mtime=0) if zipped else raw
-    text = io.TextIOWrapper(binary, encoding="utf-8", errors=TEXT_ERRORS, newline="")
-    yield text
-    text.flush()
-    if zipped:
-        text.close()  # writes the end of the gzip stream, and leaves `raw` open
-    else:
-        text.detach()
