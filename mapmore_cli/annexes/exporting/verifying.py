@@ -7,7 +7,6 @@ ours.
 
 from __future__ import annotations
 
-import json
 import os
 import platform
 import shutil
@@ -120,9 +119,6 @@ def verify_program(
     Raises CompilerMissing where there is no compiler; MapmoreError where it refuses the code, or
     its numbers are others.
     """
-    columns = points(model)
-    names = [*(quantity.name for quantity in model.inputs), *fed_back(model)]
-    rows = zip(*(columns[name].tolist() for name in names), strict=True)
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         place = Path(folder) / "verify.exe"
         try:
@@ -130,31 +126,45 @@ def verify_program(
         except CompilerFailed as fault:
             raise _unequal(model, str(fault)) from fault
         place.chmod(0o700)
-        answers = _answers(model, [str(place)], "\n".join(" ".join(map(repr, row)) for row in rows))
-    # one line where there is no input
-    values, bits = np.broadcast_to(answers.reshape(-1, 2), (POINTS, 2)).T
-    outside = bits.astype(int) & ((1 << len(model.inputs)) - 1) != 0
-    _compare(model, columns, values, outside, close)
+        _verify(model, [str(place)], close)
 
 
 def verify_module(model: Model, text: str, each: bool = False) -> None:
     """Import a module and compare it, sample by sample where it takes `each` alone; raises
     MapmoreError as `verify_program`.
     """
-    columns, memory = points(model), program_of(model).step is not None
-    given = [columns[quantity.name].tolist() for quantity in model.inputs]
-    measured = [columns[output].tolist() for output in fed_back(model)]
-    driver = rendered("verify.py", memory=memory, each=each)
+    memory, count = program_of(model).step is not None, len(model.inputs)
+    driver = rendered("verify.py", memory=memory, each=each, count=count)
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         for name, code in (("exported.py", text), ("verify.py", driver)):
             (Path(folder) / name).write_text(code, encoding="utf-8")
         libraries = str(Path(np.__file__).parents[1])
-        job = json.dumps(
-            {"path": [folder, libraries], "given": given, "measured": measured, "rows": POINTS}
+        command = [sys.executable, "-I", "-S", "-B", f"{folder}/verify.py", folder, libraries]
+        _verify(model, command, CLOSE)
+
+
+def _verify(model: Model, command: Sequence[str], close: float) -> None:
+    """Compare a program that reads inputs and measured outputs a line, and prints the output and
+    the bits of inputs outside of their range.
+    """
+    columns, count = points(model), len(model.inputs)
+    names = [*(quantity.name for quantity in model.inputs), *fed_back(model)]
+    rows = np.column_stack([np.empty((POINTS, 0)), *(columns[name] for name in names)]).tolist()
+    answers = _answers(model, command, "".join(" ".join(map(repr, row)) + "\n" for row in rows))
+    # one line where there is no input
+    values, bits = np.broadcast_to(answers.reshape(-1, 2), (POINTS, 2)).T
+    outside = bits.astype(int) & ((1 << count) - 1) != 0
+    with np.errstate(all="ignore"):
+        expected = simulate(model, columns).values
+        size = np.abs(expected[np.isfinite(expected)])
+        room = close * np.maximum(np.abs(expected), 0.1 * np.median(size) if size.size else 0.0)
+        equal = np.abs(values - expected) <= room
+        equal |= (values == expected) | (np.isnan(values) & np.isnan(expected))
+    for row in np.flatnonzero(~equal | (outside != outside_range(model, columns)))[:1]:
+        where = ", ".join(f"{name} = {columns[name][row]:.6g}" for name in names[:count])
+        raise _unequal(
+            model, f"it is {values[row]:.9g} where `predict` has {expected[row]:.9g}, at {where}"
         )
-        command = [sys.executable, "-I", "-S", "-B", str(Path(folder) / "verify.py")]
-        values, outside = _answers(model, command, job).reshape(2, POINTS)
-    _compare(model, columns, values, outside != 0, CLOSE)
 
 
 def _answers(model: Model, command: Sequence[str], given: str) -> Array:
@@ -193,25 +203,6 @@ def points(model: Model) -> Columns:
     for memory in model.memories:
         columns.setdefault(memory.output, rng.uniform(*memory.limits, POINTS))
     return columns
-
-
-def _compare(model: Model, columns: Columns, values: Array, outside: Array, close: float) -> None:
-    with np.errstate(all="ignore"):
-        expected = simulate(model, columns).values
-        size = np.abs(expected[np.isfinite(expected)])
-        room = close * np.maximum(np.abs(expected), 0.1 * (np.median(size) if size.size else 0.0))
-        equal = (
-            (np.abs(values - expected) <= room)
-            | (values == expected)
-            | (np.isnan(values) & np.isnan(expected))
-        )
-    for row in np.flatnonzero(~equal | (outside != outside_range(model, columns)))[:1]:
-        where = ", ".join(
-            f"{quantity.name} = {columns[quantity.name][row]:.6g}" for quantity in model.inputs
-        )
-        raise _unequal(
-            model, f"it is {values[row]:.9g} where `predict` has {expected[row]:.9g}, at {where}"
-        )
 
 
 def _unequal(model: Model, what: str) -> MapmoreError:
