@@ -7,6 +7,7 @@ from __future__ import annotations
 import gzip
 import io
 import struct
+import sys
 import zipfile
 import zlib
 from contextlib import suppress
@@ -19,7 +20,11 @@ import scipy.io
 from driver import Fault, Target, changed_bytes, changed_text, refused
 from nptdms import ChannelObject, TdmsWriter
 from openpyxl import Workbook
-from scipy import sparse
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "storage" / "readers"))
+
+from reading import opaque_variable
+from test_mat_reader import write_v5
 
 from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.storage.readers import READERS, TableRequest
@@ -97,37 +102,12 @@ def binary(kind):
         book.create_sheet("third").sheet_state = "hidden"
         book.save(stream)
     elif kind == "4.mat":
-        content = {
-            "P": pressure,
-            "t": time,
-            "note": "text",
-            "few": sparse.csc_array(np.diag(time)),
-            "z": time + 1j,
-        }
+        content = {"P": pressure, "t": time, "note": "text", "z": time + 1j}
         scipy.io.savemat(stream, content, format="4")
     elif kind in ("mat", "packed.mat"):
-        cells, runs = (
-            np.empty(2, dtype=object),
-            np.zeros(2, dtype=[("P", object), ("inner", object)]),
-        )
-        cells[:] = [{"P": pressure}, {"P": -pressure}]
-        for i in range(2):
-            runs[i] = (pressure + i, {"eps": time.astype(np.float32), "note": ["a", "bc"]})
-        content = {
-            "run": {"t": time, "P": pressure, "note": "hello"},
-            "all": cells,
-            "P": pressure,
-            "runs": runs,
-            "z": time + 1j,
-        }
-        content |= {
-            "few": sparse.csc_array(np.diag(time)),
-            "flags": time > 2,
-            "cube": np.ones((2, 3, 4), np.int16),
-        }
-        scipy.io.savemat(stream, content, do_compression=kind != "mat")
+        write_v5(stream, do_compression=kind != "mat")
         if kind == "mat":
-            stream.write(opaque())
+            stream.write(opaque_variable("log", "timetable"))
     elif kind == "hdf5":
         with h5py.File(stream, "w") as file:
             file["run/t"], file["run/P"] = time, pressure
@@ -154,16 +134,6 @@ def binary(kind):
                 [ChannelObject("run", "t", time, said), ChannelObject("run", "P", pressure, said)]
             )
     return stream.getvalue()
-
-
-def opaque():
-    """An object as MATLAB lays it out: what a reader sees before the contents."""
-
-    def element(kind, content):
-        return struct.pack("<II", kind, len(content)) + content + b"\0" * (-len(content) % 8)
-
-    words = b"".join(element(1, word) for word in (b"log", b"MCOS", b"timetable"))
-    return element(14, element(6, struct.pack("<II", 17, 0)) + words + element(14, b""))
 
 
 def changed_matlab(whole, chance, kind):
@@ -228,31 +198,29 @@ def changed_members(whole, chance):
     return out.getvalue()
 
 
+MATLAB = tuple(
+    (name,)
+    for name in (
+        "run.P",
+        "run.sensor.F",
+        "y[:,1]",
+        "y[3:4]",
+        "train[1].t",
+        "runs[1].inner.eps",
+        "cube[:,1,1]",
+        "flags",
+        "z",
+        "run",
+        "run.note",
+        "log",
+    )
+)
 FORMATS = {
     "csv": (("t", "P"), (0, 1), ("F",), ("zz",), (9,)),
     "xlsx": (("t", "P"), (0, 1), ("F",), ("zz",), (0, 3)),
-    "mat": (
-        *(
-            ("P",),
-            ("run.P", "run.t"),
-            ("all[1].P",),
-            ("run",),
-            ("run.P[3:4]",),
-            ("few[:,1]",),
-            ("runs[1].inner.eps",),
-            ("runs[0].P",),
-        ),
-        *(("z",), ("flags",), ("cube[:,1,1]",), ("run.note",), ("log",)),
-    ),
-    "4.mat": (("P", "t"), ("few[:,1]",), ("note",), ("z",)),
-    "packed.mat": (
-        ("P",),
-        ("run.P", "run.t"),
-        ("few[:,1]",),
-        ("runs[1].inner.eps",),
-        ("all[1].P",),
-        ("cube[:,1,1]",),
-    ),
+    "mat": MATLAB,
+    "4.mat": (("P", "t"), ("note",), ("z",)),
+    "packed.mat": MATLAB,
     "hdf5": (
         ("run/P", "run/t"),
         ("run/F",),
@@ -303,7 +271,7 @@ def attempt_of(kind, chance, number, folder):
         decimal=chance.choice([".", ".", ","]),
         encoding=chance.choice(["utf-8", "utf-8", "latin-1", "utf-16"]),
         sheet=chance.choice([None, None, "S*", "second"]) if kind == "xlsx" else None,
-        root=chance.choice([None, None, "run", "all[*]"])
+        root=chance.choice([None, None, "run", "train[*]"])
         if "mat" in kind or kind == "hdf5"
         else None,
         incomplete=chance.random() < 0.3,

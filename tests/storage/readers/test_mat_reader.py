@@ -15,7 +15,7 @@ import h5py
 import numpy as np
 import pytest
 import scipy.io
-from reading import opaque_mat, refusal, tables_of
+from reading import element, opaque_mat, refusal, tables_of
 from scipy import sparse
 
 from mapmore_cli.domain.errors import DataError
@@ -40,7 +40,7 @@ def values(path, column, **request):
     return list(table.columns[column])
 
 
-def write_v5(path):
+def write_v5(path, **options):
     """Everything that the tests address, as SciPy writes it."""
     train = np.empty(3, dtype=object)
     train[:] = [{"y": np.column_stack([T + i, 10 * T]), "t": T[: 5 - i]} for i in range(3)]
@@ -58,7 +58,7 @@ def write_v5(path):
         "nothing": np.zeros((0, 0)),
         "cube": CUBE,
     }
-    scipy.io.savemat(path, content)
+    scipy.io.savemat(path, content, **options)
     return path
 
 
@@ -297,29 +297,21 @@ def test_texts_of_any_encoding_do_not_hide_the_numbers_beside_them(tmp_path):
     refusal(["'label' holds text"], "mat", tmp_path / "a.mat", "label")
 
 
-def element_5(kind, content):
-    return np.array([kind, len(content)], "<u4").tobytes() + content + b"\0" * (-len(content) % 8)
-
-
 def variable_5(of_class, shape, *parts):
     flags, size = np.array([of_class, 0], "<u4").tobytes(), np.array(shape, "<i4").tobytes()
-    return element_5(
-        14, element_5(6, flags) + element_5(5, size) + element_5(1, b"x") + b"".join(parts)
-    )
+    return element(14, element(6, flags) + element(5, size) + element(1, b"x") + b"".join(parts))
 
 
-NUMBER = element_5(9, T[1:2].tobytes())
-ZEROS = zlib.compress(variable_5(6, (1, 15 * 10**6), element_5(9, bytes(12 * 10**7))), 1)
+NUMBER = element(9, T[1:2].tobytes())
+ZEROS = zlib.compress(variable_5(6, (1, 15 * 10**6), element(9, bytes(12 * 10**7))), 1)
 FAR_TOO_MUCH = {
     "cells": (
-        variable_5(1, (1, 200_000), element_5(14, b"") * 200_000),
+        variable_5(1, (1, 200_000), element(14, b"") * 200_000),
         "'x' has more than 100000 elements",
     ),
     "cells that are not there": (variable_5(1, (10**9, 1)), "0 elements of 1000000000"),
     "fields": (
-        variable_5(
-            2, (10**9, 1), element_5(5, np.array([2], "<i4").tobytes()), element_5(1, b"P\0")
-        ),
+        variable_5(2, (10**9, 1), element(5, np.array([2], "<i4").tobytes()), element(1, b"P\0")),
         "0 elements of 1000000000",
     ),
     "numbers that are not there": (variable_5(6, (10**9, 10**9), NUMBER), "cannot reshape"),
