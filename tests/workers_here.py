@@ -2,27 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from typing import Any
-
 from mapmore_cli.domain.errors import MapmoreError
 
 
 class Here:
     """Workers that are this process."""
 
-    def __init__(self, *_: object) -> None:
+    def __init__(self, *_):
         pass
 
-    def __enter__(self) -> Here:
+    def __enter__(self):
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, *_):
         pass
 
-    def each(
-        self, function: Callable[[Any], Any], jobs: Sequence[Any]
-    ) -> Iterator[tuple[int, Any]]:
+    def each(self, function, jobs):
         for number, job in enumerate(jobs):
             try:
                 yield number, function(job)
