@@ -22,7 +22,7 @@ from mapmore_cli.fitting.kinds.choices import (
     with_definitions,
     with_terms,
 )
-from mapmore_cli.fitting.stage import Stage, Workspace
+from mapmore_cli.fitting.stage import Need, Stage, Workspace
 from mapmore_cli.ingestion.files import IngestSlice, find_sources, slice_of
 from mapmore_cli.modelling.pieces.recipe import Cuts
 from mapmore_cli.modelling.selection import AUTO, Fit
@@ -61,9 +61,10 @@ def recordings(spec: ExperimentSpec, folder: Path) -> list[Path]:
     return list(dict.fromkeys(log.path for source in found for log in (source, *source.joined)))
 
 
-def static_run(spec: ExperimentSpec) -> list[str]:
+def static_run(spec: ExperimentSpec) -> list[Need]:
     """Return the static run, where the damping force is what its model leaves."""
-    return [spec.needs.static] if spec.target == "damping" and spec.needs.static is not None else []
+    static = spec.needs.static
+    return [Need(static)] if spec.target == "damping" and static is not None else []
 
 
 INGEST = Stage(
@@ -234,5 +235,10 @@ def _provenance(part: ModelChoices) -> dict[str, str]:
 
 
 FUSE = Stage(
-    name="fuse", revision=10, outputs=(MODEL,), reads=model_choices, run=fuse, needs=summands
+    name="fuse",
+    revision=10,
+    outputs=(MODEL,),
+    reads=model_choices,
+    run=fuse,
+    needs=lambda spec: [Need(path) for path in summands(spec)],
 )

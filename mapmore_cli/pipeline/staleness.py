@@ -10,12 +10,13 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel
 
 from mapmore_cli.domain.errors import DataError, SpecError
-from mapmore_cli.fitting.stage import Compared, Need, Stage, Variation
+from mapmore_cli.fitting.kinds.choices import summands
+from mapmore_cli.fitting.stage import Need, Stage
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.tree import keys_at
 from mapmore_cli.storage.run_record import StageRecord, Stamp, load_records, take_stamp
@@ -29,80 +30,82 @@ MODEL_STAGE = "fuse"
 
 @dataclass(frozen=True)
 class Needed:
-    """Another run: its path in the spec or its name there, its own spec, and the specs that led to
-    it, outermost first.
+    """Another run of the same folder of runs, and its own spec.
 
-    A run that is only `compared` with is never made anew by this one; one that is `built_on` is
-    brought up to date as a whole, with its page; a `variation` has no page.
+    What a run is built on is brought up to date as a whole, with its page. Of a run that is
+    compared, and of a variation, the model alone is needed.
     """
 
-    key: str
+    need: Need
     loaded: LoadedSpec
-    heirs: tuple[Path, ...]
-    role: Literal["built_on", "compared", "variation"] = "built_on"
+
+    @property
+    def last(self) -> str:
+        """The last stage that is needed of it."""
+        return MODEL_STAGE if self.need.compared or self.need.overrides else "report"
+
+    def is_kept(self, runs: Path) -> bool:
+        """Return whether it is compared, and has a model: a comparison must not change what it
+        compares with.
+        """
+        return self.need.compared and MODEL_STAGE in known_records(runs / self.loaded.spec.name)
 
 
-def needed_runs(stage: Stage, loaded: LoadedSpec, heirs: tuple[Path, ...]) -> list[Needed]:
-    """Return the runs that a stage needs, in the order of the spec; raises as `runs_at`."""
-    return runs_at(stage.needs(loaded.spec), loaded, heirs)
+def known_records(run_dir: Path) -> dict[str, StageRecord]:
+    """Return the committed stages of a run, silently."""
+    return load_records(run_dir, lambda _message: None)
 
 
-def runs_built_on(loaded: LoadedSpec, heirs: tuple[Path, ...]) -> list[Needed]:
-    """Return the runs of `needs:`, whose reports belong to this run's; raises as `runs_at`."""
-    needs = loaded.spec.needs
-    return runs_at(
-        [path for path in (needs.static, needs.damping) if path is not None], loaded, heirs
-    )
+def needed_runs(stage: Stage, loaded: LoadedSpec) -> tuple[Needed, ...]:
+    """Return the runs that a stage needs, in the order of the spec.
 
-
-def runs_at(needs: Sequence[Need], loaded: LoadedSpec, heirs: tuple[Path, ...]) -> list[Needed]:
-    """Return the runs of the specs at some paths from a spec's folder, and of variations of the
-    spec itself.
-
-    Raises SpecError where runs need each other in a circle, or a needed spec is missing or wrong.
+    Raises SpecError where a needed spec is missing or wrong.
     """
     from mapmore_cli.spec.loader import load
 
-    found = []
+    return tuple(
+        Needed(need, _varied(loaded, need) if need.overrides else load(loaded.folder / need.key))
+        for need in stage.needs(loaded.spec)
+    )
+
+
+def refuse_circle(loaded: LoadedSpec, heirs: tuple[Path, ...] = ()) -> None:
+    """Raise SpecError where runs are built on each other in a circle; `heirs` are the specs that
+    led to this one.
+    """
+    from mapmore_cli.spec.loader import load
+
     chain = (*heirs, loaded.path.resolve())
-    for need in needs:
-        if isinstance(need, Variation):
-            found.append(Needed(need.name, _varied(loaded, need), chain, "variation"))
+    needs = loaded.spec.needs
+    for path in dict.fromkeys((needs.static, needs.damping, *summands(loaded.spec))):
+        if path is None:
             continue
-        path = need.path if isinstance(need, Compared) else need
         other = loaded.folder / path
         if other.resolve() in chain:
             circle = " -> ".join(spec.name for spec in (*chain, other))
             raise SpecError(
                 f"{loaded.path}: runs need each other in a circle: {circle}", "remove one of them"
             )
-        found.append(
-            Needed(
-                path, load(other), chain, "compared" if isinstance(need, Compared) else "built_on"
-            )
-        )
-    return found
+        refuse_circle(load(other), chain)
 
 
-def _varied(loaded: LoadedSpec, variation: Variation) -> LoadedSpec:
+def _varied(loaded: LoadedSpec, variation: Need) -> LoadedSpec:
     """Return the spec with other settings, and without competitors: it is one, and those of the
     spec may not suit it.
     """
     from mapmore_cli.spec.loader import load
     from mapmore_cli.spec.yaml_loader import as_overrides
 
-    own = as_overrides(
-        {
-            "name": f"{loaded.spec.name}.{variation.name}",
-            "validate.against": [],
-            "validate.intervals": False,
-        }
-    )
+    own = {
+        "name": f"{loaded.spec.name}.{variation.key}",
+        "validate.against": [],
+        "validate.intervals": False,
+    }
     try:
-        return load(loaded.path, (*loaded.overrides, *variation.overrides, *own))
+        return load(loaded.path, (*loaded.overrides, *variation.overrides, *as_overrides(own)))
     except SpecError as error:
         raise SpecError(
-            f"{loaded.path}: as `{variation.name}`, with other settings: {error.message}",
+            f"{loaded.path}: as `{variation.key}`, with other settings: {error.message}",
             error.remedy,
         ) from error
 
@@ -140,12 +143,10 @@ def plan_stages(
     loaded: LoadedSpec,
     run_dir: Path,
     records: Mapping[str, StageRecord],
-    rehash: bool,
-    force: bool,
-    heirs: tuple[Path, ...] = (),
+    rehash: bool = False,
+    force: bool = False,
 ) -> Iterator[Plan]:
-    """Yield the plan of every stage up to `until`, in order, from the files as they are now;
-    `heirs` are the specs that need this one.
+    """Yield the plan of every stage up to `until`, in order, from the files as they are now.
 
     Raises DataError where a source is missing or cannot be read.
     """
@@ -153,35 +154,34 @@ def plan_stages(
     for stage in stages:
         known = records.get(stage.name)
         part = stage.reads(loaded.spec)
-        needed = needed_runs(stage, loaded, heirs)
-        chosen = {
-            **plain(part),
-            **{f"run {run.key}": _mark_of(run, stages, run_dir.parent, rehash) for run in needed},
+        needed = needed_runs(stage, loaded)
+        chosen = plain(part) | {
+            f"run {run.need.key}": _model_mark(run, stages, run_dir.parent, rehash)
+            for run in needed
         }
         before = previous.fingerprint if previous else ""
         inputs = _source_stamps(stage, loaded, known, rehash)
-        mark = fingerprint(
-            stage.name,
-            stage.revision,
-            chosen,
-            before,
-            {path: stamp.sha256 for path, stamp in inputs.items()},
-        )
+        contents = {path: stamp.sha256 for path, stamp in inputs.items()}
+        mark = fingerprint(stage.name, stage.revision, chosen, before, contents)
         outputs = _output_stamps(run_dir, known, rehash)
-        plan = Plan(stage, part, chosen, mark, before, inputs, outputs, tuple(needed))
+        plan = Plan(stage, part, chosen, mark, before, inputs, outputs, needed)
         reasons = ["forced"] if force else _reasons(plan, known, previous)
-        shown = [
-            *reasons[:LONGEST_REASON],
-            *(
-                [f"and {len(reasons) - LONGEST_REASON} more"]
-                if len(reasons) > LONGEST_REASON
-                else []
-            ),
-        ]
-        previous = replace(plan, reason="; ".join(shown) or None)
+        if len(reasons) > LONGEST_REASON:
+            more = len(reasons) - LONGEST_REASON
+            reasons = [*reasons[:LONGEST_REASON], f"and {more} more"]
+        previous = replace(plan, reason="; ".join(reasons) or None)
         yield previous
         if stage.name == until:
             return
+
+
+def plans_of(
+    run: Needed, stages: Sequence[Stage], until: str, runs: Path, rehash: bool = False
+) -> list[Plan]:
+    """Return the plans of another run in the folder `runs`."""
+    run_dir = runs / run.loaded.spec.name
+    loaded = as_found(run.loaded, run_dir)
+    return list(plan_stages(stages, until, loaded, run_dir, known_records(run_dir), rehash))
 
 
 def as_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
@@ -195,25 +195,15 @@ def as_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
     return as_found(loaded, run_dir)
 
 
-def _mark_of(run: Needed, stages: Sequence[Stage], runs: Path, rehash: bool) -> str:
-    """Fingerprint of the model of another run, whether it exists yet or not; of a compared run, of
-    the model that it has.
+def _model_mark(run: Needed, stages: Sequence[Stage], runs: Path, rehash: bool) -> str:
+    """Return the fingerprint of the model of another run, whether it exists yet or not; of a
+    compared run, of the model that it has.
     """
-    run_dir = runs / run.loaded.spec.name
-    records = load_records(run_dir, lambda _message: None)
-    if run.role == "compared" and MODEL_STAGE in records:
-        return records[MODEL_STAGE].fingerprint[:SHORT_MARK]
-    *_, last = plan_stages(
-        stages,
-        MODEL_STAGE,
-        as_found(run.loaded, run_dir),
-        run_dir,
-        records,
-        rehash,
-        False,
-        run.heirs,
-    )
-    return last.fingerprint[:SHORT_MARK]
+    if run.is_kept(runs):
+        mark = known_records(runs / run.loaded.spec.name)[MODEL_STAGE].fingerprint
+    else:
+        mark = plans_of(run, stages, MODEL_STAGE, runs, rehash)[-1].fingerprint
+    return mark[:SHORT_MARK]
 
 
 def _reasons(plan: Plan, known: StageRecord | None, previous: Plan | None) -> list[str]:

@@ -12,7 +12,7 @@ import numpy as np
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.scores import OWN, Limit, deciding
 from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices, with_definitions
-from mapmore_cli.fitting.stage import Compared, Need, Stage, Variation, Workspace
+from mapmore_cli.fitting.stage import Need, Stage, Workspace
 from mapmore_cli.spec.experiment import Competitor, ExperimentSpec
 from mapmore_cli.spec.yaml_loader import as_overrides
 from mapmore_cli.storage.run_folder import VALIDATION
@@ -280,10 +280,12 @@ def needs(spec: ExperimentSpec) -> list[Need]:
     """
     static = reads(spec).static
     competitors = [c for c in spec.validation.against if isinstance(c, Competitor)]
-    runs = [c.run for c in competitors if c.run is not None]
-    variations = [Variation(c.label, as_overrides(c.set)) for c in competitors if c.set is not None]
-    compared = [Compared(path) for path in dict.fromkeys(runs) if path != static]
-    return [*([static] if static is not None else []), *compared, *variations]
+    runs = dict.fromkeys(c.run for c in competitors if c.run not in (None, static))
+    return [
+        *([Need(static)] if static is not None else []),
+        *(Need(str(path), compared=True) for path in runs),
+        *(Need(c.label, as_overrides(c.set)) for c in competitors if c.set is not None),
+    ]
 
 
 def sources(spec: ExperimentSpec, folder: Path) -> list[Path]:

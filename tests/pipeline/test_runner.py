@@ -17,7 +17,7 @@ from fake_study import Study, contents, fake_stages, make_data, study
 
 from mapmore_cli.domain.errors import DataError, FitError, WriteError
 from mapmore_cli.fitting.stage import Stage, Workspace
-from mapmore_cli.pipeline.runner import RunOutcome, bring_up_to_date, explain
+from mapmore_cli.pipeline.runner import Options, RunOutcome, bring_up_to_date, explain
 
 ALL = ["ingest", "fit", "fuse", "report"]
 
@@ -215,8 +215,11 @@ def test_content_is_read_again_only_when_needed(folder: Path) -> None:
     source.write_text(source.read_text().replace("a", "z"))
     os.utime(source, ns=(state.st_atime_ns, state.st_mtime_ns))
     assert run(study(folder)).reasons == {}
-    assert reasons(study(folder), rehash=True)[0] == ("ingest", "source changed: data/a.csv")
-    assert run(study(folder), rehash=True).stages == dict.fromkeys(ALL, "done")
+    assert reasons(study(folder), options=Options(rehash=True))[0] == (
+        "ingest",
+        "source changed: data/a.csv",
+    )
+    assert run(study(folder), options=Options(rehash=True)).stages == dict.fromkeys(ALL, "done")
 
 
 def test_rehash_finds_damage_that_kept_size_and_time(folder: Path) -> None:
@@ -224,7 +227,10 @@ def test_rehash_finds_damage_that_kept_size_and_time(folder: Path) -> None:
     state = output.stat()
     output.write_text(output.read_text().replace("fused", "FUSED"))
     os.utime(output, ns=(state.st_atime_ns, state.st_mtime_ns))
-    assert reasons(study(folder), rehash=True)[2] == ("fuse", "output changed: model.h5")
+    assert reasons(study(folder), options=Options(rehash=True))[2] == (
+        "fuse",
+        "output changed: model.h5",
+    )
 
 
 def test_touched_files_are_remembered(folder: Path) -> None:
@@ -292,7 +298,7 @@ def test_results_from_the_future_are_made_anew_where_the_study_changed(folder: P
 
 def test_force(folder: Path) -> None:
     run(study(folder))
-    assert run(study(folder), until="fit", force=True).reasons == {
+    assert run(study(folder), until="fit", options=Options(force=True)).reasons == {
         "ingest": "forced",
         "fit": "forced",
     }
