@@ -26,7 +26,8 @@ from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.models import LeftOut, Model
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
 from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices
-from mapmore_cli.fitting.left_out import refitted, residuals
+from mapmore_cli.fitting.left_out import residuals
+from mapmore_cli.fitting.refitting import refitted
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.kinds import outside_range
 from mapmore_cli.modelling.validation.intervals import (

@@ -5,7 +5,7 @@ and the number of terms by them.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import partial
 
 import numpy as np
@@ -30,28 +30,15 @@ FEWEST_INNER = 3
 of one or two folds says nothing.
 """
 
-
-@dataclass(frozen=True)
-class Folds:
-    """What all combinations are tried on: a `dataset` of training samples alone, and what every
-    fold leaves out of each curve.
-    """
-
-    dataset: Dataset
-    masks: Sequence[tuple[BoolArray, ...]]
-    left_out: str
-    scale: float
-    full_scale: str
+IN_A_SEGMENT = (1, 2, 3, 4, 6, 8)
+IN_A_RECORD = (1, 2, 4, 8, 12, 16)
+"""Numbers of terms that are tried: of a segment, and of a model with memory."""
 
 
 def training_only(dataset: Dataset) -> Dataset:
     """Return the dataset without its held-out samples; curves that have no others are left out."""
-    return replace(
-        dataset,
-        curves=tuple(
-            kept(curve, ~curve.held_out) for curve in dataset.curves if curve.training.any()
-        ),
-    )
+    curves = [curve for curve in dataset.curves if curve.training.any()]
+    return replace(dataset, curves=tuple(kept(curve, ~curve.held_out) for curve in curves))
 
 
 def kept(curve: Curve, rows: BoolArray) -> Curve:
@@ -70,6 +57,19 @@ def kept(curve: Curve, rows: BoolArray) -> Curve:
     )
 
 
+@dataclass(frozen=True)
+class Folds:
+    """What settings are tried on: a `dataset` of training samples alone, and what every fold leaves
+    out of each curve. Errors are divided by `scale`.
+    """
+
+    dataset: Dataset
+    masks: Sequence[tuple[BoolArray, ...]]
+    left_out: str
+    scale: float
+    full_scale: str
+
+
 def folds_of(
     dataset: Dataset, choices: ModelChoices, normaliser: str, by_level: bool = False
 ) -> Folds:
@@ -81,38 +81,29 @@ def folds_of(
 
     Raises DataError where there are too few samples to leave a block out.
     """
-    level = None if choices.over_time else level_of(choices.levels, choices.segment)
+    scale = divisor(dataset, normaliser)
+    level = dataset.level if by_level else level_of(choices.levels, choices.segment)
     levels = sorted({curve.level for curve in dataset.curves if curve.level is not None})
-    if by_level and not choices.over_time:
-        level = dataset.level
     inner = levels[1:-1] if len(levels) >= FEWEST_INNER + 2 or not by_level else levels
-    if level is not None and len(inner) >= FEWEST_INNER:
-        folds: list[tuple[BoolArray, ...]] = [
+    if not choices.over_time and level is not None and len(inner) >= FEWEST_INNER:
+        folds = [
             tuple(curve.training & (curve.level == value) for curve in dataset.curves)
             for value in inner
         ]
-        left_out = (
-            f"each of the {len(inner)} {'inner ' if len(inner) < len(levels) else ''}training "
-            f"levels of {level}"
+        which = "inner training" if len(inner) < len(levels) else "training"
+        left_out = f"each of the {len(inner)} {which} levels of {level}"
+        return Folds(dataset, folds, left_out, scale.value, scale.name)
+    along = None
+    if not choices.over_time:
+        along = next((name for name in choices.segment if name in dataset.quantities), None)
+    folds = list(zip(*(_blocks(curve, along) for curve in dataset.curves), strict=True))
+    if any(not any(mask.any() for mask in fold) for fold in folds):
+        raise DataError(
+            f"no curve has {BLOCKS} training samples: no block can be left out",
+            "keep more samples",
         )
-    else:
-        along = (
-            None
-            if choices.over_time
-            else next((name for name in choices.segment if name in dataset.quantities), None)
-        )
-        blocks = [_blocks(curve, along) for curve in dataset.curves]
-        folds = [tuple(of[number] for of in blocks) for number in range(BLOCKS)]
-        left_out = (
-            f"each of {BLOCKS} contiguous blocks of the training samples of every "
-            f"{'curve' if along else 'recording'}"
-        )
-        if any(not any(mask.any() for mask in fold) for fold in folds):
-            raise DataError(
-                f"no curve has {BLOCKS} training samples: no block can be left out",
-                "keep more samples",
-            )
-    scale = divisor(dataset, normaliser)
+    of = "curve" if along else "recording"
+    left_out = f"each of {BLOCKS} contiguous blocks of the training samples of every {of}"
     return Folds(dataset, folds, left_out, scale.value, scale.name)
 
 
@@ -120,12 +111,12 @@ def _blocks(curve: Curve, along: str | None) -> list[BoolArray]:
     """Contiguous blocks of the training samples: along a quantity, or of each recording in the
     order of time.
     """
-    if along is not None:
+    if along is None:
+        parts = [log[curve.training[log]] for log in curve.logs]
+    else:
         rows = np.flatnonzero(curve.training)
-        return contiguous(
-            [rows[np.argsort(curve.columns[along][rows], kind="stable")]], BLOCKS, curve.size
-        )
-    return contiguous([log[curve.training[log]] for log in curve.logs], BLOCKS, curve.size)
+        parts = [rows[np.argsort(curve.columns[along][rows], kind="stable")]]
+    return contiguous(parts, BLOCKS, curve.size)
 
 
 def contiguous(parts: Sequence[IntArray], count: int, size: int, times: int = 1) -> list[BoolArray]:
@@ -163,27 +154,20 @@ def left_out_of(
     ]
 
 
-def errors_of(
-    choices: ModelChoices, folds: Folds, remade: Callable[[ModelChoices, Dataset], Model]
-) -> list[float]:
+def errors_of(folds: Folds, remade: Callable[[Dataset], Model]) -> list[float]:
     """NRMSE on each fold, of models that are `remade` without it; infinite where nothing finite was
     predicted. Raises as the fits do.
     """
-    found = []
+    nrmse = []
     target = folds.dataset.target
     for masks in folds.masks:
-        every = left_out_of(folds.dataset, masks, partial(remade, choices))
+        every = left_out_of(folds.dataset, masks, remade)
         errors = np.concatenate(
             [(said.values - curve.columns[target])[out & said.ready] for curve, out, said in every]
         )
-        error = float(np.sqrt(np.mean(errors**2))) / folds.scale if len(errors) else float("inf")
-        found.append(error if np.isfinite(error) else float("inf"))
-    return found
-
-
-IN_A_SEGMENT = (1, 2, 3, 4, 6, 8)
-IN_A_RECORD = (1, 2, 4, 8, 12, 16)
-"""Numbers of terms that are tried: of a segment, and of a model with memory."""
+        error = float(np.sqrt(np.mean(errors**2))) / folds.scale if len(errors) else np.inf
+        nrmse.append(error if np.isfinite(error) else float("inf"))
+    return nrmse
 
 
 @dataclass(frozen=True)
@@ -207,15 +191,16 @@ def size_of(
         return Size()
     trial = _trial(part, dataset)
     folds = folds_of(training_only(dataset), trial, "max")
-    known, failure = dict[int, list[float]](), ""
+    finite, failure = dict[int, list[float]](), ""
     sizes = _sizes(part)
     for number, terms in enumerate(sizes):
         try:
-            known[terms] = errors_of(with_terms(trial, terms), folds, refit)
+            errors = errors_of(folds, partial(refit, with_terms(trial, terms)))
+            if np.isfinite(errors).all():
+                finite[terms] = errors
         except MapmoreError as fault:
             failure = fault.message
         progress(number + 1, len(sizes))
-    finite = {terms: errors for terms, errors in known.items() if np.isfinite(errors).all()}
     if not finite:
         raise FitError(
             "fit.max_terms: auto: no number of terms can be fitted without some of the data: "
@@ -223,13 +208,13 @@ def size_of(
             "give a number",
         )
     tried = list(finite)
-    rank = simplest_of(tried, np.array([finite[terms] for terms in tried]))
+    rank = simplest_of(tried, np.array(list(finite.values())))
     chosen, best = tried[rank.chosen], tried[rank.best]
-    errors = ", ".join(f"{terms}: {100 * geometric_mean(finite[terms]):.3g}" for terms in tried)
+    table = ", ".join(f"{terms}: {100 * geometric_mean(finite[terms]):.3g}" for terms in tried)
     within = "the best" if chosen == best else f"within one standard error of the best, {best}"
     note = (
         f"at most {chosen} term(s): {within}; left out in turn: {folds.left_out}; NRMSE in % "
-        f"by number of terms: {errors}"
+        f"by number of terms: {table}"
     )
     return Size(chosen, (note,))
 
@@ -238,22 +223,12 @@ def _trial(part: FitChoices, dataset: Dataset) -> ModelChoices:
     """Return the choices of a whole model; a backbone that is to be chosen as well is chosen once,
     with the usual number of terms.
     """
-    model = part.model
-    if model.backbone == AUTO:
-        model = replace(model, backbone=backbone_name(part, dataset))
-    return ModelChoices(
-        part.levels,
-        part.segment,
-        part.dictionary,
-        model,
-        part.fit,
-        part.lengths,
-        None,
-        "trial",
-        part.joined,
-        (),
-        (),
-    )
+    given = {field.name: getattr(part, field.name) for field in fields(FitChoices)}
+    trial = ModelChoices(**given, fuse=part.joined)
+    if part.model.backbone == AUTO:
+        name = backbone_name(part, dataset)
+        return replace(trial, model=replace(part.model, backbone=name))
+    return trial
 
 
 def _sizes(part: FitChoices) -> list[int]:

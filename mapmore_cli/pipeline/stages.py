@@ -83,7 +83,7 @@ INGEST = Stage(
 
 
 @dataclass(frozen=True)
-class Trial:
+class CutTrial:
     """What the costs of intervals depend on."""
 
     dictionary: list[DictionaryEntry]
@@ -92,7 +92,7 @@ class Trial:
 
 
 @dataclass(frozen=True)
-class Slice:
+class SegmentSlice:
     """What the segments depend on; `trial` is None where no boundary is placed by trying out
     fits.
     """
@@ -100,17 +100,17 @@ class Slice:
     levels: Levels | None
     segment: SegmentSection
     train_level: Literal["all", "highest"] | float
-    trial: Trial | None
+    trial: CutTrial | None
 
 
-def segment_slice(spec: ExperimentSpec) -> Slice:
+def segment_slice(spec: ExperimentSpec) -> SegmentSlice:
     """Return what the segments depend on."""
     spec = with_definitions(spec)
-    trial = Trial(spec.dictionary, spec.model, spec.fit) if by_trial(spec.segment) else None
-    return Slice(spec.data.levels, spec.segment, spec.fit.train_level, trial)
+    trial = CutTrial(spec.dictionary, spec.model, spec.fit) if by_trial(spec.segment) else None
+    return SegmentSlice(spec.data.levels, spec.segment, spec.fit.train_level, trial)
 
 
-def segment(part: Slice, workspace: Workspace) -> None:
+def segment(part: SegmentSlice, workspace: Workspace) -> None:
     """Cut every training curve over its own range; what is fitted there is what the backbone
     leaves.
     """
@@ -118,9 +118,10 @@ def segment(part: Slice, workspace: Workspace) -> None:
     from mapmore_cli.storage.artefacts import units_of, write_segmentation
 
     dataset = workspace.files.dataset()
-    trial = part.trial or Trial([], ModelChoice(), Fit(train_level=part.train_level))
+    trial = part.trial or CutTrial([], ModelChoice(), Fit(train_level=part.train_level))
     segmentation = segmented(
-        dataset, part.levels, part.segment, trial.dictionary, trial.model.backbone, trial.fit
+        dataset,
+        FitChoices(part.levels, part.segment, trial.dictionary, trial.model, trial.fit, {}),
     )
     for curve in segmentation:
         for name, boundaries in zip(curve.variables, curve.boundaries, strict=True):
@@ -154,7 +155,7 @@ def fit_choices(spec: ExperimentSpec) -> FitChoices:
         spec.dictionary,
         spec.model,
         spec.fit,
-        lengths_of(spec),
+        lengths_of(spec.model, spec.muscle.lengths),
         joining,
     )
 

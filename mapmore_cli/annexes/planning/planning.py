@@ -111,7 +111,7 @@ def _tried(settings: Mapping[str, Any], choices: ModelChoices, folds: Folds) -> 
     """
     try:
         size = parameters(refitted(choices, folds.dataset))
-        errors = errors_of(choices, folds, refitted)
+        errors = errors_of(folds, partial(refitted, choices))
     except MapmoreError as fault:
         return Trial(settings, failure=fault.message)
     lost = sum(not np.isfinite(error) for error in errors)

@@ -25,6 +25,7 @@ from mapmore_cli.annexes.search.bench import (
     shortened,
     thinning_of,
 )
+from mapmore_cli.annexes.search.black_boxes import Left, black_boxes
 from mapmore_cli.annexes.search.candidate import Candidate, candidates
 from mapmore_cli.annexes.search.situation import situation_of
 from mapmore_cli.domain.arrays import Array, BoolArray
@@ -33,15 +34,14 @@ from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.processors import shared_out
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import Search, Tried
-from mapmore_cli.fitting.baselines import Left, black_boxes, strongest
 from mapmore_cli.fitting.kinds import refit
-from mapmore_cli.fitting.kinds.choices import ModelChoices
+from mapmore_cli.fitting.kinds.choices import ModelChoices, lengths_of
 from mapmore_cli.fitting.refitting import left_out_of
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.kinds import fed_back, parameters
 from mapmore_cli.modelling.memory.records import records_of, time_step
 from mapmore_cli.modelling.pieces.recipe import Segmented
-from mapmore_cli.modelling.selection import AUTO, Fit
+from mapmore_cli.modelling.selection import Fit
 from mapmore_cli.modelling.validation.significance import WITHIN, simplest_of
 from mapmore_cli.spec.sections.dictionary import DictionaryEntry
 from mapmore_cli.spec.sections.model import ModelChoice
@@ -170,14 +170,7 @@ def search(
         if cut
         else ()
     )
-    told = _told(
-        found,
-        bench,
-        lambda: strongest(
-            bench.thinned.curves, _residual(tried[found.chosen], bench), situation.inputs, past
-        ),
-    )
-    return replace(found, cut=cut, notes=(*late, *uneven, *told))
+    return replace(found, cut=cut, notes=(*late, *uneven, *_told(found, bench)))
 
 
 def _uneven(dataset: Dataset) -> tuple[str, ...]:
@@ -256,7 +249,7 @@ def _chosen(outcomes: Sequence[_Outcome], bench: Bench, most: int | None) -> Sea
     )
 
 
-def _told(found: Search, bench: Bench, hint: Callable[[], str]) -> list[str]:
+def _told(found: Search, bench: Bench) -> list[str]:
     """Return what a reader is told of the table: that more adds nothing, or that a black box errs
     clearly less.
     """
@@ -279,26 +272,11 @@ def _told(found: Search, bench: Bench, hint: Callable[[], str]) -> list[str]:
     mine = own.parts if bench.asks_parts else own.error
     name = min(errs, key=lambda one: errs[one], default="")
     if name and errs[name] < LESS * mine:
-        left = f"; what is left depends most on {words}" if (words := hint()) else ""
         told.append(
             f"{name} errs {mine / errs[name]:.2g} times less on {kind}: the structure lacks "
-            f"something{left}"
+            "something"
         )
     return told
-
-
-def _residual(outcome: _Outcome, bench: Bench) -> list[Array]:
-    """Return the left-out errors of a structure on the blocks, (n_c,) of each thinned curve; NaN
-    where there are none.
-    """
-    residual = [np.full(curve.size, np.nan) for curve in bench.thinned.curves]
-    for fold, (left, ready) in zip(bench.thinned_folds[: bench.blocks], outcome.left, strict=False):
-        ends = np.cumsum([int(out.sum()) for out in fold])[:-1]
-        for values, out, part, known in zip(
-            residual, fold, np.split(left, ends), np.split(ready, ends), strict=True
-        ):
-            values[out] = np.where(known, part, np.nan)
-    return residual
 
 
 def _on_common_rows(predicted: Sequence[Sequence[Left]]) -> Array:
@@ -459,24 +437,15 @@ def choices_of(sections: Mapping[str, Any], part: Slice) -> ModelChoices:
         },
     )
     model = _MODEL.validate_python(sections.get("model", {}))
-    from mapmore_cli.modelling import literature
-
-    name = model.name or model.backbone
-    needed = literature.get(name).dimensions if name not in (None, AUTO) else ()
-    lengths = {key: value for key, value in part.lengths.items() if key in needed}
-    entries = _ENTRIES.validate_python(sections.get("dictionary", []))
     return ModelChoices(
         part.levels,
         segment,
-        entries,
+        _ENTRIES.validate_python(sections.get("dictionary", [])),
         model,
         Fit(**sections.get("fit", {})),
-        lengths,
-        None,
-        "search",
-        fuse,
-        (),
-        (),
+        lengths_of(model, part.lengths),
+        name="search",
+        fuse=fuse,
     )
 
 

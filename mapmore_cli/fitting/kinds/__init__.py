@@ -48,14 +48,14 @@ def fit(part: FitChoices, given: Given) -> FitResult:
     """Fit what the kind of model asks for: every segment, one model with memory, a formula, or
     nothing where models are added up.
     """
-    found: FitResult = _kind(part).fit(part, given)
-    return found
+    result: FitResult = _kind(part).fit(part, given)
+    return result
 
 
 def build(part: ModelChoices, given: Given, result: FitResult) -> Model:
     """Return the model that is made of the fits."""
-    found: Model = _kind(part).build(part, given, result)
-    return found
+    model: Model = _kind(part).build(part, given, result)
+    return model
 
 
 def refit(
@@ -66,13 +66,7 @@ def refit(
     """
     from mapmore_cli.fitting.kinds.pieces import segmented
 
-    given = Given(
-        dataset,
-        segmented(
-            dataset, part.levels, part.segment, part.dictionary, part.model.backbone, part.fit
-        ),
-        model_of,
-    )
+    given = Given(dataset, segmented(dataset, part), model_of)
     return build(part, given, fit(part, given))
 
 

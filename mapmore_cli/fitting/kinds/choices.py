@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 from mapmore_cli.domain.recording import Signal
@@ -30,7 +30,7 @@ class FitChoices:
     model: ModelChoice
     fit: Fit
     lengths: Mapping[str, float | None]  # dimensions of the muscle (m) that the formula needs
-    joining: Fuse | None  # how pieces are joined, where the choice of a backbone depends on it
+    joining: Fuse | None = None  # how pieces are joined, where the choice of a backbone needs it
 
     @property
     def kind(self) -> str:
@@ -56,13 +56,11 @@ class ModelChoices(FitChoices):
     the models of needed runs.
     """
 
-    name: str
-    fuse: Fuse
-    signals: tuple[Signal, ...]
-    summands: tuple[str, ...]
-    intervals: bool = (
-        False  # whether models are made without each part of the training data in turn
-    )
+    name: str = "trial"
+    fuse: Fuse = field(default_factory=Fuse)
+    signals: tuple[Signal, ...] = ()
+    summands: tuple[str, ...] = ()
+    intervals: bool = False  # whether models are made without each part of the training data
 
     @property
     def joined(self) -> Fuse:
@@ -118,13 +116,13 @@ def metres_of(unit: str) -> float:
     return base.factor if base is not None and dict(base.powers) == {"m": 1} else 1.0
 
 
-def lengths_of(spec: ExperimentSpec) -> dict[str, float | None]:
-    """Return the muscle's dimensions (m) where the formula that is the model or its backbone has
-    one.
+def lengths_of(model: ModelChoice, lengths: Mapping[str, float | None]) -> dict[str, float | None]:
+    """Return those of the muscle's `lengths` (m) that the formula needs which is the model or its
+    backbone.
     """
-    name = spec.model.name or spec.model.backbone
+    name = model.name or model.backbone
     needed = literature.get(name).dimensions if name not in (None, AUTO) else ()
-    return {name: length for name, length in spec.muscle.lengths.items() if name in needed}
+    return {key: length for key, length in lengths.items() if key in needed}
 
 
 def level_of(levels: Levels | None, segment: SegmentSection) -> str | None:
@@ -153,13 +151,12 @@ def model_choices(spec: ExperimentSpec) -> ModelChoices:
         spec.dictionary,
         spec.model,
         spec.fit,
-        lengths_of(spec),
-        None,
-        spec.name,
-        spec.fuse,
-        signals_of(spec),
-        tuple(summands(spec)),
-        spec.validation.intervals,
+        lengths_of(spec.model, spec.muscle.lengths),
+        name=spec.name,
+        fuse=spec.fuse,
+        signals=signals_of(spec),
+        summands=tuple(summands(spec)),
+        intervals=spec.validation.intervals,
     )
 
 
