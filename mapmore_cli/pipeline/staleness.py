@@ -8,11 +8,11 @@ import hashlib
 import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pydantic import BaseModel
+from pydantic_core import to_jsonable_python
 
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.fitting.kinds.choices import summands
@@ -160,10 +160,14 @@ def plan_stages(
             for run in needed
         }
         before = previous.fingerprint if previous else ""
-        inputs = _source_stamps(stage, loaded, known, rehash)
+        inputs = _source_stamps(stage, loaded, known.inputs if known else {}, rehash)
         contents = {path: stamp.sha256 for path, stamp in inputs.items()}
         mark = fingerprint(stage.name, stage.revision, chosen, before, contents)
-        outputs = _output_stamps(run_dir, known, rehash)
+        outputs = {
+            path: take_stamp(run_dir / path, stamp, rehash)
+            for path, stamp in (known.outputs if known else {}).items()
+            if (run_dir / path).is_file()
+        }
         plan = Plan(stage, part, chosen, mark, before, inputs, outputs, needed)
         reasons = ["forced"] if force else _reasons(plan, known, previous)
         if len(reasons) > LONGEST_REASON:
@@ -210,62 +214,46 @@ def _reasons(plan: Plan, known: StageRecord | None, previous: Plan | None) -> li
     """Everything that differs from the committed entry."""
     if known is None:
         return ["never ran"]
-    reasons = (
-        [f"stage revision {known.revision} -> {plan.stage.revision}"]
-        if known.revision != plan.stage.revision
-        else []
-    )
+    reasons = []
+    if known.revision != plan.stage.revision:
+        reasons.append(f"stage revision {known.revision} -> {plan.stage.revision}")
     reasons += slice_differences(plan.stage.name, known.slice, plan.slice)
-    reasons += _file_differences("source", known.inputs, plan.inputs)
+    reasons += _file_differences("source", "removed", known.inputs, plan.inputs)
     if previous and known.before != plan.before:
         reasons.append(f"follows from {previous.stage.name}")
     if not reasons and known.fingerprint != plan.fingerprint:
         reasons.append("run.json does not fit its own entries")
+    reasons += _file_differences("output", "missing", known.outputs, plan.outputs)
     recorded = {path for name in known.outputs for path in (name, name.split("/", 1)[0])}
-    missing = (
-        f"output missing: {output}" for output in plan.stage.outputs if output not in recorded
-    )
-    return [*reasons, *_file_differences("output", known.outputs, plan.outputs), *missing]
+    missing = [output for output in plan.stage.outputs if output not in recorded]
+    return [*reasons, *(f"output missing: {output}" for output in missing)]
 
 
 def _file_differences(
-    what: str, known: Mapping[str, Stamp], found: Mapping[str, Stamp]
+    what: str, gone: str, known: Mapping[str, Stamp], now: Mapping[str, Stamp]
 ) -> list[str]:
-    gone = "missing" if what == "output" else "removed"
+    both = [path for path in now if path in known]
+    changed = [path for path in both if known[path].sha256 != now[path].sha256]
     return [
-        *(f"{what} {gone}: {path}" for path in known if path not in found),
-        *(
-            f"{what} changed: {path}"
-            for path, stamp in found.items()
-            if path in known and known[path].sha256 != stamp.sha256
-        ),
-        *(f"{what} added: {path}" for path in found if path not in known),
+        *(f"{what} {gone}: {path}" for path in known if path not in now),
+        *(f"{what} changed: {path}" for path in changed),
+        *(f"{what} added: {path}" for path in now if path not in known),
     ]
 
 
 def _source_stamps(
-    stage: Stage, loaded: LoadedSpec, known: StageRecord | None, rehash: bool
+    stage: Stage, loaded: LoadedSpec, known: Mapping[str, Stamp], rehash: bool
 ) -> dict[str, Stamp]:
-    old = known.inputs if known else {}
     stamps = {}
     for source in stage.sources(loaded.spec, loaded.folder):
         path = Path(os.path.relpath(source, loaded.folder)).as_posix()
         try:
-            stamps[path] = take_stamp(source, old.get(path), rehash)
+            stamps[path] = take_stamp(source, known.get(path), rehash)
         except OSError as fault:
             raise DataError(
                 f"{path}: cannot be read ({fault.strerror})", "check the file and its permissions"
             ) from fault
     return dict(sorted(stamps.items()))
-
-
-def _output_stamps(run_dir: Path, known: StageRecord | None, rehash: bool) -> dict[str, Stamp]:
-    old = known.outputs if known else {}
-    return {
-        path: take_stamp(run_dir / path, stamp, rehash)
-        for path, stamp in old.items()
-        if (run_dir / path).is_file()
-    }
 
 
 LONGEST_VALUE = 60
@@ -278,19 +266,7 @@ def plain(value: Any) -> Any:
     """Return a slice (frozen dataclasses, spec models and what they hold) as JSON values, under the
     names of the YAML file.
     """
-    if isinstance(value, BaseModel):
-        named = {
-            field.alias or name: plain(getattr(value, name))
-            for name, field in type(value).model_fields.items()
-        }
-        return named | plain(value.model_extra or {})
-    if is_dataclass(value):
-        return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
-    if isinstance(value, Mapping):
-        return {str(key): plain(part) for key, part in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(part) for part in value]
-    return value
+    return to_jsonable_python(value, by_alias=True)
 
 
 def fingerprint(
@@ -312,19 +288,15 @@ def fingerprint(
 
 def slice_differences(stage: str, old: Any, new: Any) -> list[str]:
     """Every changed key of a stage's slice with both values, as `fuse.z_s: 0.25 -> 0.3`."""
-    if not isinstance(old, dict) or not isinstance(new, dict):
+    if not isinstance(old, dict):  # a record that somebody edited
         return list(_differences(stage, old, new))
     return [
         text
-        for key, *values in _pairs(old, new)
-        for text in _differences(place_in_spec(key, stage), *values)
+        for key in new | old
+        for text in _differences(
+            place_in_spec(key, stage), old.get(key, NOT_SET), new.get(key, NOT_SET)
+        )
     ]
-
-
-def _pairs(old: dict[str, Any], new: dict[str, Any]) -> Iterator[tuple[str, Any, Any]]:
-    """Yield every key of either with both values."""
-    for key in new | old:
-        yield key, old.get(key, NOT_SET), new.get(key, NOT_SET)
 
 
 def place_in_spec(key: str, stage: str) -> str:
@@ -336,19 +308,24 @@ def place_in_spec(key: str, stage: str) -> str:
     }
     if key in sections:
         return key
-    homes = [
-        name
-        for name, section in sections.items()
-        if isinstance(section, type) and key in keys_at(section, ())
-    ]
     # `levels` of fuse stands inside its own section, so the first home is the one
-    return f"{homes[0] if homes else stage}.{key}"
+    home = next(
+        (
+            name
+            for name, section in sections.items()
+            if isinstance(section, type) and key in keys_at(section, ())
+        ),
+        stage,
+    )
+    return f"{home}.{key}"
 
 
 def _differences(place: str, old: Any, new: Any) -> Iterator[str]:
     if isinstance(old, dict) and isinstance(new, dict):
-        for key, *values in _pairs(old, new):
-            yield from _differences(f"{place}.{key}", *values)
+        for key in new | old:
+            yield from _differences(
+                f"{place}.{key}", old.get(key, NOT_SET), new.get(key, NOT_SET)
+            )
     elif (
         isinstance(old, list)
         and isinstance(new, list)

@@ -24,7 +24,6 @@ SITUATIONS = {
         "force",
         ("strain", "pressure"),
         "pressure",
-        frozenset({"strain", "pressure", "force"}),
         60,
         5,
     ),
@@ -32,7 +31,6 @@ SITUATIONS = {
         "y",
         ("u",),
         None,
-        frozenset({"u", "y", "time"}),
         800,
         1,
         0.01,
@@ -44,7 +42,6 @@ SITUATIONS = {
         "torque",
         ("p1", "p2", "x", "v"),
         None,
-        frozenset({"time"}),
         900,
         1,
         0.01,
@@ -52,7 +49,7 @@ SITUATIONS = {
         {"x": 1.0, "v": 2.0},
         {("x", 1): 0.1, ("v", 3): 0.2},
     ),
-    "many": Situation("y", tuple("abcdefgh"), None, frozenset("abcdefgh"), 500, 1, 0.1, 50.0),
+    "many": Situation("y", tuple("abcdefgh"), None, 500, 1, 0.1, 50.0),
 }
 
 

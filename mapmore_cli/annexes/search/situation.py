@@ -57,7 +57,6 @@ class Situation:
     target: str
     inputs: tuple[str, ...]
     level: str | None
-    quantities: frozenset[str]
     samples: int
     curves: int
     step: float | None = None
@@ -117,7 +116,6 @@ def situation_of(
         target=dataset.target,
         inputs=tuple(ordered),
         level=dataset.level,
-        quantities=frozenset({*pooled}),
         samples=len(pooled[dataset.target]),
         curves=len(training),
         step=step,
