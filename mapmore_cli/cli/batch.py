@@ -95,7 +95,7 @@ def batch(
         outcomes = (
             processors.in_processes(run_one, todo, jobs, tell)
             if scheduler is None
-            else run_on_cluster(todo, scheduler, runs, tell, reporter.say, reporter.warn)
+            else run_on_cluster(todo, scheduler, runs, tell, reporter.say)
         )
         with closing(outcomes):
             for number, result in outcomes:

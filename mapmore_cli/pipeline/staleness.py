@@ -323,9 +323,7 @@ def place_in_spec(key: str, stage: str) -> str:
 def _differences(place: str, old: Any, new: Any) -> Iterator[str]:
     if isinstance(old, dict) and isinstance(new, dict):
         for key in new | old:
-            yield from _differences(
-                f"{place}.{key}", old.get(key, NOT_SET), new.get(key, NOT_SET)
-            )
+            yield from _differences(f"{place}.{key}", old.get(key, NOT_SET), new.get(key, NOT_SET))
     elif (
         isinstance(old, list)
         and isinstance(new, list)

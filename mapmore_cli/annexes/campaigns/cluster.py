@@ -33,20 +33,24 @@ _one_at_a_time = Lock()
 @dataclass(frozen=True)
 class Shared:
     """What a worker needs besides its job: a file that shows whether it sees the folder of runs,
-    and variables that specs may name.
+    the version of mapmore, and variables that specs may name.
     """
 
     token: Path
-    word: str
+    version: str
     environment: Mapping[str, str]
 
     def check(self) -> None:
-        """Raise WriteError where this process does not see what the client wrote."""
-        try:
-            seen = self.token.read_text(encoding="utf-8")
-        except OSError:
-            seen = ""
-        if seen != self.word:
+        """Raise WriteError where this process does not see what the client wrote, UsageError where
+        it has another version.
+        """
+        if tool_versions()["mapmore"] != self.version:
+            raise UsageError(
+                f"a worker of the cluster has mapmore {tool_versions()['mapmore']}, and "
+                f"{self.version} is here",
+                "install one version everywhere",
+            )
+        if not self.token.is_file():
             raise WriteError(
                 f"{self.token.parent}: a worker of the cluster does not see this folder as "
                 "the command does",
@@ -60,16 +64,15 @@ def shared_folder(runs: Path) -> Iterator[Shared]:
     """Write the file by which workers see that they share the folder of runs; without it, no job
     begins any more.
     """
-    word = token_hex(6)
-    ours = {name: value for name, value in os.environ.items() if name.startswith("MAPMORE_")}
-    shared = Shared(runs.absolute() / f"{TEMPORARY}{word}-shared", word, ours)
+    token = runs.absolute() / f"{TEMPORARY}{token_hex(6)}-shared"
     with refusals_told(runs):
         runs.mkdir(parents=True, exist_ok=True)
-    write_text(shared.token, word)
+    write_text(token, "")
+    ours = {name: value for name, value in os.environ.items() if name.startswith("MAPMORE_")}
     try:
-        yield shared
+        yield Shared(token, tool_versions()["mapmore"], ours)
     finally:
-        shared.token.unlink(missing_ok=True)
+        token.unlink(missing_ok=True)
 
 
 def run_on_cluster(
@@ -78,14 +81,13 @@ def run_on_cluster(
     runs: Path,
     tell: Callable[[int, str], None],
     say: Callable[[str], None],
-    warn: Callable[[str], None],
 ) -> Generator[tuple[int, Finished | BaseException], None, None]:
     """Do numbered jobs on the workers of a scheduler, by its address or the file that says where it
     is; yield as `processors.ended`.
 
     A worker that dies costs its job another start, by the scheduler, at most as often as its
     setting `allowed-failures` says (3): `tell` is told with the job's number. `say` is told what
-    happens meanwhile, `warn` what to mend.
+    happens meanwhile.
     """
     begun = Counter[int]()
 
@@ -95,9 +97,11 @@ def run_on_cluster(
             tell(event[1], "its worker died or was lost; it is started again")
 
     with shared_folder(runs) as shared, _connected(scheduler) as client:
-        client.subscribe_topic(shared.word, count)
-        for problem in _checked_workers(client, scheduler, shared, say):
-            warn(problem)
+        client.subscribe_topic(shared.token.name, count)
+        if not client.scheduler_info()["workers"]:
+            say(f"{scheduler}: waiting for a worker")
+            client.wait_for_workers(1)
+        say(f"{scheduler}: {_checked_workers(client, shared)} workers, which share {runs}")
         # A job is no pure function, whose result might be kept, and one that raises would raise
         # again.
         executor = client.get_executor(pure=False, retries=0)
@@ -112,46 +116,21 @@ def run_on_cluster(
                 yield number, outcome
 
 
-def _checked_workers(
-    client: Any, scheduler: str | Path, shared: Shared, say: Callable[[str], None]
-) -> list[str]:
-    """Wait for workers that can run the jobs; return what to mend. Raises UsageError where they
-    cannot, WriteError where they do not see the folder of runs.
+def _checked_workers(client: Any, shared: Shared) -> int:
+    """Return how many workers there are; raises UsageError where they cannot run the jobs,
+    WriteError where they do not see the folder of runs.
     """
-    if not client.scheduler_info()["workers"]:
-        say(f"{scheduler}: waiting for a worker")
-        client.wait_for_workers(1)
     try:
-        greetings = client.run(_greet, shared)
+        return len(client.run(shared.check))
     except MapmoreError:
         raise
     except Exception as fault:  # workers on which the program does not run are the user's to mend
         why = f"{type(fault).__name__}: {fault}".split("\n")[0]
         raise UsageError(
-            f"{scheduler}: the workers cannot run mapmore ({why})",
+            f"the workers of the cluster cannot run mapmore ({why})",
             "install the same mapmore with its extra `cluster` for the scheduler, the "
             "workers and here",
         ) from fault
-    here, problems = tool_versions(), []
-    for worker, (versions, threads) in sorted(greetings.items()):
-        if versions["mapmore"] != here["mapmore"]:
-            raise UsageError(
-                f"{worker}: this worker has mapmore {versions['mapmore']}, and {here['mapmore']} "
-                "here",
-                "install one version everywhere",
-            )
-        if others := [name for name, version in here.items() if versions[name] != version]:
-            problems.append(
-                f"{worker}: has other versions of {', '.join(others)}: numbers may differ "
-                "in the last digits"
-            )
-        if threads > 1:
-            problems.append(
-                f"{worker}: has {threads} threads and does one run at a time; start "
-                "workers with `--nthreads 1`"
-            )
-    say(f"{scheduler}: {len(greetings)} workers, which share {shared.token.parent}")
-    return problems
 
 
 def _connected(scheduler: str | Path) -> Any:
@@ -180,19 +159,11 @@ def _connected(scheduler: str | Path) -> Any:
         ) from fault
 
 
-def _greet(shared: Shared, dask_worker: Any) -> tuple[dict[str, str], int]:
-    """Return, on a worker, its versions and the number of its threads, once it is clear that it
-    sees the folder of runs.
-    """
-    shared.check()
-    return dict(tool_versions()), int(dask_worker.state.nthreads)
-
-
 def _work(job: Job, shared: Shared, number: int) -> Finished:
     """Do a job, on a worker."""
     from distributed import get_worker
 
-    get_worker().log_event(shared.word, number)
+    get_worker().log_event(shared.token.name, number)
     # the next job may come from another client
     with _one_at_a_time, variables_set(shared.environment):
         shared.check()
