@@ -64,22 +64,19 @@ def batch(
     """
     from mapmore_cli.annexes.campaigns.batch import Job, run_one, stoppable
     from mapmore_cli.annexes.campaigns.cluster import run_on_cluster
-    from mapmore_cli.annexes.campaigns.page import (
-        expanded,
-        refuse_foreign_folders,
-        run_names,
-        specs_of,
-        write_page,
-    )
+    from mapmore_cli.annexes.campaigns.page import expanded, run_names, write_page
     from mapmore_cli.cli.views import page_lines
     from mapmore_cli.domain import processors
     from mapmore_cli.pipeline.runner import Options
+    from mapmore_cli.storage.run_folder import refuse_foreign
+    from mapmore_cli.storage.run_record import CAMPAIGN_RECORD
 
     if cluster is not None and cluster_file is not None:
         raise UsageError("--cluster and --cluster-file exclude each other", "leave one of them out")
     campaigns, entries = expanded(configs, overrides)
-    names = run_names(entries, campaigns, specs_of(entries))
-    refuse_foreign_folders(campaigns, runs)
+    names = run_names(entries, campaigns)
+    for one in campaigns:  # better before its runs are done
+        refuse_foreign(runs / one.campaign.campaign, CAMPAIGN_RECORD)
     options = Options(force, rehash, not no_check)
     todo = {
         number: Job(entry.config, runs, entry.overrides, replace(options, campaign=entry.campaign))
