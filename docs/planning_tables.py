@@ -18,9 +18,9 @@ from mapmore_cli.annexes.planning.planning import formulas_of
 from mapmore_cli.annexes.planning.points import Committee, Measured
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.recording import Dataset
+from mapmore_cli.fitting.kinds import refit
 from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices
 from mapmore_cli.fitting.left_out import residuals
-from mapmore_cli.fitting.refitting import refitted
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.literature.backbone import pooled_training
 from mapmore_cli.modelling.validation.intervals import INTERVAL, half_widths, refusal
@@ -105,7 +105,7 @@ def error_of(choices: ModelChoices, dataset: Dataset, at: Sequence[float]) -> fl
 
 def misses(choices: ModelChoices, dataset: Dataset, at: Sequence[float]) -> list[Array]:
     """Errors at every level of a model of some, as parts of the largest |target|."""
-    model = refitted(choices, trained_on(dataset, at))
+    model = refit(choices, trained_on(dataset, at))
     largest = max(float(np.abs(c.columns[dataset.target]).max()) for c in dataset.curves)
     return [
         (forecast(model, c).values - c.columns[dataset.target]) / largest for c in dataset.curves
@@ -209,7 +209,7 @@ def stopping_table(runs: Path) -> Table:
                 known = sorted(order[:k])
                 data = trained_on(dataset, known)
                 left_out = replace(
-                    residuals(choices, data, {}, quiet, refitted(choices, data)), repeats=(1,) * k
+                    residuals(choices, data, {}, quiet, refit(choices, data)), repeats=(1,) * k
                 )
                 if refusal(left_out) is not None:
                     continue

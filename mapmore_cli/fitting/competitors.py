@@ -8,25 +8,23 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import comb
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.fits import FormulaFit
-from mapmore_cli.domain.models import Formula, Model, MotionFit
+from mapmore_cli.domain.models import Formula, Model
 from mapmore_cli.domain.recording import DAMPING, STATIC_FORCE, Curve, Dataset
 from mapmore_cli.domain.results import Forecast
 from mapmore_cli.domain.scores import BASELINES, OWN, SIMPLE
-from mapmore_cli.fitting.kinds.sum import summands_of
-from mapmore_cli.modelling import literature, simple
+from mapmore_cli.modelling import kinds, literature, simple
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.kinds import runs_over_time
 from mapmore_cli.modelling.literature.backbone import fit_formula, pooled_training
 from mapmore_cli.modelling.literature.formulas.sarosi_hysteresis_loss import HysteresisLoss
 from mapmore_cli.modelling.signals.plateau import damping_component
-from mapmore_cli.modelling.sums import joint
-from mapmore_cli.modelling.sums.joint import fit_jointly
 from mapmore_cli.spec.experiment import Competitor
 from mapmore_cli.storage.artefacts import read_model
 from mapmore_cli.storage.run_folder import RunFiles
@@ -38,13 +36,13 @@ Forecasts = tuple[Forecast, ...]
 @dataclass(frozen=True)
 class Rival:
     """A competitor with what it says of every curve; `formulas` are the fits behind it by the name
-    they are shown under.
+    they are shown under, `own_fit` that of another run, where its kind has a page of its own.
     """
 
     name: str
     forecasts: Forecasts
     formulas: Mapping[str, FormulaFit] = field(default_factory=dict)
-    motion: MotionFit | None = None
+    own_fit: Any = None
 
     @property
     def failed(self) -> bool:
@@ -83,7 +81,9 @@ class Contest:
             folder = self.needed[competitor.run or label]
             files = RunFiles(folder)
             model = files.model() if self.refit is None else self.refit(folder, dataset)
-            return Rival(label, self._of_model(model), motion=files.fit().motion)
+            body = files.fit().body
+            own_fit = body if kinds.page_of(body) else None
+            return Rival(label, self._of_model(model), own_fit=own_fit)
         if competitor.is_file:
             return Rival(label, self._of_model(read_model(self.spec_dir / str(name))))
         if competitor.static is not None:
@@ -161,10 +161,8 @@ class Contest:
 
     def _sum(self, competitor: Competitor) -> Rival:
         """Formulas with signs and inputs of their own, fitted together to the training data."""
-        summands = summands_of(competitor.sum or [])
-        training = pooled_training(self.dataset.curves)
-        fit = fit_jointly(summands, training, training[self.dataset.target], competitor.method)
-        values = [joint.predict(fit, summands, curve.columns) for curve in self.dataset.curves]
+        together = kinds.named("sum").verb("fit_and_predict", of="fitted")
+        fit, values = together(competitor.sum, self.dataset, competitor.method)
         return Rival(competitor.label, _forecasts(values), {competitor.label: fit})
 
     def _composite(self, competitor: Competitor) -> Rival:

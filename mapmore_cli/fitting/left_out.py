@@ -20,8 +20,9 @@ from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.domain.results import Forecast
 from mapmore_cli.domain.scores import OWN
 from mapmore_cli.fitting.competitors import Contest, Forecasts
+from mapmore_cli.fitting.kinds import refit
 from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices
-from mapmore_cli.fitting.refitting import left_out_of, refitted
+from mapmore_cli.fitting.refitting import left_out_of
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.pieces.cross_validation import BLOCKS, block, in_curve
 from mapmore_cli.modelling.validation.intervals import Training, summary
@@ -68,7 +69,7 @@ def left_out(
     parts, warnings = list[Said](), list[str]()
     for outs in folds:
         fold = _held_out(dataset, outs)
-        model = refitted(choices, replace(fold, target=fitted_to))
+        model = refit(choices, replace(fold, target=fitted_to))
         said, told = compare(replace(contest, dataset=fold, model=model, refit=refit_run))
         own = tuple(forecast(model, curve, fold.target) for curve in fold.curves)
         parts.append({OWN: own, **said})
@@ -137,7 +138,7 @@ def refit_run(run_dir: Path, dataset: Dataset) -> Model:
     """
     choices = model_choices(load(run_dir / "experiment.yaml").spec)
     refuse_over_time(choices)
-    return refitted(choices, replace(dataset, target=RunFiles(run_dir).dataset().target))
+    return refit(choices, replace(dataset, target=RunFiles(run_dir).dataset().target))
 
 
 def residuals(
@@ -269,7 +270,7 @@ def _refitted_sum(choices: ModelChoices, needed: Mapping[str, Path], dataset: Da
     """Return a model of any kind, made of the training samples of a dataset; `needed` are the
     folders of the runs that a sum adds up.
     """
-    return refitted(choices, dataset, lambda path: _summand_without(needed[path], dataset))
+    return refit(choices, dataset, lambda path: _summand_without(needed[path], dataset))
 
 
 def _summand_without(run_dir: Path, dataset: Dataset) -> Model:
@@ -289,7 +290,7 @@ def _summand_without(run_dir: Path, dataset: Dataset) -> Model:
         np.ones(curve.size, dtype=np.bool_) if _place(curve) in out else curve.held_out
         for curve in own.curves
     ]
-    return refitted(choices, _held_out(own, masks))
+    return refit(choices, _held_out(own, masks))
 
 
 def _place(curve: Curve) -> float | str:

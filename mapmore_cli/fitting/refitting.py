@@ -1,38 +1,28 @@
-"""Models made anew on part of the training data: folds that are left out in turn, the errors there,
-and the number of terms by them.
+"""Models made anew on part of the training data: folds that are left out in turn, and the errors
+there.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
-from functools import partial
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import BoolArray, IntArray
-from mapmore_cli.domain.errors import DataError, FitError, MapmoreError
+from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.domain.results import Forecast
-from mapmore_cli.fitting.kinds import added_up, refit
-from mapmore_cli.fitting.kinds.choices import FitChoices, ModelChoices, level_of, with_terms
-from mapmore_cli.fitting.kinds.dictionary import terms_of
-from mapmore_cli.fitting.kinds.pieces import backbone_name
+from mapmore_cli.fitting.kinds.choices import ModelChoices, level_of
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.pieces.cross_validation import BLOCKS
-from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.modelling.validation.metrics import divisor
-from mapmore_cli.modelling.validation.significance import geometric_mean, simplest_of
 
 FEWEST_INNER = 3
 """Inner training levels from which on levels are left out; with fewer, blocks are: a standard error
 of one or two folds says nothing.
 """
-
-IN_A_SEGMENT = (1, 2, 3, 4, 6, 8)
-IN_A_RECORD = (1, 2, 4, 8, 12, 16)
-"""Numbers of terms that are tried: of a segment, and of a model with memory."""
 
 
 def training_only(dataset: Dataset) -> Dataset:
@@ -168,84 +158,3 @@ def errors_of(folds: Folds, remade: Callable[[Dataset], Model]) -> list[float]:
         error = float(np.sqrt(np.mean(errors**2))) / folds.scale if len(errors) else np.inf
         nrmse.append(error if np.isfinite(error) else float("inf"))
     return nrmse
-
-
-@dataclass(frozen=True)
-class Size:
-    """How many terms, and on what grounds; 0 where the spec says it."""
-
-    terms: int = 0
-    notes: tuple[str, ...] = ()
-
-
-def size_of(
-    part: FitChoices,
-    dataset: Dataset,
-    progress: Callable[[int, int], None] = lambda _done, _total: None,
-) -> Size:
-    """Choose the number of terms where the spec leaves it to left-out training data.
-
-    Raises FitError where no number of terms can be fitted without some of the data.
-    """
-    if part.fit.max_terms != AUTO or part.kind not in ("pieces", "memory"):
-        return Size()
-    trial = _trial(part, dataset)
-    folds = folds_of(training_only(dataset), trial, "max")
-    finite, failure = dict[int, list[float]](), ""
-    sizes = _sizes(part)
-    for number, terms in enumerate(sizes):
-        try:
-            errors = errors_of(folds, partial(refit, with_terms(trial, terms)))
-            if np.isfinite(errors).all():
-                finite[terms] = errors
-        except MapmoreError as fault:
-            failure = fault.message
-        progress(number + 1, len(sizes))
-    if not finite:
-        raise FitError(
-            "fit.max_terms: auto: no number of terms can be fitted without some of the data: "
-            f"{failure}",
-            "give a number",
-        )
-    tried = list(finite)
-    rank = simplest_of(tried, np.array(list(finite.values())))
-    chosen, best = tried[rank.chosen], tried[rank.best]
-    table = ", ".join(f"{terms}: {100 * geometric_mean(finite[terms]):.3g}" for terms in tried)
-    within = "the best" if chosen == best else f"within one standard error of the best, {best}"
-    note = (
-        f"at most {chosen} term(s): {within}; left out in turn: {folds.left_out}; NRMSE in % "
-        f"by number of terms: {table}"
-    )
-    return Size(chosen, (note,))
-
-
-def _trial(part: FitChoices, dataset: Dataset) -> ModelChoices:
-    """Return the choices of a whole model; a backbone that is to be chosen as well is chosen once,
-    with the usual number of terms.
-    """
-    given = {field.name: getattr(part, field.name) for field in fields(FitChoices)}
-    trial = ModelChoices(**given, fuse=part.joined)
-    if part.model.backbone == AUTO:
-        name = backbone_name(part, dataset)
-        return replace(trial, model=replace(part.model, backbone=name))
-    return trial
-
-
-def _sizes(part: FitChoices) -> list[int]:
-    """Up to the number of candidates, where that is known without the recordings."""
-    if part.over_time:
-        return list(IN_A_RECORD)
-    candidates = len(terms_of(part.dictionary))
-    return [terms for terms in IN_A_SEGMENT if terms <= candidates] or [1]
-
-
-def refitted(
-    choices: ModelChoices, dataset: Dataset, model_of: Callable[[str], Model] = added_up
-) -> Model:
-    """Return the model of the training samples of a dataset, made in one go, its number of terms
-    included where left-out data choose it.
-
-    `model_of` gives the models that a sum adds up, by the path of their spec; raises SpecError
-    where it is needed and not given.
-    """
-    return refit(with_terms(choices, size_of(choices, dataset).terms), dataset, model_of)

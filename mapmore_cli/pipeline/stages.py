@@ -20,7 +20,6 @@ from mapmore_cli.fitting.kinds.choices import (
     model_choices,
     summands,
     with_definitions,
-    with_terms,
 )
 from mapmore_cli.fitting.stage import Need, Stage, Workspace
 from mapmore_cli.ingestion.files import IngestSlice, find_sources, slice_of
@@ -148,7 +147,7 @@ SEGMENT = Stage(
 def fit_choices(spec: ExperimentSpec) -> FitChoices:
     """Return what the fit depends on."""
     spec = with_definitions(spec)
-    joining = spec.fuse if AUTO in (spec.model.backbone, spec.fit.max_terms) else None
+    joining = spec.fuse if spec.model.backbone == AUTO else None
     return FitChoices(
         spec.data.levels,
         spec.segment,
@@ -164,21 +163,14 @@ def fit(part: FitChoices, workspace: Workspace) -> None:
     """Fit what the kind of model asks for: every segment, one model with memory, a formula, or
     nothing where models are added up.
     """
-    from mapmore_cli.fitting.refitting import size_of
     from mapmore_cli.storage.artefacts import units_of, write_fit
 
     dataset = workspace.files.dataset()
-    size = size_of(
-        part, dataset, lambda done, total: workspace.progress("numbers of terms", done, total)
-    )
-    result = kinds.fit(
-        with_terms(part, size.terms),
-        Given(dataset, workspace.files.segmentation(), progress=workspace.progress),
-    )
-    alone = result.constant_alone
-    for note in alone:
+    given = Given(dataset, workspace.files.segmentation(), progress=workspace.progress)
+    result = kinds.fit(part, given)
+    for note in result.constant_alone:
         workspace.warn(note)
-    result = replace(result, notes=(*size.notes, *alone, *result.notes), max_terms=size.terms)
+    result = replace(result, notes=(*result.constant_alone, *result.notes))
     for piece in result.pieces:
         if piece.selection.tied.any():
             workspace.warn(
@@ -202,14 +194,13 @@ def fuse(part: ModelChoices, workspace: Workspace) -> None:
 
     files = workspace.files
     dataset, result = files.dataset(), files.fit()
-    chosen = with_terms(part, result.max_terms) if part.fit.max_terms == AUTO else part
     given = Given(
         dataset,
         files.segmentation(),
         lambda path: RunFiles(workspace.needed[path]).model(),
         workspace.progress,
     )
-    model = kinds.build(chosen, given, result)
+    model = kinds.build(part, given, result)
     model = replace(
         model, signals=needed_signals(part.signals, [quantity.name for quantity in model.inputs])
     )

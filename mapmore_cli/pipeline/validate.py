@@ -118,11 +118,11 @@ def run(part: ScoresSlice, workspace: Workspace) -> None:
         for score in score_rows(name, part.target, said, rows_of, scale, group=part.groups)
     ]
     scores += _floor(part, model, dataset, scale)
-    motions = {one.name: one.motion for one in rivals if one.motion is not None}
+    fits = {one.name: one.own_fit for one in rivals if one.own_fit is not None}
     predictions = {name: tuple(one.values for one in every) for name, every in forecasts.items()}
     units = {part.target: dataset.unit(dataset.target)}
     loud = alarms(model, dataset, predictions[OWN], scores)
-    validation = Validation(predictions, formulas, tuple(scores), units, motions, loud)
+    validation = Validation(predictions, formulas, tuple(scores), units, fits, loud)
     write_validation(workspace.out / VALIDATION, validation)
     write_scores(workspace.out, validation.table, model.name)
 

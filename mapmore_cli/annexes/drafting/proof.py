@@ -20,8 +20,8 @@ from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import Search
 from mapmore_cli.domain.scores import OWN, Score, deciding
 from mapmore_cli.fitting.competitors import Contest
+from mapmore_cli.fitting.kinds import refit
 from mapmore_cli.fitting.kinds.choices import model_choices
-from mapmore_cli.fitting.refitting import refitted
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.modelling.validation.metrics import divisor, on_common_rows, score_rows
@@ -90,7 +90,7 @@ def scored(loaded: LoadedSpec, dataset: Dataset) -> Trial:
     """Make the model of a spec of its dataset, and score it beside formulas and plainer models.
     Raises as a run would.
     """
-    model = refitted(model_choices(loaded.spec), dataset)
+    model = refit(model_choices(loaded.spec), dataset)
     validation = loaded.spec.validation
     seen = dataset if validation.as_ is None else scored_as(validation.as_, dataset, model)
     contest = Contest(seen, model, {}, None, loaded.spec.muscle.lengths, loaded.folder)

@@ -21,8 +21,9 @@ from mapmore_cli.domain.processors import shared_out
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import Candidate, Picture, Plan, Search, Until
 from mapmore_cli.domain.scores import Trial, Tuning
+from mapmore_cli.fitting.kinds import refit
 from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices
-from mapmore_cli.fitting.refitting import Folds, errors_of, folds_of, refitted, training_only
+from mapmore_cli.fitting.refitting import Folds, errors_of, folds_of, training_only
 from mapmore_cli.fitting.stage import Progress, Warn
 from mapmore_cli.ingestion.files import slice_of
 from mapmore_cli.modelling import literature
@@ -110,8 +111,8 @@ def _tried(settings: Mapping[str, Any], choices: ModelChoices, folds: Folds) -> 
     why.
     """
     try:
-        size = parameters(refitted(choices, folds.dataset))
-        errors = errors_of(folds, partial(refitted, choices))
+        size = parameters(refit(choices, folds.dataset))
+        errors = errors_of(folds, partial(refit, choices))
     except MapmoreError as fault:
         return Trial(settings, failure=fault.message)
     lost = sum(not np.isfinite(error) for error in errors)
@@ -317,7 +318,7 @@ def _of_points(
 ) -> Planned:
     """Return the next points."""
     columns = pooled_training(dataset.curves)
-    inputs = [quantity.name for quantity in refitted(choices, dataset).inputs]
+    inputs = [quantity.name for quantity in refit(choices, dataset).inputs]
     names = tuple(one for one in inputs if np.ptp(columns[one]) > 0)
     if not names:
         raise DataError(

@@ -1,10 +1,9 @@
-"""The sections of a spec by which a model is made, and the number of terms where that is `auto`."""
+"""The sections of a spec by which a model is made."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TypeVar
 
 from mapmore_cli.domain.recording import Signal
 from mapmore_cli.fitting.kinds.dictionary import signals_of, units_of
@@ -165,11 +164,3 @@ def summands(spec: ExperimentSpec) -> list[str]:
     if spec.model.sum is not None:
         return list(dict.fromkeys(part.model for part in spec.model.sum if part.model is not None))
     return [str(spec.needs.static), str(spec.needs.damping)] if spec.model.type == "sum" else []
-
-
-P = TypeVar("P", bound=FitChoices)
-
-
-def with_terms(part: P, terms: int) -> P:
-    """Return the choices with at most `terms` terms, or unchanged where that is 0."""
-    return replace(part, fit=replace(part.fit, max_terms=terms)) if terms else part

@@ -109,12 +109,6 @@ def _backbone(
     return (None if name is None else fitted(name, part, given.dataset)), notes
 
 
-def backbone_name(part: FitChoices, dataset: Dataset) -> str | None:
-    """Return the backbone that left-out levels choose."""
-    found, _ = _backbone(part, Given(dataset, ()), *_trained(part, dataset))
-    return None if found is None else found.name
-
-
 def build(part: ModelChoices, given: Given, result: FitResult) -> Model:
     """Fuse; on a backbone, keep as much of the residual as left-out training data support, unless
     the spec says how much.

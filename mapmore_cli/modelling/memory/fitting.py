@@ -124,7 +124,7 @@ def fit_with_memory(
 
 def _counter(recipe: MemoryRecipe, progress: Callable[[int, int], None], *, refines: bool) -> Tick:
     """Return what counts the models that are tried."""
-    sizes = recipe.most_terms
+    sizes = recipe.max_terms
     of_beam = SHORTLIST + (sizes - 1) * WIDTH * SHORTLIST + sizes * (sizes + 1) // 2 - 1
     total = refines + (
         0 if recipe.stop != "free_run" else of_beam if recipe.select == "free_run" else sizes
@@ -213,7 +213,7 @@ def _best_in_free_run(
 def _one_step(training: Training, tick: Tick) -> list[Member]:
     """Models of 1, 2, ... terms that were chosen one step ahead."""
     members = []
-    for terms in range(1, training.recipe.most_terms + 1):
+    for terms in range(1, training.recipe.max_terms + 1):
         choice = training.selector.of_size(terms)
         point = _ahead(choice)
         if training.recipe.criterion == "free_run":
@@ -233,7 +233,7 @@ def beam(training: Training, tick: Tick) -> list[Member]:
     """
     best: list[Member] = []
     members = [Member((), Coefficients(EMPTY, 0.0))]
-    for _ in range(training.recipe.most_terms):
+    for _ in range(training.recipe.max_terms):
         tried: dict[frozenset[int], Member] = {}
         for member in members:
             for candidate in _shortlist(

@@ -122,7 +122,7 @@ class _Plain:
 
     @cached_property
     def _largest(self) -> IntArray:
-        return self._selected(self.all, self.recipe.most_terms).selection.chosen
+        return self._selected(self.all, self.recipe.max_terms).selection.chosen
 
     @cached_property
     def ranking(self) -> Regularised:
@@ -138,8 +138,8 @@ class _Plain:
         """
         recipe = self.recipe
         if recipe.stop == "free_run":
-            return self.of_size(recipe.most_terms)
-        return self._selected(self.all, recipe.most_terms, recipe.tolerance, recipe.stop)
+            return self.of_size(recipe.max_terms)
+        return self._selected(self.all, recipe.max_terms, recipe.tolerance, recipe.stop)
 
     def of_size(self, terms: int) -> Choice:
         """Return the model of so many terms, or of as many as there can be."""
@@ -192,13 +192,13 @@ class _Ridged:
             edges = np.linspace(0, data.samples, min(FOLDS, data.samples) + 1).astype(np.int64)
             parts = [data.rows(slice(begin, end)) for begin, end in pairwise(edges)]
             folds = [moments(standardised(part.blocks, self.standard)) for part in parts]
-            ridge = choose_ridge(total, folds, recipe.forward_terms, recipe.most_terms)
+            ridge = choose_ridge(total, folds, recipe.forward_terms, recipe.max_terms)
         self.ranking = Regularised(total.covariance, total.samples, ridge)
         self.forward = select(self.ranking, recipe.forward_terms).chosen
         if not len(self.forward):
             remedy = "look whether the output and the inputs vary in the training samples"
             raise DataError("no candidate explains anything of the output", remedy)
-        self.subsets = prune(self.ranking, self.forward)[: recipe.most_terms]
+        self.subsets = prune(self.ranking, self.forward)[: recipe.max_terms]
 
     def best(self) -> Choice:
         stop, ranking, terms = self.recipe.stop, self.ranking, len(self.subsets)
