@@ -5,30 +5,24 @@ model that stands alone.
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Literal
 
 from mapmore_cli.fitting import kinds
 from mapmore_cli.fitting.kinds import Given
 from mapmore_cli.fitting.kinds.choices import (
-    FitChoices,
     ModelChoices,
-    SegmentSection,
     by_trial,
-    lengths_of,
     model_choices,
     summands,
     with_definitions,
 )
 from mapmore_cli.fitting.stage import Need, Stage, Workspace
 from mapmore_cli.ingestion.files import IngestSlice, find_sources, slice_of
-from mapmore_cli.modelling.pieces.recipe import Cuts
+from mapmore_cli.modelling.pieces.recipe import Cuts, Fuse
 from mapmore_cli.modelling.selection import AUTO, Fit
 from mapmore_cli.pipeline.staleness import plain
 from mapmore_cli.spec.experiment import ExperimentSpec
-from mapmore_cli.spec.sections.data import Levels
-from mapmore_cli.spec.sections.dictionary import DictionaryEntry
 from mapmore_cli.spec.sections.model import ModelChoice
 from mapmore_cli.storage.run_folder import DATASET, FIT, MODEL, SEGMENTATION, RunFiles
 
@@ -81,35 +75,18 @@ INGEST = Stage(
 # --------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class CutTrial:
-    """What the costs of intervals depend on."""
-
-    dictionary: list[DictionaryEntry]
-    model: ModelChoice
-    fit: Fit
-
-
-@dataclass(frozen=True)
-class SegmentSlice:
-    """What the segments depend on; `trial` is None where no boundary is placed by trying out
-    fits.
+def segment_slice(spec: ExperimentSpec) -> ModelChoices:
+    """Return what the segments depend on; dictionary, model and fit only where a boundary is placed
+    by trying out fits.
     """
-
-    levels: Levels | None
-    segment: SegmentSection
-    train_level: Literal["all", "highest"] | float
-    trial: CutTrial | None
-
-
-def segment_slice(spec: ExperimentSpec) -> SegmentSlice:
-    """Return what the segments depend on."""
     spec = with_definitions(spec)
-    trial = CutTrial(spec.dictionary, spec.model, spec.fit) if by_trial(spec.segment) else None
-    return SegmentSlice(spec.data.levels, spec.segment, spec.fit.train_level, trial)
+    levels, cuts = spec.data.levels, spec.segment
+    if by_trial(cuts):
+        return ModelChoices(levels, cuts, spec.dictionary, spec.model, spec.fit, {})
+    return ModelChoices(levels, cuts, [], ModelChoice(), Fit(train_level=spec.fit.train_level), {})
 
 
-def segment(part: SegmentSlice, workspace: Workspace) -> None:
+def segment(part: ModelChoices, workspace: Workspace) -> None:
     """Cut every training curve over its own range; what is fitted there is what the backbone
     leaves.
     """
@@ -117,11 +94,7 @@ def segment(part: SegmentSlice, workspace: Workspace) -> None:
     from mapmore_cli.storage.artefacts import units_of, write_segmentation
 
     dataset = workspace.files.dataset()
-    trial = part.trial or CutTrial([], ModelChoice(), Fit(train_level=part.train_level))
-    segmentation = segmented(
-        dataset,
-        FitChoices(part.levels, part.segment, trial.dictionary, trial.model, trial.fit, {}),
-    )
+    segmentation = segmented(dataset, part)
     for curve in segmentation:
         for name, boundaries in zip(curve.variables, curve.boundaries, strict=True):
             cut = part.segment[name]
@@ -144,22 +117,16 @@ SEGMENT = Stage(
 # --------------------------------------------------------------------------------------------------
 
 
-def fit_choices(spec: ExperimentSpec) -> FitChoices:
-    """Return what the fit depends on."""
-    spec = with_definitions(spec)
-    joining = spec.fuse if spec.model.backbone == AUTO else None
-    return FitChoices(
-        spec.data.levels,
-        spec.segment,
-        spec.dictionary,
-        spec.model,
-        spec.fit,
-        lengths_of(spec.model, spec.muscle.lengths),
-        joining,
-    )
+def fit_choices(spec: ExperimentSpec) -> ModelChoices:
+    """Return what the fit depends on; how pieces are joined only where the choice of a backbone
+    asks for it.
+    """
+    whole = model_choices(spec)
+    made = (whole.levels, whole.segment, whole.dictionary, whole.model, whole.fit, whole.lengths)
+    return ModelChoices(*made, fuse=whole.fuse if whole.model.backbone == AUTO else Fuse())
 
 
-def fit(part: FitChoices, workspace: Workspace) -> None:
+def fit(part: ModelChoices, workspace: Workspace) -> None:
     """Fit what the kind of model asks for: every segment, one model with memory, a formula, or
     nothing where models are added up.
     """

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from mapmore_cli.domain.models import Model
     from mapmore_cli.domain.recording import Dataset
     from mapmore_cli.domain.results import FitResult
-    from mapmore_cli.fitting.kinds.choices import FitChoices, ModelChoices
+    from mapmore_cli.fitting.kinds.choices import ModelChoices
     from mapmore_cli.fitting.stage import Progress
 
 
@@ -45,7 +45,7 @@ class Given:
     progress: Progress = lambda _what, _done, _total: None
 
 
-def fit(part: FitChoices, given: Given) -> FitResult:
+def fit(part: ModelChoices, given: Given) -> FitResult:
     """Fit what the kind of model asks for: every segment, one model with memory, a formula, or
     nothing where models are added up.
     """
@@ -71,6 +71,6 @@ def refit(
     return build(part, given, fit(part, given))
 
 
-def _kind(part: FitChoices) -> Any:
+def _kind(part: ModelChoices) -> Any:
     """Return the module of a kind; only what that takes is imported."""
     return import_module(kinds.named(part.kind).fitted or f"{__name__}.{part.kind}")

@@ -20,16 +20,25 @@ SegmentSection = Mapping[str, Segmented]
 
 
 @dataclass(frozen=True)
-class FitChoices:
-    """What a fit depends on."""
+class ModelChoices:
+    """What a model depends on. Stages before the model read those sections alone that they need.
+
+    - `lengths`: dimensions of the muscle (m) that its formula has.
+    - `summands`: the specs of the runs whose models are added up.
+    - `intervals`: whether models are made without each part of the training data in turn.
+    """
 
     levels: Levels | None
     segment: SegmentSection
     dictionary: list[DictionaryEntry]
     model: ModelChoice
     fit: Fit
-    lengths: Mapping[str, float | None]  # dimensions of the muscle (m) that the formula needs
-    joining: Fuse | None = None  # how pieces are joined, where the choice of a backbone needs it
+    lengths: Mapping[str, float | None]
+    name: str = "trial"
+    fuse: Fuse = field(default_factory=Fuse)
+    signals: tuple[Signal, ...] = ()
+    summands: tuple[str, ...] = ()
+    intervals: bool = False
 
     @property
     def kind(self) -> str:
@@ -39,32 +48,9 @@ class FitChoices:
         return "formula" if self.model.type == "literature" else self.model.type
 
     @property
-    def joined(self) -> Fuse:
-        """How pieces are joined, as far as the fit has to know."""
-        return self.joining or Fuse()
-
-    @property
     def over_time(self) -> bool:
         """Whether the model runs along recordings, and is fitted to them whole."""
         return self.kind in ("memory", "state_space")
-
-
-@dataclass(frozen=True)
-class ModelChoices(FitChoices):
-    """What the model depends on: cross-validation of a backbone repeats the fit; a sum is made of
-    the models of needed runs.
-    """
-
-    name: str = "trial"
-    fuse: Fuse = field(default_factory=Fuse)
-    signals: tuple[Signal, ...] = ()
-    summands: tuple[str, ...] = ()
-    intervals: bool = False  # whether models are made without each part of the training data
-
-    @property
-    def joined(self) -> Fuse:
-        """How pieces are joined."""
-        return self.fuse
 
 
 def with_definitions(spec: ExperimentSpec) -> ExperimentSpec:

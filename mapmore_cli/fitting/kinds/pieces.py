@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 from mapmore_cli.domain.results import FitResult, PiecesFit
 from mapmore_cli.fitting.kinds import Given
 from mapmore_cli.fitting.kinds.choices import (
-    FitChoices,
     ModelChoices,
     SegmentSection,
     by_trial,
@@ -33,7 +32,7 @@ def cuts_of(segment: SegmentSection) -> dict[str, Cut]:
     return {name: cut for name, cut in segment.items() if not isinstance(cut, str)}
 
 
-def recipe_of(target: str, part: FitChoices) -> Recipe:
+def recipe_of(target: str, part: ModelChoices) -> Recipe:
     """Return the whole recipe; without candidate terms where one model with memory stands in place
     of the segments.
     """
@@ -45,11 +44,11 @@ def recipe_of(target: str, part: FitChoices) -> Recipe:
         level=level,
         pooled=None if part.levels is None or level is not None else part.levels.of,
         fit=part.fit,
-        fuse=part.joined,
+        fuse=part.fuse,
     )
 
 
-def segmented(dataset: Dataset, part: FitChoices) -> tuple[SegmentedCurve, ...]:
+def segmented(dataset: Dataset, part: ModelChoices) -> tuple[SegmentedCurve, ...]:
     """Cut every training curve over its own range; what is fitted there is what the backbone
     leaves, which costs of intervals go by.
     """
@@ -62,7 +61,7 @@ def segmented(dataset: Dataset, part: FitChoices) -> tuple[SegmentedCurve, ...]:
     return cut(curves, recipe, formula)
 
 
-def fit(part: FitChoices, given: Given) -> FitResult:
+def fit(part: ModelChoices, given: Given) -> FitResult:
     """Return the terms of every segment, fitted to what the backbone leaves where there is one;
     raises FitError where its fit failed.
     """
@@ -82,14 +81,14 @@ def fit(part: FitChoices, given: Given) -> FitResult:
     return FitResult(PiecesFit(segments), backbone, notes)
 
 
-def _trained(part: FitChoices, dataset: Dataset) -> tuple[Sequence[Curve], Recipe]:
+def _trained(part: ModelChoices, dataset: Dataset) -> tuple[Sequence[Curve], Recipe]:
     """Return the curves, of which some train, and the whole recipe."""
     curves = trained_at(dataset.curves, part.fit.train_level)
     return curves, recipe_of(dataset.target, part)
 
 
 def _backbone(
-    part: FitChoices, given: Given, curves: Sequence[Curve], recipe: Recipe
+    part: ModelChoices, given: Given, curves: Sequence[Curve], recipe: Recipe
 ) -> tuple[FormulaFit | None, tuple[str, ...]]:
     """Return the formula that the spec names, or the one that left-out levels choose, fitted; and
     on what grounds it was chosen.
