@@ -15,7 +15,7 @@ import numpy as np
 from pages import CONFIGS, DOCS, write_tables
 
 from mapmore_cli.annexes.planning.planning import formulas_of
-from mapmore_cli.annexes.planning.points import Committee, Measured
+from mapmore_cli.annexes.planning.points import Committee, MeasuredMap
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.fitting.kinds import refit
@@ -239,21 +239,21 @@ oracle knows what they are worth.
 
 
 @cache
-def pool_of(name: str, runs: Path) -> Measured:
+def pool_of(name: str, runs: Path) -> MeasuredMap:
     """Return some points of a study, spread over it."""
-    from mapmore_cli.annexes.planning.points import thinned
+    from mapmore_cli.annexes.planning.points import spread_out
 
     choices, dataset = study(name, runs)
     del choices
     columns = pooled_training(dataset.curves)
-    x, y = thinned(np.column_stack([columns["pressure"], columns["strain"]]), columns["force"])
-    return Measured(("pressure", "strain"), x[:POOL], y[:POOL])
+    x, y = spread_out(np.column_stack([columns["pressure"], columns["strain"]]), columns["force"])
+    return MeasuredMap(("pressure", "strain"), x[:POOL], y[:POOL])
 
 
 def committee_of(name: str, runs: Path, taken: Sequence[int]) -> Committee:
     """Return the committee of some points of a map."""
     pool, dataset = pool_of(name, runs), study(name, runs)[1]
-    own = Measured(pool.names, pool.x[list(taken)], pool.y[list(taken)])
+    own = MeasuredMap(pool.names, pool.x[list(taken)], pool.y[list(taken)])
     curve = replace(
         dataset.curves[0],
         level=None,
@@ -265,12 +265,12 @@ def committee_of(name: str, runs: Path, taken: Sequence[int]) -> Committee:
     return Committee(own, pool.x, formulas_of(replace(dataset, curves=(curve,)), own, pool.x))
 
 
-def map_error(committee: Committee, pool: Measured) -> float:
+def map_error(committee: Committee, pool: MeasuredMap) -> float:
     """RMS error of the committee over all points of the map, as a part of the largest force."""
     return float(np.sqrt(np.mean((committee.expected - pool.y) ** 2)) / np.abs(pool.y).max())
 
 
-def start_of(pool: Measured, seed: int) -> list[int]:
+def start_of(pool: MeasuredMap, seed: int) -> list[int]:
     """Five points: the corners and the middle, or by chance."""
     if seed:
         return [

@@ -76,8 +76,8 @@ def processes(count: int, method: str, work: Any = None) -> Iterator[ProcessPool
     """Have `count` worker processes, made by `method` (`fork` or `spawn`).
 
     They end with the context, and with this process in whatever way it ends. Where an error or an
-    interrupt ends the context, they are killed at work. `work` is what `_numbered` finds in forks,
-    which have it without pickling.
+    interrupt ends the context, they are killed at work. `work` is what `_do_numbered` finds in
+    forks, which have it without pickling.
     """
     from multiprocessing import active_children, get_context
 
@@ -236,7 +236,7 @@ def shared_out(
         # no room for a process: all is done here
         with suppress(OSError, WriteError), processes(count, "fork", (work, items)) as pool:
             with deaf_to_interrupts():
-                futures = [pool.submit(_numbered, number) for number in range(len(items))]
+                futures = [pool.submit(_do_numbered, number) for number in range(len(items))]
             for number, future in enumerate(futures):
                 if future.exception() is None:
                     delivered[number] = future.result()
@@ -249,6 +249,6 @@ def shared_out(
     return found
 
 
-def _numbered(number: int) -> Any:
+def _do_numbered(number: int) -> Any:
     work, items = _shared
     return work(items[number])

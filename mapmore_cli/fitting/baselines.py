@@ -64,7 +64,7 @@ def learned(name: str, x: Array, y: Array) -> Callable[[Array], Array]:
             "ignore", module="sklearn"
         )  # a search that stopped early: its score says what it is worth
         learner.fit((x - centre) / width, (y - middle) / height)
-    return lambda of: _predicted(learner, (of - centre) / width) * height + middle
+    return lambda of: _learner_says(learner, (of - centre) / width) * height + middle
 
 
 def features(curve: Curve, names: Sequence[str], delays: Sequence[int]) -> Array:
@@ -98,7 +98,7 @@ def _width(values: Array) -> Array:
     return np.where(found > 0, found, 1.0)
 
 
-def _predicted(learner: Any, inputs: Array) -> Array:
+def _learner_says(learner: Any, inputs: Array) -> Array:
     """Predictions (n,), NaN where an input is."""
     found = np.full(len(inputs), np.nan)
     known = np.isfinite(inputs).all(axis=1)

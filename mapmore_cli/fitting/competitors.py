@@ -99,7 +99,7 @@ class Contest:
             return Rival(label, _forecasts(predictions(name, dataset, self.model)))
         how = (competitor.method, competitor.starts)
         fit = self._fitted(name, dataset.curves, dataset.target, *how)
-        return Rival(label, _forecasts(_predicted(fit, dataset.curves)), {label: fit})
+        return Rival(label, _forecasts(_formula_says(fit, dataset.curves)), {label: fit})
 
     def simple_beside(self, named: Collection[str]) -> tuple[str, ...]:
         """Return the simple competitors that the model allows and that are not `named` already.
@@ -129,7 +129,7 @@ class Contest:
         elif name != "backbone":
             said = simple.polynomial(simple.DEGREES[name], self.dataset, self._inputs)
         elif self._backbone is not None:
-            said = _predicted(self._backbone, self.dataset.curves)
+            said = _formula_says(self._backbone, self.dataset.curves)
         return said or [np.full(curve.size, np.nan) for curve in self.dataset.curves]
 
     @property
@@ -181,14 +181,14 @@ class Contest:
         else:
             own, how = static.dataset(), (competitor.method, self.lengths)
             fits["static"] = fit_formula(competitor.static, own.curves, own.target, *how)
-            held = _predicted(fits["static"], curves)
+            held = _formula_says(fits["static"], curves)
         force = static.model().output.name
         leaving = [
             replace(c, columns={**c.columns, DAMPING: damping_component(c.columns[force] - y, c)})
             for c, y in zip(curves, held, strict=True)
         ]
         fits["damping"] = self._fitted(competitor.damping, leaving, DAMPING, competitor.method)
-        damping = _predicted(fits["damping"], curves)
+        damping = _formula_says(fits["damping"], curves)
         total = [y + more for y, more in zip(held, damping, strict=True)]
         if self.dataset.target == DAMPING:
             total = [
@@ -228,7 +228,7 @@ class Contest:
         return RunFiles(self.static_run)
 
 
-def _predicted(fit: FormulaFit, curves: Sequence[Curve]) -> list[Array]:
+def _formula_says(fit: FormulaFit, curves: Sequence[Curve]) -> list[Array]:
     if fit.failed:
         return [np.full(curve.size, np.nan) for curve in curves]
     return [literature.of(fit).predict(fit.parameters, curve.columns) for curve in curves]

@@ -65,7 +65,7 @@ def left_out(
     """
     refuse_over_time(choices)
     dataset = contest.dataset
-    folds = _levels(dataset) if group is None else _groups(dataset, group)
+    folds = _level_folds(dataset) if group is None else _group_folds(dataset, group)
     parts, warnings = list[Said](), list[str]()
     for outs in folds:
         fold = _held_out(dataset, outs)
@@ -77,7 +77,7 @@ def left_out(
         progress(f"{'levels' if group is None else 'groups'} left out", len(parts), len(folds))
     everywhere = [np.ones(curve.size, dtype=np.bool_) for curve in dataset.curves]
     joined = {
-        name: _joined([said[name] for said in parts], folds)
+        name: _by_fold([said[name] for said in parts], folds)
         for name in parts[0]
         if all(name in said for said in parts)
     }
@@ -90,7 +90,7 @@ def _held_out(dataset: Dataset, outs: Sequence[BoolArray]) -> Dataset:
     return replace(dataset, curves=tuple(replace(curve, held_out=out) for curve, out in curves))
 
 
-def _levels(dataset: Dataset) -> list[Masks]:
+def _level_folds(dataset: Dataset) -> list[Masks]:
     """For every level, which samples of each curve are at it."""
     levels = dict.fromkeys(curve.level for curve in dataset.curves)
     return [
@@ -99,7 +99,7 @@ def _levels(dataset: Dataset) -> list[Masks]:
     ]
 
 
-def _groups(dataset: Dataset, of: str) -> list[Masks]:
+def _group_folds(dataset: Dataset, of: str) -> list[Masks]:
     """For every value of the quantity, which samples of each curve have it; DataError for a single
     one.
     """
@@ -112,7 +112,7 @@ def _groups(dataset: Dataset, of: str) -> list[Masks]:
     return [tuple(curve.columns[of] == value for curve in dataset.curves) for value in values]
 
 
-def _joined(parts: Sequence[Forecasts], folds: Sequence[Masks]) -> Forecasts:
+def _by_fold(parts: Sequence[Forecasts], folds: Sequence[Masks]) -> Forecasts:
     """Of each sample the forecast of the fold that it was left out of."""
     joined = []
     for said, outs in zip(zip(*parts, strict=True), zip(*folds, strict=True), strict=True):
@@ -226,10 +226,10 @@ def parts_of(dataset: Dataset, choices: ModelChoices) -> tuple[LeftOutKind, int,
     trains = [c for c in curves if c.training.any() and c.level != choices.fit.train_level]
     if level is not None:
         trains.sort(key=lambda curve: curve.level or 0.0)
-    names = list(dict.fromkeys(_part(dataset, curve) for curve in trains))
+    names = list(dict.fromkeys(_part_name(dataset, curve) for curve in trains))
     if len(names) >= LEAST_PARTS:
         masks = {
-            name: tuple(~curve.held_out & (_part(dataset, curve) == name) for curve in curves)
+            name: tuple(~curve.held_out & (_part_name(dataset, curve) == name) for curve in curves)
             for name in (names if level is None else names[1:-1])
         }
         return "recordings" if level is None else "levels", len(names), masks
@@ -259,7 +259,7 @@ def _specimens(dataset: Dataset, of: str) -> tuple[LeftOutKind, int, dict[str, M
     return "specimens", len(values), masks
 
 
-def _part(dataset: Dataset, curve: Curve) -> str:
+def _part_name(dataset: Dataset, curve: Curve) -> str:
     """Return the name of the level or recording that a curve belongs to."""
     if curve.level is None:
         return dataset.logs.get(curve.recordings[0], curve.id)
@@ -285,13 +285,13 @@ def _summand_without(run_dir: Path, dataset: Dataset) -> Model:
             "leave it out, or add up all runs in one spec",
         )
     own = RunFiles(run_dir).dataset()
-    out = {_place(curve) for curve in dataset.curves if not curve.training.any()}
+    out = {_level_or_id(curve) for curve in dataset.curves if not curve.training.any()}
     masks = [
-        np.ones(curve.size, dtype=np.bool_) if _place(curve) in out else curve.held_out
+        np.ones(curve.size, dtype=np.bool_) if _level_or_id(curve) in out else curve.held_out
         for curve in own.curves
     ]
     return refit(choices, _held_out(own, masks))
 
 
-def _place(curve: Curve) -> float | str:
+def _level_or_id(curve: Curve) -> float | str:
     return curve.id if curve.level is None else curve.level

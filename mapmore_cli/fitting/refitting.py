@@ -28,10 +28,10 @@ of one or two folds says nothing.
 def training_only(dataset: Dataset) -> Dataset:
     """Return the dataset without its held-out samples; curves that have no others are left out."""
     curves = [curve for curve in dataset.curves if curve.training.any()]
-    return replace(dataset, curves=tuple(kept(curve, ~curve.held_out) for curve in curves))
+    return replace(dataset, curves=tuple(with_rows(curve, ~curve.held_out) for curve in curves))
 
 
-def kept(curve: Curve, rows: BoolArray) -> Curve:
+def with_rows(curve: Curve, rows: BoolArray) -> Curve:
     """Return some rows of a curve; of its recordings, those that still have any."""
     origin, recordings = None, curve.recordings
     if curve.origin is not None:
@@ -86,7 +86,7 @@ def folds_of(
     along = None
     if not choices.over_time:
         along = next((name for name in choices.segment if name in dataset.quantities), None)
-    folds = list(zip(*(_blocks(curve, along) for curve in dataset.curves), strict=True))
+    folds = list(zip(*(_block_masks(curve, along) for curve in dataset.curves), strict=True))
     if any(not any(mask.any() for mask in fold) for fold in folds):
         raise DataError(
             f"no curve has {BLOCKS} training samples: no block can be left out",
@@ -97,7 +97,7 @@ def folds_of(
     return Folds(dataset, folds, left_out, scale.value, scale.name)
 
 
-def _blocks(curve: Curve, along: str | None) -> list[BoolArray]:
+def _block_masks(curve: Curve, along: str | None) -> list[BoolArray]:
     """Contiguous blocks of the training samples: along a quantity, or of each recording in the
     order of time.
     """

@@ -63,7 +63,7 @@ def matern(a: Array, b: Array, lengths: Array) -> Array:
     return np.asarray((1 + r + r**2 / 3) * np.exp(-r))
 
 
-def fitted(x: Array, y: Array) -> GaussianProcess:
+def most_likely(x: Array, y: Array) -> GaussianProcess:
     """Return the process of greatest marginal likelihood for points (n, d) in the unit square and
     values (n,) about zero.
     """
@@ -89,5 +89,5 @@ def smooth(x: Array, y: Array) -> Callable[[Array], Array]:
     """
     low, middle = x.min(axis=0), y.mean()
     width = np.where(np.ptp(x, axis=0) > 0, np.ptp(x, axis=0), 1.0)
-    process = fitted((x - low) / width, y - middle)
+    process = most_likely((x - low) / width, y - middle)
     return lambda at: process.predict((at - low) / width)[0] + middle

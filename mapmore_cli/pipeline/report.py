@@ -51,7 +51,7 @@ class ReportSlice:
     unconfirmed: tuple[str, ...] = ()
 
 
-def reads(spec: ExperimentSpec) -> ReportSlice:
+def report_slice(spec: ExperimentSpec) -> ReportSlice:
     """Return the stage's slice of the spec."""
     split = spec.data.split
     left_out = (
@@ -62,7 +62,7 @@ def reads(spec: ExperimentSpec) -> ReportSlice:
     )
 
 
-def run(part: ReportSlice, workspace: Workspace) -> None:
+def write_pages(part: ReportSlice, workspace: Workspace) -> None:
     """Collect the results of the run and write the page, with what was tried where the structure
     was searched.
     """
@@ -73,7 +73,7 @@ def run(part: ReportSlice, workspace: Workspace) -> None:
     tables = () if published is None else published.tables
     inputs = replace(
         collected(part, workspace.run_dir, workspace.spec_text),
-        published_tables=tuple(published_table(workspace.spec_dir / path) for path in tables),
+        published_tables=tuple(transcribed(workspace.spec_dir / path) for path in tables),
         search=read_search(workspace.run_dir / SEARCH) if workspace.searched else None,
     )
     for warning in faults_of(inputs.style):
@@ -81,7 +81,7 @@ def run(part: ReportSlice, workspace: Workspace) -> None:
     write_report(inputs, workspace.out / "report", part.report.figures, part.report.formats)
 
 
-def sources(spec: ExperimentSpec, folder: Path) -> list[Path]:
+def published_files(spec: ExperimentSpec, folder: Path) -> list[Path]:
     """Return the tables of a publication.
 
     Raises SpecError where one is missing, is no CSV file, or lies neither below the spec's folder
@@ -107,7 +107,7 @@ def _refuse_table(path: Path, what: str, remedy: str) -> NoReturn:
     raise SpecError(f"report.published.tables: {path}: {what}", remedy)
 
 
-def published_table(path: Path) -> Table:
+def transcribed(path: Path) -> Table:
     """Return a table of a publication as it was transcribed, every cell as text.
 
     Raises SpecError where the file is no table.
@@ -237,7 +237,7 @@ def drawn_figure(
             f"--set {other}: changes more than looks",
             f"set a key of {LOOKS.rstrip('.')}, or run the study anew",
         )
-    inputs = collected(reads(load(run_dir / "experiment.yaml", looks).spec), run_dir)
+    inputs = collected(report_slice(load(run_dir / "experiment.yaml", looks).spec), run_dir)
     for warning in faults_of(inputs.style):
         warn(warning)
     inputs = inputs.beside(models) if models else inputs
@@ -274,4 +274,11 @@ def _in_units(model: Model, units: Mapping[str, str]) -> dict[str, tuple[Equatio
     return {", ".join(words): model_equations(model, factors)} if factors else {}
 
 
-STAGE = Stage(name="report", revision=6, outputs=("report",), reads=reads, run=run, sources=sources)
+STAGE = Stage(
+    name="report",
+    revision=6,
+    outputs=("report",),
+    reads=report_slice,
+    run=write_pages,
+    sources=published_files,
+)

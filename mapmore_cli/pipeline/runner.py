@@ -22,7 +22,7 @@ from mapmore_cli.fitting.stage import Progress, Stage, Warn, Workspace
 from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.pipeline.staleness import (
     Needed,
-    Plan,
+    StagePlan,
     as_found,
     known_records,
     plan_stages,
@@ -192,7 +192,7 @@ def bring_up_to_date(
         warn=warn,
         on_stage=on_stage,
     )
-    plans: list[Plan] = []
+    plans: list[StagePlan] = []
     if searches(loaded, until):
         plans = replace(run, stages=search_stages()).brought(SEARCH_STAGE)
         run = replace(
@@ -266,7 +266,7 @@ class _Run:
     searched: bool = False
     renewed: bool = False
 
-    def brought(self, until: str) -> list[Plan]:
+    def brought(self, until: str) -> list[StagePlan]:
         """Bring the stages up to `until` up to date; what was planned. Nothing is locked where
         nothing is to be done: others may be reading the run.
         """
@@ -276,7 +276,7 @@ class _Run:
                 plans = self.settle(until)
         return plans
 
-    def settled(self, until: str) -> list[Plan] | None:
+    def settled(self, until: str) -> list[StagePlan] | None:
         """Return the plans where nothing is to be done, seen without the lock of the run; None
         where something may be.
 
@@ -308,7 +308,7 @@ class _Run:
             self.tell(self.known_findings(plan) or ())
         return plans
 
-    def settle(self, until: str) -> list[Plan]:
+    def settle(self, until: str) -> list[StagePlan]:
         """Do all that is to be done; what was planned. The lock of the run is held."""
         recover(self.run_dir, [output for stage in self.stages for output in stage.outputs])
         records = load_records(self.run_dir, self.warn)
@@ -333,7 +333,7 @@ class _Run:
                 write_text(self.run_dir / name, text)
         return plans
 
-    def planned(self, until: str, records: Mapping[str, StageRecord]) -> list[Plan]:
+    def planned(self, until: str, records: Mapping[str, StageRecord]) -> list[StagePlan]:
         """Return the plans; the page shows what was searched, so that it is made anew where that
         was.
         """
@@ -347,7 +347,11 @@ class _Run:
         ]
 
     def make(
-        self, plan: Plan, why: str, needed: Mapping[str, Path], records: Mapping[str, StageRecord]
+        self,
+        plan: StagePlan,
+        why: str,
+        needed: Mapping[str, Path],
+        records: Mapping[str, StageRecord],
     ) -> dict[str, StageRecord]:
         """Run one stage and commit it; the records with its entry. `needed` are the folders of the
         runs whose models it needs.
@@ -380,13 +384,13 @@ class _Run:
             save_records(self.run_dir, self.loaded.spec.name, self.origin, committed)
         return committed
 
-    def to_check(self, plans: Sequence[Plan]) -> list[Plan]:
+    def to_check(self, plans: Sequence[StagePlan]) -> list[StagePlan]:
         """Return the stage after which the rules are applied: ingest, but not where it is the last,
         or its data were searched already.
         """
         return [] if self.searched else [plan for plan in plans[:-1] if plan.stage is pipeline()[0]]
 
-    def known_findings(self, ingest: Plan) -> tuple[findings.Issue, ...] | None:
+    def known_findings(self, ingest: StagePlan) -> tuple[findings.Issue, ...] | None:
         """Return what the rules found in these data; None where that is not known, or ends the run:
         places in the spec may have moved.
         """
@@ -394,7 +398,7 @@ class _Run:
         ends = self.options.check and issues is not None and findings.refusal(issues)
         return None if ends else issues
 
-    def apply_rules(self, ingest: Plan) -> None:
+    def apply_rules(self, ingest: StagePlan) -> None:
         """Apply the rules to the ingested data, unless they were, and tell what they find; raises
         what is an error for them.
         """
@@ -491,7 +495,9 @@ class _Run:
         return texts
 
 
-def _refreshed(records: Mapping[str, StageRecord], plans: Sequence[Plan]) -> dict[str, StageRecord]:
+def _refreshed(
+    records: Mapping[str, StageRecord], plans: Sequence[StagePlan]
+) -> dict[str, StageRecord]:
     """Return the records with today's file times, where the contents are still the same: the next
     run need not read them again.
     """

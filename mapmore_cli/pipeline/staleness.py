@@ -118,7 +118,7 @@ LONGEST_REASON = 6
 
 
 @dataclass(frozen=True)
-class Plan:
+class StagePlan:
     """What a stage would be made from now, beside what it was made from.
 
     `part` is the slice of the spec, `slice` the same as JSON values. `outputs` are the stamps of
@@ -145,12 +145,12 @@ def plan_stages(
     records: Mapping[str, StageRecord],
     rehash: bool = False,
     force: bool = False,
-) -> Iterator[Plan]:
+) -> Iterator[StagePlan]:
     """Yield the plan of every stage up to `until`, in order, from the files as they are now.
 
     Raises DataError where a source is missing or cannot be read.
     """
-    previous: Plan | None = None
+    previous: StagePlan | None = None
     for stage in stages:
         known = records.get(stage.name)
         part = stage.reads(loaded.spec)
@@ -168,7 +168,7 @@ def plan_stages(
             for path, stamp in (known.outputs if known else {}).items()
             if (run_dir / path).is_file()
         }
-        plan = Plan(stage, part, chosen, mark, before, inputs, outputs, needed)
+        plan = StagePlan(stage, part, chosen, mark, before, inputs, outputs, needed)
         reasons = ["forced"] if force else _reasons(plan, known, previous)
         if len(reasons) > LONGEST_REASON:
             more = len(reasons) - LONGEST_REASON
@@ -181,7 +181,7 @@ def plan_stages(
 
 def plans_of(
     run: Needed, stages: Sequence[Stage], until: str, runs: Path, rehash: bool = False
-) -> list[Plan]:
+) -> list[StagePlan]:
     """Return the plans of another run in the folder `runs`."""
     run_dir = runs / run.loaded.spec.name
     loaded = as_found(run.loaded, run_dir)
@@ -194,9 +194,9 @@ def as_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
     """
     if loaded.spec.model.type != "auto":
         return loaded
-    from mapmore_cli.annexes.search.stage import as_found
+    from mapmore_cli.annexes.search.stage import with_found
 
-    return as_found(loaded, run_dir)
+    return with_found(loaded, run_dir)
 
 
 def _model_mark(run: Needed, stages: Sequence[Stage], runs: Path, rehash: bool) -> str:
@@ -210,7 +210,7 @@ def _model_mark(run: Needed, stages: Sequence[Stage], runs: Path, rehash: bool) 
     return mark[:SHORT_MARK]
 
 
-def _reasons(plan: Plan, known: StageRecord | None, previous: Plan | None) -> list[str]:
+def _reasons(plan: StagePlan, known: StageRecord | None, previous: StagePlan | None) -> list[str]:
     """Everything that differs from the committed entry."""
     if known is None:
         return ["never ran"]
@@ -333,10 +333,10 @@ def _differences(place: str, old: Any, new: Any) -> Iterator[str]:
         for number, (before, after) in enumerate(zip(old, new, strict=True)):
             yield from _differences(f"{place}[{number}]", before, after)
     elif old != new:
-        was, now = _shown(old), _shown(new)
+        was, now = _shortened(old), _shortened(new)
         yield f"{place}: {was} -> {now}" if was != now else f"{place} changed"
 
 
-def _shown(value: Any) -> str:
+def _shortened(value: Any) -> str:
     text = value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
     return text if len(text) <= LONGEST_VALUE else f"{text[: LONGEST_VALUE - 1]}…"

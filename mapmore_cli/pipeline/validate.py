@@ -49,7 +49,7 @@ class ScoresSlice:
     without_groups: bool
 
 
-def reads(spec: ExperimentSpec) -> ScoresSlice:
+def scores_slice(spec: ExperimentSpec) -> ScoresSlice:
     """Return the stage's slice of the spec; what only composites and load-cycle formulas need is in
     it where they may stand.
     """
@@ -73,7 +73,7 @@ def reads(spec: ExperimentSpec) -> ScoresSlice:
     )
 
 
-def run(part: ScoresSlice, workspace: Workspace) -> None:
+def score(part: ScoresSlice, workspace: Workspace) -> None:
     """Fit the competitors to the same training data, predict every sample, and score."""
     from mapmore_cli.domain.results import Validation
     from mapmore_cli.fitting.competitors import Contest
@@ -90,7 +90,7 @@ def run(part: ScoresSlice, workspace: Workspace) -> None:
     contest = Contest(
         dataset, model, workspace.needed, static_run, part.lengths, workspace.spec_dir
     )
-    rivals = _rivals(contest, part, workspace.progress, workspace.warn)
+    rivals = _fit_rivals(contest, part, workspace.progress, workspace.warn)
     own = tuple(forecast(model, curve, dataset.target) for curve in dataset.curves)
     if model.left_out is not None and part.seen_as is None:
         own = tuple(
@@ -112,12 +112,12 @@ def run(part: ScoresSlice, workspace: Workspace) -> None:
         judged.append(_left_out(part.folds, contest, part, workspace, measured.target))
     scale = divisor(judged[-1][0], part.normaliser)
     scores = [
-        score
+        row
         for rows_of, every in judged
         for name, said in on_common_rows(every).items()
-        for score in score_rows(name, part.target, said, rows_of, scale, group=part.groups)
+        for row in score_rows(name, part.target, said, rows_of, scale, group=part.groups)
     ]
-    scores += _floor(part, model, dataset, scale)
+    scores += _repeatability_scores(part, model, dataset, scale)
     fits = {one.name: one.own_fit for one in rivals if one.own_fit is not None}
     predictions = {name: tuple(one.values for one in every) for name, every in forecasts.items()}
     units = {part.target: dataset.unit(dataset.target)}
@@ -164,7 +164,7 @@ def scored_as(name: str, dataset: Dataset, model: Model) -> Dataset:
     return replace(dataset, target=name)
 
 
-def _rivals(contest: Contest, part: ScoresSlice, progress: Progress, warn: Warn) -> list[Rival]:
+def _fit_rivals(contest: Contest, part: ScoresSlice, progress: Progress, warn: Warn) -> list[Rival]:
     """Every competitor, fitted to the training samples of the contest."""
     named = {one if isinstance(one, str) else one.label for one in part.against}
     wanted = [*part.against, *(contest.simple_beside(named) if part.simple else ())]
@@ -189,7 +189,7 @@ def _left_out(
 
     def compare(fold: Contest) -> tuple[dict[str, Forecasts], list[str]]:
         warnings: list[str] = []
-        rivals = _rivals(fold, part, lambda _what, _done, _total: None, warnings.append)
+        rivals = _fit_rivals(fold, part, lambda _what, _done, _total: None, warnings.append)
         return {one.name: one.forecasts for one in rivals if not one.failed}, warnings
 
     group = part.groups if part.without_groups else None
@@ -201,7 +201,9 @@ def _left_out(
     return whole, said
 
 
-def _floor(part: ScoresSlice, model: Model, dataset: Dataset, scale: Normaliser) -> Iterator[Score]:
+def _repeatability_scores(
+    part: ScoresSlice, model: Model, dataset: Dataset, scale: Normaliser
+) -> Iterator[Score]:
     """Rows of the repeatability: of held-out cycles, or where measurements at one level, coordinate
     and direction were repeated.
     """
@@ -222,7 +224,7 @@ def _floor(part: ScoresSlice, model: Model, dataset: Dataset, scale: Normaliser)
         yield from score_rows(REPEATABILITY, part.target, said, dataset, scale, partial=True)
 
 
-def limits(require: Mapping[str, float], scores: Sequence[Score]) -> tuple[Limit, ...]:
+def required_limits(require: Mapping[str, float], scores: Sequence[Score]) -> tuple[Limit, ...]:
     """Return the `validate.require` limits with what the run's own model has.
 
     They hold on the pooled validation rows, or on the training rows where nothing is held out.
@@ -238,7 +240,7 @@ def needs(spec: ExperimentSpec) -> list[Need]:
     """Return the runs that this one is compared with, its own variations among them, and the static
     run that composites are fitted to.
     """
-    static = reads(spec).static
+    static = scores_slice(spec).static
     competitors = [c for c in spec.validation.against if isinstance(c, Competitor)]
     runs = dict.fromkeys(c.run for c in competitors if c.run not in (None, static))
     return [
@@ -248,7 +250,7 @@ def needs(spec: ExperimentSpec) -> list[Need]:
     ]
 
 
-def sources(spec: ExperimentSpec, folder: Path) -> list[Path]:
+def frozen_models(spec: ExperimentSpec, folder: Path) -> list[Path]:
     """Return the frozen models that this one is compared with.
 
     Raises SpecError where there is no such file.
@@ -269,8 +271,8 @@ STAGE = Stage(
     name="validate",
     revision=9,
     outputs=(VALIDATION, "scores.csv", "scores.json"),
-    reads=reads,
-    run=run,
-    sources=sources,
+    reads=scores_slice,
+    run=score,
+    sources=frozen_models,
     needs=needs,
 )

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 from mapmore_cli.domain.errors import Stopped
 from mapmore_cli.pipeline.runner import AS_USUAL, Options, RunOutcome, bring_up_to_date
-from mapmore_cli.pipeline.validate import limits
+from mapmore_cli.pipeline.validate import required_limits
 from mapmore_cli.spec.loader import load
 from mapmore_cli.storage.run_folder import RunFiles
 
@@ -74,7 +74,7 @@ class Finished:
             outcome.stages,
             table,
             None if published is None else published.numbers,
-            limits(loaded.spec.validation.require, table.scores),
+            required_limits(loaded.spec.validation.require, table.scores),
             (*table.warnings, *told),
             time.perf_counter() - started,
         )

@@ -13,7 +13,7 @@ import numpy as np
 
 from mapmore_cli.annexes.drafting.draft import Draft, Note
 from mapmore_cli.annexes.search.searching import search
-from mapmore_cli.annexes.search.stage import reads
+from mapmore_cli.annexes.search.stage import search_slice
 from mapmore_cli.checking.evidence import two_digits
 from mapmore_cli.domain.errors import DataError, MapmoreError
 from mapmore_cli.domain.recording import Dataset
@@ -182,7 +182,9 @@ def _tried(draft: Draft, folder: Path, budget: float, progress: Progress) -> tup
         loaded, dataset = checked(
             {**draft.without("validate").spec, "model": {"type": AUTO, "budget": budget}}
         )
-        draft = _with_structure(draft, search(dataset, reads(loaded.spec), progress, beside=False))
+        draft = _with_structure(
+            draft, search(dataset, search_slice(loaded.spec), progress, beside=False)
+        )
     return draft, scored(*checked(draft.spec))
 
 

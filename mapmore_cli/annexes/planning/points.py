@@ -19,7 +19,7 @@ from scipy.spatial import Delaunay, QhullError
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.results import Candidate, Picture, Until
-from mapmore_cli.modelling.gaussian_process import GaussianProcess, fitted
+from mapmore_cli.modelling.gaussian_process import GaussianProcess, most_likely
 from mapmore_cli.modelling.validation.intervals import NORMAL
 
 SLACK, LITTLE = (
@@ -33,7 +33,7 @@ MOST_POINTS = 100  # points up to which a forecast goes
 
 
 @dataclass(frozen=True)
-class Measured:
+class MeasuredMap:
     """A map as measured: inputs by name and values, (n,) each, and what each formula of the
     committee says there and elsewhere.
     """
@@ -57,7 +57,7 @@ class Measured:
         return np.asarray(self.x.min(axis=0) + every * np.ptp(self.x, axis=0))
 
 
-def thinned(x: Array, y: Array) -> tuple[Array, Array]:
+def spread_out(x: Array, y: Array) -> tuple[Array, Array]:
     """Return at most `MOST_MEASURED` of the points, spread over them: each next is the one farthest
     from those taken (maximin).
     """
@@ -83,14 +83,14 @@ class Committee:
     """
 
     def __init__(
-        self, measured: Measured, places: Array, formulas: Mapping[str, tuple[Array, Array]]
+        self, measured: MeasuredMap, places: Array, formulas: Mapping[str, tuple[Array, Array]]
     ) -> None:
         self.places, self.scaled = places, measured.scaled(places)
         self.largest = float(np.abs(measured.y).max()) or 1.0
         x = measured.scaled(measured.x)
         self._base = [elsewhere for _, elsewhere in formulas.values()]
         self._own: list[GaussianProcess] = [
-            fitted(x, measured.y - here) for here, _ in formulas.values()
+            most_likely(x, measured.y - here) for here, _ in formulas.values()
         ]
         self.noise = float(np.mean([own.noise for own in self._own]))
         self._update()
@@ -135,7 +135,7 @@ class Committee:
         self._update()
 
 
-def chosen(
+def next_points(
     committee: Committee, names: Sequence[str], count: int, prices: Mapping[str, float]
 ) -> tuple[tuple[Candidate, ...], tuple[Array, Array]]:
     """Return the next points, in the order in which they are worth most, and the half widths at all
@@ -193,7 +193,7 @@ def until(committee: Committee, wanted: float) -> Until:
     return Until(wanted, widest, more if least <= wanted else None, least)
 
 
-def picture(committee: Committee, measured: Measured, halves: tuple[Array, Array]) -> Picture:
+def picture(committee: Committee, measured: MeasuredMap, halves: tuple[Array, Array]) -> Picture:
     """Return the half widths at all places."""
     places = {name: committee.places[:, column] for column, name in enumerate(measured.names)}
     known = {name: measured.x[:, column] for column, name in enumerate(measured.names)}

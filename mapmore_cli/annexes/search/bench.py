@@ -13,7 +13,7 @@ import numpy as np
 from mapmore_cli.annexes.search.situation import Situation
 from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
 from mapmore_cli.domain.recording import Dataset
-from mapmore_cli.fitting.refitting import contiguous, kept, training_only
+from mapmore_cli.fitting.refitting import contiguous, training_only, with_rows
 from mapmore_cli.modelling.pieces.cross_validation import BLOCKS
 from mapmore_cli.modelling.pieces.recipe import Fuse
 from mapmore_cli.spec.sections.data import Between, Holdout, Levels
@@ -89,19 +89,19 @@ class Bench:
             left_out = f"each of {len(blocks)} bands of an input, as wide as those held out"
         else:
             run = held_run(study)
-            blocks = _blocks(training, situation.moving or situation.inputs, run)
+            blocks = _stretch_folds(training, situation.moving or situation.inputs, run)
         ends, asked = _holds_out(study)
         if ends:
-            parts, which = _ends(training), f"each of {len(BEHIND)} ends of recordings"
+            parts, which = _end_folds(training), f"each of {len(BEHIND)} ends of recordings"
         else:
-            parts, which = _parts(training)
+            parts, which = _part_folds(training)
         asked = len(parts) > 0 and (asked or part.by_level or ends)
         weight = (2 / 3 if asked else 1 / 2 if situation.timed else 1 / 4) * bool(parts)
         if len(parts) == 1:  # the only inner level
             weight = 1 / 2
         shares = [(1 - weight) / len(blocks), weight / max(len(parts), 1)]
         thinning = thinning_of(training)
-        thinned = tuple(map(kept, training.curves, thinning))
+        thinned = tuple(map(with_rows, training.curves, thinning))
         folds = (*blocks, *parts)
         values = np.concatenate(
             [curve.columns[training.target][curve.training] for curve in training.curves]
@@ -143,11 +143,11 @@ def searchable(dataset: Dataset) -> Dataset:
         output = np.where(curve.held_out, np.nan, curve.columns[dataset.target])
         if curve.training.any():
             columns = {**curve.columns, dataset.target: output}
-            curves.append(kept(replace(curve, columns=columns), between))
+            curves.append(with_rows(replace(curve, columns=columns), between))
     return replace(dataset, curves=tuple(curves))
 
 
-def shortened(dataset: Dataset, run: int) -> Dataset:
+def cut_short(dataset: Dataset, run: int) -> Dataset:
     """At most so many samples, where recordings are longer: of each one some even pieces, which are
     no shorter than a held-out `run`.
 
@@ -164,7 +164,7 @@ def shortened(dataset: Dataset, run: int) -> Dataset:
             count = int(np.clip(share * len(log) // max(run, 1), 1, BLOCKS))
             for piece in np.array_split(log, count):
                 mask[piece[: int(np.ceil(share * len(piece)))]] = True
-        curves.append(kept(curve, mask))
+        curves.append(with_rows(curve, mask))
     return replace(dataset, curves=tuple(curves))
 
 
@@ -177,7 +177,7 @@ def thinning_of(dataset: Dataset) -> list[BoolArray]:
     ]
 
 
-def _blocks(dataset: Dataset, inputs: Sequence[str], run: int) -> tuple[Masks, ...]:
+def _stretch_folds(dataset: Dataset, inputs: Sequence[str], run: int) -> tuple[Masks, ...]:
     """Stretches of every recording in the order of time; without a clock, inner ones of every curve
     along each of the inputs.
 
@@ -188,7 +188,7 @@ def _blocks(dataset: Dataset, inputs: Sequence[str], run: int) -> tuple[Masks, .
     curves = dataset.curves
     if "time" in curves[0].columns:
         logs = [[log[curve.training[log]] for log in curve.logs] for curve in curves]
-        each = [_stretches(of, run, curve.size) for of, curve in zip(logs, curves, strict=True)]
+        each = [_stretch_masks(of, run, curve.size) for of, curve in zip(logs, curves, strict=True)]
         return tuple(zip(*each, strict=True))
     folds: list[Masks] = []
     for name in inputs:
@@ -198,7 +198,7 @@ def _blocks(dataset: Dataset, inputs: Sequence[str], run: int) -> tuple[Masks, .
     return tuple(folds)
 
 
-def _stretches(logs: Sequence[IntArray], run: int, size: int) -> list[BoolArray]:
+def _stretch_masks(logs: Sequence[IntArray], run: int, size: int) -> list[BoolArray]:
     """Masks (size,) of five folds: short runs several times in each recording, or one long run,
     which those of other folds may overlap.
     """
@@ -270,7 +270,7 @@ def _holds_out(study: Dataset) -> tuple[bool, bool]:
     return timed and 2 * sum(ends) > held, 2 * whole > held
 
 
-def _ends(dataset: Dataset) -> tuple[Masks, ...]:
+def _end_folds(dataset: Dataset) -> tuple[Masks, ...]:
     """Return the last shares of the training samples of every recording."""
     folds = []
     for share in BEHIND:
@@ -283,7 +283,7 @@ def _ends(dataset: Dataset) -> tuple[Masks, ...]:
     return tuple(folds)
 
 
-def _parts(dataset: Dataset) -> tuple[tuple[Masks, ...], str]:
+def _part_folds(dataset: Dataset) -> tuple[tuple[Masks, ...], str]:
     """Inner levels, or recordings where there are no levels; none where there are fewer than two
     recordings of a fair size.
     """

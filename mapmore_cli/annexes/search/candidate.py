@@ -34,7 +34,7 @@ DECADES = (10, 30, 100, 300)
 
 
 @dataclass(frozen=True)
-class Candidate:
+class Structure:
     """A structure: its kind, what it is called, and the sections of a spec that make it (`segment`,
     `dictionary`, `fuse.KEY`).
     """
@@ -44,7 +44,7 @@ class Candidate:
     sections: Mapping[str, Any]
 
 
-def candidates(family: Mapping[str, Any], of: Situation) -> Iterator[Candidate]:
+def offered_structures(family: Mapping[str, Any], of: Situation) -> Iterator[Structure]:
     """Yield what a family offers for a study: its `candidates` with the words filled in, and its
     `fit` where they have no other.
     """
@@ -67,7 +67,7 @@ def candidates(family: Mapping[str, Any], of: Situation) -> Iterator[Candidate]:
                 if not of.timed and kind != "simple":
                     fit["max_terms"] = ceil(fit["max_terms"] * max(len(of.inputs) + 1, 3) / 3)
                 parts |= {"segment": {**pooled, **parts.get("segment", {})}, "fit": fit}
-            yield Candidate(kind, name, parts)
+            yield Structure(kind, name, parts)
 
 
 def _applies(when: Mapping[str, int], of: Situation) -> bool:

@@ -19,13 +19,13 @@ from pydantic import TypeAdapter
 from mapmore_cli.annexes.search.bench import (
     Bench,
     Slice,
+    cut_short,
     held_run,
     searchable,
-    shortened,
     thinning_of,
 )
 from mapmore_cli.annexes.search.black_boxes import Left, black_boxes
-from mapmore_cli.annexes.search.candidate import Candidate, candidates
+from mapmore_cli.annexes.search.candidate import Structure, offered_structures
 from mapmore_cli.annexes.search.situation import situation_of
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError, FitError, MapmoreError
@@ -113,7 +113,7 @@ def search(
         Where no structure could be fitted.
     """
     whole = searchable(dataset)
-    training = shortened(whole, held_run(dataset))
+    training = cut_short(whole, held_run(dataset))
     situation = situation_of(training, part.ignored, part.model.inputs)
     past = situation.timed
     uneven = _uneven(dataset) if past else ()
@@ -122,11 +122,11 @@ def search(
         # share from all of their samples
         training = whole
         situation = replace(situation_of(whole, part.ignored, part.model.inputs), step=None)
-    listed = [one for name in FAMILIES for one in candidates(family(name), situation)]
+    listed = [one for name in FAMILIES for one in offered_structures(family(name), situation)]
     bench = Bench.of(training, situation, part, dataset)
     budget = Budget(part.model.budget)
     jobs: list[Callable[[], Any]] = [
-        partial(_tried, one, bench, fold, budget)
+        partial(_try_structure, one, bench, fold, budget)
         for one in listed
         for fold in [*range(len(bench.folds)), None]
     ]
@@ -158,8 +158,8 @@ def search(
         (Tried(BLACK_BOX, name.replace("_", " "), {}), left) for name, left in boxes.items()
     ]
     most = None if situation.timed else max(MOST_PARAMETERS, comb(len(situation.inputs) + 3, 3))
-    found = _chosen(outcomes, bench, most)
-    return replace(found, cut=cut, notes=(*notes, *_told(found, bench)))
+    found = _choose_structure(outcomes, bench, most)
+    return replace(found, cut=cut, notes=(*notes, *_notes_of(found, bench)))
 
 
 def _called(job: Callable[[], Any]) -> Any:
@@ -196,7 +196,7 @@ Outcome = tuple[Tried, Sequence[Left]]
 """A structure with its left-out errors in every fold."""
 
 
-def _chosen(outcomes: Sequence[Outcome], bench: Bench, most: int | None) -> Search:
+def _choose_structure(outcomes: Sequence[Outcome], bench: Bench, most: int | None) -> Search:
     """Score all structures and black boxes on the rows that all of them predict, and take one
     structure.
     """
@@ -242,7 +242,7 @@ def _chosen(outcomes: Sequence[Outcome], bench: Bench, most: int | None) -> Sear
     )
 
 
-def _told(found: Search, bench: Bench) -> list[str]:
+def _notes_of(found: Search, bench: Bench) -> list[str]:
     """Return what a reader is told of the table: that more adds nothing, or that a black box errs
     clearly less.
     """
@@ -292,7 +292,9 @@ class FoldFit:
     failure: str = ""
 
 
-def _tried(candidate: Candidate, bench: Bench, fold: int | None, budget: Budget) -> FoldFit | None:
+def _try_structure(
+    candidate: Structure, bench: Bench, fold: int | None, budget: Budget
+) -> FoldFit | None:
     """Fit a structure without a fold, or to all samples; None where the time is over."""
     if budget.over:
         return None
@@ -329,7 +331,7 @@ def _fitted(choices: ModelChoices, bench: Bench, fold: int | None) -> FoldFit:
     return FoldFit(left=(np.concatenate(errors), np.concatenate(ready)))
 
 
-def _outcome(candidate: Candidate, folds: Sequence[FoldFit], blocks: int) -> Outcome:
+def _outcome(candidate: Structure, folds: Sequence[FoldFit], blocks: int) -> Outcome:
     """Return what came of a structure in all folds, of which the first are blocks, and the last is
     the fit to all samples.
     """

@@ -110,14 +110,14 @@ def situation_of(
     ordered = sorted(
         apart, key=lambda name: (name == dataset.level, -round(spread[name], 3), apart.index(name))
     )
-    step, longest = _step(training) if "time" in pooled else (None, 0.0)
+    step, longest = _even_step(training) if "time" in pooled else (None, 0.0)
     changes = {
         (name, steps): size
         for name in ordered
         for steps in WITHIN
         if step is not None
         and name != dataset.level
-        and (size := _moved(training, name, steps)) > 0
+        and (size := _rms_move(training, name, steps)) > 0
     }
     return Situation(
         target=dataset.target,
@@ -136,7 +136,7 @@ def situation_of(
     )
 
 
-def _moved(curves: Sequence[Curve], name: str, steps: int) -> float:
+def _rms_move(curves: Sequence[Curve], name: str, steps: int) -> float:
     """How far an input moves within some steps, root mean square over all recordings; 0 where it
     stands still.
     """
@@ -159,7 +159,7 @@ def _different(names: Sequence[str], pooled: Mapping[str, Array], level: str | N
     return [name for name in names if name in kept]
 
 
-def _step(curves: Sequence[Curve]) -> tuple[float | None, float]:
+def _even_step(curves: Sequence[Curve]) -> tuple[float | None, float]:
     """Return the even time step and the longest uninterrupted recording, s; None where the most
     samples are not in order at even steps.
     """

@@ -49,13 +49,13 @@ def fit(part: ModelChoices, given: Given) -> FitResult:
     """Fit what the kind of model asks for: every segment, one model with memory, a formula, or
     nothing where models are added up.
     """
-    result: FitResult = _kind(part).fit(part, given)
+    result: FitResult = _module_of(part).fit(part, given)
     return result
 
 
 def build(part: ModelChoices, given: Given, result: FitResult) -> Model:
     """Return the model that is made of the fits."""
-    model: Model = _kind(part).build(part, given, result)
+    model: Model = _module_of(part).build(part, given, result)
     return model
 
 
@@ -71,6 +71,6 @@ def refit(
     return build(part, given, fit(part, given))
 
 
-def _kind(part: ModelChoices) -> Any:
+def _module_of(part: ModelChoices) -> Any:
     """Return the module of a kind; only what that takes is imported."""
     return import_module(kinds.named(part.kind).fitted or f"{__name__}.{part.kind}")
