@@ -183,12 +183,11 @@ def _of_validation(validation: Validation) -> View:
     """Return the scores pooled and by curve, and the formulas that were fitted as competitors."""
     pooled = of_scores(validation.table)
     formulas = {name: asdict(formula) for name, formula in validation.formulas.items()}
-    unit = next(iter(validation.units.values()), "")
     lines = [f"warning: {warning}" for warning in validation.warnings]
     lines += [
         told
         for name, formula in validation.formulas.items()
-        for told in rival_minima(name, formula, unit)
+        for told in rival_minima(name, formula)
     ]
     tables = (*pooled.tables, curve_scores_table(validation.scores, validation.units))
     return View(
