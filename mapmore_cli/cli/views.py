@@ -183,12 +183,11 @@ def _of_validation(validation: Validation) -> View:
     """Return the scores pooled and by curve, and the formulas that were fitted as competitors."""
     pooled = of_scores(validation.table)
     formulas = {name: asdict(formula) for name, formula in validation.formulas.items()}
-    unit = next(iter(validation.units.values()), "")
     lines = [f"warning: {warning}" for warning in validation.warnings]
     lines += [
         told
         for name, formula in validation.formulas.items()
-        for told in rival_minima(name, formula, unit)
+        for told in rival_minima(name, formula)
     ]
     tables = (*pooled.tables, curve_scores_table(validation.scores, validation.units))
     return View(
@@ -473,10 +472,6 @@ def _weights(pieces: Pieces) -> dict[str, Any]:
     return {
         **picked(pieces.fusion, "transition", "z_s", "extrapolation"),
         "levels": [curve.level for curve in pieces.curves if curve.level is not None],
-        **picked(pieces.fusion, "between_levels=levels", "aligned"),
-        "thresholds": {
-            curve.curve: curve.threshold for curve in pieces.curves if curve.threshold is not None
-        },
         "shrink": pieces.fusion.shrink,
         "curves": curves,
     }
@@ -488,11 +483,9 @@ def _fusion_line(pieces: Pieces) -> str:
         f"{name}: {below} below, {above} above"
         for name, (below, above) in fusion.extrapolation.items()
     )
-    between = fusion.levels + (
-        f", aligned at the threshold along {fusion.aligned}" if fusion.aligned else ""
+    carried = (
+        f" Between levels: {fusion.shrink:.0%} of the residual midway." if fusion.shrink < 1 else ""
     )
-    carried = f", {fusion.shrink:.0%} of the residual midway" if fusion.shrink < 1 else ""
     return (
-        f"Transition: {fusion.transition}, z_s = {fusion.z_s:g}. Between levels: "
-        f"{between}{carried}. Extrapolation: {sides}."
+        f"Transition: {fusion.transition}, z_s = {fusion.z_s:g}.{carried} Extrapolation: {sides}."
     )

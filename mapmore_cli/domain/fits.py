@@ -4,7 +4,6 @@ memory and how they were found.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any
@@ -171,9 +170,6 @@ class Optimum:
 
     parameters: Annotated[Mapping[QuantityName, float], "its parameters", "those of the formula"]
     sse: Annotated[float, "its residual sum of squares", "[target]^2"]
-    held_out_rmse: Annotated[
-        float, "its error on the validation data; NaN where nobody has asked", "[target]"
-    ] = math.nan
 
 
 @dataclass(frozen=True)

@@ -12,13 +12,12 @@ from mapmore_cli.domain.recording import DIRECTION
 from mapmore_cli.modelling.expressions import ExpressionError, Operated, parse, state
 from mapmore_cli.modelling.expressions.states import Lagged, Measured, State
 from mapmore_cli.modelling.pieces.recipe import CutByDirection
-from mapmore_cli.modelling.selection import AUTO, Fit
+from mapmore_cli.modelling.selection import Fit
 from mapmore_cli.spec.diagnostics import Finding, did_you_mean, refused
 from mapmore_cli.spec.experiment import ExperimentSpec, TargetColumn
 from mapmore_cli.spec.sections.data import Direction, Rate
 from mapmore_cli.spec.sections.dictionary import (
     AlongRange,
-    Delays,
     Family,
     Lags,
     Polynomial,
@@ -244,7 +243,7 @@ def _state(
         return
     yield from unknown_quantity(found.quantity, spec.quantities, loc, _word(found.quantity, text))
     target = spec.target_quantity
-    if not isinstance(family, Lags | Delays):
+    if not isinstance(family, Lags):
         yield from _of_target(
             found
             if isinstance(family, Polynomial | Products | AlongRange)
@@ -431,7 +430,7 @@ def _with_memory(fit: Fit) -> Iterator[Finding]:
             "terms are pruned only where there is a ridge",
             "add `ridge: auto`, or remove `forward`",
         )
-    elif fit.max_terms != AUTO and fit.forward < fit.most_terms:
+    elif fit.forward < fit.max_terms:
         remedy = (
             f"write {fit.max_terms} or more, or remove it: three times `max_terms` are chosen then"
         )

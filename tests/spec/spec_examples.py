@@ -130,7 +130,7 @@ dictionary:
   - lags: {of: [displacement, pressure], steps: [1, 2], order: 2}
   - products:
       of: [pressure, "play(pressure, 0.16)", {slow: {of: [pressure], tau: [0.3 s, 1 s]}},
-          {delays: {of: [displacement], times: [50 ms]}}]
+          {lags: {of: [displacement], steps: [5], constant: false}}]
       order: 2
       with: [pressure]
   - terms: ["pressure*displacement[k-1]", "exp(-play(pressure, 0.2)/300)"]

@@ -113,13 +113,13 @@ class _Plain:
         recipe = self.recipe
         every = np.arange(len(self.data.terms))
         if recipe.stop == "free_run":
-            return self._selected(every, recipe.most_terms)
-        return self._selected(every, recipe.most_terms, recipe.tolerance, recipe.stop)
+            return self._selected(every, recipe.max_terms)
+        return self._selected(every, recipe.max_terms, recipe.tolerance, recipe.stop)
 
     @cached_property
     def sizes(self) -> list[IntArray]:
         """The terms of the models of 1, 2, ... terms."""
-        largest = self._selected(np.arange(len(self.data.terms)), self.recipe.most_terms)
+        largest = self._selected(np.arange(len(self.data.terms)), self.recipe.max_terms)
         return [largest.forward[: size + 1] for size in range(len(largest.forward))]
 
     def among(self, chosen: IntArray, stop: str) -> TermChoice:
@@ -169,13 +169,13 @@ class _Ridged:
             edges = np.linspace(0, data.samples, min(FOLDS, data.samples) + 1).astype(np.int64)
             parts = [data.rows(slice(begin, end)) for begin, end in pairwise(edges)]
             folds = [moments(standardised(part.blocks, self.standard)) for part in parts]
-            ridge = choose_ridge(total, folds, recipe.forward_terms, recipe.most_terms)
+            ridge = choose_ridge(total, folds, recipe.forward_terms, recipe.max_terms)
         self.data = Regularised(total.covariance, total.samples, ridge)
         self.forward = select(self.data, recipe.forward_terms).chosen
         if not len(self.forward):
             remedy = "look whether the output and the inputs vary in the training samples"
             raise DataError("no candidate explains anything of the output", remedy)
-        self.sizes = prune(self.data, self.forward)[: recipe.most_terms]
+        self.sizes = prune(self.data, self.forward)[: recipe.max_terms]
 
     def best(self) -> TermChoice:
         unexplained = np.array(

@@ -142,12 +142,13 @@ def with_ranges(records: Sequence[Record], recipe: MemoryRecipe) -> tuple[str, .
     `resolve` does.
     """
     waiting = {
-        name for text in recipe.dictionary if RANGED[0] in text for name in candidate(text).names
+        name for text in recipe.dictionary if RANGED in text for name in candidate(text).names
     }
-    found = resolve_states(sorted(waiting), records, replace(recipe, scaling="range"))
-    ends = list(zip(found.low.tolist(), found.high.tolist(), strict=True))
-    courses = ((0.0, 1.0, *one) if recipe.scaling == "range" else one * 2 for one in ends)
-    return placed(recipe.dictionary, tuple(zip(found.names, courses, strict=True)))
+    resolved = resolve_states(sorted(waiting), records, replace(recipe, scaling="range"))
+    low, high = resolved.low.tolist(), resolved.high.tolist()
+    if recipe.scaling == "range":
+        low, high = [0.0] * len(low), [1.0] * len(high)
+    return placed(recipe.dictionary, tuple(zip(resolved.names, low, high, strict=True)))
 
 
 def _range(values: Array, name: str) -> tuple[float, float]:

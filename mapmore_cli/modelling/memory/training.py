@@ -203,10 +203,10 @@ class TrainingData:
         for term in self.terms:
             parted(term, fed_back)  # refuses what no free run could feed back
         self.data = regressors(records, self.states, self.terms, recipe.target)
-        if self.data.samples <= recipe.most_terms:
+        if self.data.samples <= recipe.max_terms:
             raise DataError(
                 f"{self.data.samples} training sample(s) with a history, too few for "
-                f"{recipe.most_terms} term(s)",
+                f"{recipe.max_terms} term(s)",
                 "keep more samples, or lower fit.max_terms",
             )
         self.limits = (float(self.data.y.min()), float(self.data.y.max()))

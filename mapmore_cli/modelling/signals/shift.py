@@ -72,7 +72,6 @@ def find_shift(
     first: Array,
     other_time: Array,
     second: Array,
-    within: float | None = None,
     *,
     same_sign: bool = False,
 ) -> Shift | None:
@@ -81,7 +80,6 @@ def find_shift(
 
     - `time`, `first`: stamps `(n,)`, strictly increasing, and values `(n,)` of the first log;
       `other_time`, `second`: `(m,)`, of the other.
-    - `within`: shifts beyond this are not looked at.
     - `same_sign`: whether both rise together; else the one may fall while the other rises.
     """
     if min(len(time), len(other_time)) < FEWEST:
@@ -96,7 +94,7 @@ def find_shift(
     found = [
         peak
         for width in WIDTHS
-        if (peak := _peak(one, other, width, offset, step, within, same_sign)) is not None
+        if (peak := _peak(one, other, width, offset, step, same_sign)) is not None
     ]
     if not found:
         return None
@@ -113,7 +111,6 @@ def _peak(
     width: int,
     offset: float,
     step: float,
-    within: float | None,
     same_sign: bool,
 ) -> Shift | None:
     """Return the best shift by changes over `width` samples; None where there are none."""
@@ -122,8 +119,6 @@ def _peak(
     u, v = changes(one, width), changes(other, width)
     r, lags, overlap = correlation_by_lag(u, v)
     shifts = offset + step * lags
-    if within is not None:
-        r = np.where(np.abs(shifts) <= within, r, 0.0)
     size = r.clip(0.0, None) if same_sign else np.abs(r)
     top = int(np.argmax(size))
     if size[top] == 0:

@@ -97,16 +97,6 @@ def test_several_equal_peaks_are_refused(shift, period, kind):
     assert one.rival is not None
 
 
-def test_who_knows_about_when_need_not_be_refused():
-    def wave(t):
-        return np.sin(2 * np.pi * t / 8)
-
-    assert found(wave, 1.3).ambiguous
-    near = found(wave, 1.3, within=3.0)
-    assert sure(near)
-    assert near.value == pytest.approx(1.3, abs=COARSER / 2)
-
-
 def test_a_quantity_that_falls_while_the_other_rises():
     truth = ramps(3)
     opposite = -2 * truth(OTHER + 4.0)

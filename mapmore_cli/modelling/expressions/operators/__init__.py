@@ -22,9 +22,13 @@ OPERATORS: Mapping[str, Operator] = {
 
 
 def families() -> Mapping[str, tuple[Operator, ...]]:
-    """Return the operators that each family of a spec writes, by its key."""
-    keys = dict.fromkeys(operator.family or operator.name for operator in OPERATORS.values())
-    return {
-        key: tuple(one for one in OPERATORS.values() if (one.family or one.name) == key)
-        for key in keys
-    }
+    """Return the operators that each family of a spec writes, by its key.
+
+    An operator without numbers has no family: a spec writes its name, as `rate(pressure)`.
+    """
+    written: dict[str, tuple[Operator, ...]] = {}
+    for operator in OPERATORS.values():
+        key = operator.family or operator.name
+        if operator.parameters:
+            written[key] = (*written.get(key, ()), operator)
+    return written
