@@ -138,7 +138,7 @@ class FROLS:
         ]
         return (" + ".join(parts).replace("+ -", "- ") or "0",)
 
-    def get_params(self, deep: bool = True) -> dict[str, Any]:  # noqa: ARG002 - scikit-learn's protocol
+    def get_params(self, deep: bool = True) -> dict[str, Any]:  # noqa: ARG002
         """Return the parameters by name."""
         return {one.name: getattr(self, one.name) for one in fields(self)}
 
