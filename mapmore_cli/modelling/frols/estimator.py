@@ -101,7 +101,10 @@ class FROLS:
         names = _column_names(X)
         own = getattr(self, "feature_names_in_", None)
         if names is not None and own is not None and list(own) != names:
-            raise ValueError(_other_names(list(own), names))
+            raise ValueError(
+                "The feature names should match those that were passed during fit, "
+                f"{', '.join(own)}; they are {', '.join(names)}"
+            )
         values = _numeric_table(X)
         if values.shape[1] != self.n_features_in_:
             raise ValueError(
@@ -256,22 +259,3 @@ def _numbers(values: Any, name: str) -> Array:
             "rows out."
         )
     return found
-
-
-def _other_names(own: list[str], given: list[str]) -> str:
-    """Return what scikit-learn says of frames whose columns differ."""
-    told = ["The feature names should match those that were passed during fit."]
-    unseen, missing = sorted({*given} - {*own}), sorted({*own} - {*given})
-    for words, names in (
-        ("unseen at fit time", unseen),
-        ("seen at fit time, yet now missing", missing),
-    ):
-        told += [f"Feature names {words}:", *(f"- {name}" for name in names)] if names else []
-    return (
-        "\n".join(
-            told
-            if unseen or missing
-            else [*told, "Feature names must be in the same order as they were in fit."]
-        )
-        + "\n"
-    )
