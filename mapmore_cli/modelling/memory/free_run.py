@@ -57,11 +57,11 @@ def free_run(model: MemoryModel, columns: Columns) -> Run:
     values, diverged = _nothing(columns), list[int]()
     for rows, piece in _uninterrupted_rows(model, columns):
         with numbered(rows):
-            course = ReadyPiece(feedback, piece)
-            refuse_unknown_beginning(course)
-        simulated = course.run(model.theta, model.constant, bounds_of(model.limits)).output
-        end = course.start + len(simulated)
-        values[rows[course.start : end]] = simulated
+            ready = ReadyPiece(feedback, piece)
+            refuse_unknown_beginning(ready)
+        simulated = ready.run(model.theta, model.constant, bounds_of(model.limits)).output
+        end = ready.start + len(simulated)
+        values[rows[ready.start : end]] = simulated
         diverged += rows[end : end + 1].tolist()
     return Run(values, tuple(diverged))
 
