@@ -14,7 +14,6 @@ from mapmore_cli.modelling.expressions.operator import FLOATS, Setting, along
 from mapmore_cli.modelling.expressions.operators import OPERATORS
 from mapmore_cli.modelling.memory.fitting import fit_with_memory
 from mapmore_cli.modelling.memory.free_run import free_run
-from mapmore_cli.modelling.memory.training import left_open
 
 
 @pytest.mark.parametrize("rates", [(2.0, 8.0), (0.0, 3.0), (5.0, 0.0), (-1.4, 9.0), (30.0, 30.0)])
@@ -131,17 +130,6 @@ def test_a_number_at_its_bound_is_told():
     assert fit.identified.held.tolist() == [True, False]
     assert np.isnan(fit.identified.errors[0])
     assert "p of wen(y[k-1]) = 0 lies at a bound" in fit.identified.notes[0]
-
-
-def test_what_is_left_open_is_inside_other_states_too():
-    found = left_open(
-        [record(x=np.zeros(1000))],
-        ["x*slow(wen(y[k-1]))[k-1]", "play(x, 0.1)", "slow(wen(y[k-1]))"],
-        STEP,
-    )
-    assert [one.name for one in found.states] == ["wen(y[k-1])", "slow(wen(y[k-1]))"]
-    (text,) = found.filled(["x*slow(wen(y[k-1]))[k-1]"], (1.0, 2.0, 0.5))
-    assert state("slow(wen(y[k-1], 1, 2), 0.5)[k-1]").name in text
 
 
 def random_runs(count, seed):
