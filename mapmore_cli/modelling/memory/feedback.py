@@ -30,7 +30,7 @@ from mapmore_cli.modelling.memory.states import setting_of
 from mapmore_cli.modelling.program.model import functions_with_slopes, with_slopes_by
 from mapmore_cli.modelling.program.statements import Block, Recall
 from mapmore_cli.modelling.program.values import Run, ready_for_columns, ready_for_one_sample
-from mapmore_cli.modelling.program.writing import Inputs, Writer, multiplied, total
+from mapmore_cli.modelling.program.writing import Inputs, Writer, product_as_written, total
 
 
 class StateWriter:
@@ -154,13 +154,13 @@ class Parts(NamedTuple):
     ) -> Expression:
         """Write `base + sum_g weight_g own_g`, the states called as `names` says."""
         fed = [
-            multiplied(weight, m.let("own", substitute(own, names)))
+            product_as_written(weight, m.let("own", substitute(own, names)))
             for own, weight in zip(self.owns, weights, strict=True)
         ]
         return m.let("output", total([base, *fed]))
 
 
-def taken_apart(terms: Sequence[str], fed_back: Container[str]) -> Parts:
+def parts_of_terms(terms: Sequence[str], fed_back: Container[str]) -> Parts:
     """Return terms taken apart; raises DataError as `parted` does."""
     both = [parted(parse(text), fed_back) for text in terms]
     owns = list(dict.fromkeys(own for own, _ in both if own != ONE))
@@ -184,7 +184,7 @@ class Feedback:
         self.states, self.output = states, output
         lags = fed_back_states(states, output)
         self.names, self.longest = tuple(lags), max(lags.values(), default=0)
-        self.parts = taken_apart(terms, lags)
+        self.parts = parts_of_terms(terms, lags)
         self.weights = [f"weight_{group}" for group in range(len(self.parts.owns))]
         m = Writer()
         writer = StateWriter(m, states, output, {})
