@@ -103,7 +103,7 @@ def _rounded(values: Array, levels: Array) -> tuple[Array, float | None]:
     scatter = [float(np.median(off[nearest == place])) for place in range(len(levels))]
     rounded = []
     for level, spread in zip(levels.tolist(), scatter, strict=True):
-        near = min(spread, 2 * TIGHT * half)
+        near = min(spread, TIGHT * half)
         shorter = (round(level, digits) + 0.0 for digits in range(-6, 7))
         rounded.append(next((one for one in shorter if abs(one - level) <= near), level))
     tight = max(2 * TIGHT * half, *(7 * spread for spread in scatter))

@@ -61,8 +61,8 @@ def has_memory(draft: Draft) -> bool:
 
 
 def two_logs() -> dict[str, dict[str, Array]]:
-    """A tester that holds four strains, and a logger of the pressure that begins later and rests now
-    and then.
+    """A tester that holds four strains, and a logger of the pressure that begins later and rests
+    now and then.
     """
     t = 0.02 * np.arange(2400)
     strain = 0.05 * np.floor(t / 12)
