@@ -67,7 +67,8 @@ def find_held(
     if len(levels) < 2:
         return None
     at, within = _rounded(values, levels)
-    return Held(of, at, within, swept)
+    reached = np.unique(match_levels(values, at, within or default_within(at)))
+    return Held(of, at[reached[reached >= 0]], within, swept)
 
 
 def _level_of_each(recordings: Sequence[Recording], name: str) -> Array | None:
