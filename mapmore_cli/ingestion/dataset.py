@@ -73,7 +73,7 @@ def build_dataset(
     meter = Meter(sources, progress)
     notes, warnings, logs = list[str](), list[str](), list[list[Recording]]()
     for source in sources:
-        tables = read_tables(source, data, data.missing_rule, units, meter)
+        tables = read_tables(source, data, data, units, meter)
         for samples in with_joined(tables, source, data, units, meter):
             logs.append(_mended(samples, source, data, units, notes, warnings))
     if data.plateau is not None:
@@ -154,7 +154,7 @@ def _mended(
     In this order: missing values, constants, time stamps and gaps, even time steps, derived
     quantities, conditions to keep samples.
     """
-    samples = without_missing(samples, data, data.missing_rule.action)
+    samples = without_missing(samples, data, data.missing)
     constants = {
         name: counted(partial(np.full_like, fill_value=value, dtype=float), samples.size)
         for name, value in source.constants.items()

@@ -12,15 +12,15 @@ import numpy as np
 
 from mapmore_cli.annexes.drafting.draft import Draft, Note
 from mapmore_cli.annexes.search.searching import search
-from mapmore_cli.annexes.search.stage import reads
+from mapmore_cli.annexes.search.stage import search_slice
 from mapmore_cli.checking.evidence import two_digits
 from mapmore_cli.domain.errors import DataError, MapmoreError
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import Search
 from mapmore_cli.domain.scores import OWN, Score, deciding
 from mapmore_cli.fitting.competitors import Contest
+from mapmore_cli.fitting.kinds import refit
 from mapmore_cli.fitting.kinds.choices import model_choices
-from mapmore_cli.fitting.refitting import refitted
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.modelling.validation.metrics import divisor, on_common_rows, score_rows
@@ -43,7 +43,7 @@ def scored(loaded: LoadedSpec, dataset: Dataset) -> tuple[Score, Score | None]:
     """Make the model of a spec of its dataset, and return its score and the best one of formulas
     and plainer models. Raises as a run would.
     """
-    model = refitted(model_choices(loaded.spec), dataset)
+    model = refit(model_choices(loaded.spec), dataset)
     validation = loaded.spec.validation
     contest = Contest(dataset, model, {}, None, loaded.spec.muscle.lengths, loaded.folder)
     formulas = [one for one in validation.against if isinstance(one, str)]
@@ -115,7 +115,8 @@ def _tried(draft: Draft, folder: Path, budget: float, progress: Progress) -> tup
     if "dictionary" not in draft.spec:
         model = {"type": AUTO, "budget": budget}
         loaded, dataset = _checked({**draft.without("validate").spec, "model": model}, folder)
-        draft = _with_structure(draft, search(dataset, reads(loaded.spec), progress, beside=False))
+        structure = search(dataset, search_slice(loaded.spec), progress, beside=False)
+        draft = _with_structure(draft, structure)
     return draft, verdict(*scored(*_checked(draft.spec, folder)))
 
 

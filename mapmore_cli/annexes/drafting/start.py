@@ -39,7 +39,6 @@ from mapmore_cli.annexes.drafting.recordings import (
 )
 from mapmore_cli.checking.names import POSITIONS
 from mapmore_cli.domain.errors import DataError, SpecError, UsageError
-from mapmore_cli.storage.tables import remembered
 
 Search = Callable[[Draft, Path], Draft]
 """Returns a draft with the model that was found for it, given the folder that its paths start at.
@@ -162,38 +161,37 @@ def start(
     """
     drafts: list[Draft] = []
     open_choice: UsageError | None = None
-    with remembered():
-        groups, remarks = find_groups(path, answers.group)
-        names = _unique(
-            [_run_name(group.label) for group in groups],
-            [_run_name(group.folder.name) for group in groups],
-        )
-        seconds = {group.files: second_of(group, groups) for group in groups}
-        for group, own in zip(groups, names, strict=True):
-            if any(group is second for second in seconds.values()):
-                continue
-            if answers.columns and not answers.about(group):
-                remarks.append(f"{own} ({group}): it has none of the columns that were named")
-                continue
-            if drafts and single:
-                remarks.append(
-                    f"{own} ({group}): another study; without -o every study gets a spec of its own"
-                )
-                continue
-            is_only = single or len(groups) == 1
-            called = own if name is None else name if is_only else f"{name}-{own}"
-            try:
-                draft = propose(group, called, folder, answers, seconds[group.files], ask)
-                if tests := tests_of(group.files):
-                    held_out = {"validate": {"files": tests}}
-                    draft = draft.with_data("split", held_out, "the names of the files say so")
-                draft = (search or proven)(draft, folder)
-                drafts.append(draft if ask is None else asked_rest(draft, ask))
-            except UsageError as fault:
-                open_choice = open_choice or fault
-                remarks.append(fault.message.partition("\n")[0])
-            except (DataError, SpecError) as fault:
-                remarks.append(f"{own} ({group}): {fault.message}")
+    groups, remarks = find_groups(path, answers.group)
+    names = _unique(
+        [_run_name(group.label) for group in groups],
+        [_run_name(group.folder.name) for group in groups],
+    )
+    seconds = {group.files: second_of(group, groups) for group in groups}
+    for group, own in zip(groups, names, strict=True):
+        if any(group is second for second in seconds.values()):
+            continue
+        if answers.columns and not answers.about(group):
+            remarks.append(f"{own} ({group}): it has none of the columns that were named")
+            continue
+        if drafts and single:
+            remarks.append(
+                f"{own} ({group}): another study; without -o every study gets a spec of its own"
+            )
+            continue
+        is_only = single or len(groups) == 1
+        called = own if name is None else name if is_only else f"{name}-{own}"
+        try:
+            draft = propose(group, called, folder, answers, seconds[group.files], ask)
+            if tests := tests_of(group.files):
+                held_out = {"validate": {"files": tests}}
+                draft = draft.with_data("split", held_out, "the names of the files say so")
+            draft = (search or proven)(draft, folder)
+            drafts.append(draft if ask is None else asked_rest(draft, ask))
+        except UsageError as fault:
+            open_choice = open_choice or fault
+            remarks.append(fault.message.partition("\n")[0])
+        except (DataError, SpecError) as fault:
+            remarks.append(f"{own} ({group}): {fault.message}")
     if not drafts and open_choice is not None:
         raise open_choice
     if not drafts:

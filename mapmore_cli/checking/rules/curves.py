@@ -20,7 +20,6 @@ from mapmore_cli.fitting.kinds.pieces import cuts_of
 from mapmore_cli.modelling.memory.records import records_of, time_step
 from mapmore_cli.modelling.pieces.recipe import Cuts
 from mapmore_cli.modelling.pieces.segmentation import cut_by_course
-from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.modelling.validation.repeatability import WORTH, floors
 from mapmore_cli.spec.check_study import formula_called
 from mapmore_cli.spec.sections.dictionary import entries_of, texts_in
@@ -63,7 +62,7 @@ def segments(subject: Subject) -> Iterator[Issue]:
             "data",
         )
         return
-    least = 1 if spec.fit.max_terms == AUTO else spec.fit.most_terms
+    least = spec.fit.max_terms
     for curve in cut:
         short = [piece for piece in curve.segments if len(piece.rows) <= least]
         if short:

@@ -26,7 +26,7 @@ from mapmore_cli.annexes.drafting.groups import find_groups
 from mapmore_cli.annexes.drafting.proof import proven
 from mapmore_cli.annexes.drafting.start import start
 from mapmore_cli.annexes.search import searching
-from mapmore_cli.annexes.search.stage import reads
+from mapmore_cli.annexes.search.stage import search_slice
 from mapmore_cli.ingestion.files import expand
 from mapmore_cli.storage.readers import reader_of
 
@@ -103,7 +103,7 @@ def test_the_groups_are_no_input_of_a_search(tmp_path: Path) -> None:
         for bar in (1, 2, 3):
             pull(tmp_path / f"{10 * number}cm_pull_{bar}bar.csv", bar, 2 + number / 10)
     spec = checked(untried(tmp_path, answers=Answers(group="specimen")), tmp_path).spec
-    assert reads(spec).ignored == ("force", "specimen")
+    assert search_slice(spec).ignored == ("force", "specimen")
 
 
 # Models

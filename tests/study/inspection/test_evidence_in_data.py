@@ -18,7 +18,7 @@ from mapmore_cli.checking.evidence import (
 )
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.recording import Curve, Recording
-from mapmore_cli.modelling.expressions.operator import followed, linear
+from mapmore_cli.modelling.expressions.operator import linear, run_recursion
 
 STRAINS = np.array([0.0, 0.05, 0.1, 0.15])
 
@@ -218,7 +218,7 @@ def test_commands_and_steps_have_no_spikes(n: int, seed: int, kind: str) -> None
     held = rng.geometric(rng.uniform(0.02, 1.0), size=n)
     if kind == "steps":
         values = np.cumsum(rng.normal(size=n) * (rng.random(n) < 3 / n))
-        values = followed(linear([0.7], [0.3]), values) + 1e-3 * rng.normal(size=n)
+        values = run_recursion(linear([0.7], [0.3]), values) + 1e-3 * rng.normal(size=n)
     else:
         values = np.repeat(
             rng.integers(0, 2, size=n) if kind == "two" else rng.uniform(size=n), held
