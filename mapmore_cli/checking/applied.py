@@ -45,7 +45,7 @@ OF_RECORDINGS: tuple[Rule, ...] = (
 """Rules that need the recordings alone, so that they can say why no curves could be made of them.
 """
 
-OF_CURVES: tuple[Rule, ...] = (curves.few_samples, curves.segments, curves.even_steps)
+OF_CURVES: tuple[Rule, ...] = (curves.few_samples, curves.short_segments, curves.even_steps)
 """Rules that need the curves."""
 
 OF_CHECK: tuple[Rule, ...] = (

@@ -66,7 +66,7 @@ def find_held(
     levels = own if own is not None and len(levels) > len(own) else levels
     if len(levels) < 2:
         return None
-    at, within = _rounded(values, levels)
+    at, within = _neat_levels(values, levels)
     reached = np.unique(match_levels(values, at, within or default_within(at)))
     return Held(of, at[reached[reached >= 0]], within, swept)
 
@@ -93,7 +93,7 @@ def _travel(recordings: Sequence[Recording], name: str) -> float:
     return way / span if span else 0.0
 
 
-def _rounded(values: Array, levels: Array) -> tuple[Array, float | None]:
+def _neat_levels(values: Array, levels: Array) -> tuple[Array, float | None]:
     """Return the levels with as few digits as the scatter of their samples allows, and how near a
     sample has to be to its level: 249.9 +- 0.7 was meant to be 250. None where few samples lie
     between levels.
@@ -141,7 +141,7 @@ def with_experiment(
     draft = draft.with_section("target", "static" if target == "force" else {"column": target})
     samples = sum(one.rows_kept for one in recordings)
     if held is None and "time" in recordings[0].columns and samples >= FEWEST:
-        return _with_memory(draft.with_section("target", {"column": target}), recordings)
+        return _as_memory_study(draft.with_section("target", {"column": target}), recordings)
     if held is not None:
         draft = _with_levels(_with_static_samples(draft, recordings, held), recordings, held)
     draft = _with_split(draft, recordings)
@@ -156,7 +156,7 @@ def with_experiment(
     return draft.with_section("validate", {"against": formulas}) if formulas else draft
 
 
-def inner_levels(levels: Sequence[float]) -> list[float]:
+def levels_to_hold_out(levels: Sequence[float]) -> list[float]:
     """Return levels to hold out: every third of six or more, one of fewer; never the first or the
     last.
     """
@@ -206,7 +206,7 @@ def _with_split(draft: Draft, recordings: Sequence[Recording]) -> Draft:
     """
     levels = draft.data.get("levels")
     names = [one.id for one in recordings]
-    if levels is not None and (inner := inner_levels(levels["at"])):
+    if levels is not None and (inner := levels_to_hold_out(levels["at"])):
         return draft.with_data("split", {"validate": {levels["of"]: inner}}, "inner levels")
     if levels is None and len(names) > 2:
         return draft.with_data("split", {"validate": {"recordings": names[1:-1:3]}})
@@ -215,7 +215,7 @@ def _with_split(draft: Draft, recordings: Sequence[Recording]) -> Draft:
     return draft.with_data("split", {"validate": {"last": LAST}}, "the last of every recording")
 
 
-def _with_memory(draft: Draft, recordings: Sequence[Recording]) -> Draft:
+def _as_memory_study(draft: Draft, recordings: Sequence[Recording]) -> Draft:
     """Return the draft with even steps, and the end of every recording held out."""
     times = [one.columns["time"] for one in recordings if one.rows_kept > 1]
     usual = float(np.median(np.concatenate([np.diff(time) for time in times])))

@@ -61,7 +61,7 @@ def scored(loaded: LoadedSpec, dataset: Dataset) -> tuple[Score, Score | None]:
     return own_score, min(known, key=lambda row: row.rmse, default=None)
 
 
-def verdict(own: Score, plainer: Score | None) -> str:
+def score_in_words(own: Score, plainer: Score | None) -> str:
     """Return the error of a draft in words, and that of a plainer model that errs less."""
     where = "on held-out data" if own.split == "validate" else "on its own training data"
     if not np.isfinite([own.rmse, own.nrmse]).all():
@@ -114,13 +114,13 @@ def _tried(draft: Draft, folder: Path, budget: float, progress: Progress) -> tup
     """
     if "dictionary" not in draft.spec:
         model = {"type": AUTO, "budget": budget}
-        loaded, dataset = _checked({**draft.without("validate").spec, "model": model}, folder)
+        loaded, dataset = _inspected({**draft.without("validate").spec, "model": model}, folder)
         structure = search(dataset, search_slice(loaded.spec), progress, beside=False)
         draft = _with_structure(draft, structure)
-    return draft, verdict(*scored(*_checked(draft.spec, folder)))
+    return draft, score_in_words(*scored(*_inspected(draft.spec, folder)))
 
 
-def _checked(spec: dict[str, Any], folder: Path) -> tuple[LoadedSpec, Dataset]:
+def _inspected(spec: dict[str, Any], folder: Path) -> tuple[LoadedSpec, Dataset]:
     loaded = load_text(dump(spec), "draft.yaml", folder)
     inspection = inspect(loaded)
     if inspection.verdict is not None or inspection.dataset is None:
