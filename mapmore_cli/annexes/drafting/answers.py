@@ -177,7 +177,7 @@ def asked_columns(table: TitledColumns, ask: Ask) -> dict[str, NamedColumn]:
         return columns
 
     options = tuple(
-        Option(f"{column}", range_of(values), course(values))
+        Option(f"column {column}", range_of(values), course(values))
         for column, values in table.raw.items()
     )
     form = "NAME=COLUMN:UNIT of each that is used, as time=0:s,pressure=4:psi,angle=2"
