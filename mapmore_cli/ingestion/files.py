@@ -218,7 +218,8 @@ def _matches(pattern: str, folder: Path) -> Iterator[Path]:
     """
     parts = PurePath(pattern).parts
     if "**" not in parts:
-        yield from (folder / name for name in glob.glob(pattern, root_dir=folder))  # noqa: PTH207 - Path.glob refuses ".."
+        names = glob.glob(pattern, root_dir=folder)  # noqa: PTH207 - Path.glob refuses ".."
+        yield from (folder / name for name in names)
         return
     head, rest = parts[: parts.index("**")], parts[parts.index("**") + 1 :]
     seen: set[tuple[int, int]] = set()
