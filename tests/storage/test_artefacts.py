@@ -36,9 +36,9 @@ from mapmore_cli.domain.recording import Curve, Dataset, Quantity, Recording
 from mapmore_cli.domain.results import FitResult, PiecesFit, Validation
 from mapmore_cli.storage import artefacts
 from mapmore_cli.storage.artefacts.hdf5 import put_text
+from mapmore_cli.storage.artefacts.reference import described
 from mapmore_cli.storage.artefacts.schema import (
     SegmentationFile,
-    described,
     resolved,
     stored_fields,
     taken_apart,

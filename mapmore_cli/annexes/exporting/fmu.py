@@ -14,7 +14,7 @@ from uuid import UUID
 
 from mapmore_cli import __version__
 from mapmore_cli.annexes.exporting.c_source import CSource, c_source
-from mapmore_cli.annexes.exporting.dialect import Wanted, rendered, source
+from mapmore_cli.annexes.exporting.templates import Wanted, rendered, source
 from mapmore_cli.annexes.exporting.verifying import (
     CompilerMissing,
     built,

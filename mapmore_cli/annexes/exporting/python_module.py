@@ -11,13 +11,10 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
-from mapmore_cli.annexes.exporting.dialect import (
-    NUMPY,
+from mapmore_cli.annexes.exporting.dialect import NUMPY, SCALAR, Expressions, Statements
+from mapmore_cli.annexes.exporting.templates import (
     PYTHON,
-    SCALAR,
     Code,
-    Expressions,
-    Statements,
     Wanted,
     code,
     identifier,

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mapmore_cli.annexes.exporting.dialect import (
+from mapmore_cli.annexes.exporting.templates import (
     Code,
     Wanted,
     code,

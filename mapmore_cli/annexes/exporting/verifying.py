@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mapmore_cli.annexes.exporting.dialect import rendered
+from mapmore_cli.annexes.exporting.templates import rendered
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.domain.models import Model

@@ -30,6 +30,7 @@ from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import FitResult, Validation
 from mapmore_cli.modelling.soundness import unsound
+from mapmore_cli.storage.artefacts.decoding import Decoder
 from mapmore_cli.storage.artefacts.hdf5 import (
     RATIO,
     add_to_hash,
@@ -44,7 +45,6 @@ from mapmore_cli.storage.artefacts.hdf5 import (
 )
 from mapmore_cli.storage.artefacts.schema import (
     TYPES,
-    Decoder,
     Invalid,
     SegmentationFile,
     Units,
