@@ -35,10 +35,6 @@ with memory has no value.
 """
 
 
-OLDEST = (1980, 1, 1, 0, 0, 0)
-"""The date of every file in an archive, so that the same model gives the same bytes."""
-
-
 @dataclass(frozen=True)
 class UnitSources:
     """What a unit is made of: its identifier, its description, its C by name, and the files that
@@ -82,7 +78,7 @@ def unit_file(model: Model, wanted: Wanted) -> dict[str, bytes]:
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w") as archive:
         for name, data in files.items():
-            entry = zipfile.ZipInfo(name, OLDEST)
+            entry = zipfile.ZipInfo(name)  # of 1980: the same model gives the same bytes
             entry.compress_type = zipfile.ZIP_DEFLATED
             entry.create_system = 3  # Unix, wherever it is written
             entry.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16

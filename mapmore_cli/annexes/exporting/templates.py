@@ -78,9 +78,6 @@ RESERVED = frozenset(
 )
 """Words of the languages, names of what lies around a model, and what Windows keeps for devices."""
 
-LONGEST = 40
-"""Letters of a name; with what is added, compilers tell 63 letters apart."""
-
 PYTHON = ("np", "float", "s", "finite", "_beyond", "state", "State", "step", "evaluate")
 """Names in functions of a module that its inputs must not hide."""
 
@@ -92,7 +89,8 @@ def identifier(name: str) -> Code:
     The same before `x` and `x_...`: `x_reset` is an input in C. Raises UsageError where there is no
     letter and no digit in it.
     """
-    found = re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_")[:LONGEST].rstrip("_")
+    # with what is added, compilers tell 63 letters apart
+    found = re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_")[:40].rstrip("_")
     if not found:
         raise UsageError(
             f"the model is called `{name}`, which has no letter that C allows in a name",

@@ -1,4 +1,4 @@
-"""Records put together again from a document and its arrays, checked by the hints of their types."""
+"""Records put together again from a document and its arrays, checked by their type hints."""
 
 from __future__ import annotations
 

@@ -47,8 +47,6 @@ WHITESPACE = "whitespace"
 DELIMITERS = {"tab": "\t"}
 MARKS = {";": "a semicolon", "\t": "a tab"}
 
-LAST = 50  # lines of a file that tell how many digits its numbers have
-
 CHUNK = 8192
 """Lines held as text at one time; where one of them is out of order, all of them are read record by
 record.
@@ -107,7 +105,7 @@ def read_csv(path: Path, request: TableRequest) -> list[RawTable]:
 
 
 def _parse(lines: Iterator[str], raw: BufferedReader, request: TableRequest) -> RawTable:
-    zipped, last = is_zipped(raw), deque[str](maxlen=LAST)
+    zipped, last = is_zipped(raw), deque[str](maxlen=50)
     deque(islice(lines, request.skip_rows), maxlen=0)
     delimiter = DELIMITERS.get(request.delimiter, request.delimiter)
     split_at = None if delimiter == WHITESPACE else delimiter

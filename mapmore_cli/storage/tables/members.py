@@ -27,9 +27,6 @@ from mapmore_cli.storage.tables.cells import DATES, CellReader, NotANumber
 Selection = tuple[int | slice, ...]
 """An index in brackets, `:` being a whole axis."""
 
-SAME_TIME = 0.01
-"""Of a step between samples: by so much may columns begin apart that belong together row by row."""
-
 EVERY = "[*]"
 _STEP = re.compile(r"(?P<separator>[./]?)(?:(?P<name>[^./\[\]]+)|\[(?P<index>[^\[\]]*)\])")
 
@@ -213,7 +210,7 @@ def _refuse_other_clocks(noted: Mapping[SourceColumn, Noted], label: str) -> Non
             what = (
                 f"'{name}' was sampled every {first.step:.6g} s, '{column}' every {told.step:.6g} s"
             )
-        elif abs(later) > SAME_TIME * abs(told.step):
+        elif abs(later) > 0.01 * abs(told.step):
             what = f"'{column}' begins {later:.6g} s after '{name}'"
         else:
             continue
