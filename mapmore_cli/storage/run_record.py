@@ -168,7 +168,7 @@ _DAMAGE = (OSError, ValueError, TypeError, KeyError, AttributeError, OverflowErr
 """What reading a document of JSON that is none of ours may raise."""
 
 
-def _document(path: Path) -> Any:
+def _read_json(path: Path) -> Any:
     return json.loads(path.read_text(encoding="utf-8"))
 
 
@@ -187,7 +187,7 @@ def stale_stages(records: Mapping[str, StageRecord]) -> dict[str, str]:
 def load_origin(run_dir: Path) -> Origin | None:
     """Where a run comes from; None where that is not known."""
     try:
-        return _ORIGIN.validate_python(_document(run_dir / RUN_RECORD)["origin"])
+        return _ORIGIN.validate_python(_read_json(run_dir / RUN_RECORD)["origin"])
     except _DAMAGE:
         return None
 
@@ -200,7 +200,7 @@ def load_records(run_dir: Path, warn: Callable[[str], None]) -> dict[str, StageR
     """
     path = run_dir / RUN_RECORD
     try:
-        document = _document(path)
+        document = _read_json(path)
         stages = _STAGES.validate_python(document["stages"])
         version = str(document["format_version"])
     except FileNotFoundError:
@@ -269,7 +269,7 @@ def write_scores(folder: Path, table: ScoreTable, name: str) -> None:
 def read_scores(path: Path) -> ScoreTable:
     """Return what `write_scores` wrote; raises DataError for a file that says something else."""
     try:
-        return scores_in(_document(path))
+        return scores_in(_read_json(path))
     except _DAMAGE as error:
         what = f"no table of scores: {type(error).__name__}: {error}"
         raise DataError(
@@ -313,6 +313,6 @@ def scores_beside(model: Path) -> tuple[Mapping[str, Any], ...]:
     they cannot be read.
     """
     try:
-        return tuple(dict(row) for row in _document(model.parent / "scores.json")["scores"])
+        return tuple(dict(row) for row in _read_json(model.parent / "scores.json")["scores"])
     except _DAMAGE:
         return ()

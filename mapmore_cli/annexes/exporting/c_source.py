@@ -21,8 +21,8 @@ from mapmore_cli.annexes.exporting.templates import (
     identifier,
     lines_of_code,
     names_of_inputs,
-    renamed,
-    rendered,
+    renaming_notes,
+    rendered_template,
     word,
 )
 from mapmore_cli.annexes.exporting.verifying import (
@@ -179,8 +179,8 @@ class CSource:
 
     def header(self) -> str:
         """Return the declarations, with names and units."""
-        return rendered(
-            "model.h", **self.words, renamed=renamed(names_of_inputs(self.model.inputs))
+        return rendered_template(
+            "model.h", **self.words, renamed=renaming_notes(names_of_inputs(self.model.inputs))
         )
 
     def source(self) -> str:
@@ -194,7 +194,7 @@ class CSource:
         measured = [f"{name}_measured" for name in self.code.kept.fed_back]
         columns = " ".join([*(quantity.name for quantity in self.model.inputs), *measured])
         given = code("{}_INPUTS + 1" if measured else "{}_INPUTS", self.prefix)
-        return rendered("main.c", **self.words, columns=columns, given=given)
+        return rendered_template("main.c", **self.words, columns=columns, given=given)
 
     def _file(self, header: Code, head: Code, results: Sequence[Code], **words: object) -> str:
         """Return a source file whose function `head` writes what the model comes to where `results`
@@ -226,10 +226,10 @@ class CSource:
             "results": results,
         }
         words |= {"functions": lines_of_code(functions), "statements": lines_of_code(lines)}
-        return rendered(
+        return rendered_template(
             "model.c",
             **words,
-            body=rendered("body.c", **words),
+            body=rendered_template("body.c", **words),
             tolerance=self.dialect.number(OUTSIDE_TOLERANCE),
         )
 
@@ -271,7 +271,7 @@ class CSource:
             coarser = COARSER if self.single else 1.0
             words |= {"STEEP": STEEP, "SAME": SAME * coarser, "REACHED": REACHED * coarser}
         name = code("{}_inverse", self.name)
-        header = rendered("inverse.h", **self.words, **words, head=head)
+        header = rendered_template("inverse.h", **self.words, **words, head=head)
         source = replace(self, code=with_slopes(self.code))
         return {
             f"{name}.h": header,
@@ -327,7 +327,7 @@ def mujoco_files(model: Model, _wanted: Wanted) -> dict[str, str]:
             "MuJoCo counts in m and N", "run the study with `units: {strain: 1, force: N}`"
         )
     source = c_source(model)
-    text = rendered("mujoco.c", **source.words, pressure=inputs["pressure"])
+    text = rendered_template("mujoco.c", **source.words, pressure=inputs["pressure"])
     return {**source.files, f"{source.name}_mujoco.c": text}
 
 
@@ -347,5 +347,8 @@ def simulink_files(model: Model, _wanted: Wanted) -> dict[str, str]:
     words["parameters"] = [code("double {}", name) for name in names.values()]
     return {
         **source.files,
-        **{f"{source.name}_simulink.{end}": rendered(f"simulink.{end}", **words) for end in "hc"},
+        **{
+            f"{source.name}_simulink.{end}": rendered_template(f"simulink.{end}", **words)
+            for end in "hc"
+        },
     }

@@ -14,7 +14,7 @@ from uuid import UUID
 
 from mapmore_cli import __version__
 from mapmore_cli.annexes.exporting.c_source import CSource, c_source
-from mapmore_cli.annexes.exporting.templates import Wanted, rendered, source
+from mapmore_cli.annexes.exporting.templates import Wanted, rendered_template, source
 from mapmore_cli.annexes.exporting.verifying import (
     CompilerMissing,
     built,
@@ -108,8 +108,8 @@ def fmu_sources(model: Model, tool: str) -> UnitSources:
         "variables": variables,
         "inputs": [one for one in variables if one.causality == "input"],
     }
-    texts["this-model.h"] = rendered("this-model.h", **words)
-    description = rendered("modelDescription.xml", **words, about=_about(written))
+    texts["this-model.h"] = rendered_template("this-model.h", **words)
+    description = rendered_template("modelDescription.xml", **words, about=_about(written))
     return UnitSources(name, description, texts, compiled)
 
 
@@ -144,7 +144,7 @@ def _variables(written: CSource) -> Iterator[Variable]:
     names = [*identifiers([*(one.name for one in given), model.output.name], [BITS]), BITS]
     changes = "discrete" if memory else "continuous"
     for quantity, name in zip(given, names, strict=False):
-        about, start = _described(written, quantity)
+        about, start = _range_and_start(written, quantity)
         if quantity in measured:
             about = (
                 "Measured output, which the model goes on from; counts as long as there is no value"
@@ -162,7 +162,7 @@ def _variables(written: CSource) -> Iterator[Variable]:
     yield Variable(BITS, summed, "output", "discrete", None)
 
 
-def _described(written: CSource, quantity: Quantity) -> tuple[str, float]:
+def _range_and_start(written: CSource, quantity: Quantity) -> tuple[str, float]:
     """Return what is said of an input, and its start: zero, or the end of its training range
     nearest to it, at the lowest level.
     """

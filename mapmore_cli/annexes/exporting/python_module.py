@@ -20,8 +20,8 @@ from mapmore_cli.annexes.exporting.templates import (
     identifier,
     lines_of_code,
     names_of_inputs,
-    renamed,
-    rendered,
+    renaming_notes,
+    rendered_template,
     word,
 )
 from mapmore_cli.annexes.exporting.verifying import verify_module
@@ -62,7 +62,7 @@ def python_module(model: Model, plain: bool = False) -> tuple[str, str]:
         "model": model,
         "names": names,
         "plain": plain,
-        "renamed": renamed(names),
+        "renamed": renaming_notes(names),
         "tolerance": OUTSIDE_TOLERANCE,
     }
     words |= {"output": word(identifiers([model.output.name], taken)[0]), "kept": program.kept}
@@ -80,7 +80,7 @@ def python_module(model: Model, plain: bool = False) -> tuple[str, str]:
         slopes = PythonStatements(with_slopes(program), dialect, "s.")
         words["slope_functions"] = slopes.functions()
         words["slope_lines"], words["slopes"] = slopes.coded(slopes.program.body)
-    return f"{stem}.py", rendered("module.py", **words)
+    return f"{stem}.py", rendered_template("module.py", **words)
 
 
 class PythonStatements(Statements):

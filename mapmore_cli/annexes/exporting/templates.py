@@ -116,7 +116,7 @@ def names_of_inputs(inputs: Sequence[Quantity], functions: Sequence[str] = ()) -
     )
 
 
-def renamed(names: Mapping[str, str]) -> list[str]:
+def renaming_notes(names: Mapping[str, str]) -> list[str]:
     """Return a line for each input that is called otherwise here."""
     return [
         f"The input {name} is called {other} here."
@@ -170,7 +170,7 @@ def note(text: str) -> Code:
     return Code(plain(text))
 
 
-def rendered(template: str, **words: object) -> Code:
+def rendered_template(template: str, **words: object) -> Code:
     """Return a file of `sources/` with the words put in."""
     return Code(
         templates(template.rpartition(".")[2]).get_template(f"{template}.jinja").render(words)

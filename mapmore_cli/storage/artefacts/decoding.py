@@ -87,7 +87,7 @@ class Decoder:
             return self._record(node, kind, path, sizes)
         if kind is tuple and isinstance(node, list) and (many or len(node) == len(own.inner)):
             if many:
-                _compare(path, (len(node),), letters, sizes)
+                _compare_lengths(path, (len(node),), letters, sizes)
             parts, hints = enumerate(node), hints_of_members(own, len(node))
             return tuple(
                 self.value(one, hints[i], f"{path}/{i:03d}", (), {**sizes}) for i, one in parts
@@ -104,7 +104,7 @@ class Decoder:
                 )
                 for i, (key, one) in parts
             }
-        return _scalar(node, own, path)
+        return _plain_value(node, own, path)
 
     def _record(self, node: dict[str, Any], type_: Any, path: str, sizes: dict[str, int]) -> Any:
         known = stored_fields(type_)
@@ -126,12 +126,12 @@ class Decoder:
 
     def _array(self, path: str, number: Any, letters: Letters, sizes: Sizes) -> Any:
         values = self.take(path, TYPES[number], max(1, len(letters))).astype(number, copy=False)
-        _compare(path, values.shape, letters, sizes)
+        _compare_lengths(path, values.shape, letters, sizes)
         values.setflags(write=False)  # several stages may be given the same
         return values
 
 
-def _scalar(node: Any, own: Hint, path: str) -> Any:
+def _plain_value(node: Any, own: Hint, path: str) -> Any:
     if own.kind is Literal and node not in own.inner:
         raise Invalid(path, f"is none of {', '.join(own.inner)}")
     if own.kind is float and (type(node) is int or node in ("nan", "inf", "-inf")):
@@ -144,7 +144,7 @@ def _scalar(node: Any, own: Hint, path: str) -> Any:
     return node
 
 
-def _compare(path: str, shape: tuple[int, ...], letters: Letters, sizes: Sizes) -> None:
+def _compare_lengths(path: str, shape: tuple[int, ...], letters: Letters, sizes: Sizes) -> None:
     """Raise Invalid where a length is not that of others with the same letter."""
     for length, letter in zip(shape, letters, strict=False):
         name = letter.removesuffix(" or 0")

@@ -213,7 +213,7 @@ def encoded(
     if isinstance(value, Mapping | tuple):
         parts = value if isinstance(value, Mapping) else dict(enumerate(value))
         document = {
-            _line(key): encoded(
+            _checked_line(key): encoded(
                 one,
                 part,
                 put,
@@ -226,7 +226,11 @@ def encoded(
             )
         }
         return document if parts is value else list(document.values())
-    return str(value) if isinstance(value, float) and not math.isfinite(value) else _line(value)
+    return (
+        str(value)
+        if isinstance(value, float) and not math.isfinite(value)
+        else _checked_line(value)
+    )
 
 
 def _same(value: Any, default: Any) -> bool:
@@ -236,7 +240,7 @@ def _same(value: Any, default: Any) -> bool:
     )
 
 
-def _line(value: Any) -> Any:
+def _checked_line(value: Any) -> Any:
     if isinstance(value, str) and not is_one_line(value):
         what = f"the name {value!r} cannot be stored: it is not one line of valid text"
         raise DataError(what, "rename the file or column that it is of")

@@ -37,10 +37,10 @@ from mapmore_cli.storage.tables.cells import (
 )
 from mapmore_cli.storage.tables.lines import (
     UNREADABLE,
+    csv_records,
     guess_encoding,
     is_zipped,
     open_lines,
-    records_of,
 )
 
 WHITESPACE = "whitespace"
@@ -116,7 +116,7 @@ def _parse(lines: Iterator[str], raw: BufferedReader, request: TableRequest) -> 
     layout = _layout(first[1], request, split_at)
     *_, (row, _) = [first, *islice(records, max(request.header - 1, 0))]
     leading = [] if request.header else [values_of_records([first], layout)]
-    blocks = chain(leading, _blocks(lines, row, layout, raw, last))
+    blocks = chain(leading, _blocks_of_lines(lines, row, layout, raw, last))
     begin = next(blocks, None)
     if begin is None:
         raise DataError(f"{request.label}: the file has a header but no data")
@@ -137,7 +137,7 @@ def _records(
     if delimiter is None:
         yield from ((number, line.split()) for number, line in enumerate(lines, start=row + 1))
         return
-    for _, record, number in records_of(lines, delimiter, label, row):
+    for _, record, number in csv_records(lines, delimiter, label, row):
         yield number, record if len(record) > 1 or (record and record[0].strip()) else []
 
 
@@ -157,7 +157,7 @@ def _layout(first: Sequence[str], request: TableRequest, delimiter: str | None) 
     )
 
 
-def _blocks(
+def _blocks_of_lines(
     lines: Iterator[str], row: int, layout: Layout, raw: BufferedReader, last: deque[str]
 ) -> Iterator[Array]:
     """Yield numbers and values of the lines after `row`, (n, 1 + columns), block by block; `last`
@@ -320,13 +320,13 @@ def peek_csv(path: Path, most: int) -> Iterable[Top]:
         raise DataError(f"{path.name}: is no text", "save the table as CSV")
     told = {} if encoding == "utf-8" else {"encoding": encoding}
     return [
-        Top(_cut(lines, character), reads, {**told, **delimiter, **decimal})
+        Top(_cut_lines(lines, character), reads, {**told, **delimiter, **decimal})
         for (character, delimiter), (reads, decimal) in product(_DIALECTS, _NUMBERS)
         if not (decimal and character == ",")
     ]
 
 
-def _cut(lines: Sequence[str], delimiter: str | None) -> list[list[str]]:
+def _cut_lines(lines: Sequence[str], delimiter: str | None) -> list[list[str]]:
     """Lines cut at the delimiter, at any run of blanks where it is None; blank lines have no
     fields.
     """

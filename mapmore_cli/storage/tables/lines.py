@@ -121,7 +121,7 @@ def encoding_of(head: bytes) -> str:
     return "latin-1"
 
 
-def records_of(
+def csv_records(
     lines: Iterable[str], delimiter: str, label: str, row: int = 0
 ) -> Iterator[tuple[str, list[str], int]]:
     """Yield the text of each record, its fields, and the number of its last line; `row` come
