@@ -47,7 +47,7 @@ def test_formulas(tmp_path, name):
 def test_optimised_code_has_the_same_numbers_and_no_warning_either(tmp_path):
     assert (
         compare(
-            STATIC["smooth levels, aligned"], tmp_path, 3_000, more=("-O2",), inverse=("strain",)
+            STATIC["straight on one side"], tmp_path, 3_000, more=("-O2",), inverse=("strain",)
         )[0]
         < 1e-12
     )
@@ -91,7 +91,7 @@ def test_every_formula_compiles(tmp_path):
 
 
 def test_single_precision(tmp_path):
-    model = replace(STATIC["smooth levels"], name="single")
+    model = replace(STATIC["straight beyond the levels"], name="single")
     single = compiled(model, tmp_path, single=True)
     columns = {
         name: x.astype(np.float32).astype(np.float64) for name, x in points(model, 2000).items()
@@ -109,7 +109,7 @@ def test_single_precision(tmp_path):
 
 @pytest.mark.parametrize(
     "model",
-    [STATIC["one level"], WITH_MEMORY["operators"], WITH_MEMORY["fed back"]],
+    [STATIC["straight on one side"], WITH_MEMORY["operators"], WITH_MEMORY["fed back"]],
     ids=["static", "memory", "fed back"],
 )
 def test_code_and_derivatives_run_clean_under_the_sanitizers(tmp_path, model):
@@ -169,7 +169,7 @@ def test_no_heap_no_globals():
             assert all("(" in line for line in outside), "only functions stand outside of functions"
 
 
-@pytest.mark.parametrize("name", ["smooth levels, aligned", "backbone, shrunken", "a difference"])
+@pytest.mark.parametrize("name", ["straight on one side", "backbone, shrunken", "a difference"])
 def test_derivatives_at_every_boundary(tmp_path, name):
     model = STATIC[name]
     columns = points(model, 1000)

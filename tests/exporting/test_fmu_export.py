@@ -73,7 +73,7 @@ def checked(model, folder, columns):
 
 @needs_compiler
 def test_a_static_unit_is_predict(tmp_path):
-    model = STATIC["two smooth levels"]
+    model = STATIC["two levels"]
     assert set(checked(model, tmp_path, points(model, 400))["outside_range"]) >= {0, 1, 2}
 
 

@@ -90,7 +90,7 @@ data:
   columns: {time: {column: t, unit: s}, pressure: {column: P, unit: kPa}, strain: {column: eps}}
 target: {column: strain}
 model: {type: state_space, input: pressure, sections: [150], direction: false,
-    solver: least_squares, particles: 4, iterations: 2}
+    solver: least_squares}
 report: {figures: [], formats: [csv]}
 """
 

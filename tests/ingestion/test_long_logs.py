@@ -58,7 +58,7 @@ def log(seed: int, fault: str) -> str:
 SPLITTING = {"longer_than": 1.0, "action": "split"}
 OPTIONS: dict[str, list[Any]] = {
     "every": [1, 2, 7],
-    "missing": ["error", "drop", {"tokens": [-999], "action": "drop"}],
+    "missing": ["error", "drop", {"tokens": [-999]}],
     "gaps": [None, SPLITTING, {"longer_than": 1.0, "action": "error"}],
     "repeated_time": ["error", "average", "spread"],
     "resample": [None, None, 0.02],

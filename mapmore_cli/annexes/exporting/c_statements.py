@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from mapmore_cli.annexes.exporting.dialect import Expressions, Statements
 from mapmore_cli.domain.foreign import c_comment
 from mapmore_cli.modelling.program.statements import Choose, Function
-from mapmore_cli.modelling.program.writing import names_in
+from mapmore_cli.modelling.program.writing import names_used_in
 
 
 @dataclass
@@ -26,7 +26,7 @@ class CStatements(Statements):
             f"{self.real} *results"
         ] * several
         lines, results = self.block(function.body, self.expressions())
-        used = names_in(function.body)
+        used = names_used_in(function.body)
         ignored = [f"(void){name};" for name in function.parameters if name not in used]
         ends = (
             [f"results[{i}] = {text};" for i, text in enumerate(results)]
