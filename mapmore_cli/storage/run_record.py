@@ -232,7 +232,6 @@ def save_records(
     )
 
 
-DIGITS = 12
 COLUMNS = tuple(field.name for field in fields(Score))
 _SCORES = TypeAdapter(tuple[Score, ...])
 
@@ -245,13 +244,14 @@ def write_scores(folder: Path, table: ScoreTable, name: str) -> None:
     empty in the CSV. The same scores give the same bytes.
     """
     rows = [score_row(score) for score in table.scores]
-    document: dict[str, Any] = {
+    document = {
         "name": name,
         "target": next(iter(table.units), None),
         "units": dict(table.units),
         "scores": rows,
+        "failed": list(table.failed),
+        "warnings": list(table.warnings),
     }
-    document |= {"failed": list(table.failed), "warnings": list(table.warnings)}
     write_text(
         folder / "scores.json",
         json.dumps(document, indent=2, allow_nan=False, ensure_ascii=False) + "\n",
@@ -295,17 +295,14 @@ def scores_in(document: Any) -> ScoreTable:
 
 
 def score_row(score: Score) -> Mapping[str, str | int | float | None]:
-    """Return a row of the table, by column in the order of `Score`."""
-    return {column: _rounded(getattr(score, column)) for column in COLUMNS}
-
-
-def _rounded(value: str | int | float) -> str | int | float | None:
-    """Return a float to 12 significant digits, without a negative zero; None where it is not
-    finite.
+    """Return a row of the table, by column in the order of `Score`: floats to 12 significant
+    digits, without a negative zero; None where they are not finite.
     """
-    if not isinstance(value, float):
-        return value
-    return float(f"{value:.{DIGITS}g}") + 0.0 if math.isfinite(value) else None
+    row = {column: getattr(score, column) for column in COLUMNS}
+    for column, value in row.items():
+        if isinstance(value, float):
+            row[column] = float(f"{value:.12g}") + 0.0 if math.isfinite(value) else None
+    return row
 
 
 def scores_beside(model: Path) -> tuple[Mapping[str, Any], ...]:

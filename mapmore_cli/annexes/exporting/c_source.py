@@ -90,17 +90,26 @@ def c_source(model: Model, single: bool = False) -> CSource:
             f"{MOST_INPUTS}",
             "export its parts",
         )
-    return CSource(model, program_of(model), identifier(model.name), single)
+    name, real = identifier(model.name), word("float" if single else "double")
+    dialect = SINGLE if single else DOUBLE
+    return CSource(model, program_of(model), name, word(name.upper()), real, dialect)
 
 
 @dataclass(frozen=True)
 class CSource:
-    """A model as the text of its files; `code` is the model itself, or with its derivatives."""
+    """A model as the text of its files.
+
+    - `code`: the model itself, or with its derivatives.
+    - `name`, `prefix`: of its functions, and how the names of macros begin.
+    - `real`, `dialect`: the type of numbers, and how numbers and functions are written.
+    """
 
     model: Model
     code: Program
     name: Code
-    single: bool
+    prefix: Code
+    real: Code
+    dialect: Dialect
 
     @cached_property
     def files(self) -> dict[str, str]:
@@ -120,21 +129,6 @@ class CSource:
         """Whether it goes on from sample to sample."""
         return self.code.step is not None
 
-    @property
-    def dialect(self) -> Dialect:
-        """How numbers and functions are written."""
-        return SINGLE if self.single else DOUBLE
-
-    @property
-    def real(self) -> Code:
-        """The type of numbers."""
-        return word("float" if self.single else "double")
-
-    @property
-    def prefix(self) -> Code:
-        """How the names of macros begin."""
-        return word(self.name.upper())
-
     @cached_property
     def places(self) -> dict[str, Code]:
         """The macro for the place of every input, by its name."""
@@ -146,17 +140,15 @@ class CSource:
     @property
     def words(self) -> dict[str, object]:
         """What templates know of the model."""
-        words: dict[str, object] = {
-            name: getattr(self, name)
-            for name in ("model", "name", "prefix", "places", "real", "call")
-        }
-        own = {"step": self.code.step, "kept": self.code.kept, "number": self.dialect.number}
-        return {
-            **words,
-            **own,
+        names = ("model", "name", "prefix", "places", "real", "call")
+        single = self.dialect is SINGLE
+        return {name: getattr(self, name) for name in names} | {
+            "step": self.code.step,
+            "kept": self.code.kept,
+            "number": self.dialect.number,
             "memory": self.with_memory,
-            "single": self.single,
-            "f": Code("f" * self.single),
+            "single": single,
+            "f": Code("f" * single),
         }
 
     @property
@@ -268,7 +260,7 @@ class CSource:
         if inverses:
             words["ends"] = max(inverse["ends"] for inverse in inverses) + 2 * DIVIDED
             words |= {"DIVIDED": DIVIDED, "SPLITS": SPLITS, "BISECTIONS": BISECTIONS}
-            coarser = COARSER if self.single else 1.0
+            coarser = COARSER if self.dialect is SINGLE else 1.0
             words |= {"STEEP": STEEP, "SAME": SAME * coarser, "REACHED": REACHED * coarser}
         name = code("{}_inverse", self.name)
         header = rendered_template("inverse.h", **self.words, **words, head=head)

@@ -6,13 +6,12 @@ import csv
 import re
 import warnings
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from io import BufferedReader
 from itertools import chain, islice, product, repeat
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -318,12 +317,18 @@ def peek_csv(path: Path, most: int) -> Iterable[Top]:
             lines = [line.rstrip("\r\n") for line in islice(taken, most)]
     if any("\0" in line for line in lines):
         raise DataError(f"{path.name}: is no text", "save the table as CSV")
-    told = {} if encoding == "utf-8" else {"encoding": encoding}
-    return [
-        Top(_cut_lines(lines, character), reads, {**told, **delimiter, **decimal})
-        for (character, delimiter), (reads, decimal) in product(_DIALECTS, _NUMBERS)
-        if not (decimal and character == ",")
-    ]
+    tops = []
+    for delimiter, decimal in product((",", ";", "\t", "|", None), (".", ",")):
+        settings = {} if encoding == "utf-8" else {"encoding": encoding}
+        if delimiter != ",":
+            words = {"\t": "tab", None: WHITESPACE}
+            settings["delimiter"] = words.get(delimiter) or str(delimiter)
+        if decimal != ".":
+            settings["decimal"] = decimal
+        if delimiter != decimal:
+            reads = partial(holds_number, decimal=decimal)
+            tops.append(Top(_cut_lines(lines, delimiter), reads, settings))
+    return tops
 
 
 def _cut_lines(lines: Sequence[str], delimiter: str | None) -> list[list[str]]:
@@ -339,19 +344,6 @@ def _cut_lines(lines: Sequence[str], delimiter: str | None) -> list[list[str]]:
     except csv.Error:  # quotes that never close
         return []
 
-
-_DIALECTS: tuple[tuple[str | None, dict[str, Any]], ...] = (
-    (",", {}),
-    (";", {"delimiter": ";"}),
-    ("\t", {"delimiter": "tab"}),
-    ("|", {"delimiter": "|"}),
-    (None, {"delimiter": "whitespace"}),
-)
-_NUMBERS: tuple[tuple[Callable[[Any], bool], dict[str, Any]], ...] = (
-    (partial(holds_number, decimal="."), {}),
-    (partial(holds_number, decimal=","), {"decimal": ","}),
-)
-"""Dialects in the order of preference where several fit."""
 
 READER = Reader(
     "csv",
