@@ -142,7 +142,8 @@ def files_of(model):
 
 
 C_TOKENS = re.compile(
-    r'(?P<none>/\*.*?\*/|\s+|\\\n)|(?P<text>"(?:[^"\\\n]|\\.)*")|(?P<word>[A-Za-z_]\w*)|(?P<other>\d[\w.+-]*|.)',
+    r'(?P<none>/\*.*?\*/|\s+|\\\n)|(?P<text>"(?:[^"\\\n]|\\.)*")|(?P<word>[A-Za-z_]\w*)'
+    r"|(?P<other>\d[\w.+-]*|.)",
     re.DOTALL,
 )
 

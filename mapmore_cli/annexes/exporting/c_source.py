@@ -158,12 +158,12 @@ class CSource:
             return self._head("step", code("{} *out", self.real), code("{}_state *s, ", self.name))
         return self._head("eval", code("{} *out", self.real))
 
-    def _head(self, function: str, results: Code, state: Code = Code()) -> Code:  # noqa: B008 - nothing changes it
+    def _head(self, function: str, results: Code, state: str = "") -> Code:
         return code(
             "int {}_{}({}const {} in[{}_INPUTS], {})",
             self.name,
             function,
-            state,
+            Code(state),
             self.real,
             self.prefix,
             results,

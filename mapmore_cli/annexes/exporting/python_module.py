@@ -151,5 +151,5 @@ class PythonStatements(Statements):
     def _kept(self, place: str, text: str) -> str:
         return f"{place} = {text}"
 
-    def _queued(self, queue: str, text: str, size: int) -> list[str]:  # noqa: ARG002 - a list knows its length
+    def _queued(self, queue: str, text: str, size: int) -> list[str]:  # noqa: ARG002
         return [f"{queue} = [*{queue}[1:], {text}]"]
