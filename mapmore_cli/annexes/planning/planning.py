@@ -33,12 +33,10 @@ from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.modelling.validation.significance import geometric_mean, simplest_of
 from mapmore_cli.pipeline.runner import (
     FOUND,
-    SEARCH_STAGE,
     OnStage,
     bring_up_to_date,
-    search_stages,
 )
-from mapmore_cli.pipeline.staleness import as_found
+from mapmore_cli.pipeline.staleness import SEARCH_STAGE, as_found
 from mapmore_cli.spec.loader import LoadedSpec, load
 from mapmore_cli.spec.yaml_loader import as_overrides
 from mapmore_cli.storage.atomic import write_text
@@ -168,7 +166,7 @@ def searched(
     if budget is not None:
         asked["model.budget"] = budget
     loaded = load(loaded.path, (*loaded.overrides, *as_overrides(asked)))
-    outcome = bring_up_to_date(loaded, runs, SEARCH_STAGE, stages=search_stages(), **listeners)
+    outcome = bring_up_to_date(loaded, runs, SEARCH_STAGE, **listeners)
     path = outcome.run_dir / FOUND
     write_text(
         path, as_found(loaded, outcome.run_dir).resolved_in(outcome.run_dir, given_only=True)
