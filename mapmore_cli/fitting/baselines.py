@@ -22,7 +22,6 @@ from mapmore_cli.modelling.kinds import runs_over_time
 
 T = TypeVar("T", bound=np.ndarray[Any, Any])
 
-SEED = 0
 DELAYS = (0, 1, 2, 4, 8, 16, 32)
 """Samples by which inputs are delayed where the run's own model has a past."""
 
@@ -114,15 +113,15 @@ def _learner(name: str, inputs: int) -> Any:
         from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 
         kernel = ConstantKernel(1.0) * RBF(np.ones(inputs)) + WhiteKernel(1e-2)
-        return GaussianProcessRegressor(kernel, n_restarts_optimizer=1, random_state=SEED)
+        return GaussianProcessRegressor(kernel, n_restarts_optimizer=1, random_state=0)
     if name == "gradient_boosting":
         from sklearn.ensemble import HistGradientBoostingRegressor
 
         return HistGradientBoostingRegressor(
-            max_iter=300, min_samples_leaf=5, early_stopping=False, random_state=SEED
+            max_iter=300, min_samples_leaf=5, early_stopping=False, random_state=0
         )
     from sklearn.neural_network import MLPRegressor
 
     return MLPRegressor(
-        hidden_layer_sizes=(32, 32), solver="lbfgs", alpha=1e-3, max_iter=500, random_state=SEED
+        hidden_layer_sizes=(32, 32), solver="lbfgs", alpha=1e-3, max_iter=500, random_state=0
     )

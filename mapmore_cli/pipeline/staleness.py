@@ -18,7 +18,7 @@ from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.fitting.kinds.choices import summands
 from mapmore_cli.fitting.stage import Need, Stage
 from mapmore_cli.modelling.selection import AUTO
-from mapmore_cli.spec.experiment import ExperimentSpec
+from mapmore_cli.spec.experiment import Competitor, ExperimentSpec
 from mapmore_cli.spec.tree import keys_at
 from mapmore_cli.storage.run_record import StageRecord, Stamp, load_records, take_stamp
 
@@ -89,18 +89,18 @@ def needed_runs(stage: Stage, loaded: LoadedSpec) -> tuple[Needed, ...]:
 
 def refuse_circle(loaded: LoadedSpec, heirs: tuple[Path, ...] = ()) -> None:
     """Raise SpecError where runs are built on each other in a circle; `heirs` are the specs that
-    led to this one.
+    led to this one. A run that is compared needs what its model is built on.
     """
     from mapmore_cli.spec.loader import load
 
-    chain = (*heirs, loaded.path.resolve())
-    needs = loaded.spec.needs
-    for path in dict.fromkeys((needs.static, needs.damping, *summands(loaded.spec))):
-        if path is None:
-            continue
+    spec, chain = loaded.spec, (*heirs, loaded.path.resolve())
+    paths = {spec.needs.static, spec.needs.damping, *summands(spec)}
+    if not heirs:
+        paths |= {one.run for one in spec.validation.against if isinstance(one, Competitor)}
+    for path in sorted(path for path in paths if path is not None):
         other = loaded.folder / path
         if other.resolve() in chain:
-            circle = " -> ".join(spec.name for spec in (*chain, other))
+            circle = " -> ".join(one.name for one in (*chain, other))
             raise SpecError(
                 f"{loaded.path}: runs need each other in a circle: {circle}", "remove one of them"
             )

@@ -16,7 +16,6 @@ from mapmore_cli.storage.run_record import RUN_RECORD, load_records, take_stamp
 KEPT = (MODEL, "scores.json", "scores.csv", "experiment.yaml", RUN_RECORD)
 FROZEN = "frozen.json"
 TAG = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
-READ_ONLY = 0o444
 
 
 def freeze(run_dir: Path, tag: str, archive: Path) -> Path:
@@ -58,7 +57,7 @@ def freeze(run_dir: Path, tag: str, archive: Path) -> Path:
                 unfinished / FROZEN, json.dumps(document, indent=1, ensure_ascii=False) + "\n"
             )
             for file in (*KEPT, FROZEN):
-                (unfinished / file).chmod(READ_ONLY)
+                (unfinished / file).chmod(0o444)  # read-only
             sync_tree(unfinished)
             unfinished.chmod(0o755)
             unfinished.rename(place)
