@@ -21,7 +21,7 @@ from pages import DOCS, rms, run, shipped, write_page
 from planning_tables import FESTO, LEVELS, quiet, trained_on
 
 from mapmore_cli.annexes.rig.load_cycle import LoadCycles, turning_strain
-from mapmore_cli.annexes.rig.simulate import KPA
+from mapmore_cli.annexes.rig.simulate import KPA, SimulationSpec
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.models import LeftOut, Model
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
@@ -39,7 +39,6 @@ from mapmore_cli.modelling.validation.intervals import (
     refusal,
 )
 from mapmore_cli.reporting.table import Cell, Table
-from mapmore_cli.spec.simulation import SimulationSpec
 
 LEVEL = 0.95
 SEEDS = range(100, 120)

@@ -15,10 +15,7 @@ FORWARD = (
     3  # terms chosen forward for each that is kept, where pruning follows and nothing else is said
 )
 
-Start = Literal["measured", "steady", "identified"]
-"""How free runs begin."""
-
-Stop = Literal["tolerance", "bic", "aicc", "press", "free_run"]
+Stop = Literal["tolerance", "bic", "free_run"]
 """When fewer terms than `max_terms` are enough."""
 
 
@@ -36,12 +33,8 @@ class Fit(Settings):
     - A `ridge`, a fraction of a candidate's variance or `auto`, selects `forward` terms (three
       times `max_terms`) and prunes them.
     - With delays of the output: `criterion: free_run` refines the coefficients on the simulation
-      error. `stop: free_run` chooses the
-      number of terms on the last quarter of each training recording. `select: free_run` tries the
-      best candidates of every step in free run.
-    - `start` of free runs: the first outputs `measured`, the `steady` output of the first inputs,
-      or first outputs `identified` from the
-      first twentieth of the run.
+      error. `stop: free_run` chooses the number of terms on the last quarter of each training
+      recording.
     """
 
     scaling: Literal["unit_square", "max_abs", "none", "range"] = "unit_square"
@@ -51,10 +44,8 @@ class Fit(Settings):
     tolerance: Annotated[float, Interval(ge=0, lt=1)] = 1e-4
     stop: Stop = "tolerance"
     criterion: Literal["one_step", "free_run"] = "one_step"
-    select: Literal["one_step", "free_run"] = "one_step"
     ridge: Annotated[Literal["auto"] | Annotated[float, Interval(ge=0)], Either()] = 0.0
     forward: Annotated[int, Interval(ge=1)] | None = None
-    start: Start = "measured"
 
     @property
     def forward_terms(self) -> int:

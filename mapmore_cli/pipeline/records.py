@@ -18,7 +18,7 @@ from mapmore_cli.domain.errors import DataError, UsageError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Signal
 from mapmore_cli.modelling.kinds import fed_back, runs_over_time
-from mapmore_cli.modelling.signals.sampling import find_gaps, pieces, typical_step
+from mapmore_cli.modelling.signals.sampling import cut_after, find_gaps, typical_step
 from mapmore_cli.storage.tables import TableRequest, locate_columns
 from mapmore_cli.storage.tables.cells import CellReader, NotANumber, number_of
 from mapmore_cli.storage.tables.lines import records_of
@@ -64,7 +64,7 @@ def between_gaps(time: Array) -> list[slice]:
     """
     if len(time) < 2:
         return [slice(0, len(time))]
-    return pieces(len(time), find_gaps(time, GAP * typical_step(time)).after)
+    return cut_after(len(time), find_gaps(time, GAP * typical_step(time)).after)
 
 
 @dataclass(frozen=True)

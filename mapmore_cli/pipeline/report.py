@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING
 
 from mapmore_cli.domain.errors import DataError, SpecError, UsageError
-from mapmore_cli.domain.foreign import is_one_line
 from mapmore_cli.fitting.stage import Stage, Workspace
 from mapmore_cli.spec.experiment import ExperimentSpec, Muscle, Report, Validate
 from mapmore_cli.storage.run_folder import VALIDATION, RunFiles
@@ -17,18 +15,8 @@ from mapmore_cli.storage.run_folder import VALIDATION, RunFiles
 if TYPE_CHECKING:
     from mapmore_cli.domain.models import Equation, Model
     from mapmore_cli.reporting.inputs import FigureStyle, ReportInputs
-    from mapmore_cli.reporting.table import Table
 
 METRES_PER_INCH = 0.0254
-
-TABLES = "MAPMORE_TABLES"
-"""The variable that lists folders, beside that of the spec, in which published tables may lie;
-`--tables` adds to it.
-"""
-
-LARGEST_TABLE = 100_000
-"""Bytes of a published table."""
-
 
 LEFT_OUT = (
     "Every {0} is left out in turn: the validation scores are those of models of the other "
@@ -69,66 +57,13 @@ def write_pages(part: ReportSlice, workspace: Workspace) -> None:
     from mapmore_cli.annexes.search.stage import SEARCH, read_search
     from mapmore_cli.reporting.report import write_report
 
-    published = part.report.published
-    tables = () if published is None else published.tables
     inputs = replace(
         collected(part, workspace.run_dir, workspace.spec_text),
-        published_tables=tuple(transcribed(workspace.spec_dir / path) for path in tables),
         search=read_search(workspace.run_dir / SEARCH) if workspace.searched else None,
     )
     for warning in faults_of(inputs.style):
         workspace.warn(warning)
     write_report(inputs, workspace.out / "report", part.report.figures, part.report.formats)
-
-
-def published_files(spec: ExperimentSpec, folder: Path) -> list[Path]:
-    """Return the tables of a publication.
-
-    Raises SpecError where one is missing, is no CSV file, or lies neither below the spec's folder
-    nor below one of `--tables`: a page shows it whole.
-    """
-    published = spec.report.published
-    paths = [] if published is None else [folder / path for path in published.tables]
-    more = os.environ.get(TABLES, "").split(os.pathsep)
-    allowed = [folder.resolve(), *(Path(place).resolve() for place in more if place)]
-    for path in paths:
-        if not path.is_file():
-            _refuse_table(path, "no such file", "give a CSV file with a line of headings")
-        inside = any(path.resolve().is_relative_to(place) for place in allowed)
-        if path.suffix != ".csv" or not inside:
-            _refuse_table(path, "is no CSV file below the folder of the spec", "see `--tables`")
-        if path.stat().st_size > LARGEST_TABLE:
-            largest = f"larger than {LARGEST_TABLE // 1000} kB"
-            _refuse_table(path, largest, "give the table of a publication")
-    return paths
-
-
-def _refuse_table(path: Path, what: str, remedy: str) -> NoReturn:
-    raise SpecError(f"report.published.tables: {path}: {what}", remedy)
-
-
-def transcribed(path: Path) -> Table:
-    """Return a table of a publication as it was transcribed, every cell as text.
-
-    Raises SpecError where the file is no table.
-    """
-    import csv
-
-    from mapmore_cli.reporting.table import Column, Table
-
-    try:
-        with path.open(newline="", encoding="utf-8") as lines:
-            header, *rows = list(csv.reader(lines))
-    except (OSError, UnicodeDecodeError, ValueError) as fault:
-        _refuse_table(path, f"cannot be read ({fault})", "give a CSV file with a line of headings")
-    if not all(is_one_line(cell) for row in (header, *rows) for cell in row):
-        _refuse_table(path, "has cells with control characters or several lines", "mend the table")
-    for number, row in enumerate(rows, start=2):
-        if len(row) != len(header):
-            _refuse_table(path, f"line {number} has not {len(header)} cells", "mend the line")
-    name = path.stem
-    columns = tuple(map(Column, header))
-    return Table(f"published_{name}", f"Published: {name}", columns, tuple(map(tuple, rows)))
 
 
 def collected(part: ReportSlice, run_dir: Path, spec_text: str = "") -> ReportInputs:
@@ -274,11 +209,4 @@ def _in_units(model: Model, units: Mapping[str, str]) -> dict[str, tuple[Equatio
     return {", ".join(words): model_equations(model, factors)} if factors else {}
 
 
-STAGE = Stage(
-    name="report",
-    revision=6,
-    outputs=("report",),
-    reads=report_slice,
-    run=write_pages,
-    sources=published_files,
-)
+STAGE = Stage(name="report", revision=6, outputs=("report",), reads=report_slice, run=write_pages)

@@ -19,7 +19,6 @@ from mapmore_cli.fitting.kinds.choices import summands
 from mapmore_cli.fitting.stage import Need, Stage
 from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.spec.experiment import Competitor, ExperimentSpec
-from mapmore_cli.spec.tree import keys_at
 from mapmore_cli.storage.run_record import StageRecord, Stamp, load_records, take_stamp
 
 if TYPE_CHECKING:
@@ -338,15 +337,12 @@ def place_in_spec(key: str, stage: str) -> str:
     if key in sections:
         return key
     # `levels` of fuse stands inside its own section, so the first home is the one
-    home = next(
-        (
-            name
-            for name, section in sections.items()
-            if isinstance(section, type) and key in keys_at(section, ())
-        ),
-        stage,
+    homes = (
+        name
+        for name, section in sections.items()
+        if isinstance(section, type) and key in section.__annotations__
     )
-    return f"{home}.{key}"
+    return f"{next(homes, stage)}.{key}"
 
 
 def _differences(place: str, old: Any, new: Any) -> Iterator[str]:

@@ -197,7 +197,10 @@ def test_folders_of_one_name_are_refused_at_start(name, words, campaign, mapmore
 
 @pytest.mark.parametrize(
     ("record", "what"),
-    [("run.json", "a run of that name"), ("notes.txt", "files that mapmore did not write")],
+    [
+        ("run.json", "files that mapmore did not write there"),
+        ("notes.txt", "files that mapmore did not write"),
+    ],
 )
 def test_a_campaign_without_a_place_for_its_page_is_refused_at_start(
     record, what, campaign, tmp_path, mapmore

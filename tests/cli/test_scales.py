@@ -17,7 +17,7 @@ from mapmore_cli.spec.loader import load
 MODELS = (
     (),
     ("model={type: mapmore, backbone: sarosi_hinged}",),
-    ("model={type: mapmore, backbone: sarosi}", "fuse={levels: pchip}"),
+    ("model={type: mapmore, backbone: sarosi}",),
     ("model={type: literature, name: tondu_lopez}", "segment={}", "dictionary=[]"),
     ("scaling=none",),
 )

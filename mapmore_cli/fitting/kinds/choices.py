@@ -62,10 +62,7 @@ def with_definitions(spec: ExperimentSpec) -> ExperimentSpec:
     units = units_of(spec)
     family = spec.model.family
     relative = None if family is None else family.definition(metres_of(units[family.of]))
-    found = {
-        name: one.definition(units, units[spec.target_quantity])
-        for name, one in spec.own_formulas.items()
-    }
+    found = {name: one.definition(units) for name, one in spec.own_formulas.items()}
 
     def put(name: str | None) -> str | None:
         return name if name is None else found.get(name, name)

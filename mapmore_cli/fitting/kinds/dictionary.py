@@ -12,17 +12,17 @@ from functools import lru_cache
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.recording import Signal
 from mapmore_cli.modelling.expressions import candidate, parse, state, to_text
-from mapmore_cli.modelling.expressions.families import delays, lags, operated, products
+from mapmore_cli.modelling.expressions.families import lags, operated, products
 from mapmore_cli.modelling.pieces.recipe import CutByDirection
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.sections.data import Direction, Rate
 from mapmore_cli.spec.sections.dictionary import (
     AlongRange,
-    Delays,
     DictionaryEntry,
     Lags,
     Polynomial,
     Products,
+    numbers_of,
 )
 from mapmore_cli.spec.units import convert, default_unit
 
@@ -110,7 +110,7 @@ def _terms(entry: DictionaryEntry, clock: Clock | None, *, constant: bool) -> Se
     if isinstance(family, Products):
         return _products(family, clock, constant=constant)
     if isinstance(family, AlongRange):
-        return _along_range(family, constant=constant and getattr(family, "constant", True))
+        return _along_range(family, constant=constant)
     of = list(dict.fromkeys(_state_name(text) for text in family.of))
     if isinstance(family, Polynomial):
         return _monomial_texts(of, family, constant=constant)
@@ -119,9 +119,7 @@ def _terms(entry: DictionaryEntry, clock: Clock | None, *, constant: bool) -> Se
             lags(of, list(dict.fromkeys(family.steps))), family, constant=constant
         )
     assert clock is not None
-    if isinstance(family, Delays):
-        return delays(of, family.times, clock.step)
-    return operated(name, of, family.numbers(clock.step, clock.longest))
+    return operated(name, of, numbers_of(name, family, clock.step, clock.longest))
 
 
 def _along_range(family: AlongRange, *, constant: bool) -> list[str]:

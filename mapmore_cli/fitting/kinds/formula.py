@@ -39,10 +39,7 @@ def fitted(name: str, part: ModelChoices, dataset: Dataset) -> FormulaFit:
 
     Raises FitError where it did not converge to anything usable: the model stands on it.
     """
-    model = part.model
-    found = fit_formula(
-        name, dataset.curves, dataset.target, model.method, part.lengths, model.starts
-    )
+    found = fit_formula(name, dataset.curves, dataset.target, None, part.lengths)
     if found.failed:
         reasons = "; ".join(found.notes) or "no finite parameters were found"
         raise FitError(

@@ -134,7 +134,7 @@ def _of_fewer_samples(recipe: Recipe) -> Recipe:
     for name, cut in recipe.cuts.items():
         if isinstance(cut, Cuts) and cut.joins:
             cuts[name] = replace(cut, min_samples=max(cut.least, least))
-    return replace(recipe, cuts=cuts, fuse=replace(recipe.fuse, shrink=1.0))
+    return replace(recipe, cuts=cuts)
 
 
 def together(parts: Sequence[LeftOut]) -> LeftOut:
