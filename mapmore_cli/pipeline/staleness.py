@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any
 from pydantic_core import to_jsonable_python
 
 from mapmore_cli.domain.errors import DataError, SpecError
-from mapmore_cli.fitting.kinds.choices import summands
 from mapmore_cli.fitting.stage import Need, Stage
 from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.spec.experiment import Competitor, ExperimentSpec
@@ -93,7 +92,7 @@ def refuse_circle(loaded: LoadedSpec, heirs: tuple[Path, ...] = ()) -> None:
     from mapmore_cli.spec.loader import load
 
     spec, chain = loaded.spec, (*heirs, loaded.path.resolve())
-    paths = {spec.needs.static, spec.needs.damping, *summands(spec)}
+    paths = {spec.needs.static, spec.needs.damping, *(part.model for part in spec.model.sum or ())}
     if not heirs:
         paths |= {one.run for one in spec.validation.against if isinstance(one, Competitor)}
     for path in sorted(path for path in paths if path is not None):
@@ -340,7 +339,7 @@ def place_in_spec(key: str, stage: str) -> str:
     homes = (
         name
         for name, section in sections.items()
-        if isinstance(section, type) and key in section.__annotations__
+        if key in getattr(section, "model_fields", getattr(section, "__dataclass_fields__", ()))
     )
     return f"{next(homes, stage)}.{key}"
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from sklearn.gaussian_process import GaussianProcessRegressor, kernels
 
 from mapmore_cli.annexes.planning import points
-from mapmore_cli.modelling.gaussian_process import GaussianProcess, matern, most_likely
+from mapmore_cli.modelling.validation.gaussian_process import GaussianProcess, matern, most_likely
 
 
 def test_a_process_of_two_points_by_hand() -> None:

@@ -19,7 +19,7 @@ from scipy.spatial import Delaunay, QhullError
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.results import Candidate, Picture, Until
-from mapmore_cli.modelling.gaussian_process import GaussianProcess, most_likely
+from mapmore_cli.modelling.validation.gaussian_process import GaussianProcess, most_likely
 from mapmore_cli.modelling.validation.intervals import NORMAL
 
 SLACK, LITTLE = (
