@@ -185,11 +185,11 @@ def paper(
     loaded = [load_paper(config) for config in configs]
     with Reporter(quiet) as reporter:
         ended = [compare_paper(one, runs, reporter.complain) for one in loaded]
-    found = [result for result, _ in ended]
+    compared = [result for result, _ in ended]
     target = out or runs / "paper.html"
     with refusals_told(target):
         target.parent.mkdir(parents=True, exist_ok=True)
-        write_text(target, page(found))
+        write_text(target, page(compared))
     documents = [
         {
             "paper": one.loaded.spec.paper,
@@ -206,9 +206,9 @@ def paper(
                 for result in one.results
             ],
         }
-        for one in found
+        for one in compared
     ]
-    tables = (overview(found), verdicts_table(found))
+    tables = (overview(compared), verdicts_table(compared))
     console.print_view(
         console.View({"papers": documents, "page": str(target)}, tables, (f"page: {target}",)),
         as_json,

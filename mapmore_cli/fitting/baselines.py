@@ -70,7 +70,7 @@ def features(curve: Curve, names: Sequence[str], delays: Sequence[int]) -> Array
     """Return the inputs of every sample and those before it in its recording, (n, features); the
     first stands for what came before.
     """
-    found = np.empty((curve.size, len(names) * len(delays)))
+    delayed = np.empty((curve.size, len(names) * len(delays)))
     for rows in curve.logs:
         places = np.arange(len(rows))
         columns = [
@@ -78,8 +78,8 @@ def features(curve: Curve, names: Sequence[str], delays: Sequence[int]) -> Array
             for name in names
             for delay in delays
         ]
-        found[rows] = np.column_stack(columns)
-    return found
+        delayed[rows] = np.column_stack(columns)
+    return delayed
 
 
 def even_share(values: T, most: int) -> T:
@@ -93,17 +93,17 @@ def even_share(values: T, most: int) -> T:
 
 def _width(values: Array) -> Array:
     """Return standard deviations; 1 where nothing varies."""
-    found = values.std(axis=0)
-    return np.where(found > 0, found, 1.0)
+    deviation = values.std(axis=0)
+    return np.where(deviation > 0, deviation, 1.0)
 
 
 def _learner_says(learner: Any, inputs: Array) -> Array:
     """Predictions (n,), NaN where an input is."""
-    found = np.full(len(inputs), np.nan)
+    said = np.full(len(inputs), np.nan)
     known = np.isfinite(inputs).all(axis=1)
     if known.any():
-        found[known] = learner.predict(inputs[known])
-    return found
+        said[known] = learner.predict(inputs[known])
+    return said
 
 
 def _learner(name: str, inputs: int) -> Any:

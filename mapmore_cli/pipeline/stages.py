@@ -50,8 +50,8 @@ def ingest(part: IngestSlice, workspace: Workspace) -> None:
 
 def recordings(spec: ExperimentSpec, folder: Path) -> list[Path]:
     """Return the recordings that the spec names, and the logs that are joined to them."""
-    found = find_sources(spec.data.files, folder, spec.data.join)
-    return list(dict.fromkeys(log.path for source in found for log in (source, *source.joined)))
+    sources = find_sources(spec.data.files, folder, spec.data.join)
+    return list(dict.fromkeys(log.path for source in sources for log in (source, *source.joined)))
 
 
 def static_run(spec: ExperimentSpec) -> list[Need]:

@@ -144,7 +144,7 @@ def next_points(
     Worth is divided by cost. The first time that a quantity takes a value costs its price; at the
     least, a point costs the lowest price.
     """
-    before, places, found, numbers = (
+    before, places, next_ones, numbers = (
         committee.half,
         committee.places,
         list[Candidate](),
@@ -164,7 +164,7 @@ def next_points(
         error, half = float(committee.error[number]), float(committee.half[number])
         committee.add(number)
         at = dict(zip(names, places[number].tolist(), strict=True))
-        found.append(
+        next_ones.append(
             Candidate(
                 at,
                 "point",
@@ -175,7 +175,7 @@ def next_points(
                 float(cost[number]),
             )
         )
-    return tuple(found), (before, committee.half)
+    return tuple(next_ones), (before, committee.half)
 
 
 def until(committee: Committee, wanted: float) -> Until:

@@ -74,11 +74,11 @@ def _sources(rule: str | Rate | Direction) -> set[str]:
 def run_search(part: Slice, workspace: Workspace) -> None:
     """Search, and write what was tried."""
     dataset = workspace.files.dataset()
-    found = search(dataset, part, workspace.progress)
-    for note in found.notes:
+    result = search(dataset, part, workspace.progress)
+    for note in result.notes:
         workspace.warn(note)
     write_text(
-        workspace.out / SEARCH, to_json(found, indent=1, inf_nan_mode="strings").decode() + "\n"
+        workspace.out / SEARCH, to_json(result, indent=1, inf_nan_mode="strings").decode() + "\n"
     )
 
 
@@ -102,7 +102,7 @@ def with_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
 
     if not (run_dir / SEARCH).is_file():
         return loaded
-    found = read_search(run_dir / SEARCH)
-    rival = formula_beside(found)
+    result = read_search(run_dir / SEARCH)
+    rival = formula_beside(result)
     beside = {"validate.against": [rival]} if rival and not loaded.spec.validation.against else {}
-    return load(loaded.path, (*loaded.overrides, *as_overrides({**settings_of(found), **beside})))
+    return load(loaded.path, (*loaded.overrides, *as_overrides({**settings_of(result), **beside})))
