@@ -28,6 +28,7 @@ def prose(docstring: str | None) -> str:
     return re.sub(r"(?<=\S)\n +(?=\S)|(?<=\S)\n(?![\s-])", " ", cleandoc(docstring or ""))
 
 
+@dataclass(frozen=True)
 class Settings:
     """Base of the dataclasses whose fields are keys of a section: the section is strict, and knows
     no other keys.
@@ -51,13 +52,13 @@ class Settings:
     def _noted(cls, given: Any, info: Any) -> Any:
         """Tell the loader which keys a mapping may have."""
         if info.context is not None and isinstance(given, Mapping):
-            info.context.note(given, [key.name for key in fields(cls)])  # type: ignore[arg-type]
+            info.context.note(given, [key.name for key in fields(cls)])
         return given
 
     @property
     def changed(self) -> list[str]:
         """Keys whose values differ from their defaults."""
-        return [key.name for key in fields(self) if getattr(self, key.name) != key.default]  # type: ignore[arg-type]
+        return [key.name for key in fields(self) if getattr(self, key.name) != key.default]
 
 
 def before(schema: Any, function: Callable[[Any, Any], Any]) -> Any:

@@ -348,7 +348,7 @@ def place_in_spec(key: str, stage: str) -> str:
     homes = [
         name
         for name, section in sections.items()
-        if isinstance(section, type) and key in section.__annotations__
+        if key in getattr(section, "model_fields", getattr(section, "__dataclass_fields__", ()))
     ]
     # `levels` of fuse stands inside its own section, so the first home is the one
     return f"{homes[0] if homes else stage}.{key}"

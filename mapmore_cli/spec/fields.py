@@ -240,7 +240,10 @@ def read_path(given: Any, info: ValidationInfo, bare: bool) -> Any:
 
 def moved_path(path: str, info: SerializationInfo, bare: bool) -> str:
     """Return a path for a spec in another folder, where the context names both."""
-    return path if info.context is None else from_folder(path, *info.context, bare)
+    if info.context is None:
+        return path
+    written_in, folder = info.context
+    return from_folder(path, written_in, folder, bare)
 
 
 def from_folder(path: str, written_in: Path, folder: Path, bare: bool = False) -> str:

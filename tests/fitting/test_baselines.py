@@ -25,8 +25,7 @@ schema_version: 1
 name: bench
 data:
   files: ["bench.csv"]
-  columns: {{pressure: {{column: P, unit: kPa}}, strain: {{column: eps}}, force: {{column: F,
-      unit: N}}}}
+  columns: {{pressure: {{column: P, unit: kPa}}, strain: {{column: eps}}, force: {{column: F}}}}
 target: {{column: force}}
 dictionary: [{{polynomial: {{of: [strain, pressure], order: 1}}}}]
 validate: {{against: [{against}]}}
