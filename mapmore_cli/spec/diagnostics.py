@@ -69,6 +69,13 @@ def locate(finding: Finding, root: Node) -> Mistake:
     return Mistake(at, finding.message, finding.remedy)
 
 
+def told(*rows: tuple[bool, Loc | str, str, str]) -> Iterator[Finding]:
+    """Yield the rows that apply: whether, the way, what is wrong, and what would be right."""
+    for applies, way, message, remedy in rows:
+        if applies:
+            yield Finding(way, message, remedy)
+
+
 def refused(way: Loc | str, attempt: Callable[..., object], *arguments: Any) -> Iterator[Finding]:
     """Yield why a call is refused, where it is."""
     try:
