@@ -53,7 +53,7 @@ def unknown_quantity(
         )
 
 
-def names(spec: ExperimentSpec) -> Iterator[Finding]:
+def names_of_quantities(spec: ExperimentSpec) -> Iterator[Finding]:
     """Require that every quantity that is used is one of the study."""
     for loc, name in _uses(spec):
         if name is not None:
@@ -92,7 +92,7 @@ def _uses(spec: ExperimentSpec) -> Iterator[tuple[Loc, str | None]]:
         yield ("fuse", "extrapolation", name), name
 
 
-def derived(spec: ExperimentSpec) -> Iterator[Finding]:
+def derivations(spec: ExperimentSpec) -> Iterator[Finding]:
     """Check that derived quantities have names of their own, can be computed, and do not depend on
     themselves.
     """
@@ -292,9 +292,9 @@ def _partners(family: Products, loc: Loc) -> Iterator[Finding]:
     products will be called.
     """
     texts = [text for text in family.of if isinstance(text, str)]
-    names = [_canonical(text) for text in texts]
+    names = [_state_name(text) for text in texts]
     for place, partner in enumerate(family.partners or () if len(names) == len(family.of) else ()):
-        if _canonical(partner) not in names:
+        if _state_name(partner) not in names:
             remedy = f"add it to `of`: there are {', '.join(texts)}"
             yield Finding(
                 (*loc, "with", place),
@@ -303,7 +303,7 @@ def _partners(family: Products, loc: Loc) -> Iterator[Finding]:
             )
 
 
-def _canonical(text: str) -> str:
+def _state_name(text: str) -> str:
     """Return the name of a state, however it is written; what is none is reported elsewhere."""
     try:
         return state(text).name
@@ -321,7 +321,7 @@ def _word(name: str, text: str) -> int:
 # --------------------------------------------------------------------------------------------------
 
 
-def times(spec: ExperimentSpec) -> Iterator[Finding]:
+def clock_of_memory(spec: ExperimentSpec) -> Iterator[Finding]:
     """Require the time, in seconds, of samples in their order beside their neighbours, where a
     model runs along recordings.
     """
@@ -354,7 +354,7 @@ def times(spec: ExperimentSpec) -> Iterator[Finding]:
         yield Finding("data.split.validate.fraction:", what, remedy)
 
 
-def pieces(spec: ExperimentSpec) -> Iterator[Finding]:
+def pieces_with_memory(spec: ExperimentSpec) -> Iterator[Finding]:
     """Refuse to cut and to join where one model with memory takes the place of the pieces."""
     if not spec.has_memory:
         return
@@ -378,7 +378,7 @@ def pieces(spec: ExperimentSpec) -> Iterator[Finding]:
 def settings(spec: ExperimentSpec) -> Iterator[Finding]:
     """Require something for the settings of the fit to act on."""
     if spec.has_memory:
-        yield from _with_memory(spec.fit)
+        yield from _idle_with_memory(spec.fit)
         yield from _in_free_run(spec)
     elif spec.model.type == "mapmore" and not remembers(spec.dictionary):
         remedy = (
@@ -406,7 +406,7 @@ def settings(spec: ExperimentSpec) -> Iterator[Finding]:
                 )
 
 
-def _with_memory(fit: Fit) -> Iterator[Finding]:
+def _idle_with_memory(fit: Fit) -> Iterator[Finding]:
     if fit.scaling not in ("none", "range"):
         yield Finding(
             "fit.scaling", f"`{fit.scaling}` scales segments, and {ONE}", "write `none`, or `range`"

@@ -40,7 +40,7 @@ MOTION = ("damping", "dynamic")
 # --------------------------------------------------------------------------------------------------
 
 
-def segments(spec: ExperimentSpec) -> Iterator[Finding]:
+def segmented(spec: ExperimentSpec) -> Iterator[Finding]:
     """Check what each segmented quantity is cut by."""
     level = spec.data.levels.of if spec.data.levels else None
     has_terms = spec.model.type == "mapmore" and bool(spec.dictionary)
@@ -88,7 +88,7 @@ def segments(spec: ExperimentSpec) -> Iterator[Finding]:
         )
 
 
-def left_out(spec: ExperimentSpec) -> Iterator[Finding]:
+def leaving_out(spec: ExperimentSpec) -> Iterator[Finding]:
     """Require levels or groups that can be left out, and a model that can be fitted without
     them.
     """
@@ -545,7 +545,9 @@ def units(spec: ExperimentSpec) -> Iterator[Finding]:
     wrong = []
     for name, unit in spec.units.items():
         yield from unknown_quantity(name, known, ("units", name), on_key=True)
-        found = _unit(("units", name), unit, default_unit(name) if is_canonical(name) else unit)
+        found = _unit_findings(
+            ("units", name), unit, default_unit(name) if is_canonical(name) else unit
+        )
         wrong += [name] if found else []
         yield from found
     tables: list[tuple[Loc, Logs]] = [
@@ -555,10 +557,10 @@ def units(spec: ExperimentSpec) -> Iterator[Finding]:
     for loc, table in tables:
         for name, column in table.columns.items():
             if column.unit is not None and name not in wrong:
-                yield from _unit(
+                yield from _unit_findings(
                     (*loc, "columns", name, "unit"), column.unit, default_unit(name, spec.units)
                 )
 
 
-def _unit(loc: Loc, unit: str, wanted: str) -> list[Finding]:
+def _unit_findings(loc: Loc, unit: str, wanted: str) -> list[Finding]:
     return [*refused(loc, check_unit, unit)] or [*refused(loc, convert, 1.0, unit, wanted)]

@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from mapmore_cli.domain.declared import Contradiction, Misfit, shape
+from mapmore_cli.domain.declared import Contradiction, shape
 from mapmore_cli.domain.errors import MapmoreError, SpecError
 from mapmore_cli.spec.tree import Loc, Node, Position, nearest
 
@@ -61,7 +61,7 @@ def locate(finding: Finding, root: Node) -> Mistake:
     )
     at = node.start if on_key else node.at
     if finding.offset and isinstance(node.value, str):
-        written = _line(at)[at.column - 1 :]
+        written = _source_line(at)[at.column - 1 :]
         for quote in ("", '"', "'"):  # else the source spells the text differently
             if written.startswith(quote + node.value):
                 at = replace(at, column=at.column + len(quote) + finding.offset)
@@ -105,7 +105,7 @@ def raise_if_any(problems: Sequence[Mistake]) -> None:
         problems,
         key=lambda problem: (sources.index(problem.at.source), problem.at.line, problem.at.column),
     )
-    blocks = [_block(problem) for problem in dict.fromkeys(ordered)]
+    blocks = [_mistake_text(problem) for problem in dict.fromkeys(ordered)]
     if len(blocks) > _MOST:
         blocks = [
             *blocks[:_MOST],
@@ -118,11 +118,11 @@ def raise_if_any(problems: Sequence[Mistake]) -> None:
 
 def fail(at: Position, message: str, remedy: str | None = None) -> NoReturn:
     """Raise a SpecError about one mistake that makes further reading pointless."""
-    raise SpecError(_block(Mistake(at, message, remedy)))
+    raise SpecError(_mistake_text(Mistake(at, message, remedy)))
 
 
-def _block(problem: Mistake) -> str:
-    at, line = problem.at, _line(problem.at)
+def _mistake_text(problem: Mistake) -> str:
+    at, line = problem.at, _source_line(problem.at)
     lines = [f"{at}: {problem.message}"]
     if at.source.numbered and line.strip():
         start = max(0, at.column - 1 - _WIDEST // 2) if len(line) > _WIDEST else 0
@@ -133,7 +133,7 @@ def _block(problem: Mistake) -> str:
     return "\n".join(lines if problem.remedy is None else [*lines, f"  {problem.remedy}"])
 
 
-def _line(at: Position) -> str:
+def _source_line(at: Position) -> str:
     """Return the source line; cut as YAML counts lines, and not as `str.splitlines` does."""
     lines = re.split("\r\n|[\r\n\x85\u2028\u2029]", at.source.text)
     return lines[at.line - 1] if at.line <= len(lines) else ""
@@ -238,10 +238,9 @@ def _problem(details: ErrorDetails, root: Node, keys_at: KeysAt) -> Mistake:
             )
         case "value_error" if isinstance(clash := details["ctx"]["error"], Contradiction):
             beside = [node.child(key) for key in clash.near]
-            at = next((child.start for child in beside if child is not None), node.start)
+            otherwise = node.start if clash.near else node.at
+            at = next((child.start for child in beside if child is not None), otherwise)
             return Mistake(at, clash.message, clash.remedy)
-        case "value_error" if isinstance(misfit := details["ctx"]["error"], Misfit):
-            return Mistake(node.at, misfit.message, misfit.remedy)
         case "string_pattern_mismatch" if rest and rest[-1] == "[key]":
             message = f"{str(loc[-1])!r} cannot be the name of a quantity"
             return Mistake(node.start, message, "use letters, digits and `_`, as `step_pressure`")
@@ -252,7 +251,7 @@ def _problem(details: ErrorDetails, root: Node, keys_at: KeysAt) -> Mistake:
 
 def _of_value(details: ErrorDetails, value: object, name: str) -> Explained:
     context: dict[str, Any] = details.get("ctx", {})
-    kind, shown = details["type"], _shown(value)
+    kind, shown = details["type"], _value_in_words(value)
     if kind in _EXPECTED or kind == "union_tag_invalid":
         expected = _EXPECTED.get(kind) or " or ".join(
             re.findall(r"<([^>]*)>", context["expected_tags"])
@@ -350,7 +349,7 @@ def _dotted(loc: Loc) -> str:
     return "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in loc).lstrip(".")
 
 
-def _shown(value: object) -> str:
+def _value_in_words(value: object) -> str:
     """Return a value in a message: its kind, and itself where it is short."""
     if value is None:
         return "empty"

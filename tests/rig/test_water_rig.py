@@ -18,7 +18,7 @@ from mapmore_cli.annexes.rig.air import ATMOSPHERE, Reservoir, valve_flow
 from mapmore_cli.annexes.rig.load_cycle import perturbation
 from mapmore_cli.annexes.rig.sensors import integrate, low_pass
 from mapmore_cli.annexes.rig.static_muscles import volume
-from mapmore_cli.annexes.rig.step_response import Bumper, Step, StepRig, step_response
+from mapmore_cli.annexes.rig.step_response import Bumper, PressureStep, StepRig, step_response
 from mapmore_cli.annexes.rig.water import (
     WATER_DENSITY,
     WATER_VISCOSITY,
@@ -112,7 +112,7 @@ def rig(kind, *changes):
 
 @cache
 def response(kind):
-    return step_response(rig(kind), Step(VALIDATION[kind], WEIGHT))
+    return step_response(rig(kind), PressureStep(VALIDATION[kind], WEIGHT))
 
 
 def swollen(kind, pressure, strain):

@@ -153,7 +153,7 @@ STATIC_SLIPS = [
         ["called `mine`"]),
     (", diameter: 20 mm}", "}\nmodel: {type: literature, name: ▸tondu_lopez_fixed_area}",
         ["needs the diameter of the muscle", "10 mm"]),
-    ("segment:", "model: {backbone: ▸tondu_lopez_fixed_area}\nsegment:", ["is no backbone",
+    ("segment:", "model: {backbone: ▸tondu_lopez_fixed_area}\nsegment:", ["needs the diameter",
         "type: literature"]),
     ("segment:", "model: {▸starts: published}\nsegment:", ["unknown key `starts`",
         "`validate.against`"]),
