@@ -194,8 +194,8 @@ def test_the_table_of_everyday_units_is_pints():
     for source, target, factor in factors:
         expected = (
             units._registry()
-            .Quantity(1.0, units._parsed(source))
-            .to(units._parsed(target))
+            .Quantity(1.0, units._pint_unit(source))
+            .to(units._pint_unit(target))
             .magnitude
         )
         assert factor == pytest.approx(expected, rel=1e-15)
