@@ -39,7 +39,7 @@ from mapmore_cli.pipeline.notebooks import (
     write_frames,
 )
 from mapmore_cli.pipeline.records import reading_of
-from mapmore_cli.pipeline.runner import bring_up_to_date
+from mapmore_cli.pipeline.runner import Options, bring_up_to_date
 from mapmore_cli.reporting.score_tables import score_table
 from mapmore_cli.reporting.table import to_html, to_text
 from mapmore_cli.spec.experiment import ExperimentSpec
@@ -142,7 +142,11 @@ class Study:
             loaded = self.loaded(Path(place) / "spec.yaml", changes)
             try:
                 outcome = bring_up_to_date(
-                    loaded, Path(place) / "runs", "validate", warn=told.append, check=self.check
+                    loaded,
+                    Path(place) / "runs",
+                    "validate",
+                    options=Options(check=self.check),
+                    warn=told.append,
                 )
             except MapmoreError as error:
                 error.message = re.sub(
@@ -414,7 +418,7 @@ def run(
         As the command says it; but limits that are missed are in `Run.missed`.
     """
     overrides = tuple(as_overrides(plain_values(dict(settings or {}))))
-    found = run_one(Job(Path(config), Path(runs), overrides, force, check=check))
+    found = run_one(Job(Path(config), Path(runs), overrides, Options(force, check=check)))
     for warning in (*found.table.warnings, *sentences(found.run_dir)):
         warnings.warn(warning, stacklevel=2)
     scores = Scores.of(found.table)

@@ -111,7 +111,9 @@ def _cut_at_resets(samples: Samples, unit: str) -> list[Samples]:
         f"{samples.at(at)}: the clock was set back, from {time[at - 1]:.9g} to {time[at]:.9g} "
         f"{unit}{again}: split"
     )
-    return replace(samples, notes=(*samples.notes, note)).cut(sampling.pieces(samples.size, resets))
+    return replace(samples, notes=(*samples.notes, note)).cut(
+        sampling.cut_after(samples.size, resets)
+    )
 
 
 def _at_gaps(samples: Samples, data: Data, unit: str) -> list[Samples]:
@@ -145,7 +147,7 @@ def _at_gaps(samples: Samples, data: Data, unit: str) -> list[Samples]:
             "or raise `longer_than`.",
         )
     return replace(samples, notes=(*samples.notes, f"{found}: split")).cut(
-        sampling.pieces(samples.size, gaps.after)
+        sampling.cut_after(samples.size, gaps.after)
     )
 
 

@@ -28,7 +28,6 @@ from mapmore_cli.ingestion.curves import (
     static_model,
     with_damping,
     with_plateau,
-    with_scatter,
 )
 from mapmore_cli.ingestion.files import IngestSlice, Meter, Source, find_sources, relative_name
 from mapmore_cli.ingestion.samples import (
@@ -87,11 +86,8 @@ def build_dataset(
         if static is not None:
             logs = [[with_damping(piece, target, static, warn) for piece in log] for log in logs]
         units[PLATEAU] = "1"
-    levels = (
-        level_set(data.levels, [piece for log in logs for piece in log]) if data.levels else None
-    )
+    levels = level_set(data.levels, [one for log in logs for one in log]) if data.levels else None
     recordings, parts = cut_by_level(logs, levels)
-    levels = None if levels is None else with_scatter(levels, parts)
     for warning in (*warnings, *(told for recording in recordings for told in _losses(recording))):
         warn(warning)
     if static_run is not None:

@@ -22,7 +22,7 @@ from mapmore_cli.spec.sections.logs import Keep, Logs, SourceColumn
 from mapmore_cli.spec.units import convert, is_canonical, is_same, unit_of_file
 from mapmore_cli.storage.readers import READERS
 from mapmore_cli.storage.spool import by_blocks, chosen, counted, joined
-from mapmore_cli.storage.tables import RawTable, TableRequest, read_with
+from mapmore_cli.storage.tables import RawTable, TableRequest
 from mapmore_cli.storage.tables.cells import shortened
 
 TURNS = (3600.0, 86400.0)
@@ -138,7 +138,7 @@ def read_tables(
     )
     return [
         _in_model_units(raw, table, data.missing_rule.numbers, units)
-        for raw in read_with(READERS[table.reader], log.path, request)
+        for raw in READERS[table.reader].read(log.path, request)
     ]
 
 

@@ -26,7 +26,7 @@ LEFT_OUT = (
 
 
 @dataclass(frozen=True)
-class Slice:
+class ReportSlice:
     """What the report shows beyond the results: everything else in the resolved spec makes an
     earlier stage stale.
     """
@@ -39,33 +39,34 @@ class Slice:
     unconfirmed: tuple[str, ...] = ()
 
 
-def reads(spec: ExperimentSpec) -> Slice:
+def report_slice(spec: ExperimentSpec) -> ReportSlice:
     """Return the stage's slice of the spec."""
     split = spec.data.split
     left_out = (
         "level" if split.leave_one_level_out else "group" if split.leave_one_group_out else ""
     )
-    return Slice(spec.name, spec.muscle, spec.validation, spec.report, left_out, spec.unconfirmed)
+    return ReportSlice(
+        spec.name, spec.muscle, spec.validation, spec.report, left_out, spec.unconfirmed
+    )
 
 
-def run(part: Slice, workspace: Workspace) -> None:
+def write_pages(part: ReportSlice, workspace: Workspace) -> None:
     """Collect the results of the run and write the page, with what was tried where the structure
     was searched.
     """
     from mapmore_cli.annexes.search.stage import SEARCH, read_search
     from mapmore_cli.reporting.report import write_report
 
-    search = read_search(workspace.run_dir / SEARCH) if workspace.searched else None
     inputs = replace(
         collected(part, workspace.run_dir, workspace.spec_text),
-        search=search,
+        search=read_search(workspace.run_dir / SEARCH) if workspace.searched else None,
     )
     for warning in faults_of(inputs.style):
         workspace.warn(warning)
     write_report(inputs, workspace.out / "report", part.report.figures, part.report.formats)
 
 
-def collected(part: Slice, run_dir: Path, spec_text: str = "") -> ReportInputs:
+def collected(part: ReportSlice, run_dir: Path, spec_text: str = "") -> ReportInputs:
     """Return the results of the stages before, with what the spec says of the report."""
     from mapmore_cli.checking.findings import sentences
     from mapmore_cli.modelling.kinds import equations as model_equations
@@ -78,11 +79,13 @@ def collected(part: Slice, run_dir: Path, spec_text: str = "") -> ReportInputs:
     if turned is not None:
         dataset = replace(dataset, target=turned)
     muscle = {"name": part.muscle.name, "kind": part.muscle.kind}
-    muscle |= {
-        key: f"{value * 1000:g} mm"
-        for key, value in part.muscle.lengths.items()
-        if value is not None
-    }
+    for key, length in part.muscle.lengths.items():
+        muscle[key] = None if length is None else f"{length * 1000:g} mm"
+    notes = [LEFT_OUT.format(part.left_out)] if part.left_out else []
+    if turned is not None:
+        notes.append(
+            f"The model predicts {model.output.name}; it is inverted, and scored as {turned}."
+        )
     return ReportInputs(
         name=part.name,
         muscle={key: word for key, word in muscle.items() if word is not None},
@@ -98,14 +101,7 @@ def collected(part: Slice, run_dir: Path, spec_text: str = "") -> ReportInputs:
         provenance=tool_versions(),
         unconfirmed=part.unconfirmed,
         doubts=sentences(run_dir),
-        notes=(
-            *([LEFT_OUT.format(part.left_out)] if part.left_out else []),
-            *(
-                [f"The model predicts {model.output.name}; it is inverted, and scored as {turned}."]
-                if turned is not None
-                else []
-            ),
-        ),
+        notes=tuple(notes),
         style=FigureStyle(
             style.width / METRES_PER_INCH,
             style.font,
@@ -176,7 +172,7 @@ def drawn_figure(
             f"--set {other}: changes more than looks",
             f"set a key of {LOOKS.rstrip('.')}, or run the study anew",
         )
-    inputs = collected(reads(load(run_dir / "experiment.yaml", looks).spec), run_dir)
+    inputs = collected(report_slice(load(run_dir / "experiment.yaml", looks).spec), run_dir)
     for warning in faults_of(inputs.style):
         warn(warning)
     inputs = inputs.beside(models) if models else inputs
@@ -202,22 +198,15 @@ def _in_units(model: Model, units: Mapping[str, str]) -> dict[str, tuple[Equatio
     if not units:
         return {}
     rates = {signal.name: signal.of for signal in model.signals if signal.kind == "rate"}
-    known = {
-        **{quantity.name: quantity.unit for quantity in model.inputs if quantity.name not in rates},
-        **units,
-    }
-    named = {quantity.name: default_unit(quantity.name, known, rates) for quantity in model.inputs}
-    factors = {
-        quantity.name: convert(1.0, named[quantity.name], quantity.unit)
-        for quantity in model.inputs
-    }
-    changed = {
-        quantity.name: factors[quantity.name]
-        for quantity in model.inputs
-        if named[quantity.name] != quantity.unit
-    }
-    words = ", ".join(f"{name} in {named[name]}" for name in changed)
-    return {words: model_equations(model, changed)} if changed else {}
+    known = {one.name: one.unit for one in model.inputs if one.name not in rates}
+    known |= units
+    factors, words = dict[str, float](), list[str]()
+    for one in model.inputs:
+        unit = default_unit(one.name, known, rates)
+        if unit != one.unit:
+            factors[one.name] = convert(1.0, unit, one.unit)
+            words.append(f"{one.name} in {unit}")
+    return {", ".join(words): model_equations(model, factors)} if factors else {}
 
 
-STAGE = Stage(name="report", revision=6, outputs=("report",), reads=reads, run=run)
+STAGE = Stage(name="report", revision=6, outputs=("report",), reads=report_slice, run=write_pages)

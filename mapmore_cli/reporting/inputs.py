@@ -18,8 +18,6 @@ from mapmore_cli.domain.recording import Curve, Dataset, Quantity
 from mapmore_cli.domain.results import FitResult, Search, Validation
 from mapmore_cli.domain.scores import REPEATABILITY, SIMPLE, Published, deciding
 from mapmore_cli.modelling.kinds import outside_range, page_of, runs_over_time
-from mapmore_cli.modelling.memory.feedback import fed_back_states
-from mapmore_cli.modelling.memory.free_run import started
 from mapmore_cli.modelling.validation.intervals import ends, half_widths_of
 
 INTERVAL = 0.95
@@ -210,18 +208,6 @@ class ReportInputs:
     def has_memory(self) -> bool:
         """True where the model runs along recordings, by itself or as a part of a sum."""
         return runs_over_time(self.model)
-
-    @property
-    def start(self) -> str | None:
-        """How free runs of a model with memory begin, in a sentence; None where its output is not
-        fed back.
-        """
-        memory = self.fit.memory
-        return (
-            None
-            if memory is None or not fed_back_states(memory.model.states, memory.model.output)
-            else started(memory.model)
-        )
 
     @property
     def left_out(self) -> LeftOut | None:

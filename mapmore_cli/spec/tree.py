@@ -98,6 +98,15 @@ def written(node: Node, way: Loc = (), around: Mapping[str, Any] = MappingProxyT
     return node.value
 
 
+def plain(node: Node) -> Any:
+    """Return the bare value: dicts, lists, scalars."""
+    if isinstance(node.value, dict):
+        return {key: plain(child) for key, child in node.value.items()}
+    if isinstance(node.value, list):
+        return [plain(child) for child in node.value]
+    return node.value
+
+
 def nearest(root: Node, loc: Loc) -> Node:
     """Return the node at `loc`, or its closest ancestor that the sources hold."""
     node = root

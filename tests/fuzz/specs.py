@@ -391,17 +391,15 @@ def _has_values(term: terms.Expression, states: bool) -> bool:
         return bool(np.isfinite(terms.evaluate(term, ROWS, len(ROWS["force"]))).all())
 
 
-TARGET = Target("specs", attempt, ("spec",), past=("loaded", "refused (exit 3)"), warm=warm)
+TARGET = Target("specs", attempt, past=("loaded", "refused (exit 3)"), warm=warm)
 RUNS = Target(
     "runs",
     run,
-    ("pipeline",),
     past=tuple(
         f"{end}{kind}"
         for kind in ("", WITH)
         for end in ("done", *(f"refused (exit {code})" for code in (3, 4, 5, 6)))
     ),
     longest=20,  # the number of terms of a model with memory is chosen by some thirty fits
-    traced=10,
     warm=warm_runs,
 )

@@ -377,8 +377,6 @@ OTHER_SLIPS = [
     # free run
     (NO_DELAYS, "max_terms: 4", "max_terms: 4, ▸criterion: free_run",
         ["nothing of the output displacement is fed back", "add delays"]),
-    (MOTION, "max_terms: 4", "max_terms: 4, ▸select: free_run, criterion: free_run",
-        ["need `stop: free_run`", "remove `select`"]),
     # what is of memory alone
     (FORCE, "order: 2}}]", "order: 2}}]\nfit: {▸ridge: 0.1}",
         ["`ridge` belongs to terms with memory", "remove it"]),

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from spec_examples import DAMPING, FORMULA, GOOD, LOGS, MEASURED, MOTION, SHIPPED, STATIC, load_text
 
+from mapmore_cli.fitting.kinds.choices import model_choices
 from mapmore_cli.fitting.kinds.dictionary import signals_of, units_of
 from mapmore_cli.fitting.kinds.pieces import cuts_of, recipe_of
 from mapmore_cli.modelling.pieces.recipe import BelowAbove, CutByDirection, Cuts
@@ -193,12 +194,7 @@ def test_weights_between_step_pressures_go_by_the_pressure(tmp_path: Path) -> No
     spec = load_text(
         tmp_path, DAMPING.replace("step_pressure: none}", "step_pressure: levels}")
     ).spec
-    assert (
-        recipe_of(
-            "damping", spec.data.levels, spec.segment, spec.dictionary, spec.fit, spec.fuse
-        ).level
-        == "pressure"
-    )
+    assert recipe_of("damping", model_choices(spec)).level == "pressure"
 
 
 BREAKPOINTS = "{method: breakpoints, at: [100 kPa, 2]}"

@@ -22,7 +22,7 @@ from mapmore_cli.annexes.motion.simulation import last_wavelength
 from mapmore_cli.domain.errors import DataError, MapmoreError, SpecError, told
 from mapmore_cli.domain.scores import Score
 from mapmore_cli.modelling.expressions import ExpressionError, evaluate, parse
-from mapmore_cli.pipeline.report import collected, drawn_figure, reads
+from mapmore_cli.pipeline.report import collected, drawn_figure, report_slice
 from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.reporting.table import Cell, Column, Table, environment
 from mapmore_cli.reporting.tables import all_tables
@@ -353,7 +353,7 @@ def _tables(run_dir: Path) -> dict[str, Table]:
     """Return the tables of a run's page; `scores` has every row, under the names that the specs
     have, and `curves` what was measured.
     """
-    shown = all_tables(collected(reads(load(run_dir / "experiment.yaml").spec), run_dir))
+    shown = all_tables(collected(report_slice(load(run_dir / "experiment.yaml").spec), run_dir))
     names = [one.name for one in fields(Score)]
     rows = tuple(
         tuple(getattr(row, name) for name in names) for row in RunFiles(run_dir).scores().scores

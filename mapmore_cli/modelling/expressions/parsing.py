@@ -163,7 +163,7 @@ class _Parser(Tokens):
         if self.next.kind == "(":
             if self.ranged and token.text == RANGED:
                 return self.ranged(self._bracket())
-            return call(_function(token), self._bracket())
+            return call(_known_function(token), self._bracket())
         if token.text in FUNCTIONS:
             raise ExpressionError(
                 f"`{token.text}` is a function: write {token.text}(...)", token.position
@@ -185,7 +185,7 @@ class _Parser(Tokens):
             )
 
 
-def _function(token: Token) -> str:
+def _known_function(token: Token) -> str:
     if token.text in FUNCTIONS:
         return token.text
     near = difflib.get_close_matches(token.text, FUNCTIONS, n=1)

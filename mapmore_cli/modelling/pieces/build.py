@@ -123,7 +123,7 @@ def segment(
     fitted = {curve.id: residual_of(curve, recipe.target, backbone) for curve in training}
 
     def cost(curve: Curve, rows: IntArray) -> float:
-        if len(rows) <= recipe.fit.most_terms:
+        if len(rows) <= recipe.fit.max_terms:
             return float("inf")
         trial = Segment(f"{curve.id}/trial", curve.id, (), rows)
         found = fit_segment(trial, samples_of(fitted[curve.id], rows), terms, recipe)
@@ -168,7 +168,7 @@ def fit_segment(
     All placements share the slope of y, so their scaled SSE compare. Rows are sorted first: the
     numbers then do not depend on the order in which a logger wrote them.
     """
-    n, most = len(segment.rows), recipe.fit.most_terms
+    n, most = len(segment.rows), recipe.fit.max_terms
     if n <= most:
         ways = (
             f"use fewer segments, join them by `min_samples: {most + 1}`, keep more samples "
@@ -210,8 +210,8 @@ def _selection(terms: Sequence[Expression], z: Columns, y: Array, recipe: Recipe
     """FROLS on the dictionary, which is never there as a whole where it need not be read more than
     once or twice.
     """
-    n, how = len(y), (recipe.fit.most_terms, recipe.fit.tolerance)
-    if reads_once(n, len(terms), recipe.fit.most_terms):
+    n, how = len(y), (recipe.fit.max_terms, recipe.fit.tolerance)
+    if reads_once(n, len(terms), recipe.fit.max_terms):
         return frols_streamed(
             lambda: ((P, y[rows]) for rows, P in dictionary_blocks(terms, z, n)),
             *how,

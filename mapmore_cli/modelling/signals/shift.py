@@ -117,7 +117,7 @@ def _peak(
     if min(len(one), len(other)) <= 4 * width:
         return None
     u, v = changes(one, width), changes(other, width)
-    r, lags, overlap = correlation(u, v)
+    r, lags, overlap = correlation_by_lag(u, v)
     shifts = offset + step * lags
     size = r.clip(0.0, None) if same_sign else np.abs(r)
     top = int(np.argmax(size))
@@ -165,7 +165,7 @@ def changes(y: Array, width: int) -> Array:
     return found
 
 
-def correlation(u: Array, v: Array) -> tuple[Array, Array, Array]:
+def correlation_by_lag(u: Array, v: Array) -> tuple[Array, Array, Array]:
     """Pearson's r of `u[i + lag]` and `v[i]` over the samples in which they overlap, with the lags
     and the numbers of samples, each `(k,)`.
 

@@ -16,8 +16,8 @@ from mapmore_cli.modelling.expressions.families import (
     operated,
     products,
 )
+from mapmore_cli.modelling.expressions.operators.lags import spread_times
 from mapmore_cli.modelling.expressions.operators.play import spread_widths
-from mapmore_cli.modelling.expressions.operators.slow import spread_times
 
 
 @settings(deadline=None)

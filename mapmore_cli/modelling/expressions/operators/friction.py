@@ -1,6 +1,4 @@
-"""Smooth friction of a velocity: Coulomb's sign and Stribeck's excess near standstill. They have no
-memory.
-"""
+"""What has no memory: the smooth sign of a velocity, Coulomb's friction; and saturation."""
 
 from __future__ import annotations
 
@@ -13,13 +11,8 @@ from mapmore_cli.modelling.expressions.operator import (
     Setting,
 )
 
-WIDTHS = (
-    0.001,
-    0.004,
-    0.016,
-    0.064,
-    0.25,
-)  # velocities that a search begins from, as fractions of the training range
+# velocities that a search begins from, as fractions of the training range
+WIDTHS = (0.001, 0.004, 0.016, 0.064, 0.25)
 FINEST, COARSEST = 1e-4, 4.0  # least and greatest of them: a jump, and a straight line
 
 
@@ -27,6 +20,12 @@ def coulomb(setting: Setting) -> Recursion:
     """Return `tanh(x/v)`, v as a fraction of the training range of x."""
     v = setting.width or 1.0
     return Recursion(0, 0, lambda m, x: m.call("tanh", x / v), lambda x: math.tanh(x / v))
+
+
+def saturate(setting: Setting) -> Recursion:
+    """Return `s[k] = min(max(x[k], low), high)`; it has no memory."""
+    low, high = setting.limits
+    return Recursion(0, 0, lambda m, x: m.clip(x, low, high), lambda x: x)
 
 
 OPERATORS = (
@@ -41,5 +40,11 @@ OPERATORS = (
         ),
         needs="range",
         starts=lambda _step, _longest: tuple((v,) for v in WIDTHS),
+    ),
+    Operator(
+        name="saturate",
+        summary="The quantities `of`, held at the ends of their training range.",
+        recursion=saturate,
+        needs="range",
     ),
 )
