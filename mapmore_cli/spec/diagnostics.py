@@ -46,7 +46,10 @@ class Finding:
     @property
     def loc(self) -> Loc:
         """Keys and list indices."""
-        return self.way.removesuffix(":").split(".") if isinstance(self.way, str) else self.way
+        if not isinstance(self.way, str):
+            return self.way
+        steps = self.way.removesuffix(":").split(".")
+        return [int(step) if step.isdecimal() else step for step in steps]
 
 
 def locate(finding: Finding, root: Node) -> Mistake:

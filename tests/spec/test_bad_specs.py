@@ -361,7 +361,7 @@ OTHER_SLIPS = [
         "remove it"]),
     (MOTION, "last: 0.5", "▸fraction: 0.5", ["drawn at random", "`last: 0.25`"]),
     (MOTION, "  resample", "  ▸cycles: {over: pressure, samples: 100}\n  resample",
-        ["`cycles` puts samples in the order of `pressure`"]),
+        ["`cycles` takes samples out of the order of time"]),
     (MOTION, "fit:", "segment: {▸pressure: {method: even, count: 2}}\nfit:",
         ["`pressure` cannot be cut", "`pressure: none`"]),
     (MOTION, "  resample", "  ▸levels: {of: load, at: [1, 2]}\n  resample",
