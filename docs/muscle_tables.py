@@ -17,7 +17,7 @@ from scipy.optimize import brentq, least_squares
 
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.modelling import literature
-from mapmore_cli.modelling.literature.identifiability import half_width
+from mapmore_cli.modelling.literature.linear import half_width
 from mapmore_cli.modelling.validation.metrics import uncentred
 from mapmore_cli.reporting.table import Cell, Table
 

@@ -524,10 +524,7 @@ def _weights(pieces: Pieces) -> dict[str, Any]:
     return {
         **picked(pieces.fusion, "transition", "z_s", "extrapolation"),
         "levels": [curve.level for curve in pieces.curves if curve.level is not None],
-        **picked(pieces.fusion, "between_levels=levels", "aligned"),
-        "thresholds": {
-            curve.curve: curve.threshold for curve in pieces.curves if curve.threshold is not None
-        },
+        **picked(pieces.fusion, "between_levels=levels"),
         "shrink": pieces.fusion.shrink,
         "curves": curves,
     }
@@ -539,11 +536,8 @@ def _fusion_line(pieces: Pieces) -> str:
         f"{name}: {below} below, {above} above"
         for name, (below, above) in fusion.extrapolation.items()
     )
-    between = fusion.levels + (
-        f", aligned at the threshold along {fusion.aligned}" if fusion.aligned else ""
-    )
     carried = f", {fusion.shrink:.0%} of the residual midway" if fusion.shrink < 1 else ""
     return (
         f"Transition: {fusion.transition}, z_s = {fusion.z_s:g}. Between levels: "
-        f"{between}{carried}. Extrapolation: {sides}."
+        f"{fusion.levels}{carried}. Extrapolation: {sides}."
     )

@@ -12,7 +12,7 @@ from mapmore_cli.domain.fits import FormulaFit, SegmentFit
 from mapmore_cli.domain.models import Equation, FoldError
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import FitResult
-from mapmore_cli.modelling.literature.identifiability import half_width
+from mapmore_cli.modelling.literature.linear import half_width
 from mapmore_cli.modelling.literature.own import units_of_parameters
 from mapmore_cli.modelling.validation.metrics import Band, bands
 from mapmore_cli.modelling.validation.repeatability import floors

@@ -29,7 +29,7 @@ from mapmore_cli.spec.tree import Loc
 from mapmore_cli.spec.units import CANONICAL, check_unit, convert, default_unit, is_canonical
 
 if TYPE_CHECKING:
-    from mapmore_cli.modelling.literature import LiteratureModel
+    from mapmore_cli.modelling.literature import Formula
 
 STATIC_RUN = "add `needs: {static: my-static.yaml}`"
 MOTION = ("damping", "dynamic")
@@ -161,23 +161,14 @@ def after_cycles(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def joining(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Require something for what is set about the way between levels, or about a residual, to act
-    on.
-    """
+    """Require levels to interpolate between where the spec says how."""
     pooled = spec.data.levels is None or spec.segment.get(spec.data.levels.of) == "none"
-    for key in spec.fuse.changed:
-        if key in ("levels", "align") and pooled:
-            yield Finding(
-                f"fuse.{key}:",
-                "there are no levels to interpolate between",
-                f"remove `{key}`, or add `levels` to `data`",
-            )
-        if key == "shrink" and spec.model.backbone is None:
-            yield Finding(
-                "fuse.shrink:",
-                "there is no residual to carry",
-                "remove it, or give the `model` a `backbone`",
-            )
+    if "levels" in spec.fuse.changed and pooled:
+        yield Finding(
+            "fuse.levels:",
+            "there are no levels to interpolate between",
+            "remove `levels`, or add `levels` to `data`",
+        )
 
 
 def chosen_levels(spec: ExperimentSpec) -> Iterator[Finding]:
@@ -392,7 +383,7 @@ def _sum(spec: ExperimentSpec, parts: Sequence[Summand], loc: Loc) -> Iterator[F
 # --------------------------------------------------------------------------------------------------
 
 
-def formula_called(spec: ExperimentSpec, name: str | None) -> LiteratureModel | None:
+def formula_called(spec: ExperimentSpec, name: str | None) -> Formula | None:
     """Return a formula of the literature, or of the spec's own; None for another name, or where it
     cannot be read.
     """
@@ -404,7 +395,7 @@ def formula_called(spec: ExperimentSpec, name: str | None) -> LiteratureModel | 
     return literature.get(name) if name in literature.names() else None
 
 
-def _defined(spec: ExperimentSpec, one: OwnFormula) -> LiteratureModel:
+def _defined(spec: ExperimentSpec, one: OwnFormula) -> Formula:
     units = {
         name: default_unit(name, spec.units) for name in (*spec.quantities, spec.target_quantity)
     }
@@ -464,9 +455,7 @@ def formulas(spec: ExperimentSpec) -> Iterator[Finding]:
             yield from _needs(spec, name, formula, loc)
 
 
-def _needs(
-    spec: ExperimentSpec, name: str, formula: LiteratureModel, loc: Loc
-) -> Iterator[Finding]:
+def _needs(spec: ExperimentSpec, name: str, formula: Formula, loc: Loc) -> Iterator[Finding]:
     if loc == ("model", "name") and not formula.inputs:
         yield Finding(loc, f"`{name}` is no function of anything", "name it in `validate.against`")
     for dimension in formula.dimensions:

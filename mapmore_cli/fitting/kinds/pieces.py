@@ -136,16 +136,14 @@ def backbone_name(part: FitChoices, dataset: Dataset) -> str | None:
 
 
 def build(part: ModelChoices, given: Given, result: FitResult) -> Model:
-    """Fuse; on a backbone, keep as much of the residual as left-out training data support, unless
-    the spec says how much.
-    """
+    """Fuse; on a backbone, keep as much of the residual as left-out training data support."""
     from mapmore_cli.modelling.pieces import build as method
     from mapmore_cli.modelling.pieces.cross_validation import with_trusted_residual
 
     quantities = given.dataset.quantities
     curves, recipe = _trained(part, given.dataset)
     model = method.fuse(part.name, curves, given.segmentation, result, recipe, quantities)
-    if result.backbone is None or recipe.fuse.shrink != AUTO:
+    if result.backbone is None:
         return model
     return with_trusted_residual(
         model, curves, recipe, quantities, lambda done, total: given.progress("folds", done, total)

@@ -17,7 +17,7 @@ from mapmore_cli.domain.models import Formula as Body
 from mapmore_cli.modelling.expressions import to_text
 from mapmore_cli.modelling.kinds import Kind
 from mapmore_cli.modelling.literature import formulas
-from mapmore_cli.modelling.literature.formula import LOAD_CYCLES, TARGET, Formula, LiteratureModel
+from mapmore_cli.modelling.literature.formula import LOAD_CYCLES, TARGET, Formula
 from mapmore_cli.modelling.literature.own import formula_of, is_definition, is_family
 from mapmore_cli.modelling.literature.problem import Nonlinear
 
@@ -27,7 +27,6 @@ __all__ = [
     "LOAD_CYCLES",
     "TARGET",
     "Formula",
-    "LiteratureModel",
     "Nonlinear",
     "UnknownFormula",
     "get",
@@ -55,9 +54,9 @@ class UnknownFormula(KeyError):
 
 
 @cache
-def _published() -> dict[str, LiteratureModel]:
+def _published() -> dict[str, Formula]:
     """Return the formulas of all files by name, in alphabetical order."""
-    found: dict[str, LiteratureModel] = {}
+    found: dict[str, Formula] = {}
     for file in pkgutil.iter_modules(formulas.__path__):
         module = import_module(f"{formulas.__name__}.{file.name}")
         for formula in getattr(module, "FORMULAS", None) or (module.FORMULA,):
@@ -72,7 +71,7 @@ def names() -> tuple[str, ...]:
     return tuple(_published())
 
 
-def get(name: str) -> LiteratureModel:
+def get(name: str) -> Formula:
     """Return the formula called `name`, or defined by it; raises `UnknownFormula` with the nearest
     name.
     """
@@ -87,7 +86,7 @@ def get(name: str) -> LiteratureModel:
     return _published()[name]
 
 
-def of(fit: FormulaFit) -> LiteratureModel:
+def of(fit: FormulaFit) -> Formula:
     """Return the formula that was fitted."""
     return get(fit.formula)
 
@@ -108,7 +107,7 @@ def reference() -> str:
     )
 
 
-def _described(formula: LiteratureModel) -> str:
+def _described(formula: Formula) -> str:
     expression = getattr(formula, "expression", None)
     lines = [f"### {formula.name}\n", f"{formula.about}\n"]
     lines += [f"    {to_text(expression)}\n"] if expression is not None else []

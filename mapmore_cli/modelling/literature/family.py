@@ -24,7 +24,7 @@ from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.modelling.expressions import Expression, Name, Number, parse, substitute, to_text
-from mapmore_cli.modelling.literature.formula import Formula
+from mapmore_cli.modelling.literature.formula import Formula, with_numbers
 from mapmore_cli.modelling.literature.formulas.sarosi_hinged import COMPUTED, PRINTED
 from mapmore_cli.modelling.literature.formulas.sarosi_hinged import FORMULA as SHAPE
 from mapmore_cli.modelling.literature.own import FamilySettings, definition, formula_of
@@ -93,9 +93,7 @@ class Family(Formula):
     settings: FamilySettings = field(kw_only=True)
     metres: float = field(kw_only=True)
 
-    def fit(
-        self, columns: Columns, y: Array, method: str | None = None, *, advice: bool = True
-    ) -> FormulaFit:
+    def fit(self, columns: Columns, y: Array, method: str | None = None) -> FormulaFit:
         """Fit the scales of all specimens and their common function; standard errors are those of
         the function.
 
@@ -112,7 +110,7 @@ class Family(Formula):
         zero, largest = ends.T
         a, b = self._law(which * self.metres, largest)
         normal = (y - zero[number]) / largest[number]
-        shape = SHAPE.fit(columns, normal, method, advice=advice)
+        shape = SHAPE.fit(columns, normal, method)
         parameters = {"zero": float(zero.mean()), "a": a, "b": b, **shape.parameters}
         residual = self.predict(parameters, columns) - y
         unknown = dict.fromkeys(("zero", "a", "b"), math.nan)
@@ -158,9 +156,7 @@ class Family(Formula):
     def equation(self, fit: FormulaFit) -> Expression:
         """Return the formula with its numbers, the hinge as a person would write it."""
         text = f"zero + ({_scale_text(self.settings, self.metres)})*({PRINTED})"
-        return substitute(
-            parse(text), {name: Number(value) for name, value in fit.parameters.items()}
-        )
+        return with_numbers(parse(text), fit.parameters)
 
 
 def _ends(y: Array) -> tuple[float, float]:

@@ -24,9 +24,8 @@ from mapmore_cli.modelling.expressions import (
     to_latex,
     to_text,
 )
-from mapmore_cli.modelling.expressions.syntax import Call, Condition, Power, Product, Sum
-from mapmore_cli.modelling.literature import piecewise
-from mapmore_cli.modelling.program.writing import Inputs, Writer, limit, times, total
+from mapmore_cli.modelling.literature.formula import with_numbers
+from mapmore_cli.modelling.program.writing import Inputs, Writer, limit
 
 BLOCK = 2**18
 """Rows at a time: few enough to stay in the processor's cache, and enough for every region to have
@@ -146,70 +145,10 @@ def formula_value(
             "fit it to other data, or choose another formula",
         )
     model = literature.of(fit)
-    match model:
-        case piecewise.PiecewiseFormula():
-            return _by_region(m, model, fit, inputs)
-        case literature.Formula():
-            return m.let("formula", with_numbers(model.expression, fit.parameters, inputs))
-    raise DataError(
-        f"{fit.name} searches for the free strain at every sample, which is no closed "
-        "expression: it cannot be exported",
-        "export the models that it is compared with, or a formula of the damping force itself",
-    )
-
-
-def with_numbers(
-    expression: Expression, numbers: Mapping[str, float], names: Mapping[str, Expression]
-) -> Expression:
-    """Put in numbers and other names as they stand; `substitute` would fold numbers, and round
-    otherwise than a prediction.
-    """
-    match expression:
-        case Name(name):
-            return Number(numbers[name]) if name in numbers else names[name]
-        case Sum(terms):
-            return total([with_numbers(term, numbers, names) for term in terms])
-        case Product(factors):
-            return times(*(with_numbers(factor, numbers, names) for factor in factors))
-        case Power(base, exponent):
-            return Power(with_numbers(base, numbers, names), exponent)
-        case Call(function, argument):
-            return Call(function, with_numbers(argument, numbers, names))
-    return expression
-
-
-def _by_region(
-    m: Writer, model: piecewise.PiecewiseFormula, fit: FormulaFit, inputs: Mapping[str, Expression]
-) -> Expression:
-    """Write the local formula of the region that the sample lies in; zero in none."""
-    value: Expression = Number(0.0)
-    for region in reversed(model.regions):
-        own = {name: fit.parameters[region.parameter(name)] for name in model.local.parameters}
-        value = _where(
-            m, region.conditions, inputs, with_numbers(model.local.expression, own, inputs), value
+    if model.fitted_to == literature.LOAD_CYCLES:
+        raise DataError(
+            f"{fit.name} searches for the free strain at every sample, which is no closed "
+            "expression: it cannot be exported",
+            "export the models that it is compared with, or a formula of the damping force itself",
         )
-    return value
-
-
-def _where(
-    m: Writer,
-    conditions: Sequence[piecewise.Condition],
-    inputs: Mapping[str, Expression],
-    inside: Expression,
-    outside: Expression,
-) -> Expression:
-    """Write `inside` where all conditions hold, else `outside`."""
-    first, *rest = conditions
-    holds = Condition(inputs[first.quantity], first.comparison, Number(first.value))
-    return m.choose(
-        "region",
-        [
-            (
-                holds,
-                lambda: (
-                    _where(m, rest, inputs, inside, outside) if rest else m.let("local", inside)
-                ),
-            )
-        ],
-        outside,
-    )
+    return m.let("formula", substitute(with_numbers(model.expression, fit.parameters), inputs))

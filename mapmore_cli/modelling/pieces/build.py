@@ -25,7 +25,7 @@ from mapmore_cli.domain.fits import (
     Selection,
 )
 from mapmore_cli.domain.models import CurveFunction, Fusion, Model, Pieces, SegmentFunction, Side
-from mapmore_cli.domain.recording import Curve, Quantity, united
+from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.domain.results import FitResult, PiecesFit
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.expressions import (
@@ -41,7 +41,6 @@ from mapmore_cli.modelling.frols import TIE_TOLERANCE, frols, frols_streamed, re
 from mapmore_cli.modelling.literature.backbone import residual_of
 from mapmore_cli.modelling.pieces.recipe import Recipe
 from mapmore_cli.modelling.pieces.segmentation import samples_of, segment_curve, training_curves
-from mapmore_cli.modelling.signals.rates import running_median
 
 # share of the segment whose mean stands for an end of the trend, so that the anchor does not hang
 # on one noisy sample
@@ -236,8 +235,7 @@ def fuse(
 ) -> Model:
     """Join the segment functions; curves come in the order of their levels.
 
-    Where the recipe leaves it open how far a residual is carried between levels, all of it is: see
-    `cross_validation`.
+    All of a residual is carried between levels; `cross_validation` says how much of it is kept.
     """
     backbone, level, asked = result.backbone, recipe.level, recipe.fuse
     needed = {
@@ -246,14 +244,7 @@ def fuse(
         *(() if backbone is None else literature.of(backbone).inputs),
     }
     inputs = tuple(sorted(needed if level is None else {*needed, level}))
-    along = None
-    if (
-        level is not None and asked.align == "threshold"
-    ):  # along the first variable that is cut, else the first input that is not the level
-        along = next(iter([*recipe.cuts, *(name for name in inputs if name != level)]), None)
     training = {curve.id: curve for curve in training_curves(curves, level is not None)}
-    # without a backbone there is nothing to shrink towards
-    share = 1.0 if backbone is None or asked.shrink == "auto" else asked.shrink
     functions = []
     for s in sorted(segmentation, key=lambda s: (s.level is not None, s.level)):
         curve, rows = training[s.curve], {one.id: one.rows for one in s.segments}
@@ -268,28 +259,12 @@ def fuse(
                 level=s.level,
                 boundaries=s.boundaries,
                 limits={name: s.limits[name] for name in inputs},
-                segments=multiplied(segments, share)
-                if level is None and share != 1.0
-                else segments,
-                threshold=threshold(
-                    *(curve.columns[x][curve.training] for x in (along, recipe.target))
-                )
-                if along
-                else None,
+                segments=segments,
             )
         )
     several = list(dict.fromkeys(one.curve for one in result.segments if len(one.terms) > 1))
     sides = _extrapolation(recipe, inputs, "saturate" if several else "continue")
-    whole = {} if asked.limits == "curve" else united(curve.limits for curve in segmentation)
-    domain = {name: whole[name] for name in inputs if whole and name != level}
-    fusion = taken(
-        Fusion,
-        asked,
-        extrapolation=sides,
-        aligned=along,
-        shrink=1.0 if level is None else share,
-        domain=domain,
-    )
+    fusion = taken(Fusion, asked, extrapolation=sides)
     return Model(
         name=name,
         output=quantities[recipe.target],
@@ -383,42 +358,3 @@ def _remarks(
         "segments have several terms, so each curve saturates at the ends of its own range "
         "(fuse.extrapolation)",
     )
-
-
-FLAT, LOW = (
-    0.25,
-    0.2,
-    # a foot is less steep than this share of the flank, and rises by less than this share of the
-    # curve's span
-)
-WINDOW = 0.05  # of the curve's range: what the threshold is looked for on is smoothed that much
-
-
-def threshold(x: Array, y: Array) -> float:
-    """Return the corner between the foot of a curve and its flank; samples in any order, (n,).
-
-    Of all pairs of straight lines that meet at a point of the smoothed curve, the pair with the
-    least sum of squared errors has its corner there. A curve without a foot has its threshold at
-    the lower of its ends: on the left for a force that grows with pressure, on the right for one
-    that falls with strain. (A share of the span would not do: the foot of a measured muscle creeps
-    by a tenth of it.)
-    """
-    low, high = float(x.min()), float(x.max())
-    if low == high:
-        return low
-    at, smooth = running_median(x, y, WINDOW * (high - low))
-    corners = at[1:-1]
-    fits = [_two_lines(at - corner, smooth) for corner in corners]
-    best = int(np.argmin([sse for sse, _, _ in fits]))
-    _, left, right = fits[best]
-    corner = float(corners[best])
-    foot, flank, end = (left, right, low) if smooth[0] <= smooth[-1] else (right, left, high)
-    rise = abs(foot * (corner - end))
-    return corner if abs(foot) < FLAT * abs(flank) and rise < LOW * float(np.ptp(smooth)) else end
-
-
-def _two_lines(x: Array, y: Array) -> tuple[float, float, float]:
-    """Return the sum of squared errors and slopes of two lines that meet at x = 0."""
-    P = np.column_stack([np.ones(len(x)), np.minimum(x, 0.0), np.maximum(x, 0.0)])
-    parameters = np.linalg.lstsq(P, y, rcond=None)[0]
-    return float(np.sum((P @ parameters - y) ** 2)), float(parameters[1]), float(parameters[2])

@@ -48,30 +48,15 @@ def pieces_value(m: Writer, body: Pieces, inputs: Inputs) -> Expression:
         body.fusion.extrapolation[body.level],
     )
     m.knot(body.level, *levels)
-    along = body.fusion.aligned
-    ends = [
-        (*curve.limits[along], curve.threshold or 0.0) for curve in body.curves if along is not None
-    ]
-    marks = [(float(low), float(threshold), float(high)) for low, high, threshold in ends]
     level = m.choose(
         "level",
         _held(inputs[body.level], (levels[0], levels[-1]), sides, words=("saturate",)),
         inputs[body.level],
     )
-
-    def curve_at(left: int, right: int, number: int, t: Expression) -> Expression:
-        places = dict(inputs)
-        if along is not None:
-            places[along] = aligned(m, inputs[along], t, *(marks[i] for i in (left, right, number)))
-        return m.use("value", functions[number], [*(places[name] for name in free), level])
-
-    return across_levels(m, level, levels, sides, body.fusion, curve_at)
-
-
-CurveAt = Callable[[int, int, int, Expression], Expression]
-"""Writes a curve, given the numbers of the two levels that are joined, its own number, and the
-place t between the levels.
-"""
+    arguments = [*(inputs[name] for name in free), level]
+    return across_levels(
+        m, level, levels, sides, body.fusion, lambda i: m.use("value", functions[i], arguments)
+    )
 
 
 def across_levels(
@@ -80,7 +65,7 @@ def across_levels(
     levels: Sequence[float],
     sides: tuple[Side, Side],
     fusion: Fusion,
-    curve_at: CurveAt,
+    curve_at: Callable[[int], Expression],
 ) -> Expression:
     """Write the curves between their levels and beyond the outermost.
 
@@ -91,25 +76,21 @@ def across_levels(
 
     Beyond the outermost level, `continue` and `saturate` hold its curve, `continue_linear` goes on
     with the slope at that level, and `zero` lets the weight drop to zero (M2 figure 7d). `curve_at`
-    writes a curve, given the numbers of two levels, of the curve, and t.
+    writes the curve of a number.
     """
     last = len(levels) - 1
 
-    def alone(i: int) -> Expression:
-        return curve_at(i, i, i, ZERO)
-
-    def counting(
-        i: int,
-    ) -> (
-        range
-    ):  # between levels i and i + 1: with `pchip`, slopes there depend on the curves beside them
+    def counting(i: int) -> dict[int, Expression]:
+        """Write the curves that count between levels i and i + 1: with `pchip`, slopes there depend
+        on the curves beside them.
+        """
         reach = 0 if fusion.levels == "linear" else 1
-        return range(max(i - reach, 0), min(i + 1 + reach, last) + 1)
+        return {k: curve_at(k) for k in range(max(i - reach, 0), min(i + 1 + reach, last) + 1)}
 
     def between(i: int) -> Expression:
         width = levels[i + 1] - levels[i]
         t = m.let("t", (level - levels[i]) / width)
-        f = {number: curve_at(i, i + 1, number, t) for number in counting(i)}
+        f = counting(i)
         if fusion.levels == "linear":
             y = (1 - t) * f[i] + t * f[i + 1]
         else:
@@ -128,22 +109,22 @@ def across_levels(
         return m.let("between", y) * (fusion.shrink + (1 - fusion.shrink) * (1 - 2 * t) ** 2)
 
     def straight(end: int) -> Expression:
-        f = {number: curve_at(end, end, number, ZERO) for number in counting(min(end, last - 1))}
+        f = counting(min(end, last - 1))
         return f[end] + _slope(m, levels, f, end) * (level - levels[end])
 
     def beyond(end: int, side: Side) -> Callable[[], Expression]:
         if side == "zero":
             return lambda: ZERO
-        return partial(straight if side == "continue_linear" and last > 0 else alone, end)
+        return partial(straight if side == "continue_linear" and last > 0 else curve_at, end)
 
     below, above = beyond(0, sides[0]), beyond(last, sides[1])
     if last == 0:
         return m.choose(
-            "across", [(level < levels[0], below), (level > levels[0], above)], partial(alone, 0)
+            "across", [(level < levels[0], below), (level > levels[0], above)], partial(curve_at, 0)
         )
     cases: list[tuple[Condition, Callable[[], Expression]]] = [(level < levels[0], below)]
     cases += [
-        (Condition(level, "==", Number(at)), partial(alone, i)) for i, at in enumerate(levels)
+        (Condition(level, "==", Number(at)), partial(curve_at, i)) for i, at in enumerate(levels)
     ]
     for i in range(last):
         within = level < levels[i + 1] if i + 1 < last else level <= levels[last]
@@ -210,37 +191,6 @@ def _end_slope(m: Writer) -> str:
     )
 
 
-Marks = tuple[float, float, float]
-"""Low end, threshold and high end of a curve."""
-
-
-def aligned(
-    m: Writer, x: Expression, t: Expression, left: Marks, right: Marks, own: Marks
-) -> Expression:
-    """Write the place on one curve that corresponds to x: low end, threshold and high end answer to
-    those at x, linear between.
-
-    So each curve is looked up within its own range as long as x is within the range interpolated
-    for it. `left`, `right` and `own` are those marks of the two curves, at the place t between
-    them, and of the curve itself.
-    """
-    low, middle, high = (
-        m.let("mark", (1 - t) * a + t * b if a != b else a)
-        for a, b in zip(left, right, strict=True)
-    )
-    way = m.let("way", x - middle)
-
-    def along(width: float, between: Expression) -> Expression:
-        wide = m.let("wide", between)
-        return own[1] + way * m.where(wide > 0.0, lambda: width / wide, 1.0)
-
-    return m.where(
-        x < middle,
-        partial(along, own[1] - own[0], middle - low),
-        partial(along, own[2] - own[1], high - middle),
-    )
-
-
 def segment_value(
     m: Writer,
     segment: SegmentFunction,
@@ -289,7 +239,7 @@ def _curve_function(m: Writer, curve: CurveFunction, body: Pieces, free: Sequenc
     """
     fusion = body.fusion
     names = [*free, *([body.level] if body.level is not None else [])]
-    limits = {name: fusion.domain.get(name, curve.limits[name]) for name in free}
+    limits = {name: curve.limits[name] for name in free}
     straight = [name for name in free if "continue_linear" in fusion.extrapolation[name]]
     x = {name: Name(m.fresh(f"at_{name}")) for name in names}
     for name, boundaries in zip(body.variables, curve.boundaries, strict=True):

@@ -12,46 +12,40 @@ from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import Segment, SegmentedCurve
 from mapmore_cli.domain.recording import DIRECTION, Curve, united
-from mapmore_cli.modelling.pieces.recipe import Cut, CutByDirection, Cuts
+from mapmore_cli.modelling.pieces.recipe import CELLS, Cut, CutByDirection, Cuts
 from mapmore_cli.modelling.signals.rates import STEPS, running_median
 
-DEFAULT_WINDOW = 0.1  # of the curve's range
-# of the separation: two grid points exactly so far apart are far enough, whatever the unit
-ROUNDING = 1e-9
+WINDOW = 0.1  # of the curve's range: over which slopes are taken, and how far apart bends lie
+ROUNDING = 1e-9  # of the window: two grid points exactly so far apart are far enough
 # in a segment: where a curve has a gap its course is made up, and a bend there must not become a
 # segment of its own
 FEWEST_SAMPLES = 5
 
 
-def gradient_boundaries(x: Array, y: Array, cut: Cuts) -> Array:
+def gradient_boundaries(x: Array, y: Array, count: int) -> Array:
     """Return the `count - 1` inner boundaries at the largest peaks of |change of slope| of samples
     in any order, (n,), ascending.
 
-    No boundary lies nearer than the separation to another one or to an end of the range, or leaves
-    a segment with hardly any sample; there are fewer where the curve has fewer such peaks.
+    No boundary lies nearer than the window to another one or to an end of the range, or leaves a
+    segment with hardly any sample; there are fewer where the curve has fewer such peaks.
     """
+    from scipy.signal import find_peaks
+
     low, high = float(x.min()), float(x.max())
-    window = min(cut.window or DEFAULT_WINDOW * (high - low), high - low)
-    separation = (cut.separation or window) * (1 - ROUNDING)
+    window = WINDOW * (high - low)
+    apart = window * (1 - ROUNDING)
     at, change = slope_change(x, y, window)
-    height = np.where((at >= low + separation) & (at <= high - separation), np.abs(change), 0.0)
-    padded = np.concatenate([[0.0], height, [0.0]])
-    peaks = np.flatnonzero(
-        (height > padded[:-2]) & (height >= padded[2:])
-    )  # the first place of a plateau
-    chosen: list[float] = []
+    height = np.where((at >= low + apart) & (at <= high - apart), np.abs(change), 0.0)
+    peaks, _ = find_peaks(height)
+    boundaries: list[float] = []
     for peak in at[peaks[np.argsort(-height[peaks], kind="stable")]].tolist():
-        if len(chosen) == cut.segments - 1:
-            break
-        filled = (
-            np.bincount(
-                np.searchsorted(sorted([*chosen, peak]), x), minlength=len(chosen) + 2
-            ).min()
-            >= FEWEST_SAMPLES
-        )
-        if filled and all(abs(peak - other) >= separation for other in chosen):
-            chosen.append(peak)
-    return np.sort(np.array(chosen))
+        more = sorted([*boundaries, peak])
+        sizes = np.bincount(np.searchsorted(more, x), minlength=len(more) + 1)
+        if sizes.min() >= FEWEST_SAMPLES and all(
+            abs(peak - other) >= apart for other in boundaries
+        ):
+            boundaries.append(peak)
+    return np.sort(np.array(boundaries[: count - 1]))
 
 
 def slope_change(x: Array, y: Array, window: float) -> tuple[Array, Array]:
@@ -166,12 +160,12 @@ def cut_points(
                 np.array([low, *(b for b in cut.at or () if low < b < high), high]), x, cut.least
             )
         case "gradient":
-            return np.array([low, *gradient_boundaries(x, y, cut), high])
+            return np.array([low, *gradient_boundaries(x, y, cut.segments), high])
         case "optimal":
             order = np.lexsort((y, x))
             thinned = rows[order[:: -(-len(rows) // MOST_SAMPLES)]]
             return _optimal_points(
-                curve, thinned, name, np.linspace(low, high, cut.cells + 1), cut, cost
+                curve, thinned, name, np.linspace(low, high, CELLS + 1), cut, cost
             )
 
 
@@ -241,7 +235,7 @@ def _optimal_points(
         inside = rows[(x >= grid[i]) & (x <= grid[j])]
         return cost(curve, inside) if len(inside) >= cut.least else float("inf")
 
-    places = optimal_partition(interval, cut.cells, cut.segments)
+    places = optimal_partition(interval, CELLS, cut.segments)
     if places is None:
         what = (
             f"curve {curve.id}: cannot be cut into {cut.count} segments of at least "
@@ -249,7 +243,7 @@ def _optimal_points(
         )
         raise DataError(
             what,
-            f"use fewer segments, lower segment.{name}.min_samples, or raise segment.{name}.grid",
+            f"use fewer segments, or lower segment.{name}.min_samples",
         )
     return np.array([grid[0], *grid[list(places)], grid[-1]])
 

@@ -35,7 +35,7 @@ def test_one_level_is_rank_deficient_but_still_fits_what_it_shows(
     assert fit.status == "rank_deficient"
     assert fit.rank < len(formula.parameters)
     assert np.isfinite(list(fit.parameters.values())).all()
-    assert np.isnan(list(fit.errors.values())).all()
+    assert np.isnan(list(fit.errors.values())).any()
     assert any("rank" in note for note in fit.notes)
     if method == "variable_projection":
         assert np.sqrt(fit.sse / len(y)) < 0.1 * np.abs(y).max()

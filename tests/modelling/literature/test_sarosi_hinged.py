@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from literature_cases import noisy_wrist, sarosi, slack_muscle, wrist_points
 
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.modelling.expressions import evaluate, to_text
+from mapmore_cli.modelling.expressions import derivative, evaluate, to_text
 from mapmore_cli.modelling.literature import get, hinge, problem
 
 HINGED, PLAIN = get("sarosi_hinged"), get("sarosi")
@@ -213,7 +213,11 @@ def test_standard_errors_are_those_of_the_data_where_the_priors_are_weak() -> No
         name: np.full(len(y), value) for name, value in {**fit.parameters, "share": 1.0}.items()
     }
     jacobian = np.stack(
-        [evaluate(HINGED.gradient[name], {**columns, **alone}) for name in hinge.NAMES], axis=1
+        [
+            evaluate(derivative(HINGED.expression, name), {**columns, **alone})
+            for name in hinge.NAMES
+        ],
+        axis=1,
     )
     residual = HINGED.predict({**fit.parameters, "share": 1.0}, columns) - y
     lengths = np.linalg.norm(jacobian, axis=0)

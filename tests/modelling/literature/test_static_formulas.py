@@ -13,7 +13,6 @@ from scipy.optimize import brentq
 
 from mapmore_cli.modelling.expressions import to_latex, to_text
 from mapmore_cli.modelling.literature import Formula, UnknownFormula, get, names, problem
-from mapmore_cli.modelling.literature.problem import Problem
 
 WRIST_GRID = grid(np.arange(1.0, 8.0), np.linspace(0.0, 0.2, 13))
 
@@ -90,7 +89,7 @@ def test_rank_of_polynomial_5_by_number_of_pressures(pressures: int, rank: int) 
     )
     assert fit.rank == rank
     assert (fit.status == "rank_deficient") == (rank < 21)
-    assert np.isnan(list(fit.errors.values())).all() == (rank < 21)
+    assert np.isnan(list(fit.errors.values())).any() == (rank < 21)
     if rank < 21:
         assert f"rank {rank} of 21" in fit.notes[0]
         assert f"{pressures} of pressure" in fit.notes[0]
@@ -268,14 +267,12 @@ def test_a_condensed_problem_weighs_its_rows_by_their_samples() -> None:
     columns = scattered(0, 9000)
     columns["pressure"] = 50 + 550 * ((columns["pressure"] - 50) / 550) ** 4
     y = formula.predict(PLANTED["kerscher"], columns)
-    full = Problem(
-        formula.expression, formula.linear, formula.nonlinear, formula.gradient, columns, y
-    )
+    full = formula.problem(columns, y)
     few = full.condensed()
     assert len(few.y) <= problem.LIMIT < len(y)
     beta, c = np.array([0.5, -0.4]), np.array([0.9, 1.0, -0.5])
     for one in (full, few):
-        jacobian = one.jacobian(beta, c)
+        jacobian = one.slopes(formula.linear, beta, c)
         slope = one.residual(beta + np.array([1.0, 0.0]), c) - one.residual(
             beta, c
         )  # exact, as the formula is linear in it
@@ -285,8 +282,8 @@ def test_a_condensed_problem_weighs_its_rows_by_their_samples() -> None:
     assert np.sum(few.residual(beta, c) ** 2) == pytest.approx(
         np.sum(full.residual(beta, c) ** 2), rel=2e-3
     )
-    assert np.sum(few.target(c) ** 2) == pytest.approx(np.sum(y**2), rel=2e-3)
-    assert few.regressors(c).T @ few.target(c) == pytest.approx(full.regressors(c).T @ y, rel=2e-3)
+    products = [phi.T @ target for phi, target in (one.linear_at(c) for one in (full, few))]
+    assert products[1] == pytest.approx(products[0], rel=2e-3)
 
 
 @settings(deadline=None, max_examples=40)

@@ -43,7 +43,7 @@ def pieces(model, row):
     )
     within = x if straight else min(max(x, at[0]), at[-1])
     f = {
-        number: curve_value(model, model.body.curves[number], moved(model, row, number))
+        number: curve_value(model, model.body.curves[number], row)
         for number in counting(model, at, within)
     }
     if len(f) == 1:
@@ -77,32 +77,12 @@ def across(model, at, f, x):
     return float(interpolant(inside) + interpolant.derivative()(inside) * (x - inside))
 
 
-def moved(model, row, number):
-    """The row with the aligned variable at the place that corresponds on one curve."""
-    name = model.body.fusion.aligned
-    if name is None:
-        return row
-    at = np.array([curve.level for curve in model.body.curves])
-    marks = np.array(
-        [
-            [curve.limits[name][0], curve.threshold, curve.limits[name][1]]
-            for curve in model.body.curves
-        ]
-    )
-    here = [np.interp(row[model.level], at, mark) for mark in marks.T]
-    own, x = marks[number], row[name]
-    side = 0 if x < here[1] else 1
-    width = here[side + 1] - here[side]
-    slope = (own[side + 1] - own[side]) / width if width > 0 else 1.0
-    return {**row, name: own[1] + (x - here[1]) * slope}
-
-
 def curve_value(model, curve, row):
     at, beyond = dict(row), {}
     for name in row:
         if name == model.level:
             continue
-        low, high = model.body.fusion.domain.get(name, curve.limits[name])
+        low, high = curve.limits[name]
         for side, limit, out in zip(
             model.body.fusion.extrapolation[name],
             (low, high),

@@ -22,9 +22,9 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.fits import FormulaFit, Optimum
-from mapmore_cli.modelling.expressions import Expression, Number, parse, substitute
+from mapmore_cli.modelling.expressions import Expression, parse
 from mapmore_cli.modelling.literature import hinge
-from mapmore_cli.modelling.literature.formula import Formula
+from mapmore_cli.modelling.literature.formula import Formula, with_numbers
 from mapmore_cli.modelling.literature.formulas.sarosi import FORMULA as PLAIN
 
 GOOD_ENOUGH = 0.01  # RMSE/max|F| below which better is no longer a reason for a larger share
@@ -45,14 +45,7 @@ class SarosiHinged(Formula):
     computed in.
     """
 
-    def fit(
-        self,
-        columns: Columns,
-        y: Array,
-        method: str | None = None,
-        *,
-        advice: bool = True,  # noqa: ARG002
-    ) -> FormulaFit:
+    def fit(self, columns: Columns, y: Array, method: str | None = None) -> FormulaFit:
         """Penalised least-squares fit of the hinged part (`hinge.fit`), blended with the plain
         formula.
 
@@ -60,16 +53,9 @@ class SarosiHinged(Formula):
         share's is unknown; status and condition are those of the part with the larger share. Raises
         as `Formula.fit`.
         """
-        problem = self._problem(columns, y)
-        ordered = problem.columns, problem.y
-        return self._blended(
-            hinge.fit(*ordered), PLAIN.fit(*ordered, method, advice=False), *ordered
-        )
-
-    def _blended(
-        self, hinged: FormulaFit, plain: FormulaFit, columns: Columns, y: Array
-    ) -> FormulaFit:
-        """Return the blend; the parameters of a plain formula that has no share are zero."""
+        problem = self.problem(columns, y)
+        columns, y = problem.columns, problem.y
+        hinged, plain = hinge.fit(columns, y), PLAIN.fit(columns, y, method)
         usable, largest = plain.status == "converged", float(np.abs(y).max()) or 1.0
         own = {name: value if usable else 0.0 for name, value in plain.parameters.items()}
         parameters = {
@@ -122,9 +108,7 @@ class SarosiHinged(Formula):
         """Return the formula as a person would write it; where `hi - lo` is beyond 700 w it
         overflows, which `predict` does not.
         """
-        return substitute(
-            parse(PRINTED), {name: Number(value) for name, value in fit.parameters.items()}
-        )
+        return with_numbers(parse(PRINTED), fit.parameters)
 
 
 FORMULA = SarosiHinged(

@@ -8,8 +8,8 @@ is integrated exactly.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -20,15 +20,12 @@ from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.modelling.expressions import (
     Expression,
     Name,
-    Number,
     derivative,
     evaluate,
-    multiply,
     parse,
-    power,
     substitute,
 )
-from mapmore_cli.modelling.literature.formula import LOAD_CYCLES, LiteratureModel, merged, renamed
+from mapmore_cli.modelling.literature.formula import LOAD_CYCLES, Formula, with_numbers
 from mapmore_cli.modelling.literature.formulas.sarosi import FORMULA as SAROSI
 from mapmore_cli.modelling.literature.problem import finite, needed
 
@@ -84,6 +81,9 @@ class ForceCurve:
 
 
 UPPER, LOWER = "u", "l"
+CURVES = {UPPER: "upper", LOWER: "lower"}
+SEVERITY = ("converged", "at_bound", "stopped_by_limit", "rank_deficient", "failed")
+"""The statuses of `FormulaFit`, the better ones first."""
 PARAMETERS = (
     *(f"a{branch}{i}" for branch in (UPPER, LOWER) for i in range(1, 7)),
     "length",
@@ -93,7 +93,7 @@ NOTED_PRESSURES = 1001  # from zero to the highest of the load cycles
 
 
 @dataclass(frozen=True)
-class HysteresisLoss(LiteratureModel):
+class HysteresisLoss(Formula):
     """A share `zeta(P)` of critical damping, with the stiffness of the upper branch and the mass
     that hangs on the muscle.
 
@@ -108,8 +108,6 @@ class HysteresisLoss(LiteratureModel):
     where the curve never falls to zero, the stroke ends where it turns up again, or at a strain of
     one.
     """
-
-    text: str
 
     fitted_to: ClassVar[str] = LOAD_CYCLES
 
@@ -146,24 +144,31 @@ class HysteresisLoss(LiteratureModel):
             for name in ("pressure", "strain", "force", "hysteresis")
         }
         force, hysteresis = columns["force"], columns["hysteresis"]
-        upper, lower = (
-            SAROSI.fit(columns, force + hysteresis),
-            SAROSI.fit(columns, force - hysteresis),
-        )
-        both = merged(
-            self.name,
-            {
-                "upper curve": renamed(upper, partial(_of, UPPER)),
-                "lower curve": renamed(lower, partial(_of, LOWER)),
-            },
-        )
-        given = {"length": length, "strain_min": float(columns["strain"].min())}
-        parameters = {**both.parameters, **given}
-        return replace(
-            both,
-            parameters=parameters,
-            errors={**both.errors, **dict.fromkeys(given, float("nan"))},
-            notes=(*both.notes, *_notes(parameters, float(columns["pressure"].max()))),
+        parts = {
+            UPPER: SAROSI.fit(columns, force + hysteresis),
+            LOWER: SAROSI.fit(columns, force - hysteresis),
+        }
+        fits = parts.values()
+        parameters = {"length": length, "strain_min": float(columns["strain"].min())}
+        errors = dict.fromkeys(parameters, float("nan"))
+        for branch, fit in parts.items():
+            parameters |= {_of(branch, name): value for name, value in fit.parameters.items()}
+            errors |= {_of(branch, name): error for name, error in fit.errors.items()}
+        worst = max(fits, key=lambda fit: SEVERITY.index(fit.status))
+        notes = [
+            f"{CURVES[branch]} curve: {note}" for branch, fit in parts.items() for note in fit.notes
+        ]
+        return FormulaFit(
+            name=self.name,
+            parameters={name: parameters[name] for name in self.parameters},
+            errors={name: errors[name] for name in self.parameters},
+            status=worst.status,
+            method=worst.method,
+            rank=sum(fit.rank for fit in fits),
+            condition=max(fit.condition for fit in fits),
+            sse=sum(fit.sse for fit in fits),
+            samples=sum(fit.samples for fit in fits),
+            notes=(*notes, *_notes(parameters, float(columns["pressure"].max()))),
         )
 
     def predict(self, parameters: Mapping[str, float], columns: Columns) -> Array:
@@ -177,21 +182,17 @@ class HysteresisLoss(LiteratureModel):
         """Return the damping force with `zeta` as a name, and the two curves from which zeta
         follows.
         """
-        numbers = {name: Number(value) for name, value in fit.parameters.items()}
-        curves = {"upper": _branch(UPPER), "lower": _branch(LOWER)}
-        return {
-            self.name: substitute(self.expression, numbers),
-            **{
-                f"{self.name}: {name} curve": substitute(curve, numbers)
-                for name, curve in curves.items()
-            },
+        curves = {
+            f"{self.name}: {name} curve": with_numbers(_branch(branch), fit.parameters)
+            for branch, name in CURVES.items()
         }
+        return {self.name: self.equation(fit), **curves}
 
     @cached_property
     def expression(self) -> Expression:
         """`text` with the stiffness written out."""
-        stiffness = multiply(derivative(_branch(UPPER), "strain"), power(Name("length"), -1))
-        return substitute(parse(self.text), {"stiffness": stiffness})
+        stiffness = derivative(_branch(UPPER), "strain")
+        return substitute(parse(self.text), {"stiffness": stiffness / Name("length")})
 
 
 @np.errstate(all="ignore")
