@@ -147,7 +147,7 @@ class Contest:
                 None if self._backbone is None else _predicted(self._backbone, self.dataset.curves)
             )
         else:
-            found = simple.polynomial(simple.DEGREES[name], self.dataset, self._inputs)
+            found = simple.polynomial_fit(simple.DEGREES[name], self.dataset, self._inputs)
         return found or [np.full(curve.size, np.nan) for curve in self.dataset.curves]
 
     @property

@@ -22,7 +22,7 @@ from mapmore_cli.fitting.competitors import Contest, Forecasts
 from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.pieces.cross_validation import BLOCKS, block, in_curve
-from mapmore_cli.modelling.validation.intervals import Training, summary
+from mapmore_cli.modelling.validation.intervals import Training, left_out_summary
 from mapmore_cli.spec.loader import load
 from mapmore_cli.storage.run_folder import RunFiles
 
@@ -168,7 +168,7 @@ def residuals(
         errors[part[0]], beyond = missed(*part)
         astray = max(astray, beyond / (high - low) if high > low else 0.0)
         progress(f"{kind} left out", len(errors), len(folds))
-    return summary(kind, count, errors, _training(dataset, model, astray))
+    return left_out_summary(kind, count, errors, _training(dataset, model, astray))
 
 
 def _training_span(dataset: Dataset) -> tuple[float, float]:

@@ -99,7 +99,7 @@ def outside_range(model: Model, columns: Columns) -> BoolArray:
     """Return True where an input lies beyond the training range, of any summand where the model is
     a sum, (n,).
     """
-    found: BoolArray = kind_of(model).verb("outside_range", _outside)(model, columns)
+    found: BoolArray = kind_of(model).verb("outside_range", _outside_limits)(model, columns)
     return found
 
 
@@ -197,7 +197,7 @@ def limits(ranges: Sequence[CurveRange], level: str | None) -> Iterator[InputRan
             yield InputRange(name, level, levels, low, high)
 
 
-def _outside(model: Model, columns: Columns) -> BoolArray:
+def _outside_limits(model: Model, columns: Columns) -> BoolArray:
     found = np.zeros(len(next(iter(columns.values()))), dtype=np.bool_)
     for name, at, levels, *ends in limits(model.body.ranges, model.level):  # type: ignore[attr-defined]  # sums have another verb
         if name in columns:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from page_tables import DOCS, numbers, page_table, rows_of
 
-from mapmore_cli.modelling.validation.intervals import FEW, Training, few_levels, summary
+from mapmore_cli.modelling.validation.intervals import FEW, Training, few_levels, left_out_summary
 
 PAGE = DOCS / "intervals.md"
 
@@ -95,7 +95,7 @@ def test_a_calibration_finds_the_constants_that_errors_were_drawn_with() -> None
         training = Training(
             tuple(10.0 * np.arange(count)), (1,) * count, 1.0, 0.2 * s * a / max(a, s), 0.0
         )
-        left_out = summary(
+        left_out = left_out_summary(
             "levels", count, {f"{i}": [np.full(5, a)] for i in range(1, count - 1)}, training
         )
         half = few_levels(left_out, at, 0.95, drawn)

@@ -98,7 +98,6 @@ def curve(
         boundaries,
         limits,
         tuple(segments),
-        ends["strain"][0] + 0.08 + 0.01 * number,
     )
 
 
@@ -112,7 +111,6 @@ def pieces(
     sides: tuple[Side, Side] = ("saturate", "saturate"),
     level_sides: tuple[Side, Side] = ("continue", "continue"),
     scheme: str = "linear",
-    aligned: str | None = None,
     shrink: float = 1.0,
     backbone: FormulaFit | None = None,
 ) -> Model:
@@ -124,7 +122,6 @@ def pieces(
         z_s=z_s,
         extrapolation=extrapolation,
         levels=scheme,
-        aligned=aligned,
         shrink=shrink,
     )
     names = sorted(
@@ -252,10 +249,7 @@ STATIC = {
     ),
     "values": pieces(sides=(0.05, "saturate"), level_sides=(150.0, 480.0)),
     "smooth levels": pieces(scheme="pchip", level_sides=("continue_linear", "saturate")),
-    "smooth levels, aligned": pieces(
-        scheme="pchip", aligned="strain", sides=("saturate", "continue_linear")
-    ),
-    "aligned": pieces(aligned="strain", sides=("continue", "zero")),
+    "smooth levels, beyond": pieces(scheme="pchip", sides=("saturate", "continue_linear")),
     "backbone, shrunken": pieces(backbone=SAROSI, shrink=0.3),
     "hinged backbone": pieces(backbone=fit("sarosi_hinged", **HINGED), scheme="pchip", shrink=0.8),
     "two variables": pieces(
@@ -263,9 +257,7 @@ STATIC = {
         counts={"speed": 2, "strain": 3},
         terms=("strain*speed", "abs(speed)", "sign(speed)*strain^2", "speed^5", "1/(2 + strain)"),
     ),
-    "not held, ends of the whole domain": fused(
-        pieces(sides=("saturate", "continue_linear")), hold="none", domain={"strain": (0.02, 0.3)}
-    ),
+    "not held": fused(pieces(sides=("saturate", "continue_linear")), hold="none"),
     "no levels": pieces(levels=None, counts={"strain": 4}),
     "one level": pieces(levels=(200.0,), level_sides=("zero", "continue_linear")),
     "two smooth levels": pieces(levels=(100.0, 300.0), scheme="pchip"),

@@ -71,7 +71,7 @@ def delayed(*states: str) -> Model:
 
 PAIRS = {
     "lag, static": (pieces(), lag()),
-    "delay, static": (pieces(aligned="strain"), delayed("input[k-4]", "slow(input, 0.05)")),
+    "delay, static": (pieces(), delayed("input[k-4]", "slow(input, 0.05)")),
     "lag, memory": (memory(OPERATORS, OPERATORS), lag()),
     "delay, memory": (WITH_MEMORY["lags"], delayed("input[k-2]", "input")),
 }

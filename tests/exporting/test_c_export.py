@@ -48,7 +48,7 @@ def test_formulas(tmp_path: Path, name: str) -> None:
 def test_optimised_code_has_the_same_numbers_and_no_warning_either(tmp_path: Path) -> None:
     assert (
         compare(
-            STATIC["smooth levels, aligned"], tmp_path, 3_000, more=("-O2",), inverse=("strain",)
+            STATIC["smooth levels, beyond"], tmp_path, 3_000, more=("-O2",), inverse=("strain",)
         )[0]
         < 1e-12
     )
@@ -110,7 +110,7 @@ def test_single_precision(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "model",
-    [STATIC["smooth levels, aligned"], WITH_MEMORY["operators"], WITH_MEMORY["fed back"]],
+    [STATIC["smooth levels, beyond"], WITH_MEMORY["operators"], WITH_MEMORY["fed back"]],
     ids=["static", "memory", "fed back"],
 )
 def test_the_program_runs_clean_under_the_sanitizers(tmp_path: Path, model: object) -> None:
@@ -182,7 +182,7 @@ def test_no_heap_no_globals() -> None:
             assert all("(" in line for line in outside), "only functions stand outside of functions"
 
 
-@pytest.mark.parametrize("name", ["smooth levels, aligned", "backbone, shrunken", "a difference"])
+@pytest.mark.parametrize("name", ["smooth levels, beyond", "backbone, shrunken", "a difference"])
 def test_derivatives_at_every_boundary(tmp_path: Path, name: str) -> None:
     model = STATIC[name]
     columns = points(model, 1000)

@@ -209,20 +209,16 @@ BREAKPOINTS = "{method: breakpoints, at: [100 kPa, 2]}"
     [
         (STATIC, EVEN, "{method: gradient, count: 3}", {"strain": Cuts("gradient", 3)}),
         (
-            *(STATIC, EVEN, "{method: gradient, count: 3, window: 2 %, separation: 0.05}"),
-            {"strain": Cuts("gradient", 3, window=0.02, separation=0.05)},
-        ),
-        (
             STATIC,
             EVEN,
-            "{method: optimal, count: 2, grid: 30, min_samples: 4}",
-            {"strain": Cuts("optimal", 2, grid=30, min_samples=4)},
+            "{method: optimal, count: 2, min_samples: 4}",
+            {"strain": Cuts("optimal", 2, min_samples=4)},
         ),
         (
             MEASURED,
             BREAKPOINTS,
-            "{method: gradient, count: 2, window: 50 kPa}",
-            {"pressure": Cuts("gradient", 2, window=0.5)},
+            "{method: breakpoints, at: [50 kPa]}",
+            {"pressure": Cuts("breakpoints", at=(0.5,))},
         ),  # bar
     ],
 )
@@ -233,20 +229,12 @@ def test_methods_with_their_settings(
 
 
 def test_the_way_between_levels_reaches_the_recipe(tmp_path: Path) -> None:
-    text = STATIC.replace(
-        FUSE,
-        "model: {backbone: sarosi}\nfuse: {levels: pchip, align: threshold, shrink: 1, "
-        "transition: linear, z_s: 0.25,",
-    )
+    text = STATIC.replace(FUSE, "fuse: {levels: pchip, transition: linear, z_s: 0.25,")
     spec = load_text(tmp_path, text).spec
     recipe = recipe_of(
         "force", spec.data.levels, spec.segment, spec.dictionary, spec.fit, spec.fuse
     )
-    assert (recipe.fuse.levels, recipe.fuse.align, recipe.fuse.shrink) == (
-        "pchip",
-        "threshold",
-        1.0,
-    )
+    assert recipe.fuse.levels == "pchip"
 
 
 def test_segments_depend_on_the_fit_only_where_boundaries_try_it(tmp_path: Path) -> None:

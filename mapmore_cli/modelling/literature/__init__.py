@@ -103,11 +103,12 @@ def reference() -> str:
         for word, title in COMPONENTS.items()
     }
     return "\n".join(
-        f"## {title}\n\n" + "\n".join(map(_described, found)) for title, found in sections.items()
+        f"## {title}\n\n" + "\n".join(map(_formula_section, found))
+        for title, found in sections.items()
     )
 
 
-def _described(formula: Formula) -> str:
+def _formula_section(formula: Formula) -> str:
     expression = getattr(formula, "expression", None)
     lines = [f"### {formula.name}\n", f"{formula.about}\n"]
     lines += [f"    {to_text(expression)}\n"] if expression is not None else []

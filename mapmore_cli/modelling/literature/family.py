@@ -106,7 +106,7 @@ class Family(Formula):
                 f"a family of one: {of} is {which[0]:g} in all training data",
                 "add recordings of another specimen",
             )
-        ends = np.array([_ends(y[number == i]) for i in range(len(which))])
+        ends = np.array([_slack_and_largest(y[number == i]) for i in range(len(which))])
         zero, largest = ends.T
         a, b = self._law(which * self.metres, largest)
         normal = (y - zero[number]) / largest[number]
@@ -159,7 +159,7 @@ class Family(Formula):
         return with_numbers(parse(text), fit.parameters)
 
 
-def _ends(y: Array) -> tuple[float, float]:
+def _slack_and_largest(y: Array) -> tuple[float, float]:
     """Force when slack, and the largest force beyond it."""
     low, high = np.quantile(y, [LOW, HIGH])
     zero = float(low) if abs(low) < SLACK * high else 0.0
@@ -203,7 +203,10 @@ def adapted(
     found, errors = start, np.full(2, PRIOR)
     residual = np.zeros(0)
     if len(target):
-        weight, scatter = _weights(columns["strain"]), SCATTER * float(np.abs(target).max() or 1.0)
+        weight, scatter = (
+            _root_weights(columns["strain"]),
+            SCATTER * float(np.abs(target).max() or 1.0),
+        )
 
         def cost(q: Array) -> Array:
             missed = weight * (formula.predict(parameters(q), columns) - target) / scatter
@@ -228,7 +231,7 @@ def adapted(
     )
 
 
-def _weights(strain: Array) -> Array:
+def _root_weights(strain: Array) -> Array:
     """Roots of the weights of samples, (n,): those of one strain err together, and count as one."""
     span = float(np.ptp(strain)) or 1.0
     _, number, counts = np.unique(

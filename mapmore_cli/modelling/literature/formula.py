@@ -24,7 +24,13 @@ from mapmore_cli.modelling.expressions import (
     substitute,
 )
 from mapmore_cli.modelling.literature import linear, solvers
-from mapmore_cli.modelling.literature.problem import Nonlinear, Problem, dependence, finite, needed
+from mapmore_cli.modelling.literature.problem import (
+    LeastSquares,
+    Nonlinear,
+    dependence,
+    finite,
+    needed,
+)
 
 TARGET = "target"
 LOAD_CYCLES = "load_cycles"
@@ -204,7 +210,7 @@ class Formula:
         """Return the formula with the numbers of a fit that has not failed, in physical units."""
         return with_numbers(self.expression, fit.parameters)
 
-    def problem(self, columns: Columns, y: Array) -> Problem:
+    def problem(self, columns: Columns, y: Array) -> LeastSquares:
         """Return the rows in canonical order, so that the order of the samples cannot change a
         digit of the fit; raises as `fit`.
         """
@@ -217,7 +223,7 @@ class Formula:
                 "give it more training data, or leave the formula out",
             )
         order = np.lexsort([target, *inputs.values()])
-        return Problem(
+        return LeastSquares(
             *self.of_muscle(self.given)._sought,
             {name: column[order] for name, column in inputs.items()},
             target[order],
@@ -236,7 +242,7 @@ class Formula:
         gradient = {name: derivative(expression, name) for name in names}
         return expression, self.linear, self.nonlinear, gradient
 
-    def _result(self, problem: Problem, solution: solvers.Solution) -> FormulaFit:
+    def _result(self, problem: LeastSquares, solution: solvers.Solution) -> FormulaFit:
         values, notes = self._printed(problem, solution.beta, solution.c), solution.notes
         count, samples = len(self.fitted), len(problem.y)
         unknown = dict.fromkeys(self.parameters, float("nan"))
@@ -249,7 +255,7 @@ class Formula:
             )
             return replace(result, notes=notes, definition=self.definition)
         sse = problem.sse(solution.beta, solution.c)
-        deviations, rank, condition = linear.standard_errors(
+        deviations, rank, condition = linear.parameter_errors(
             self._jacobian(values, problem.at_levels.columns, samples),
             sse / (samples - count) if samples > count else np.nan,
         )
@@ -285,7 +291,7 @@ class Formula:
             definition=self.definition,
         )
 
-    def _printed(self, problem: Problem, beta: Array, c: Array) -> dict[str, float]:
+    def _printed(self, problem: LeastSquares, beta: Array, c: Array) -> dict[str, float]:
         """Return the parameters as printed, from those of the linear form, and the dimensions."""
         given = {name: np.asarray(value) for name, value in self.given.items()}
         values = {**problem.values(beta, c), **given}

@@ -94,7 +94,7 @@ class _Problem(NamedTuple):
         return np.concatenate([residual, priors[0]]), np.concatenate([slopes, priors[1]])
 
 
-def fit(columns: Columns, y: Array) -> FormulaFit:
+def fit_hinge(columns: Columns, y: Array) -> FormulaFit:
     """Fit the hinged formula to `pressure`, `strain` (a fraction) and the target `y`, `(n,)` each
     and finite.
 
@@ -108,7 +108,7 @@ def fit(columns: Columns, y: Array) -> FormulaFit:
     """
     scales = tuple(map(_scale, (columns["pressure"], columns["strain"], y)))
     problem = _normalised(columns, y, *scales)
-    ends = descend(problem.system, [_start(problem, a3) for a3 in STARTS], (LOWEST, HIGHEST))
+    ends = descend(problem.system, [_start_at(problem, a3) for a3 in STARTS], (LOWEST, HIGHEST))
     if not ends:
         raise FitError(
             "the formula has no finite value at any start of its fit",
@@ -117,16 +117,16 @@ def fit(columns: Columns, y: Array) -> FormulaFit:
     best = min(ends, key=lambda end: end.cost)
     q, touched = onto_bounds(best.x, (LOWEST, HIGHEST))
     residual, slopes = problem.of_data(q)
-    _, rank, condition = linear.standard_errors(slopes, 0.0)
+    _, rank, condition = linear.parameter_errors(slopes, 0.0)
     freedom = float(problem.root @ problem.root) - len(NAMES)
     variance = float(residual @ residual) / freedom if freedom > 0.5 else np.nan
-    errors, _, _ = linear.standard_errors(problem.system(q)[1], variance)
+    errors, _, _ = linear.parameter_errors(problem.system(q)[1], variance)
     errors[LN_W] *= np.exp(q[LN_W])
     notes = [
         f"a3 is {q[A3]:.3g}/max|strain|, w is {np.exp(q[LN_W]):.3g} of the largest target; "
         f"{agreement(ends, best, len(STARTS))}"
     ]
-    levels = _levels(columns["strain"])
+    levels = _strain_levels(columns["strain"])
     if levels <= FEW_LEVELS:
         notes.append(
             f"with {levels} strain level{'s' * (levels > 1)} any curvature fits: a3 is left to "
@@ -163,7 +163,7 @@ def fit(columns: Columns, y: Array) -> FormulaFit:
     )
 
 
-def _levels(strain: Array) -> int:
+def _strain_levels(strain: Array) -> int:
     """Return number of strains that lie apart; many where the strain is swept."""
     values = np.unique(strain)
     gap = APART * float(np.abs(values).max())
@@ -190,7 +190,7 @@ def _normalised(
     )
 
 
-def _start(problem: _Problem, a3: float) -> Array:
+def _start_at(problem: _Problem, a3: float) -> Array:
     """Return `hi` through the upper targets and `lo` through the lowest ones, by least squares, for
     a starting curvature.
     """
@@ -207,4 +207,4 @@ def _least_squares(problem: _Problem, regressors: list[Array], rows: BoolArray) 
     if not rows.any():
         return np.zeros(len(regressors))
     phi, root = np.stack(regressors, axis=1)[rows], problem.root[rows]
-    return linear.solve(root[:, None] * phi, root * problem.f[rows]).beta
+    return linear.solve_linear(root[:, None] * phi, root * problem.f[rows]).beta

@@ -30,7 +30,7 @@ class LinearFit(NamedTuple):
     residual: Array
 
 
-def solve(phi: Array, y: Array) -> LinearFit:
+def solve_linear(phi: Array, y: Array) -> LinearFit:
     """Least squares with finite regressors `phi`, `(n, m)`, and target `y`, `(n,)`.
 
     Columns are scaled to unit length first, so that neither the solution nor the rank depends on
@@ -47,7 +47,7 @@ def solve(phi: Array, y: Array) -> LinearFit:
     return LinearFit(vt.T @ weights / lengths, basis, residual)
 
 
-def standard_errors(jacobian: Array, variance: float) -> tuple[Array, int, float]:
+def parameter_errors(jacobian: Array, variance: float) -> tuple[Array, int, float]:
     """Return standard errors `(p,)`, rank and condition from a Jacobian `(n, p)` at the solution.
 
     `cov = variance (J'J)^-1`. Where the rank is deficient, the errors of parameters that the data

@@ -27,11 +27,6 @@ from mapmore_cli.modelling.expressions import (
 from mapmore_cli.modelling.literature.formula import with_numbers
 from mapmore_cli.modelling.program.writing import Inputs, Writer, limit
 
-BLOCK = 2**18
-"""Rows at a time: few enough to stay in the processor's cache, and enough for every region to have
-many.
-"""
-
 DIGITS = 6
 """Digits of the printed numbers; model.h5 holds all of them."""
 
@@ -61,7 +56,7 @@ def simulate(model: Model, columns: Columns) -> Run:
     body = model.body
     assert isinstance(body, Formula)
     return Run(
-        by_blocks(model.inputs, columns, lambda inputs, n: backbone_values(body.fit, inputs, n))
+        where_finite(model.inputs, columns, lambda inputs, n: backbone_values(body.fit, inputs, n))
     )
 
 
@@ -100,27 +95,16 @@ def printed(name: str, expression: Expression) -> Equation:
     return Equation(name, to_text(expression, DIGITS), to_latex(expression, DIGITS))
 
 
-def by_blocks(
+def where_finite(
     inputs: Sequence[Quantity], columns: Columns, value: Callable[[dict[str, Array], int], Array]
 ) -> Array:
-    """Return a function of the inputs, block of rows by block; NaN where an input is not finite,
-    (n,).
-    """
-    given = {
-        quantity.name: np.asarray(columns[quantity.name], dtype=np.float64) for quantity in inputs
-    }
-    y = np.empty(len(next(iter(columns.values()))))
-    for start in range(0, len(y), BLOCK):
-        block = {name: x[start : start + BLOCK] for name, x in given.items()}
-        n = len(y[start : start + BLOCK])
-        finite = np.logical_and.reduce(
-            [np.ones(n, dtype=np.bool_), *(np.isfinite(x) for x in block.values())]
-        )
-        with np.errstate(
-            all="ignore"
-        ):  # a term may overflow far outside, and what follows from a NaN is replaced
-            y[start : start + BLOCK] = np.where(finite, value(block, n), np.nan)
-    return y
+    """Return a function of the inputs; NaN where an input is not finite, (n,)."""
+    given = {one.name: np.asarray(columns[one.name], dtype=np.float64) for one in inputs}
+    n = len(next(iter(columns.values())))
+    finite = np.logical_and.reduce([np.ones(n, dtype=np.bool_), *map(np.isfinite, given.values())])
+    # a term may overflow far outside, and what follows from a NaN is replaced
+    with np.errstate(all="ignore"):
+        return np.where(finite, value(given, n), np.nan)
 
 
 def write(m: Writer, model: Model, inputs: Inputs) -> Expression:

@@ -14,7 +14,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.expressions import Expression, NotFinite, dictionary_matrix, evaluate
-from mapmore_cli.modelling.literature.linear import standard_errors
+from mapmore_cli.modelling.literature.linear import parameter_errors
 
 SMOOTH = 0.01  # of a range: what bends over less is lost in means of neighbouring samples
 
@@ -66,7 +66,7 @@ class Nonlinear:
 
 
 @dataclass(frozen=True)
-class Problem:
+class LeastSquares:
     """Find `beta`, `c` that minimise `|Phi(c) beta + f0(c) - y|^2` over n rows.
 
     (Or the formula's own residual, where it is not such a product.)
@@ -137,7 +137,7 @@ class Problem:
         return ends[:, 0], ends[:, 1]
 
     @cached_property
-    def at_levels(self) -> Problem:
+    def at_levels(self) -> LeastSquares:
         """A linear problem at the levels that were held, where these leave parameters undetermined;
         else the problem as it is.
 
@@ -150,10 +150,10 @@ class Problem:
         held = replace(
             self, columns={name: nominal(column) for name, column in self.columns.items()}
         )
-        _, rank, _ = standard_errors(held.linear_at(np.empty(0))[0], 0.0)
+        _, rank, _ = parameter_errors(held.linear_at(np.empty(0))[0], 0.0)
         return held if rank < len(self.linear) else self
 
-    def condensed(self) -> Problem:
+    def condensed(self) -> LeastSquares:
         """Return the problem over means of neighbouring samples, where there are many: quick, and
         nearly the same.
 

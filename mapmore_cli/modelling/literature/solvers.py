@@ -20,7 +20,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.expressions import NotFinite
 from mapmore_cli.modelling.literature import linear
-from mapmore_cli.modelling.literature.problem import Nonlinear, Problem
+from mapmore_cli.modelling.literature.problem import LeastSquares, Nonlinear
 
 Bounds = tuple[Array | float, Array | float]
 System = Callable[[Array], tuple[Array, Array]]
@@ -59,7 +59,7 @@ class Solution:
     rivals: tuple[tuple[Array, Array], ...] = ()
 
 
-def failure(problem: Problem, method: str) -> Solution:
+def failure(problem: LeastSquares, method: str) -> Solution:
     """Return the solution where the formula overflows from every start: NaN throughout."""
     nothing = np.full(len(problem.linear), np.nan), np.full(len(problem.nonlinear), np.nan)
     return Solution(*nothing, "failed", method, ("every start overflowed",))
@@ -167,7 +167,7 @@ STARTS = 10
 SEED = 20170714  # any fixed number: the same data give the same fit
 
 
-def draw(nonlinear: tuple[Nonlinear, ...]) -> Iterator[Array]:
+def drawn_starts(nonlinear: tuple[Nonlinear, ...]) -> Iterator[Array]:
     """Return `STARTS` seeded places in the intervals, each `(k,)` and log-uniform in magnitude."""
     rng = np.random.default_rng(SEED)
     for _ in range(STARTS):
@@ -184,7 +184,7 @@ FLAT = 1e-10  # relative change of the sum of squares over the whole scan
 ROUNDING = 1e-24  # of y'y: sums of squares below are rounding
 
 
-def variable_projection(problem: Problem) -> Solution:
+def variable_projection(problem: LeastSquares) -> Solution:
     """Solve `problem` by variable projection.
 
     The search goes over means of neighbouring samples where there are many, and the lowest end is
@@ -205,7 +205,7 @@ def variable_projection(problem: Problem) -> Solution:
             note = f"{name} is arbitrary: every value fits these data equally well"
             return Solution(_projected(problem, c).beta, c, "converged", METHOD, (note,))
     else:
-        searches = [(problem.bounds, list(draw(problem.nonlinear)))]
+        searches = [(problem.bounds, list(drawn_starts(problem.nonlinear)))]
     ends = [
         (end, bounds)
         for bounds, starts in searches
@@ -227,7 +227,7 @@ def variable_projection(problem: Problem) -> Solution:
     return Solution(_projected(problem, c).beta, c, status, METHOD, tuple(notes), others)
 
 
-def _valleys(problem: Problem) -> list[tuple[tuple[Array, Array], list[Array]]]:
+def _valleys(problem: LeastSquares) -> list[tuple[tuple[Array, Array], list[Array]]]:
     """Scan the only nonlinear parameter; return every interval with the places of least sums of
     squares in it, nothing where all places are equally good.
     """
@@ -243,30 +243,30 @@ def _valleys(problem: Problem) -> list[tuple[tuple[Array, Array], list[Array]]]:
     ]
 
 
-def _grids(problem: Problem) -> list[Array]:
+def _grids(problem: LeastSquares) -> list[Array]:
     """Return the places of the scan in every interval of the only nonlinear parameter."""
     (parameter,) = problem.nonlinear
     return [np.geomspace(*interval, SCAN_POINTS) for interval in parameter.intervals]
 
 
-def _projected_sse(problem: Problem, c: float) -> float:
+def _projected_sse(problem: LeastSquares, c: float) -> float:
     """Return the sum of squares at a place of the scan: with `[Phi y] = Q R`, only R is left to
     solve.
     """
     try:
         phi, target = problem.linear_at(np.array([c]))
         triangle = np.asarray(np.linalg.qr(np.column_stack([phi, target]), mode="r"))
-        residual = linear.solve(triangle[:, :-1], triangle[:, -1]).residual
+        residual = linear.solve_linear(triangle[:, :-1], triangle[:, -1]).residual
     except (NotFinite, np.linalg.LinAlgError):
         return np.inf
     return float(residual @ residual)
 
 
-def _projected(problem: Problem, c: Array) -> linear.LinearFit:
-    return linear.solve(*problem.linear_at(c))
+def _projected(problem: LeastSquares, c: Array) -> linear.LinearFit:
+    return linear.solve_linear(*problem.linear_at(c))
 
 
-def _projection(problem: Problem, c: Array) -> tuple[Array, Array]:
+def _projection(problem: LeastSquares, c: Array) -> tuple[Array, Array]:
     """r and `dr/dc`, but for a part within the regressors' space, which has no share in the
     gradient (Kaufman); over the largest target, so that the unit is no matter.
     """
@@ -280,7 +280,7 @@ def _projection(problem: Problem, c: Array) -> tuple[Array, Array]:
 LEVENBERG_MARQUARDT = "levenberg_marquardt"
 
 
-def levenberg_marquardt(problem: Problem) -> Solution:
+def levenberg_marquardt(problem: LeastSquares) -> Solution:
     """Solve `problem` by MINPACK's Levenberg-Marquardt, all parameters at once and without bounds.
 
     The linear parameters start at zero, the nonlinear ones at seeded random places of their
@@ -299,9 +299,11 @@ def levenberg_marquardt(problem: Problem) -> Solution:
         spans = [problem.spans.get(name, 1.0) for name in names]
         starts = [np.array([problem.start[name] for name in names]) * spans]
     else:
-        places = draw(problem.nonlinear) if problem.nonlinear else [np.empty(0)]
+        places = drawn_starts(problem.nonlinear) if problem.nonlinear else [np.empty(0)]
         starts = [np.concatenate([np.zeros(m), place]) for place in places]
-    return _lowest(problem, descend(system, starts, method="lm"), len(starts), LEVENBERG_MARQUARDT)
+    return _best_solution(
+        problem, descend(system, starts, method="lm"), len(starts), LEVENBERG_MARQUARDT
+    )
 
 
 SIMPLEX = "simplex"
@@ -309,7 +311,7 @@ FMINSEARCH = 1e-4  # of coordinates and of the sum of squares, fminsearch's
 PER_PARAMETER = 200  # evaluations, fminsearch's
 
 
-def simplex(problem: Problem) -> Solution:
+def simplex(problem: LeastSquares) -> Solution:
     """Solve `problem` by ten descents of a simplex over all parameters at once, with the settings
     of `fminsearch`.
 
@@ -324,7 +326,7 @@ def simplex(problem: Problem) -> Solution:
     few, m = problem.condensed(), len(problem.linear)
     rng = np.random.default_rng(SEED)
     ends: list[End] = []
-    for place in draw(problem.nonlinear):
+    for place in drawn_starts(problem.nonlinear):
         try:
             regressors, target = few.linear_at(place)
         except NotFinite:
@@ -344,10 +346,12 @@ def simplex(problem: Problem) -> Solution:
         }
         end = minimize(cost, start, method="Nelder-Mead", options=options)
         ends.append(End(end.x * units, float(end.fun), bool(end.success)))
-    return _lowest(problem, ends, STARTS, SIMPLEX)
+    return _best_solution(problem, ends, STARTS, SIMPLEX)
 
 
-def _lowest(problem: Problem, ends: Sequence[End], starts: int, method: str) -> Solution:
+def _best_solution(
+    problem: LeastSquares, ends: Sequence[End], starts: int, method: str
+) -> Solution:
     """Return the lowest of the ends of all parameters at once, with its rivals."""
     if not ends:
         return failure(problem, method)
@@ -357,6 +361,6 @@ def _lowest(problem: Problem, ends: Sequence[End], starts: int, method: str) -> 
     return Solution(best.x[:m], best.x[m:], best.status, method, notes, others)
 
 
-METHODS: Mapping[str, Callable[[Problem], Solution]] = {
+METHODS: Mapping[str, Callable[[LeastSquares], Solution]] = {
     one.__name__: one for one in (variable_projection, levenberg_marquardt, simplex)
 }

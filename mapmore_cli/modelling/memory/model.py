@@ -22,9 +22,9 @@ from mapmore_cli.modelling.expressions.states import Lagged, Measured, Operated,
 from mapmore_cli.modelling.expressions.syntax import ONE, ZERO, Condition
 from mapmore_cli.modelling.literature.model import (
     backbone_values,
-    by_blocks,
     formula_equations,
     formula_value,
+    where_finite,
 )
 from mapmore_cli.modelling.memory.feedback import fed_back_states, parted
 from mapmore_cli.modelling.memory.free_run import free_run, one_step_ahead
@@ -101,7 +101,7 @@ def _base(model: Model, columns: Columns) -> Array:
     body = _body(model)
     if body.backbone is None and not model.inputs:
         return np.zeros(len(next(iter(columns.values()))))
-    return by_blocks(
+    return where_finite(
         model.inputs, columns, lambda inputs, n: backbone_values(body.backbone, inputs, n)
     )
 

@@ -32,7 +32,7 @@ from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.expressions import candidate
 from mapmore_cli.modelling.literature.backbone import fit_formula, pooled
-from mapmore_cli.modelling.pieces.build import build, multiplied, names_in
+from mapmore_cli.modelling.pieces.build import build, multiplied, quantities_in
 from mapmore_cli.modelling.pieces.model import simulate
 from mapmore_cli.modelling.pieces.recipe import Cuts, Recipe
 
@@ -92,9 +92,8 @@ def leave_out(
     for left_out in folds:
         parts.append(_of_fold(curves, left_out, recipe, quantities, backbone))
         progress(len(parts), len(folds))
-    return LeftOutErrors(
-        *(np.concatenate(arrays) for arrays in zip(*parts, strict=True)), len(folds)
-    )
+    measured, alone, residual = map(np.concatenate, zip(*parts, strict=True))
+    return LeftOutErrors(measured, alone, residual, len(folds))
 
 
 def _of_fold(
@@ -134,7 +133,7 @@ def _of_fewer_samples(recipe: Recipe) -> Recipe:
     return replace(recipe, cuts=cuts)
 
 
-def inner_levels(curves: Sequence[Curve], recipe: Recipe) -> int:
+def inner_level_count(curves: Sequence[Curve], recipe: Recipe) -> int:
     """How many curves have a level between two others of the training data."""
     return (
         0
@@ -166,11 +165,11 @@ def _folds_along(curves: Sequence[Curve], recipe: Recipe) -> list[Folds]:
     if recipe.level is not None and len(levels) > 2:
         return [levels]
     if len(levels) == 1:
-        inputs = {*names_in(map(candidate, recipe.dictionary)), *recipe.cuts} - {
+        inputs = {*quantities_in(map(candidate, recipe.dictionary)), *recipe.cuts} - {
             recipe.level,
             recipe.pooled,
         }
-        found = [_blocks(curves, name) for name in sorted(inputs)]
+        found = [_blocks_along(curves, name) for name in sorted(inputs)]
     else:
         along = in_curve(curves, tuple(recipe.cuts), recipe.target, recipe.level)
         every = [tuple(block(curve, along, number) for curve in curves) for number in range(BLOCKS)]
@@ -204,7 +203,7 @@ def block(curve: Curve, along: str, number: int) -> BoolArray:
     return out
 
 
-def _blocks(curves: Sequence[Curve], name: str) -> Folds:
+def _blocks_along(curves: Sequence[Curve], name: str) -> Folds:
     """At most five contiguous blocks along a variable, which part no samples of one value."""
     values = np.unique(np.concatenate([curve.columns[name][curve.training] for curve in curves]))
     ends = [(part[0], part[-1]) for part in np.array_split(values, min(BLOCKS, len(values)))]
@@ -247,7 +246,7 @@ def with_trusted_residual(
         "that share"
     )
     shares, notes = {BACKBONE: 0.0, RESIDUAL: 1.0}, []
-    if inner_levels(curves, recipe):
+    if inner_level_count(curves, recipe):
         shares[SHRUNKEN] = share
         body = replace(body, fusion=replace(body.fusion, shrink=share))
         notes = [
@@ -309,7 +308,7 @@ def choose_backbone(
     names = possible_backbones(curves, recipe.target)
     part = "block" if recipe.level is None else "level"
     folds = inner_folds(curves, recipe)
-    count = len(folds) if recipe.level is None else inner_levels(curves, recipe)
+    count = len(folds) if recipe.level is None else inner_level_count(curves, recipe)
     if count < FEWEST_FOLDS:
         taken = FEW if FEW in names else None
         note = f"{count} inner training {part}(s) are too few to choose a backbone by; "

@@ -227,7 +227,7 @@ def common_curves(before: Model, after: Model) -> list[Place]:
         names = {one.curve for one in second}
         found = [Place(one.curve, None) for one in first if one.curve in names]
     else:
-        own, others = _levels(first), _levels(second)
+        own, others = _levels_of(first), _levels_of(second)
         near = SAME_LEVEL * float(min(np.concatenate([np.diff(own), np.diff(others), [math.inf]])))
         pairs = product(zip(first, own, strict=True), others)
         found = [
@@ -236,7 +236,7 @@ def common_curves(before: Model, after: Model) -> list[Place]:
             if abs(level - other) <= near
         ]
         if len(found) < FEWEST_CURVES:
-            found = min((_inside(first, others), _inside(second, own)), key=len)
+            found = min((_places_inside(first, others), _places_inside(second, own)), key=len)
     if len(found) < FEWEST_CURVES:
         raise ValueError(
             f"{before.name} and {after.name} have {len(found)} curves in common; a comparison "
@@ -245,12 +245,12 @@ def common_curves(before: Model, after: Model) -> list[Place]:
     return found
 
 
-def _levels(ranges: Sequence[CurveRange]) -> list[float]:
+def _levels_of(ranges: Sequence[CurveRange]) -> list[float]:
     return [one.level for one in ranges if one.level is not None]
 
 
-def _inside(ranges: Sequence[CurveRange], levels: Sequence[float]) -> list[Place]:
-    own = zip(ranges, _levels(ranges), strict=True)
+def _places_inside(ranges: Sequence[CurveRange], levels: Sequence[float]) -> list[Place]:
+    own = zip(ranges, _levels_of(ranges), strict=True)
     return [
         Place(one.curve, level, True) for one, level in own if min(levels) <= level <= max(levels)
     ]
@@ -272,7 +272,7 @@ def grid(before: Model, after: Model, place: Place) -> dict[str, Array]:
     Raises ValueError where the ranges do not overlap.
     """
     limits = {
-        name: (_limits(before, place, name), _limits(after, place, name))
+        name: (_limits_at(before, place, name), _limits_at(after, place, name))
         for name in (q.name for q in before.inputs)
     }
     ends = {
@@ -298,13 +298,13 @@ def grid(before: Model, after: Model, place: Place) -> dict[str, Array]:
     return {name: points[:, number] for number, name in enumerate(axes)}
 
 
-def _limits(model: Model, place: Place, name: str) -> tuple[float, float]:
+def _limits_at(model: Model, place: Place, name: str) -> tuple[float, float]:
     """Training range of an input at a place, interpolated between the curves."""
     ranges = _ranges(model)
     if place.level is None:
         return next(one.limits[name] for one in ranges if one.curve == place.curve)
     low, high = (
-        float(np.interp(place.level, _levels(ranges), [one.limits[name][end] for one in ranges]))
+        float(np.interp(place.level, _levels_of(ranges), [one.limits[name][end] for one in ranges]))
         for end in (0, 1)
     )
     return low, high

@@ -74,7 +74,7 @@ class Training:
     astray: float
 
 
-def summary(
+def left_out_summary(
     kind: LeftOutKind,
     curves: int,
     residuals: Mapping[str, Sequence[Array]],
@@ -106,7 +106,7 @@ def summary(
     )
 
 
-def refusal(left_out: LeftOut) -> str | None:
+def interval_refusal(left_out: LeftOut) -> str | None:
     """Say why there is no interval; None where there is one."""
     beyond = (
         f"the model lies beyond the measured values by {100 * left_out.astray:.0f} % of their range"
@@ -125,7 +125,7 @@ def half_widths(left_out: LeftOut, at: Array, level: float) -> Array:
     `at` (n,) is the level quantity of each sample; it has no effect but with few levels. NaN where
     intervals are refused.
     """
-    if refusal(left_out) is not None:
+    if interval_refusal(left_out) is not None:
         return np.full(len(at), np.nan)
     if (
         left_out.kind == "levels"
@@ -182,7 +182,7 @@ def half_widths_of(model: Model, columns: Columns, level: float) -> Array:
     """Return half of the width of a model's intervals at every row, (n,); NaN where they are
     refused. Raises as `checked`.
     """
-    left_out = checked(model, level)
+    left_out = intervals_of(model, level)
     at = (
         np.full(len(next(iter(columns.values()))), np.nan)
         if model.level is None
@@ -191,7 +191,7 @@ def half_widths_of(model: Model, columns: Columns, level: float) -> Array:
     return half_widths(left_out, at, level)
 
 
-def checked(model: Model, level: float) -> LeftOut:
+def intervals_of(model: Model, level: float) -> LeftOut:
     """Return what intervals are made of.
 
     Raises UsageError for a level that is not between 0 and 1; DataError for a model that holds no

@@ -88,7 +88,7 @@ def score(
         rrse_one_step=math.nan
         if found.one_step is None
         else relative((found.one_step - measured)[known], measured),
-        r_uncentred=uncentred(y, predicted[known]),
+        r_uncentred=uncentred_correlation(y, predicted[known]),
         interval_coverage=float(np.mean(np.abs(error[given]) <= width[given]))
         if given.any()
         else math.nan,
@@ -97,7 +97,7 @@ def score(
     )
 
 
-def uncentred(measured: Array, predicted: Array) -> float:
+def uncentred_correlation(measured: Array, predicted: Array) -> float:
     """`sum y yhat / sqrt(sum y^2 sum yhat^2)`: W's correlation index, not Pearson's; NaN where
     either is zero throughout.
     """
@@ -130,7 +130,7 @@ values have the narrower ones.
 
 
 @dataclass(frozen=True)
-class Band:
+class ErrorBand:
     """Samples whose absolute value lies between `low` and `high`; the RMSE is by model, NaN where
     it has no prediction there.
     """
@@ -141,7 +141,7 @@ class Band:
     rmse: Mapping[str, float]
 
 
-def bands(dataset: Dataset, predictions: Mapping[str, tuple[Array, ...]]) -> tuple[Band, ...]:
+def bands(dataset: Dataset, predictions: Mapping[str, tuple[Array, ...]]) -> tuple[ErrorBand, ...]:
     """RMSE of every model in each band, over the held-out samples where there are any, else the
     training samples.
 
@@ -167,7 +167,7 @@ def bands(dataset: Dataset, predictions: Mapping[str, tuple[Array, ...]]) -> tup
                 model: float(np.sqrt(np.mean(error**2))) if len(error) else math.nan
                 for model, error in known.items()
             }
-            found.append(Band(float(low), float(high), int(rows.sum()), rmse))
+            found.append(ErrorBand(float(low), float(high), int(rows.sum()), rmse))
     return tuple(found)
 
 
@@ -224,7 +224,7 @@ def score_rows(
     def column(name: str) -> Array:
         return np.concatenate([curve.columns[name] for curve in curves])
 
-    measured, found = column(dataset.target), _joined(forecasts)
+    measured, found = column(dataset.target), _concatenated(forecasts)
     held_out = np.concatenate([curve.held_out for curve in curves])
     every = np.split(np.arange(len(measured)), np.cumsum([curve.size for curve in curves])[:-1])
     for split, held in SPLITS:
@@ -266,7 +266,7 @@ def score_rows(
                 )
 
 
-def _joined(forecasts: Sequence[Forecast]) -> Forecast:
+def _concatenated(forecasts: Sequence[Forecast]) -> Forecast:
     """Return the forecasts of several curves as one; what one of them lacks, the whole lacks."""
 
     def whole(name: str) -> Any:

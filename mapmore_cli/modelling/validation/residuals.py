@@ -154,7 +154,7 @@ def alarms(
         *found,
         *_without_inputs(model, dataset),
         *_bare(model, dataset.curves, predictions),
-        *_beyond(model, dataset.curves),
+        *_extrapolated(model, dataset.curves),
     )
 
 
@@ -204,7 +204,7 @@ def _bare(model: Model, curves: Sequence[Curve], predictions: Sequence[Array]) -
         yield f"{same}, on every sample: its pieces add nothing"
 
 
-def _beyond(model: Model, curves: Sequence[Curve]) -> Iterator[str]:
+def _extrapolated(model: Model, curves: Sequence[Curve]) -> Iterator[str]:
     """Held-out samples that no training sample surrounds."""
     masks = [
         outside_range(model, curve.columns)[curve.held_out]

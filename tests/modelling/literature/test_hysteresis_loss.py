@@ -124,23 +124,21 @@ def test_rows_do_not_depend_on_each_other() -> None:
 
 
 def test_where_the_muscle_is_slack_zeta_is_one_as_just_above() -> None:
-    """And a note says up to which pressure that is."""
     threshold = brentq(lambda pressure: force(UPPER, pressure, STRAIN_MIN), 0.0, 80.0, xtol=1e-14)
     around = threshold + np.array([-5.0, -1e-3, -1e-9, 1e-9, 1e-3])
     np.testing.assert_array_equal(zeta(PLANTED, around), 1.0)
     above = zeta(PLANTED, np.linspace(threshold, 350.0, 2000))
     assert np.abs(np.diff(above)).max() < 0.03
     notes = LOSS.fit_cycles(cycles(), LENGTH).notes
-    assert noted_pressures(notes, "zeta is taken as 1") == pytest.approx((0.0, threshold), abs=0.4)
     lowest, highest = noted_pressures(notes, "zeta is limited to")
-    assert lowest == pytest.approx(threshold, abs=0.4)
+    assert lowest == 0.0
     assert zeta(PLANTED, np.array([highest - 0.4, highest + 0.4])).tolist() == [
         1.0,
         pytest.approx(0.96, abs=0.04),
     ]
 
 
-def test_a_curve_that_never_falls_to_zero_is_told() -> None:
+def test_a_curve_that_never_falls_to_zero() -> None:
     """Force is least where the upper curve turns up again, or at a strain of one, and there the
     stroke is taken to end.
     """
@@ -148,10 +146,6 @@ def test_a_curve_that_never_falls_to_zero_is_told() -> None:
     pressure = 300.0
     own = {**UPPER, "a4": 0.5, "a6": -100.0}, {**LOWER, "a4": 0.5, "a6": -99.0}
     strains = np.linspace(STRAIN_MIN, 1.0, 100_001)
-    from_pressure = brentq(lambda pressure: force(own[0], pressure, strains).min(), 10.0, 100.0)
-    assert noted_pressures(fit.notes, "does not fall to zero") == pytest.approx(
-        (from_pressure, 350.0), abs=0.4
-    )
     end = strains[np.argmin(force(own[0], pressure, strains))]
     assert 0.1 < end < 0.5
     up, low = (
@@ -170,19 +164,19 @@ def test_the_stroke_ends_at_the_first_zero_whatever_the_shape(
     a: float, b: float, c: float, curvature: float, start: float
 ) -> None:
     curve = ForceCurve(np.array([a]), np.array([b]), np.array([c]), curvature)
-    ends, slack, endless = curve.stroke(start)
+    ends = curve.end_of_stroke(start)
     strains = np.linspace(start, 1.0, 4001)
     values = a * np.exp(curvature * strains) + b * strains + c
     end, scale = (
         float(ends[0]),
         abs(a) * max(np.exp(curvature * start), np.exp(curvature)) + abs(b) + abs(c),
     )
-    assert bool(slack[0]) == (values[0] <= 0.0)
-    assert not (slack & endless).any()
-    if slack[0]:
+    if values[0] <= 0.0:
         assert end == start
-    elif endless[0]:
-        assert values.min() > -1e-12 * scale
+    elif values.min() > -1e-12 * scale:  # it pulls at every strain
+        assert end == 1.0 or values[np.abs(strains - end).argmin()] == pytest.approx(
+            values.min(), abs=1e-3 * scale
+        )
     else:
         slope = abs(a * curvature * np.exp(curvature * end) + b)
         assert abs(float(curve(ends)[0])) <= 1e-14 * slope + 1e-12 * scale + 1e-300

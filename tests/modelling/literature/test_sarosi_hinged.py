@@ -305,7 +305,9 @@ def test_noise_at_one_pressure_is_fitted() -> None:
     ]
     y = np.zeros(len(places))
     y[[0, 4, 8, 11, 14, 23, 28, 30]] = 1.0
-    found = hinge.fit({"pressure": np.full(len(y), 300.0), "strain": np.array(places) / 295}, y)
+    found = hinge.fit_hinge(
+        {"pressure": np.full(len(y), 300.0), "strain": np.array(places) / 295}, y
+    )
     assert np.isfinite(found.sse)
     assert np.isfinite([*found.parameters.values()]).all()
     assert found.rank < len(found.parameters)

@@ -14,7 +14,6 @@ from mapmore_cli.domain.models import CurveFunction, Fusion, Model, Pieces, Segm
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.kinds import predict
-from mapmore_cli.modelling.literature import model as evaluation
 
 TERMS = ("1", "a", "a^2", "a^5", "b*a", "exp(-a)", "sqrt(a^2 + b^2)", "b", "c*b", "a/(1 + b^2)")
 WORDS = ("continue", "continue_linear", "saturate", "zero")
@@ -49,7 +48,6 @@ def imagined(rng, names, level, count, cuts, terms=3):
         ]
         if level:
             limits[level] = (at - 0.01, at + 0.01)
-        threshold = rng.uniform(*limits[free[0]])
         curves.append(
             CurveFunction(
                 f"curve {number}",
@@ -57,7 +55,6 @@ def imagined(rng, names, level, count, cuts, terms=3):
                 tuple(boundaries.values()),
                 limits,
                 tuple(segments),
-                threshold,
             )
         )
     quantities = tuple(Quantity(name, "1") for name in names)
@@ -133,10 +130,8 @@ ways = st.fixed_dictionaries(
         "transition": st.sampled_from(["linear", "quadratic", "cubic"]),
         "z_s": st.one_of(st.sampled_from([0.0, 0.25, 0.5]), st.floats(0, 0.5)),
         "levels": st.sampled_from(["linear", "pchip"]),
-        "aligned": st.sampled_from([None, "a"]),
         "shrink": st.sampled_from([1.0, 0.0, 0.3]),
         "hold": st.sampled_from(["samples", "none"]),
-        "domain": st.sampled_from([{}, {"a": (0.1, 1.6)}]),
     }
 )
 seeds = st.integers(0, 2**32 - 1)
@@ -166,9 +161,7 @@ def test_agrees_with_the_sum_over_all_segments(seed, way, levels, segments):
 def test_agrees_where_two_variables_are_cut(seed, way, level, count_a, count_b):
     rng = np.random.default_rng(seed)
     model = imagined(rng, ("a", "b", "c"), level, 3, {"a": count_a, "b": count_b})
-    model = fused(
-        model, extrapolation=sides(rng, "abc"), **{**way, "aligned": level and way["aligned"]}
-    )
+    model = fused(model, extrapolation=sides(rng, "abc"), **way)
     agree(model, places(rng, model))
 
 
@@ -208,10 +201,8 @@ def test_a_backbone_is_added():
 
 
 @pytest.mark.parametrize("level", ["b", None])
-def test_rows_depend_on_themselves_alone(level, monkeypatch):
-    """Bit for bit, whatever the other rows are and wherever a block ends; what is not finite stays
-    where it is.
-    """
+def test_rows_depend_on_themselves_alone(level):
+    """Bit for bit, whatever the other rows are; what is not finite stays where it is."""
     rng = np.random.default_rng(2)
     model = imagined(rng, ("a", "b"), level, 4, {"a": 3})
     columns = places(rng, model, 500)
@@ -229,8 +220,6 @@ def test_rows_depend_on_themselves_alone(level, monkeypatch):
         ],
         whole,
     )
-    monkeypatch.setattr(evaluation, "BLOCK", 7)
-    np.testing.assert_array_equal(predict(model, columns), whole)
 
 
 def test_no_row_is_no_prediction():

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.domain.results import Forecast
 from mapmore_cli.modelling.validation import metrics
-from mapmore_cli.modelling.validation.metrics import EDGES, bands, normaliser, uncentred
+from mapmore_cli.modelling.validation.metrics import EDGES, bands, normaliser, uncentred_correlation
 from mapmore_cli.modelling.validation.repeatability import error_parts
 from mapmore_cli.modelling.validation.residuals import (
     PARTS,
@@ -207,10 +207,10 @@ def test_the_bands_share_out_the_squared_errors(values: list[float], seed: int) 
 def test_the_uncentred_correlation_is_about_zero() -> None:
     measured, predicted = np.array([10.0, 11.0, 12.0]), np.array([12.0, 11.0, 10.0])
     assert np.corrcoef(measured, predicted)[0, 1] == pytest.approx(-1.0)
-    assert uncentred(measured, predicted) == pytest.approx(361 / 365)
-    assert np.isnan(uncentred(measured, 0.0 * measured))
+    assert uncentred_correlation(measured, predicted) == pytest.approx(361 / 365)
+    assert np.isnan(uncentred_correlation(measured, 0.0 * measured))
     row = score(measured, predicted)
-    assert row.r_uncentred == uncentred(measured, predicted)
+    assert row.r_uncentred == uncentred_correlation(measured, predicted)
 
 
 @given(st.integers(0, 10**6), st.integers(40, 120))

@@ -17,7 +17,7 @@ from mapmore_cli.modelling.validation.repeatability import (
     monotone_floor,
     repeated_cycles,
     repeats,
-    rising,
+    rising_samples,
 )
 
 UP_AND_DOWN = np.concatenate([np.linspace(50, 600, 400), np.linspace(600, 50, 400)])
@@ -145,15 +145,17 @@ def test_recordings_at_the_same_value_of_a_held_input_repeat_each_other() -> Non
 @given(st.integers(1, 4), st.floats(0, 0.04), st.integers(0, 10**6))
 def test_direction_is_known_through_noise(cycles: int, noise: float, seed: int) -> None:
     clean = np.tile(UP_AND_DOWN, cycles)
-    up = rising(clean + noise * 550 * np.random.default_rng(seed).uniform(-1, 1, len(clean)))
+    up = rising_samples(
+        clean + noise * 550 * np.random.default_rng(seed).uniform(-1, 1, len(clean))
+    )
     inner = (clean > 110) & (clean < 540)
     np.testing.assert_array_equal(up[inner], np.tile(np.arange(800) < 400, cycles)[inner])
 
 
 def test_a_record_that_never_turns_rises() -> None:
-    assert rising(np.linspace(0, 1, 5)).all()
-    assert not rising(np.linspace(1, 0, 5)).any()
-    assert rising(np.ones(4)).all()
+    assert rising_samples(np.linspace(0, 1, 5)).all()
+    assert not rising_samples(np.linspace(1, 0, 5)).any()
+    assert rising_samples(np.ones(4)).all()
 
 
 @settings(max_examples=50)

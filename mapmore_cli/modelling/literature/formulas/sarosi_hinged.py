@@ -46,7 +46,7 @@ class SarosiHinged(Formula):
     """
 
     def fit(self, columns: Columns, y: Array, method: str | None = None) -> FormulaFit:
-        """Penalised least-squares fit of the hinged part (`hinge.fit`), blended with the plain
+        """Penalised least-squares fit of the hinged part (`fit_hinge`), blended with the plain
         formula.
 
         `method` is that of the plain formula. Standard errors are those of the two parts, the
@@ -55,7 +55,7 @@ class SarosiHinged(Formula):
         """
         problem = self.problem(columns, y)
         columns, y = problem.columns, problem.y
-        hinged, plain = hinge.fit(columns, y), PLAIN.fit(columns, y, method)
+        hinged, plain = hinge.fit_hinge(columns, y), PLAIN.fit(columns, y, method)
         usable, largest = plain.status == "converged", float(np.abs(y).max()) or 1.0
         own = {name: value if usable else 0.0 for name, value in plain.parameters.items()}
         parameters = {

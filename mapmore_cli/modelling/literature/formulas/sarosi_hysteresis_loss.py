@@ -7,14 +7,14 @@ is integrated exactly.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, Columns
+from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.modelling.expressions import (
@@ -57,12 +57,11 @@ class ForceCurve:
         )
 
     @np.errstate(all="ignore")
-    def stroke(self, start: float) -> tuple[Array, BoolArray, BoolArray]:
-        """Return the strain at which the force first falls to zero from `start` on, and where it is
-        slack, and endless, `(n,)` each.
+    def end_of_stroke(self, start: float) -> Array:
+        """Return the strain at which the force first falls to zero from `start` on, `(n,)`.
 
-        Slack it does not pull, even at `start`, which is the end then; endless it pulls at every
-        strain, and the end is where the curve turns up again, or `SHORTEST`.
+        It is `start` where the curve does not pull even there. Where it pulls at every strain, it
+        is where the curve turns up again, or `SHORTEST`.
         """
         turns = (self.A > 0.0) & (self.A * self.c * self.B < 0.0)
         turning = (
@@ -72,12 +71,12 @@ class ForceCurve:
             np.full_like(self.A, start),
             np.where(turns, np.clip(turning, start, SHORTEST), SHORTEST),
         )
-        slack, endless = self(low) <= 0.0, self(high) > 0.0
+        slack = self(low) <= 0.0
         for _ in range(BISECTIONS):
             middle = (low + high) / 2
             pulls = self(middle) > 0.0
             low, high = np.where(pulls, middle, low), np.where(pulls, high, middle)
-        return np.where(slack, start, low), slack, endless & ~slack
+        return np.where(slack, start, low)
 
 
 UPPER, LOWER = "u", "l"
@@ -127,9 +126,9 @@ class HysteresisLoss(Formula):
           each.
         - `length`: length of the muscle at rest, m.
 
-        Status and condition are those of the worse branch; ranks and sums of squares add up. Notes
-        say at which pressures zeta had to be limited, or there is no free strain. Length and least
-        strain are given, so that they have no standard error.
+        Status and condition are those of the worse branch; ranks and sums of squares add up. A note
+        says at which pressures zeta had to be limited. Length and least strain are given, so that
+        they have no standard error.
 
         Raises DataError for a column that is absent or not finite, too few samples, or a length
         that is not positive.
@@ -152,12 +151,19 @@ class HysteresisLoss(Formula):
         parameters = {"length": length, "strain_min": float(columns["strain"].min())}
         errors = dict.fromkeys(parameters, float("nan"))
         for branch, fit in parts.items():
-            parameters |= {_of(branch, name): value for name, value in fit.parameters.items()}
-            errors |= {_of(branch, name): error for name, error in fit.errors.items()}
-        worst = max(fits, key=lambda fit: SEVERITY.index(fit.status))
+            parameters |= {
+                _branch_name(branch, name): value for name, value in fit.parameters.items()
+            }
+            errors |= {_branch_name(branch, name): error for name, error in fit.errors.items()}
         notes = [
             f"{CURVES[branch]} curve: {note}" for branch, fit in parts.items() for note in fit.notes
         ]
+        pressure = np.linspace(0.0, float(columns["pressure"].max()), NOTED_PRESSURES)
+        share = lehr(parameters, pressure)
+        if (limited := (share < 0.0) | (share > 1.0)).any():
+            low, high = pressure[limited].min(), pressure[limited].max()
+            notes.append(f"zeta is limited to [0, 1] between {low:.3g} and {high:.3g} kPa")
+        worst = max(fits, key=lambda fit: SEVERITY.index(fit.status))
         return FormulaFit(
             name=self.name,
             parameters={name: parameters[name] for name in self.parameters},
@@ -168,7 +174,7 @@ class HysteresisLoss(Formula):
             condition=max(fit.condition for fit in fits),
             sse=sum(fit.sse for fit in fits),
             samples=sum(fit.samples for fit in fits),
-            notes=(*notes, *_notes(parameters, float(columns["pressure"].max()))),
+            notes=tuple(notes),
         )
 
     def predict(self, parameters: Mapping[str, float], columns: Columns) -> Array:
@@ -196,27 +202,22 @@ class HysteresisLoss(Formula):
 
 
 @np.errstate(all="ignore")
-def lehr(parameters: Mapping[str, float], pressure: Array) -> tuple[Array, BoolArray, BoolArray]:
-    """`zeta = (U_u - U_l)/U_u` (M2 eq 21) at each `pressure`, and where the upper curve is slack,
-    and endless, `(n,)` each.
+def lehr(parameters: Mapping[str, float], pressure: Array) -> Array:
+    """`zeta = (U_u - U_l)/U_u` (M2 eq 21) at each `pressure`, `(n,)`.
 
     It is not limited to [0, 1]: towards a slack muscle the energy U_u of the stroke vanishes, and
     there zeta is infinite, as where U_u overflows.
     """
     upper, lower = (_curve(parameters, branch, pressure) for branch in (UPPER, LOWER))
     start = parameters["strain_min"]
-    end, slack, endless = upper.stroke(start)
+    end = upper.end_of_stroke(start)
     whole, kept = upper.mean(start, end), lower.mean(start, end)
-    return (
-        np.where((whole > 0.0) & (whole < np.inf), (whole - kept) / whole, np.inf),
-        slack,
-        endless,
-    )
+    return np.where((whole > 0.0) & (whole < np.inf), (whole - kept) / whole, np.inf)
 
 
 def zeta(parameters: Mapping[str, float], pressure: Array) -> Array:
     """Lehr's damping coefficient (M2 eq 21) at each `pressure`, `(n,)`, between 0 and 1."""
-    return np.clip(lehr(parameters, pressure)[0], 0.0, 1.0)
+    return np.clip(lehr(parameters, pressure), 0.0, 1.0)
 
 
 def _curve(parameters: Mapping[str, float], branch: str, pressure: Array) -> ForceCurve:
@@ -230,34 +231,12 @@ def _curve(parameters: Mapping[str, float], branch: str, pressure: Array) -> For
 def _branch(branch: str) -> Expression:
     """Sárosi's formula with the parameters of one branch."""
     return substitute(
-        SAROSI.expression, {name: Name(_of(branch, name)) for name in SAROSI.parameters}
+        SAROSI.expression, {name: Name(_branch_name(branch, name)) for name in SAROSI.parameters}
     )
 
 
-def _of(branch: str, parameter: str) -> str:
+def _branch_name(branch: str, parameter: str) -> str:
     return parameter.replace("a", f"a{branch}")
-
-
-def _notes(parameters: Mapping[str, float], highest: float) -> Iterator[str]:
-    pressure = np.linspace(0.0, highest, NOTED_PRESSURES)
-    share, slack, endless = lehr(parameters, pressure)
-
-    def between(rows: BoolArray) -> str:
-        return f"between {pressure[rows].min():.3g} and {pressure[rows].max():.3g} kPa"
-
-    if slack.any():
-        yield (
-            f"the upper curve does not pull {between(slack)}: there is no free strain, and "
-            "zeta is taken as 1"
-        )
-    if endless.any():
-        yield (
-            f"the upper curve does not fall to zero {between(endless)}: the stroke is taken "
-            "to end where it turns up, or at 1"
-        )
-    limited = ~slack & ((share < 0.0) | (share > 1.0))
-    if limited.any():
-        yield f"zeta is limited to [0, 1] {between(limited)}"
 
 
 def _loss(name: str, title: str, reference: str, text: str, about: str) -> HysteresisLoss:
