@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 
 from mapmore_cli.cli.console import View, picked
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.models import Formula, Memory, Pieces, StateSpace, Sum
+from mapmore_cli.domain.models import Formula, Memory, Pieces
 from mapmore_cli.domain.scores import RUN_PAGE
+from mapmore_cli.modelling.kinds import page_of
 from mapmore_cli.reporting.memory_tables import (
     identified_table,
-    sections_table,
     sizes_table,
     states_table,
     substitutes_table,
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
         SegmentFit,
         Selection,
     )
-    from mapmore_cli.domain.models import CurveRange, Model, Motion, Part, SegmentFunction
+    from mapmore_cli.domain.models import CurveRange, Model, SegmentFunction
     from mapmore_cli.domain.recording import Dataset
     from mapmore_cli.domain.results import FitResult, Validation
     from mapmore_cli.domain.scores import Published, ScoreTable
@@ -275,18 +275,14 @@ def _of_fit(result: FitResult) -> View:
     """Return the segments, or the model with memory, with their terms in the order of selection;
     theta is in scaled coordinates.
     """
-    motion = result.motion
-    searches = (
-        {}
-        if motion is None
-        else {"solver": motion.solver, "searches": [asdict(search) for search in motion.searches]}
-    )
+    page = page_of(result.body)
+    own, own_tables = page.show_fit(result.body) if page else ({}, ())
     document = {
         "segments": [_segment(fit, fit.selection) for fit in result.pieces],
         "memory": _memory_fit(result.memory),
-        "motion": None if motion is None else {**_motion(motion.model), **searches},
         "backbone": _formula(result.formula),
         "notes": result.notes,
+        **own,
     }
     tables = [terms_table(result)] if result.pieces else []
     if (fit := result.memory) is not None:
@@ -294,7 +290,7 @@ def _of_fit(result: FitResult) -> View:
         tables += [substitutes_table(fit)] if len(fit.substitutes) else []
         tables += [sizes_table(fit)] if fit.held_out is not None else []
         tables += _memory_tables(fit.model)
-    tables += [sections_table({"mapmore": motion}, "")] if motion is not None else []
+    tables += own_tables
     return View(document, tuple(tables), (*_formula_lines(result.formula), *result.notes))
 
 
@@ -379,35 +375,6 @@ def _memory_line(memory: MemoryModel) -> str:
     return f"Runs free {start}, at steps of {memory.states.step:.6g} s."
 
 
-def _motion(motion: Motion) -> dict[str, Any]:
-    """Return the model as it is stored, with the poles (real and imaginary parts) and the gain of
-    every section.
-    """
-    derived = (
-        {"poles": [[pole.real, pole.imag] for pole in section.poles], "gain": section.gain}
-        for section in motion.sections
-    )
-    sections = [
-        {**asdict(section), **more} for section, more in zip(motion.sections, derived, strict=True)
-    ]
-    return {**asdict(motion), "sections": sections}
-
-
-def _motion_line(motion: Motion) -> str:
-    """How the model is run."""
-    ways = {
-        "hard": "every section runs, the active one's output is taken",
-        "carried": "sections hand one state on",
-        "bumpless": "sections share one state, and meet at their boundaries",
-    }
-    at = ", ".join(f"{boundary:g}" for boundary in motion.boundaries)
-    places = f"Sections meet at {motion.input} {at}. " if at else ""
-    return (
-        f"{places}Switching: {motion.switching} ({ways[motion.switching]}), at steps of "
-        f"{motion.step:.6g} s, from {motion.start}."
-    )
-
-
 # Models
 # --------------------------------------------------------------------------------------------------
 
@@ -430,12 +397,13 @@ def _of_model(model: Model) -> View:
         (Column("piece"), Column("equation")),
         tuple((one.id, one.text) for one in found),
     )
-    shown = _shown(model)
-    document = {**_document(model, shown), "equations": [asdict(one) for one in found]}
+    shown = shown_model(model)
+    document = {**document_of(model, shown), "equations": [asdict(one) for one in found]}
     return View(document, (table, *shown.tables), (*shown.lines, *model.notes))
 
 
-def _document(model: Model, shown: View) -> dict[str, Any]:
+def document_of(model: Model, shown: View) -> dict[str, Any]:
+    """Return a model as JSON: what all have in common, and what its kind shows."""
     head = {
         "name": model.name,
         "output": asdict(model.output),
@@ -444,7 +412,7 @@ def _document(model: Model, shown: View) -> dict[str, Any]:
     return {**head, **shown.document, "notes": model.notes}
 
 
-def _shown(model: Model) -> View:
+def shown_model(model: Model) -> View:
     """Return what a kind shows beside the equations; one that has nothing of its own to show is
     shown as it is stored.
     """
@@ -461,47 +429,33 @@ def _shown(model: Model) -> View:
                 "backbone": _formula(body.backbone),
                 "cross_validation": [asdict(error) for error in body.cross_validation],
                 "weights": _weights(body),
-                "limits": _limits(body.ranges),
+                "limits": limits_document(body.ranges),
             }
             lines = (_fusion_line(body),)
         case Formula() as body:
             document = {
                 "level": body.level,
                 "formula": _formula(body.fit),
-                "limits": _limits(body.ranges),
+                "limits": limits_document(body.ranges),
             }
             lines = _formula_lines(body.fit)
         case Memory() as body:
             document = {
                 "memory": asdict(body.model),
                 "backbone": _formula(body.backbone),
-                "limits": _limits(body.ranges),
+                "limits": limits_document(body.ranges),
             }
             tables, lines = _memory_tables(body.model), (_memory_line(body.model),)
-        case StateSpace() as body:
-            document = {"motion": _motion(body.motion), "limits": _limits(body.ranges)}
-            lines = (_motion_line(body.motion),)
-        case Sum() as body:
-            document = {"parts": [_part(part) for part in body.parts]}
-            shown = [(one.name, _shown(one)) for part in body.parts for one in part.models]
-            tables = tuple(table for _, view in shown for table in view.tables)
-            lines = tuple(f"{name}: {line}" for name, view in shown for line in view.lines)
-        case _:
-            document = asdict(model.body)  # type: ignore[call-overload]
+        case body:
+            page = kind_of(model).page
+            document = {} if page else asdict(body)  # type: ignore[call-overload]
+            if page is not None:
+                document, tables, lines = page.show(model)
     return View({"kind": kind_of(model).name, **document}, tables, lines)
 
 
-def _part(part: Part) -> dict[str, Any]:
-    fed = {"fed": [_part(one) for one in part.fed]} if part.fed else {}
-    return {
-        "sign": part.sign,
-        "renamed": part.inputs,
-        **fed,
-        **_document(part.model, _shown(part.model)),
-    }
-
-
-def _limits(ranges: tuple[CurveRange, ...]) -> dict[str, Any]:
+def limits_document(ranges: tuple[CurveRange, ...]) -> dict[str, Any]:
+    """Return the training range of every input, by curve."""
     return {one.curve: one.limits for one in ranges}
 
 

@@ -45,11 +45,7 @@ def all_tables(inputs: ReportInputs) -> tuple[Table, ...]:
     ]
     found += [] if inputs.search is None else [search_table(inputs.search)]
     found.append(folds_table(pieces.cross_validation if pieces else (), unit))
-    found += (
-        [memory_tables.sections_table(inputs.motions, unit), memory_tables.waveforms_table(inputs)]
-        if inputs.motions
-        else []
-    )
+    found += [table for page in inputs.pages for table in page.tables(inputs)]
     found += inputs.published_tables
     if memory is not None:
         found += [

@@ -64,9 +64,7 @@ def motion_figures(inputs: ReportInputs) -> list[Drawing]:
 
 def _figure(inputs: ReportInputs, name: str, numbers: list[int]) -> Drawing:
     curves = inputs.dataset.curves
-    shown = style.some_curves(
-        inputs, numbers, MOST_WAVEFORMS if inputs.motions else MOST_RECORDINGS
-    )
+    shown = style.some_curves(inputs, numbers, MOST_WAVEFORMS if inputs.fits else MOST_RECORDINGS)
     models, others = _best_rivals(inputs, MOST_RIVALS)
     styles = style.model_styles(models, inputs.style.palette)
     resting = any(curve.at_rest is not None and curve.at_rest.any() for curve in curves)
@@ -86,7 +84,7 @@ def _figure(inputs: ReportInputs, name: str, numbers: list[int]) -> Drawing:
     ]
     handles += [style.key("training", color=style.GREY, linewidth=MEASURED)] if mixed else []
     handles += [style.key(model, **look.line) for model, look in styles.items()]
-    if any(fit.model.boundaries for fit in inputs.motions.values()):
+    if any(fit.model.boundaries for fit in inputs.fits.values()):
         handles.append(style.key("section boundary", color=style.BLACK, **CROSSING))
     handles += [] if inputs.left_out is None else [style.interval_key(styles[inputs.own].colour)]
     handles += [Patch(color=PLATEAU, label="plateau")] if resting else []
@@ -175,7 +173,7 @@ def _crossed(inputs: ReportInputs, curve: Curve, piece: IntArray) -> IntArray | 
     """Return samples at which the input of a piecewise model of motion comes into another section;
     None without such a model.
     """
-    piecewise = next((fit.model for fit in inputs.motions.values() if fit.model.boundaries), None)
+    piecewise = next((fit.model for fit in inputs.fits.values() if fit.model.boundaries), None)
     if piecewise is None or piecewise.input not in curve.columns:
         return None
     places = np.searchsorted(

@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 
-from mapmore_cli.domain.models import FALL, MotionFit
+from mapmore_cli.annexes.motion.body import FALL, MotionFit
 from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
 from mapmore_cli.reporting.figures.style import BLACK, DOUBLE, GREY, key, plain_logarithm, shortened
 from mapmore_cli.reporting.inputs import ReportInputs
@@ -19,7 +19,9 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     """Return a panel for each model of motion, a line for each of its sections; none where there is
     no such model.
     """
-    panels = [_panel(inputs, name, fit) for name, fit in inputs.motions.items()]
+    panels = [
+        _panel(inputs, name, fit) for name, fit in inputs.fits.items() if isinstance(fit, MotionFit)
+    ]
     if not panels:
         return []
     handles = (key("section", color=BLACK), key("of a falling input", color=GREY, linestyle="--"))

@@ -1,0 +1,29 @@
+"""What `mapmore show` has of sums."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from mapmore_cli.annexes.sums.body import Part, Sum
+from mapmore_cli.cli.views import document_of, shown_model
+from mapmore_cli.domain.models import Model
+from mapmore_cli.reporting.table import Table
+
+
+def show(model: Model) -> tuple[dict[str, Any], tuple[Table, ...], tuple[str, ...]]:
+    """Return what `mapmore show` has of a sum: its parts, with their tables and lines."""
+    assert isinstance(model.body, Sum)
+    shown = [(one.name, shown_model(one)) for one in model.body.models]
+    tables = tuple(table for _, view in shown for table in view.tables)
+    lines = tuple(f"{name}: {line}" for name, view in shown for line in view.lines)
+    return {"parts": [_part(part) for part in model.body.parts]}, tables, lines
+
+
+def _part(part: Part) -> dict[str, Any]:
+    fed = {"fed": [_part(one) for one in part.fed]} if part.fed else {}
+    return {
+        "sign": part.sign,
+        "renamed": part.inputs,
+        **fed,
+        **document_of(part.model, shown_model(part.model)),
+    }
