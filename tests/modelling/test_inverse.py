@@ -16,7 +16,6 @@ from mapmore_cli.domain.errors import DataError, UsageError
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.inverse import invert, knots, solve_for_input
 from mapmore_cli.modelling.kinds import predict
-from mapmore_cli.modelling.pieces.definition import zones
 from mapmore_cli.modelling.pieces.recipe import Cuts
 from mapmore_cli.modelling.program.model import slopes
 
@@ -137,28 +136,6 @@ def test_derivatives_against_central_differences(name: str) -> None:
             np.abs(found[quantity.name] - central)[smooth]
             <= (1e-4 * size + 20 * noise)[smooth] + 1e-9
         )
-
-
-def test_transitions_are_as_smooth_as_they_promise() -> None:
-    """Across a zone's ends the slope jumps with linear transitions and does not with quadratic and
-    cubic ones.
-    """
-    from export_samples import pieces
-
-    jumps = {}
-    for transition in ("linear", "quadratic", "cubic"):
-        model = pieces(
-            transition=transition,
-            levels=None,
-            counts={"strain": 3},
-            sides=("continue", "continue"),
-            z_s=0.3,
-        )
-        ends = np.concatenate(zones(model.body.curves[0].boundaries[0], 0.3))
-        sides = [slopes(model, {"strain": ends + way})["strain"] for way in (-1e-9, 1e-9)]
-        jumps[transition] = np.max(np.abs(sides[0] - sides[1]))
-    assert jumps["linear"] > 1.0
-    assert max(jumps["quadratic"], jumps["cubic"]) < 1e-3 * jumps["linear"]
 
 
 LEVELS = (80.0, 150.0, 250.0, 350.0)

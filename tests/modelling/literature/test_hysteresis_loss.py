@@ -95,34 +95,6 @@ def test_zeta_is_the_lost_share_of_the_energy_by_quadrature(pressure: float) -> 
     assert zeta(PLANTED, np.array([pressure])) == pytest.approx([(up - low) / up], rel=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("formula", "per_length"), [(LOSS, LENGTH), (PRINTED, 1.0)], ids=["with length", "printed"]
-)
-def test_the_force_follows_from_stiffness_and_mass(formula, per_length: float) -> None:
-    """k_t by central differences of the force over the length; the mass hangs on the muscle, in
-    N.
-    """
-    columns = motion(1, rows=50)
-    P, strain, step = columns["pressure"], columns["strain"], 1e-6
-    stiffness = (force(UPPER, P, strain + step) - force(UPPER, P, strain - step)) / (
-        2 * step * LENGTH
-    )
-    critical = 2 * np.sqrt(np.abs(stiffness) * columns["load"] / 9.81)
-    expected = -zeta(PLANTED, P) * critical * per_length * columns["strain_rate"]
-    np.testing.assert_allclose(formula.predict(PLANTED, columns), expected, rtol=1e-7)
-
-
-def test_rows_do_not_depend_on_each_other() -> None:
-    """A table may be predicted in blocks of any size."""
-    columns = motion(2, rows=300)
-    whole = LOSS.predict(PLANTED, columns)
-    alone = [
-        LOSS.predict(PLANTED, {name: column[i : i + 1] for name, column in columns.items()})[0]
-        for i in range(300)
-    ]
-    np.testing.assert_array_equal(whole, alone)
-
-
 def test_where_the_muscle_is_slack_zeta_is_one_as_just_above() -> None:
     threshold = brentq(lambda pressure: force(UPPER, pressure, STRAIN_MIN), 0.0, 80.0, xtol=1e-14)
     around = threshold + np.array([-5.0, -1e-3, -1e-9, 1e-9, 1e-3])

@@ -235,16 +235,6 @@ def test_boundaries_keep_their_distance(seed, count):
     assert (np.diff([0.0, *boundaries, 1.0]) >= 0.1 - 0.02).all()
 
 
-@settings(max_examples=15)
-@given(st.integers(0, 1000), st.floats(1e-3, 1e3), st.floats(1e-3, 1e3), st.floats(-1e3, 1e3))
-def test_units_and_the_order_of_rows_do_not_matter(seed, a, b, offset):
-    x, y = bent(seed, [0.4], [2.0, 0.2])
-    plain = gradient_boundaries(x, y, 3)
-    order = np.random.default_rng(seed).permutation(len(x))
-    np.testing.assert_array_equal(gradient_boundaries(x[order], y[order], 3), plain)
-    np.testing.assert_allclose(gradient_boundaries(a * x, b * y + offset, 3), a * plain, rtol=1e-6)
-
-
 def test_a_slope_changes_at_a_corner_by_the_difference_of_the_slopes_and_nowhere_on_a_line():
     x = np.linspace(0, 1, 2001)
     np.testing.assert_allclose(slope_change(x, 7 * x - 2, 0.1)[1], 0, atol=1e-9)
