@@ -222,25 +222,18 @@ class Formula:
                 f"{len(target)} samples to fit them to",
                 "give it more training data, or leave the formula out",
             )
+        expression = with_numbers(self._fitted_expression, self.of_muscle(self.given).given)
+        names = (*self.linear, *(parameter.name for parameter in self.nonlinear))
         order = np.lexsort([target, *inputs.values()])
         return LeastSquares(
-            *self.of_muscle(self.given)._sought,
+            expression,
+            self.linear,
+            self.nonlinear,
+            {name: derivative(expression, name) for name in names},
             {name: column[order] for name, column in inputs.items()},
             target[order],
             start=self.published_starts.get(self.start),
         )
-
-    @cached_property
-    def _sought(
-        self,
-    ) -> tuple[Expression, tuple[str, ...], tuple[Nonlinear, ...], Mapping[str, Expression]]:
-        """The formula with its dimensions put in, the parameters to be found in it, and its
-        derivatives for them.
-        """
-        expression = with_numbers(self._fitted_expression, self.given)
-        names = (*self.linear, *(parameter.name for parameter in self.nonlinear))
-        gradient = {name: derivative(expression, name) for name in names}
-        return expression, self.linear, self.nonlinear, gradient
 
     def _result(self, problem: LeastSquares, solution: solvers.Solution) -> FormulaFit:
         values, notes = self._printed(problem, solution.beta, solution.c), solution.notes

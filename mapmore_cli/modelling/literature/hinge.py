@@ -18,10 +18,10 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns
 from mapmore_cli.domain.errors import FitError
-from mapmore_cli.domain.fits import FormulaFit, Optimum
+from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.modelling.literature import linear
 from mapmore_cli.modelling.literature.problem import condensed, dependence
-from mapmore_cli.modelling.literature.solvers import End, agreement, descend, onto_bounds, rivals
+from mapmore_cli.modelling.literature.solvers import agreement, descend, onto_bounds
 
 METHOD = "penalised least squares"
 FEW_LEVELS = 3  # strain levels that any curvature passes through
@@ -99,14 +99,15 @@ def fit_hinge(columns: Columns, y: Array) -> FormulaFit:
     and finite.
 
     Of five starts that differ in the curvature, the lowest penalised sum of squares wins, the `sse`
-    of the result and of its rivals; errors are with the priors taken as observations, rank and
+    of the result; errors are with the priors taken as observations, rank and
     condition those of the data alone. Deterministic; the units of pressure and target are no
     matter. Above some thousand samples the search goes over means of neighbouring ones
     (`problem.condensed`).
 
     Raises FitError where the formula has no finite value at any start.
     """
-    scales = tuple(map(_scale, (columns["pressure"], columns["strain"], y)))
+    inputs = columns["pressure"], columns["strain"], y
+    scales = [float(np.abs(column).max()) or 1.0 for column in inputs]
     problem = _normalised(columns, y, *scales)
     ends = descend(problem.system, [_start_at(problem, a3) for a3 in STARTS], (LOWEST, HIGHEST))
     if not ends:
@@ -143,23 +144,18 @@ def fit_hinge(columns: Columns, y: Array) -> FormulaFit:
         [f * per_p, f, per_x, f * per_p * per_x, f * per_p, f, f, f * per_p, f * per_x, f]
     )
 
-    def told(end: End) -> Optimum:
-        values = np.append(end.x[:LN_W], np.exp(end.x[LN_W])) * units
-        return Optimum(dict(zip(NAMES, values.tolist(), strict=True)), 2 * end.cost * f**2)
-
-    found = told(End(q, best.cost, best.converged))
+    values = np.append(q[:LN_W], np.exp(q[LN_W])) * units
     return FormulaFit(
         name="hinge",
-        parameters=found.parameters,
+        parameters=dict(zip(NAMES, values.tolist(), strict=True)),
         errors=dict(zip(NAMES, (errors * units).tolist(), strict=True)),
         status=status,
         method=METHOD,
         rank=rank,
         condition=condition,
-        sse=found.sse,
+        sse=2 * best.cost * f**2,
         samples=len(y),
         notes=tuple(notes),
-        rivals=tuple(map(told, rivals(ends, best))),
     )
 
 
@@ -171,10 +167,6 @@ def _strain_levels(strain: Array) -> int:
     while i < len(values):
         count, i = count + 1, int(np.searchsorted(values, values[i] + gap, side="right"))
     return count
-
-
-def _scale(column: Array) -> float:
-    return float(np.abs(column).max()) or 1.0
 
 
 def _normalised(

@@ -4,7 +4,6 @@ moves; and what its solution holds.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -15,8 +14,6 @@ from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.expressions import Expression, NotFinite, dictionary_matrix, evaluate
 from mapmore_cli.modelling.literature.linear import parameter_errors
-
-SMOOTH = 0.01  # of a range: what bends over less is lost in means of neighbouring samples
 
 
 @dataclass(frozen=True)
@@ -44,19 +41,6 @@ class Nonlinear:
             return 1.0
         largest = float(np.abs(columns[quantity]).max()) or 1.0
         return largest if self.per else 1.0 / largest
-
-    @property
-    def shortest(self) -> float:
-        """The shortest part of the range of `per` or `of` over which the formula can bend; infinite
-        for an absolute value.
-        """
-        if self.per is not None:
-            return 1.0 / max(map(abs, self.bounds))
-        return (
-            min(abs(end) for interval in self.intervals for end in interval)
-            if self.of is not None
-            else math.inf
-        )
 
     def written(self, c: float) -> str:
         """Return a coordinate as a person would write the value."""
@@ -157,11 +141,11 @@ class LeastSquares:
         """Return the problem over means of neighbouring samples, where there are many: quick, and
         nearly the same.
 
-        It stays as it is where the formula can bend within a hundredth of a range: a force that
+        It stays as it is with a parameter that is sought in shares `of` a quantity: a force that
         decays over the slowest rates shows in few samples, and which decay is best would be decided
         without them.
         """
-        if min((parameter.shortest for parameter in self.nonlinear), default=math.inf) < SMOOTH:
+        if any(parameter.of for parameter in self.nonlinear):
             return self
         columns, y, counts = condensed(self.columns, self.y)
         return replace(self, columns=columns, y=y, counts=counts)

@@ -183,13 +183,6 @@ def test_what_made_the_data_is_chosen(name):
     assert "with each of 2 inner training levels left out" in choice.note
 
 
-def test_held_out_samples_decide_nothing():
-    samples = curves(levels=(*LEVELS, 450.0), held_out=(250.0,), n=25)
-    spoilt = [changed(c, force=np.where(c.held_out, -7.0, c.columns["force"])) for c in samples]
-    one, two = (choose_backbone(of, recipe(**SETTINGS), QUANTITIES) for of in (samples, spoilt))
-    assert one == two
-
-
 def test_three_levels_choose_nothing():
     choice = choose_backbone(curves(levels=LEVELS[:3], held_out=()), recipe(), QUANTITIES)
     assert choice.name == FEW

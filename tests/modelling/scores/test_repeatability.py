@@ -6,15 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.signals.cycles import last_cycles
 from mapmore_cli.modelling.validation.repeatability import (
-    WORTH,
     floors,
-    monotone_floor,
     repeated_cycles,
     repeats,
     rising_samples,
@@ -156,25 +154,6 @@ def test_a_record_that_never_turns_rises() -> None:
     assert rising_samples(np.linspace(0, 1, 5)).all()
     assert not rising_samples(np.linspace(1, 0, 5)).any()
     assert rising_samples(np.ones(4)).all()
-
-
-@settings(max_examples=50)
-@given(
-    samples=st.lists(st.tuples(st.integers(0, 9), st.floats(-100, 100)), min_size=1, max_size=30),
-    falls=st.booleans(),
-)
-def test_floors_are_told_where_one_is_worth_a_word(
-    samples: list[tuple[int, float]], *, falls: bool
-) -> None:
-    """What lies near some monotone curve is known to have no floor worth a word without the nearest
-    one.
-    """
-    x, noise = (np.array(values, dtype=np.float64) for values in zip(*samples, strict=True))
-    curves = [(x, 300.0 * (-x if falls else x) + noise), (np.arange(5.0), np.arange(5.0))]
-    largest = max(np.abs(y).max() for _, y in curves)
-    exact = [monotone_floor(*curve) / largest for curve in curves]
-    found = floors(*zip(*curves, strict=True))
-    assert found == (exact if max(exact) > WORTH else [])
 
 
 def test_a_loop_has_its_floor_told() -> None:

@@ -16,12 +16,10 @@ prior of a3 is a decay over a strain of 1/33).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns
-from mapmore_cli.domain.fits import FormulaFit, Optimum
+from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.modelling.expressions import Expression, parse
 from mapmore_cli.modelling.literature import hinge
 from mapmore_cli.modelling.literature.formula import Formula, with_numbers
@@ -81,10 +79,7 @@ class SarosiHinged(Formula):
                 f"plain fit is {plain.status}"
             )
 
-        def told(values: Mapping[str, float]) -> Optimum:
-            residual = self.predict(values, columns) - y
-            return Optimum(values, float(residual @ residual))
-
+        residual = self.predict(parameters, columns) - y
         unknown = float("nan")
         errors = {
             PLAIN_NAMES[name]: value if usable else unknown for name, value in plain.errors.items()
@@ -98,10 +93,9 @@ class SarosiHinged(Formula):
             method=hinged.method,
             rank=hinged.rank + (plain.rank + 1 if share < 1.0 else 0),
             condition=main.condition,
-            sse=told(parameters).sse,
+            sse=float(residual @ residual),
             samples=len(y),
             notes=(hinged.notes[0], f"blend: {blend}", *hinged.notes[1:]),
-            rivals=tuple(told({**parameters, **rival.parameters}) for rival in hinged.rivals),
         )
 
     def equation(self, fit: FormulaFit) -> Expression:
