@@ -149,14 +149,6 @@ def test_any_scaling_is_read_back(low, width, theta):
     assert np.abs(read(found.text, {"x": x}) - exact).max() <= STATED * np.ptp(exact) + 1e-9
 
 
-def test_a_constant_alone():
-    model = built(level=None, cuts={}, dictionary=("1",), max_terms=1)
-    (found,) = equations(model)
-    assert float(found.text) == pytest.approx(
-        model.body.segments[0].theta[0] * model.body.segments[0].scaling.y_slope, rel=STATED
-    )
-
-
 @pytest.mark.parametrize(
     "term", ["exp(-strain/0.03)", "exp((strain - 1)/0.03)", "pressure*exp((strain - 1)/0.03)"]
 )

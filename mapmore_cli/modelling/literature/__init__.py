@@ -6,7 +6,6 @@ nearly the same.
 
 from __future__ import annotations
 
-import difflib
 import pkgutil
 from dataclasses import replace
 from functools import cache
@@ -28,7 +27,6 @@ __all__ = [
     "TARGET",
     "Formula",
     "Nonlinear",
-    "UnknownFormula",
     "get",
     "names",
     "of",
@@ -36,34 +34,17 @@ __all__ = [
 ]
 
 
-class UnknownFormula(KeyError):
-    """No formula has this name; `suggestion` is the nearest name, or None."""
-
-    def __init__(self, name: str) -> None:
-        super().__init__(name)
-        self.name = name
-        self.suggestion = next(iter(difflib.get_close_matches(name, names(), n=1)), None)
-
-    def __str__(self) -> str:
-        hint = (
-            f"did you mean `{self.suggestion}`?"
-            if self.suggestion
-            else f"there are: {', '.join(names())}"
-        )
-        return f"there is no formula `{self.name}`; {hint}"
-
-
 @cache
 def _published() -> dict[str, Formula]:
     """Return the formulas of all files by name, in alphabetical order."""
-    found: dict[str, Formula] = {}
+    by_name: dict[str, Formula] = {}
     for file in pkgutil.iter_modules(formulas.__path__):
         module = import_module(f"{formulas.__name__}.{file.name}")
         for formula in getattr(module, "FORMULAS", None) or (module.FORMULA,):
-            found[formula.name] = replace(
+            by_name[formula.name] = replace(
                 formula, about=(formula.about or module.__doc__ or "").strip()
             )
-    return dict(sorted(found.items()))
+    return dict(sorted(by_name.items()))
 
 
 def names() -> tuple[str, ...]:
@@ -72,9 +53,7 @@ def names() -> tuple[str, ...]:
 
 
 def get(name: str) -> Formula:
-    """Return the formula called `name`, or defined by it; raises `UnknownFormula` with the nearest
-    name.
-    """
+    """Return the formula called `name`, or defined by it; raises KeyError where there is none."""
     if is_family(name):
         from mapmore_cli.modelling.literature.family import family_of
 
@@ -82,7 +61,7 @@ def get(name: str) -> Formula:
     if is_definition(name):
         return formula_of(name)
     if name not in _published():
-        raise UnknownFormula(name)
+        raise KeyError(f"there is no formula `{name}`; there are: {', '.join(names())}")
     return _published()[name]
 
 

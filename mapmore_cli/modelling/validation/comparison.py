@@ -15,9 +15,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.arrays import Array, Ranges
 from mapmore_cli.domain.models import CurveRange, Model, Pieces, SegmentFunction
-from mapmore_cli.modelling.kinds import predict
+from mapmore_cli.modelling.kinds import limits, predict
 from mapmore_cli.modelling.validation.intervals import half_widths
 from mapmore_cli.modelling.validation.significance import sign_permutation, weighted_mean
 
@@ -271,13 +271,10 @@ def grid(before: Model, after: Model, place: Place) -> dict[str, Array]:
 
     Raises ValueError where the ranges do not overlap.
     """
-    limits = {
-        name: (_limits_at(before, place, name), _limits_at(after, place, name))
-        for name in (q.name for q in before.inputs)
-    }
+    first, second = (_limits_at(model, place) for model in (before, after))
     ends = {
-        name: (max(a[0], b[0]), min(a[1], b[1]))
-        for name, (a, b) in limits.items()
+        name: (max(low, second[name][0]), min(high, second[name][1]))
+        for name, (low, high) in first.items()
         if name != before.level
     }
     for name, (low, high) in ends.items():
@@ -298,16 +295,19 @@ def grid(before: Model, after: Model, place: Place) -> dict[str, Array]:
     return {name: points[:, number] for number, name in enumerate(axes)}
 
 
-def _limits_at(model: Model, place: Place, name: str) -> tuple[float, float]:
-    """Training range of an input at a place, interpolated between the curves."""
+def _limits_at(model: Model, place: Place) -> Ranges:
+    """Training range of every input at a place, interpolated between the curves."""
     ranges = _ranges(model)
     if place.level is None:
-        return next(one.limits[name] for one in ranges if one.curve == place.curve)
-    low, high = (
-        float(np.interp(place.level, _levels_of(ranges), [one.limits[name][end] for one in ranges]))
-        for end in (0, 1)
-    )
-    return low, high
+        return next(one.limits for one in ranges if one.curve == place.curve)
+    return {
+        one.name: (
+            float(np.interp(place.level, one.levels, one.low)),
+            float(np.interp(place.level, one.levels, one.high)),
+        )
+        for one in limits(ranges, model.level)
+        if one.at is not None
+    }
 
 
 def _change(before: Model, after: Model, place: Place) -> CurveChange:

@@ -90,20 +90,6 @@ def test_regions_are_fitted_each_to_its_own_rows(name: str) -> None:
     assert dict(fit.parameters) == pytest.approx(dict(zip(unit, beta, strict=True)), rel=1e-8)
 
 
-@pytest.mark.parametrize(("name", "even"), [("peternel", True), ("peternel_absolute", False)])
-def test_the_linear_term_of_peternel_is_even_as_printed(name: str, even: bool) -> None:
-    """A friction that pushes the same way in both directions; every other term turns with the
-    motion.
-    """
-    rate = np.linspace(0.01, 2.0, 30)
-    for term in ("B0", "B1", "B2", "B3"):
-        only = dict.fromkeys(("B0", "B1", "B2", "B3"), 0.0) | {term: -3.0, "B4": 0.3}
-        there, back = (get(name).predict(only, {"strain_rate": signed}) for signed in (rate, -rate))
-        sign = 1.0 if even and term == "B1" else -1.0
-        np.testing.assert_allclose(back, sign * there, rtol=1e-13)
-        assert np.abs(there).min() > 0.0
-
-
 @pytest.mark.parametrize("name", ["tondu_kinetic_friction", "peternel_absolute"])
 def test_a_friction_that_does_not_decay_is_at_bound(name: str) -> None:
     columns = motion(9)

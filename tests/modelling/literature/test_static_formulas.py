@@ -6,13 +6,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
-from literature_cases import PLANTED, WRIST, grid, noisy, noisy_wrist, scattered, wrist_force
+from literature_cases import WRIST, grid, noisy, noisy_wrist, scattered, wrist_force
 from scipy.optimize import brentq
 
 from mapmore_cli.modelling.expressions import to_latex, to_text
-from mapmore_cli.modelling.literature import Formula, UnknownFormula, get, names, problem
+from mapmore_cli.modelling.literature import Formula, get, names, problem
 
 WRIST_GRID = grid(np.arange(1.0, 8.0), np.linspace(0.0, 0.2, 13))
 
@@ -26,12 +26,9 @@ def test_there_is_a_formula_for_every_name() -> None:
             formula.checked()
 
 
-def test_an_unknown_formula_is_a_key_error_with_the_nearest_name() -> None:
-    with pytest.raises(UnknownFormula, match="did you mean `sarosi`") as caught:
+def test_an_unknown_formula_is_a_key_error_with_all_names() -> None:
+    with pytest.raises(KeyError, match=r"no formula `saroshi`; there are: .*polynomial_2"):
         get("saroshi")
-    assert isinstance(caught.value, KeyError)
-    with pytest.raises(UnknownFormula, match=r"there are: .*polynomial_2"):
-        get("__init__")
 
 
 def test_published_wrist_muscle() -> None:
@@ -49,22 +46,6 @@ def test_published_wrist_muscle() -> None:
     np.testing.assert_allclose(
         sarosi.predict(WRIST, WRIST_GRID), wrist_force(WRIST_GRID), rtol=1e-13, atol=1e-10
     )
-
-
-@settings(deadline=None, max_examples=40)
-@given(st.floats(-40, 40), st.tuples(*[st.floats(0.2, 1) for _ in range(5)]), st.floats(0.05, 30))
-def test_any_curvature_is_recovered(
-    curvature: float, weights: tuple[float, ...], widest: float
-) -> None:
-    """Of either sign, and whatever the unit of the strain."""
-    assume(abs(curvature) > 0.3)
-    columns = grid(np.array([80.0, 150.0, 250.0, 350.0]), np.linspace(0.0, widest, 40))
-    p, x = columns["pressure"] / 350, columns["strain"] / widest
-    shape = np.exp(curvature * x) / max(1.0, np.exp(curvature))
-    y = (weights[0] * p - weights[1]) * shape - weights[2] * p * x + weights[3] * p + weights[4]
-    fit = get("sarosi").fit(columns, y)
-    assert fit.status == "converged"
-    assert fit.parameters["a3"] * widest == pytest.approx(curvature, rel=1e-6)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -192,31 +173,6 @@ def test_a_decay_over_the_slowest_rates_is_found_among_many_samples(seed: int) -
     assert fit.sse <= (1 + 1e-9) * min(
         sse(decay) for decay in np.geomspace(1e-3, 10, 50) * np.abs(rate).max()
     )
-
-
-def test_a_condensed_problem_weighs_its_rows_by_their_samples() -> None:
-    """So that its sum of squares is that of the full one, however unevenly the samples lie."""
-    formula = get("kerscher")
-    columns = scattered(0, 9000)
-    columns["pressure"] = 50 + 550 * ((columns["pressure"] - 50) / 550) ** 4
-    y = formula.predict(PLANTED["kerscher"], columns)
-    full = formula.problem(columns, y)
-    few = full.condensed()
-    assert len(few.y) <= problem.LIMIT < len(y)
-    beta, c = np.array([0.5, -0.4]), np.array([0.9, 1.0, -0.5])
-    for one in (full, few):
-        jacobian = one.slopes(formula.linear, beta, c)
-        slope = one.residual(beta + np.array([1.0, 0.0]), c) - one.residual(
-            beta, c
-        )  # exact, as the formula is linear in it
-        np.testing.assert_allclose(
-            jacobian[:, 0], slope, rtol=1e-8, atol=1e-8 * np.abs(slope).max()
-        )
-    assert np.sum(few.residual(beta, c) ** 2) == pytest.approx(
-        np.sum(full.residual(beta, c) ** 2), rel=2e-3
-    )
-    products = [phi.T @ target for phi, target in (one.linear_at(c) for one in (full, few))]
-    assert products[1] == pytest.approx(products[0], rel=2e-3)
 
 
 @settings(deadline=None, max_examples=40)

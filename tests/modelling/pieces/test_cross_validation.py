@@ -27,7 +27,6 @@ from mapmore_cli.modelling.pieces.cross_validation import (
     leave_out,
     possible_backbones,
     simplest_backbone,
-    thin,
     with_trusted_residual,
 )
 from mapmore_cli.modelling.pieces.recipe import Cuts
@@ -212,18 +211,6 @@ def test_the_simplest_within_the_margin_is_taken(errors):
     sizes = {name: len(literature.get(name).parameters) if name else 0 for name in errors}
     assert errors[chosen] <= near
     assert all(errors[name] > near for name in errors if sizes[name] < sizes[chosen])
-
-
-@settings(max_examples=20)
-@given(st.integers(1, 2000), st.integers(0, 100))
-def test_thinned_curves_keep_an_even_share_of_the_training_samples(n, seed):
-    (curve,) = curves(levels=(80.0,), held_out=(), n=n, seed=seed)
-    held = replace(curve, held_out=np.arange(n) % 5 == 0) if n > 5 else curve
-    few = thin(held, "strain")
-    kept = int(held.training.sum())
-    assert min(kept, 150) <= few.size <= 300
-    assert not few.held_out.any()
-    assert np.isin(few.columns["strain"], held.columns["strain"][held.training]).all()
 
 
 SURFACE = ("1", "pressure", "strain", "pressure^2", "pressure*strain", "strain^2")

@@ -48,23 +48,6 @@ def test_the_anchor_does_not_hang_on_one_noisy_sample():
     assert left.y_intercept == pytest.approx(y[:5].mean() + 2.0 / 5)
 
 
-def test_every_corner_of_two_variables_is_offered():
-    X = np.random.default_rng(0).uniform(size=(50, 2))
-    found = [s.placement for s in placements("unit_square", X, X[:, 0], ["a", "b"])]
-    assert found == ["left,left", "left,right", "right,left", "right,right"]
-    assert (
-        len(
-            placements(
-                "unit_square",
-                np.random.default_rng(0).uniform(size=(50, 5)),
-                X[:, 0],
-                list("abcde"),
-            )
-        )
-        == 2
-    )
-
-
 def test_max_abs_divides_without_offset():
     (scaling,) = placements("max_abs", np.array([[-4.0], [2.0]]), np.array([10.0, -20]), ["x"])
     np.testing.assert_allclose(

@@ -23,18 +23,16 @@ from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.modelling.expressions import Expression, parse
 from mapmore_cli.modelling.literature import hinge
 from mapmore_cli.modelling.literature.formula import Formula, with_numbers
-from mapmore_cli.modelling.literature.formulas.sarosi import FORMULA as PLAIN
+from mapmore_cli.modelling.literature.formulas.sarosi import sarosi
 
 GOOD_ENOUGH = 0.01  # RMSE/max|F| below which better is no longer a reason for a larger share
 
-HIGH = PLAIN.text
-LOW = "b0 + b1*pressure + b2*strain"
-PLAIN_NAMES = {name: name.replace("a", "s") for name in PLAIN.parameters}
-PLAIN_TEXT = "(s1*pressure + s2)*exp(s3*strain) + s4*strain*pressure + s5*pressure + s6"
-PRINTED = f"share*({LOW} + w*log(1 + exp(({HIGH} - ({LOW}))/w))) + (1 - share)*({PLAIN_TEXT})"
+PLAIN = sarosi("s")
+HIGH, LOW = sarosi("a").text, "b0 + b1*pressure + b2*strain"
+PRINTED = f"share*({LOW} + w*log(1 + exp(({HIGH} - ({LOW}))/w))) + (1 - share)*({PLAIN.text})"
 COMPUTED = (  # the same, but cannot overflow: ln(1 + exp(z)) = (z + |z|)/2 + ln(1 + exp(-|z|))
     f"share*(({HIGH} + {LOW} + abs({HIGH} - ({LOW})))/2 + w*log(1 + exp(-abs({HIGH} - "
-    f"({LOW}))/w))) + (1 - share)*({PLAIN_TEXT})"
+    f"({LOW}))/w))) + (1 - share)*({PLAIN.text})"
 )
 
 
@@ -55,12 +53,8 @@ class SarosiHinged(Formula):
         columns, y = problem.columns, problem.y
         hinged, plain = hinge.fit_hinge(columns, y), PLAIN.fit(columns, y, method)
         usable, largest = plain.status == "converged", float(np.abs(y).max()) or 1.0
-        own = {name: value if usable else 0.0 for name, value in plain.parameters.items()}
-        parameters = {
-            **hinged.parameters,
-            "share": 1.0,
-            **{PLAIN_NAMES[name]: value for name, value in own.items()},
-        }
+        own = plain.parameters if usable else dict.fromkeys(PLAIN.parameters, 0.0)
+        parameters = {**hinged.parameters, "share": 1.0, **own}
         alone = self.predict(parameters, columns), PLAIN.predict(plain.parameters, columns)
         scatter = [float(np.sqrt(np.mean((predicted - y) ** 2))) / largest for predicted in alone]
         if usable:
@@ -81,9 +75,7 @@ class SarosiHinged(Formula):
 
         residual = self.predict(parameters, columns) - y
         unknown = float("nan")
-        errors = {
-            PLAIN_NAMES[name]: value if usable else unknown for name, value in plain.errors.items()
-        }
+        errors = plain.errors if usable else dict.fromkeys(PLAIN.parameters, unknown)
         main = hinged if share > 0.5 else plain
         return FormulaFit(
             name=self.name,
@@ -110,6 +102,6 @@ FORMULA = SarosiHinged(
     title="Sárosi, hinged",
     reference="ours, on M1 eq 1",
     inputs=("pressure", "strain"),
-    parameters=(*hinge.NAMES, "share", *PLAIN_NAMES.values()),
+    parameters=(*hinge.NAMES, "share", *PLAIN.parameters),
     text=COMPUTED,
 )

@@ -8,7 +8,7 @@ is integrated exactly.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -26,7 +26,7 @@ from mapmore_cli.modelling.expressions import (
     substitute,
 )
 from mapmore_cli.modelling.literature.formula import LOAD_CYCLES, Formula, with_numbers
-from mapmore_cli.modelling.literature.formulas.sarosi import FORMULA as SAROSI
+from mapmore_cli.modelling.literature.formulas.sarosi import sarosi
 from mapmore_cli.modelling.literature.problem import finite, needed
 
 SHORTEST = 1.0  # strain of a muscle without length, where the search for the free strain ends
@@ -79,16 +79,10 @@ class ForceCurve:
         return np.where(slack, start, low)
 
 
-UPPER, LOWER = "u", "l"
-CURVES = {UPPER: "upper", LOWER: "lower"}
+UPPER, LOWER = sarosi("au"), sarosi("al")
+PARAMETERS = (*UPPER.parameters, *LOWER.parameters, "length", "strain_min")
 SEVERITY = ("converged", "at_bound", "stopped_by_limit", "rank_deficient", "failed")
 """The statuses of `FormulaFit`, the better ones first."""
-PARAMETERS = (
-    *(f"a{branch}{i}" for branch in (UPPER, LOWER) for i in range(1, 7)),
-    "length",
-    "strain_min",
-)
-NOTED_PRESSURES = 1001  # from zero to the highest of the load cycles
 
 
 @dataclass(frozen=True)
@@ -143,38 +137,30 @@ class HysteresisLoss(Formula):
             for name in ("pressure", "strain", "force", "hysteresis")
         }
         force, hysteresis = columns["force"], columns["hysteresis"]
-        parts = {
-            UPPER: SAROSI.fit(columns, force + hysteresis),
-            LOWER: SAROSI.fit(columns, force - hysteresis),
-        }
-        fits = parts.values()
-        parameters = {"length": length, "strain_min": float(columns["strain"].min())}
-        errors = dict.fromkeys(parameters, float("nan"))
-        for branch, fit in parts.items():
-            parameters |= {
-                _branch_name(branch, name): value for name, value in fit.parameters.items()
-            }
-            errors |= {_branch_name(branch, name): error for name, error in fit.errors.items()}
-        notes = [
-            f"{CURVES[branch]} curve: {note}" for branch, fit in parts.items() for note in fit.notes
-        ]
-        pressure = np.linspace(0.0, float(columns["pressure"].max()), NOTED_PRESSURES)
+        upper, lower = (
+            UPPER.fit(columns, force + hysteresis),
+            LOWER.fit(columns, force - hysteresis),
+        )
+        given = {"length": length, "strain_min": float(columns["strain"].min())}
+        parameters = {**upper.parameters, **lower.parameters, **given}
+        notes = [f"upper curve: {note}" for note in upper.notes]
+        notes += [f"lower curve: {note}" for note in lower.notes]
+        pressure = np.linspace(0.0, float(columns["pressure"].max()), 1001)
         share = lehr(parameters, pressure)
         if (limited := (share < 0.0) | (share > 1.0)).any():
             low, high = pressure[limited].min(), pressure[limited].max()
             notes.append(f"zeta is limited to [0, 1] between {low:.3g} and {high:.3g} kPa")
-        worst = max(fits, key=lambda fit: SEVERITY.index(fit.status))
-        return FormulaFit(
+        return replace(
+            max(upper, lower, key=lambda fit: SEVERITY.index(fit.status)),
             name=self.name,
-            parameters={name: parameters[name] for name in self.parameters},
-            errors={name: errors[name] for name in self.parameters},
-            status=worst.status,
-            method=worst.method,
-            rank=sum(fit.rank for fit in fits),
-            condition=max(fit.condition for fit in fits),
-            sse=sum(fit.sse for fit in fits),
-            samples=sum(fit.samples for fit in fits),
+            parameters=parameters,
+            errors={**upper.errors, **lower.errors, **dict.fromkeys(given, float("nan"))},
+            rank=upper.rank + lower.rank,
+            condition=max(upper.condition, lower.condition),
+            sse=upper.sse + lower.sse,
+            samples=upper.samples + lower.samples,
             notes=tuple(notes),
+            rivals=(),
         )
 
     def predict(self, parameters: Mapping[str, float], columns: Columns) -> Array:
@@ -188,16 +174,16 @@ class HysteresisLoss(Formula):
         """Return the damping force with `zeta` as a name, and the two curves from which zeta
         follows.
         """
-        curves = {
-            f"{self.name}: {name} curve": with_numbers(_branch(branch), fit.parameters)
-            for branch, name in CURVES.items()
+        return {
+            self.name: self.equation(fit),
+            f"{self.name}: upper curve": with_numbers(UPPER.expression, fit.parameters),
+            f"{self.name}: lower curve": with_numbers(LOWER.expression, fit.parameters),
         }
-        return {self.name: self.equation(fit), **curves}
 
     @cached_property
     def expression(self) -> Expression:
         """`text` with the stiffness written out."""
-        stiffness = derivative(_branch(UPPER), "strain")
+        stiffness = derivative(UPPER.expression, "strain")
         return substitute(parse(self.text), {"stiffness": stiffness / Name("length")})
 
 
@@ -208,7 +194,7 @@ def lehr(parameters: Mapping[str, float], pressure: Array) -> Array:
     It is not limited to [0, 1]: towards a slack muscle the energy U_u of the stroke vanishes, and
     there zeta is infinite, as where U_u overflows.
     """
-    upper, lower = (_curve(parameters, branch, pressure) for branch in (UPPER, LOWER))
+    upper, lower = (_curve(parameters, branch, pressure) for branch in ("au", "al"))
     start = parameters["strain_min"]
     end = upper.end_of_stroke(start)
     whole, kept = upper.mean(start, end), lower.mean(start, end)
@@ -221,22 +207,9 @@ def zeta(parameters: Mapping[str, float], pressure: Array) -> Array:
 
 
 def _curve(parameters: Mapping[str, float], branch: str, pressure: Array) -> ForceCurve:
-    """Sárosi's force with the parameters `a{branch}1` ... `a{branch}6` at each `pressure`,
-    `(n,)`.
-    """
-    a1, a2, a3, a4, a5, a6 = (parameters[f"a{branch}{i}"] for i in range(1, 7))
+    """Sárosi's force with the parameters of a branch, `au1` ... `au6`, at each `pressure`."""
+    a1, a2, a3, a4, a5, a6 = (parameters[f"{branch}{i}"] for i in range(1, 7))
     return ForceCurve(a1 * pressure + a2, a4 * pressure, a5 * pressure + a6, a3)
-
-
-def _branch(branch: str) -> Expression:
-    """Sárosi's formula with the parameters of one branch."""
-    return substitute(
-        SAROSI.expression, {name: Name(_branch_name(branch, name)) for name in SAROSI.parameters}
-    )
-
-
-def _branch_name(branch: str, parameter: str) -> str:
-    return parameter.replace("a", f"a{branch}")
 
 
 def _loss(name: str, title: str, reference: str, text: str, about: str) -> HysteresisLoss:
