@@ -218,7 +218,7 @@ BREAKPOINTS = "{method: breakpoints, at: [100 kPa, 2]}"
             MEASURED,
             BREAKPOINTS,
             "{method: breakpoints, at: [50 kPa]}",
-            {"pressure": Cuts("breakpoints", at=(0.5,))},
+            {"pressure": Cuts("breakpoints", at=[0.5])},
         ),  # bar
     ],
 )

@@ -65,7 +65,7 @@ def failure(problem: LeastSquares, method: str) -> Solution:
     return Solution(*nothing, "failed", method, ("every start overflowed",))
 
 
-TOLERANCE = 1e-13  # relative, of steps and of what they gain
+TOLERANCE = 1e-15  # relative, of steps and of what they gain
 EVALUATIONS = 400
 REFUSED = 1e100  # stands for an overflow, so that the step is not taken
 
