@@ -19,7 +19,6 @@ from mapmore_cli.reporting.memory_tables import (
     identified_table,
     sizes_table,
     states_table,
-    substitutes_table,
 )
 from mapmore_cli.reporting.score_tables import curve_scores_table, score_table
 from mapmore_cli.reporting.table import Column, Table
@@ -184,12 +183,11 @@ def _of_validation(validation: Validation) -> View:
     """Return the scores pooled and by curve, and the formulas that were fitted as competitors."""
     pooled = of_scores(validation.table)
     formulas = {name: asdict(formula) for name, formula in validation.formulas.items()}
-    unit = next(iter(validation.units.values()), "")
     lines = [f"warning: {warning}" for warning in validation.warnings]
     lines += [
         told
         for name, formula in validation.formulas.items()
-        for told in rival_minima(name, formula, unit)
+        for told in rival_minima(name, formula)
     ]
     tables = (*pooled.tables, curve_scores_table(validation.scores, validation.units))
     return View(
@@ -287,7 +285,6 @@ def _of_fit(result: FitResult) -> View:
     tables = [terms_table(result)] if result.pieces else []
     if (fit := result.memory) is not None:
         tables += [identified_table(fit)] if fit.identified is not None else []
-        tables += [substitutes_table(fit)] if len(fit.substitutes) else []
         tables += [sizes_table(fit)] if fit.held_out is not None else []
         tables += _memory_tables(fit.model)
     tables += own_tables
@@ -326,17 +323,14 @@ def _formula_lines(formula: FormulaFit | None) -> tuple[str, ...]:
 
 
 def _memory_fit(fit: MemoryFit | None) -> dict[str, Any] | None:
-    """Return the model as it is stored, with how its terms were found: those chosen forward, and
-    the best substitute of each.
-    """
+    """Return the model as it is stored, with how its terms were found."""
     if fit is None:
         return None
     return {
         **asdict(fit.model),
         "ridge": fit.ridge,
         "forward": [fit.candidates[place] for place in fit.forward],
-        "substitutes": [fit.candidates[place] if place >= 0 else None for place in fit.substitutes],
-        **picked(fit, "shares", "held_out"),
+        "held_out": fit.held_out,
         "identified": None if fit.identified is None else asdict(fit.identified),
     }
 
@@ -478,7 +472,6 @@ def _weights(pieces: Pieces) -> dict[str, Any]:
     return {
         **picked(pieces.fusion, "transition", "z_s", "extrapolation"),
         "levels": [curve.level for curve in pieces.curves if curve.level is not None],
-        **picked(pieces.fusion, "between_levels=levels"),
         "shrink": pieces.fusion.shrink,
         "curves": curves,
     }
@@ -490,8 +483,9 @@ def _fusion_line(pieces: Pieces) -> str:
         f"{name}: {below} below, {above} above"
         for name, (below, above) in fusion.extrapolation.items()
     )
-    carried = f", {fusion.shrink:.0%} of the residual midway" if fusion.shrink < 1 else ""
+    carried = (
+        f" Between levels: {fusion.shrink:.0%} of the residual midway." if fusion.shrink < 1 else ""
+    )
     return (
-        f"Transition: {fusion.transition}, z_s = {fusion.z_s:g}. Between levels: "
-        f"{fusion.levels}{carried}. Extrapolation: {sides}."
+        f"Transition: {fusion.transition}, z_s = {fusion.z_s:g}.{carried} Extrapolation: {sides}."
     )

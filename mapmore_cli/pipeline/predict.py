@@ -27,7 +27,7 @@ from mapmore_cli.modelling.validation.intervals import (
     interval_refusal,
     intervals_of,
 )
-from mapmore_cli.pipeline.records import Reading, Row, Sheet, reading_of, recordings, stretches
+from mapmore_cli.pipeline.records import Reading, Row, Sheet, between_gaps, by_recording, reading_of
 
 CHUNK = 20_000
 """Rows in memory at a time, where rows know nothing of each other."""
@@ -111,7 +111,7 @@ def predicted_lines(
     ):
         warn(f"{model.name}: {why}")
     extra = Extra(interval, derivatives)
-    table = Sheet(lines, label, _named(model), constants)
+    table = Sheet(lines, label, _column_names(model), constants)
     reading = (
         reading_of(model, table.names) if turned_for is None else _reading_turned(model, turned_for)
     )
@@ -120,7 +120,7 @@ def predicted_lines(
     yield from table.extended([table.header], [",".join(added)])
     predicted = beyond = 0
     for block in (
-        recordings(table.rows, table.names) if reading.over_time else _chunks(table.rows, chunk)
+        by_recording(table.rows, table.names) if reading.over_time else _chunks(table.rows, chunk)
     ):
         cells, diverged = _added_cells(
             model, reading, table.values(block, places), block, label, extra
@@ -136,7 +136,7 @@ def predicted_lines(
     if predicted and beyond == predicted:
         warn(
             f"{label}: every row lies outside of the training range; the model expects "
-            f"{_named(model)}"
+            f"{_column_names(model)}"
         )
 
 
@@ -201,7 +201,7 @@ def _chunks(rows: Iterator[Row], size: int) -> Iterator[list[Row]]:
         yield block
 
 
-def _named(model: Model) -> str:
+def _column_names(model: Model) -> str:
     reading = reading_of(model, [signal.name for signal in model.signals])
     units = {quantity.name: quantity.unit for quantity in (*model.inputs, model.output)} | {
         "time": "s"
@@ -228,7 +228,7 @@ def _added_cells(
     if not len(known):
         return added, []
     try:
-        numbers, outside, diverged = _evaluated(
+        numbers, outside, diverged = _numbers_of(
             model, reading, {name: x[known] for name, x in columns.items()}, known, extra
         )
     except AtSample as error:
@@ -244,7 +244,7 @@ def _digits(value: float) -> str:
     return format(value, ".12g") if math.isfinite(value) else ""
 
 
-def _evaluated(
+def _numbers_of(
     model: Model, reading: Reading, columns: dict[str, Array], rows: IntArray, extra: Extra
 ) -> tuple[Array, BoolArray, list[int]]:
     """Return prediction and what else is wanted of complete rows, (n, m), their flags, (n,), and
@@ -261,7 +261,7 @@ def _evaluated(
         return found.values[:, None], outside, []
     numbers = np.full((len(rows), 1 + len(extra.names(model))), np.nan)
     outside, diverged = np.zeros(len(rows), dtype=bool), list[int]()
-    for part in stretches(columns["time"]) if reading.signals else [slice(None)]:
+    for part in between_gaps(columns["time"]) if reading.signals else [slice(None)]:
         try:
             inputs = with_signals(reading.signals, {name: x[part] for name, x in columns.items()})
         except DataError:  # too few samples for the window of a rate

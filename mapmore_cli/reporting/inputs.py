@@ -18,10 +18,7 @@ from mapmore_cli.domain.recording import Curve, Dataset, Quantity
 from mapmore_cli.domain.results import FitResult, Search, Validation
 from mapmore_cli.domain.scores import REPEATABILITY, SIMPLE, Published, deciding
 from mapmore_cli.modelling.kinds import outside_range, page_of, runs_over_time
-from mapmore_cli.modelling.memory.feedback import fed_back_states
-from mapmore_cli.modelling.memory.free_run import started
 from mapmore_cli.modelling.validation.intervals import ends, half_widths_of
-from mapmore_cli.reporting.table import Table
 
 INTERVAL = 0.95
 """Level of the intervals in figures."""
@@ -83,7 +80,6 @@ class ReportInputs:
     - `provenance`: versions, hashes and the like, in the order in which to print them.
     - `other_equations`: the equations in other units, by the words that name these.
     - `style`: how its figures look.
-    - `published_tables`: tables of a publication, as they were transcribed.
     - `unconfirmed`: guesses of the spec that nobody has confirmed.
     - `doubts`: what the rules of `check` say of the data.
     - `asked`: ids of the curves and recordings that alone are to be drawn; empty for some that
@@ -105,7 +101,6 @@ class ReportInputs:
     notes: tuple[str, ...] = ()
     other_equations: Mapping[str, tuple[Equation, ...]] = field(default_factory=dict)
     style: FigureStyle = field(default_factory=FigureStyle)
-    published_tables: tuple[Table, ...] = ()
     unconfirmed: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
     asked: frozenset[str] = frozenset()
@@ -213,18 +208,6 @@ class ReportInputs:
     def has_memory(self) -> bool:
         """True where the model runs along recordings, by itself or as a part of a sum."""
         return runs_over_time(self.model)
-
-    @property
-    def start(self) -> str | None:
-        """How free runs of a model with memory begin, in a sentence; None where its output is not
-        fed back.
-        """
-        memory = self.fit.memory
-        return (
-            None
-            if memory is None or not fed_back_states(memory.model.states, memory.model.output)
-            else started(memory.model)
-        )
 
     @property
     def left_out(self) -> LeftOut | None:

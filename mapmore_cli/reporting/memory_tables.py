@@ -8,9 +8,7 @@ import math
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.fits import MemoryFit, StateSet
-from mapmore_cli.modelling.memory.free_run import FIRST
 from mapmore_cli.modelling.validation.repeatability import PARTS, error_parts
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.table import MODEL, Cell, Columns, Table
@@ -103,36 +101,6 @@ def error_parts_table(inputs: ReportInputs) -> Table:
     )
 
 
-def starts_table(inputs: ReportInputs) -> Table:
-    """Errors of free runs over their first part and after it; no rows where nothing is fed back."""
-    unit, curves, target = inputs.target.unit, inputs.dataset.curves, inputs.dataset.target
-    title, columns = (
-        "The beginning of free runs",
-        (MODEL, "first samples", f"RMSE there [{unit}] .4g", f"RMSE after [{unit}] .4g"),
-    )
-    if inputs.start is None:
-        return Table.of("starts", title, columns, ())
-    rows: list[tuple[Cell, ...]] = []
-    for model, predicted in inputs.validation.predictions.items():
-        parts = [
-            (values - curve.columns[target])[rows]
-            for values, curve in zip(predicted, curves, strict=True)
-            for rows in curve.logs
-        ]
-        early = [part[: int(FIRST * len(part))] for part in parts]
-        later = [part[int(FIRST * len(part)) :] for part in parts]
-        rows.append(
-            (model, sum(map(len, early)), *(_rms(np.concatenate(ones)) for ones in (early, later)))
-        )
-    note = f"{inputs.start} First samples: {FIRST:.0%} of each recording, training or held out."
-    return Table.of("starts", title, columns, rows, note)
-
-
-def _rms(errors: Array) -> float | None:
-    known = errors[np.isfinite(errors)]
-    return float(np.sqrt(np.mean(known**2))) if len(known) else None
-
-
 def identified_table(fit: MemoryFit) -> Table:
     """Return the numbers of operators that training found; no rows where the dictionary left none
     open.
@@ -156,25 +124,6 @@ def identified_table(fit: MemoryFit) -> Table:
         "told by the data."
     )
     return Table.of("identified", "Numbers of operators that training found", columns, rows, note)
-
-
-def substitutes_table(fit: MemoryFit) -> Table:
-    """For every term the candidate that would serve best in its place, beside the other terms; no
-    rows without a ridge.
-    """
-    places = zip(fit.model.terms, fit.substitutes.tolist(), fit.shares.tolist(), strict=False)
-    rows = (
-        (term, fit.candidates[place] if place >= 0 else None, 100 * share)
-        for term, place, share in places
-    )
-    columns = ("term", "best substitute", "its gain over the term's own [%] .1f")
-    notes = (
-        "Gain: by how much the regularised error falls with the term, or with its substitute, "
-        "beside all other terms. Near 100 %, the "
-        "data do not tell the two apart, and another recording may choose the other.",
-        f"{len(fit.forward)} terms were chosen forward, and pruned to {len(fit.model.terms)}.",
-    )
-    return Table.of("substitutes", "What else would have served", columns, rows, *notes)
 
 
 def sizes_table(fit: MemoryFit) -> Table:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -26,16 +25,14 @@ def all_tables(inputs: ReportInputs) -> tuple[Table, ...]:
     """Every table of the report, in the order of the page."""
     scores, units, unit = inputs.validation.scores, inputs.validation.units, inputs.target.unit
     memory, pieces = inputs.fit.memory, inputs.model.pieces
-    own = score_table(scores, units, inputs.published, inputs.failed)
     found = [
-        replace(own, notes=(*own.notes, *([inputs.start] if inputs.start is not None else []))),
+        score_table(scores, units, inputs.published, inputs.failed),
         recordings_table(inputs.dataset),
         levels_table(
             inputs.dataset, None if inputs.over_time or inputs.has_memory else inputs.in_curve.name
         ),
         curve_scores_table(scores, units),
         memory_tables.error_parts_table(inputs),
-        memory_tables.starts_table(inputs),
         bands_table(bands(inputs.dataset, inputs.validation.predictions), unit),
         segments_table(inputs),
         terms_table(inputs.fit),
@@ -46,11 +43,9 @@ def all_tables(inputs: ReportInputs) -> tuple[Table, ...]:
     found += [] if inputs.search is None else [search_table(inputs.search)]
     found.append(folds_table(pieces.cross_validation if pieces else (), unit))
     found += [table for page in inputs.pages for table in page.tables(inputs)]
-    found += inputs.published_tables
     if memory is not None:
         found += [
             memory_tables.states_table(memory.model.states),
-            memory_tables.substitutes_table(memory),
             memory_tables.sizes_table(memory),
             memory_tables.identified_table(memory),
         ]
@@ -361,11 +356,7 @@ def formulas_table(inputs: ReportInputs) -> Table:
     notes += [
         f"{name} ({role}): {note}" for name, role, formula in fitted for note in formula.notes
     ]
-    notes += [
-        told
-        for name, _, formula in fitted
-        for told in rival_minima(name, formula, inputs.target.unit)
-    ]
+    notes += [told for name, _, formula in fitted for told in rival_minima(name, formula)]
     return Table.of("formulas", "Parameters of the fitted formulas", columns, rows, *notes)
 
 
@@ -400,24 +391,14 @@ def same_models(fitted: Sequence[tuple[str, FormulaFit]]) -> tuple[str, ...]:
     )
 
 
-def rival_minima(name: str, formula: FormulaFit, unit: str = "") -> Iterator[str]:
+def rival_minima(name: str, formula: FormulaFit) -> Iterator[str]:
     """Yield other minima of a formula's error that training data hardly tell from the one taken,
     each as a sentence.
-
-    `unit` is that of held-out errors, which only a validation knows.
     """
     for rival in formula.rivals:
         ratio = math.sqrt(rival.sse / formula.sse)
-        held_out = (
-            ""
-            if math.isnan(rival.held_out_rmse)
-            else f" and an error of {rival.held_out_rmse:.4g} {unit} on the validation data"
-        )
         parameters = ", ".join(f"{key} = {value:.4g}" for key, value in rival.parameters.items())
-        yield (
-            f"{name}: another minimum, {parameters}, has {ratio:.3g} times its training "
-            f"error{held_out}"
-        )
+        yield (f"{name}: another minimum, {parameters}, has {ratio:.3g} times its training error")
 
 
 def folds_table(choices: Sequence[FoldError], unit: str) -> Table:

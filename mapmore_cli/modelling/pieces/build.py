@@ -123,7 +123,7 @@ def segment(
     fitted = {curve.id: residual_of(curve, recipe.target, backbone) for curve in training}
 
     def cost(curve: Curve, rows: IntArray) -> float:
-        if len(rows) <= recipe.fit.most_terms:
+        if len(rows) <= recipe.fit.max_terms:
             return float("inf")
         trial = Segment(f"{curve.id}/trial", curve.id, (), rows)
         found = fit_segment(trial, samples_at(fitted[curve.id], rows), terms, recipe)
@@ -168,7 +168,7 @@ def fit_segment(
     All placements share the slope of y, so their scaled SSE compare. Rows are sorted first: the
     numbers then do not depend on the order in which a logger wrote them.
     """
-    n, most = len(segment.rows), recipe.fit.most_terms
+    n, most = len(segment.rows), recipe.fit.max_terms
     if n <= most:
         ways = (
             f"use fewer segments, join them by `min_samples: {most + 1}`, keep more samples "
@@ -184,14 +184,9 @@ def fit_segment(
     best: SegmentFit | None = None
     for scaling in placements(recipe.fit.scaling, X, y, variables):
         z = scaled_inputs(scaling, dict(zip(variables, X.T, strict=True)))
-        ends = [
-            one.tolist()
-            for x in (X * scaling.slope + scaling.intercept, X)
-            for one in (x.min(axis=0), x.max(axis=0))
-        ]
-        written = placed(
-            recipe.dictionary, tuple(zip(variables, zip(*ends, strict=True), strict=True))
-        )
+        x = X * scaling.slope + scaling.intercept
+        ends = zip(variables, x.min(axis=0).tolist(), x.max(axis=0).tolist(), strict=True)
+        written = placed(recipe.dictionary, tuple(ends))
         try:
             selection = _selected_terms(
                 terms if written == recipe.dictionary else list(map(parse, written)),
@@ -215,8 +210,8 @@ def _selected_terms(terms: Sequence[Expression], z: Columns, y: Array, recipe: R
     """FROLS on the dictionary, which is never there as a whole where it need not be read more than
     once or twice.
     """
-    n, how = len(y), (recipe.fit.most_terms, recipe.fit.tolerance)
-    if reads_once(n, len(terms), recipe.fit.most_terms):
+    n, how = len(y), (recipe.fit.max_terms, recipe.fit.tolerance)
+    if reads_once(n, len(terms), recipe.fit.max_terms):
         return frols_streamed(
             lambda: ((P, y[rows]) for rows, P in dictionary_blocks(terms, z, n)),
             *how,
@@ -237,7 +232,7 @@ def fuse(
 
     All of a residual is carried between levels; `cross_validation` says how much of it is kept.
     """
-    backbone, level, asked = result.backbone, recipe.level, recipe.fuse
+    backbone, level = result.backbone, recipe.level
     needed = {
         *quantities_in(map(candidate, recipe.dictionary)),
         *recipe.cuts,
@@ -264,7 +259,7 @@ def fuse(
         )
     several = list(dict.fromkeys(one.curve for one in result.segments if len(one.terms) > 1))
     sides = _extrapolation(recipe, inputs, "saturate" if several else "continue")
-    fusion = taken(Fusion, asked, extrapolation=sides)
+    fusion = taken(Fusion, recipe.fuse, extrapolation=sides)
     return Model(
         name=name,
         output=quantities[recipe.target],

@@ -126,7 +126,7 @@ def _of_fold(
 
 def _of_fewer_samples(recipe: Recipe) -> Recipe:
     """Return the recipe that joins segments which lack samples only since some are left out."""
-    cuts, least = dict(recipe.cuts), recipe.fit.most_terms + 1
+    cuts, least = dict(recipe.cuts), recipe.fit.max_terms + 1
     for name, cut in recipe.cuts.items():
         if isinstance(cut, Cuts) and cut.joins:
             cuts[name] = replace(cut, min_samples=max(cut.least, least))

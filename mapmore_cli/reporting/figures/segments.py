@@ -12,9 +12,8 @@ from matplotlib.axes import Axes
 
 from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.declared import Transition
-from mapmore_cli.domain.models import Fusion, Model, Pieces
+from mapmore_cli.domain.models import Fusion, Pieces
 from mapmore_cli.domain.recording import DIRECTION, Quantity
-from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.pieces.definition import cell_weights, weight_of, zones
 from mapmore_cli.modelling.pieces.segmentation import training_curves
 from mapmore_cli.reporting.figures import style
@@ -29,9 +28,6 @@ LOOKS = (
 )
 """Colour, marker and line of the segments, in turn."""
 MOST_CURVES, DOTS_A_SEGMENT, GRID = 6, 30, 401
-PLACES = (0.1, 0.5, 0.9)
-"""Shares of the range that all curves have in common, at which the model is drawn over the levels.
-"""
 
 
 @dataclass(frozen=True)
@@ -187,11 +183,7 @@ def level_figures(inputs: ReportInputs) -> list[Drawing]:
         return []
     levels = np.array([curve.level for curve in pieces.curves], dtype=np.float64)
     level = inputs.dataset.quantities[pieces.level]
-    return [
-        _weights(pieces, inputs, level, levels)
-        if pieces.fusion.levels == "linear"
-        else _courses(inputs, level, levels)
-    ]
+    return [_weights(pieces, inputs, level, levels)]
 
 
 def _weights(pieces: Pieces, inputs: ReportInputs, level: Quantity, levels: Array) -> Drawing:
@@ -218,41 +210,6 @@ def _weights(pieces: Pieces, inputs: ReportInputs, level: Quantity, levels: Arra
     alt = f"Weights with their peaks at {', '.join(f'{value:g}' for value in levels)} {level.unit}."
     panel = Panel("", on, inputs.axis_label(level), ("Weight (–)",), data)
     return Drawing("segments_levels", caption, alt, (panel,), Grid(height=1.3))
-
-
-def _courses(inputs: ReportInputs, level: Quantity, levels: Array) -> Drawing:
-    along, output = inputs.along, inputs.model.output
-    courses = level_courses(inputs.model, along.name, levels)
-    at = (
-        f"{along.name} {', '.join(f'{course.place:.3g}' for course in courses)} "
-        f"{along.unit if along.unit != '1' else ''}"
-    ).rstrip()
-    caption = (
-        f"{output.name} of {inputs.own} over {level.name} at {at}; dots mark the training "
-        "levels. Between them the values of the "
-        "curves are interpolated so that they keep their shape: the weights depend on these "
-        "values, and there is no single weight to draw."
-    )
-    data: dict[str, Values] = {style.heading(level): courses[0].x}
-    data |= {
-        f"{inputs.own} at {along.name} {course.place:.6g} [{output.unit}]": course.y
-        for course in courses
-    }
-    labels = (inputs.axis_label(output),)
-    panel = Panel(
-        "",
-        lambda axes: draw_courses(axes[0], courses, levels),
-        inputs.axis_label(level),
-        labels,
-        data,
-    )
-    return Drawing(
-        "segments_levels",
-        caption,
-        f"{inputs.own} over {level.name} at {at}.",
-        (panel,),
-        Grid(height=2.0),
-    )
 
 
 def draw_levels(ax: Axes, levels: Array, x: Array, weights: Array) -> None:
@@ -282,48 +239,6 @@ def level_weights(pieces: Pieces, levels: Array) -> tuple[Array, Array]:
             for curve in pieces.curves
         ]
     )
-
-
-@dataclass(frozen=True)
-class Course:
-    """Hold predictions over the levels at one `place` along the curves: `y` over `x`, and
-    `at_levels` at training levels.
-    """
-
-    place: float
-    x: Array
-    y: Array
-    at_levels: Array
-
-
-def level_courses(model: Model, along: str, levels: Array) -> list[Course]:
-    """Return the model at `PLACES` of the range that all its curves have of `along`, other inputs
-    in the middle of their ranges.
-    """
-    pieces = model.pieces
-    assert pieces is not None
-    level = str(pieces.level)
-    limits = {
-        quantity.name: np.array([curve.limits[quantity.name] for curve in pieces.curves])
-        for quantity in model.inputs
-    }
-    low, high = limits[along][:, 0].max(), limits[along][:, 1].min()
-    x = _level_grid(pieces, levels)
-    middle = {name: float(ends.mean()) for name, ends in limits.items()}
-
-    def at(place: float, values: Array) -> Array:
-        columns = {name: np.full(len(values), value) for name, value in middle.items()}
-        return predict(model, {**columns, along: np.full(len(values), place), level: values})
-
-    along_curves = [float(low + share * (high - low)) for share in PLACES]
-    return [Course(place, x, at(place, x), at(place, levels)) for place in along_curves]
-
-
-def draw_courses(ax: Axes, courses: Sequence[Course], levels: Array) -> None:
-    """Draw one line a place, a dot at every training level."""
-    for colour, course in zip(style.level_colours(len(courses)), courses, strict=True):
-        ax.plot(course.x, course.y, color=colour, linewidth=1.2)
-        ax.plot(levels, course.at_levels, color=colour, **style.DOT)
 
 
 def _level_grid(pieces: Pieces, levels: Array) -> Array:
