@@ -45,8 +45,8 @@ class End:
 
 @dataclass(frozen=True)
 class Solution:
-    """Linear parameters `beta`, `(m,)`, and coordinates `c`, `(k,)`, of a `Problem`; `status` and
-    `method` as in `FormulaFit`.
+    """Linear parameters `beta`, `(m,)`, and coordinates `c`, `(k,)`; `status` and `method` as in
+    `FormulaFit`.
 
     `rivals` are beta and c of other minima that are nearly as deep.
     """
