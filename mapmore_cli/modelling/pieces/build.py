@@ -7,7 +7,6 @@ calls them in one go.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -285,22 +284,6 @@ def build(
         FitResult(PiecesFit(fit(curves, segmentation, recipe, backbone)), backbone),
         recipe,
         quantities,
-    )
-
-
-def multiplied(segments: Sequence[SegmentFunction], share: float) -> tuple[SegmentFunction, ...]:
-    """Segment functions times a number, which their scalings hold."""
-    scalings = [
-        replace(
-            one.scaling,
-            y_slope=share * one.scaling.y_slope,
-            y_intercept=share * one.scaling.y_intercept,
-        )
-        for one in segments
-    ]
-    return tuple(
-        replace(segment, scaling=scaling)
-        for segment, scaling in zip(segments, scalings, strict=True)
     )
 
 

@@ -20,7 +20,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -32,7 +31,7 @@ from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.expressions import candidate
 from mapmore_cli.modelling.literature.backbone import fit_formula, pooled
-from mapmore_cli.modelling.pieces.build import build, multiplied, quantities_in
+from mapmore_cli.modelling.pieces.build import build, quantities_in
 from mapmore_cli.modelling.pieces.model import simulate
 from mapmore_cli.modelling.pieces.recipe import Cuts, Recipe
 
@@ -245,38 +244,47 @@ def with_trusted_residual(
         f"{whole:.4g} {unit} with all of the residual, by {left_out.rmse(share):.4g} {unit} with "
         "that share"
     )
-    shares, notes = {BACKBONE: 0.0, RESIDUAL: 1.0}, []
+    shares, note = {BACKBONE: 0.0, RESIDUAL: 1.0}, ""
     if inner_level_count(curves, recipe):
         shares[SHRUNKEN] = share
         body = replace(body, fusion=replace(body.fusion, shrink=share))
-        notes = [
-            f"midway between levels, {share:.0%} of the residual on {name} is carried: {errors}"
-        ]
+        note = f"midway between levels, {share:.0%} of the residual on {name} is carried: {errors}"
     elif body.level is None and share > 0:
         shares[SHRUNKEN] = share
-        body = _with_segments(body, partial(multiplied, share=share))
-        notes = [f"{share:.0%} of the residual on {name} counts: {errors}"]
+        body = _times(body, share)
+        note = f"{share:.0%} of the residual on {name} counts: {errors}"
     elif body.level is None or not whole < without:
-        body = _with_segments(body, lambda _segments: ())
-        notes = [f"cross-validation keeps {name} alone: {errors}"]
+        body = _times(body, 0.0)
+        note = f"cross-validation keeps {name} alone: {errors}"
     elif len(body.curves) == 2:
         body = replace(body, fusion=replace(body.fusion, shrink=0.0))
-        notes = [
+        note = (
             f"two levels: midway between them {name} stands alone, since no inner level says "
             "how its residual runs there"
-        ]
+        )
     tried = tuple(
         FoldError(choice, left_out.rmse(share), left_out.folds) for choice, share in shares.items()
     )
     body = replace(body, cross_validation=tried)
-    return replace(model, body=body, notes=(*model.notes, *notes))
+    return replace(model, body=body, notes=(*model.notes, note) if note else model.notes)
 
 
-def _with_segments(
-    body: Pieces,
-    changed: Callable[[tuple[SegmentFunction, ...]], tuple[SegmentFunction, ...]],
-) -> Pieces:
-    curves = (replace(curve, segments=changed(curve.segments)) for curve in body.curves)
+def _times(body: Pieces, share: float) -> Pieces:
+    """Return the pieces times a number, which their scalings hold; without segments for zero."""
+
+    def multiplied(segment: SegmentFunction) -> SegmentFunction:
+        y_slope, y_intercept = segment.scaling.y_slope, segment.scaling.y_intercept
+        return replace(
+            segment,
+            scaling=replace(
+                segment.scaling, y_slope=share * y_slope, y_intercept=share * y_intercept
+            ),
+        )
+
+    curves = (
+        replace(curve, segments=tuple(map(multiplied, curve.segments)) if share else ())
+        for curve in body.curves
+    )
     return replace(body, curves=tuple(curves))
 
 
