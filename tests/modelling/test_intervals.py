@@ -15,7 +15,6 @@ from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import CurveRange, Formula, LeftOut, Model
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.modelling.validation.intervals import (
-    Training,
     few_levels,
     half_widths,
     interval,
@@ -127,11 +126,14 @@ def few(
     count: int, offset: float = 2.0, repeats: int = 1, residual: float = 0.5, astray: float = 0.0
 ) -> LeftOut:
     """`count` levels at 0, 100, ... with an error of `offset` at every inner one."""
-    training = Training(
-        tuple(100.0 * np.arange(count)), (repeats,) * count, 400.0, residual, astray
-    )
-    return left_out_summary(
-        "levels", count, {f"{i}": [np.full(20, offset)] for i in range(1, count - 1)}, training
+    parts = {f"{i}": [np.full(20, offset)] for i in range(1, count - 1)}
+    return replace(
+        left_out_summary("levels", count, parts),
+        places=tuple(100.0 * np.arange(count)),
+        repeats=(repeats,) * count,
+        largest=400.0,
+        residual=residual,
+        astray=astray,
     )
 
 

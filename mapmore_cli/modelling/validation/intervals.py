@@ -29,7 +29,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -58,27 +57,8 @@ is not to be trusted between levels.
 """
 
 
-@dataclass(frozen=True)
-class Training:
-    """What the rule for few levels needs of the training data.
-
-    `places` (K,) are the levels, `repeats` (K,) how many recordings have each; `largest` is the
-    largest |target|, `residual` the root mean square residual of the model, `astray` how far
-    left-out predictions lie beyond the training target, as a share of its range.
-    """
-
-    places: tuple[float, ...]
-    repeats: tuple[int, ...]
-    largest: float
-    residual: float
-    astray: float
-
-
 def left_out_summary(
-    kind: LeftOutKind,
-    curves: int,
-    residuals: Mapping[str, Sequence[Array]],
-    training: Training | None = None,
+    kind: LeftOutKind, curves: int, residuals: Mapping[str, Sequence[Array]]
 ) -> LeftOut:
     """Return what intervals need of the residuals (measured minus predicted) of each left-out part,
     where so many `curves` train.
@@ -102,7 +82,6 @@ def left_out_summary(
         offset=np.array([r.mean() for r in parts]),
         scatter=np.array([r.std() for r in parts]),
         sizes=np.array([np.quantile(np.abs(r), SHARES) for r in parts]),
-        **({} if training is None else vars(training)),
     )
 
 
