@@ -62,6 +62,16 @@ CAO = (
     "each (Cao et al.). The pressure must be in kPa."
 )
 FORMULAS = (
+    Formula(
+        name="none",
+        title="none",
+        reference="M2 section 5.3",
+        inputs=(),
+        parameters=(),
+        text="0",
+        component="damping",
+        about="No damping at all: what every damping model must beat.",
+    ),
     viscous(
         "linear_viscous",
         "Linear viscous",
