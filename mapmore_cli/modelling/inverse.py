@@ -146,15 +146,15 @@ def knots(model: Model, name: str) -> Array:
 
     Raises UsageError where the range is not known, as of an input that a sum renames.
     """
-    found = np.unique(
+    places = np.unique(
         [place for place in program_of(model).knots.get(name, ()) if np.isfinite(place)]
     )
-    if len(found) < 2:
+    if len(places) < 2:
         raise UsageError(
             f"the training range of '{name}' is not known",
             "invert for an input that was varied in training",
         )
-    return found
+    return places
 
 
 def parts_between(knots: Array) -> int:
@@ -228,7 +228,7 @@ class _Line:
                 value, right[turned], flat, slope_right[turned], high[turned] - at
             )
             middle[turned], closer[turned] = at, before | after
-        found, where = middle[turned | closer], rows[turned | closer]
+        turns, where = middle[turned | closer], rows[turned | closer]
         if splits == 0 or not closer.any():
             return middle[turned], rows[turned]
         halves = (
@@ -237,7 +237,7 @@ class _Line:
             np.tile(rows[closer], 2),
         )
         more, own = self._turning_points(*halves, splits - 1)
-        return np.concatenate([found, more]), np.concatenate([where, own])
+        return np.concatenate([turns, more]), np.concatenate([where, own])
 
     def solutions(
         self, x: Array, rows: IntArray, span: float

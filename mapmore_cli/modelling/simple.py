@@ -62,14 +62,14 @@ def arx(dataset: Dataset, names: Sequence[str]) -> list[Array] | None:
     best, least = None, np.inf
     for order in ORDERS:
         if (theta := _one_step_fit(dataset, names, order)) is not None:
-            found = [_run(curve, dataset.target, names, order, theta) for curve in dataset.curves]
+            runs = [_run(curve, dataset.target, names, order, theta) for curve in dataset.curves]
             errors = [
                 (said - curve.columns[dataset.target])[curve.training]
-                for said, curve in zip(found, dataset.curves, strict=True)
+                for said, curve in zip(runs, dataset.curves, strict=True)
             ]
             error = float(np.sum(np.concatenate(errors) ** 2))
             if error < least:
-                best, least = found, error
+                best, least = runs, error
     return best
 
 
@@ -134,7 +134,7 @@ def _run(curve: Curve, target: str, names: Sequence[str], order: int, theta: Arr
     """Return the free run along every recording of a curve, (n,); NaN from where it diverges."""
     from scipy.signal import lfilter  # a fifth of the seconds of a run without any
 
-    y, found = curve.columns[target], np.full(curve.size, np.nan)
+    y, run = curve.columns[target], np.full(curve.size, np.nan)
     a, b = theta[1 : order + 1], theta[order + 1 :]
     for rows in curve.logs:
         inputs = [_past(curve.columns[name][rows], order, 0) for name in names]
@@ -146,5 +146,5 @@ def _run(curve: Curve, target: str, names: Sequence[str], order: int, theta: Arr
             values, _ = lfilter([1.0], np.concatenate([[1.0], -a]), drive, zi=past)
         far = ~(np.abs(values) <= LARGEST * np.abs(y[np.isfinite(y)]).max(initial=1e-300))
         values[np.maximum.accumulate(far)] = np.nan
-        found[rows] = values
-    return found
+        run[rows] = values
+    return run

@@ -20,8 +20,8 @@ from mapmore_cli.modelling.pieces.recipe import Cuts
 from mapmore_cli.modelling.program.model import slopes
 
 INVERTED = [
-    ("smooth levels", "pressure"),
-    ("smooth levels", "strain"),
+    ("straight beyond the levels", "pressure"),
+    ("straight beyond the levels", "strain"),
     ("backbone, shrunken", "pressure"),
 ]
 
@@ -67,7 +67,7 @@ def test_out_of_reach_flat_and_the_nearest_rule() -> None:
         "several",
     )
     several = invert(
-        STATIC["smooth levels"],
+        STATIC["straight beyond the levels"],
         np.full(12, 200.0),
         {"strain": np.linspace(0.02, 0.2, 12)},
         "pressure",
@@ -75,7 +75,7 @@ def test_out_of_reach_flat_and_the_nearest_rule() -> None:
     )
     jumps = np.abs(np.diff(several.picked[~np.isnan(several.picked)]))
     lowest = invert(
-        STATIC["smooth levels"],
+        STATIC["straight beyond the levels"],
         np.full(12, 200.0),
         {"strain": np.linspace(0.02, 0.2, 12)},
         "pressure",

@@ -82,8 +82,8 @@ def reference() -> str:
         for word, title in COMPONENTS.items()
     }
     return "\n".join(
-        f"## {title}\n\n" + "\n".join(map(_formula_section, found))
-        for title, found in sections.items()
+        f"## {title}\n\n" + "\n".join(map(_formula_section, of_component))
+        for title, of_component in sections.items()
     )
 
 

@@ -65,10 +65,10 @@ formula of the same samples.
 
 
 def _digest(columns: Columns, *how: object) -> bytes:
-    found = sha256(repr(how).encode())
+    digest = sha256(repr(how).encode())
     for column, values in sorted(columns.items()):
-        found.update(column.encode() + np.ascontiguousarray(values).tobytes())
-    return found.digest()
+        digest.update(column.encode() + np.ascontiguousarray(values).tobytes())
+    return digest.digest()
 
 
 def residual_of(curve: Curve, target: str, backbone: FormulaFit | None) -> Curve:

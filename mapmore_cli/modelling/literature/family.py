@@ -58,9 +58,9 @@ WITHIN = (0.3, 3.0)
 def family_of(text: str) -> Family:
     """Return the family of a definition; ValueError where it defines none."""
     try:
-        found = dict(json.loads(text)["family"])
-        metres = float(found.pop("metres"))
-        settings = FamilySettings(**found)
+        document = dict(json.loads(text)["family"])
+        metres = float(document.pop("metres"))
+        settings = FamilySettings(**document)
         if (
             not isinstance(parse(settings.of), Name)
             or not metres > 0
@@ -205,7 +205,7 @@ def adapted(
         return {"zero": fit.parameters["zero"], "q_force": float(q[0]), "q_strain": float(q[1])}
 
     formula = formula_of(made)
-    found, errors = start, np.full(2, PRIOR)
+    scales, errors = start, np.full(2, PRIOR)
     residual = np.zeros(0)
     if len(target):
         weight, scatter = (
@@ -218,13 +218,13 @@ def adapted(
             return np.concatenate([missed, (q - 1.0) / PRIOR])
 
         solved = least_squares(cost, start, xtol=1e-12, ftol=1e-12)
-        found, residual = solved.x, formula.predict(parameters(solved.x), columns) - target
+        scales, residual = solved.x, formula.predict(parameters(solved.x), columns) - target
         jacobian = np.asarray(solved.jac)
         errors = np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))
     return replace(
         fit,
         name=f"{NAME}, adapted",
-        parameters=parameters(found),
+        parameters=parameters(scales),
         errors={"zero": math.nan, "q_force": float(errors[0]), "q_strain": float(errors[1])},
         method="least squares with priors",
         rank=2,

@@ -93,13 +93,13 @@ def descend(
         return known[x.tobytes()]
 
     def residual(x: Array) -> Array:
-        found = at(x)
-        return refused if found is None else found[0]
+        both = at(x)
+        return refused if both is None else both[0]
 
     def slopes(x: Array) -> Array:
-        found = at(x)
-        assert found is not None
-        return found[1]
+        both = at(x)
+        assert both is not None
+        return both[1]
 
     limits: Any = {"xtol": TOLERANCE, "ftol": TOLERANCE, "gtol": TOLERANCE, "max_nfev": EVALUATIONS}
     ends = []
@@ -211,19 +211,19 @@ def variable_projection(problem: LeastSquares) -> Solution:
         for bounds, starts in searches
         for end in descend(partial(_projection, few), starts, bounds)
     ]
-    best, bounds = min(ends, key=lambda found: found[0].cost, default=(None, problem.bounds))
+    best, bounds = min(ends, key=lambda pair: pair[0].cost, default=(None, problem.bounds))
     finished = [] if best is None else descend(partial(_projection, problem), [best.x], bounds)
     if best is None or not finished:
         return failure(problem, METHOD)
     c, touched = onto_bounds(finished[0].x, bounds)
-    found = [end for end, _ in ends]
-    notes = [] if len(problem.nonlinear) == 1 else [agreement(found, best, STARTS)]
+    reached = [end for end, _ in ends]
+    notes = [] if len(problem.nonlinear) == 1 else [agreement(reached, best, STARTS)]
     for i in touched:
         parameter = problem.nonlinear[i]
         limit = parameter.written(c[i])
         notes.append(f"{parameter.name} runs to the limit of what is sought, {limit}")
     status = "at_bound" if touched else finished[0].status
-    others = tuple((_projected(problem, end.x).beta, end.x) for end in rivals(found, best))
+    others = tuple((_projected(problem, end.x).beta, end.x) for end in rivals(reached, best))
     return Solution(_projected(problem, c).beta, c, status, METHOD, tuple(notes), others)
 
 

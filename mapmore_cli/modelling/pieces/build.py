@@ -125,8 +125,8 @@ def segment(
         if len(rows) <= recipe.fit.max_terms:
             return float("inf")
         trial = Segment(f"{curve.id}/trial", curve.id, (), rows)
-        found = fit_segment(trial, samples_at(fitted[curve.id], rows), terms, recipe)
-        return found.selection.sse * found.scaling.y_slope**2
+        trial_fit = fit_segment(trial, samples_at(fitted[curve.id], rows), terms, recipe)
+        return trial_fit.selection.sse * trial_fit.scaling.y_slope**2
 
     return tuple(segment_curve(curve, recipe.cuts, recipe.target, cost) for curve in training)
 

@@ -168,13 +168,13 @@ def _folds_along(curves: Sequence[Curve], recipe: Recipe) -> list[Folds]:
             recipe.level,
             recipe.pooled,
         }
-        found = [_blocks_along(curves, name) for name in sorted(inputs)]
+        every_way = [_blocks_along(curves, name) for name in sorted(inputs)]
     else:
         along = in_curve(curves, tuple(recipe.cuts), recipe.target, recipe.level)
         every = [tuple(block(curve, along, number) for curve in curves) for number in range(BLOCKS)]
-        found = [[fold for fold in every if any(out.any() for out in fold)]]
-    found += [levels] if recipe.pooled is not None else []
-    return [folds for folds in found if len(folds) > 2]
+        every_way = [[fold for fold in every if any(out.any() for out in fold)]]
+    every_way += [levels] if recipe.pooled is not None else []
+    return [folds for folds in every_way if len(folds) > 2]
 
 
 def in_curve(

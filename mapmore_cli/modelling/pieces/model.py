@@ -48,11 +48,12 @@ def _ready(body: Pieces, names: tuple[str, ...]) -> Callable[[Columns], list[Arr
 def equations(model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
     """Return the backbone first, then every segment function, in the model's units or in others."""
     body = _pieces_body(model)
-    found = (
+    segments = (
         (one, {**curve.limits, **one.limits}) for curve in body.curves for one in curve.segments
     )
     pieces = (
-        equation(one.id, one.terms, one.theta, one.scaling, limits, units) for one, limits in found
+        equation(one.id, one.terms, one.theta, one.scaling, limits, units)
+        for one, limits in segments
     )
     return *formula_equations(body.backbone, units), *pieces
 

@@ -168,7 +168,7 @@ def compare(before: Model, after: Model, margin: float = MARGIN) -> Comparison:
         np.array([getattr(curve, name) for curve in curves]) for name in ("ratio", "weight")
     )
     shares = weights / weights.sum()
-    found = weighted_mean(ratios, weights, CONFIDENCE)
+    factor = weighted_mean(ratios, weights, CONFIDENCE)
     between = _of_interpolation(before, after, curves, shares)
     return Comparison(
         before=before.name,
@@ -178,13 +178,13 @@ def compare(before: Model, after: Model, margin: float = MARGIN) -> Comparison:
             replace(curve, weight=share)
             for curve, share in zip(curves, shares.tolist(), strict=True)
         ),
-        ratio=found.value,
-        interval=found.interval,
+        ratio=factor.value,
+        interval=factor.interval,
         narrow=weighted_mean(ratios, weights, EQUIVALENCE).interval,
         p=weighted_mean(ratios - 1, weights, CONFIDENCE).p,
         p_permutation=sign_permutation(weights * (ratios - 1)),
         margin=margin,
-        resolution=max((found.interval[1] - found.interval[0]) / 2, between),
+        resolution=max((factor.interval[1] - factor.interval[0]) / 2, between),
         terms=term_changes(before, after),
     )
 
@@ -225,24 +225,24 @@ def common_curves(before: Model, after: Model) -> list[Place]:
         )
     if before.level is None:
         names = {one.curve for one in second}
-        found = [Place(one.curve, None) for one in first if one.curve in names]
+        places = [Place(one.curve, None) for one in first if one.curve in names]
     else:
         own, others = _levels_of(first), _levels_of(second)
         near = SAME_LEVEL * float(min(np.concatenate([np.diff(own), np.diff(others), [math.inf]])))
         pairs = product(zip(first, own, strict=True), others)
-        found = [
+        places = [
             Place(one.curve, (level + other) / 2)
             for (one, level), other in pairs
             if abs(level - other) <= near
         ]
-        if len(found) < FEWEST_CURVES:
-            found = min((_places_inside(first, others), _places_inside(second, own)), key=len)
-    if len(found) < FEWEST_CURVES:
+        if len(places) < FEWEST_CURVES:
+            places = min((_places_inside(first, others), _places_inside(second, own)), key=len)
+    if len(places) < FEWEST_CURVES:
         raise ValueError(
-            f"{before.name} and {after.name} have {len(found)} curves in common; a comparison "
+            f"{before.name} and {after.name} have {len(places)} curves in common; a comparison "
             f"needs at least {FEWEST_CURVES}"
         )
-    return found
+    return places
 
 
 def _levels_of(ranges: Sequence[CurveRange]) -> list[float]:

@@ -143,12 +143,12 @@ def repeated_cycles(
     """
     if any(curve.level is not None for curve in curves):
         return None
-    found = [np.full(curve.size, np.nan) for curve in curves]
+    again = [np.full(curve.size, np.nan) for curve in curves]
     for pieces, x, y, held_out in _by_log(curves, logs, driven, target):
         ends = np.cumsum([curves[number].size for number in pieces])[:-1]
         for number, values in zip(pieces, np.split(_again(x, y, held_out), ends), strict=True):
-            found[number] = values
-    return tuple(found) if any(np.isfinite(values).any() for values in found) else None
+            again[number] = values
+    return tuple(again) if any(np.isfinite(values).any() for values in again) else None
 
 
 def _by_log(

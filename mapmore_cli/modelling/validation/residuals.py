@@ -76,9 +76,9 @@ def autocorrelation(residuals: Sequence[Array]) -> Correlation:
     There is one array of `residuals` a piece, NaN where there is none. Bounds are `1.96/sqrt(n)`
     for n residuals in all pieces.
     """
-    found = cross_correlation(residuals, residuals)
-    half = len(found.lags) // 2
-    return Correlation(found.lags[half:], found.values[half:], found.bound)
+    both_ways = cross_correlation(residuals, residuals)
+    half = len(both_ways.lags) // 2
+    return Correlation(both_ways.lags[half:], both_ways.values[half:], both_ways.bound)
 
 
 def cross_correlation(residuals: Sequence[Array], inputs: Sequence[Array]) -> Correlation:
