@@ -230,7 +230,8 @@ def limits(ranges: Sequence[CurveRange], level: str | None) -> Iterator[InputRan
 
 def _outside_limits(model: Model, columns: Columns) -> BoolArray:
     outside = np.zeros(len(next(iter(columns.values()))), dtype=np.bool_)
-    for name, at, levels, *ends in limits(model.body.ranges, model.level):  # type: ignore[attr-defined]  # sums have another verb
+    ranges = model.body.ranges  # type: ignore[attr-defined]  # sums have another verb
+    for name, at, levels, *ends in limits(ranges, model.level):
         if name in columns:
             low, high = (
                 end[:1] if at is None else np.interp(columns[at], levels, end) for end in ends

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from functools import lru_cache
 
+import numpy as np
+
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.models import Equation, Model, Pieces
 from mapmore_cli.domain.results import Run
@@ -89,8 +91,8 @@ def write(m: Writer, model: Model, inputs: Inputs) -> Expression:
 
 def faults(model: Model) -> Iterator[str]:
     """Say what of a stored model no prediction would notice."""
-    levels = [curve.level for curve in _pieces_body(model).curves]
-    if model.level is not None and (None in levels or sorted({*levels}) != levels):  # type: ignore[type-var]  # None is told first
+    levels = np.array([curve.level for curve in _pieces_body(model).curves], dtype=np.float64)
+    if model.level is not None and not (np.isfinite(levels).all() and (np.diff(levels) > 0).all()):
         yield "the levels of its curves do not ascend"
     for segment in _pieces_body(model).segments:
         if not frozenset().union(*(parse(text).names for text in segment.terms)) <= {
