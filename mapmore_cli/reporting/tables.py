@@ -11,9 +11,9 @@ from mapmore_cli.domain.fits import FormulaFit, SegmentFit
 from mapmore_cli.domain.models import Equation, FoldError
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import FitResult
-from mapmore_cli.modelling.literature.identifiability import half_width
+from mapmore_cli.modelling.literature.linear import half_width
 from mapmore_cli.modelling.literature.own import units_of_parameters
-from mapmore_cli.modelling.validation.metrics import Band, bands
+from mapmore_cli.modelling.validation.metrics import ErrorBand, bands
 from mapmore_cli.modelling.validation.repeatability import floors
 from mapmore_cli.reporting import memory_tables
 from mapmore_cli.reporting.inputs import ReportInputs
@@ -52,7 +52,7 @@ def all_tables(inputs: ReportInputs) -> tuple[Table, ...]:
     return tuple(found)
 
 
-def bands_table(found: Sequence[Band], unit: str) -> Table:
+def bands_table(found: Sequence[ErrorBand], unit: str) -> Table:
     """Return a row for each band, a column for each model."""
     models = list(found[0].rmse) if found else []
     columns: Columns = (

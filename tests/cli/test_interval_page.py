@@ -4,6 +4,7 @@ anew; the coverage is what is said.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import interval_tables
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 from page_tables import DOCS, numbers, page_table, rows_of
 
-from mapmore_cli.modelling.validation.intervals import FEW, Training, few_levels, summary
+from mapmore_cli.modelling.validation.intervals import FEW, few_levels, left_out_summary
 
 PAGE = DOCS / "intervals.md"
 
@@ -92,11 +93,13 @@ def test_a_calibration_finds_the_constants_that_errors_were_drawn_with() -> None
         count = 3 + number % 3
         a, s = np.exp(rng.normal(-3, 1, 2))
         at = 10 * rng.integers(0, count - 1, 40) + rng.uniform(2, 8, 40)
-        training = Training(
-            tuple(10.0 * np.arange(count)), (1,) * count, 1.0, 0.2 * s * a / max(a, s), 0.0
-        )
-        left_out = summary(
-            "levels", count, {f"{i}": [np.full(5, a)] for i in range(1, count - 1)}, training
+        parts = {f"{i}": [np.full(5, a)] for i in range(1, count - 1)}
+        left_out = replace(
+            left_out_summary("levels", count, parts),
+            places=tuple(10.0 * np.arange(count)),
+            repeats=(1,) * count,
+            largest=1.0,
+            residual=0.2 * s * a / max(a, s),
         )
         half = few_levels(left_out, at, 0.95, drawn)
         errors = rng.uniform(0, 1, 40) * half / interval_tables.AIMED

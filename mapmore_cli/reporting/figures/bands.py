@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.axes import Axes
 
-from mapmore_cli.modelling.validation.metrics import Band, bands
+from mapmore_cli.modelling.validation.metrics import ErrorBand, bands
 from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel
 from mapmore_cli.reporting.figures.style import (
     ModelStyle,
@@ -22,7 +22,7 @@ from mapmore_cli.reporting.tables import bands_table
 
 
 def draw_bands(
-    ax: Axes, found: Sequence[Band], models: Sequence[str], styles: Mapping[str, ModelStyle]
+    ax: Axes, found: Sequence[ErrorBand], models: Sequence[str], styles: Mapping[str, ModelStyle]
 ) -> None:
     """Draw a line for each model over the bands, on a logarithmic scale where the errors differ
     much.
