@@ -197,13 +197,13 @@ def write_results(paths: Sequence[Path], table: Table, found: Tuning | Plan) -> 
 
 def write_figure(path: Path, drawing: Drawing) -> None:
     """Write a figure in the format that the ending says."""
-    from mapmore_cli.reporting.figures.drawing import WRITERS, compose
+    from mapmore_cli.reporting.figures.drawing import compose, to_bytes
     from mapmore_cli.reporting.figures.style import figure_style
 
     with figure_style():
         write_bytes(
             path,
-            WRITERS[path.suffix.removeprefix(".")](compose(drawing), drawing.name, drawing.alt),
+            to_bytes(compose(drawing), path.suffix.removeprefix("."), drawing.name, drawing.alt),
         )
 
 

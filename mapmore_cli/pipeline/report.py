@@ -251,7 +251,7 @@ def drawn_figure(
     Raises DataError where the folder holds no finished run; UsageError where there is no such panel
     or model (the message names those that there are), or `looks` are about anything else.
     """
-    from mapmore_cli.reporting.figures.drawing import WRITERS, compose, drawings, panel_of
+    from mapmore_cli.reporting.figures.drawing import compose, drawings, panel_of, to_bytes
     from mapmore_cli.reporting.figures.style import figure_style
     from mapmore_cli.reporting.report import data_csv
     from mapmore_cli.spec.loader import load
@@ -278,7 +278,7 @@ def drawn_figure(
         )
         if drawing is None:
             raise UsageError(f"{run_dir}: has nothing to draw as {name!r}", "choose another figure")
-        written = WRITERS[suffix](compose(drawing, inputs.style, panel), drawing.name, drawing.alt)
+        written = to_bytes(compose(drawing, inputs.style, panel), suffix, drawing.name, drawing.alt)
         return written, None if panel is None else data_csv(panel.data)
 
 
@@ -310,4 +310,4 @@ def _in_units(model: Model, units: Mapping[str, str]) -> dict[str, tuple[Equatio
     return {words: model_equations(model, changed)} if changed else {}
 
 
-STAGE = Stage(name="report", revision=6, outputs=("report",), reads=reads, run=run, sources=sources)
+STAGE = Stage(name="report", revision=7, outputs=("report",), reads=reads, run=run, sources=sources)

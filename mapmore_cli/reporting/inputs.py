@@ -149,16 +149,17 @@ class ReportInputs:
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """The models that figures draw lines of: those shown, or the run's own and the best of the
-        others where they are too many.
+        """The models that figures draw lines of."""
+        return self.best(MOST_LINES)
+
+    def best(self, most: int) -> tuple[str, ...]:
+        """Return the models that figures show, or the run's own and the best of the others where
+        they are more than so many.
         """
-        if len(self.shown) <= MOST_LINES:
-            return self.shown
         errors = self.pooled_errors
-        best = sorted(self.shown[1:], key=lambda model: errors.get(model, math.inf))[
-            : MOST_LINES - 1
-        ]
-        return (self.own, *(model for model in self.shown if model in best))
+        others = sorted(self.shown[1:], key=lambda model: errors.get(model, math.inf))
+        kept = {self.own, *others[: most - 1]}
+        return tuple(model for model in self.shown if model in kept)
 
     @property
     def shown(self) -> tuple[str, ...]:
@@ -211,6 +212,16 @@ class ReportInputs:
     def has_memory(self) -> bool:
         """True where the model runs along recordings, by itself or as a part of a sum."""
         return runs_over_time(self.model)
+
+    @property
+    def timed(self) -> bool:
+        """True where curves are drawn over time."""
+        return self.has_memory or self.over_time
+
+    @property
+    def holds_out(self) -> bool:
+        """True where some samples are held out."""
+        return any(curve.held_out.any() for curve in self.dataset.curves)
 
     @property
     def start(self) -> str | None:

@@ -226,7 +226,7 @@ def test_what_is_no_known_name_stays_as_it_is(name: str, title: str) -> None:
 def test_a_page_has_titles_and_a_file_has_names() -> None:
     columns = (Column("model", form="model"), Column("curve"), Column("gaussian_process", "%"))
     table = Table("t", "t", columns, (("sarosi_hinged", "plane", 1.0),))
-    html = to_html(table, title_of)
+    html = to_html(table)
     assert (
         "Sárosi, hinged" in html,
         "Gaussian process <span" in html,
