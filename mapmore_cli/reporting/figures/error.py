@@ -64,6 +64,6 @@ def draw_errors(
     panels.zero_line(ax)
     for rows, colour, size in ((~held_out, style.LIGHT, 1.6), (held_out, look.colour, 2.2)):
         dots = {"color": colour, "markersize": size, "marker": look.marker}
-        panels.draw_dots(ax, x[rows], error[rows], sets_scale=not words, **dots)
+        panels.draw_dots(ax, x[rows], error[rows], 2 * panels.DOTS, sets_scale=not words, **dots)
     if words:
         ax.text(0.98, 0.98, words, transform=ax.transAxes, ha="right", va="top")

@@ -387,10 +387,10 @@ def _loop(inputs: ReportInputs, number: int, model: str, colour: str) -> Panel:
 
     def on(ax: Axes) -> None:
         for piece in pieces:
-            for y, look in ((measured, style.BLACK), (predicted, colour)):
+            for y, ink, width in ((measured, style.BLACK, 0.9), (predicted, colour, 1.6)):
                 bends = [panels.envelope(values[piece], 2 * panels.DOTS) for values in (x, y)]
                 path = piece[np.union1d(*bends)]
-                ax.plot(x[path], y[path], color=look)
+                ax.plot(x[path], y[path], color=ink, linewidth=width)
 
     rows = np.concatenate(pieces)
     data: dict[str, Values] = {

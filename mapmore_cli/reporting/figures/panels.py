@@ -48,9 +48,9 @@ def draw_line(ax: Axes, x: Array, y: Array, sets_scale: bool = True, **look: Any
         ax.add_artist(Line2D(x, y, **look))
 
 
-def draw_dots(ax: Axes, x: Array, y: Array, **look: Any) -> None:
+def draw_dots(ax: Axes, x: Array, y: Array, most: int = DOTS, **look: Any) -> None:
     """Draw samples as dots, thinned so that the extremes remain."""
-    rows = cloud(y, DOTS)
+    rows = cloud(y, most)
     draw_line(ax, x[rows], y[rows], **DOT | {"markeredgewidth": 0} | look)
 
 

@@ -120,7 +120,8 @@ def draw_segments(top: Axes, bottom: Axes, curve: SegmentCurve, fusion: Fusion) 
         colour, marker, line = LOOKS[(place - 1) % len(LOOKS)]
         rows = curve.cell == place
         dots = {"color": colour, "marker": marker, "markersize": 2.8}
-        panels.draw_dots(top, curve.x[rows], curve.y[rows], **dots)
+        most = panels.DOTS // len(weights)
+        panels.draw_dots(top, curve.x[rows], curve.y[rows], most, **dots)
         positive = np.where(weight > 0, weight, np.nan)
         bottom.plot(x, positive, color=colour, linestyle=line, linewidth=1.2)
     bottom.set_yticks([0, 0.5, 1])
