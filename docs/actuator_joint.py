@@ -15,10 +15,10 @@ from fmpy.fmi2 import FMU2Slave
 
 from mapmore_cli.annexes.exporting.exports import exported
 from mapmore_cli.annexes.rig.antagonists import SIGNS, Joint
+from mapmore_cli.annexes.sums.joint import actuator
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.models import Model
 from mapmore_cli.modelling.kinds import predict
-from mapmore_cli.modelling.sums.joint import actuator
 
 Pair = tuple[Model, Model]
 """A model of the force and one of the pressure."""

@@ -19,12 +19,20 @@ from typing import Any
 import numpy as np
 from pages import DOCS, campaign, of_campaign, printed, rms, run, scores, write_page
 
+from mapmore_cli.annexes.motion.body import (
+    BUMPLESS,
+    CARRIED,
+    HARD,
+    ZERO,
+    Motion,
+    MotionFit,
+    MotionSection,
+)
+from mapmore_cli.annexes.motion.fitting import fit_motion
+from mapmore_cli.annexes.motion.problem import Bounds, MotionRecipe
+from mapmore_cli.annexes.motion.simulation import motion_errors, simulate
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.domain.models import BUMPLESS, CARRIED, HARD, ZERO, Motion, MotionSection
 from mapmore_cli.modelling.memory.records import Record
-from mapmore_cli.modelling.motion.fitting import fit_motion
-from mapmore_cli.modelling.motion.problem import Bounds, MotionRecipe
-from mapmore_cli.modelling.motion.simulation import motion_errors, simulate
 from mapmore_cli.reporting.table import Cell, Table
 from mapmore_cli.storage.run_folder import RunFiles
 
@@ -374,8 +382,8 @@ def sections(runs: Path) -> Table:
     scores = campaign("motion_sections", runs)
     rows: list[tuple[Cell, ...]] = []
     for name, own in scores.pooled.items():
-        hard = RunFiles(runs / name).fit().motion
-        assert hard is not None
+        hard = RunFiles(runs / name).fit().body
+        assert isinstance(hard, MotionFit)
         simulations = sum(search.evaluations for search in hard.searches)
         seconds = [fit_seconds(runs / folder) for folder in (name, f"{name}.shared_state")]
         errors = (own["mapmore"].rmse, own["shared_state"].rmse)

@@ -312,12 +312,12 @@ def fit(frame: Any, **sections: Any) -> Fitted:
     --------
     >>> import numpy as np
     >>> import mapmore_cli as mm
-    >>> bar, eps = (grid.ravel() for grid in np.meshgrid([0.8, 1.5, 2.0, 2.5, 3.5], np.linspace(0,
-    0.2, 40), indexing="ij"))
+    >>> levels, strains = [0.8, 1.5, 2.0, 2.5, 3.5], np.linspace(0, 0.2, 40)
+    >>> bar, eps = (grid.ravel() for grid in np.meshgrid(levels, strains, indexing="ij"))
     >>> newton = 330 * bar * (1 - 3.2 * eps) ** 2 - 70 + 40 * np.exp(-eps / 0.02)
     >>> m = mm.fit({"P [bar]": bar, "eps": eps, "F": newton}, target="static",
     ...     columns={"pressure": {"column": "P [bar]", "unit": "bar"}, "strain": {"column": "eps"},
-    "force": {"column": "F"}},
+    ...              "force": {"column": "F"}},
     ...     levels={"of": "pressure", "at": "auto"}, split={"validate": {"pressure": [200]}},
     ...     segment={"strain": {"method": "even", "count": 4}},
     ...     dictionary=[{"polynomial": {"of": ["strain"], "order": 4}}],

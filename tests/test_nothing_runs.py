@@ -38,8 +38,15 @@ ATTRIBUTES = {
 OWN = ("__name__", "__package__", "formulas.__name__", "modelling.__name__")
 """How the name of a module begins that is loaded by its name: with that of a package of ours."""
 
-LIBRARIES = {"storage/tables/__init__.py"}
-"""Loads libraries of the readers, which are named in our source."""
+LIBRARIES = {
+    "storage/tables/__init__.py",
+    "domain/plugins.py",
+    "modelling/kinds.py",
+    "fitting/kinds/__init__.py",
+}
+"""Load libraries of the readers, which are named in our source, and plug-ins, which are named by
+what is installed.
+"""
 
 
 def is_own(argument: ast.expr) -> bool:

@@ -148,7 +148,7 @@ def export(
     C, FMUs and modules are compared with `predict` on 100 points before they are written.
     """
     from mapmore_cli.annexes.exporting.exports import exported
-    from mapmore_cli.modelling.sums.joint import actuator
+    from mapmore_cli.annexes.sums.joint import actuator
     from mapmore_cli.storage.artefacts import read_model
 
     if single and to != "c":

@@ -6,14 +6,15 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import fields, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mapmore_cli.cli.console import View, picked
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.models import Formula, Memory, Pieces, StateSpace, Sum
+from mapmore_cli.domain.models import Formula, Memory, Pieces
 from mapmore_cli.domain.scores import RUN_PAGE
+from mapmore_cli.modelling.kinds import page_of
 from mapmore_cli.reporting import memory_tables
 from mapmore_cli.reporting.score_tables import curve_scores_table, score_table
 from mapmore_cli.reporting.table import Cell, Table
@@ -31,7 +32,7 @@ from mapmore_cli.storage.run_record import load_records, score_row, scores_in, s
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.fits import FormulaFit, MemoryModel, SegmentedCurve, SegmentFit
-    from mapmore_cli.domain.models import Model, Motion, Part, SegmentFunction
+    from mapmore_cli.domain.models import Model, SegmentFunction
     from mapmore_cli.domain.recording import Dataset
     from mapmore_cli.domain.results import FitResult, Validation
     from mapmore_cli.domain.scores import Published, ScoreTable
@@ -211,11 +212,10 @@ def _of_fit(result: FitResult) -> View:
     """Return the segments, or the model with memory, with their terms in the order of selection;
     theta is in scaled coordinates.
     """
-    memory, motion, tables = result.memory, result.motion, list[Table]()
+    memory, tables, page = result.memory, list[Table](), page_of(result.body)
     document: dict[str, Any] = {
         "segments": [_segment(fit, fit.selection) for fit in result.pieces],
         "memory": None,
-        "motion": None,
         **picked(result, "backbone=formula", "notes"),
     }
     if result.pieces:
@@ -223,7 +223,7 @@ def _of_fit(result: FitResult) -> View:
     if memory is not None:
         places = memory.substitutes.tolist()
         document["memory"] = {
-            **_fields(memory.model),
+            **asdict(memory.model),
             **picked(memory, "ridge", "shares", "held_out", "identified"),
             "forward": [memory.candidates[place] for place in memory.forward],
             "substitutes": [memory.candidates[i] if i >= 0 else None for i in places],
@@ -234,14 +234,11 @@ def _of_fit(result: FitResult) -> View:
             memory_tables.sizes_table(memory),
         )
         tables += [table for table in found if table.rows] + _memory_tables(memory.model)
-    if motion is not None:
-        document["motion"] = {**_motion(motion.model), **picked(motion, "solver", "searches")}
-        tables.append(memory_tables.sections_table({"mapmore": motion}, ""))
+    if page is not None:
+        own, own_tables = page.show_fit(result.body)
+        document |= own
+        tables += own_tables
     return View(document, tuple(tables), (*_formula_lines(result.formula), *result.notes))
-
-
-def _fields(record: Any) -> dict[str, Any]:
-    return {one.name: getattr(record, one.name) for one in fields(record)}
 
 
 def _segment(named: SegmentFit | SegmentFunction, numbers: Any) -> dict[str, Any]:
@@ -290,32 +287,6 @@ def _memory_line(memory: MemoryModel) -> str:
     return f"Runs free {start}, at steps of {memory.states.step:.6g} s."
 
 
-def _motion(motion: Motion) -> dict[str, Any]:
-    """Return the model as it is stored, with the poles (real and imaginary parts) and the gain of
-    every section.
-    """
-    sections = []
-    for section in motion.sections:
-        poles = [[pole.real, pole.imag] for pole in section.poles]
-        sections.append({**_fields(section), "poles": poles, "gain": section.gain})
-    return {**_fields(motion), "sections": sections}
-
-
-def _motion_line(motion: Motion) -> str:
-    """How the model is run."""
-    ways = {
-        "hard": "every section runs, the active one's output is taken",
-        "carried": "sections hand one state on",
-        "bumpless": "sections share one state, and meet at their boundaries",
-    }
-    at = ", ".join(f"{boundary:g}" for boundary in motion.boundaries)
-    places = f"Sections meet at {motion.input} {at}. " if at else ""
-    return (
-        f"{places}Switching: {motion.switching} ({ways[motion.switching]}), at steps of "
-        f"{motion.step:.6g} s, from {motion.start}."
-    )
-
-
 # Models
 # --------------------------------------------------------------------------------------------------
 
@@ -332,55 +303,42 @@ def _of_model(model: Model) -> View:
     title = f"{model.name}: {model.output.name} [{model.output.unit}] from {inputs}"
     rows = [(one.id, one.text) for one in lines]
     table = Table.of("equations", title, ("piece", "equation"), rows)
-    shown = _of_body(model)
-    document = {**_document(model, shown), "equations": lines}
-    return View(document, (table, *shown.tables), (*shown.lines, *model.notes))
+    view = _shown(model)
+    document = {**view.document, "equations": lines}
+    return View(document, (table, *view.tables), (*view.lines, *model.notes))
 
 
-def _document(model: Model, shown: View) -> dict[str, Any]:
-    return {**picked(model, "name", "output", "inputs", "notes"), **shown.document}
-
-
-def _of_body(model: Model) -> View:
-    """Return what a kind shows beside the equations; one that has nothing of its own to show is
-    shown as it is stored.
+def _shown(model: Model) -> View:
+    """Return a model with what its kind shows beside the equations; one that has nothing of its own
+    to show is shown as it is stored.
     """
     from mapmore_cli.modelling.kinds import kind_of
 
+    kind, body = kind_of(model), model.body
     document: dict[str, Any]
     tables: Sequence[Table] = ()
     lines: Sequence[str] = ()
-    match model.body:
-        case Pieces() as body:
+    match body:
+        case Pieces():
             document = {
                 **picked(body, "level", "backbone", "cross_validation"),
                 "segments": [_segment(segment, segment) for segment in body.segments],
                 "weights": _weights(body),
             }
             lines = (_fusion_line(body),)
-        case Formula() as body:
+        case Formula():
             document, lines = picked(body, "level", "formula=fit"), _formula_lines(body.fit)
-        case Memory() as body:
+        case Memory():
             document = picked(body, "memory=model", "backbone")
             tables, lines = _memory_tables(body.model), (_memory_line(body.model),)
-        case StateSpace() as body:
-            document, lines = {"motion": _motion(body.motion)}, (_motion_line(body.motion),)
-        case Sum() as body:
-            document = {"parts": [_part(part) for part in body.parts]}
-            shown = [(one.name, _of_body(one)) for part in body.parts for one in part.models]
-            tables = [table for _, view in shown for table in view.tables]
-            lines = [f"{name}: {line}" for name, view in shown for line in view.lines]
+        case _ if kind.page is not None:
+            document, tables, lines = kind.page.show(model, _shown)
         case _:
-            document = _fields(model.body)
-    if isinstance(model.body, Pieces | Formula | Memory | StateSpace):
-        document["limits"] = {one.curve: one.limits for one in model.body.ranges}
-    return View({"kind": kind_of(model).name, **document}, tuple(tables), tuple(lines))
-
-
-def _part(part: Part) -> dict[str, Any]:
-    fed = {"fed": [_part(one) for one in part.fed]} if part.fed else {}
-    model = _document(part.model, _of_body(part.model))
-    return {**picked(part, "sign", "renamed=inputs"), **fed, **model}
+            document = asdict(body)  # type: ignore[call-overload]
+    if ranges := getattr(body, "ranges", None):
+        document["limits"] = {one.curve: one.limits for one in ranges}
+    head = {"kind": kind.name, **picked(model, "name", "output", "inputs", "notes")}
+    return View({**head, **document}, tuple(tables), tuple(lines))
 
 
 def _weights(pieces: Pieces) -> dict[str, Any]:

@@ -28,6 +28,7 @@ def prose(docstring: str | None) -> str:
     return re.sub(r"(?<=\S)\n +(?=\S)|(?<=\S)\n(?![\s-])", " ", cleandoc(docstring or ""))
 
 
+@dataclass(frozen=True)
 class Settings:
     """Base of the dataclasses whose fields are keys of a section: the section is strict, and knows
     no other keys.
@@ -47,7 +48,7 @@ class Settings:
     @property
     def changed(self) -> list[str]:
         """Keys whose values differ from their defaults."""
-        return [key.name for key in fields(self) if getattr(self, key.name) != key.default]  # type: ignore[arg-type]
+        return [key.name for key in fields(self) if getattr(self, key.name) != key.default]
 
 
 class Contradiction(ValueError):

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import cmath
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
-from mapmore_cli.domain.arrays import ASCENDING, Array, IntArray, Number, Numbers, Ranges, Span
+from mapmore_cli.domain.arrays import ASCENDING, Array, IntArray, Number, Numbers, Ranges
 from mapmore_cli.domain.declared import (
     Beyond,
     Count,
@@ -15,9 +14,8 @@ from mapmore_cli.domain.declared import (
     Label,
     QuantityName,
     TermName,
-    one_of,
 )
-from mapmore_cli.domain.fits import Boundaries, FormulaFit, MemoryModel, Scaling, Step
+from mapmore_cli.domain.fits import Boundaries, FormulaFit, MemoryModel, Scaling
 from mapmore_cli.domain.recording import Quantity, Signal
 
 Side = Beyond | Number
@@ -115,9 +113,20 @@ class CurveRange:
 
 
 class Body:
-    """Base of what a model consists of, by its kind: `modelling.kinds` says what each kind can
-    do.
+    """Base of what a model consists of, by its kind: `modelling.kinds` says what each kind can do.
+
+    `models` are those that it is made of, `memories` the parts that have memory.
     """
+
+    @property
+    def models(self) -> tuple[Model, ...]:
+        """None."""
+        return ()
+
+    @property
+    def memories(self) -> tuple[MemoryModel, ...]:
+        """None."""
+        return ()
 
 
 @dataclass(frozen=True, eq=False)  # equal to itself alone: arrays have no hash
@@ -179,168 +188,8 @@ class Memory(Body):
         return (self.model,)
 
 
-# Models of motion (P)
+# The whole
 # --------------------------------------------------------------------------------------------------
-
-HARD, CARRIED, BUMPLESS = "hard", "carried", "bumpless"
-"""How a model changes from section to section."""
-
-REST, ZERO = "rest", "zero"
-"""Where a run begins: in the steady state of its first input, or at an output of zero."""
-
-ALL, RISE, FALL = "all", "rise", "fall"
-"""Directions of the input in which a section holds."""
-
-
-@dataclass(frozen=True)
-class MotionSection:
-    """A linear section: `x1[k+1] = x2[k]`, `x2[k+1] = P1 x1[k] + P2 x2[k] + sum_m w_m d_m[k]`,
-    output x1 (P eq 10, in discrete time).
-
-    `x2` is the output one sample ahead. The drives d are the model's; the first is the input, so
-    that `w_1` is P3.
-    """
-
-    id: Annotated[Label, "identifier of the section, as `2` or `rise 2`"]
-    place: Annotated[int, "place along the input, from 1", "-"]
-    direction: Annotated[
-        str,
-        "direction of the input in which it holds: `all`, `rise` or `fall`",
-        one_of(ALL, RISE, FALL),
-    ]
-    p1: Annotated[Number, "P1"]
-    p2: Annotated[Number, "P2"]
-    weights: Annotated[
-        Numbers, "(m) weights of the drives; the first is P3", "[target] over the unit of the drive"
-    ]
-
-    @property
-    def p3(self) -> float:
-        """Weight of the input."""
-        return float(self.weights[0])
-
-    @property
-    def poles(self) -> tuple[complex, complex]:
-        """Roots of `z^2 - P2 z - P1`, the larger modulus first."""
-        half, root = 0.5 * self.p2, cmath.sqrt(0.25 * self.p2**2 + self.p1)
-        first, second = half + root, half - root
-        return (first, second) if abs(first) >= abs(second) else (second, first)
-
-    @property
-    def radius(self) -> float:
-        """Largest modulus of a pole; the section is stable below 1."""
-        return abs(self.poles[0])
-
-    @property
-    def gain(self) -> float:
-        """Steady output for one unit of the input, `P3/(1 - P1 - P2)`."""
-        return self.p3 / (1.0 - self.p1 - self.p2)
-
-
-@dataclass(frozen=True)
-class Motion:
-    """Sections along an input (P eq 14-17).
-
-    With `hard` switching every section runs on the whole input and the active one's output is
-    taken; `bumpless` sections are `carried` ones whose steady outputs meet at their boundaries.
-    Without bumpless switching `dead_band` is 0: the input then falls unless it rises.
-    """
-
-    input: Annotated[QuantityName, "the input"]
-    output: Annotated[QuantityName, "the predicted quantity"]
-    step: Annotated[Step, "time between samples", "s"]
-    switching: Annotated[
-        str,
-        "`hard`: sections run side by side; `carried`, `bumpless`: they share one state",
-        one_of(HARD, CARRIED, BUMPLESS),
-    ]
-    boundaries: Annotated[
-        tuple[Number, ...],
-        "inputs at which sections meet, ascending",
-        "that of the input",
-        ASCENDING,
-    ]
-    directed: Annotated[bool, "1 where sections differ between a rising and a falling input"]
-    dead_band: Annotated[
-        Number, "how far the input turns back before its direction changes", "that of the input"
-    ]
-    drives: Annotated[tuple[TermName, ...], "(m) terms that drive every section, the input first"]
-    sections: Annotated[tuple[MotionSection, ...], "in order along the input, `rise` before `fall`"]
-    limits: Annotated[Span, "least and greatest training input", "that of the input"]
-    start: Annotated[
-        str, "a run begins at `rest` under its first input, or at `zero`", one_of(REST, ZERO)
-    ] = REST
-
-
-@dataclass(frozen=True)
-class SectionSearch:
-    """How the parameters of one section were found."""
-
-    section: Annotated[Label, "identifier of the section"]
-    samples: Annotated[Count, "training samples at which it holds"]
-    rmse: Annotated[float, "error over these, before sections were joined", "[target]"]
-    evaluations: Annotated[Count, "simulations that it took"]
-    history: Annotated[Array, "lowest error so far, from the start on", "[target]"]
-
-
-@dataclass(frozen=True)
-class MotionFit:
-    """A model of motion, and how each of its sections was found."""
-
-    model: Annotated[Motion, "the model"]
-    solver: Annotated[Label, "name of the solver"]
-    searches: Annotated[
-        tuple[SectionSearch, ...], "the search of each section, in the order of sections"
-    ]
-    notes: Annotated[tuple[str, ...], "remarks for the reader"] = ()
-
-
-@dataclass(frozen=True)
-class StateSpace(Body):
-    """A model of motion: linear sections along an input (P)."""
-
-    motion: Annotated[Motion, "the sections"]
-    ranges: Annotated[tuple[CurveRange, ...], "training range of each curve"]
-
-
-# Sums and the whole
-# --------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Part:
-    """A model in a sum.
-
-    An input may be the output of another model, as the pressure behind a valve: that of a part in
-    `fed`, by its name.
-    """
-
-    model: Annotated[Model, "the model"]
-    sign: Annotated[Number, "+1 or -1: how its output counts"] = 1.0
-    inputs: Annotated[
-        Mapping[QuantityName, TermName],
-        "its inputs that have another name in the sum, as expressions of the sum's inputs",
-    ] = field(default_factory=dict)
-    fed: Annotated[tuple[Part, ...], "models whose outputs are inputs of this one"] = ()
-
-    @property
-    def models(self) -> tuple[Model, ...]:
-        """The model, and those that feed it."""
-        return (self.model, *(model for part in self.fed for model in part.models))
-
-
-@dataclass(frozen=True)
-class Sum(Body):
-    """Models that are added up."""
-
-    parts: Annotated[tuple[Part, ...], "the summands, with their signs and inputs"]
-
-    @property
-    def memories(self) -> tuple[MemoryModel, ...]:
-        """The summands that have memory, and what feeds them."""
-        return tuple(
-            memory for part in self.parts for model in part.models for memory in model.memories
-        )
 
 
 LeftOutKind = Literal["levels", "recordings", "blocks", "specimens"]
@@ -414,9 +263,14 @@ class Model:
         return getattr(self.body, "backbone", None)
 
     @property
+    def every(self) -> tuple[Model, ...]:
+        """The model, and all that it is made of."""
+        return (self, *(inner for one in self.body.models for inner in one.every))
+
+    @property
     def memories(self) -> tuple[MemoryModel, ...]:
-        """Every part that has memory: its own, and those of its summands."""
-        return getattr(self.body, "memories", ())
+        """Every part that has memory: its own, and those of the models that it is made of."""
+        return tuple(memory for one in self.every for memory in one.body.memories)
 
 
 @dataclass(frozen=True)

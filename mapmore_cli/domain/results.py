@@ -12,7 +12,6 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns
 from mapmore_cli.domain.declared import Count, Label
 from mapmore_cli.domain.fits import FormulaFit, MemoryFit, SegmentFit
-from mapmore_cli.domain.models import MotionFit
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.domain.scores import Score, ScoreTable
 
@@ -70,11 +69,6 @@ class FitResult:
         return self.body if isinstance(self.body, MemoryFit) else None
 
     @property
-    def motion(self) -> MotionFit | None:
-        """The fit where it is one of motion."""
-        return self.body if isinstance(self.body, MotionFit) else None
-
-    @property
     def formula(self) -> FormulaFit | None:
         """The formula that was fitted: the backbone, or the model itself."""
         return self.body if isinstance(self.body, FormulaFit) else self.backbone
@@ -85,7 +79,7 @@ class Validation:
     """Predictions of the run's own model (`mapmore`) and of its competitors, and their scores.
 
     `predictions[model][c]` is `(n_c,)`, row for row of the dataset's curve number c. `formulas` and
-    `motions` are the fits behind competitors.
+    `fits` are the fits behind competitors.
     """
 
     predictions: Annotated[
@@ -96,9 +90,9 @@ class Validation:
     formulas: Annotated[Mapping[Label, FormulaFit], "literature models that were fitted"]
     scores: Annotated[tuple[Score, ...], "score table"]
     units: Annotated[Mapping[Label, Label], "unit of every target"]
-    motions: Annotated[
-        Mapping[Label, MotionFit], "models of motion among the competitors, and how they were found"
-    ] = field(default_factory=dict)
+    fits: Annotated[Mapping[Label, Any], "fits of competitors whose kind has a page of its own"] = (
+        field(default_factory=dict)
+    )
     warnings: Annotated[
         tuple[str, ...], "what must be known of the run's own model before its scores are read"
     ] = ()

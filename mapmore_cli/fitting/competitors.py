@@ -9,25 +9,23 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import comb
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.fits import FormulaFit, Optimum
-from mapmore_cli.domain.models import Formula, Model, MotionFit
+from mapmore_cli.domain.models import Formula, Model
 from mapmore_cli.domain.recording import DAMPING, STATIC_FORCE, Curve, Dataset
 from mapmore_cli.domain.results import Forecast
 from mapmore_cli.domain.scores import BASELINES, OWN, SIMPLE
-from mapmore_cli.fitting.kinds.sum import summands_of
-from mapmore_cli.modelling import literature, simple
+from mapmore_cli.modelling import kinds, literature, simple
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.kinds import runs_over_time
 from mapmore_cli.modelling.literature.backbone import fit_formula, pooled, pooled_training
 from mapmore_cli.modelling.literature.formulas.sarosi_hysteresis_loss import HysteresisLoss
 from mapmore_cli.modelling.signals.plateau import damping_component
-from mapmore_cli.modelling.sums import joint
-from mapmore_cli.modelling.sums.joint import fit_jointly
 from mapmore_cli.spec.experiment import Competitor
 from mapmore_cli.storage.artefacts import read_model
 from mapmore_cli.storage.run_folder import RunFiles
@@ -39,13 +37,13 @@ Forecasts = tuple[Forecast, ...]
 @dataclass(frozen=True)
 class Rival:
     """A competitor with what it says of every curve; `formulas` are the fits behind it by the name
-    they are shown under.
+    they are shown under, `own_fit` that of another run, where its kind has a page of its own.
     """
 
     name: str
     forecasts: Forecasts
     formulas: Mapping[str, FormulaFit] = field(default_factory=dict)
-    motion: MotionFit | None = None
+    own_fit: Any = None
 
     @property
     def failed(self) -> bool:
@@ -81,9 +79,9 @@ class Contest:
             competitor = Competitor(model=competitor)
         if competitor.run is not None or competitor.set is not None:
             folder = self.needed[competitor.run or competitor.label]
-            return Rival(
-                competitor.label, self._of_run(folder), motion=RunFiles(folder).fit().motion
-            )
+            fit = RunFiles(folder).fit().body
+            own_fit = fit if kinds.page_of(fit) else None
+            return Rival(competitor.label, self._of_run(folder), own_fit=own_fit)
         if competitor.is_file:
             return Rival(
                 competitor.label, self._of_model(read_model(self.spec_dir / str(competitor.model)))
@@ -200,10 +198,8 @@ class Contest:
 
     def _sum(self, competitor: Competitor) -> Rival:
         """Formulas with signs and inputs of their own, fitted together to the training data."""
-        summands = summands_of(competitor.sum or [])
-        training = pooled_training(self.dataset.curves)
-        fit = fit_jointly(summands, training, training[self.dataset.target], competitor.method)
-        values = [joint.predict(fit, summands, curve.columns) for curve in self.dataset.curves]
+        together = kinds.named("sum").verb("fit_and_predict", of="fitted")
+        fit, values = together(competitor.sum, self.dataset, competitor.method)
         return Rival(competitor.label, _forecasts(values), {competitor.label: fit})
 
     def _composite(self, competitor: Competitor) -> Rival:

@@ -1,27 +1,28 @@
 """What every kind of model can do, and where a model was trained.
 
-A kind is a folder of `modelling/` with a `KIND`, which says its name, and a file `model.py`, which
-holds its verbs. Nothing else lists it. The verbs are imported when a model of the kind is there: a
-table needs nothing of motion.
+A kind is a package with a `KIND`, which says its name, and a file `model.py`, which holds its
+verbs. It is a folder of `modelling/`, or an entry point in the group `mapmore.kinds` names its
+`KIND`. The verbs are imported when a model of the kind is there.
 """
 
 from __future__ import annotations
 
-import pkgutil
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
-from types import MappingProxyType
+from types import MappingProxyType, ModuleType
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from mapmore_cli import modelling
+from mapmore_cli.domain import plugins
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns
+from mapmore_cli.domain.declared import Settings
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.models import CurveRange, Equation, Model, Sum
+from mapmore_cli.domain.models import CurveRange, Equation, Model
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling.expressions import ExpressionError
 
@@ -29,9 +30,13 @@ from mapmore_cli.modelling.expressions import ExpressionError
 @dataclass(frozen=True)
 class Kind:
     """A kind of model: its name in files and on pages, the types of its models and of its fits, and
-    the folder with its verbs.
+    the package with its verbs.
 
-    `model.py` in the folder has these functions of a `model`.
+    `settings` has the keys of `model: {type: NAME}` in a spec, where the kind has keys of its own.
+    `over_time` says that rows are samples of a recording, which the model runs along. `fitted` is
+    the module that fits it, where that is not the file of its name in `fitting/kinds/`.
+
+    `model.py` in the package has these functions of a `model`.
 
     - `simulate(model, columns)`: the `Run` at every row, NaN where an input is NaN or there is no
       history.
@@ -44,28 +49,56 @@ class Kind:
     past, (n,); `fed_back(model)`, the measured outputs that a run begins from;
     `outside_range(model, columns)`, (n,), for a body without `ranges`; `faults(model)`, why a
     stored one is refused (`soundness`).
+
+    A kind that adds itself may have `checks.py`, with `findings(spec)`, what a spec may not say;
+    and `page.py`, with `show(model, show_other)`; of a kind with fits also
+    `show_fit(fit)`, `tables(inputs)`, `TITLE` and `TABLES`.
     """
 
     name: str
     body: type
     fit: type | None
-    folder: str
+    package: str
+    over_time: bool = False
+    settings: type[Settings] = Settings
+    fitted: str = ""
 
-    def verb(self, name: str, otherwise: Any = None) -> Any:
-        """Return a function of the kind's `model.py`; `otherwise` where it has none of the name."""
-        return getattr(import_module(f"{modelling.__name__}.{self.folder}.model"), name, otherwise)
+    def verb(self, name: str, otherwise: Any = None, of: str = "model") -> Any:
+        """Return a function of a module of the package; `otherwise` where it has none of the
+        name.
+        """
+        try:
+            return getattr(import_module(f"{self.package}.{of}"), name, otherwise)
+        except ModuleNotFoundError as fault:
+            if fault.name != f"{self.package}.{of}":
+                raise
+            return otherwise
+
+    @property
+    def page(self) -> ModuleType | None:
+        """The module `page.py` of the package, where it has one."""
+        return (
+            None if self.verb("show", of="page") is None else import_module(f"{self.package}.page")
+        )
 
 
 @cache
 def kinds() -> tuple[Kind, ...]:
     """Return every kind, in the order of their names."""
-    folders = [
-        import_module(f"{modelling.__name__}.{one.name}")
-        for one in pkgutil.iter_modules(modelling.__path__)
-        if one.ispkg
-    ]
-    found = [folder.KIND for folder in folders if hasattr(folder, "KIND")]
-    return tuple(sorted(found, key=lambda kind: kind.name))
+    own = [one.KIND for one in plugins.modules(modelling) if hasattr(one, "KIND")]
+    return tuple(sorted([*own, *plugins.added("kinds").values()], key=lambda kind: kind.name))
+
+
+def named(name: str) -> Kind:
+    """Return the kind of a name; raises NotInstalled where that is a part that is missing."""
+    own = next((kind for kind in kinds() if kind.name == name), None)
+    return plugins.load("kinds", name) if own is None else own
+
+
+def page_of(fit: Any) -> ModuleType | None:
+    """Return the module that shows fits of their kind on pages, where the kind has one."""
+    kind = next((kind for kind in plugins.added("kinds").values() if kind.fit is type(fit)), None)
+    return kind.page if kind else None
 
 
 def kind_of(model: Model) -> Kind:
@@ -146,9 +179,7 @@ def one_step_ahead(model: Model, columns: Columns) -> Array:
 
 def runs_over_time(model: Model) -> bool:
     """Return True where rows are samples of a recording, which the model runs along."""
-    if isinstance(model.body, Sum):
-        return any(runs_over_time(one) for part in model.body.parts for one in part.models)
-    return kind_of(model).verb("one_step") is not None
+    return any(kind_of(one).over_time for one in model.every)
 
 
 def fed_back(model: Model) -> tuple[str, ...]:

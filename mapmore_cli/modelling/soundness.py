@@ -7,13 +7,12 @@ program instead of an answer.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from contextlib import suppress
 
 import numpy as np
 
 from mapmore_cli.domain.errors import MapmoreError
-from mapmore_cli.domain.models import Model, Sum
+from mapmore_cli.domain.models import Model
 from mapmore_cli.modelling import kinds
 from mapmore_cli.modelling.program.model import program_of
 from mapmore_cli.modelling.signals.rates import signal_values
@@ -25,9 +24,8 @@ ROWS = 16  # of the trial
 def unsound(model: Model) -> str | None:
     """Return why a model cannot be evaluated; None where it can."""
     try:
-        for one in _every(model):
+        for one in model.every:
             fault = next(iter(kinds.kind_of(one).verb("faults", lambda _model: ())(one)), None)
-            fault = fault or (one.body == Sum(()) and "it is a sum of nothing")
             names = (quantity.name for quantity in (one.output, *one.inputs))
             if fault or len({*names}) <= len(one.inputs):
                 return f"of the model {one.name}: {fault or 'two quantities have one name'}"
@@ -36,13 +34,6 @@ def unsound(model: Model) -> str | None:
         reason = f"{type(error).__name__}: {error}".partition("\n")[0]
         return f"the model cannot be evaluated, since its parts do not fit each other ({reason})"
     return None
-
-
-def _every(model: Model) -> Iterator[Model]:
-    yield model
-    for part in getattr(model.body, "parts", ()):
-        for one in part.models:
-            yield from _every(one)
 
 
 def _try(model: Model) -> None:

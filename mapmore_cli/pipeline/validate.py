@@ -128,11 +128,11 @@ def run(part: Slice, workspace: Workspace) -> None:
     ]
     scores += _floor(part, inputs, dataset, scale)
     formulas = {name: fit for one in rivals for name, fit in one.formulas.items()}
-    motions = {one.name: one.motion for one in rivals if one.motion is not None}
+    fits = {one.name: one.own_fit for one in rivals if one.own_fit is not None}
     predictions = {name: tuple(one.values for one in found) for name, found in forecasts.items()}
     units = {part.target: dataset.unit(dataset.target)}
     loud = alarms(model, dataset, predictions[OWN], scores)
-    validation = Validation(predictions, formulas, tuple(scores), units, motions, loud)
+    validation = Validation(predictions, formulas, tuple(scores), units, fits, loud)
     write_validation(workspace.out / VALIDATION, validation)
     write_scores(workspace.out, validation.table, model.name)
 

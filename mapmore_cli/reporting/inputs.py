@@ -5,17 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from types import ModuleType
+from typing import Any
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.fits import SegmentedCurve
-from mapmore_cli.domain.models import Equation, LeftOut, Model, MotionFit
+from mapmore_cli.domain.models import Equation, LeftOut, Model
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
 from mapmore_cli.domain.results import FitResult, Search, Validation
 from mapmore_cli.domain.scores import REPEATABILITY, SIMPLE, Published, deciding
-from mapmore_cli.modelling.kinds import outside_range, runs_over_time
+from mapmore_cli.modelling.kinds import outside_range, page_of, runs_over_time
 from mapmore_cli.modelling.memory.feedback import fed_back_states
 from mapmore_cli.modelling.memory.free_run import started
 from mapmore_cli.modelling.validation.intervals import ends, half_widths_of
@@ -255,10 +257,18 @@ class ReportInputs:
         )
 
     @property
-    def motions(self) -> dict[str, MotionFit]:
-        """The models of motion by name: the run's own, and those among its competitors."""
-        own = {} if self.fit.motion is None else {self.own: self.fit.motion}
-        return {**own, **self.validation.motions}
+    def fits(self) -> dict[str, Any]:
+        """Fits of kinds that have a page of their own, by name: the run's own, and those among its
+        competitors.
+        """
+        own = {self.own: self.fit.body} if page_of(self.fit.body) else {}
+        return {**own, **self.validation.fits}
+
+    @property
+    def pages(self) -> list[ModuleType]:
+        """Modules that show these fits, each once."""
+        kinds = {type(fit): fit for fit in self.fits.values()}
+        return [page for fit in kinds.values() if (page := page_of(fit))]
 
     @property
     def turned(self) -> bool:

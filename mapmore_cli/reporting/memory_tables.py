@@ -1,18 +1,9 @@
-"""What the report says in numbers about models with memory (states, and how nearly other terms
-would have served) and of motion.
-"""
+"""What the report says in numbers about models with memory: states, substitutes of terms."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
-import numpy as np
-
 from mapmore_cli.domain.fits import MemoryFit, StateSet
-from mapmore_cli.domain.models import HARD, MotionFit
-from mapmore_cli.modelling.motion.simulation import extent, motion_errors
-from mapmore_cli.reporting.inputs import ReportInputs
-from mapmore_cli.reporting.table import MODEL, Cell, Column, Columns, Table
+from mapmore_cli.reporting.table import Cell, Table
 
 
 def states_table(states: StateSet) -> Table:
@@ -82,81 +73,3 @@ def sizes_table(fit: MemoryFit) -> Table:
         f"one, {len(fit.model.terms)}, fitted to all of them. inf: the run diverges."
     )
     return Table.of("sizes", title, ("terms", "RMSE over the held-out end #.4g"), rows, note)
-
-
-def sections_table(fits: Mapping[str, MotionFit], unit: str) -> Table:
-    """Return the parameters of every section of every model, its poles, its gain, and how it was
-    found; P table 1 has the first.
-    """
-    drives = tuple(dict.fromkeys(text for fit in fits.values() for text in fit.model.drives[1:]))
-    columns: Columns = (
-        MODEL,
-        *("section", "input", "P1 #.6g", "P2 #.6g", "P3 #.6g"),
-        *(Column(f"weight of {text}", "", "#.6g") for text in drives),
-        *("largest pole .3f", f"steady output at its upper end [{unit}] .4g"),
-        *(f"RMSE of the search [{unit}] .3g", "samples", "solver", "iterations", "simulations"),
-    )
-    rows: list[tuple[Cell, ...]] = []
-    for name, fit in fits.items():
-        motion, solver = fit.model, fit.solver.replace("_", " ")
-        for section, search in zip(motion.sections, fit.searches, strict=True):
-            weights = dict(zip(motion.drives, section.weights.tolist(), strict=True))
-            constant = float(section.weights[1]) if len(section.weights) > 1 else 0.0
-            end = [*motion.boundaries, motion.limits[1]][section.place - 1]
-            # without load
-            steady = (section.p3 * end + constant) / (1.0 - section.p1 - section.p2)
-            parameters = (section.p1, section.p2, section.p3, *map(weights.get, drives))
-            poles = (section.radius, steady, search.rmse, search.samples)
-            steps = (solver, len(search.history) - 1, search.evaluations)
-            place = extent(motion.boundaries, section.place)
-            rows.append((name, section.id, place, *parameters, *poles, *steps))
-    notes = [
-        "x1[k+1] = x2[k], x2[k+1] = P1 x1[k] + P2 x2[k] + P3 u[k] + ..., the output is x1. "
-        "Stable sections have poles below 1.",
-        *(
-            f"Samples are {step:.6g} s apart."
-            for step in dict.fromkeys(fit.model.step for fit in fits.values())
-        ),
-    ]
-    if any(fit.model.switching != HARD for fit in fits.values()):
-        notes.append(
-            "With one shared state, the weights are those after the sections were joined; the "
-            "RMSE is that of each section before."
-        )
-    return Table.of("sections", "Sections of the models of motion", columns, rows, *notes)
-
-
-def waveforms_table(inputs: ReportInputs) -> Table:
-    """Errors of displacement and velocity over the last wavelength of every held-out recording, as
-    P table 3 has them.
-    """
-    unit, motion = inputs.target.unit, next(iter(inputs.motions.values())).model
-    held_out = [
-        (number, curve.recordings[log], samples)
-        for number, curve in enumerate(inputs.dataset.curves)
-        for log, samples in enumerate(curve.logs)
-        if curve.held_out[samples].all()
-    ]
-    rows: list[tuple[Cell, ...]] = []
-    for number, recording, samples in held_out:
-        columns = inputs.dataset.curves[number].columns
-        u, measured = (columns[name][samples] for name in (motion.input, inputs.dataset.target))
-        for model, predictions in inputs.validation.predictions.items():
-            predicted = predictions[number][samples]
-            if np.isfinite(predicted).all() and len(samples) > 1:
-                e = motion_errors(measured, predicted, u, motion.step)
-                rms = (e.displacement_rmse, e.velocity_rmse)
-                largest = (e.max_displacement, e.max_velocity, e.transient, e.samples)
-                rows.append((recording, model, *rms, *largest))
-    heads = (
-        *("recording", MODEL, f"RMSE [{unit}] .4g", f"velocity RMSE [{unit}/s] .4g"),
-        *(f"max error [{unit}] .4g", f"max velocity error [{unit}/s] .4g"),
-        *(f"max error before [{unit}] .4g", "samples"),
-    )
-    note = (
-        "Over the last wavelength of the input, so many samples; where it does not repeat "
-        "itself, over all of them. Before: over the "
-        "wavelengths before, with the transient at the beginning. Velocities are central "
-        "differences."
-    )
-    return Table.of("waveforms", "Errors over one wavelength", heads, rows, note)

@@ -44,9 +44,8 @@ def all_tables(inputs: ReportInputs) -> tuple[Table, ...]:
     ]
     if inputs.search is not None:
         tables.append(search_table(inputs.search))
-    if inputs.motions:
-        tables.append(memory_tables.sections_table(inputs.motions, unit))
-        tables.append(memory_tables.waveforms_table(inputs))
+    for page in inputs.pages:
+        tables += page.tables(inputs)
     if memory is not None:
         tables.append(memory_tables.states_table(memory.model.states))
         tables.append(memory_tables.substitutes_table(memory))

@@ -7,9 +7,9 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from importlib.util import find_spec
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
+from mapmore_cli.domain import plugins
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.recording import DIRECTION
 from mapmore_cli.domain.scores import BASELINES, METRICS, OWN, REPEATABILITY, SIMPLE
@@ -18,13 +18,13 @@ from mapmore_cli.modelling.expressions import ExpressionError
 from mapmore_cli.modelling.literature.own import formula_of
 from mapmore_cli.modelling.pieces.recipe import CutByDirection, Cuts
 from mapmore_cli.modelling.selection import AUTO
-from mapmore_cli.spec.check_names import DERIVED, OF_NOTHING, expression_findings, unknown_quantity
+from mapmore_cli.spec.check_names import DERIVED, OF_NOTHING, unknown_quantity
 from mapmore_cli.spec.diagnostics import Finding, did_you_mean, refused
 from mapmore_cli.spec.experiment import Competitor, ExperimentSpec, TargetColumn
 from mapmore_cli.spec.sections.data import STEP_OF
 from mapmore_cli.spec.sections.dictionary import entries_of, texts_in
 from mapmore_cli.spec.sections.logs import Logs
-from mapmore_cli.spec.sections.model import ModelChoice, OwnFormula, Summand
+from mapmore_cli.spec.sections.model import ModelChoice, OwnFormula
 from mapmore_cli.spec.tree import Loc
 from mapmore_cli.spec.units import CANONICAL, check_unit, convert, default_unit, is_canonical
 
@@ -286,106 +286,10 @@ def kind(spec: ExperimentSpec) -> Iterator[Finding]:
         )
 
 
-def state_space(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Check a state-space model: what drives it is measured and is not its target, and its settings
-    have something to act on.
-    """
-    model = spec.model
-    if model.type != "state_space":
-        return
-    if not isinstance(spec.target, TargetColumn):
-        what = (
-            f"a state-space model predicts a measured quantity, not the component `{spec.target}`"
-        )
-        yield Finding("target", what, "write `target: {column: displacement}`")
-    for key, name in (("input", model.input), ("load", model.load)):
-        if name is not None:
-            yield from unknown_quantity(name, spec.data.quantities, ("model", key))
-            if name == spec.target_quantity:
-                yield Finding(
-                    f"model.{key}",
-                    f"`{name}` is the target",
-                    "name the quantity that drives it, as a pressure or a voltage",
-                )
-    if not isinstance(model.sections, int) and any(
-        after <= before for before, after in pairwise(model.sections)
-    ):
-        remedy = f"write `sections: {sorted(set(model.sections))}`"
-        yield Finding(
-            "model.sections", "the boundaries between the sections do not increase", remedy
-        )
-    if model.dead_band > 0 and not (model.direction and model.switching == "bumpless"):
-        what = (
-            "a dead band goes with `direction: true` and `switching: bumpless`; other "
-            "switching goes by every change of the input"
-        )
-        yield Finding("model.dead_band:", what, "remove it")
-    for key in ("bounds", "begin"):
-        if getattr(model, key) is not None and model.solver != "swarm":
-            yield Finding(
-                f"model.{key}:",
-                f"`solver: {model.solver}` looks at all stable sections",
-                f"remove `{key}`",
-            )
-    if model.mask != "input" and not model.direction:
-        yield Finding(
-            "model.mask:",
-            "`mask` tells rise from fall, and sections have no direction",
-            "add `direction: true`",
-        )
-    if model.polish and model.solver == "least_squares":
-        yield Finding(
-            "model.polish:", "`polish` goes on by least squares, which this solver is", "remove it"
-        )
-    if model.solver == "swarm" and (
-        model.offset or model.load is not None or model.switching == "bumpless"
-    ):
-        what = (
-            "`solver: swarm` looks for P1, P2 and P3 alone, which an offset, a load or "
-            "bumpless switching are not"
-        )
-        yield Finding(
-            "model.solver",
-            what,
-            "use `swarm_projected`, `differential_evolution` or `least_squares`",
-        )
-
-
-def sums(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Check every sum of a study: its own, and those that it is compared with."""
-    for _, settings, loc in _with_settings(spec):
-        if settings.sum is not None:
-            yield from _sum(spec, settings.sum, (*loc, "sum"))
-
-
-def _sum(spec: ExperimentSpec, parts: Sequence[Summand], loc: Loc) -> Iterator[Finding]:
-    from mapmore_cli.modelling.sums.joint import refuse_shared_names
-
-    known = []
-    for i, part in enumerate(parts):
-        for name, text in part.inputs.items():
-            yield from expression_findings(text, (*loc, i, "inputs", name), spec.quantities)
-        formula = formula_called(spec, part.formula)
-        if formula is None:
-            yield from _unknown_formula(spec, part.formula, (*loc, i, "formula"))
-            continue
-        known.append((f"{part.formula} ({i + 1})", formula.inputs, part.inputs))
-        for name in part.inputs:
-            if name not in formula.inputs:
-                remedy = did_you_mean(name, formula.inputs)
-                yield Finding(
-                    (*loc, i, "inputs", name),
-                    f"`{part.formula}` has no input `{name}`",
-                    remedy,
-                    on_key=True,
-                )
-        for name in formula.inputs:
-            if name not in part.inputs and name not in spec.quantities:
-                remedy = f"say what it is here, as `inputs: {{{name}: my_{name}}}`"
-                yield Finding(
-                    (*loc, i, "formula"), f"`{part.formula}` needs the quantity `{name}`", remedy
-                )
-    yield from refused(loc, refuse_shared_names, known)
+def of_kinds(spec: ExperimentSpec) -> Iterator[Finding]:
+    """Check what only the kind of a model that adds itself knows."""
+    for kind in plugins.added("kinds").values():
+        yield from kind.verb("findings", lambda _spec: (), of="checks")(spec)
 
 
 # Formulas and competitors
@@ -411,9 +315,10 @@ def _defined(spec: ExperimentSpec, one: OwnFormula) -> LiteratureModel:
     return formula_of(one.definition(units, units[spec.target_quantity]))
 
 
-def _unknown_formula(
+def unknown_formula(
     spec: ExperimentSpec, name: str | None, loc: Loc, others: Sequence[str] = ()
 ) -> Iterator[Finding]:
+    """Tell that no formula has a name, at a place of the spec."""
     if (
         name is not None and name not in spec.own_formulas
     ):  # what is wrong with one of its own is told where it is written
@@ -430,7 +335,7 @@ def _rivals(spec: ExperimentSpec) -> list[tuple[Loc, Competitor]]:
     return [(("validate", "against", i), one) for i, one in enumerate(against)]
 
 
-def _with_settings(spec: ExperimentSpec) -> list[tuple[str | None, ModelChoice | Competitor, Loc]]:
+def with_settings(spec: ExperimentSpec) -> list[tuple[str | None, ModelChoice | Competitor, Loc]]:
     """Return the run's own model and its competitors: what formula each names, the settings, where
     they stand.
     """
@@ -454,7 +359,7 @@ def formulas(spec: ExperimentSpec) -> Iterator[Finding]:
     for loc, name in uses:
         formula = formula_called(spec, name)
         if name is None or formula is None:
-            yield from _unknown_formula(
+            yield from unknown_formula(
                 spec,
                 name,
                 loc,
@@ -523,7 +428,7 @@ def competitors(spec: ExperimentSpec) -> Iterator[Finding]:
     """Require that formulas can be fitted in the way that is wanted, and competitors have names of
     their own and data to be fitted to.
     """
-    for name, settings, loc in _with_settings(spec):
+    for name, settings, loc in with_settings(spec):
         formula, starts = formula_called(spec, name), settings.starts
         if formula is not None and starts is not None:
             yield from refused((*loc, "starts"), formula.starting_from, starts)

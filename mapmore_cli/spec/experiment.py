@@ -350,7 +350,7 @@ class ExperimentSpec(Section):
     @property
     def runs_over_time(self) -> bool:
         """Whether the run's own model runs along recordings."""
-        return self.has_memory or self.model.type == "state_space"
+        return self.has_memory or self.model.over_time
 
     @model_validator(mode="after")
     def _structured(self, info: ValidationInfo) -> ExperimentSpec:

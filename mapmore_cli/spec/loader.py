@@ -67,8 +67,7 @@ CHECKS = (
         check_study.chosen_levels,
         check_study.target,
         check_study.kind,
-        check_study.state_space,
-        check_study.sums,
+        check_study.of_kinds,
     ),
     *(
         check_study.formulas,

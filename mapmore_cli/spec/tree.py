@@ -199,7 +199,7 @@ def fields_of(model: type[BaseModel | Settings]) -> tuple[dict[str, Any], Any]:
     """
     hints = get_type_hints(model, include_extras=True)
     if issubclass(model, Settings):
-        return {field.name: hints[field.name] for field in dataclasses.fields(model)}, None  # type: ignore[arg-type]
+        return {field.name: hints[field.name] for field in dataclasses.fields(model)}, None
     fields = {field.alias or name: hints[name] for name, field in model.model_fields.items()}
     return fields, get_args(hints["__pydantic_extra__"])[1] if model.model_config.get(
         "extra"

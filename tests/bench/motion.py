@@ -7,9 +7,9 @@ from __future__ import annotations
 import numpy as np
 from timing import median_seconds
 
-from mapmore_cli.modelling.motion.problem import MotionRecipe, Piece, Problem
-from mapmore_cli.modelling.motion.simulation import response
-from mapmore_cli.modelling.motion.solvers import SOLVERS
+from mapmore_cli.annexes.motion.problem import MotionRecipe, Piece, Problem
+from mapmore_cli.annexes.motion.simulation import response
+from mapmore_cli.annexes.motion.solvers import SOLVERS
 
 SAMPLES = 20_000
 STEP = 0.05  # s

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from peer import PEERS
 
-from mapmore_cli.modelling.motion.solvers import SOLVERS
+from mapmore_cli.annexes.motion.solvers import SOLVERS
 
 CONTESTANTS = ("ours", "dsyrk", "gram", "textbook", *PEERS)
 

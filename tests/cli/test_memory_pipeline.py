@@ -18,8 +18,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import mapmore_cli
+from mapmore_cli.annexes.sums.body import Part, Sum
 from mapmore_cli.domain.fits import MemoryModel, StateSet
-from mapmore_cli.domain.models import CurveRange, Memory, Model, Part, Sum
+from mapmore_cli.domain.models import CurveRange, Memory, Model
 from mapmore_cli.domain.recording import Quantity, Signal
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.pipeline.predict import predicted_lines

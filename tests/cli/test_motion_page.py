@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from page_tables import DOCS, numbers, page_table
 
+from mapmore_cli.annexes.motion.fitting import fit_motion
+from mapmore_cli.annexes.motion.problem import MotionRecipe
+from mapmore_cli.annexes.motion.simulation import simulate
 from mapmore_cli.modelling.memory.records import Record
-from mapmore_cli.modelling.motion.fitting import fit_motion
-from mapmore_cli.modelling.motion.problem import MotionRecipe
-from mapmore_cli.modelling.motion.simulation import simulate
 from mapmore_cli.spec.campaign import load_campaign
 
 PAGE = DOCS / "motion.md"

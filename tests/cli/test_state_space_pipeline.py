@@ -15,7 +15,7 @@ import pytest
 from cli_samples import held_out
 
 import mapmore_cli
-from mapmore_cli.modelling.motion.simulation import simulate
+from mapmore_cli.annexes.motion.simulation import simulate
 from mapmore_cli.storage.artefacts import read_fit, read_model
 
 DATASETS = Path(__file__).parents[2] / "datasets"
@@ -76,7 +76,7 @@ def test_the_model_file_holds_sections_that_predict_what_was_scored(finished):
     folder, document = finished
     model = read_model(folder / "model.h5")
     assert [quantity.name for quantity in model.inputs] == ["input"]
-    motion = read_fit(folder / "fit.h5").motion.model
+    motion = read_fit(folder / "fit.h5").body.model
     assert motion.boundaries == pytest.approx((2.35, 3.95))
     log = recording()
     error = simulate(motion, log) - log["displacement"]
@@ -128,7 +128,7 @@ def test_predict_needs_no_measured_output_and_begins_anew_after_a_gap(finished, 
     result = mapmore("predict", folder / "model.h5", tmp_path / "table.csv", "-o", "-", code=0)
     rows = list(csv.DictReader(result.stdout.splitlines()))
     predicted = np.array([float(row["displacement_predicted"]) for row in rows])
-    motion = read_fit(folder / "fit.h5").motion.model
+    motion = read_fit(folder / "fit.h5").body.model
     parts = [slice(0, 100), slice(100, None)]
     expected = np.concatenate(
         [
@@ -181,7 +181,7 @@ def test_table_3_follows_from_the_same_numbers(finished):
         for row in tables
         if (row["recording"], row["model"]) == ("waveform_weighted", "mapmore")
     ]
-    motion, log = read_fit(folder / "fit.h5").motion.model, recording("waveform_weighted")
+    motion, log = read_fit(folder / "fit.h5").body.model, recording("waveform_weighted")
     error = (simulate(motion, log) - log["displacement"])[-80:]
     assert int(row["samples"]) == 80
     assert float(row["RMSE [cm]"]) == pytest.approx(math.sqrt(np.mean(error**2)), rel=1e-3)

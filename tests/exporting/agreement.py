@@ -17,17 +17,10 @@ from pathlib import Path
 import numpy as np
 
 from mapmore_cli.annexes.exporting.c_source import STATUS, c_source
+from mapmore_cli.annexes.motion.body import StateSpace
+from mapmore_cli.annexes.sums.body import Sum
 from mapmore_cli.domain.errors import MapmoreError
-from mapmore_cli.domain.models import (
-    CurveFunction,
-    CurveRange,
-    Formula,
-    Memory,
-    Model,
-    Pieces,
-    StateSpace,
-    Sum,
-)
+from mapmore_cli.domain.models import CurveFunction, CurveRange, Formula, Memory, Model, Pieces
 from mapmore_cli.modelling.expressions import parse
 from mapmore_cli.modelling.inverse import NEAREST
 from mapmore_cli.modelling.kinds import fed_back, outside_range, runs_over_time, simulate

@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from mapmore_cli.annexes.motion.body import Motion, MotionSection, StateSpace
+from mapmore_cli.annexes.sums.body import Part, Sum
 from mapmore_cli.domain.fits import FormulaFit, MemoryModel, Scaling, StateSet
 from mapmore_cli.domain.models import (
     CurveFunction,
@@ -17,14 +19,9 @@ from mapmore_cli.domain.models import (
     Fusion,
     Memory,
     Model,
-    Motion,
-    MotionSection,
-    Part,
     Pieces,
     SegmentFunction,
     Side,
-    StateSpace,
-    Sum,
 )
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.modelling import literature

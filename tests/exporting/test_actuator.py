@@ -15,10 +15,12 @@ from test_fmu_export import checked, greatest_difference, needs_compiler
 from typer.testing import CliRunner, Result
 
 from mapmore_cli.annexes.exporting.exports import exported
+from mapmore_cli.annexes.motion.body import StateSpace
+from mapmore_cli.annexes.sums.joint import actuator
 from mapmore_cli.cli.app import app
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import MemoryModel, StateSet
-from mapmore_cli.domain.models import CurveRange, Memory, Model, StateSpace
+from mapmore_cli.domain.models import CurveRange, Memory, Model
 from mapmore_cli.domain.recording import Quantity, Signal
 from mapmore_cli.modelling.kinds import (
     equations,
@@ -27,7 +29,6 @@ from mapmore_cli.modelling.kinds import (
     predict,
     runs_over_time,
 )
-from mapmore_cli.modelling.sums.joint import actuator
 from mapmore_cli.storage.artefacts import read_model, write_model
 
 VALVE = Quantity("input", "V")

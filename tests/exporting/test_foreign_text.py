@@ -24,9 +24,10 @@ from hypothesis import strategies as st
 
 from mapmore_cli.annexes.exporting import verifying
 from mapmore_cli.annexes.exporting.exports import exported
+from mapmore_cli.annexes.sums.body import Part, Sum
 from mapmore_cli.domain import foreign
 from mapmore_cli.domain.errors import MapmoreError
-from mapmore_cli.domain.models import Model, Part, Sum
+from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Quantity
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "fuzz"))

@@ -26,18 +26,11 @@ from hostile_texts import tex_commands, text_of
 
 from mapmore_cli.annexes.exporting import verifying
 from mapmore_cli.annexes.exporting.exports import exported
+from mapmore_cli.annexes.motion.body import MotionSection
+from mapmore_cli.annexes.sums.body import Part, Sum
 from mapmore_cli.domain import foreign
 from mapmore_cli.domain.errors import MapmoreError
-from mapmore_cli.domain.models import (
-    CurveFunction,
-    CurveRange,
-    Formula,
-    Model,
-    MotionSection,
-    Part,
-    SegmentFunction,
-    Sum,
-)
+from mapmore_cli.domain.models import CurveFunction, CurveRange, Formula, Model, SegmentFunction
 from mapmore_cli.domain.recording import Quantity, Signal
 from mapmore_cli.reporting.table import Column, Table, to_csv, to_html, to_latex, to_markdown
 from mapmore_cli.spec.units import base_units

@@ -169,6 +169,7 @@ def attributes_read(files: list[Path]) -> set[str]:
 
 def properties_of(model: type) -> dict[str, set[str]]:
     """The properties and methods of a section, with what each reads of the section itself."""
+    model = model if model.__name__ != "ModelChoice" else model.__mro__[1]  # kinds add keys to it
     source = ast.parse(
         (PACKAGE.parent / Path(*model.__module__.split(".")))
         .with_suffix(".py")

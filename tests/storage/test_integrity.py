@@ -23,9 +23,11 @@ from test_artefacts import KINDS, changed, examples, put
 from used_files import use
 
 import mapmore_cli
+from mapmore_cli.annexes.motion.body import Motion, MotionSection, StateSpace
+from mapmore_cli.annexes.sums.body import Part, Sum
 from mapmore_cli.domain.errors import DataError, MapmoreError
 from mapmore_cli.domain.fits import MemoryModel, StateSet
-from mapmore_cli.domain.models import Memory, Motion, MotionSection, Part, StateSpace, Sum
+from mapmore_cli.domain.models import Memory
 from mapmore_cli.domain.recording import Signal
 from mapmore_cli.domain.results import PiecesFit
 from mapmore_cli.storage import artefacts

@@ -17,10 +17,10 @@ import numpy as np
 from scipy.stats import kendalltau
 
 from mapmore_cli import __version__
+from mapmore_cli.annexes.motion.simulation import last_wavelength
 from mapmore_cli.domain.errors import DataError, MapmoreError, SpecError, told
 from mapmore_cli.domain.scores import Score
 from mapmore_cli.modelling.expressions import ExpressionError, evaluate, parse
-from mapmore_cli.modelling.motion.simulation import last_wavelength
 from mapmore_cli.pipeline.report import collected, drawn_figure, published_table, reads
 from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.reporting.table import Cell, Column, Table, environment

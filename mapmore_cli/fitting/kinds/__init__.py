@@ -1,5 +1,5 @@
-"""From sections of the spec to models: one file for each kind of model, found by the name of the
-kind.
+"""From sections of the spec to models: one file for each kind of model, by its name, or the module
+that the kind names.
 
 A kind has two functions, which read and write no files: `fit(part, given)` returns a FitResult,
 `build(part, given, result)` the model that is made of it. The stages call them one by one, with
@@ -14,6 +14,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.modelling import kinds
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.fits import SegmentedCurve
@@ -77,5 +78,5 @@ def refit(
 
 
 def _kind(part: FitChoices) -> Any:
-    """Return the file of a kind; only what that takes is imported."""
-    return import_module(f"{__name__}.{part.kind}")
+    """Return the module of a kind; only what that takes is imported."""
+    return import_module(kinds.named(part.kind).fitted or f"{__name__}.{part.kind}")

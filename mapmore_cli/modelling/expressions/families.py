@@ -65,10 +65,11 @@ def products(
     >>> from mapmore_cli.modelling.expressions import to_text
     >>> [to_text(term) for term in products(["strain", "pressure"], 2)]
     ['1', 'strain', 'pressure', 'strain^2', 'pressure*strain', 'pressure^2']
-    >>> [to_text(term) for term in products(["p", "play(p, 0.1)", "p[k-1]"], 2, partners=["p"],
-    constant=False)]
+    >>> states = ["p", "play(p, 0.1)", "p[k-1]"]
+    >>> [to_text(term) for term in products(states, 2, partners=["p"], constant=False)]
+    ... # doctest: +NORMALIZE_WHITESPACE
     ['p', 'play(p, 0.1)', 'p[k-1]', 'p^2', 'p*play(p, 0.1)', 'p*p[k-1]', 'play(p, 0.1)^2',
-    'p[k-1]^2']
+     'p[k-1]^2']
 
     Raises ValueError for an order outside of 0..20, a state named twice, or a partner that is none
     of the states; DataError where there would be more of them than memory allows, before any is

@@ -21,7 +21,7 @@ from mapmore_cli.modelling.literature.formula import LOAD_CYCLES, TARGET, Formul
 from mapmore_cli.modelling.literature.own import formula_of, is_definition, is_family
 from mapmore_cli.modelling.literature.problem import Nonlinear
 
-KIND = Kind("formula", Body, FormulaFit, "literature")
+KIND = Kind("formula", Body, FormulaFit, __name__)
 
 __all__ = [
     "LOAD_CYCLES",

@@ -6,4 +6,4 @@ from mapmore_cli.domain.fits import MemoryFit
 from mapmore_cli.domain.models import Memory
 from mapmore_cli.modelling.kinds import Kind
 
-KIND = Kind("memory", Memory, MemoryFit, "memory")
+KIND = Kind("memory", Memory, MemoryFit, __name__, over_time=True)

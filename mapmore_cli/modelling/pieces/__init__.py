@@ -6,4 +6,4 @@ from mapmore_cli.domain.models import Pieces
 from mapmore_cli.domain.results import PiecesFit
 from mapmore_cli.modelling.kinds import Kind
 
-KIND = Kind("pieces", Pieces, PiecesFit, "pieces")
+KIND = Kind("pieces", Pieces, PiecesFit, __name__)

@@ -19,6 +19,7 @@ from matplotlib.backends.backend_pgf import RendererPgf
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
+from mapmore_cli.domain import plugins
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.foreign import tex_label, tex_text, xml_text
 from mapmore_cli.reporting.figures.style import figure_style
@@ -94,11 +95,14 @@ class Drawing:
 
 
 def drawings(name: str, inputs: ReportInputs) -> list[Drawing]:
-    """Return the figures that a spec calls so, from `draw` in the module of that name: none where
-    there is nothing to draw, or several.
+    """Return the figures that a spec calls so: none where there is nothing to draw, or several.
+
+    They come from `draw` in the module of that name, or of the plug-in.
     """
-    found: list[Drawing] = import_module(f"{__package__}.{name}").draw(inputs)
-    return found
+    added = name in plugins.points("figures")
+    module = plugins.load("figures", name) if added else import_module(f"{__package__}.{name}")
+    figures: list[Drawing] = module.draw(inputs)
+    return figures
 
 
 def panel_of(name: str, inputs: ReportInputs, words: str) -> tuple[Drawing, Panel]:

@@ -6,14 +6,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from annotated_types import Len
 from pydantic import Field
 
+from mapmore_cli.domain import plugins
 from mapmore_cli.domain.declared import Contradiction, Pair, Seconds, Settings
+from mapmore_cli.modelling import kinds
 from mapmore_cli.modelling.literature.own import FamilySettings
-from mapmore_cli.modelling.motion.problem import MotionSettings
 from mapmore_cli.spec.fields import Quantity, Section, SpecPath
 
 # ruff: noqa: RUF012 (pydantic copies the default of a field for every instance)
@@ -177,8 +178,15 @@ def refuse_mixed(parts: Sequence[Summand]) -> None:
         )
 
 
+_OWN_TYPES = ("mapmore", "literature", "auto")
+if TYPE_CHECKING:
+    ModelType = str
+else:  # our words, and those of the kinds that add themselves
+    ModelType = Literal[(*_OWN_TYPES, *sorted(plugins.points("kinds")))]
+
+
 @dataclass(frozen=True, kw_only=True)
-class ModelChoice(MotionSettings):
+class ModelSettings(Settings):
     """What kind of model the run builds.
 
     - `mapmore`: with a `backbone`, the pieces explain what that formula leaves. `backbone: auto`
@@ -202,7 +210,7 @@ class ModelChoice(MotionSettings):
       constant (a quarter of the longest training piece).
     """
 
-    type: Literal["mapmore", "literature", "sum", "state_space", "auto"] = "mapmore"
+    type: ModelType = "mapmore"
     budget: Seconds = 60.0
     inputs: Annotated[Sequence[Quantity], Len(1)] | None = None
     backbone: str | None = None
@@ -214,6 +222,8 @@ class ModelChoice(MotionSettings):
 
     def __post_init__(self) -> None:
         """Refuse keys that the type lacks, or has no use for; a family is a formula."""
+        if self.type in plugins.missing("kinds"):
+            raise Contradiction(f"type `{self.type}` is not installed", "install it", "type")
         if self.family is not None:
             if self.type not in ("mapmore", "literature"):
                 raise Contradiction(
@@ -231,10 +241,6 @@ class ModelChoice(MotionSettings):
                     "name",
                 )
             object.__setattr__(self, "type", "literature")
-        if self.type == "state_space" and self.input is None:
-            raise Contradiction(
-                "type `state_space` needs the `input`", "add it, as `input: pressure`", "type"
-            )
         if self.type == "literature" and self.name is None and self.family is None:
             raise Contradiction(
                 "type `literature` needs the `name` of a formula",
@@ -250,11 +256,25 @@ class ModelChoice(MotionSettings):
                 )
         refuse_mixed(self.sum or ())
 
+    @property
+    def over_time(self) -> bool:
+        """Whether the type has models that run along recordings, whatever the dictionary."""
+        return self.type in plugins.points("kinds") and kinds.named(self.type).over_time
+
 
 _TYPE_OF = {
     **dict.fromkeys(("budget", "inputs"), "auto"),
     **dict.fromkeys(("name", "method", "starts"), "literature"),
-    **dict.fromkeys((key.name for key in fields(MotionSettings)), "state_space"),
+    **{key.name: one.name for one in kinds.kinds() for key in fields(one.settings)},
     **{"backbone": "mapmore", "sum": "sum"},
 }
 """The keys that one type alone has."""
+
+if TYPE_CHECKING:
+    ModelChoice = ModelSettings
+else:  # with the keys of the kinds that add themselves
+    _ADDED = tuple(one.settings for one in kinds.kinds() if one.settings is not Settings)
+    _ABOUT = {"__doc__": ModelSettings.__doc__, "__module__": __name__}
+    ModelChoice = dataclass(frozen=True, kw_only=True)(
+        type("ModelChoice", (ModelSettings, *_ADDED), _ABOUT)
+    )

@@ -8,15 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from literature_cases import MUSCLE_LIKE, TABLE_I, muscle_like, uniform
 
-from mapmore_cli.domain.arrays import Array
-from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.domain.fits import FormulaFit
-from mapmore_cli.domain.models import CurveRange, Formula, Model, Part
-from mapmore_cli.domain.recording import Quantity
-from mapmore_cli.modelling.kinds import equations, outside_range, predict
-from mapmore_cli.modelling.literature import get
-from mapmore_cli.modelling.sums import joint
-from mapmore_cli.modelling.sums.joint import (
+from mapmore_cli.annexes.sums import joint
+from mapmore_cli.annexes.sums.body import Part
+from mapmore_cli.annexes.sums.joint import (
     Summand,
     fit_jointly,
     joint_formula,
@@ -24,6 +18,13 @@ from mapmore_cli.modelling.sums.joint import (
     split,
     sum_of,
 )
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.domain.fits import FormulaFit
+from mapmore_cli.domain.models import CurveRange, Formula, Model
+from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.modelling.kinds import equations, outside_range, predict
+from mapmore_cli.modelling.literature import get
 
 FORCE = Quantity("force", "N")
 PAIR = (

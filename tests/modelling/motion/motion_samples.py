@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from mapmore_cli.domain.models import Motion, MotionSection
+from mapmore_cli.annexes.motion.body import Motion, MotionSection
+from mapmore_cli.annexes.motion.problem import MotionRecipe
 from mapmore_cli.modelling.memory.records import Record
-from mapmore_cli.modelling.motion.problem import MotionRecipe
 
 PUBLISHED = Path(__file__).parents[3] / "datasets" / "published" / "p_table_1.csv"
 BOUNDARIES = (1.05, 2.35, 3.15, 3.95, 4.75)

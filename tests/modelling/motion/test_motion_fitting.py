@@ -20,11 +20,11 @@ from motion_samples import (
 )
 from motion_tables import continued
 
+from mapmore_cli.annexes.motion.body import BUMPLESS
+from mapmore_cli.annexes.motion.fitting import fit_motion
+from mapmore_cli.annexes.motion.simulation import simulate, stable
+from mapmore_cli.annexes.motion.solvers import SOLVERS, fly
 from mapmore_cli.domain.errors import DataError, SpecError
-from mapmore_cli.domain.models import BUMPLESS
-from mapmore_cli.modelling.motion.fitting import fit_motion
-from mapmore_cli.modelling.motion.simulation import simulate, stable
-from mapmore_cli.modelling.motion.solvers import SOLVERS, fly
 
 NOISE = 0.05
 

@@ -14,10 +14,8 @@ from hypothesis import strategies as st
 from motion_samples import BOUNDARIES, ROWS, STEP, coefficients, looped, published, sine, stepped
 from motion_tables import continued
 
-from mapmore_cli.domain.errors import FitError
-from mapmore_cli.domain.models import BUMPLESS, CARRIED, REST, ZERO
-from mapmore_cli.modelling.memory.records import AtSample
-from mapmore_cli.modelling.motion.simulation import (
+from mapmore_cli.annexes.motion.body import BUMPLESS, CARRIED, REST, ZERO
+from mapmore_cli.annexes.motion.simulation import (
     EDGE,
     active,
     last_wavelength,
@@ -33,6 +31,8 @@ from mapmore_cli.modelling.motion.simulation import (
     spread,
     stable,
 )
+from mapmore_cli.domain.errors import FitError
+from mapmore_cli.modelling.memory.records import AtSample
 
 MODELS = ("linear", "inflate_deflate", "piecewise", "piecewise_inflate_deflate")
 STARTS = {REST: None, ZERO: 0.0}

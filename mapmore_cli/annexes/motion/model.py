@@ -9,25 +9,16 @@ from operator import mul
 
 import numpy as np
 
+from mapmore_cli.annexes.motion.body import BUMPLESS, HARD, REST, Motion, MotionSection, StateSpace
+from mapmore_cli.annexes.motion.simulation import simulate as simulated
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.fits import SegmentedCurve
-from mapmore_cli.domain.models import (
-    BUMPLESS,
-    HARD,
-    REST,
-    CurveRange,
-    Equation,
-    Model,
-    Motion,
-    MotionSection,
-    StateSpace,
-)
+from mapmore_cli.domain.models import CurveRange, Equation, Model
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling.expressions import Expression, Name, Number, add, parse, substitute
 from mapmore_cli.modelling.expressions.syntax import ZERO, Condition
 from mapmore_cli.modelling.literature.model import printed
-from mapmore_cli.modelling.motion.simulation import simulate as simulated
 from mapmore_cli.modelling.program.writing import Inputs, Side, Writer, limit, renamed_all, total
 
 OfSection = Callable[

@@ -10,9 +10,10 @@ from functools import partial
 
 import numpy as np
 
+from mapmore_cli.annexes.sums.body import Part, Sum
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns
 from mapmore_cli.domain.foreign import tex_text
-from mapmore_cli.domain.models import Equation, Model, Part, Sum
+from mapmore_cli.domain.models import Equation, Model
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling import kinds
 from mapmore_cli.modelling.expressions import (
@@ -84,6 +85,12 @@ def equations(model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
     return whole + tuple(
         replace(one, id=f"{name}: {one.id}") for name, found in named for one in found
     )
+
+
+def faults(model: Model) -> Iterator[str]:
+    """Yield why a stored sum is refused."""
+    if not _body(model).parts:
+        yield "it is a sum of nothing"
 
 
 def parameters(model: Model) -> int:

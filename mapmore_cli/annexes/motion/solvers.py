@@ -14,10 +14,8 @@ from dataclasses import replace
 import numpy as np
 from scipy import optimize
 
-from mapmore_cli.domain.arrays import Array
-from mapmore_cli.domain.errors import FitError, SpecError
-from mapmore_cli.modelling.motion.problem import Bounds, Found, MotionRecipe, Piece, Problem
-from mapmore_cli.modelling.motion.simulation import (
+from mapmore_cli.annexes.motion.problem import Bounds, Found, MotionRecipe, Piece, Problem
+from mapmore_cli.annexes.motion.simulation import (
     EDGE,
     angles,
     of_angles,
@@ -26,6 +24,8 @@ from mapmore_cli.modelling.motion.simulation import (
     of_reflections,
     stable,
 )
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.errors import FitError, SpecError
 
 STRIDES = (1, 3, 10, 30)
 """Samples between those that a linear start compares: noise hides in short strides what long ones

@@ -10,10 +10,11 @@ from itertools import combinations
 
 import numpy as np
 
+from mapmore_cli.annexes.sums.body import Part, Sum
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.fits import FormulaFit
-from mapmore_cli.domain.models import Model, Part, Sum
+from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.modelling import kinds, literature
 from mapmore_cli.modelling.expressions import (

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from mapmore_cli.annexes.motion import model as motion
+from mapmore_cli.annexes.motion.body import MotionFit
+from mapmore_cli.annexes.motion.fitting import fit_motion
+from mapmore_cli.annexes.motion.problem import MotionRecipe
 from mapmore_cli.domain.declared import taken
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.results import FitResult
 from mapmore_cli.fitting.kinds import Given
 from mapmore_cli.fitting.kinds.choices import FitChoices, ModelChoices
 from mapmore_cli.modelling.memory.records import records_of, time_step
-from mapmore_cli.modelling.motion import model as motion
-from mapmore_cli.modelling.motion.fitting import fit_motion
-from mapmore_cli.modelling.motion.problem import MotionRecipe
 
 
 def fit(part: FitChoices, given: Given) -> FitResult:
@@ -34,7 +35,7 @@ def fit(part: FitChoices, given: Given) -> FitResult:
 
 def build(part: ModelChoices, given: Given, result: FitResult) -> Model:
     """Return the model, with the training range of its inputs."""
-    assert result.motion is not None
+    assert isinstance(result.body, MotionFit)
     return motion.build(
-        part.name, result.motion.model, given.segmentation, given.dataset.quantities, result.notes
+        part.name, result.body.model, given.segmentation, given.dataset.quantities, result.notes
     )

@@ -19,9 +19,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import least_squares
 
-from mapmore_cli.domain.arrays import Array
-from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.models import (
+from mapmore_cli.annexes.motion.body import (
     ALL,
     BUMPLESS,
     FALL,
@@ -31,9 +29,8 @@ from mapmore_cli.domain.models import (
     MotionSection,
     SectionSearch,
 )
-from mapmore_cli.modelling.memory.records import Record
-from mapmore_cli.modelling.motion.problem import Found, MotionRecipe, Piece, Problem
-from mapmore_cli.modelling.motion.simulation import (
+from mapmore_cli.annexes.motion.problem import Found, MotionRecipe, Piece, Problem
+from mapmore_cli.annexes.motion.simulation import (
     active,
     angles,
     driven,
@@ -42,7 +39,10 @@ from mapmore_cli.modelling.motion.simulation import (
     shared,
     spread,
 )
-from mapmore_cli.modelling.motion.solvers import solve
+from mapmore_cli.annexes.motion.solvers import solve
+from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.modelling.memory.records import Record
 
 REFINEMENTS = 20  # steps that refine the poles of all sections together, at most
 TOLERANCE = 1e-8

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mapmore_cli.annexes.motion.body import BUMPLESS, HARD, REST, Motion
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray
 from mapmore_cli.domain.errors import DataError, FitError
-from mapmore_cli.domain.models import BUMPLESS, HARD, REST, Motion
 from mapmore_cli.modelling.expressions import evaluate, parse
 from mapmore_cli.modelling.expressions.operators.play import play
 from mapmore_cli.modelling.memory.records import uninterrupted

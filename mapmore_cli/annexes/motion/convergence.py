@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 from matplotlib.axes import Axes
 
-from mapmore_cli.domain.models import FALL, MotionFit
+from mapmore_cli.annexes.motion.body import FALL, MotionFit
 from mapmore_cli.reporting.figures.drawing import DOUBLE, Drawing, Grid, Panel
 from mapmore_cli.reporting.figures.panels import key, plain_logarithm, shortened
 from mapmore_cli.reporting.figures.style import BLACK, GREY
@@ -20,11 +20,12 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     """Return a panel for each model of motion, a line for each of its sections; none where there is
     no such model.
     """
-    if not inputs.motions:
+    fits = {name: fit for name, fit in inputs.fits.items() if isinstance(fit, MotionFit)}
+    if not fits:
         return []
     unit = inputs.target.unit
     panels = []
-    for name, fit in inputs.motions.items():
+    for name, fit in fits.items():
         sizes = [len(search.history) for search in fit.searches]
         data = {
             "section": np.repeat([search.section for search in fit.searches], sizes),

@@ -6,22 +6,25 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from mapmore_cli.annexes.sums.body import Part
+from mapmore_cli.annexes.sums.joint import (
+    Summand,
+    fit_jointly,
+    predict,
+    refuse_shared_names,
+    split,
+    sum_of,
+)
+from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import FitError
 from mapmore_cli.domain.fits import FormulaFit
-from mapmore_cli.domain.models import CurveRange, Formula, Model, Part
+from mapmore_cli.domain.models import CurveRange, Formula, Model
 from mapmore_cli.domain.recording import Dataset, Quantity
 from mapmore_cli.domain.results import FitResult
 from mapmore_cli.fitting.kinds import Given
 from mapmore_cli.fitting.kinds.choices import FitChoices, ModelChoices
 from mapmore_cli.modelling.expressions import Name, parse
 from mapmore_cli.modelling.literature.backbone import pooled_training
-from mapmore_cli.modelling.sums.joint import (
-    Summand,
-    fit_jointly,
-    refuse_shared_names,
-    split,
-    sum_of,
-)
 from mapmore_cli.spec.sections import model as sections
 
 
@@ -66,6 +69,16 @@ def build(part: ModelChoices, given: Given, result: FitResult) -> Model:
         [(one.model.name, [q.name for q in one.model.inputs], one.inputs) for one in parts]
     )
     return sum_of(part.name, parts, output, quantities)
+
+
+def fit_and_predict(
+    parts: Sequence[sections.Summand], dataset: Dataset, method: str | None
+) -> tuple[FormulaFit, list[Array]]:
+    """Fit formulas together to the training data; return the fit, and the sum along every curve."""
+    summands = summands_of(parts)
+    training = pooled_training(dataset.curves)
+    fitted = fit_jointly(summands, training, training[dataset.target], method)
+    return fitted, [predict(fitted, summands, curve.columns) for curve in dataset.curves]
 
 
 def summands_of(parts: Sequence[sections.Summand]) -> list[Summand]:

@@ -10,10 +10,10 @@ from typing import Annotated, Literal
 import numpy as np
 from annotated_types import Interval, Len
 
+from mapmore_cli.annexes.motion.body import REST
+from mapmore_cli.annexes.motion.simulation import radius, response, stable
 from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
 from mapmore_cli.domain.declared import Contradiction, Either, Pair, Seconds, Settings, of_sibling
-from mapmore_cli.domain.models import REST
-from mapmore_cli.modelling.motion.simulation import radius, response, stable
 
 QUARTER = 0.25  # of the longest piece: the longest time constant that is looked for
 

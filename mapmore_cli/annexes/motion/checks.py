@@ -1,0 +1,81 @@
+"""What a spec of a model of motion may not say."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import cast
+
+from mapmore_cli.annexes.motion.problem import MotionSettings
+from mapmore_cli.spec.check_names import unknown_quantity
+from mapmore_cli.spec.diagnostics import Finding
+from mapmore_cli.spec.experiment import ExperimentSpec, TargetColumn
+
+
+def findings(spec: ExperimentSpec) -> Iterator[Finding]:
+    """Check a state-space model: what drives it is measured and is not its target, and its settings
+    have something to act on.
+    """
+    if spec.model.type != "state_space":
+        return
+    model = cast(MotionSettings, spec.model)
+    if model.input is None:
+        yield Finding(
+            "model.type", "type `state_space` needs the `input`", "add it, as `input: pressure`"
+        )
+    if not isinstance(spec.target, TargetColumn):
+        what = (
+            f"a state-space model predicts a measured quantity, not the component `{spec.target}`"
+        )
+        yield Finding("target", what, "write `target: {column: displacement}`")
+    for key, name in (("input", model.input), ("load", model.load)):
+        if name is not None:
+            yield from unknown_quantity(name, spec.data.quantities, ("model", key))
+            if name == spec.target_quantity:
+                yield Finding(
+                    f"model.{key}",
+                    f"`{name}` is the target",
+                    "name the quantity that drives it, as a pressure or a voltage",
+                )
+    if not isinstance(model.sections, int) and any(
+        after <= before for before, after in pairwise(model.sections)
+    ):
+        remedy = f"write `sections: {sorted(set(model.sections))}`"
+        yield Finding(
+            "model.sections", "the boundaries between the sections do not increase", remedy
+        )
+    if model.dead_band > 0 and not (model.direction and model.switching == "bumpless"):
+        what = (
+            "a dead band goes with `direction: true` and `switching: bumpless`; other "
+            "switching goes by every change of the input"
+        )
+        yield Finding("model.dead_band:", what, "remove it")
+    for key in ("bounds", "begin"):
+        if getattr(model, key) is not None and model.solver != "swarm":
+            yield Finding(
+                f"model.{key}:",
+                f"`solver: {model.solver}` looks at all stable sections",
+                f"remove `{key}`",
+            )
+    if model.mask != "input" and not model.direction:
+        yield Finding(
+            "model.mask:",
+            "`mask` tells rise from fall, and sections have no direction",
+            "add `direction: true`",
+        )
+    if model.polish and model.solver == "least_squares":
+        yield Finding(
+            "model.polish:", "`polish` goes on by least squares, which this solver is", "remove it"
+        )
+    if model.solver == "swarm" and (
+        model.offset or model.load is not None or model.switching == "bumpless"
+    ):
+        what = (
+            "`solver: swarm` looks for P1, P2 and P3 alone, which an offset, a load or "
+            "bumpless switching are not"
+        )
+        yield Finding(
+            "model.solver",
+            what,
+            "use `swarm_projected`, `differential_evolution` or `least_squares`",
+        )

@@ -1,0 +1,147 @@
+"""What pages and `mapmore show` have of models of motion."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from mapmore_cli.annexes.motion.body import HARD, Motion, MotionFit, StateSpace
+from mapmore_cli.annexes.motion.simulation import extent, motion_errors
+from mapmore_cli.domain.models import Model
+from mapmore_cli.reporting.inputs import ReportInputs
+from mapmore_cli.reporting.table import MODEL, Cell, Column, Columns, Table
+
+TITLE = "Models of motion"
+TABLES = ("waveforms", "sections")
+"""Heading of the tables on a page, and their order."""
+
+
+def show(
+    model: Model, _show_other: Any
+) -> tuple[dict[str, Any], tuple[Table, ...], tuple[str, ...]]:
+    """Return what `mapmore show` has of a model: a document, tables, and lines."""
+    body = model.body
+    assert isinstance(body, StateSpace)
+    return {"motion": _document(body.motion)}, (), (_line(body.motion),)
+
+
+def show_fit(fit: MotionFit) -> tuple[dict[str, Any], tuple[Table, ...]]:
+    """Return what `mapmore show` has of a fit."""
+    document = {**_document(fit.model), "solver": fit.solver, "searches": fit.searches}
+    return {"motion": document}, (sections_table({"mapmore": fit}, ""),)
+
+
+def tables(inputs: ReportInputs) -> list[Table]:
+    """Return the tables of a page that compares models of motion."""
+    fits = {name: fit for name, fit in inputs.fits.items() if isinstance(fit, MotionFit)}
+    if not fits:
+        return []
+    motion = next(iter(fits.values())).model
+    return [sections_table(fits, inputs.target.unit), waveforms_table(inputs, motion)]
+
+
+def _document(motion: Motion) -> dict[str, Any]:
+    """Return the model as it is stored, with the poles (real and imaginary parts) and the gain of
+    every section.
+    """
+    sections = []
+    for section in motion.sections:
+        poles = [[pole.real, pole.imag] for pole in section.poles]
+        sections.append({**asdict(section), "poles": poles, "gain": section.gain})
+    return {**asdict(motion), "sections": sections}
+
+
+def _line(motion: Motion) -> str:
+    """How the model is run."""
+    ways = {
+        "hard": "every section runs, the active one's output is taken",
+        "carried": "sections hand one state on",
+        "bumpless": "sections share one state, and meet at their boundaries",
+    }
+    at = ", ".join(f"{boundary:g}" for boundary in motion.boundaries)
+    places = f"Sections meet at {motion.input} {at}. " if at else ""
+    return (
+        f"{places}Switching: {motion.switching} ({ways[motion.switching]}), at steps of "
+        f"{motion.step:.6g} s, from {motion.start}."
+    )
+
+
+def sections_table(fits: Mapping[str, MotionFit], unit: str) -> Table:
+    """Return the parameters of every section of every model, its poles, its gain, and how it was
+    found; P table 1 has the first.
+    """
+    drives = tuple(dict.fromkeys(text for fit in fits.values() for text in fit.model.drives[1:]))
+    columns: Columns = (
+        MODEL,
+        *("section", "input", "P1 #.6g", "P2 #.6g", "P3 #.6g"),
+        *(Column(f"weight of {text}", "", "#.6g") for text in drives),
+        *("largest pole .3f", f"steady output at its upper end [{unit}] .4g"),
+        *(f"RMSE of the search [{unit}] .3g", "samples", "solver", "iterations", "simulations"),
+    )
+    rows: list[tuple[Cell, ...]] = []
+    for name, fit in fits.items():
+        motion, solver = fit.model, fit.solver.replace("_", " ")
+        for section, search in zip(motion.sections, fit.searches, strict=True):
+            weights = dict(zip(motion.drives, section.weights.tolist(), strict=True))
+            constant = float(section.weights[1]) if len(section.weights) > 1 else 0.0
+            end = [*motion.boundaries, motion.limits[1]][section.place - 1]
+            # without load
+            steady = (section.p3 * end + constant) / (1.0 - section.p1 - section.p2)
+            parameters = (section.p1, section.p2, section.p3, *map(weights.get, drives))
+            poles = (section.radius, steady, search.rmse, search.samples)
+            steps = (solver, len(search.history) - 1, search.evaluations)
+            place = extent(motion.boundaries, section.place)
+            rows.append((name, section.id, place, *parameters, *poles, *steps))
+    notes = [
+        "x1[k+1] = x2[k], x2[k+1] = P1 x1[k] + P2 x2[k] + P3 u[k] + ..., the output is x1. "
+        "Stable sections have poles below 1.",
+        *(
+            f"Samples are {step:.6g} s apart."
+            for step in dict.fromkeys(fit.model.step for fit in fits.values())
+        ),
+    ]
+    if any(fit.model.switching != HARD for fit in fits.values()):
+        notes.append(
+            "With one shared state, the weights are those after the sections were joined; the "
+            "RMSE is that of each section before."
+        )
+    return Table.of("sections", "Sections of the models of motion", columns, rows, *notes)
+
+
+def waveforms_table(inputs: ReportInputs, motion: Motion) -> Table:
+    """Errors of displacement and velocity over the last wavelength of every held-out recording, as
+    P table 3 has them.
+    """
+    unit = inputs.target.unit
+    held_out = [
+        (number, curve.recordings[log], samples)
+        for number, curve in enumerate(inputs.dataset.curves)
+        for log, samples in enumerate(curve.logs)
+        if curve.held_out[samples].all()
+    ]
+    rows: list[tuple[Cell, ...]] = []
+    for number, recording, samples in held_out:
+        columns = inputs.dataset.curves[number].columns
+        u, measured = (columns[name][samples] for name in (motion.input, inputs.dataset.target))
+        for model, predictions in inputs.validation.predictions.items():
+            predicted = predictions[number][samples]
+            if np.isfinite(predicted).all() and len(samples) > 1:
+                e = motion_errors(measured, predicted, u, motion.step)
+                rms = (e.displacement_rmse, e.velocity_rmse)
+                largest = (e.max_displacement, e.max_velocity, e.transient, e.samples)
+                rows.append((recording, model, *rms, *largest))
+    heads = (
+        *("recording", MODEL, f"RMSE [{unit}] .4g", f"velocity RMSE [{unit}/s] .4g"),
+        *(f"max error [{unit}] .4g", f"max velocity error [{unit}/s] .4g"),
+        *(f"max error before [{unit}] .4g", "samples"),
+    )
+    note = (
+        "Over the last wavelength of the input, so many samples; where it does not repeat "
+        "itself, over all of them. Before: over the "
+        "wavelengths before, with the transient at the beginning. Velocities are central "
+        "differences."
+    )
+    return Table.of("waveforms", "Errors over one wavelength", heads, rows, note)
