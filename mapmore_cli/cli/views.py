@@ -221,16 +221,13 @@ def _of_fit(result: FitResult) -> View:
     if result.pieces:
         tables.append(terms_table(result))
     if memory is not None:
-        places = memory.substitutes.tolist()
         document["memory"] = {
             **asdict(memory.model),
-            **picked(memory, "ridge", "shares", "held_out", "identified"),
+            **picked(memory, "ridge", "held_out", "identified"),
             "forward": [memory.candidates[place] for place in memory.forward],
-            "substitutes": [memory.candidates[i] if i >= 0 else None for i in places],
         }
         found = (
             memory_tables.identified_table(memory),
-            memory_tables.substitutes_table(memory),
             memory_tables.sizes_table(memory),
         )
         tables += [table for table in found if table.rows] + _memory_tables(memory.model)

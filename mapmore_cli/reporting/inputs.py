@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.arrays import Array, Ranges
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.fits import SegmentedCurve
 from mapmore_cli.domain.models import Equation, LeftOut, Model
@@ -18,8 +18,6 @@ from mapmore_cli.domain.recording import Curve, Dataset, Quantity
 from mapmore_cli.domain.results import FitResult, Search, Validation
 from mapmore_cli.domain.scores import REPEATABILITY, SIMPLE, Published, deciding
 from mapmore_cli.modelling.kinds import outside_range, page_of, runs_over_time
-from mapmore_cli.modelling.memory.feedback import fed_back_states
-from mapmore_cli.modelling.memory.free_run import started
 from mapmore_cli.modelling.validation.intervals import ends, half_widths_of
 from mapmore_cli.reporting.table import Table
 
@@ -226,18 +224,6 @@ class ReportInputs:
         return any(curve.held_out.any() for curve in self.dataset.curves)
 
     @property
-    def start(self) -> str | None:
-        """How free runs of a model with memory begin, in a sentence; None where its output is not
-        fed back.
-        """
-        memory = self.fit.memory
-        return (
-            None
-            if memory is None or not fed_back_states(memory.model.states, memory.model.output)
-            else started(memory.model)
-        )
-
-    @property
     def left_out(self) -> LeftOut | None:
         """What intervals are made of; None where there are none, or where the model is shown as one
         of another quantity than its output.
@@ -290,46 +276,19 @@ class ReportInputs:
 
     @property
     def along(self) -> Quantity:
-        """The quantity of the model that varies within a curve: the first segmented one, else the
-        input of which a curve covers most.
-
-        Of a model without inputs, any measured quantity.
+        """The quantity of the model that varies within a curve; of a model without inputs, any
+        measured quantity.
         """
-        inputs = [quantity.name for quantity in self.model.inputs]
-        measured = [
-            name for name in self.dataset.quantities if name not in ("time", self.dataset.target)
+        curves = [curve.columns for curve in self.dataset.curves if curve.size]
+        ranges = [
+            {name: (float(x.min()), float(x.max())) for name, x in columns.items()}
+            for columns in curves
         ]
-        free = (
-            [name for name in inputs if name != self.model.level]
-            or inputs
-            or measured
-            or [self.dataset.target]
-        )
-        pieces = self.model.pieces
-        name = (
-            pieces.variables[0]
-            if pieces is not None and pieces.variables
-            else max(free, key=self._covered)
+        measured = (name for name in self.dataset.quantities if name != "time")
+        name = varying_input(self.model, ranges) or min(
+            measured, key=lambda name: name == self.dataset.target
         )
         return self.dataset.quantities[name]
-
-    def _covered(self, name: str) -> float:
-        """How much of the range of a quantity one curve covers, in the mean: little of what is
-        held, if not quite, within each.
-        """
-        columns = [
-            curve.columns[name]
-            for curve in self.dataset.curves
-            if curve.size and name in curve.columns
-        ]
-        if not columns:
-            return 0.0
-        whole = float(np.ptp([end for column in columns for end in (column.min(), column.max())]))
-        return (
-            round(float(np.mean([np.ptp(column) for column in columns])) / whole, 2)
-            if whole > 0
-            else 0.0
-        )
 
     @property
     def all_notes(self) -> tuple[str, ...]:
@@ -359,3 +318,24 @@ class ReportInputs:
             return curve.id
         unit = self.dataset.unit(level)
         return f"{level} {curve.level:.4g}" if unit == "1" else f"{curve.level:.4g} {unit}"
+
+
+def varying_input(model: Model, ranges: Sequence[Ranges]) -> str:
+    """Return the first segmented variable, else the input of which a curve covers most; empty of a
+    model without inputs.
+
+    `ranges` are those of each curve. What is held, if not quite, covers little of its range over
+    all curves.
+    """
+    pieces = model.pieces
+    if pieces is not None and pieces.variables:
+        return pieces.variables[0]
+
+    def covered(name: str) -> float:
+        ends = np.array([one[name] for one in ranges if name in one])
+        whole = float(np.ptp(ends)) if len(ends) else 0.0
+        return round(float(np.mean(np.ptp(ends, axis=1))) / whole, 2) if whole > 0 else 0.0
+
+    names = [quantity.name for quantity in model.inputs]
+    free = [name for name in names if name != model.level] or names
+    return max(free, key=covered, default="")

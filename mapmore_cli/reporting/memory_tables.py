@@ -1,4 +1,4 @@
-"""What the report says in numbers about models with memory: states, substitutes of terms."""
+"""What the report says in numbers about models with memory: states, numbers and sizes."""
 
 from __future__ import annotations
 
@@ -41,24 +41,6 @@ def identified_table(fit: MemoryFit) -> Table:
         "told by the data."
     )
     return Table.of("identified", "Numbers of operators that training found", heads, rows, note)
-
-
-def substitutes_table(fit: MemoryFit) -> Table:
-    """For every term the candidate that would serve best in its place, beside the other terms; no
-    rows without a ridge.
-    """
-    rows: list[tuple[Cell, ...]] = []
-    found = zip(fit.model.terms, fit.substitutes.tolist(), fit.shares.tolist(), strict=False)
-    for term, place, share in found:
-        rows.append((term, fit.candidates[place] if place >= 0 else None, 100 * share))
-    columns = ("term", "best substitute", "its gain over the term's own [%] .1f")
-    notes = (
-        "Gain: by how much the regularised error falls with the term, or with its substitute, "
-        "beside all other terms. Near 100 %, the "
-        "data do not tell the two apart, and another recording may choose the other.",
-        f"{len(fit.forward)} terms were chosen forward, and pruned to {len(fit.model.terms)}.",
-    )
-    return Table.of("substitutes", "What else would have served", columns, rows, *notes)
 
 
 def sizes_table(fit: MemoryFit) -> Table:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -26,10 +25,8 @@ def all_tables(inputs: ReportInputs) -> tuple[Table, ...]:
     """Every table of the report, in the order of the page."""
     scores, units, unit = inputs.validation.scores, inputs.validation.units, inputs.target.unit
     memory, pieces = inputs.fit.memory, inputs.model.pieces
-    own = score_table(scores, units, inputs.published, inputs.failed)
-    start = () if inputs.start is None else (inputs.start,)
     tables = [
-        replace(own, notes=(*own.notes, *start)),
+        score_table(scores, units, inputs.published, inputs.failed),
         recordings_table(inputs.dataset),
         levels_table(inputs.dataset, None if inputs.timed else inputs.in_curve.name),
         curve_scores_table(scores, units),
@@ -48,7 +45,6 @@ def all_tables(inputs: ReportInputs) -> tuple[Table, ...]:
         tables += page.tables(inputs)
     if memory is not None:
         tables.append(memory_tables.states_table(memory.model.states))
-        tables.append(memory_tables.substitutes_table(memory))
         tables.append(memory_tables.sizes_table(memory))
         tables.append(memory_tables.identified_table(memory))
     return tuple(tables)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from mapmore_cli.domain.models import CurveRange, Formula, Model, Pieces
+from mapmore_cli.domain.models import Formula, Model, Pieces
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.domain.results import Plan
 from mapmore_cli.domain.scores import REPEATABILITY, Tuning
@@ -24,7 +24,7 @@ from mapmore_cli.reporting.figures import panels, style
 from mapmore_cli.reporting.figures.drawing import DOUBLE, Drawing, Grid, Panel
 from mapmore_cli.reporting.figures.panels import key
 from mapmore_cli.reporting.figures.style import ModelStyle
-from mapmore_cli.reporting.inputs import MOST_LINES, FigureStyle
+from mapmore_cli.reporting.inputs import MOST_LINES, FigureStyle, varying_input
 
 MARK: dict[str, Any] = panels.DOT | {"markersize": 4}
 RING: dict[str, Any] = MARK | {"markersize": 9, "markerfacecolor": "none", "color": style.GREY}
@@ -170,7 +170,7 @@ def draw_model(ax: Axes, model: Model, level: float | None = None) -> None:
             f"{model.name} has no curves to draw; call it with a recording, and draw what it says"
         )
     ranges = model.body.ranges
-    along = _varying(model, ranges)
+    along = varying_input(model, [one.limits for one in ranges])
     for colour, one in zip(style.level_colours(len(ranges)), ranges, strict=True):
         x = np.linspace(*one.limits[along], POINTS)
         columns = {name: np.full(POINTS, sum(ends) / 2) for name, ends in one.limits.items()}
@@ -182,25 +182,10 @@ def draw_model(ax: Axes, model: Model, level: float | None = None) -> None:
         if level is not None:
             half = half_widths_of(model, columns, level)
             panels.shade_between(ax, x, (y - half, y + half), colour)
-    (quantity,) = (quantity for quantity in model.inputs if quantity.name == along)
+    quantity = next(quantity for quantity in model.inputs if quantity.name == along)
     ax.set_xlabel(FigureStyle().axis_label(quantity))
     ax.set_ylabel(FigureStyle().axis_label(model.output))
     ax.legend()
-
-
-def _varying(model: Model, ranges: tuple[CurveRange, ...]) -> str:
-    """Return the first segmented variable, else the input that varies most within a curve beside
-    its range over all curves.
-    """
-    if isinstance(model.body, Pieces) and model.body.variables:
-        return model.body.variables[0]
-
-    def share(name: str) -> float:
-        ends = np.array([one.limits[name] for one in ranges])
-        whole = float(np.ptp(ends))
-        return float(np.mean(np.ptp(ends, axis=1))) / whole if whole > 0 else 0.0
-
-    return max((one.name for one in model.inputs if one.name != model.level), key=share)
 
 
 # Campaigns

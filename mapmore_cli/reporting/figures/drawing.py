@@ -113,23 +113,15 @@ def panel_of(name: str, inputs: ReportInputs, words: str) -> tuple[Drawing, Pane
 
     Raises UsageError where there is no such panel; the message names those that there are.
     """
-    ids = inputs.ids_of(words)
-    for looked_in, keys in ((inputs, {words, *ids}), (replace(inputs, asked=ids), ids)):
-        for drawing in drawings(name, looked_in) if keys else ():
+    ids, dataset = inputs.ids_of(words), inputs.dataset
+    every = [curve.id for curve in dataset.curves] + [one.id for one in dataset.recordings]
+    known: dict[str, None] = {}
+    for asked in (inputs.asked, ids, frozenset(every)):
+        for drawing in drawings(name, replace(inputs, asked=asked)):
             for panel in drawing.panels:
-                if panel.key in keys:
+                if panel.key in {words, *ids}:
                     return drawing, panel
-    every = frozenset(
-        [
-            *(curve.id for curve in inputs.dataset.curves),
-            *(recording.id for recording in inputs.dataset.recordings),
-        ]
-    )
-    known = dict.fromkeys(
-        panel.key
-        for drawing in drawings(name, replace(inputs, asked=every))
-        for panel in drawing.panels
-    )
+                known[panel.key] = None
     names = ", ".join(filter(None, known))
     raise UsageError(
         f"no panel of this figure is called {words!r}",
