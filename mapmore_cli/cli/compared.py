@@ -13,7 +13,7 @@ from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.domain.results import Plan, Search, Until
 from mapmore_cli.domain.scores import Tuning
 from mapmore_cli.reporting.score_tables import changes_table, drift_table, search_table
-from mapmore_cli.reporting.table import Cell, Column, Columns, Table
+from mapmore_cli.reporting.table import Cell, Column, Columns, Table, cells_of
 from mapmore_cli.spec.yaml_loader import as_overrides
 
 if TYPE_CHECKING:
@@ -100,16 +100,20 @@ def of_tuning(tuning: Tuning) -> View:
     to use.
     """
     keys = ("set=settings", "parameters", "error", "above_best=excess", "standard_error=spread")
+    errors = {
+        "left-out NRMSE [%] .3f": "error",
+        "above the best [%] .1f": "excess",
+        "standard error [%] .1f": "spread",
+    }
     documents, rows, lines = list[dict[str, Any]](), list[tuple[Cell, ...]](), list[str]()
     for trial in tuning.trials:
         failure = trial.failure or None
         documents.append({**picked(trial, *keys, "folds=errors"), "failure": failure})
         marks = ["best"] if trial is tuning.best else []
         marks += ["simplest"] if trial is tuning.chosen else []
-        shares = (100 * trial.error, 100 * trial.excess, 100 * trial.spread)
         told = "failed" if failure else ", ".join(marks)
         settings = map(_cell, trial.settings.values())
-        rows.append((*settings, trial.parameters or None, *shares, told))
+        rows.append((*settings, trial.parameters or None, *cells_of(trial, errors), told))
         if failure:
             words = ", ".join(f"{key}={_cell(value)}" for key, value in trial.settings.items())
             lines.append(f"failed: {words}: {failure}")
@@ -134,7 +138,6 @@ def of_tuning(tuning: Tuning) -> View:
         "2 to 20 %.",
         "Held-out data were not used.",
     )
-    errors = ("left-out NRMSE [%] .3f", "above the best [%] .1f", "standard error [%] .1f")
     columns: Columns = (*map(Column, tuning.trials[0].settings), "parameters", *errors, "")
     title = f"Settings of {tuning.name}, tried on training data"
     table = Table.of("tuning", title, columns, rows, *notes)

@@ -239,17 +239,15 @@ def drawn_figure(
     suffix: str,
     warn: Callable[[str], None],
     looks: Sequence[str] = (),
-    models: Sequence[str] = (),
 ) -> tuple[bytes, str | None]:
     """Draw a figure of a run as a file: all of it, or the panel of one curve (or model) as wide as
     the spec says, with its numbers as CSV.
 
     - `warn`: is told of a font that this machine does not have.
     - `looks`: values that replace those of the run's spec, as `report.style.width=120 mm`.
-    - `models`: the competitors that are drawn beside the run's own model; all where none is named.
 
     Raises DataError where the folder holds no finished run; UsageError where there is no such panel
-    or model (the message names those that there are), or `looks` are about anything else.
+    (the message names those that there are), or `looks` are about anything else.
     """
     from mapmore_cli.reporting.figures.drawing import compose, drawings, panel_of, to_bytes
     from mapmore_cli.reporting.figures.style import figure_style
@@ -269,7 +267,6 @@ def drawn_figure(
     inputs = collected(reads(load(run_dir / "experiment.yaml", looks).spec), run_dir)
     for warning in faults_of(inputs.style):
         warn(warning)
-    inputs = inputs.beside(models) if models else inputs
     with figure_style(inputs.style):
         drawing, panel = (
             (next(iter(drawings(name, inputs)), None), None)

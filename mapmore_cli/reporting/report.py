@@ -29,7 +29,6 @@ from mapmore_cli.reporting.figures.style import figure_style
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.score_tables import verdict
 from mapmore_cli.reporting.table import (
-    SCREEN_SCALE,
     Table,
     csv_text,
     environment,
@@ -39,13 +38,9 @@ from mapmore_cli.reporting.table import (
 )
 from mapmore_cli.reporting.tables import all_tables
 
-LONG_TABLE = 40
-"""Rows from which a table starts folded on the screen; it is always printed."""
-
 TABLE_FILES: Mapping[str, Callable[[Table], str]] = {"csv": to_csv, "tex": to_latex}
 """What is written of a table, by format."""
 
-LONGEST_STEM = 80
 MOST_NUMBERS = 20_000
 """Rows of a figure's numbers beside the page; longer ones are written on demand (`mapmore figure
 --data`).
@@ -64,8 +59,6 @@ def render_page(
         verdict=verdict(inputs.validation.scores, inputs.own, inputs.target, inputs.failed),
         tables={table.name: table for table in tables},
         figures=figures,
-        long_table=LONG_TABLE,
-        scale=SCREEN_SCALE,
     )
 
 
@@ -78,9 +71,7 @@ def render_campaign(
 ) -> str:
     """Return the page: `pages` are links by run, `failed` the messages of runs that did not end."""
     template = environment().get_template("campaign.html")
-    return template.render(
-        title=title, tables=tables, figures=figures, scale=SCREEN_SCALE, pages=pages, failed=failed
-    )
+    return template.render(title=title, tables=tables, figures=figures, pages=pages, failed=failed)
 
 
 def write_report(
@@ -153,7 +144,7 @@ def _write_panels(
     taken: set[str] = set()
     for drawing, panel in panels:
         # letters that any system takes
-        words = re.sub(r"[^A-Za-z0-9=+-]+", "_", panel.key).strip("_")[:LONGEST_STEM]
+        words = re.sub(r"[^A-Za-z0-9=+-]+", "_", panel.key).strip("_")[:80]
         name = stem = f"{drawing.name}.{words}" if words else drawing.name
         number = 1
         while stem.lower() in taken:  # some file systems know no capitals

@@ -9,7 +9,7 @@ from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.domain.results import Search
 from mapmore_cli.domain.scores import REPEATABILITY, Published, Score, deciding
 from mapmore_cli.modelling.validation.comparison import Comparison
-from mapmore_cli.reporting.table import MODEL, Cell, Column, Table, title_of
+from mapmore_cli.reporting.table import MODEL, Cell, Column, Table, cells_of, title_of
 
 FLOOR_NOTE = (
     f"{REPEATABILITY}: no model, but how far a sample lies from the mean of the other "
@@ -114,12 +114,7 @@ def _metrics(
         del shown["by range [%] .2f"]
     if not _run_free(scores):
         del shown["RRSE, free run .5f"], shown["RRSE, one step .5f"]
-    factors = [100 if "%" in column else 1 for column in shown]
-    rows: list[tuple[Cell, ...]] = []
-    for s in scores:
-        numbers = [getattr(s, name) for name in shown.values()]
-        percent = [factor * x for factor, x in zip(factors, numbers, strict=True)]
-        rows.append((s.model, s.split, *percent))
+    rows: list[tuple[Cell, ...]] = [(s.model, s.split, *cells_of(s, shown)) for s in scores]
     return [MODEL, "data", *(column.replace("UNIT", unit) for column in shown)], rows
 
 
@@ -199,13 +194,18 @@ def changes_table(comparison: Comparison) -> Table:
     weight, and the difference.
     """
     unit = comparison.unit
-    differences = [f"{which} difference [{unit}] .3g" for which in ("mean", "RMS", "largest")]
-    columns = ("curve", "ratio .4f", "weight [%] .1f", *differences, "at")
+    columns = {
+        "curve": "curve",
+        "ratio .4f": "ratio",
+        "weight [%] .1f": "weight",
+        f"mean difference [{unit}] .3g": "difference",
+        f"RMS difference [{unit}] .3g": "rms",
+        f"largest difference [{unit}] .3g": "largest",
+    }
     rows: list[tuple[Cell, ...]] = []
     for curve in comparison.by_effect:
         place = ", ".join(f"{name} {value:.4g}" for name, value in curve.place.items())
-        sizes = (curve.difference, curve.rms, curve.largest)
-        rows.append((curve.curve, curve.ratio, 100 * curve.weight, *sizes, place))
+        rows.append((*cells_of(curve, columns), place))
     rows.append(("all", comparison.ratio, 100.0, *[None] * 4))
     low, high = comparison.interval
     permuted = (
@@ -220,7 +220,7 @@ def changes_table(comparison: Comparison) -> Table:
         "the earlier output."
     )
     title = f"{comparison.after} against {comparison.before}"
-    return Table.of("changes", title, columns, rows, note)
+    return Table.of("changes", title, (*columns, "at"), rows, note)
 
 
 def drift_table(names: Sequence[str], results: Sequence[Comparison]) -> Table:
@@ -235,8 +235,13 @@ def search_table(search: Search) -> Table:
     """Return a row for every structure, the least error first; the best and the one that was taken
     are marked.
     """
-    errors = ("left-out error [%] .3f", "levels left out [%] .3f")
-    spreads = ("above the best [%] .1f", "standard error [%] .1f")
+    columns = {
+        "structure": "words",
+        "left-out error [%] .3f": "error",
+        "levels left out [%] .3f": "parts",
+        "above the best [%] .1f": "excess",
+        "standard error [%] .1f": "spread",
+    }
     rows: list[tuple[Cell, ...]] = []
     for number, one in enumerate(search.tried):
         marks = ["best"] if number == search.best else []
@@ -246,8 +251,7 @@ def search_table(search: Search) -> Table:
             told = "to compare with"
         if one.failure:
             told = f"failed: {one.failure}"
-        shares = (100 * one.error, 100 * one.parts, 100 * one.excess, 100 * one.spread)
-        rows.append((one.words, *shares, one.parameters or None, one.seconds, told))
+        rows.append((*cells_of(one, columns), one.parameters or None, one.seconds, told))
     order = sorted(
         range(len(rows)), key=lambda i: (bool(search.tried[i].failure), search.tried[i].excess)
     )
@@ -261,5 +265,5 @@ def search_table(search: Search) -> Table:
         *search.notes,
     )
     title = "Structures that were tried on training data"
-    heads = ("structure", *errors, *spreads, "parameters", "seconds .2f", "")
+    heads = (*columns, "parameters", "seconds .2f", "")
     return Table.of("search", title, heads, [rows[i] for i in order], *notes)

@@ -8,10 +8,11 @@ import csv
 import io
 import math
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
-from typing import TYPE_CHECKING, Literal
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any, Literal
 
 from mapmore_cli.domain.foreign import csv_cell, printable, tex_comment, tex_text
 from mapmore_cli.domain.scores import BASELINES, SIMPLE
@@ -119,6 +120,16 @@ class Table:
 def is_missing(cell: Cell) -> bool:
     """Whether there is no number."""
     return cell is None or (isinstance(cell, float) and math.isnan(cell))
+
+
+def cells_of(record: object, columns: Mapping[str, str]) -> tuple[Any, ...]:
+    """Return attributes of a record by the headings of their columns: `{"weight [%]": "weight"}`.
+    A share becomes per cent where the heading says so.
+    """
+    numbers = attrgetter(*columns.values())(record)
+    return tuple(
+        100 * x if "[%" in heading else x for heading, x in zip(columns, numbers, strict=True)
+    )
 
 
 def _show(cell: Cell, column: Column) -> str:
@@ -230,9 +241,6 @@ def to_html(table: Table) -> str:
     """
     return environment().get_template("table.html").render(table=table, title_of=title_of).strip()
 
-
-SCREEN_SCALE = 1.35
-"""Figures are made for paper; a screen is read from further away."""
 
 OTHERS = {**BASELINES, **SIMPLE}
 

@@ -18,7 +18,7 @@ from mapmore_cli.modelling.validation.repeatability import floors
 from mapmore_cli.reporting import memory_tables
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.score_tables import curve_scores_table, score_table, search_table
-from mapmore_cli.reporting.table import Cell, Column, Columns, Table
+from mapmore_cli.reporting.table import Cell, Column, Columns, Table, cells_of
 
 
 def all_tables(inputs: ReportInputs) -> tuple[Table, ...]:
@@ -142,14 +142,18 @@ def segments_table(inputs: ReportInputs) -> Table:
     }
     variables = inputs.segmentation[0].variables if inputs.segmentation else ()
     ends = [Column(f"{v} {end}", inputs.dataset.unit(v)) for v in variables for end in FROM_TO]
-    last = (f"RMSE [{inputs.target.unit}]", "scaling", "origin", "condition .3g")
+    last = {
+        "scaling": "scaling.rule",
+        "origin": "scaling.placement",
+        "condition .3g": "selection.condition",
+    }
     rows: list[tuple[Cell, ...]] = []
     for fit in inputs.fit.segments:
-        chosen, scaling = fit.selection, fit.scaling
-        rmse = math.sqrt(max(chosen.sse, 0.0) / chosen.samples) * abs(scaling.y_slope)
-        how = (rmse, scaling.rule, scaling.placement, chosen.condition)
-        rows.append((fit.id, chosen.samples, *places[fit.id], *how))
-    return Table.of("segments", "Segments", ("segment", "samples", *ends, *last), rows)
+        n, sse, slope = fit.selection.samples, fit.selection.sse, fit.scaling.y_slope
+        rmse = math.sqrt(max(sse, 0.0) / n) * abs(slope)
+        rows.append((fit.id, n, *places[fit.id], rmse, *cells_of(fit, last)))
+    columns: Columns = ("segment", "samples", *ends, f"RMSE [{inputs.target.unit}]", *last)
+    return Table.of("segments", "Segments", columns, rows)
 
 
 FROM_TO = ("from", "to")

@@ -297,10 +297,9 @@ def training_figures(inputs: ReportInputs) -> list[Drawing]:
         (inputs.axis_label(inputs.target), f"Error ({unit})"),
         data,
     )
-    legend = (
-        panels.key("measured", color=style.GREY, **panels.DOT),
-        panels.key(inputs.own, color=own.colour, linewidth=own.width),
-    )
+    legend = [panels.key(inputs.own, color=own.colour, linewidth=own.width)]
+    for curve, colour in zip(curves, style.level_colours(len(curves)), strict=True):
+        legend.append(panels.key(panels.shortened(curve.title, 24), color=colour, **panels.DOT))
     caption = (
         f"The training curves with {inputs.own} above, its error (predicted minus measured) below."
         f"{panels.thinned([len(curve.x) for curve in curves])}"
@@ -314,36 +313,16 @@ def training_figures(inputs: ReportInputs) -> list[Drawing]:
 def draw_training_curves(
     top: Axes, bottom: Axes, curves: Sequence[CurveFit], own_colour: str
 ) -> None:
-    """Draw measured samples coloured by curve with the model's lines over them, the errors in the
-    same colours, and the names of the curves.
+    """Draw measured samples coloured by curve with the model's lines over them, and the errors in
+    the same colours.
     """
     panels.zero_line(bottom)
-    colours = style.level_colours(len(curves))
-    for curve, colour in zip(curves, colours, strict=True):
+    for curve, colour in zip(curves, style.level_colours(len(curves)), strict=True):
         panels.draw_dots(top, curve.x, curve.y, color=colour, markersize=2.0)
         for model, predicted in curve.predictions.items():
             if curve.predicted(model):
                 panels.draw_band(top, curve.x, predicted, color=own_colour, zorder=3)
                 panels.draw_band(bottom, curve.x, predicted - curve.y, color=colour, linewidth=0.8)
-    label_curves(top, curves, colours)
-
-
-def label_curves(ax: Axes, curves: Sequence[CurveFit], colours: Sequence[Any]) -> None:
-    """Write the names of the curves beside that end at which they lie further apart; a name that
-    would cover another is left out.
-    """
-    end = max((0, -1), key=lambda end: float(np.ptp([curve.y[end] for curve in curves])))
-    low, high = ax.get_xlim()
-    room = 0.24 * (high - low)  # for the names
-    ax.set_xlim(low if end else low - room, high + room if end else high)
-    apart, last = 0.06 * np.ptp(ax.get_ylim()), -np.inf
-    for i in np.argsort([curve.y[end] for curve in curves], kind="stable"):
-        place = (float(curves[i].x[end]), float(curves[i].y[end]))
-        if place[1] - last >= apart:
-            last = place[1]
-            name, side = panels.shortened(curves[i].title, 14), "left" if end else "right"
-            look = {"ha": side, "va": "center", "color": colours[i], "annotation_clip": False}
-            panels.write_at(ax, name, place, (4 if end else -4, 0), **look)
 
 
 # Loops of a model with memory

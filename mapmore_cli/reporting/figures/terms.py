@@ -28,8 +28,6 @@ from mapmore_cli.reporting.figures.style import GREY, LIGHT, model_styles
 from mapmore_cli.reporting.inputs import ReportInputs
 
 MOST_SEGMENTS = 40
-LETTERS = 80
-"""Letters beside the axis in a figure of two columns' width."""
 RUNNER_UP = DOT | {"markersize": 4, "color": GREY, "markerfacecolor": "white"}
 
 
@@ -103,10 +101,6 @@ def draw_terms(ax: Axes, segments: Sequence[TermSteps], colour: str) -> None:
     """Draw one row a segment: a filled dot for every chosen term, an open one for its runner-up,
     the names at the right.
     """
-    letters = int(LETTERS * ax.get_figure(root=True).get_figwidth() / DOUBLE)  # type: ignore[union-attr]
-    longest = max(len(one.terms) for one in segments)
-    left_room = max(letters * 2 // 5, letters - longest)
-    right_room = letters - min(left_room, max(len(one.segment) for one in segments))
     for row, one in enumerate(segments):
         # a share of zero has no place on a logarithmic axis
         left, rival = np.maximum(one.left, 1e-6), np.maximum(one.left_by_runner_up, 1e-6)
@@ -114,8 +108,8 @@ def draw_terms(ax: Axes, segments: Sequence[TermSteps], colour: str) -> None:
         ax.plot([*left, rival[-1]], [*rows, row], color=LIGHT, linewidth=0.8, zorder=1)
         ax.plot(rival, rows, zorder=2, **RUNNER_UP)
         ax.plot(left, rows, zorder=3, **DOT | {"markersize": 4, "color": colour})
-        write_beside(ax, row, shortened(one.terms, right_room))
+        write_beside(ax, row, shortened(one.terms, 40))
     plain_logarithm(ax.xaxis)
     low, high = np.log10(ax.get_xlim())
     ax.set_xlim(10.0 ** np.floor(low), 10.0 ** np.ceil(high))
-    label_rows(ax, [shortened(one.segment, left_room) for one in segments])
+    label_rows(ax, [shortened(one.segment, 40) for one in segments])
