@@ -14,11 +14,7 @@ import pytest
 from page_tables import PAGE, numbers, page_table
 from test_shipped_studies import CONFIGS, NRMSE
 
-from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.modelling.kinds import predict
-from mapmore_cli.modelling.pieces.build import build
-from mapmore_cli.modelling.pieces.recipe import Cuts, Recipe
-from mapmore_cli.modelling.selection import Fit
 from mapmore_cli.spec.campaign import load_campaign
 from mapmore_cli.storage.artefacts import read_model
 
@@ -51,52 +47,6 @@ def test_the_gel_muscle_is_what_its_recordings_say(measured_data: Path) -> None:
         assert row["mean"] == pytest.approx(
             sum(row[f"{pressure} kPa"] for pressure in (50, 100, 150, 200, 250)) / 5, rel=DIGITS
         )
-
-
-def test_the_gel_muscle_is_better_the_other_way_round(measured_data: Path) -> None:
-    """The fold without 100 kPa again, inverted by a look at every force of a fine grid."""
-    inverted = numbers(page_table("pgm")["mapmore, strain inverted"])
-    curves, quantities = (
-        [],
-        {
-            "pressure": Quantity("pressure", "kPa"),
-            "strain": Quantity("strain", "1"),
-            "force": Quantity("force", "N"),
-        },
-    )
-    for path in sorted((measured_data / "pgm_mckibben").glob("pgm_*kPa.csv")):
-        rows = np.genfromtxt(path, delimiter=",", names=True)
-        columns = {
-            "pressure": rows["pressure_kPa"],
-            "strain": rows["strain"],
-            "force": rows["force_N"],
-        }
-        level = float(columns["pressure"][0])
-        curves.append(
-            Curve(
-                f"pressure={level:g}",
-                level,
-                columns,
-                np.full(len(rows), level == 100.0),
-                (path.stem,),
-            )
-        )
-    recipe = Recipe(
-        target="strain",
-        dictionary=("1", "force", "force^2", "force^3"),
-        cuts={"force": Cuts("even", 3, min_samples=6)},
-        level="pressure",
-        fit=Fit(max_terms=3, stop="bic"),
-    )
-    model = build("strain", curves, recipe, quantities)
-    left_out = next(curve for curve in curves if curve.level == 100.0).columns
-    forces = np.linspace(0.5, 49.5, 1500)
-    strains = predict(model, {"pressure": np.full(1500, 100.0), "force": forces})
-    nearest = forces[np.argmin(np.abs(strains[None, :] - left_out["strain"][:, None]), axis=1)]
-    error = np.sqrt(np.mean((nearest - left_out["force"]) ** 2)) / max(
-        curve.columns["force"].max() for curve in curves
-    )
-    assert 100 * error == pytest.approx(inverted["100 kPa"], rel=0.02)
 
 
 def test_the_piston_of_the_printed_cylinder(tmp_path: Path, mapmore, measured_data: Path) -> None:

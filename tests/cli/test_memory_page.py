@@ -5,7 +5,6 @@ again.
 from __future__ import annotations
 
 import json
-import math
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,6 @@ from cli_samples import held_out
 from page_tables import MEMORY, numbers, page_table
 from test_shipped_studies import CONFIGS, NRMSE
 
-from mapmore_cli.modelling.validation.repeatability import PARTS
 from mapmore_cli.spec.campaign import Campaign, Entry, load_campaign
 from mapmore_cli.storage.artefacts import read_fit, read_model
 
@@ -61,27 +59,6 @@ def nrmse(mapmore, entry: Entry, runs: Path) -> float:
         code=0,
     )
     return float(100 * held_out(json.loads(result.stdout))["mapmore"]["nrmse"])
-
-
-def test_the_parts_of_held_out_errors_add_up_and_drift_or_change_limits_most() -> None:
-    rows = page_table("coiled_parts", MEMORY)
-    shipped = {
-        name: numbers(row)["shipped"]
-        for name, row in page_table("coiled_models", MEMORY).items()
-        if ":" not in name
-    }
-    limits = [row["limited by"] for row in rows.values()]
-    for name, row in rows.items():
-        parts = {part: numbers(row)[part] for part in PARTS}
-        assert math.hypot(*parts.values()) == pytest.approx(numbers(row)["NRMSE"], rel=DIGITS)
-        assert (row["limited by"], shipped[name]) == (
-            max(parts, key=parts.__getitem__),
-            pytest.approx(numbers(row)["NRMSE"], rel=0.05),
-        )
-    most = sum(limit in ("drift", "change") for limit in limits)
-    assert f"the largest part in {most} of {len(rows)} records" in MEMORY.read_text(
-        encoding="utf-8"
-    )
 
 
 def test_the_campaign_has_every_record_and_one_fragment() -> None:

@@ -15,7 +15,6 @@ from mapmore_cli.annexes.motion.fitting import fit_motion
 from mapmore_cli.annexes.motion.problem import MotionRecipe
 from mapmore_cli.annexes.motion.simulation import simulate
 from mapmore_cli.modelling.memory.records import Record
-from mapmore_cli.spec.campaign import load_campaign
 
 PAGE = DOCS / "motion.md"
 DATASETS = DOCS.parent / "datasets"
@@ -131,32 +130,3 @@ def test_what_is_said_of_the_best_models() -> None:
         least += [model, errors[model]]
     said = "`{}` has least on steps ({}), `{}` on loops ({})".format(*least)
     assert said in PAGE.read_text(encoding="utf-8")
-
-
-def test_every_record_of_coiled_muscles_is_shown() -> None:
-    campaign, _ = load_campaign(CONFIGS / "campaigns" / "coiled_motion.yaml")
-    rows = table("coiled_motion")
-    names = [str(run.name) for run in campaign.runs]
-    of_memory, _ = load_campaign(CONFIGS / "campaigns" / "coiled.yaml")
-    assert names == [f"motion-{run.name}" for run in of_memory.runs]
-    assert [run.set for run in campaign.runs] == [run.set for run in of_memory.runs]
-    for name in names:
-        assert {
-            "mapmore",
-            "linear",
-            "inflate_deflate",
-            "piecewise",
-            "piecewise_inflate_deflate",
-            "shared_state",
-        } <= set(rows[name])
-    better = sum(numbers(rows[name])["mapmore"] < numbers(rows[name])["linear"] for name in names)
-    assert rows["runs better"]["mapmore"] == f"{better} of 15"
-    memory = page_table("coiled", DOCS / "memory.md")
-    other = {
-        name
-        for name in names
-        if rows[name]["mapmore"] != memory[name.removeprefix("motion-")]["mapmore"]
-    }
-    assert other == {"motion-steps-2-500g"}
-    assert "2.88 % stands in memory.md" in (DOCS / "motion.md").read_text(encoding="utf-8")
-    assert memory["steps-2-500g"]["mapmore"] == "2.88"

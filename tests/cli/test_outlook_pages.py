@@ -83,30 +83,22 @@ def test_what_a_model_foretells_of_the_loop(tmp_path: Path) -> None:
 
 
 def test_what_is_said_of_w() -> None:
+    """The rig stays calm at twice the gains, where what is foretold without friction swings."""
     rows = page("wrist-loop", W)
     alone = rows.pop("nothing")["rig: RMSE"]
     del rows["sarosi, on a rig without friction"]
     assert list(rows) == list(outlook_tables.MODELS)
     errors = [row["rig: RMSE"] for row in rows.values()]
-    assert max(errors) < 0.6 * alone
-    text = W.read_text(encoding="utf-8")
-    assert f"{min(errors)} to {max(errors)} deg remain of {alone}" in text
-    wild, held = (
+    foretold, rig = (
         [row[f"{where} at twice the gains: RMSE"] for row in rows.values()]
         for where in ("foretold", "rig")
     )
-    assert (
-        f"swing ({min(wild)} to {max(wild)} deg), while the rig stays at {min(held):.2f} to "
-        f"{max(held)}: friction damps it" in text
-    )
-    settled = [row for row in rows.values() if row["foretold: RMSE"] < 1]
-    assert len(settled) == 5
-    shares = [100 * row["foretold: RMSE"] / row["rig: RMSE"] for row in settled]
-    assert f"foretell {min(shares):.0f} to {max(shares):.0f} % of the error" in text
-    assert all(
-        row["rig at twice the gains: RMSE"] < 5 < row["foretold at twice the gains: RMSE"]
-        for row in rows.values()
-    )
+    assert max(errors) < 0.6 * alone
+    assert max(rig) < 5 < min(foretold)
+    text = W.read_text(encoding="utf-8")
+    assert f"{min(errors)} to {max(errors)} deg remain of {alone}" in text
+    assert f"swing ({min(foretold)} to {max(foretold)} deg)" in text
+    assert f"the rig stays at {min(rig):.2f} to {max(rig)}: friction damps it" in text
 
 
 @pytest.mark.long
