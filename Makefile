@@ -67,10 +67,8 @@ bench: .venv/program .venv-bench/peers
 	$(BIN)/python tests/bench/run.py $(BENCH)
 
 FUZZ ?= 10000
-FLIPS ?= 200
-fuzz: .venv/development  # what strangers may write, and result files with flipped bits (of each kind): read, told, or refused; docs/reliability.md
+fuzz: .venv/development  # what strangers may write, and result files with flipped bits: read, told, or refused; docs/reliability.md
 	$(BIN)/python tests/fuzz/run.py $(FUZZ)
-	$(BIN)/python tests/fuzz/artefacts.py $(FLIPS)
 
 TORTURE ?= 100
 torture: .venv/development  # commands that are killed, interrupted, out of room, not allowed to write, or two at once; docs/reliability.md

@@ -17,7 +17,7 @@ from pages import DOCS, run, write_page
 
 from mapmore_cli.annexes.rig.load_cycle import LoadCycles, load_cycle
 from mapmore_cli.annexes.rig.sensors import measure
-from mapmore_cli.annexes.rig.simulate import KPA, sensors
+from mapmore_cli.annexes.rig.simulate import KPA, SimulationSpec
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.modelling.pieces.build import build
@@ -25,7 +25,6 @@ from mapmore_cli.modelling.pieces.recipe import Cuts, Recipe
 from mapmore_cli.modelling.validation.comparison import CHANGED, SAME, UNCLEAR, Comparison, compare
 from mapmore_cli.reporting.table import Cell, Table
 from mapmore_cli.spec.loader import load_as
-from mapmore_cli.spec.simulation import SimulationSpec
 
 FACTORS = (1.00, 1.01, 1.02, 1.03, 1.05)
 PAIRS = 20
@@ -69,7 +68,7 @@ def simulated(name: str, seed: int, pressures: Sequence[float], factor: float) -
     """Return a model of a campaign of load cycles, in which the muscle pulls `factor` times as
     strongly.
     """
-    seen = {key: sensors(rig())[key] for key in ("strain", "force")}
+    seen = {key: rig().sensors[key] for key in ("strain", "force")}
     curves = []
     for pressure in pressures:
         truth, random = cycle(seed, pressure)

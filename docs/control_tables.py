@@ -11,12 +11,11 @@ import yaml
 from closed_loop import Lift, Loop, closed_loop, wanted_force
 from pages import DOCS, rms, run, write_page
 
-from mapmore_cli.annexes.rig.simulate import KPA
+from mapmore_cli.annexes.rig.simulate import KPA, SimulationSpec
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.models import Model
 from mapmore_cli.modelling.inverse import NEAREST, invert
 from mapmore_cli.reporting.table import Cell, Table
-from mapmore_cli.spec.simulation import SimulationSpec
 
 LIFT = Lift(mass=20.0, length=0.088, damping=400.0, lag=0.05, highest=350 * KPA, step=0.5e-3)
 LOOP = Loop(period=5e-3, kp=500 * KPA, ki=4000 * KPA)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 import os
+import shlex
 import sys
 from collections import Counter
 from collections.abc import Mapping
@@ -19,15 +20,16 @@ from tempfile import TemporaryDirectory
 
 from pages import DOCS, read_rows, write_tables
 
-from mapmore_cli.annexes.drafting.answers import Answers, read_columns
+from mapmore_cli.annexes.drafting.answers import Answers, read_columns, read_hold
 from mapmore_cli.annexes.drafting.draft import Draft
 from mapmore_cli.annexes.drafting.start import start
-from mapmore_cli.domain.errors import DataError, MapmoreError
+from mapmore_cli.domain.errors import MapmoreError, UsageError
 from mapmore_cli.domain.scores import OWN, deciding
 from mapmore_cli.pipeline.inspection import inspect
 from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.reporting.table import Column, Table
 from mapmore_cli.spec.loader import LoadedSpec, load
+from mapmore_cli.spec.units import parse_quantity
 from mapmore_cli.storage.run_folder import RunFiles
 
 PAGE = DOCS / "init-and-check.md"
@@ -52,70 +54,53 @@ def data_folder() -> Path:
     return Path(os.environ.get("MAPMORE_DATA", Path(__file__).parents[2] / "shared" / "data"))
 
 
-SAID: Mapping[str, tuple[str, Answers]] = {
-    folder: (words, Answers(read_columns(columns), target, length=length))
-    for folder, columns, target, length, words in (
-        ("printed_cylinder", "time:ms,_,_,_,displacement:mm,pressure:bar,force:N", None, None, ""),
-        (
-            "single_bellows",
-            "time=Time:ms,strain=Tensile strain "
-            "(Displacement):%,force=Force:N*-1,pressure=Pressure:psi",
-            None,
-            None,
-            "",
-        ),
-        ("textile_arm", "time=0:s,pressure=4:psi,x=14:m", "x", None, "--target x"),
-        ("bender", "time=0:s,p1=1:mbar,p2=3:mbar,angle=11:deg", "angle", None, "--target angle"),
-        ("festo_20mm", "force:N*1.7444-18.595,pressure:kPa,time:s", None, 0.228, "--length 228mm"),
-        (
-            "pwm_finger",
-            "time=time:s,p1=left_pressure:kPa,p2=right_pressure:kPa,q=q",
-            "q",
-            None,
-            "--target q",
-        ),
-        (
-            "mr_damper",
-            "time=Tout:s,displacement=dist:mm,force=forc:N",
-            "force",
-            None,
-            "--target force",
-        ),
-        ("drive", "time=t:s,input=vir:V,position=qm:m", "position", None, "--target position"),
-    )
-    for words in (f'--columns "{columns}" {words}'.strip(),)
+SAID: Mapping[str, str] = {
+    "printed_cylinder": '--columns "time:ms,_,_,_,displacement:mm,pressure:bar,force:N"',
+    "single_bellows": '--columns "time=Time:ms,force=Force:N*-1,pressure=Pressure:psi,'
+    'strain=Tensile strain (Displacement):%"',
+    "textile_arm": '--columns "time=0:s,pressure=4:psi,x=14:m" --target x',
+    "bender": '--columns "time=0:s,p1=1:mbar,p2=3:mbar,angle=11:deg"',
+    "festo_10mm_isometric": '--columns "force:N,pressure:kPa,time:s" --hold strain:%',
+    "festo_20mm": '--columns "force:N*1.7444-18.595,pressure:kPa,time:s" --length 228mm',
+    "pwm_finger": '--columns "time=time:s,p1=left_pressure:kPa,p2=right_pressure:kPa,q=q"',
+    "mr_damper": '--columns "time=Tout:s,displacement=dist:mm,force=forc:N"',
+    "drive": '--columns "time=t:s,input=vir:V,position=qm:m"',
+    "coiled_isotonic_steps": '--columns "time=2:s,pressure=3:psi,displacement=4:mm"',
+    "regulator_only": '--columns "time=t_s:s,command=cmd_kPa:kPa,outlet=veab_sensor_kPa:kPa"',
 }
 """What a person who knows the rig would say on the line, by folder."""
+
+
+def said_on_the_line(words: str) -> Answers:
+    """Return the answers that options on the line give."""
+    given = shlex.split(words)
+    options = dict(zip(given[::2], given[1::2], strict=True))
+    return Answers(
+        read_columns(options["--columns"]),
+        options.get("--target"),
+        read_hold(options["--hold"]) if "--hold" in options else None,
+        length=parse_quantity(options["--length"], "m") if "--length" in options else None,
+    )
 
 
 def rows_of(folder: Path) -> list[Row]:
     """Return a row for each spec that `init` proposes for a folder, without a word and with
     answers, or one that says why there is none.
     """
-    found = _rows(folder, Answers(), "nothing")
+    rows = _rows(folder, Answers(), "nothing")
     if folder.name in SAID:
-        words, answers = SAID[folder.name]
-        found += _rows(folder, answers, words)
-    return found
+        rows += _rows(folder, said_on_the_line(SAID[folder.name]), SAID[folder.name])
+    return rows
 
 
 def _rows(folder: Path, answers: Answers, said: str) -> list[Row]:
     with TemporaryDirectory() as place:
         try:
-            found = start(folder, Path(place), answers=answers)
-        except DataError as refusal:
-            return [
-                (
-                    folder.name,
-                    said,
-                    "-",
-                    refusal.message.rpartition(": ")[2],
-                    *"-" * (len(COLUMNS) - 4),
-                )
-            ]
+            drafts = start(folder, Path(place), answers=answers).drafts
+        except UsageError:
+            return [(folder.name, said, "-", "asks", *"-" * (len(COLUMNS) - 4))]
         return [
-            (folder.name, said, *proposed(draft), *tried(draft, Path(place)))
-            for draft in found.drafts
+            (folder.name, said, *proposed(draft), *tried(draft, Path(place))) for draft in drafts
         ]
 
 

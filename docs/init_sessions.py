@@ -26,10 +26,10 @@ QUESTION = " > "
 PATIENCE = 900.0  # s
 WIDTH = "140"
 SAID: Mapping[str, tuple[str, ...]] = {
-    "printed_cylinder": (),
-    "single_bellows": ("force=Force:N*-1",),
-    "textile_arm": ("", "pressure=4:psi", "x=14:m"),
-    "bender": ("", "p1=1:mbar", "p2=3:mbar", "angle=11:deg"),
+    "printed_cylinder": ("time=0:ms,displacement=4:mm,pressure=5:bar,force=6:N",),
+    "single_bellows": (),
+    "textile_arm": ("time=0:s,pressure=4:psi,x=14:m",),
+    "bender": ("time=0:s,p1=1:mbar,p2=3:mbar,angle=11:deg",),
 }
 """What a person who knows the rig answers, in turn; Enter where the answers have run out."""
 

@@ -21,12 +21,13 @@ from pages import DOCS, rms, run, shipped, write_page
 from planning_tables import FESTO, LEVELS, quiet, trained_on
 
 from mapmore_cli.annexes.rig.load_cycle import LoadCycles, turning_strain
-from mapmore_cli.annexes.rig.simulate import KPA
+from mapmore_cli.annexes.rig.simulate import KPA, SimulationSpec
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.models import LeftOut, Model
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
+from mapmore_cli.fitting.kinds import refit
 from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices
-from mapmore_cli.fitting.left_out import refitted, residuals
+from mapmore_cli.fitting.left_out import residuals
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.kinds import outside_range
 from mapmore_cli.modelling.validation.intervals import (
@@ -38,7 +39,6 @@ from mapmore_cli.modelling.validation.intervals import (
     refusal,
 )
 from mapmore_cli.reporting.table import Cell, Table
-from mapmore_cli.spec.simulation import SimulationSpec
 
 LEVEL = 0.95
 SEEDS = range(100, 120)
@@ -174,7 +174,7 @@ def specimen(kind: str, curves: int, seed: int) -> Dataset:
 
 def made(choices: ModelChoices, dataset: Dataset) -> Model:
     """Return a model of the training curves, with what intervals are made of."""
-    fitted = refitted(choices, dataset)
+    fitted = refit(choices, dataset)
     return replace(fitted, left_out=residuals(choices, dataset, {}, quiet, fitted))
 
 

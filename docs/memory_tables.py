@@ -207,17 +207,15 @@ TANKS = {
     "linear": (
         "dictionary=[{lags: {of: [y, u], steps: [1, 2]}}]",
         *(
-            "fit.select=one_step",
             "fit.criterion=one_step",
             "fit.scaling=none",
             "fit.margin=0.15",
             "fit.ridge=0",
         ),
     ),
-    "one step ahead": ("fit.select=one_step", "fit.criterion=one_step"),
-    "coefficients in free run": ("fit.select=one_step",),
+    "one step ahead": ("fit.criterion=one_step",),
+    "coefficients in free run": (),
     "not held at 10 V": ("fit.margin=1",),
-    "coefficients and terms in free run": (),
 }
 """Variations of the study of the tanks: which errors decide, and whether states are held at the
 ends of their training range.

@@ -46,14 +46,7 @@ MODELS = ("linear", "inflate_deflate", "piecewise", "piecewise_inflate_deflate")
 TRIALS: Mapping[str, dict[str, object]] = {
     "least_squares": {},
     "swarm": {"solver": "swarm"},
-    "swarm, polished": {"solver": "swarm", "polish": True},
     "swarm_projected": {"solver": "swarm_projected"},
-    "swarm_projected, polished": {"solver": "swarm_projected", "polish": True},
-    "differential_evolution": {"solver": "differential_evolution"},
-    "differential_evolution, 60 generations": {
-        "solver": "differential_evolution",
-        "iterations": 60,
-    },
 }
 
 

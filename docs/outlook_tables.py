@@ -24,14 +24,13 @@ import mapmore_cli
 from mapmore_cli.annexes.rig.air import Air, ClosedMuscle, Regulator
 from mapmore_cli.annexes.rig.antagonists import Antagonists, Joint
 from mapmore_cli.annexes.rig.muscle import Rubber
-from mapmore_cli.annexes.rig.simulate import KPA
+from mapmore_cli.annexes.rig.simulate import KPA, SimulationSpec
 from mapmore_cli.annexes.rig.static_muscles import McKibben
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.reporting.table import Cell, Table
 from mapmore_cli.spec.loader import load_as
-from mapmore_cli.spec.simulation import SimulationSpec
 
 DATASETS = DOCS.parent / "datasets"
 

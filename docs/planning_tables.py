@@ -15,12 +15,12 @@ import numpy as np
 from pages import CONFIGS, DOCS, write_tables
 
 from mapmore_cli.annexes.planning.planning import formulas_of
-from mapmore_cli.annexes.planning.points import Committee, Measured
+from mapmore_cli.annexes.planning.points import Committee, MeasuredMap
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.recording import Dataset
+from mapmore_cli.fitting.kinds import refit
 from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices
 from mapmore_cli.fitting.left_out import residuals
-from mapmore_cli.fitting.refitting import refitted
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.literature.backbone import pooled_training
 from mapmore_cli.modelling.validation.intervals import INTERVAL, half_widths, refusal
@@ -105,7 +105,7 @@ def error_of(choices: ModelChoices, dataset: Dataset, at: Sequence[float]) -> fl
 
 def misses(choices: ModelChoices, dataset: Dataset, at: Sequence[float]) -> list[Array]:
     """Errors at every level of a model of some, as parts of the largest |target|."""
-    model = refitted(choices, trained_on(dataset, at))
+    model = refit(choices, trained_on(dataset, at))
     largest = max(float(np.abs(c.columns[dataset.target]).max()) for c in dataset.curves)
     return [
         (forecast(model, c).values - c.columns[dataset.target]) / largest for c in dataset.curves
@@ -209,7 +209,7 @@ def stopping_table(runs: Path) -> Table:
                 known = sorted(order[:k])
                 data = trained_on(dataset, known)
                 left_out = replace(
-                    residuals(choices, data, {}, quiet, refitted(choices, data)), repeats=(1,) * k
+                    residuals(choices, data, {}, quiet, refit(choices, data)), repeats=(1,) * k
                 )
                 if refusal(left_out) is not None:
                     continue
@@ -239,21 +239,21 @@ oracle knows what they are worth.
 
 
 @cache
-def pool_of(name: str, runs: Path) -> Measured:
+def pool_of(name: str, runs: Path) -> MeasuredMap:
     """Return some points of a study, spread over it."""
-    from mapmore_cli.annexes.planning.points import thinned
+    from mapmore_cli.annexes.planning.points import spread_out
 
     choices, dataset = study(name, runs)
     del choices
     columns = pooled_training(dataset.curves)
-    x, y = thinned(np.column_stack([columns["pressure"], columns["strain"]]), columns["force"])
-    return Measured(("pressure", "strain"), x[:POOL], y[:POOL])
+    x, y = spread_out(np.column_stack([columns["pressure"], columns["strain"]]), columns["force"])
+    return MeasuredMap(("pressure", "strain"), x[:POOL], y[:POOL])
 
 
 def committee_of(name: str, runs: Path, taken: Sequence[int]) -> Committee:
     """Return the committee of some points of a map."""
     pool, dataset = pool_of(name, runs), study(name, runs)[1]
-    own = Measured(pool.names, pool.x[list(taken)], pool.y[list(taken)])
+    own = MeasuredMap(pool.names, pool.x[list(taken)], pool.y[list(taken)])
     curve = replace(
         dataset.curves[0],
         level=None,
@@ -265,12 +265,12 @@ def committee_of(name: str, runs: Path, taken: Sequence[int]) -> Committee:
     return Committee(own, pool.x, formulas_of(replace(dataset, curves=(curve,)), own, pool.x))
 
 
-def map_error(committee: Committee, pool: Measured) -> float:
+def map_error(committee: Committee, pool: MeasuredMap) -> float:
     """RMS error of the committee over all points of the map, as a part of the largest force."""
     return float(np.sqrt(np.mean((committee.expected - pool.y) ** 2)) / np.abs(pool.y).max())
 
 
-def start_of(pool: Measured, seed: int) -> list[int]:
+def start_of(pool: MeasuredMap, seed: int) -> list[int]:
     """Five points: the corners and the middle, or by chance."""
     if seed:
         return [

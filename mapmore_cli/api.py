@@ -39,14 +39,12 @@ from mapmore_cli.pipeline.notebooks import (
     write_frames,
 )
 from mapmore_cli.pipeline.records import reading_of
-from mapmore_cli.pipeline.runner import bring_up_to_date
+from mapmore_cli.pipeline.runner import Options, bring_up_to_date
 from mapmore_cli.reporting.score_tables import score_table
 from mapmore_cli.reporting.table import to_html, to_text
 from mapmore_cli.spec.experiment import ExperimentSpec
-from mapmore_cli.spec.fields import moved
 from mapmore_cli.spec.loader import LoadedSpec, load, load_text
 from mapmore_cli.spec.sections.data import Data
-from mapmore_cli.spec.tree import Kind
 from mapmore_cli.spec.yaml_loader import as_overrides, dump, escaped
 from mapmore_cli.storage.artefacts import read_model
 from mapmore_cli.storage.atomic import refusals_told, write_bytes, write_text
@@ -132,22 +130,9 @@ class Study:
             )
             files = [os.path.relpath(path, self.folder) for path in written["files"]]
             document["data"] = {**document["data"], **written, "files": files}
-        load_text(
-            dump(escaped(document)), _HERE, self.folder
-        )  # mistakes are told without naming a file that nobody wrote
-        write_text(
-            place,
-            dump(
-                escaped(
-                    moved(
-                        document,
-                        [Kind(ExperimentSpec)],
-                        self.folder.resolve(),
-                        place.parent.resolve(),
-                    )
-                )
-            ),
-        )
+        # mistakes are told without naming a file that nobody wrote
+        told = load_text(dump(escaped(document)), _HERE, self.folder)
+        write_text(place, told.resolved_in(place.parent, given_only=True))
         return load(place, as_overrides(changes or {}))
 
     def fitted(self, changes: Mapping[str, Any] | None = None) -> Fitted:
@@ -157,7 +142,11 @@ class Study:
             loaded = self.loaded(Path(place) / "spec.yaml", changes)
             try:
                 outcome = bring_up_to_date(
-                    loaded, Path(place) / "runs", "validate", warn=told.append, check=self.check
+                    loaded,
+                    Path(place) / "runs",
+                    "validate",
+                    options=Options(check=self.check),
+                    warn=told.append,
                 )
             except MapmoreError as error:
                 error.message = re.sub(
@@ -429,7 +418,7 @@ def run(
         As the command says it; but limits that are missed are in `Run.missed`.
     """
     overrides = tuple(as_overrides(plain_values(dict(settings or {}))))
-    found = run_one(Job(Path(config), Path(runs), overrides, force, check=check))
+    found = run_one(Job(Path(config), Path(runs), overrides, Options(force, check=check)))
     for warning in (*found.table.warnings, *sentences(found.run_dir)):
         warnings.warn(warning, stacklevel=2)
     scores = Scores.of(found.table)

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import tracemalloc
-from collections.abc import Callable
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, Columns
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
 
 
-def curve_of(columns: Columns, held_out: BoolArray | None = None, name: str = "a") -> Curve:
+def curve_of(columns, held_out=None, name="a"):
     """One recording, all of which trains if nothing is said."""
     n = len(next(iter(columns.values())))
     return Curve(
@@ -23,7 +21,7 @@ def curve_of(columns: Columns, held_out: BoolArray | None = None, name: str = "a
     )
 
 
-def dataset_of(*recordings: Columns, held_out: Array | None = None, output: str = "y") -> Dataset:
+def dataset_of(*recordings, held_out=None, output="y"):
     """Recordings without levels, in quantities without units."""
     curves = [
         curve_of(columns, held_out, chr(ord("a") + number))
@@ -34,7 +32,7 @@ def dataset_of(*recordings: Columns, held_out: Array | None = None, output: str 
     )
 
 
-def peak_memory(work: Callable[[], object]) -> int:
+def peak_memory(work):
     """The most bytes that Python has asked for at once while it works."""
     tracemalloc.start()
     try:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gc
 import os
-from collections.abc import Generator, Iterator
 from pathlib import Path
 
 import pytest
@@ -24,7 +23,7 @@ PROJECT = Path(__file__).resolve().parent.parent
 
 
 @pytest.hookimpl(wrapper=True)
-def pytest_collection() -> Generator[None, object, object]:
+def pytest_collection():
     """What collecting makes stays to the end: let the garbage collector not look through it again
     and again, and less often afterwards.
     """
@@ -38,7 +37,7 @@ def pytest_collection() -> Generator[None, object, object]:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def no_power_cut() -> Iterator[None]:
+def no_power_cut():
     """Nothing that a test writes has to outlive a power cut, and waiting for the disk takes as long
     as the work itself.
     """
@@ -48,7 +47,7 @@ def no_power_cut() -> Iterator[None]:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def no_copies() -> Iterator[None]:
+def no_copies():
     """Work of this process is done in it, where a test may count and replace; commands in processes
     of their own share it out.
     """
@@ -58,7 +57,7 @@ def no_copies() -> Iterator[None]:
 
 
 @pytest.fixture
-def fewer_families(monkeypatch: pytest.MonkeyPatch) -> None:
+def fewer_families(monkeypatch):
     """A search without the families that take long; their candidates are made in
     `test_search_families`.
     """
@@ -66,19 +65,19 @@ def fewer_families(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
-def quick_families(monkeypatch: pytest.MonkeyPatch) -> None:
+def quick_families(monkeypatch):
     """A search of one family, for what does not depend on the structure."""
     search_only(monkeypatch, "tables")
 
 
-def search_only(monkeypatch: pytest.MonkeyPatch, *names: str) -> None:
+def search_only(monkeypatch, *names):
     from mapmore_cli.annexes.search import searching
 
     monkeypatch.setattr(searching, "FAMILIES", names)
 
 
 @pytest.fixture(scope="session")
-def measured_data() -> Path:
+def measured_data():
     """Folder of the measured recordings, which are not part of the project; see docs/data.md for
     where to get them.
     """

@@ -17,7 +17,7 @@ MODULES = [
 ]
 
 
-def with_examples() -> list[str]:
+def with_examples():
     """Modules whose docstrings have examples that can run."""
     finder = doctest.DocTestFinder(exclude_empty=True)
     found = {
@@ -34,12 +34,12 @@ def with_examples() -> list[str]:
 EXAMPLES = with_examples()
 
 
-def test_there_are_examples() -> None:
+def test_there_are_examples():
     assert "mapmore_cli.modelling.frols.engine" in EXAMPLES
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
-def test_the_examples_are_true(name: str) -> None:
+def test_the_examples_are_true(name):
     result = doctest.testmod(
         importlib.import_module(name), optionflags=doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS
     )

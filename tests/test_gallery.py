@@ -30,9 +30,7 @@ SCRIPTS = [path.stem for path in sorted(GALLERY.glob("*.py")) if path.stem != "m
     "name",
     [name if name in QUICK else pytest.param(name, marks=pytest.mark.long) for name in SCRIPTS],
 )
-def test_an_example_makes_its_picture(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_example_makes_its_picture(name, tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(str(GALLERY))
     monkeypatch.setattr(sys, "argv", [name, str(tmp_path / "picture.svg")])
     runpy.run_path(str(GALLERY / f"{name}.py"))
@@ -41,8 +39,8 @@ def test_an_example_makes_its_picture(
 
 
 def test_the_notebook_goes_from_a_frame_to_an_exported_table(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+    monkeypatch,
+):
     """Every cell runs, and the table that it reads back is the model on the held-out recording, but
     for the grid.
     """
@@ -64,12 +62,12 @@ def test_the_notebook_goes_from_a_frame_to_an_exported_table(
     assert by_model["mapmore"] == min(by_model.values()) < 0.015
 
 
-def test_the_gallery_has_enough() -> None:
+def test_the_gallery_has_enough():
     assert len(SCRIPTS) >= 16
 
 
 @pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def site(tmp_path_factory):
     """The folder of the site, built with every link checked."""
     pytest.importorskip("mkdocs")
     folder = tmp_path_factory.mktemp("site")
@@ -97,7 +95,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.long
-def test_the_site_has_its_pages_and_every_local_link_its_target(site: Path) -> None:
+def test_the_site_has_its_pages_and_every_local_link_its_target(site):
     for page in (
         "index",
         "notebook",
@@ -117,7 +115,7 @@ def test_the_site_has_its_pages_and_every_local_link_its_target(site: Path) -> N
 
 @pytest.mark.long
 @pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium on this machine")
-def test_every_page_opens_in_a_browser(site: Path) -> None:
+def test_every_page_opens_in_a_browser(site):
     """It shows its text, and its console has nothing to say."""
     options = [
         "--headless",
@@ -140,7 +138,7 @@ def test_every_page_opens_in_a_browser(site: Path) -> None:
 
 
 @pytest.mark.long
-def test_every_question_of_the_cookbook_is_within_two_clicks_of_the_start(site: Path) -> None:
+def test_every_question_of_the_cookbook_is_within_two_clicks_of_the_start(site):
     """A click follows a link of the page's own text, not of the menu."""
     questions = re.findall(
         r"^## (.+)$", (ROOT / "docs" / "cookbook.md").read_text(encoding="utf-8"), re.MULTILINE
@@ -155,7 +153,7 @@ def test_every_question_of_the_cookbook_is_within_two_clicks_of_the_start(site: 
         assert f'id="{anchor}"' in (site / "cookbook.html").read_text(encoding="utf-8")
 
 
-def links(page: Path) -> set[tuple[Path, str]]:
+def links(page):
     """Return the pages and anchors that the text of a page links to."""
     _, _, text = page.read_text(encoding="utf-8").partition("<article")
     found = re.findall(r'href="([^"#:]*\.html)?#?([^"]*)"', text.partition("</article>")[0])

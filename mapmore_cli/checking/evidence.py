@@ -1,5 +1,5 @@
-"""What the numbers of recordings show: slack, rest, memory, one signal in two units, what was set,
-and levels that tell of each other.
+"""What the numbers of recordings show: slack, rest, one signal in two units, what was set, levels
+that tell of each other, and spikes.
 """
 
 from __future__ import annotations
@@ -9,11 +9,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import median_filter
 
-from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
+from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve, Recording
-from mapmore_cli.modelling.expressions.operator import followed, linear
 from mapmore_cli.modelling.signals.cycles import bin_means
 from mapmore_cli.modelling.signals.rates import rate
 from mapmore_cli.modelling.signals.sampling import correlation
@@ -27,18 +27,9 @@ WIDTH = 0.15  # of the pressure range, that a foot has at least
 BEND = 3.0  # times the slope of the foot, which the force must rise by beyond it
 
 
-@dataclass(frozen=True)
-class Foot:
-    """Threshold pressures `(m,)` at the strains `(m,)` that have a foot, in the units of the
-    samples.
-    """
-
-    strain: Array
-    threshold: Array
-
-
-def slack_foot(pressure: Array, strain: Array, force: Array) -> Foot | None:
-    """Find the slack foot of samples `(n,)` at many pressures; None where there is none.
+def slack_foot(pressure: Array, strain: Array, force: Array) -> tuple[Array, Array] | None:
+    """Return strains `(m,)` and threshold pressures `(m,)` of the slack foot of samples `(n,)` at
+    many pressures; None where there is none.
 
     Samples are grouped by strain and averaged in bins of pressure. A group has a foot where the
     force stays within 5 % of its largest value from the lowest pressure over at least 15 % of the
@@ -49,8 +40,8 @@ def slack_foot(pressure: Array, strain: Array, force: Array) -> Foot | None:
     span, full = float(np.ptp(pressure)), float(np.max(np.abs(force), initial=0.0))
     if not span or not full:
         return None
-    found = []
-    for middle, members in _groups(strain):
+    feet = []
+    for middle, members in _groups_of(strain):
         p, means = bin_means(
             (pressure[members] - pressure.min()) / span,
             {"f": force[members] / full},
@@ -58,18 +49,15 @@ def slack_foot(pressure: Array, strain: Array, force: Array) -> Foot | None:
         )
         end = _end_of_foot(p, means["f"])
         if end is not None:
-            found.append((middle, pressure.min() + span * end))
-    if len(found) < 2:
+            feet.append((middle, pressure.min() + span * end))
+    if len(feet) < 2:
         return None
-    at, threshold = np.array(found).T
-    return (
-        Foot(at, threshold)
-        if threshold[-1] > threshold[0] and correlation(at, threshold) > 0
-        else None
-    )
+    at, threshold = np.array(feet).T
+    rises = threshold[-1] > threshold[0] and correlation(at, threshold) > 0
+    return (at, threshold) if rises else None
 
 
-def _groups(strain: Array) -> list[tuple[float, IntArray]]:
+def _groups_of(strain: Array) -> list[tuple[float, IntArray]]:
     """Return the middle of each group of strains in ascending order, with the rows that belong to
     it.
     """
@@ -157,105 +145,12 @@ def two_digits(value: float) -> float:
     return float(f"{round(value, 1 - math.floor(math.log10(value))):.6g}")
 
 
-# What is remembered
-# --------------------------------------------------------------------------------------------------
-
-KNOTS = 12  # of the curve over the input of now
-DELAYS, LAGS = (1, 2), (4, 16, 64)  # samples
-TENTHS = 10  # parts of each record, of which every second one is learnt from
-MOST_SHOWN = 20_000  # samples that are looked at, one in so many of longer records
-RIDGE = 1e-6
-THERE_AND_BACK = 1.9  # ranges that an input travels at least
-
-
-@dataclass(frozen=True)
-class Remembered:
-    """Errors of a response, relative to its standard deviation: `now` by the input of the same
-    sample, `before` by earlier ones as well.
-    """
-
-    now: float
-    before: float
-
-
-def remembered(drive: Sequence[Array], response: Sequence[Array]) -> Remembered | None:
-    """How much better earlier samples of an input tell the response; the arrays `(n,)` are those of
-    each record, in order.
-
-    Two least-squares fits: a curve of 12 pieces over the input of now, and the same with the input
-    delayed and followed slowly. None where the input does not go there and back: nothing then tells
-    the two from each other.
-    """
-    drive, response = scaled(_thinned(drive)), _thinned(response)
-    if sum(float(np.abs(np.diff(u)).sum()) for u in drive) < THERE_AND_BACK:
-        return None
-    now = np.concatenate(drive)
-    knots = np.unique(np.quantile(now, np.linspace(0, 1, KNOTS + 1)))
-    hats = np.column_stack([np.interp(now, knots, row) for row in np.eye(len(knots))])
-    past = np.concatenate([_earlier(u) for u in drive])
-    return Remembered(
-        _left_over(hats, response), _left_over(np.column_stack([hats, past]), response)
-    )
-
-
-def untold(drives: Sequence[Sequence[Array]], response: Sequence[Array]) -> float:
-    """Return the RMSE, relative to its spread, of a response by several inputs now and before; the
-    arrays `(n,)` are those of each record.
-
-    Least squares on the inputs, their squares, delayed and slowly followed copies. 1 where the
-    lengths of columns differ.
-    """
-    if any([len(one) for one in drive] != [len(one) for one in response] for drive in drives):
-        return 1.0  # one of them lacks values
-    inputs = [_thinned(scaled(drive)) for drive in drives]
-    columns = [
-        np.concatenate([np.column_stack([u, u**2, _earlier(u)]) for u in drive]) for drive in inputs
-    ]
-    return _left_over(np.column_stack([np.ones(len(columns[0])), *columns]), _thinned(response))
-
-
-def _thinned(values: Sequence[Array]) -> list[Array]:
-    every = -(-sum(map(len, values)) // MOST_SHOWN)
-    return [one[::every] for one in values]
-
-
-def scaled(values: Sequence[Array]) -> list[Array]:
-    """Return a column in units of its range."""
-    pooled = np.concatenate(values)
-    return [(one - pooled.min()) / (float(np.ptp(pooled)) or 1.0) for one in values]
-
-
-def _earlier(u: Array) -> Array:
-    """Return the input delayed and followed slowly, and the square of the latter, `(n, 8)`."""
-    delayed = [np.concatenate([np.full(min(k, len(u)), u[0]), u[:-k]])[: len(u)] for k in DELAYS]
-    slow = [followed(linear([1 - 1 / lag], [1 / lag]), u) for lag in LAGS]
-    return np.column_stack([*delayed, *slow, *(one**2 for one in slow)])
-
-
-def _left_over(columns: Array, response: Sequence[Array]) -> float:
-    """Return the RMSE, relative to its spread, of a ridge regression that has learnt from every
-    second tenth of each record, on the others.
-
-    1 where these are none.
-    """
-    y = np.concatenate(response)
-    learn = np.concatenate([np.arange(len(one)) * TENTHS // len(one) % 2 == 0 for one in response])
-    if learn.all() or not learn.any():
-        return 1.0
-    gram = columns[learn].T @ columns[learn]
-    weights = np.linalg.solve(
-        gram + RIDGE * np.trace(gram) / len(gram) * np.eye(len(gram)), columns[learn].T @ y[learn]
-    )
-    return float(np.sqrt(np.mean((y[~learn] - columns[~learn] @ weights) ** 2))) / (
-        float(np.std(y[~learn])) or 1.0
-    )
-
-
 # One signal in two units
 # --------------------------------------------------------------------------------------------------
 
 SAME = 0.9999  # correlation, from which two columns are one signal
 FEWEST_SAME = 30  # samples, below which a straight line may be chance
+MOST_SHOWN = 20_000  # samples that are looked at, one in so many of longer records
 
 
 def same_signals(columns: Sequence[Array]) -> list[list[int]]:
@@ -279,25 +174,6 @@ def same_signals(columns: Sequence[Array]) -> list[list[int]]:
     return [family for family in families if len(family) > 1]
 
 
-TOGETHER, FARTHEST = (
-    0.9,
-    30,
-)  # correlation of a command with what it commands, and samples that this may lag behind
-
-
-def leads(first: Array, second: Array) -> bool:
-    """Return True where the second column `(n,)` repeats the first one later: a command, and what
-    was measured of it.
-    """
-    n = len(first)
-    if n != len(second) or n < 4 * FARTHEST or not np.ptp(first) or not np.ptp(second):
-        return False
-    inner = first[FARTHEST : n - FARTHEST]
-    later = [second[FARTHEST + lag : n - FARTHEST + lag] for lag in range(-FARTHEST, FARTHEST + 1)]
-    alike = [correlation(inner, one) for one in later]
-    return bool(np.max(alike) > TOGETHER and int(np.argmax(alike)) > FARTHEST)
-
-
 # What was set
 # --------------------------------------------------------------------------------------------------
 
@@ -305,16 +181,6 @@ EVEN = (
     0.8  # of the steps from sample to sample, that are one step up or down where a quantity was set
 )
 ALIKE = 0.02  # of the step, that these may differ
-
-
-def force_set(recordings: Sequence[Recording], position: str) -> float | None:
-    """Return the step by which the force was set while the position was measured; None
-    elsewhere.
-    """
-    step, other = (
-        set_in_steps([one.columns[name] for one in recordings]) for name in ("force", position)
-    )
-    return step if other is None else None
 
 
 def set_in_steps(records: Sequence[Array]) -> float | None:
@@ -331,79 +197,41 @@ def set_in_steps(records: Sequence[Array]) -> float | None:
     return step if np.mean(np.abs(steps - step) <= ALIKE * step) >= EVEN else None
 
 
-def beyond(values: Array, training: Array, margin: float) -> BoolArray:
-    """Return which values `(n,)` lie outside of the range of the training ones, by more than this
-    share of it.
-    """
-    off = margin * float(np.ptp(training))
-    outside: BoolArray = (values < training.min() - off) | (values > training.max() + off)
-    return outside
-
-
 # Levels that tell of each other
 # ----------------------------------------------------------------------------------------------
 
 PLACES = 100  # along a curve, at which levels are compared
 FEWEST_LEVELS = 4
-# times the error of the mean of all other levels, that the neighbours leave at most where they tell
-# of a level
-TELLS = 0.5
 
 
-@dataclass(frozen=True)
-class Neighbourhood:
-    """RMSE at inner levels of what lies between their two `neighbours`, and of the mean of all
-    `others`, by the largest value.
-    """
-
-    neighbours: float
-    others: float
-
-    @property
-    def tells(self) -> bool:
-        """True where a level follows from its neighbours, as models that go from curve to curve
-        have it.
-        """
-        return self.neighbours <= TELLS * self.others
-
-    def __str__(self) -> str:
-        return (
-            f"an error of {self.neighbours:.0%} of the largest, and {self.others:.0%} by the "
-            "mean of all others"
-        )
-
-
-def neighbourhood(curves: Sequence[Curve], along: str, target: str) -> Neighbourhood | None:
-    """Leave each inner level out, and see what the curves at the others say of its target over
-    `along`; None with fewer than four levels.
+def neighbourhood(curves: Sequence[Curve], along: str, target: str) -> tuple[float, float] | None:
+    """Leave each inner level out, and return the RMSE there of what lies between its neighbours,
+    and of the mean of all others, relative to the largest value; None with fewer than four levels.
 
     Each curve is averaged in 100 bins and interpolated between them, and held beyond its ends;
     there is no model in it.
     """
-    found = {
-        curve.level: _course(curve.columns[along], curve.columns[target])
-        for curve in curves
-        if curve.level is not None
-    }
-    levels = sorted(found)
-    largest = max((float(np.abs(y).max()) for _, y in found.values()), default=0.0)
+    courses = {}
+    for curve in curves:
+        x, y = curve.columns[along], curve.columns[target]
+        edges = np.linspace(x.min(), x.max(), PLACES + 1)
+        places, means = bin_means(x, {"y": y}, edges)
+        courses[curve.level] = places, means["y"]
+    levels = sorted(level for level in courses if level is not None)
+    largest = max((float(np.abs(y).max()) for _, y in courses.values()), default=0.0)
     if len(levels) < FEWEST_LEVELS or not largest:
         return None
     near, far = [], []
     for i in range(1, len(levels) - 1):
-        x, y = found[levels[i]]
-        said = np.array([np.interp(x, *found[level]) for level in levels])
+        x, y = courses[levels[i]]
+        said = np.array([np.interp(x, *courses[level]) for level in levels])
         part = (levels[i] - levels[i - 1]) / (levels[i + 1] - levels[i - 1])
         near.append((1 - part) * said[i - 1] + part * said[i + 1] - y)
         far.append(np.delete(said, i, axis=0).mean(axis=0) - y)
-    errors = (float(np.sqrt(np.mean(np.concatenate(one) ** 2))) / largest for one in (near, far))
-    return Neighbourhood(*errors)
-
-
-def _course(x: Array, y: Array) -> tuple[Array, Array]:
-    """Places along a curve in ascending order, and the means there."""
-    places, means = bin_means(x, {"y": y}, np.linspace(x.min(), x.max(), PLACES + 1))
-    return places, means["y"]
+    between, mean = (
+        float(np.sqrt(np.mean(np.concatenate(off) ** 2))) / largest for off in (near, far)
+    )
+    return between, mean
 
 
 # Single samples
@@ -425,37 +253,35 @@ def spikes(values: Array) -> IntArray:
     scatter around it, and at least twice as far as the record changes from one sample to the next
     anywhere else: steps, and signals of two values, have no such sample.
     """
+    none = np.zeros(0, dtype=np.int64)
     if len(values) < FEWEST_IN_A_ROW:
-        return np.zeros(0, dtype=np.int64)
-    steps = np.diff(values)
-    rise, fall = steps[:-1], -steps[1:]
-    height = np.where(rise * fall > 0, np.minimum(np.abs(rise), np.abs(fall)), 0.0)
-    apart = np.abs(rise - fall) <= APART * height
-    lone = np.flatnonzero((height > 0) & apart & (height >= height.max() / (2 * JUMPS))) + 1
-    if not lone.size or lone.size > len(values) / AROUND:
-        return np.zeros(0, dtype=np.int64)
-    others = np.ones(len(steps), dtype=np.bool_)
-    others[lone - 1] = others[lone] = False
-    rest = np.ones(len(values), dtype=np.bool_)
-    rest[lone] = False
-    span = float(np.ptp(values[rest]))
+        return none
+    height = np.abs(values - median_filter(values, size=3, mode="nearest"))
+    apart = np.abs(np.pad(values[2:] - values[:-2], 1))
+    lone = np.flatnonzero(
+        (height > 0) & (apart <= APART * height) & (height >= height.max() / (2 * JUMPS))
+    )
+    span = float(np.ptp(np.delete(values, lone))) if lone.size < len(values) / AROUND else 0.0
     if span == 0:  # nothing says what is far
-        return np.zeros(0, dtype=np.int64)
-    usual = max(JUMPS * float(np.abs(steps[others]).max(initial=0.0)), FAR_OUT * span)
-    beside = np.isin(lone, [lone - 1, lone + 1])
-    high = lone[(height[lone - 1] > usual) & ~beside]
+        return none
+    steps = np.delete(np.abs(np.diff(values)), np.union1d(lone - 1, lone))
+    usual = max(JUMPS * float(steps.max(initial=0.0)), FAR_OUT * span)
     return np.array(
-        [one for one in high if height[one - 1] > STANDS_OUT * _scatter(values, rest, one)],
+        [
+            one
+            for one in lone[~np.isin(lone, [lone - 1, lone + 1])]
+            if height[one] > max(usual, STANDS_OUT * _scatter(values, lone, one))
+        ],
         dtype=np.int64,
     )
 
 
-def _scatter(values: Array, rest: BoolArray, place: int) -> float:
+def _scatter(values: Array, lone: IntArray, place: int) -> float:
     """Return the standard deviation, by the median, of the samples around one about a line through
     their neighbours.
     """
     near = np.arange(max(0, place - AROUND), min(len(values), place + AROUND + 1))
-    around = values[near[rest[near]]]
+    around = values[np.setdiff1d(near, lone)]
     if len(around) < AROUND:
         return math.inf
     return 1.4826 * float(np.median(np.abs(around[1:-1] - (around[:-2] + around[2:]) / 2)))

@@ -67,24 +67,23 @@ class _Lazily(Mapping[str, Any]):
 
 
 class Commands(TyperGroup):
-    """The group of subcommands: turns errors into exit codes, and takes `--debug`, `--env` and
-    `--tables` anywhere on the line.
+    """The group of subcommands: turns errors into exit codes, and takes `--debug` and `--env`
+    anywhere on the line.
     """
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(**{**settings, "commands": _Lazily()})
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Move `--debug`, `--env NAME` and `--tables DIR` to the front, so that they can be added
-        at the end of a line that failed.
+        """Move `--debug` and `--env NAME` to the front, so that they can be added at the end of a
+        line that failed.
         """
         ctx.meta[AS_JSON] = "--json" in args
         if "--debug" in args:
             args = ["--debug", *(arg for arg in args if arg != "--debug")]
-        for option in ("--env", "--tables"):
-            for _ in range(args.count(option)):
-                at = len(args) - 1 - args[::-1].index(option)
-                args = [*args[at : at + 2], *args[:at], *args[at + 2 :]]
+        for _ in range(args.count("--env")):
+            at = len(args) - 1 - args[::-1].index("--env")
+            args = [*args[at : at + 2], *args[:at], *args[at + 2 :]]
         return super().parse_args(ctx, args)
 
     def invoke(self, ctx: Any) -> Any:
@@ -125,17 +124,11 @@ def _print_version(wanted: bool) -> None:
         raise typer.Exit
 
 
-def _read_more(option: str, what: str, variable: str, separator: str, help: str) -> Any:
-    """Return an option that lets specs read more, in this process and those that it starts: they
-    take it from an environment variable.
-    """
-
-    def add(values: list[str]) -> list[str]:
-        if values:
-            os.environ[variable] = separator.join([*values, os.environ.get(variable, "")])
-        return values
-
-    return typer.Option(option, metavar=what, callback=add, help=help)
+def _let_read(names: list[str]) -> list[str]:
+    """Let specs read more variables, in this process and those that it starts."""
+    if names:
+        os.environ["MAPMORE_ENV"] = ",".join([*names, os.environ.get("MAPMORE_ENV", "")])
+    return names
 
 
 @app.callback()
@@ -151,18 +144,11 @@ def _common(
     ] = False,
     env: Annotated[
         list[str],
-        _read_more(
-            "--env", "NAME", "MAPMORE_ENV", ",", "Let specs read this environment variable too."
-        ),
-    ] = console.NONE,
-    tables: Annotated[
-        list[str],
-        _read_more(
-            "--tables",
-            "DIR",
-            "MAPMORE_TABLES",
-            os.pathsep,
-            "Let `report.published.tables` lie below this folder too.",
+        typer.Option(
+            "--env",
+            metavar="NAME",
+            callback=_let_read,
+            help="Let specs read this environment variable too.",
         ),
     ] = console.NONE,
 ) -> None:

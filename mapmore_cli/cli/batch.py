@@ -8,7 +8,6 @@ import os
 from collections.abc import Mapping
 from contextlib import closing
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -63,46 +62,40 @@ def batch(
     One that fails does not stop the rest; the exit code is the highest of all. A campaign gets a
     page of its own.
     """
-    from mapmore_cli.annexes.campaigns.batch import Job, planned, run_all
-    from mapmore_cli.annexes.campaigns.cluster import ClusterWorkers
-    from mapmore_cli.annexes.campaigns.page import (
-        expanded,
-        refuse_foreign_folders,
-        run_names,
-        specs_of,
-        write_page,
-    )
-    from mapmore_cli.annexes.campaigns.processes import LocalWorkers
+    from mapmore_cli.annexes.campaigns.batch import Job, run_one, stoppable
+    from mapmore_cli.annexes.campaigns.cluster import run_on_cluster
+    from mapmore_cli.annexes.campaigns.page import expanded, run_names, write_page
     from mapmore_cli.cli.views import page_lines
+    from mapmore_cli.domain import processors
+    from mapmore_cli.pipeline.runner import Options
+    from mapmore_cli.storage.run_folder import refuse_foreign
+    from mapmore_cli.storage.run_record import CAMPAIGN_RECORD
 
     if cluster is not None and cluster_file is not None:
         raise UsageError("--cluster and --cluster-file exclude each other", "leave one of them out")
     campaigns, entries = expanded(configs, overrides)
-    specs = specs_of(entries)
-    names = run_names(entries, campaigns, specs)
-    refuse_foreign_folders(campaigns, runs)
-    jobs_of = partial(Job, runs=runs, force=force, rehash=rehash, check=not no_check)
-    wanted = [
-        jobs_of(entry.config, overrides=entry.overrides, campaign=entry.campaign)
-        for entry in entries
-    ]
-    todo = planned(wanted, specs)
+    names = run_names(entries, campaigns)
+    for one in campaigns:  # better before its runs are done
+        refuse_foreign(runs / one.campaign.campaign, CAMPAIGN_RECORD)
+    options = Options(force, rehash, not no_check)
+    todo = {
+        number: Job(entry.config, runs, entry.overrides, replace(options, campaign=entry.campaign))
+        for number, entry in enumerate(entries)
+    }
     results: dict[int, Result] = {}
-    with Reporter(quiet) as reporter:
+    scheduler = cluster or cluster_file
+    with Reporter(quiet) as reporter, stoppable():
 
         def tell(number: int, message: str) -> None:
             reporter.warn(RunWarning.of(names[number], message))
 
-        local = cluster is None and cluster_file is None
-        workers = (
-            LocalWorkers(jobs, tell)
-            if local
-            else ClusterWorkers(cluster, cluster_file, runs, tell, reporter.say, reporter.warn)
+        outcomes = (
+            processors.in_processes(run_one, todo, jobs, tell)
+            if scheduler is None
+            else run_on_cluster(todo, scheduler, runs, tell, reporter.say)
         )
-        with closing(
-            run_all(todo if local else [job.elsewhere() for job in todo], workers)
-        ) as ended:
-            for number, result in ended:
+        with closing(outcomes):
+            for number, result in outcomes:
                 results[number] = (
                     result
                     if isinstance(result, BaseException)
@@ -116,18 +109,14 @@ def batch(
     ]
     taken = {names[number] for one in campaigns for number in one.jobs}
     alone = {name: result for name, result in ordered.items() if name not in taken}
-    tables = [table for _, of_page in pages for table in of_page] + (
-        [_joint_table(alone)] if alone else []
-    )
-    lines = [
-        line
-        for run in ordered.values()
-        if not isinstance(run, BaseException)
-        for line in page_lines(run.run_dir)
-    ]
+    tables = [table for _, of_page in pages for table in of_page]
+    if alone:
+        tables.append(_joint_table(alone))
+    finished = [run for run in ordered.values() if not isinstance(run, BaseException)]
+    lines = [line for run in finished for line in page_lines(run.run_dir)]
     lines += [f"campaign page: {path}" for path, _ in pages]
     documents = [
-        _document(entry.config, name, ordered[name])
+        _run_document(entry.config, name, ordered[name])
         for entry, name in zip(entries, names, strict=True)
     ]
     console.print_view(console.View({"runs": documents}, tuple(tables), tuple(lines)), as_json)
@@ -153,7 +142,7 @@ def _code(result: Result) -> int:
     return LimitMissed.exit_code if result.missed else 0
 
 
-def _document(config: Path, name: str, result: Result) -> dict[str, Any]:
+def _run_document(config: Path, name: str, result: Result) -> dict[str, Any]:
     from mapmore_cli.cli.views import of_scores
 
     head: dict[str, Any] = {"config": str(config), "name": name, "exit_code": _code(result)}

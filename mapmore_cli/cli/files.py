@@ -32,9 +32,9 @@ def simulate(
     quiet: console.Quiet = False,
 ) -> None:
     """Write recordings of a synthetic muscle."""
+    from mapmore_cli.annexes.rig.simulate import SimulationSpec
     from mapmore_cli.annexes.rig.simulate import simulate as run_rig
     from mapmore_cli.spec.loader import load_as
-    from mapmore_cli.spec.simulation import SimulationSpec
 
     loaded = load_as(config, SimulationSpec, overrides)
     with Reporter(quiet) as reporter:

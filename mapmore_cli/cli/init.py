@@ -52,7 +52,7 @@ def init(
         str | None, typer.Option(metavar="NAME", help="The quantity to predict.")
     ] = None,
     hold: Annotated[
-        str | None, typer.Option(metavar="NAME", help="What was held, or none.")
+        str | None, typer.Option(metavar="NAME", help="What was held, as strain:%, or none.")
     ] = None,
     group: Annotated[
         str | None,
@@ -65,19 +65,19 @@ def init(
         typer.Option(metavar="TIME", help="Computing time for the search of each model, as 60s."),
     ] = "20s",
     yes: Annotated[
-        bool, typer.Option("--yes", "-y", help="Ask nothing: guess, and mark what is not sure.")
+        bool, typer.Option("--yes", "-y", help="Ask nothing: mark what is not sure.")
     ] = False,
     force: Annotated[bool, typer.Option("--force", help="Replace specs that exist.")] = False,
     quiet: console.Quiet = False,
 ) -> None:
     """Start a spec from recordings.
 
-    Columns, units, levels and load cycles are guessed, and every guess says why; the structure of
-    the model is searched on training data. A folder with recordings of several studies gives a spec
-    for each; with -o, one for the largest.
+    Titles and units say what columns are, or --columns; the structure of the model is searched on
+    training data. A folder with recordings of several studies gives a spec for each; with -o, one
+    for the largest.
     """
-    from mapmore_cli.annexes.drafting.answers import Answers, read_columns
-    from mapmore_cli.annexes.drafting.draft import guesses_page
+    from mapmore_cli.annexes.drafting.answers import Answers, read_columns, read_hold
+    from mapmore_cli.annexes.drafting.draft import draft_page
     from mapmore_cli.annexes.drafting.proof import proven
     from mapmore_cli.annexes.drafting.start import start
 
@@ -90,7 +90,7 @@ def init(
     answers = Answers(
         {} if columns is None else read_columns(columns),
         target,
-        hold,
+        None if hold is None else read_hold(hold),
         group,
         None if length is None else _given("--length", length, "m", "88mm"),
     )
@@ -108,15 +108,15 @@ def init(
         specs = {output or Path(f"{draft.name}.yaml"): draft for draft in found.drafts}
         for path, draft in specs.items():
             if draft.raw and (force or not path.exists()):
-                write_text(path.with_suffix(".html"), guesses_page(draft))
-                reporter.say(f"To check its guesses by eye: {path.with_suffix('.html')}")
+                write_text(path.with_suffix(".html"), draft_page(draft))
+                reporter.say(f"To look at its columns: {path.with_suffix('.html')}")
         _write({path: draft.text() for path, draft in specs.items()}, force)
         reporter.say(f"Next: mapmore check {next(iter(specs))}")
 
 
 def ask(question: Question) -> str:
-    """Print a question with its options, the likeliest first, and return the first answer that can
-    be; at the end of input, none.
+    """Print a question with its options, and return the first answer that can be; at the end of
+    input, none.
     """
     from rich.console import Console
     from rich.markup import escape
@@ -125,13 +125,10 @@ def ask(question: Question) -> str:
     terminal.print(f"\n[bold]{escape(question.text)}[/bold]")
     for number, option in enumerate(question.options, start=1):
         terminal.print(f"  {number} [bold]{escape(option.text)}[/bold]  {option.course}")
-        terminal.print(f"    [dim]{escape(option.why)}[/dim]")
+        if option.why:
+            terminal.print(f"    [dim]{escape(option.why)}[/dim]")
     while True:
-        terminal.print(
-            "[dim]Enter for "
-            f"1{', else ' + escape(question.form) if question.form else ''}[/dim] > ",
-            end="",
-        )
+        terminal.print(f"[dim]{escape(question.form)}[/dim] > ", end="")
         try:
             reply = input()
         except EOFError:
@@ -197,7 +194,7 @@ def check(
     overrides: console.Overrides = console.NONE,
     confirm: Annotated[
         bool,
-        typer.Option("--confirm", help="Take the guesses marked CHECK as right: remove the mark."),
+        typer.Option("--confirm", help="Take what is marked CHECK as right: remove the mark."),
     ] = False,
     runs: console.Runs = console.RUNS,
     as_json: console.AsJson = False,

@@ -16,6 +16,7 @@ from mapmore_cli.cli.progress import Reporter
 from mapmore_cli.domain.errors import LimitMissed
 
 if TYPE_CHECKING:
+    from mapmore_cli.pipeline.runner import Options
     from mapmore_cli.spec.loader import LoadedSpec
 
 
@@ -34,13 +35,15 @@ def _stage_command(stage: str, summary: str) -> Callable[..., None]:
         quiet: console.Quiet = False,
         verbose: console.Verbose = False,
     ) -> None:
+        from mapmore_cli.pipeline.runner import Options
         from mapmore_cli.spec.loader import load
 
         loaded, reporter = load(config, overrides), Reporter(quiet, verbose)
         if explain:
-            _explain(loaded, runs, stage, reporter, as_json, force, rehash)
+            _explain(loaded, runs, stage, reporter, as_json, Options(force, rehash))
         else:
-            _bring_up_to_date(loaded, runs, stage, reporter, as_json, force, rehash, not no_check)
+            options = Options(force, rehash, not no_check)
+            _bring_up_to_date(loaded, runs, stage, reporter, as_json, options)
 
     command.__doc__ = f"{summary} Brings the stages before it up to date first."
     return command
@@ -75,18 +78,18 @@ def run(
     verbose: console.Verbose = False,
 ) -> None:
     """Run all stages; print scores and the page's path."""
+    from mapmore_cli.pipeline.runner import Options
     from mapmore_cli.spec.loader import load
 
     loaded, reporter = load(config, overrides), Reporter(quiet, verbose)
     if print_spec:
         print(loaded.resolved, end="")
     elif explain:
-        _explain(loaded, runs, "report", reporter, as_json, force, rehash)
+        _explain(loaded, runs, "report", reporter, as_json, Options(force, rehash))
     else:
         try:
-            _bring_up_to_date(
-                loaded, runs, "run", reporter, as_json, force, rehash, not no_check, junit, summary
-            )
+            options = Options(force, rehash, not no_check)
+            _bring_up_to_date(loaded, runs, "run", reporter, as_json, options, junit, summary)
         except LimitMissed:  # which the files tell already
             raise
         except Exception as error:
@@ -100,15 +103,14 @@ def _explain(
     until: str,
     reporter: Reporter,
     as_json: bool,
-    force: bool,
-    rehash: bool,
+    options: Options,
 ) -> None:
     """Print which stages would run, and why; null in the document is a stage that is up to date."""
     from mapmore_cli.pipeline.runner import explain
     from mapmore_cli.reporting.table import Column, Table
 
     with reporter:
-        reasons = explain(loaded, runs, until, force=force, rehash=rehash, warn=reporter.warn)
+        reasons = explain(loaded, runs, until, options=options, warn=reporter.warn)
     rows = tuple((stage, reason or "up-to-date") for stage, reason in reasons)
     table = Table("stages", loaded.spec.name, (Column("stage"), Column("would run because")), rows)
     console.print_view(
@@ -122,9 +124,7 @@ def _bring_up_to_date(
     command: str,
     reporter: Reporter,
     as_json: bool,
-    force: bool,
-    rehash: bool,
-    check: bool,
+    options: Options,
     junit: Path | None = None,
     summary: Path | None = None,
 ) -> None:
@@ -149,9 +149,7 @@ def _bring_up_to_date(
 
         listeners = reporter.listeners
         listeners["warn"] = warn
-        outcome = bring_up_to_date(
-            loaded, runs, until, force=force, rehash=rehash, check=check, **listeners
-        )
+        outcome = bring_up_to_date(loaded, runs, until, options=options, **listeners)
         if questions:
             guesses = (
                 "1 guess of the spec is"

@@ -153,10 +153,9 @@ def of_scores(table: ScoreTable, published: Published | None = None) -> View:
 def _of_validation(validation: Validation) -> View:
     """Return the scores pooled and by curve, and the formulas that were fitted as competitors."""
     pooled = of_scores(validation.table)
-    unit = next(iter(validation.units.values()), "")
     lines = [f"warning: {warning}" for warning in validation.warnings]
     for name, formula in validation.formulas.items():
-        lines += rival_minima(name, formula, unit)
+        lines += rival_minima(name, formula)
     more = picked(validation, "formulas", "warnings")
     tables = (*pooled.tables, curve_scores_table(validation.scores, validation.units))
     return View({**pooled.document, **more}, tables, tuple(lines))

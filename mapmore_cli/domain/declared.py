@@ -43,12 +43,39 @@ class Settings:
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Any:
         """Take mappings too, although the values in them are strict."""
-        return {**handler(source), "strict": False}
+        schema = {**handler(source), "strict": False}
+        ref = schema.pop("ref", None)
+        noted = before(schema, cls._noted)
+        return noted if ref is None else {**noted, "ref": ref}
+
+    @classmethod
+    def _noted(cls, given: Any, info: Any) -> Any:
+        """Tell the loader which keys a mapping may have."""
+        if info.context is not None and isinstance(given, Mapping):
+            info.context.note(given, [key.name for key in fields(cls)])
+        return given
 
     @property
     def changed(self) -> list[str]:
         """Keys whose values differ from their defaults."""
         return [key.name for key in fields(self) if getattr(self, key.name) != key.default]
+
+
+def before(schema: Any, function: Callable[[Any, Any], Any]) -> Any:
+    """Return a schema of pydantic with a function before it, of the value and what is known of it.
+
+    `info.context` is the loader's `spec.fields.Context`, or None.
+    """
+    step = {"type": "with-info", "function": function}
+    return {"type": "function-before", "function": step, "schema": schema}
+
+
+class Misfit(ValueError):
+    """A value that is not what its key needs; shown at the value, with what would be right."""
+
+    def __init__(self, message: str, remedy: str | None = None) -> None:
+        super().__init__(message)
+        self.message, self.remedy = message, remedy
 
 
 class Contradiction(ValueError):
@@ -111,10 +138,19 @@ class Either:
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
         """Return the members by their tags, and what tells the tag of a value."""
-        choices = {
-            self._tag(member): handler.generate_schema(member) for member in get_args(source)
-        }
-        return {"type": "tagged-union", "choices": choices, "discriminator": self._told}
+        members = get_args(source)
+        choices = {self._tag(member): handler.generate_schema(member) for member in members}
+        has_unit = any(
+            isinstance(mark, InUnit)
+            for member in members
+            for mark in getattr(member, "__metadata__", ())
+        )
+
+        def told(value: Any) -> str:
+            is_number = has_unit and getattr(value, "is_quantity", False)
+            return "<a number>" if is_number else self._told(value)
+
+        return {"type": "tagged-union", "choices": choices, "discriminator": told}
 
     def _tag(self, member: Any) -> str:
         keys = getattr(member, "__dataclass_fields__", None) or getattr(member, "model_fields", {})
@@ -227,11 +263,18 @@ Label = Annotated[
 
 @dataclass(frozen=True)
 class InUnit:
-    """Marks a number that may be written with a unit; `unit` says which one the loader converts it
-    to, given `spec.fields.Surroundings`.
+    """Marks a number that may be written with a unit; `unit` says which one it is converted to,
+    given the place of the number (`spec.fields.Place`).
     """
 
     unit: Callable[[Any], str | None]
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        """Return the number's schema, and the conversion before it."""
+        return before(handler(source), self._converted)
+
+    def _converted(self, given: Any, info: Any) -> Any:
+        return given if info.context is None else info.context.converted(given, self.unit)
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> Any:
         """Return the schema of a number, or of text that starts with one (or with a variable)."""
@@ -240,15 +283,15 @@ class InUnit:
 
 def of_sibling(name: str) -> InUnit:
     """Mark a number in the unit of the quantity that another key of the section names."""
-    return InUnit(lambda around: around.unit_of(around.siblings.get(name)))
+    return InUnit(lambda place: place.unit_of(place.siblings.get(name)))
 
 
 Positive = Annotated[float, Gt(0)]
 NonNegative = Annotated[float, Ge(0)]
 Seconds = Annotated[float, Gt(0), InUnit(lambda _: "s")]
-OfKey = Annotated[float, InUnit(lambda around: around.unit_of(around.key))]
+OfKey = Annotated[float, InUnit(lambda place: place.unit_of(place.quantity))]
 """In the unit of the quantity that the key above names."""
-OfHeld = Annotated[float, InUnit(lambda around: around.unit_of(around.level))]
+OfHeld = Annotated[float, InUnit(lambda place: place.unit_of(place.level))]
 """In the unit of the quantity that is constant within a curve."""
 
 
@@ -275,9 +318,6 @@ class Joining(Settings):
         Interval(ge=0, le=0.5),
         "half-width of a transition zone, as a fraction of the segment",
     ] = 0.25
-    levels: Annotated[
-        Literal["linear", "pchip"], "interpolation between curves, `linear` or `pchip`"
-    ] = "linear"
     hold: Annotated[Hold, "`samples` where segment functions are held beyond theirs, or `none`"] = (
         "samples"
     )

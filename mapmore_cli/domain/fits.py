@@ -4,7 +4,6 @@ memory and how they were found.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any
@@ -54,7 +53,7 @@ class Selection:
     candidates, in scaled coordinates.
 
     `candidates` are the names of the dictionary's M columns, where they were given; they are not
-    stored. `stop` is `tolerance`, `max_terms`, `no_gain`, `rank`, `bic`, `aicc`, `press`,
+    stored. `stop` is `tolerance`, `max_terms`, `no_gain`, `rank`, `bic`,
     `free_run`, or `pruned` (from more terms to `max_terms`).
     """
 
@@ -171,9 +170,6 @@ class Optimum:
 
     parameters: Annotated[Mapping[QuantityName, float], "its parameters", "those of the formula"]
     sse: Annotated[float, "its residual sum of squares", "[target]^2"]
-    held_out_rmse: Annotated[
-        float, "its error on the validation data; NaN where nobody has asked", "[target]"
-    ] = math.nan
 
 
 @dataclass(frozen=True)
@@ -275,8 +271,7 @@ class StateSet:
 class MemoryModel:
     """`output[k] = constant + sum_j theta_j D_j(states[k])`.
 
-    A free run that leaves `limits` a hundredfold has diverged. It begins with `measured` outputs,
-    at the `steady` one of the first inputs, or with `identified` ones (`start`).
+    A free run begins with measured outputs. One that leaves `limits` a hundredfold has diverged.
     """
 
     output: Annotated[QuantityName, "the quantity whose delays are fed back"]
@@ -292,9 +287,6 @@ class MemoryModel:
     ]
     constant: Annotated[Number, "the constant", "[target]"]
     limits: Annotated[Span, "least and greatest training output", "[target]"]
-    start: Annotated[str, "how free runs begin", one_of("measured", "steady", "identified")] = (
-        "measured"
-    )
 
     @property
     def scaling(self) -> Scaling:
@@ -353,12 +345,6 @@ class MemoryFit:
         float, "ridge as a fraction of the variance of a standardised candidate; 0 for none"
     ]
     forward: Annotated[IntArray, "candidates chosen before pruning, in their order, from 0", "-"]
-    substitutes: Annotated[
-        IntArray,
-        "(k or 0) candidate that would best replace each term, -1 for none; empty without a ridge",
-        "-",
-    ]
-    shares: Annotated[Array, "(k or 0) its gain over the term's own; empty without a ridge"]
     held_out: Annotated[
         Array | None,
         "free-run RMSE of the models of 1, 2, ... terms over the last training samples, "

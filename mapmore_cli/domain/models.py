@@ -57,9 +57,6 @@ class CurveFunction:
     ]
     limits: Annotated[Ranges, "least and greatest training value of each input", "[*]"]
     segments: Annotated[tuple[SegmentFunction, ...], "segment functions"]
-    threshold: Annotated[
-        Number | None, "threshold along the aligned variable, where there is one", "[aligned]"
-    ] = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,8 +64,7 @@ class Fusion(Joining):
     """How the pieces are joined (M2 eq 9-12).
 
     `hold: samples` holds a segment function beyond its samples by more than `z_s` of their width,
-    as far as transition zones reach there; `none` leaves it as it is (M2 eq 9-11 to the letter). An
-    input that `domain` (M2 eq 12 as printed) lacks has each curve's own limits.
+    as far as transition zones reach there; `none` leaves it as it is (M2 eq 9-11 to the letter).
 
     `shrink` is the share g of the pieces on a backbone that is carried to the middle between two
     levels: `g + (1 - g)(1 - 2t)^2` at the place t between them.
@@ -78,17 +74,9 @@ class Fusion(Joining):
         Mapping[QuantityName, tuple[Side, Side]],
         "behaviour below and above the limits of each input: a word, or the value it takes",
     ]
-    aligned: Annotated[
-        QuantityName | None, "variable along which curves are aligned at their thresholds"
-    ] = None
     shrink: Annotated[
         Number, "share of the pieces on a backbone that is carried to the middle between two levels"
     ] = 1.0
-    domain: Annotated[
-        Ranges,
-        "limits of the whole training domain, for inputs that extrapolation acts on there",
-        "[*]",
-    ] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,8 @@
-"""The processors of this machine: the threads that libraries start, and work that is shared out to
-copies of this process.
+"""The processors of this machine: work in worker processes, of which each has one BLAS thread.
 
-Only what tries many settings is shared out (`tune`), where two processors take about half the time.
-A run has one process.
+Everything that is done side by side goes through a `concurrent.futures.Executor`: combinations of
+`tune` and structures of a search in forks of this process, runs of a campaign in processes that are
+started anew, or on a Dask cluster.
 """
 
 from __future__ import annotations
@@ -10,16 +10,18 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from array import array
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager, suppress
-from itertools import chain
-from tempfile import TemporaryFile
-from typing import TYPE_CHECKING, Any, TypeVar
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from concurrent.futures import CancelledError, Future, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager, suppress
+from functools import cache, partial
+from threading import Thread
+from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
+
+from mapmore_cli.domain.errors import MapmoreError, WriteError
 
 if TYPE_CHECKING:
-    from io import FileIO
-    from multiprocessing.connection import Connection
+    from threadpoolctl import ThreadpoolController
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -30,56 +32,182 @@ THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS", "VECLIB
 MOST_PROCESSES = 4
 """Each of them may need as much memory as one."""
 
-_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of Linux
 
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Hold BLAS to one thread: the same sums on every machine, and no fight between runs for the
+    processors.
 
-def shared_out(
-    work: Callable[[T], R],
-    items: Sequence[T],
-    progress: Callable[[int, int], None] = lambda _done, _total: None,
-    processes: int | None = None,
-) -> list[R]:
-    """`[work(item) for item in items]`, each item done by the process that is free first.
-
-    The others are forks: copies that have the items already. What they return must be picklable,
-    and whatever else they change is lost. What a copy does not deliver, for whatever reason, is
-    done here, so that an error is raised as without copies.
-
-    - `progress`: is told how many items are in work or done, of how many.
-    - `processes`: how many there are with this one; by default as many as this machine has for them
-      (`free_processors`).
+    A library that is loaded already is told so. One that is loaded meanwhile, as SciPy's, reads it
+    in the environment when it starts.
     """
-    count = max(1, min(len(items), free_processors() if processes is None else processes))
-    with TemporaryFile(buffering=0) as queue:
-        queue.write(array("q", range(count, len(items))))
-        queue.seek(0)
-        shares = [chain([first], _drawn(queue)) for first in range(count)]
-        with ExitStack() as stack:
-            copies = [stack.enter_context(_copy(work, items, share)) for share in shares[1:]]
-            found = {}
-            for number in shares[0] if items else ():
-                found[number] = work(items[number])
-                progress(number + 1, len(items))
-            for copy in copies:
-                found |= _received(copy)
-    return [found[number] if number in found else work(item) for number, item in enumerate(items)]
+    with variables_set(dict.fromkeys(THREADS, "1")):
+        loaded = "scipy.linalg" in sys.modules or "scipy.special" in sys.modules
+        with _thread_pools(loaded).limit(limits=1):
+            yield
 
 
-def _drawn(queue: FileIO) -> Iterator[int]:
-    """Yield the next number that no process has drawn: forks share their place in an open file."""
-    while number := queue.read(8):
-        yield int.from_bytes(number, sys.byteorder)
+@cache
+def _thread_pools(_with_scipy: bool) -> ThreadpoolController:
+    """Return the libraries with threads; looked for once, and again when SciPy's has come too: it
+    takes longer than a small stage.
+    """
+    import numpy  # noqa: F401 - has one of them
+    from threadpoolctl import ThreadpoolController
+
+    return ThreadpoolController()
+
+
+@contextmanager
+def variables_set(variables: Mapping[str, str]) -> Iterator[None]:
+    """Set variables of the environment for a while."""
+    before = {name: os.environ.get(name) for name in variables}
+    os.environ.update(variables)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            os.environ.pop(name, None)
+            os.environ |= {} if value is None else {name: value}
+
+
+@contextmanager
+def processes(count: int, method: str, work: Any = None) -> Iterator[ProcessPoolExecutor]:
+    """Have `count` worker processes, made by `method` (`fork` or `spawn`).
+
+    They end with the context, and with this process in whatever way it ends. Where an error or an
+    interrupt ends the context, they are killed at work. `work` is what `_do_numbered` finds in
+    forks, which have it without pickling.
+    """
+    from multiprocessing import active_children, get_context
+
+    begin = partial(_begin, os.getpid(), work)
+    try:
+        pool = ProcessPoolExecutor(count, get_context(method), initializer=begin)
+    except OSError as fault:  # the system keeps the locks between processes as small files
+        raise WriteError(
+            f"no worker process can be started: {os.strerror(fault.errno or 0)}",
+            "make room in shared memory (/dev/shm) and on the disk",
+        ) from fault
+    with pool:
+        try:
+            yield pool
+        except BaseException:
+            for worker in active_children():
+                worker.kill()
+            raise
+
+
+_shared: Any = None
+"""In a worker process: what all of them have."""
+
+
+def _begin(parent: int, work: Any) -> None:
+    """Prepare a worker process: Ctrl-C is for the process that waits."""
+    global _shared
+    _shared = work
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    if sys.platform == "linux":
+        import ctypes
+
+        ctypes.CDLL(None).prctl(1, int(signal.SIGKILL), 0, 0, 0)  # PR_SET_PDEATHSIG
+        if os.getppid() != parent:  # it ended before
+            os._exit(1)
+    else:
+        Thread(target=_watch_parent, daemon=True).start()
+
+
+def _watch_parent() -> NoReturn:
+    """Wait for the end of a pipe that only the parent holds open. Run folders can bear an end at
+    any instant.
+    """
+    from multiprocessing import parent_process
+
+    if (watched := parent_process()) is not None:
+        watched.join()
+    os._exit(1)
+
+
+@contextmanager
+def deaf_to_interrupts() -> Iterator[None]:
+    """Let processes that start meanwhile hear no Ctrl-C: else each of them would answer it with a
+    traceback. Here it waits.
+    """
+    if sys.platform == "win32":
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def ended(futures: Mapping[Future[R], int]) -> Iterator[tuple[int, R | BaseException]]:
+    """Yield the number of each job with its result or its error, as they end."""
+    for future in as_completed(futures):
+        try:
+            yield futures[future], future.exception() or future.result()
+        except CancelledError:
+            lost = MapmoreError(
+                "the scheduler ended or dropped this run",
+                "start it again; finished runs are not done anew",
+            )
+            yield futures[future], lost
+
+
+def in_processes(
+    work: Callable[[T], R],
+    jobs: Mapping[int, T],
+    count: int,
+    tell: Callable[[int, str], None],
+    *,
+    again: bool = False,
+) -> Generator[tuple[int, R | BaseException], None, None]:
+    """Do numbered jobs in `count` processes that are started anew; yield as `ended`.
+
+    Where a worker dies, the jobs that are at work end with it. They begin once more, one at a time,
+    which `tell` is told with their numbers: another program may have filled the memory. Then the
+    others go on.
+    """
+    left = dict(jobs)
+    # Spawned, not forked: a fork of a process with BLAS threads or an open HDF5 file may hang.
+    with processes(min(count, len(jobs)), "spawn") as pool:
+        with deaf_to_interrupts():
+            futures = {pool.submit(work, job): number for number, job in jobs.items()}
+        for number, outcome in ended(futures):
+            if not isinstance(outcome, BrokenProcessPool):
+                del left[number]
+                yield number, outcome
+    if again:
+        for number in left:
+            yield number, worker_died(2)
+        return
+    for number in list(left)[:count]:
+        tell(number, "a worker process died; it is started again")
+        yield from in_processes(work, {number: left.pop(number)}, 1, tell, again=True)
+    if left:
+        yield from in_processes(work, left, count, tell)
+
+
+def worker_died(times: int) -> MapmoreError:
+    """Return what came of a job that no worker survived."""
+    remedy = "see whether the system ended it for want of memory; fewer runs at a time need less"
+    return MapmoreError(f"the process that worked on it died {times} times", remedy)
 
 
 def free_processors() -> int:
-    """How many processes work may be shared out to: one where copies are not safe, or where all
+    """How many processes work may be shared out to: one where forks are not safe, or where all
     processors are at work already.
 
     A fork of a process with threads may hang, and on macOS a fork without them too: only Linux has
-    copies, of a process with one thread. A copy, a worker of a campaign, and a process that has
-    some at work make none.
+    forks, of a process with one thread. A worker process makes none.
     """
-    if sys.platform != "linux" or _threads() != 1:
+    threads = "/proc/self/task"  # it is not there where /proc is not mounted
+    if sys.platform != "linux" or not os.access(threads, os.R_OK):
+        return 1
+    if sum(1 for _ in os.scandir(threads)) != 1:
         return 1
     from multiprocessing import active_children, parent_process
 
@@ -87,74 +215,40 @@ def free_processors() -> int:
     return 1 if taken else min(len(os.sched_getaffinity(0)), MOST_PROCESSES)
 
 
-def _threads() -> int | None:
-    try:
-        return sum(1 for _ in os.scandir("/proc/self/task"))
-    except OSError:  # not mounted
-        return None
-
-
-@contextmanager
-def _copy(work: Callable[[T], R], items: Sequence[T], share: Iterable[int]) -> Iterator[Connection]:
-    """Set a fork to work on a share, and say where it tells what came of it; what is left of it
-    ends with the context.
-    """
-    from multiprocessing import get_context
-
-    fork = get_context("fork")
-    receiver, sender = fork.Pipe(duplex=False)
-    process = fork.Process(
-        target=_deliver, args=(work, items, share, sender, os.getpid()), daemon=True
-    )
-    with receiver:
-        heard = signal.pthread_sigmask(
-            signal.SIG_BLOCK, {signal.SIGINT}
-        )  # Ctrl-C is for the process that waits
-        try:
-            with sender, suppress(OSError):  # no room for a process: nothing is delivered
-                process.start()
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, heard)
-        try:
-            yield receiver
-        finally:
-            if process.pid is not None:
-                process.terminate()
-                process.join()
-
-
-def _deliver(
+def shared_out(
     work: Callable[[T], R],
     items: Sequence[T],
-    share: Iterable[int],
-    sender: Connection,
-    parent: int,
-) -> None:
-    """Do the work of a fork. It ends without a word and without what others are to do at the
-    end.
+    progress: Callable[[int, int], None] = lambda _done, _total: None,
+    workers: int | None = None,
+) -> list[R]:
+    """`[work(item) for item in items]`, by forks of this process, which have the items already.
+
+    What they return must be picklable, and whatever else they change is lost. What a fork does not
+    deliver, for whatever reason, is done here, so that an error is raised as without forks.
+
+    - `progress`: is told how many items are done, of how many.
+    - `workers`: how many there are; by default as many as this machine has for them
+      (`free_processors`).
     """
-    with suppress(BaseException):
-        killed_with(parent)
-        sender.send({number: work(items[number]) for number in share})
-    os._exit(0)
-
-
-def killed_with(parent: int) -> None:
-    """Have this process killed by the system when its parent ends, in whatever way, where the
-    system is Linux.
-    """
-    if sys.platform == "linux":
-        import ctypes
-
-        ctypes.CDLL(None).prctl(_DEATH_SIGNAL, int(signal.SIGKILL), 0, 0, 0)
-        if os.getppid() != parent:  # it ended before
-            os._exit(1)
-
-
-def _received(copy: Connection) -> dict[int, Any]:
-    """Return what a fork delivered, by the numbers of the items; nothing where it ended before."""
-    try:
-        found: dict[int, Any] = copy.recv()
-    except (EOFError, OSError):
-        return {}
+    delivered: dict[int, R] = {}
+    count = min(len(items), free_processors() if workers is None else workers)
+    if count > 1:
+        # no room for a process: all is done here
+        with suppress(OSError, WriteError), processes(count, "fork", (work, items)) as pool:
+            with deaf_to_interrupts():
+                futures = [pool.submit(_do_numbered, number) for number in range(len(items))]
+            for number, future in enumerate(futures):
+                if future.exception() is None:
+                    delivered[number] = future.result()
+                progress(number + 1, len(items))
+    found = []
+    for number, item in enumerate(items):
+        found.append(delivered[number] if number in delivered else work(item))
+        if count <= 1:
+            progress(number + 1, len(items))
     return found
+
+
+def _do_numbered(number: int) -> Any:
+    work, items = _shared
+    return work(items[number])

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns
-from mapmore_cli.domain.declared import Count, Label
+from mapmore_cli.domain.declared import Label
 from mapmore_cli.domain.fits import FormulaFit, MemoryFit, SegmentFit
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.domain.scores import Score, ScoreTable
@@ -34,9 +34,6 @@ class FitResult:
     body: Annotated[Any, "what was fitted; absent where models are only added up"]
     backbone: Annotated[FormulaFit | None, "formula whose residual was fitted"] = None
     notes: Annotated[tuple[str, ...], "remarks for the reader"] = ()
-    max_terms: Annotated[
-        Count, "number of terms that left-out training data chose; 0 where the spec says it", "-"
-    ] = 0
 
     @property
     def pieces(self) -> tuple[SegmentFit, ...]:

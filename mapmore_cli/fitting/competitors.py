@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from math import comb
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.domain.fits import FormulaFit, Optimum
+from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import Formula, Model
 from mapmore_cli.domain.recording import DAMPING, STATIC_FORCE, Curve, Dataset
 from mapmore_cli.domain.results import Forecast
@@ -23,7 +22,7 @@ from mapmore_cli.domain.scores import BASELINES, OWN, SIMPLE
 from mapmore_cli.modelling import kinds, literature, simple
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.kinds import runs_over_time
-from mapmore_cli.modelling.literature.backbone import fit_formula, pooled, pooled_training
+from mapmore_cli.modelling.literature.backbone import fit_formula, pooled_training
 from mapmore_cli.modelling.literature.formulas.sarosi_hysteresis_loss import HysteresisLoss
 from mapmore_cli.modelling.signals.plateau import damping_component
 from mapmore_cli.spec.experiment import Competitor
@@ -77,42 +76,30 @@ class Contest:
         """
         if isinstance(competitor, str):
             competitor = Competitor(model=competitor)
+        label, name, dataset = competitor.label, competitor.model, self.dataset
         if competitor.run is not None or competitor.set is not None:
-            folder = self.needed[competitor.run or competitor.label]
-            fit = RunFiles(folder).fit().body
-            own_fit = fit if kinds.page_of(fit) else None
-            return Rival(competitor.label, self._of_run(folder), own_fit=own_fit)
+            folder = self.needed[competitor.run or label]
+            files = RunFiles(folder)
+            model = files.model() if self.refit is None else self.refit(folder, dataset)
+            body = files.fit().body
+            own_fit = body if kinds.page_of(body) else None
+            return Rival(label, self._of_model(model), own_fit=own_fit)
         if competitor.is_file:
-            return Rival(
-                competitor.label, self._of_model(read_model(self.spec_dir / str(competitor.model)))
-            )
+            return Rival(label, self._of_model(read_model(self.spec_dir / str(name))))
         if competitor.static is not None:
             return self._composite(competitor)
         if competitor.sum is not None:
             return self._sum(competitor)
-        assert competitor.model is not None
-        if competitor.model in SIMPLE:
-            return Rival(competitor.label, _forecasts(self._of_simple(competitor.model)))
-        if competitor.model in BASELINES:
+        assert name is not None
+        if name in SIMPLE:
+            return Rival(label, _forecasts(self._of_simple(name)))
+        if name in BASELINES:
             from mapmore_cli.fitting.baselines import predictions
 
-            return Rival(
-                competitor.label,
-                _forecasts(predictions(competitor.model, self.dataset, self.model)),
-            )
-        found = self._fitted(
-            competitor.model,
-            self.dataset.curves,
-            self.dataset.target,
-            competitor.method,
-            competitor.starts,
-        )
-        fit = self._with_held_out(found)
-        return Rival(
-            competitor.label,
-            _forecasts(_predicted(fit, self.dataset.curves)),
-            {competitor.label: fit},
-        )
+            return Rival(label, _forecasts(predictions(name, dataset, self.model)))
+        how = (competitor.method, competitor.starts)
+        fit = self._fitted(name, dataset.curves, dataset.target, *how)
+        return Rival(label, _forecasts(_formula_says(fit, dataset.curves)), {label: fit})
 
     def simple_beside(self, named: Collection[str]) -> tuple[str, ...]:
         """Return the simple competitors that the model allows and that are not `named` already.
@@ -120,33 +107,30 @@ class Contest:
         They are polynomials of its inputs, its backbone where it is more than that, and an ARX
         where it runs over time.
         """
-        coefficients = {
-            name: comb(len(self._inputs) + degree, degree)
-            for name, degree in simple.DEGREES.items()
-            if self._inputs
-        }
         samples = sum(int(curve.training.sum()) for curve in self.dataset.curves)
-        polynomials = [name for name, count in coefficients.items() if count < samples]
-        beside = (
-            self._backbone is not None
-            and not isinstance(self.model.body, Formula)
-            and self._backbone.name not in named
-        )
-        backbone = ["backbone"] if beside else []
-        found = (*polynomials, *backbone, *(["arx"] if runs_over_time(self.model) else []))
-        return tuple(name for name in found if name not in named)
+        inputs = len(self._inputs)
+        beside = [
+            name
+            for name, degree in simple.DEGREES.items()
+            if inputs and comb(inputs + degree, degree) < samples
+        ]
+        backbone = None if isinstance(self.model.body, Formula) else self._backbone
+        if backbone is not None and backbone.name not in named:
+            beside.append("backbone")
+        if runs_over_time(self.model):
+            beside.append("arx")
+        return tuple(name for name in beside if name not in named)
 
     def _of_simple(self, name: str) -> Sequence[Array]:
         """Predictions of a simple competitor for every curve; NaN where it has none."""
+        said: Sequence[Array] | None = None
         if name == "arx":
-            found = simple.arx(self.dataset, self._inputs)
-        elif name == "backbone":
-            found = (
-                None if self._backbone is None else _predicted(self._backbone, self.dataset.curves)
-            )
-        else:
-            found = simple.polynomial(simple.DEGREES[name], self.dataset, self._inputs)
-        return found or [np.full(curve.size, np.nan) for curve in self.dataset.curves]
+            said = simple.arx(self.dataset, self._inputs)
+        elif name != "backbone":
+            said = simple.polynomial(simple.DEGREES[name], self.dataset, self._inputs)
+        elif self._backbone is not None:
+            said = _formula_says(self._backbone, self.dataset.curves)
+        return said or [np.full(curve.size, np.nan) for curve in self.dataset.curves]
 
     @property
     def _inputs(self) -> list[str]:
@@ -162,27 +146,6 @@ class Contest:
         """The backbone of the model where it predicts the scored quantity."""
         fit: FormulaFit | None = getattr(self.model.body, "backbone", None)
         return fit if self.model.output.name == self.dataset.target else None
-
-    def _with_held_out(self, fit: FormulaFit) -> FormulaFit:
-        """Return the fit with the held-out error of each of its rivals."""
-        formula, held_out = (
-            literature.of(fit),
-            pooled([(curve, curve.held_out) for curve in self.dataset.curves]),
-        )
-        measured = held_out[self.dataset.target]
-        if not len(measured):
-            return fit
-
-        def scored(rival: Optimum) -> Optimum:
-            error = formula.predict(rival.parameters, held_out) - measured
-            return replace(rival, held_out_rmse=float(np.sqrt(np.mean(error**2))))
-
-        return replace(fit, rivals=tuple(scored(rival) for rival in fit.rivals))
-
-    def _of_run(self, run_dir: Path) -> Forecasts:
-        return self._of_model(
-            RunFiles(run_dir).model() if self.refit is None else self.refit(run_dir, self.dataset)
-        )
 
     def _of_model(self, other: Model) -> Forecasts:
         quantities, target = self.dataset.quantities, self.dataset.target
@@ -211,35 +174,29 @@ class Contest:
         """
         assert competitor.static is not None
         assert competitor.damping is not None
-        curves, force = self.dataset.curves, self._force
+        label, curves, static = competitor.label, self.dataset.curves, self._static
         fits: dict[str, FormulaFit] = {}
         if competitor.static == OWN:
-            static = [forecast(self._static_model, curve).values for curve in curves]
+            held = [forecast(static.model(), curve).values for curve in curves]
         else:
-            training = self._static_dataset
-            fits["static"] = fit_formula(
-                competitor.static, training.curves, training.target, competitor.method, self.lengths
-            )
-            static = _predicted(fits["static"], curves)
-        left = [
-            damping_component(c.columns[force] - s, c) for c, s in zip(curves, static, strict=True)
-        ]
+            own, how = static.dataset(), (competitor.method, self.lengths)
+            fits["static"] = fit_formula(competitor.static, own.curves, own.target, *how)
+            held = _formula_says(fits["static"], curves)
+        force = static.model().output.name
         leaving = [
-            replace(c, columns={**c.columns, DAMPING: rest})
-            for c, rest in zip(curves, left, strict=True)
+            replace(c, columns={**c.columns, DAMPING: damping_component(c.columns[force] - y, c)})
+            for c, y in zip(curves, held, strict=True)
         ]
         fits["damping"] = self._fitted(competitor.damping, leaving, DAMPING, competitor.method)
-        total = [s + d for s, d in zip(static, _predicted(fits["damping"], curves), strict=True)]
+        damping = _formula_says(fits["damping"], curves)
+        total = [y + more for y, more in zip(held, damping, strict=True)]
         if self.dataset.target == DAMPING:
             total = [
                 damping_component(y - c.columns[STATIC_FORCE], c)
                 for y, c in zip(total, curves, strict=True)
             ]
-        return Rival(
-            competitor.label,
-            _forecasts(total),
-            {f"{competitor.label} ({part})": fit for part, fit in fits.items()},
-        )
+        named = {f"{label} ({part})": fit for part, fit in fits.items()}
+        return Rival(label, _forecasts(total), named)
 
     def _fitted(
         self,
@@ -258,31 +215,20 @@ class Contest:
                 f"validate.against: {name} needs the length of the muscle",
                 "add `length: 88 mm` to `muscle`",
             )
-        return formula.fit_cycles(pooled_training(self._static_dataset.curves), length)
+        return formula.fit_cycles(pooled_training(self._static.dataset().curves), length)
 
     @property
-    def _force(self) -> str:
-        return self._static_model.output.name
-
-    @cached_property
-    def _static_dataset(self) -> Dataset:
-        return RunFiles(self._static_folder).dataset()
-
-    @cached_property
-    def _static_model(self) -> Model:
-        return RunFiles(self._static_folder).model()
-
-    @property
-    def _static_folder(self) -> Path:
+    def _static(self) -> RunFiles:
+        """The results of the needed static run."""
         if self.static_run is None:
             raise SpecError(
                 "validate.against: a competitor is fitted to the data of a static run",
                 "add `needs: {static: my-static.yaml}`",
             )
-        return self.static_run
+        return RunFiles(self.static_run)
 
 
-def _predicted(fit: FormulaFit, curves: Sequence[Curve]) -> list[Array]:
+def _formula_says(fit: FormulaFit, curves: Sequence[Curve]) -> list[Array]:
     if fit.failed:
         return [np.full(curve.size, np.nan) for curve in curves]
     return [literature.of(fit).predict(fit.parameters, curve.columns) for curve in curves]

@@ -4,8 +4,10 @@ were left out of them.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,9 +19,10 @@ from mapmore_cli.domain.models import LeftOut, LeftOutKind, Model
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.domain.results import Forecast
 from mapmore_cli.domain.scores import OWN
-from mapmore_cli.fitting import refitting
 from mapmore_cli.fitting.competitors import Contest, Forecasts
+from mapmore_cli.fitting.kinds import refit
 from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices
+from mapmore_cli.fitting.refitting import left_out_of
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.pieces.cross_validation import BLOCKS, block, in_curve
 from mapmore_cli.modelling.validation.intervals import Training, summary
@@ -40,6 +43,9 @@ Compare = Callable[[Contest], tuple[Said, Sequence[str]]]
 warned of.
 """
 
+Masks = tuple[BoolArray, ...]
+"""For every curve, the samples that are left out."""
+
 
 def left_out(
     choices: ModelChoices,
@@ -57,42 +63,43 @@ def left_out(
     trusted, and every competitor. The run's own model is `fitted_to` a quantity, which need not be
     the one that is scored. A model that fails without some level is left out.
     """
+    refuse_over_time(choices)
     dataset = contest.dataset
-    every = _levels(dataset) if group is None else _groups(dataset, group)
-
-    def without(outs: Sequence[BoolArray]) -> tuple[Said, Sequence[str]]:
-        fold = replace(
-            dataset,
-            curves=tuple(
-                replace(c, held_out=out) for c, out in zip(dataset.curves, outs, strict=True)
-            ),
-        )
-        model = refitted(choices, replace(fold, target=fitted_to))
-        said, warnings = compare(replace(contest, dataset=fold, model=model, refit=refit_run))
-        return {OWN: _own(model, fold), **said}, warnings
-
-    found = []
-    for outs in every:
-        found.append(without(outs))
-        progress(f"{'levels' if group is None else 'groups'} left out", len(found), len(every))
-    whole = replace(
-        dataset,
-        curves=tuple(replace(c, held_out=np.ones(c.size, dtype=np.bool_)) for c in dataset.curves),
-    )
-    names = [name for name in found[0][0] if all(name in said for said, _ in found)]
-    joined = {name: _joined([said[name] for said, _ in found], every) for name in names}
-    return whole, joined, [warning for _, warnings in found for warning in warnings]
+    folds = _level_folds(dataset) if group is None else _group_folds(dataset, group)
+    parts, warnings = list[Said](), list[str]()
+    for outs in folds:
+        fold = _held_out(dataset, outs)
+        model = refit(choices, replace(fold, target=fitted_to))
+        said, told = compare(replace(contest, dataset=fold, model=model, refit=refit_run))
+        own = tuple(forecast(model, curve, fold.target) for curve in fold.curves)
+        parts.append({OWN: own, **said})
+        warnings += told
+        progress(f"{'levels' if group is None else 'groups'} left out", len(parts), len(folds))
+    everywhere = [np.ones(curve.size, dtype=np.bool_) for curve in dataset.curves]
+    joined = {
+        name: _by_fold([said[name] for said in parts], folds)
+        for name in parts[0]
+        if all(name in said for said in parts)
+    }
+    return _held_out(dataset, everywhere), joined, warnings
 
 
-def _levels(dataset: Dataset) -> list[list[BoolArray]]:
+def _held_out(dataset: Dataset, outs: Sequence[BoolArray]) -> Dataset:
+    """Return the dataset with other samples held out."""
+    curves = zip(dataset.curves, outs, strict=True)
+    return replace(dataset, curves=tuple(replace(curve, held_out=out) for curve, out in curves))
+
+
+def _level_folds(dataset: Dataset) -> list[Masks]:
     """For every level, which samples of each curve are at it."""
     levels = dict.fromkeys(curve.level for curve in dataset.curves)
     return [
-        [np.full(curve.size, curve.level == level) for curve in dataset.curves] for level in levels
+        tuple(np.full(curve.size, curve.level == level) for curve in dataset.curves)
+        for level in levels
     ]
 
 
-def _groups(dataset: Dataset, of: str) -> list[list[BoolArray]]:
+def _group_folds(dataset: Dataset, of: str) -> list[Masks]:
     """For every value of the quantity, which samples of each curve have it; DataError for a single
     one.
     """
@@ -102,17 +109,36 @@ def _groups(dataset: Dataset, of: str) -> list[list[BoolArray]]:
             f"split.leave_one_group_out: {of} is {values[0]:g} in all recordings",
             "name what tells them apart in `data.groups`",
         )
-    return [[curve.columns[of] == value for curve in dataset.curves] for value in values]
+    return [tuple(curve.columns[of] == value for curve in dataset.curves) for value in values]
 
 
-def refitted(choices: ModelChoices, dataset: Dataset) -> Model:
-    """Return a model of the training samples of a dataset, made in one go."""
+def _by_fold(parts: Sequence[Forecasts], folds: Sequence[Masks]) -> Forecasts:
+    """Of each sample the forecast of the fold that it was left out of."""
+    joined = []
+    for said, outs in zip(zip(*parts, strict=True), zip(*folds, strict=True), strict=True):
+        whole = next((one for one, out in zip(said, outs, strict=True) if out.all()), None)
+        values = np.select(list(outs), [one.values for one in said])
+        ready = np.select(list(outs), [one.ready for one in said])
+        joined.append(whole or Forecast.of(np.where(ready, values, np.nan)))
+    return tuple(joined)
+
+
+def refuse_over_time(choices: ModelChoices) -> None:
+    """Raise SpecError for a model that cannot be fitted without a level."""
     if choices.kind == "sum" or choices.over_time:
         raise SpecError(
             "split.leave_one_level_out: a model over time cannot be fitted without a level",
             "hold out recordings instead",
         )
-    return refitting.refitted(choices, dataset)
+
+
+def refit_run(run_dir: Path, dataset: Dataset) -> Model:
+    """Return the model of another run, made anew by its own spec on the training samples of a
+    dataset.
+    """
+    choices = model_choices(load(run_dir / "experiment.yaml").spec)
+    refuse_over_time(choices)
+    return refit(choices, replace(dataset, target=RunFiles(run_dir).dataset().target))
 
 
 def residuals(
@@ -126,214 +152,146 @@ def residuals(
     that the `model` has.
 
     `needed` are the folders of the runs that a sum adds up, which are fitted anew as well. Held-out
-    data are in nothing of it.
+    data are never used.
 
     Raises SpecError where runs are added up that were trained on fewer than three levels or
     recordings; DataError, FitError where a model cannot be fitted without a part, or has no
     prediction for it; the part is named.
     """
-    kind, count, folds = parts_of(dataset, choices)
+    kind, count, parts = parts_of(dataset, choices)
     if kind == "blocks" and needed:
-        found = (
-            "the runs that are added up can be fitted anew without a level or a recording, "
-            "and there are fewer than three"
-        )
         raise SpecError(
-            f"validate.intervals: {found}", "leave it out, or ask for the intervals of the parts"
+            "validate.intervals: the runs that are added up can be fitted anew without a level or "
+            "a recording, and there are fewer than three",
+            "leave it out, or ask for the intervals of the parts",
         )
-
-    def missed(name: str, outs: tuple[BoolArray, ...]) -> tuple[list[Array], float]:
+    y = np.concatenate([curve.columns[dataset.target][curve.training] for curve in dataset.curves])
+    low, high = float(y.min()), float(y.max())
+    astray = 0.0
+    errors: dict[str, list[Array]] = {}
+    for name, outs in parts.items():
         try:
-            every = refitting.left_out_of(
-                dataset, outs, lambda rest: made_anew(choices, rest, needed)
-            )
+            every = left_out_of(dataset, outs, partial(_refitted_sum, choices, needed))
         except (DataError, FitError) as error:
             raise type(error)(
                 f"validate.intervals: without {name}, {error.message}",
                 "leave it out, or change what that fit needs",
             ) from error
-        said = np.concatenate([found.values[out & found.ready] for _, out, found in every])
-        beyond = max(
-            0.0, float(np.max(said - high, initial=0.0)), float(np.max(low - said, initial=0.0))
-        )
-        return [
-            (curve.columns[dataset.target] - found.values)[out & found.ready]
-            for curve, out, found in every
-        ], beyond
-
-    low, high = _training_span(dataset)
-    astray = 0.0
-    errors: dict[str, list[Array]] = {}
-    for part in folds.items():
-        errors[part[0]], beyond = missed(*part)
-        astray = max(astray, beyond / (high - low) if high > low else 0.0)
-        progress(f"{kind} left out", len(errors), len(folds))
-    return summary(kind, count, errors, _training(dataset, model, astray))
-
-
-def _training_span(dataset: Dataset) -> tuple[float, float]:
-    y = np.concatenate([curve.columns[dataset.target][curve.training] for curve in dataset.curves])
-    return float(y.min()), float(y.max())
-
-
-def _training(dataset: Dataset, model: Model, astray: float) -> Training:
-    """Return what intervals with few levels need of the training data."""
-    at: dict[float, int] = {}
+        errors[name] = [
+            (curve.columns[dataset.target] - said.values)[out & said.ready]
+            for curve, out, said in every
+        ]
+        values = np.concatenate([said.values[out & said.ready] for _, out, said in every])
+        beyond = max(np.max(values - high, initial=0.0), np.max(low - values, initial=0.0))
+        astray = max(astray, float(beyond) / (high - low) if high > low else 0.0)
+        progress(f"{kind} left out", len(errors), len(parts))
+    recordings = Counter[float]()
     for curve in dataset.curves:
         if curve.level is not None and curve.training.any():
-            at[curve.level] = at.get(curve.level, 0) + len(curve.recordings)
+            recordings[curve.level] += len(curve.recordings)
+    places = tuple(sorted(recordings))
+    training = Training(
+        places,
+        tuple(recordings[level] for level in places),
+        max(abs(low), abs(high)),
+        _training_error(dataset, model),
+        astray,
+    )
+    return summary(kind, count, errors, training)
+
+
+def _training_error(dataset: Dataset, model: Model) -> float:
+    """Root mean square of the training residual where the model predicts; 0 where it does not."""
     missed = []
     for curve in dataset.curves:
         said = forecast(model, curve)
         missed.append((curve.columns[dataset.target] - said.values)[curve.training & said.ready])
     residual = np.concatenate(missed)
-    return Training(
-        tuple(sorted(at)),
-        tuple(at[level] for level in sorted(at)),
-        max(map(abs, _training_span(dataset))),
-        float(np.sqrt(np.mean(residual[np.isfinite(residual)] ** 2)))
-        if np.isfinite(residual).any()
-        else 0.0,
-        astray,
-    )
+    known = residual[np.isfinite(residual)]
+    return float(np.sqrt(np.mean(known**2))) if len(known) else 0.0
 
 
-def parts_of(
-    dataset: Dataset, choices: ModelChoices
-) -> tuple[LeftOutKind, int, dict[str, tuple[BoolArray, ...]]]:
+def parts_of(dataset: Dataset, choices: ModelChoices) -> tuple[LeftOutKind, int, dict[str, Masks]]:
     """Return what is left out of the training data in turn, how many such parts train, and each
     part's name and samples of every curve.
 
     They are the inner levels, since within its training range a new curve lies between two others;
-    recordings where there are no levels; of a family, specimens;
-    blocks of all recordings where there are fewer than `LEAST_PARTS` of either. The samples of a
-    plateau, which do not train, are a part of their level or recording, since they are predicted
-    and scored.
+    recordings where there are no levels; of a family, specimens; blocks of all recordings where
+    there are fewer than `LEAST_PARTS` of either. The samples of a plateau, which do not train, are
+    a part of their level or recording, since they are predicted and scored.
     """
-    known = [~curve.held_out for curve in dataset.curves]
-    names = [_part(dataset, curve) for curve in dataset.curves]
-    fixed = choices.fit.train_level
     if choices.model.family is not None:
-        of = choices.model.family.of
-        values = np.unique(
-            np.concatenate(
-                [curve.columns[of][rows] for curve, rows in zip(dataset.curves, known, strict=True)]
-            )
-        )
-        if len(values) < LEAST_PARTS:
-            raise DataError(
-                f"validate.intervals: each specimen is left out in turn, and {len(values)} "
-                f"{'is' if len(values) == 1 else 'are'} too few",
-                "leave it out, or add recordings of a third specimen",
-            )
-        specimens = {
-            f"{of}={value:g}": tuple(
-                rows & (c.columns[of] == value)
-                for c, rows in zip(dataset.curves, known, strict=True)
-            )
-            for value in values
-        }
-        return "specimens", len(values), specimens
-    trains = [
-        number
-        for number, curve in enumerate(dataset.curves)
-        if curve.training.any() and curve.level != fixed
-    ]
-    if dataset.level is not None:
-        trains.sort(key=lambda number: dataset.curves[number].level or 0.0)
-    parts = list(dict.fromkeys(names[number] for number in trains))
-    if len(parts) >= LEAST_PARTS:
-        out = parts if dataset.level is None else parts[1:-1]
+        return _specimens(dataset, choices.model.family.of)
+    curves, level = dataset.curves, dataset.level
+    trains = [c for c in curves if c.training.any() and c.level != choices.fit.train_level]
+    if level is not None:
+        trains.sort(key=lambda curve: curve.level or 0.0)
+    names = list(dict.fromkeys(_part_name(dataset, curve) for curve in trains))
+    if len(names) >= LEAST_PARTS:
         masks = {
-            part: tuple(rows & (name == part) for name, rows in zip(names, known, strict=True))
-            for part in out
+            name: tuple(~curve.held_out & (_part_name(dataset, curve) == name) for curve in curves)
+            for name in (names if level is None else names[1:-1])
         }
-        return ("recordings" if dataset.level is None else "levels"), len(parts), masks
-    timed = all("time" in curve.columns for curve in dataset.curves)
-    along = (
-        "time"
-        if timed
-        else in_curve(dataset.curves, tuple(choices.segment), dataset.target, dataset.level)
+        return "recordings" if level is None else "levels", len(names), masks
+    timed = all("time" in curve.columns for curve in curves)
+    along = "time" if timed else in_curve(curves, tuple(choices.segment), dataset.target, level)
+    blocks = {
+        f"block {number + 1} of {BLOCKS}": tuple(block(curve, along, number) for curve in curves)
+        for number in (range(BLOCKS) if timed else range(1, BLOCKS - 1))
+    }
+    return "blocks", BLOCKS, blocks
+
+
+def _specimens(dataset: Dataset, of: str) -> tuple[LeftOutKind, int, dict[str, Masks]]:
+    values = np.unique(
+        np.concatenate([curve.columns[of][~curve.held_out] for curve in dataset.curves])
     )
-    number = range(BLOCKS) if timed else range(1, BLOCKS - 1)
-    return (
-        "blocks",
-        BLOCKS,
-        {
-            f"block {n + 1} of {BLOCKS}": tuple(block(curve, along, n) for curve in dataset.curves)
-            for n in number
-        },
-    )
+    if len(values) < LEAST_PARTS:
+        raise DataError(
+            f"validate.intervals: each specimen is left out in turn, and {len(values)} "
+            f"{'is' if len(values) == 1 else 'are'} too few",
+            "leave it out, or add recordings of a third specimen",
+        )
+    masks = {
+        f"{of}={value:g}": tuple(~c.held_out & (c.columns[of] == value) for c in dataset.curves)
+        for value in values
+    }
+    return "specimens", len(values), masks
 
 
-def _part(dataset: Dataset, curve: Curve) -> str:
-    return (
-        dataset.logs.get(curve.recordings[0], curve.id)
-        if curve.level is None
-        else f"{dataset.level}={curve.level:g}"
-    )
+def _part_name(dataset: Dataset, curve: Curve) -> str:
+    """Return the name of the level or recording that a curve belongs to."""
+    if curve.level is None:
+        return dataset.logs.get(curve.recordings[0], curve.id)
+    return f"{dataset.level}={curve.level:g}"
 
 
-def made_anew(choices: ModelChoices, dataset: Dataset, needed: Mapping[str, Path]) -> Model:
+def _refitted_sum(choices: ModelChoices, needed: Mapping[str, Path], dataset: Dataset) -> Model:
     """Return a model of any kind, made of the training samples of a dataset; `needed` are the
     folders of the runs that a sum adds up.
     """
-    return refitting.refitted(choices, dataset, lambda path: _without(needed[path], dataset))
+    return refit(choices, dataset, lambda path: _summand_without(needed[path], dataset))
 
 
-def _without(run_dir: Path, dataset: Dataset) -> Model:
+def _summand_without(run_dir: Path, dataset: Dataset) -> Model:
     """Return the model of a run, fitted anew to its data without the curves that a dataset holds
     out as a whole: by level, else by name.
     """
     choices = model_choices(load(run_dir / "experiment.yaml").spec)
     if choices.summands:
-        found = (
-            f"{choices.name} adds runs up itself, and cannot be fitted anew without a part of "
-            "the data"
-        )
         raise SpecError(
-            f"validate.intervals: {found}", "leave it out, or add up all runs in one spec"
+            f"validate.intervals: {choices.name} adds runs up itself, and cannot be fitted anew "
+            "without a part of the data",
+            "leave it out, or add up all runs in one spec",
         )
     own = RunFiles(run_dir).dataset()
-    out = {_key(curve) for curve in dataset.curves if not curve.training.any()}
-    curves = tuple(
-        replace(c, held_out=np.ones(c.size, dtype=np.bool_)) if _key(c) in out else c
-        for c in own.curves
-    )
-    return made_anew(choices, replace(own, curves=curves), {})
+    out = {_level_or_id(curve) for curve in dataset.curves if not curve.training.any()}
+    masks = [
+        np.ones(curve.size, dtype=np.bool_) if _level_or_id(curve) in out else curve.held_out
+        for curve in own.curves
+    ]
+    return refit(choices, _held_out(own, masks))
 
 
-def _key(curve: Curve) -> float | str:
+def _level_or_id(curve: Curve) -> float | str:
     return curve.id if curve.level is None else curve.level
-
-
-def refit_run(run_dir: Path, dataset: Dataset) -> Model:
-    """Return the model of another run, made anew by its own spec on the training samples of a
-    dataset.
-    """
-    own_target = RunFiles(run_dir).dataset().target
-    return refitted(
-        model_choices(load(run_dir / "experiment.yaml").spec), replace(dataset, target=own_target)
-    )
-
-
-def _own(model: Model, dataset: Dataset) -> Forecasts:
-    return tuple(forecast(model, curve, dataset.target) for curve in dataset.curves)
-
-
-def _joined(parts: Sequence[Forecasts], folds: Sequence[Sequence[BoolArray]]) -> Forecasts:
-    """Of each sample the forecast of the fold that it was left out of."""
-    return tuple(
-        _of_curve([said[number] for said in parts], [fold[number] for fold in folds])
-        for number in range(len(parts[0]))
-    )
-
-
-def _of_curve(said: Sequence[Forecast], outs: Sequence[BoolArray]) -> Forecast:
-    whole = next((one for one, out in zip(said, outs, strict=True) if out.all()), None)
-    if whole is not None:
-        return whole
-    values, ready = (
-        np.select(outs, [getattr(one, name) for one in said]) for name in ("values", "ready")
-    )
-    return Forecast.of(np.where(ready, values, np.nan))

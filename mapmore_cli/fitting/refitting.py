@@ -1,29 +1,23 @@
-"""Models made anew on part of the training data: folds that are left out in turn, the errors there,
-and the number of terms by them.
+"""Models made anew on part of the training data: folds that are left out in turn, and the errors
+there.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import BoolArray, IntArray
-from mapmore_cli.domain.errors import DataError, FitError, MapmoreError
+from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.domain.results import Forecast
-from mapmore_cli.fitting.kinds import added_up, refit
-from mapmore_cli.fitting.kinds.choices import FitChoices, ModelChoices, level_of, with_terms
-from mapmore_cli.fitting.kinds.dictionary import terms_of
-from mapmore_cli.fitting.kinds.pieces import backbone_name
+from mapmore_cli.fitting.kinds.choices import ModelChoices, level_of
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.pieces.cross_validation import BLOCKS
-from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.modelling.validation.metrics import divisor
-from mapmore_cli.modelling.validation.significance import geometric_mean, simplest_of
 
 FEWEST_INNER = 3
 """Inner training levels from which on levels are left out; with fewer, blocks are: a standard error
@@ -31,30 +25,13 @@ of one or two folds says nothing.
 """
 
 
-@dataclass(frozen=True)
-class Folds:
-    """What all combinations are tried on: a `dataset` of training samples alone, and what every
-    fold leaves out of each curve.
-    """
-
-    dataset: Dataset
-    masks: Sequence[tuple[BoolArray, ...]]
-    left_out: str
-    scale: float
-    full_scale: str
-
-
 def training_only(dataset: Dataset) -> Dataset:
     """Return the dataset without its held-out samples; curves that have no others are left out."""
-    return replace(
-        dataset,
-        curves=tuple(
-            kept(curve, ~curve.held_out) for curve in dataset.curves if curve.training.any()
-        ),
-    )
+    curves = [curve for curve in dataset.curves if curve.training.any()]
+    return replace(dataset, curves=tuple(with_rows(curve, ~curve.held_out) for curve in curves))
 
 
-def kept(curve: Curve, rows: BoolArray) -> Curve:
+def with_rows(curve: Curve, rows: BoolArray) -> Curve:
     """Return some rows of a curve; of its recordings, those that still have any."""
     origin, recordings = None, curve.recordings
     if curve.origin is not None:
@@ -70,6 +47,19 @@ def kept(curve: Curve, rows: BoolArray) -> Curve:
     )
 
 
+@dataclass(frozen=True)
+class Folds:
+    """What settings are tried on: a `dataset` of training samples alone, and what every fold leaves
+    out of each curve. Errors are divided by `scale`.
+    """
+
+    dataset: Dataset
+    masks: Sequence[tuple[BoolArray, ...]]
+    left_out: str
+    scale: float
+    full_scale: str
+
+
 def folds_of(
     dataset: Dataset, choices: ModelChoices, normaliser: str, by_level: bool = False
 ) -> Folds:
@@ -81,51 +71,42 @@ def folds_of(
 
     Raises DataError where there are too few samples to leave a block out.
     """
-    level = None if choices.over_time else level_of(choices.levels, choices.segment)
+    scale = divisor(dataset, normaliser)
+    level = dataset.level if by_level else level_of(choices.levels, choices.segment)
     levels = sorted({curve.level for curve in dataset.curves if curve.level is not None})
-    if by_level and not choices.over_time:
-        level = dataset.level
     inner = levels[1:-1] if len(levels) >= FEWEST_INNER + 2 or not by_level else levels
-    if level is not None and len(inner) >= FEWEST_INNER:
-        folds: list[tuple[BoolArray, ...]] = [
+    if not choices.over_time and level is not None and len(inner) >= FEWEST_INNER:
+        folds = [
             tuple(curve.training & (curve.level == value) for curve in dataset.curves)
             for value in inner
         ]
-        left_out = (
-            f"each of the {len(inner)} {'inner ' if len(inner) < len(levels) else ''}training "
-            f"levels of {level}"
+        which = "inner training" if len(inner) < len(levels) else "training"
+        left_out = f"each of the {len(inner)} {which} levels of {level}"
+        return Folds(dataset, folds, left_out, scale.value, scale.name)
+    along = None
+    if not choices.over_time:
+        along = next((name for name in choices.segment if name in dataset.quantities), None)
+    folds = list(zip(*(_block_masks(curve, along) for curve in dataset.curves), strict=True))
+    if any(not any(mask.any() for mask in fold) for fold in folds):
+        raise DataError(
+            f"no curve has {BLOCKS} training samples: no block can be left out",
+            "keep more samples",
         )
-    else:
-        along = (
-            None
-            if choices.over_time
-            else next((name for name in choices.segment if name in dataset.quantities), None)
-        )
-        blocks = [_blocks(curve, along) for curve in dataset.curves]
-        folds = [tuple(of[number] for of in blocks) for number in range(BLOCKS)]
-        left_out = (
-            f"each of {BLOCKS} contiguous blocks of the training samples of every "
-            f"{'curve' if along else 'recording'}"
-        )
-        if any(not any(mask.any() for mask in fold) for fold in folds):
-            raise DataError(
-                f"no curve has {BLOCKS} training samples: no block can be left out",
-                "keep more samples",
-            )
-    scale = divisor(dataset, normaliser)
+    of = "curve" if along else "recording"
+    left_out = f"each of {BLOCKS} contiguous blocks of the training samples of every {of}"
     return Folds(dataset, folds, left_out, scale.value, scale.name)
 
 
-def _blocks(curve: Curve, along: str | None) -> list[BoolArray]:
+def _block_masks(curve: Curve, along: str | None) -> list[BoolArray]:
     """Contiguous blocks of the training samples: along a quantity, or of each recording in the
     order of time.
     """
-    if along is not None:
+    if along is None:
+        parts = [log[curve.training[log]] for log in curve.logs]
+    else:
         rows = np.flatnonzero(curve.training)
-        return contiguous(
-            [rows[np.argsort(curve.columns[along][rows], kind="stable")]], BLOCKS, curve.size
-        )
-    return contiguous([log[curve.training[log]] for log in curve.logs], BLOCKS, curve.size)
+        parts = [rows[np.argsort(curve.columns[along][rows], kind="stable")]]
+    return contiguous(parts, BLOCKS, curve.size)
 
 
 def contiguous(parts: Sequence[IntArray], count: int, size: int, times: int = 1) -> list[BoolArray]:
@@ -163,114 +144,17 @@ def left_out_of(
     ]
 
 
-def errors_of(
-    choices: ModelChoices, folds: Folds, remade: Callable[[ModelChoices, Dataset], Model]
-) -> list[float]:
+def errors_of(folds: Folds, remade: Callable[[Dataset], Model]) -> list[float]:
     """NRMSE on each fold, of models that are `remade` without it; infinite where nothing finite was
     predicted. Raises as the fits do.
     """
-    found = []
+    nrmse = []
     target = folds.dataset.target
     for masks in folds.masks:
-        every = left_out_of(folds.dataset, masks, partial(remade, choices))
+        every = left_out_of(folds.dataset, masks, remade)
         errors = np.concatenate(
             [(said.values - curve.columns[target])[out & said.ready] for curve, out, said in every]
         )
-        error = float(np.sqrt(np.mean(errors**2))) / folds.scale if len(errors) else float("inf")
-        found.append(error if np.isfinite(error) else float("inf"))
-    return found
-
-
-IN_A_SEGMENT = (1, 2, 3, 4, 6, 8)
-IN_A_RECORD = (1, 2, 4, 8, 12, 16)
-"""Numbers of terms that are tried: of a segment, and of a model with memory."""
-
-
-@dataclass(frozen=True)
-class Size:
-    """How many terms, and on what grounds; 0 where the spec says it."""
-
-    terms: int = 0
-    notes: tuple[str, ...] = ()
-
-
-def size_of(
-    part: FitChoices,
-    dataset: Dataset,
-    progress: Callable[[int, int], None] = lambda _done, _total: None,
-) -> Size:
-    """Choose the number of terms where the spec leaves it to left-out training data.
-
-    Raises FitError where no number of terms can be fitted without some of the data.
-    """
-    if part.fit.max_terms != AUTO or part.kind not in ("pieces", "memory"):
-        return Size()
-    trial = _trial(part, dataset)
-    folds = folds_of(training_only(dataset), trial, "max")
-    known, failure = dict[int, list[float]](), ""
-    sizes = _sizes(part)
-    for number, terms in enumerate(sizes):
-        try:
-            known[terms] = errors_of(with_terms(trial, terms), folds, refit)
-        except MapmoreError as fault:
-            failure = fault.message
-        progress(number + 1, len(sizes))
-    finite = {terms: errors for terms, errors in known.items() if np.isfinite(errors).all()}
-    if not finite:
-        raise FitError(
-            "fit.max_terms: auto: no number of terms can be fitted without some of the data: "
-            f"{failure}",
-            "give a number",
-        )
-    tried = list(finite)
-    rank = simplest_of(tried, np.array([finite[terms] for terms in tried]))
-    chosen, best = tried[rank.chosen], tried[rank.best]
-    errors = ", ".join(f"{terms}: {100 * geometric_mean(finite[terms]):.3g}" for terms in tried)
-    within = "the best" if chosen == best else f"within one standard error of the best, {best}"
-    note = (
-        f"at most {chosen} term(s): {within}; left out in turn: {folds.left_out}; NRMSE in % "
-        f"by number of terms: {errors}"
-    )
-    return Size(chosen, (note,))
-
-
-def _trial(part: FitChoices, dataset: Dataset) -> ModelChoices:
-    """Return the choices of a whole model; a backbone that is to be chosen as well is chosen once,
-    with the usual number of terms.
-    """
-    model = part.model
-    if model.backbone == AUTO:
-        model = replace(model, backbone=backbone_name(part, dataset))
-    return ModelChoices(
-        part.levels,
-        part.segment,
-        part.dictionary,
-        model,
-        part.fit,
-        part.lengths,
-        None,
-        "trial",
-        part.joined,
-        (),
-        (),
-    )
-
-
-def _sizes(part: FitChoices) -> list[int]:
-    """Up to the number of candidates, where that is known without the recordings."""
-    if part.over_time:
-        return list(IN_A_RECORD)
-    candidates = len(terms_of(part.dictionary))
-    return [terms for terms in IN_A_SEGMENT if terms <= candidates] or [1]
-
-
-def refitted(
-    choices: ModelChoices, dataset: Dataset, model_of: Callable[[str], Model] = added_up
-) -> Model:
-    """Return the model of the training samples of a dataset, made in one go, its number of terms
-    included where left-out data choose it.
-
-    `model_of` gives the models that a sum adds up, by the path of their spec; raises SpecError
-    where it is needed and not given.
-    """
-    return refit(with_terms(choices, size_of(choices, dataset).terms), dataset, model_of)
+        error = float(np.sqrt(np.mean(errors**2))) / folds.scale if len(errors) else np.inf
+        nrmse.append(error if np.isfinite(error) else float("inf"))
+    return nrmse

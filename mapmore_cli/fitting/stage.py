@@ -16,22 +16,18 @@ Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)
-class Variation:
-    """The spec of a run with other settings, `overrides` as those of `--set`: a run of its own,
-    `<name of the run>.<name>`.
+class Need:
+    """A run whose model a stage reads.
+
+    - `key`: the path of its spec; with `overrides`, the name of a variation of the study itself,
+      which is a run of its own, `<name of the study>.<key>`.
+    - `overrides`: the settings of a variation, as those of `--set`.
+    - `compared`: whether the model that it has is read as it is, and made only where there is none.
     """
 
-    name: str
-    overrides: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class Compared:
-    """The run of another spec that this one is compared with: its model is read as it is, and made
-    only where there is none.
-    """
-
-    path: str
+    key: str
+    overrides: tuple[str, ...] = ()
+    compared: bool = False
 
 
 @dataclass(frozen=True)
@@ -50,7 +46,7 @@ class Workspace:
     out: Path
     spec_dir: Path
     progress: Progress
-    warn: Callable[[str], None]
+    warn: Warn
     needed: Mapping[str, Path] = field(default_factory=dict)
     spec_text: str = ""
     searched: bool = False
@@ -59,10 +55,6 @@ class Workspace:
     def files(self) -> RunFiles:
         """The results of the stages before."""
         return RunFiles(self.run_dir)
-
-
-Need = str | Compared | Variation
-"""A run that a stage needs: the path of its spec, where the stage is built on it."""
 
 
 @dataclass(frozen=True)
@@ -78,9 +70,7 @@ class Stage:
     - `run`: does the work, given the slice.
     - `sources`: files outside of the run folder that it reads (recordings), given the spec and its
       folder.
-    - `needs`: runs whose models it reads: those of the specs at some paths, which it is built on;
-      those that it is compared with; and
-      variations of the spec itself.
+    - `needs`: runs whose models it reads.
     """
 
     name: str

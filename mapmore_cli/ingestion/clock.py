@@ -111,7 +111,9 @@ def _cut_at_resets(samples: Samples, unit: str) -> list[Samples]:
         f"{samples.at(at)}: the clock was set back, from {time[at - 1]:.9g} to {time[at]:.9g} "
         f"{unit}{again}: split"
     )
-    return replace(samples, notes=(*samples.notes, note)).cut(sampling.pieces(samples.size, resets))
+    return replace(samples, notes=(*samples.notes, note)).cut(
+        sampling.cut_after(samples.size, resets)
+    )
 
 
 def _at_gaps(samples: Samples, data: Data, unit: str) -> list[Samples]:
@@ -145,7 +147,7 @@ def _at_gaps(samples: Samples, data: Data, unit: str) -> list[Samples]:
             "or raise `longer_than`.",
         )
     return replace(samples, notes=(*samples.notes, f"{found}: split")).cut(
-        sampling.pieces(samples.size, gaps.after)
+        sampling.cut_after(samples.size, gaps.after)
     )
 
 
@@ -205,11 +207,11 @@ def with_joined(
 def _read(
     log: Log, join: Join, data: Data, units: Mapping[str, str], meter: Meter
 ) -> list[Samples]:
-    tables = read_tables(log, join, data.missing_rule, units, meter)
+    tables = read_tables(log, join, data, units, meter)
     if join.on == "row":
         return tables
     whole = [
-        without_glitches(without_missing(samples, join, data.missing_rule.action), data.glitches)
+        without_glitches(without_missing(samples, join, data.missing), data.glitches)
         for samples in tables
     ]
     return [in_time_order(samples, data.repeated_time, units["time"]) for samples in whole]
@@ -258,14 +260,12 @@ def _found_shift(
     match = join.match
     assert match is not None
     time, values = _in_order(first, match.first)
-    within = None if match.within is None else convert(match.within, "s", units["time"])
     same_sign = units[match.first] == units[match.second]
     found = find_shift(
         time,
         values,
         second.columns["time"],
         second.columns[match.second],
-        within,
         same_sign=same_sign,
     )
     pair = f"{match.second} of {second.label} and {match.first} of {first.label}"
@@ -283,14 +283,10 @@ def _found_shift(
         )
     if found.ambiguous:
         assert found.rival is not None
-        halfway = (
-            abs(found.value) + abs(found.rival)
-        ) / 2  # an example of a limit that leaves one of the two
         raise DataError(
             f"the shift is ambiguous by {pair}: {found.rival:.6g} {units['time']} "
             f"({found.next_best:.3f}) is nearly as good as {best}",
-            f"say in `match` within which time the shift lies, as `within: {halfway:.3g} "
-            f"{units['time']}`, {others}",
+            others,
         )
     lag = (
         ""

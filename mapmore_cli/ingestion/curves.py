@@ -4,8 +4,7 @@ run.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import combinations_with_replacement
@@ -14,7 +13,7 @@ from typing import Literal
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, Columns, in_blocks
+from mapmore_cli.domain.arrays import Array, BoolArray, Columns
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import DAMPING, STATIC_FORCE, Curve, Quantity, Recording, united
@@ -115,10 +114,8 @@ def with_damping(
     return replace(recording, columns={**columns, STATIC_FORCE: static_force, DAMPING: damping})
 
 
-CLOSE, MEANT = 0.01, 0.25
-"""Of the smallest distance between levels, within which a value names one of them: of those that
-the spec gives, and of those found.
-"""
+MEANT = 0.25
+"""Of the smallest distance between levels, within which a value names one of them."""
 
 
 @dataclass(frozen=True)
@@ -126,16 +123,12 @@ class LevelSet:
     """The values `(m,)`, ascending, at which the quantity `of` was held, and how far a sample may
     be from one.
 
-    `scatter` is `(m,)`, the standard deviation of the samples at each level; None before they are
-    known. `found` is True where the data told the levels (`at: auto`), `nominal` where its level is
-    the value of a sample.
+    `nominal` is True where its level is the value of a sample.
     """
 
     of: str
     at: Array
     within: float
-    scatter: Array | None = None
-    found: bool = False
     nominal: bool = False
 
     def match(self, values: Array) -> Array:
@@ -144,24 +137,13 @@ class LevelSet:
         return np.where(index >= 0, self.at[index], np.nan)
 
     def named(self, value: float) -> float | None:
-        """Return the level that a user means by `value`; None where it is further off than 1 % of
-        the distance of levels and their scatter.
-
-        Any sample belongs to a level, but 171 is no name for the level 150. Where levels were
-        found, nobody knows their digits: 500 is the level 504, and a name reaches a quarter of the
-        distance of levels, so that no other is as near.
+        """Return the level that a user means by `value`: the next one, where it lies within a
+        quarter of the distance of levels, so that no other is as near; else None.
         """
-        place = int(np.argmin(np.abs(self.at - value)))
-        distance = 2 * default_within(self.at) if len(self.at) > 1 else abs(float(self.at[0]))
-        reach = max(
-            (MEANT if self.found else CLOSE) * distance,
-            0.0 if self.scatter is None else float(self.scatter[place]),
-        )
-        return (
-            float(self.at[place])
-            if abs(self.at[place] - value) <= reach * (1 + 1e-9) + 1e-12 * abs(value)
-            else None
-        )
+        level = float(self.at[np.argmin(np.abs(self.at - value))])
+        distance = 2 * default_within(self.at) if len(self.at) > 1 else abs(level)
+        reach = MEANT * distance * (1 + 1e-9) + 1e-12 * abs(value)
+        return level if abs(level - value) <= reach else None
 
     def describe(self) -> str:
         """Name the levels in one line."""
@@ -207,28 +189,7 @@ def level_set(levels: Levels, recordings: Sequence[Recording]) -> LevelSet:
     else:
         at = np.sort(np.array(levels.at, dtype=float)) + 0.0  # no -0 in curve ids
     within = levels.within if levels.within is not None else default_within(at)
-    return LevelSet(of, at, within, found=levels.at == "auto", nominal=levels.value == "nominal")
-
-
-def with_scatter(levels: LevelSet, parts: Sequence[Part]) -> LevelSet:
-    """Return the levels with the scatter of the samples of `parts`."""
-
-    def deviation(level: float) -> float:
-        columns = [part.columns[levels.of] for part in parts if part.level == level]
-        size = sum(map(len, columns))
-        mean = (
-            sum(float(block.sum()) for column in columns for (block,) in in_blocks(column)) / size
-        )
-        return math.sqrt(
-            sum(
-                float(((block - mean) ** 2).sum())
-                for column in columns
-                for (block,) in in_blocks(column)
-            )
-            / size
-        )
-
-    return replace(levels, scatter=np.array([deviation(level) for level in levels.at]))
+    return LevelSet(of, at, within, nominal=levels.value == "nominal")
 
 
 def cut_by_level(
@@ -240,69 +201,57 @@ def cut_by_level(
     A log is the pieces of one recording in order of time. Without levels every piece is one part.
     Raises DataError for a level that no sample is at.
     """
-    placed = [
-        (piece, place, number)
-        for number, log in enumerate(logs)
-        for piece, place in zip(log, _places(log), strict=True)
-    ]
-    recordings = [recording for recording, _, _ in placed]
-    if levels is None:
-        return recordings, [
-            Part(recording, None, recording.columns, place, number)
-            for recording, place, number in placed
-        ]
-    pairs = [_cut(recording, place, number, levels) for recording, place, number in placed]
-    parts = [part for _, cut in pairs for part in cut]
-    empty = [level for level in levels.at if not any(part.level == level for part in parts)]
-    if empty:
-        values = np.concatenate([recording.columns[levels.of] for recording in recordings])
-        raise DataError(
-            f"levels: no sample is within {levels.within:g} of {levels.of}={empty[0]:g}",
-            f"{levels.of} runs from {values.min():g} to {values.max():g}; give other levels "
-            "or a wider `within`.",
-        )
-    return [recording for recording, _ in pairs], parts
+    recordings, parts = list[Recording](), list[Part]()
+    for number, log in enumerate(logs):
+        for recording, place in zip(log, _places(log), strict=True):
+            if levels is None:
+                recordings.append(recording)
+                parts.append(Part(recording, None, recording.columns, place, number))
+                continue
+            kept, level = _at_levels_only(recording, levels)
+            recordings.append(kept)
+            for value in np.unique(levels.at).tolist():
+                mask = by_blocks(partial(np.equal, value), level)
+                if mask.any():
+                    columns = {
+                        name: chosen(values, mask) for name, values in recording.columns.items()
+                    }
+                    parts.append(Part(kept, value, columns, chosen(place, mask), number))
+    for level in [] if levels is None else levels.at:
+        if not any(part.level == level for part in parts):
+            assert levels is not None
+            values = np.concatenate([one.columns[levels.of] for log in logs for one in log])
+            raise DataError(
+                f"levels: no sample is within {levels.within:g} of {levels.of}={level:g}",
+                f"{levels.of} runs from {values.min():g} to {values.max():g}; give other levels "
+                "or a wider `within`.",
+            )
+    return recordings, parts
 
 
-def _cut(
-    recording: Recording, place: Array, log: int, levels: LevelSet
-) -> tuple[Recording, list[Part]]:
+def _at_levels_only(recording: Recording, levels: LevelSet) -> tuple[Recording, Array]:
+    """Return the recording without samples that are at no level, and the level of each sample that
+    it had, (n,), NaN for none.
+    """
     level = by_blocks(levels.match, recording.columns[levels.of])
     at_one = by_blocks(np.isfinite, level)
-    at_none = int(np.count_nonzero(~at_one))
+    lost = int(np.count_nonzero(~at_one))
     reason = f"no level within {levels.within:g} of {levels.of}"
+    dropped = {**recording.dropped, reason: lost} if lost else recording.dropped
     columns = {name: chosen(values, at_one) for name, values in recording.columns.items()}
-    kept = replace(
-        recording,
-        columns=columns,
-        dropped={**recording.dropped, reason: at_none} if at_none else recording.dropped,
-    )
-    masks = [
-        (float(value), by_blocks(partial(np.equal, value), level)) for value in np.unique(levels.at)
-    ]
-    return kept, [
-        Part(
-            kept,
-            value,
-            {name: chosen(values, mask) for name, values in recording.columns.items()},
-            chosen(place, mask),
-            log,
-        )
-        for value, mask in masks
-        if mask.any()
-    ]
+    return replace(recording, columns=columns, dropped=dropped), level
 
 
-def _places(log: Sequence[Recording]) -> list[Array]:
-    """Where each sample stands in its log, from 0 to 1 over all pieces."""
-    sizes = [piece.rows_kept for piece in log]
-    whole, starts = max(sum(sizes), 1), np.cumsum([0, *sizes[:-1]]).tolist()
+def _places(log: Sequence[Recording]) -> Iterator[Array]:
+    """Yield where each sample stands in its log, from 0 to 1 over all pieces."""
+    whole, start = max(sum(piece.rows_kept for piece in log), 1), 0
 
-    def shares(start: int, size: int) -> Array:
-        found: Array = counted(lambda rows: (start + rows + 0.5) / whole, size)
-        return found
+    def share(rows: Array, start: int) -> Array:
+        return (start + rows + 0.5) / whole
 
-    return list(map(shares, starts, sizes))
+    for piece in log:
+        yield counted(partial(share, start=start), piece.rows_kept)
+        start += piece.rows_kept
 
 
 def join_branches(part: Part, cycles: Cycles, target: str) -> Part:
@@ -338,43 +287,44 @@ def joined_curves(
     """Join the parts at one level, in the order of the levels; without levels every recording is a
     curve.
     """
-    groups: dict[str, list[int]] = {}
-    for number, part in sorted(
-        enumerate(parts), key=lambda pair: 0.0 if pair[1].level is None else pair[1].level
-    ):
-        key = (
-            part.recording.id
-            if levels is None or part.level is None
-            else f"{levels.of}={part.level:g}"
-        )
-        groups.setdefault(key, []).append(number)
+
+    def place(number: int) -> float:
+        level = parts[number].level
+        return 0.0 if level is None else level
+
+    members: dict[str, list[int]] = {}
+    for number in sorted(range(len(parts)), key=place):
+        level = parts[number].level
+        key = f"{levels.of}={level:g}" if levels is not None else parts[number].recording.id
+        members.setdefault(key, []).append(number)
     nominal = levels.of if levels is not None and levels.nominal else None
     return tuple(
-        _joined(key, [parts[i] for i in group], [held_out[i] for i in group], nominal)
-        for key, group in groups.items()
+        _joined_parts(key, [parts[i] for i in group], [held_out[i] for i in group], nominal)
+        for key, group in members.items()
     )
 
 
-def _joined(
+def _joined_parts(
     key: str, parts: Sequence[Part], masks: Sequence[BoolArray], nominal: str | None
 ) -> Curve:
     """Return the curve of some parts; the value of their level takes the place of what was measured
     of the quantity `nominal`.
     """
-    columns = dict(parts[0].columns)
-    if len(parts) > 1:  # else the samples themselves: a long recording is not copied without need
-        columns = {name: joined([part.columns[name] for part in parts]) for name in columns}
+    columns = {name: joined([part.columns[name] for part in parts]) for name in parts[0].columns}
     plateau = columns.pop(PLATEAU, None)
-    at_rest = None if plateau is None else plateau == 1.0
     ends = np.cumsum([part.size for part in parts])
     if nominal is not None:
         columns[nominal] = np.full(int(ends[-1]), parts[0].level, dtype=float)
-    origin = counted(lambda rows: np.searchsorted(ends, rows, side="right"), int(ends[-1]))
     training = [part.measured for part, mask in zip(parts, masks, strict=True) if not mask.all()]
-    measured = {name: known for name, known in united(training).items() if name != nominal}
-    names = tuple(part.recording.id for part in parts)
     return Curve(
-        key, parts[0].level, columns, np.concatenate(masks), names, at_rest, origin, measured
+        key,
+        parts[0].level,
+        columns,
+        np.concatenate(masks),
+        tuple(part.recording.id for part in parts),
+        None if plateau is None else plateau == 1.0,
+        counted(lambda rows: np.searchsorted(ends, rows, side="right"), int(ends[-1])),
+        {name: known for name, known in united(training).items() if name != nominal},
     )
 
 

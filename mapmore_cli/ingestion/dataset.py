@@ -28,7 +28,6 @@ from mapmore_cli.ingestion.curves import (
     static_model,
     with_damping,
     with_plateau,
-    with_scatter,
 )
 from mapmore_cli.ingestion.files import IngestSlice, Meter, Source, find_sources, relative_name
 from mapmore_cli.ingestion.samples import (
@@ -74,7 +73,7 @@ def build_dataset(
     meter = Meter(sources, progress)
     notes, warnings, logs = list[str](), list[str](), list[list[Recording]]()
     for source in sources:
-        tables = read_tables(source, data, data.missing_rule, units, meter)
+        tables = read_tables(source, data, data, units, meter)
         for samples in with_joined(tables, source, data, units, meter):
             logs.append(_mended(samples, source, data, units, notes, warnings))
     if data.plateau is not None:
@@ -87,11 +86,8 @@ def build_dataset(
         if static is not None:
             logs = [[with_damping(piece, target, static, warn) for piece in log] for log in logs]
         units[PLATEAU] = "1"
-    levels = (
-        level_set(data.levels, [piece for log in logs for piece in log]) if data.levels else None
-    )
+    levels = level_set(data.levels, [one for log in logs for one in log]) if data.levels else None
     recordings, parts = cut_by_level(logs, levels)
-    levels = None if levels is None else with_scatter(levels, parts)
     for warning in (*warnings, *(told for recording in recordings for told in _losses(recording))):
         warn(warning)
     if static_run is not None:
@@ -158,7 +154,7 @@ def _mended(
     In this order: missing values, constants, time stamps and gaps, even time steps, derived
     quantities, conditions to keep samples.
     """
-    samples = without_missing(samples, data, data.missing_rule.action)
+    samples = without_missing(samples, data, data.missing)
     constants = {
         name: counted(partial(np.full_like, fill_value=value, dtype=float), samples.size)
         for name, value in source.constants.items()

@@ -17,12 +17,12 @@ from mapmore_cli.fitting.kinds.dictionary import signal_of
 from mapmore_cli.ingestion.files import Log, Meter
 from mapmore_cli.modelling import expressions as terms
 from mapmore_cli.modelling.signals.rates import signal_values
-from mapmore_cli.spec.sections.data import Direction, MissingRule, Rate
+from mapmore_cli.spec.sections.data import Data, Direction, MissingRule, Rate
 from mapmore_cli.spec.sections.logs import Keep, Logs, SourceColumn
 from mapmore_cli.spec.units import convert, is_canonical, is_same, unit_of_file
 from mapmore_cli.storage.readers import READERS
 from mapmore_cli.storage.spool import by_blocks, chosen, counted, joined
-from mapmore_cli.storage.tables import RawTable, TableRequest, read_with
+from mapmore_cli.storage.tables import RawTable, TableRequest
 from mapmore_cli.storage.tables.cells import shortened
 
 TURNS = (3600.0, 86400.0)
@@ -111,7 +111,7 @@ def located(label: str) -> Iterator[None]:
 
 
 def read_tables(
-    log: Log, table: Logs, missing: MissingRule, units: Mapping[str, str], meter: Meter
+    log: Log, table: Logs, data: Data, units: Mapping[str, str], meter: Meter
 ) -> list[Samples]:
     """Return the samples of each recording in a file, NaN where a value is missing.
 
@@ -129,16 +129,16 @@ def read_tables(
         encoding=table.encoding,
         sheet=log.sheet or table.sheet,
         root=table.root,
-        missing=missing.texts,
-        incomplete=missing.action == "drop",
+        missing=data.missing_rule.texts,
+        incomplete=data.missing != "error",
         progress=meter.within(log),
         clocks=table.clocks(),
         format=table.columns["time"].format if "time" in table.columns else None,
         second=_second(table, units),
     )
     return [
-        _in_model_units(raw, table, missing.numbers, units)
-        for raw in read_with(READERS[table.reader], log.path, request)
+        _in_model_units(raw, table, data.missing_rule.numbers, units)
+        for raw in READERS[table.reader].read(log.path, request)
     ]
 
 
@@ -274,7 +274,7 @@ def going_on(time: Array, turns: Sequence[float]) -> Array:
     return np.concatenate([[0.0], np.cumsum(added)])[: len(time)]
 
 
-def without_missing(samples: Samples, table: Logs, missing: str) -> Samples:
+def without_missing(samples: Samples, table: Logs, missing: str | MissingRule) -> Samples:
     """Treat NaN and infinity as the spec says: an error, or samples to leave out. DataError where
     none is left.
     """

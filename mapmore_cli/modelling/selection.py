@@ -9,19 +9,13 @@ from annotated_types import Interval
 
 from mapmore_cli.domain.declared import Contradiction, Either, InUnit, OfHeld, Settings
 
-AUTO = "auto"  # what left-out training data choose: a backbone, or a number of terms
-# terms at most where their number is not chosen yet: cuts that fits decide, and a backbone, are
-# chosen with so many
-USUAL_TERMS = 3
+AUTO = "auto"  # what left-out training data choose: a backbone
 LEAST_RIDGE = 1e-9  # a smaller ridge, but for zero, would drown in the rounding of the Gram matrix
 FORWARD = (
     3  # terms chosen forward for each that is kept, where pruning follows and nothing else is said
 )
 
-Start = Literal["measured", "steady", "identified"]
-"""How free runs begin."""
-
-Stop = Literal["tolerance", "bic", "aicc", "press", "free_run"]
+Stop = Literal["tolerance", "bic", "free_run"]
 """When fewer terms than `max_terms` are enough."""
 
 
@@ -36,53 +30,31 @@ class Fit(Settings):
     - `tolerance` ends the choice where no larger fraction of the squares of the target is left; of
       those about its mean where the
       dictionary has a constant. It ends no other `stop` rule.
-    - `max_terms: auto` takes the least number of terms within one standard error of the best on
-      left-out training data.
     - A `ridge`, a fraction of a candidate's variance or `auto`, selects `forward` terms (three
       times `max_terms`) and prunes them.
     - With delays of the output: `criterion: free_run` refines the coefficients on the simulation
-      error. `stop: free_run` chooses the
-      number of terms on the last quarter of each training recording. `select: free_run` tries the
-      best candidates of every step in free run.
-    - `start` of free runs: the first outputs `measured`, the `steady` output of the first inputs,
-      or first outputs `identified` from the
-      first twentieth of the run.
+      error. `stop: free_run` chooses the number of terms on the last quarter of each training
+      recording.
     """
 
     scaling: Literal["unit_square", "max_abs", "none", "range"] = "unit_square"
     margin: Annotated[float, Interval(ge=0), InUnit(lambda _: "1")] = 0.15
     train_level: Annotated[Literal["all", "highest"] | OfHeld, Either()] = "all"
-    max_terms: Annotated[Literal["auto"] | Annotated[int, Interval(ge=1)], Either(word=AUTO)] = 1
+    max_terms: Annotated[int, Interval(ge=1)] = 1
     tolerance: Annotated[float, Interval(ge=0, lt=1)] = 1e-4
     stop: Stop = "tolerance"
     criterion: Literal["one_step", "free_run"] = "one_step"
-    select: Literal["one_step", "free_run"] = "one_step"
     ridge: Annotated[Literal["auto"] | Annotated[float, Interval(ge=0)], Either()] = 0.0
     forward: Annotated[int, Interval(ge=1)] | None = None
-    start: Start = "measured"
-
-    @property
-    def most_terms(self) -> int:
-        """`max_terms`, or the usual number where left-out data have not chosen one yet."""
-        return USUAL_TERMS if self.max_terms == "auto" else self.max_terms
 
     @property
     def forward_terms(self) -> int:
         """Terms that are chosen before pruning, where there is a ridge."""
-        return max(
-            self.most_terms, FORWARD * self.most_terms if self.forward is None else self.forward
-        )
+        forward = FORWARD * self.max_terms if self.forward is None else self.forward
+        return max(self.max_terms, forward)
 
     def __post_init__(self) -> None:
-        """Refuse two choosers of the number of terms, and a ridge that is lost in rounding."""
-        if self.max_terms == AUTO and self.stop == "free_run":
-            remedy = "give `max_terms` a number, or take another `stop`"
-            raise Contradiction(
-                "`max_terms: auto` and `stop: free_run` both choose the number of terms",
-                remedy,
-                "max_terms",
-                "stop",
-            )
+        """Refuse a ridge that is lost in rounding."""
         if isinstance(self.ridge, float) and 0 < self.ridge < LEAST_RIDGE:
             raise Contradiction(
                 f"a ridge of {self.ridge:g} is lost in rounding",

@@ -66,7 +66,9 @@ def inspect(
         What is wrong with a spec that this one builds on; what made the curves impossible, where no
         rule has anything to add.
     """
-    needed = {run.key: run.loaded for stage in pipeline() for run in needed_runs(stage, loaded, ())}
+    needed = {
+        run.need.key: run.loaded for stage in pipeline() for run in needed_runs(stage, loaded)
+    }
     part = slice_of(loaded.spec)
     read_by = part, loaded.folder
     try:

@@ -22,7 +22,7 @@ from mapmore_cli.modelling.memory.records import AtSample, numbered
 from mapmore_cli.modelling.program.model import slopes
 from mapmore_cli.modelling.signals.rates import with_signals
 from mapmore_cli.modelling.validation.intervals import checked, ends, half_widths_of, refusal
-from mapmore_cli.pipeline.records import Reading, Row, Sheet, reading_of, recordings, stretches
+from mapmore_cli.pipeline.records import Reading, Row, Sheet, between_gaps, by_recording, reading_of
 
 CHUNK = 20_000
 """Rows in memory at a time, where rows know nothing of each other."""
@@ -103,7 +103,7 @@ def predicted_lines(
     if interval is not None and (why := refusal(checked(model, interval))) is not None:
         warn(f"{model.name}: {why}")
     extra = Extra(interval, derivatives)
-    table = Sheet(lines, label, _named(model), constants)
+    table = Sheet(lines, label, _column_names(model), constants)
     reading = (
         reading_of(model, table.names) if turned_for is None else _reading_turned(model, turned_for)
     )
@@ -112,7 +112,7 @@ def predicted_lines(
     yield from table.extended([table.header], [",".join(added)])
     predicted = beyond = 0
     for block in (
-        recordings(table.rows, table.names) if reading.over_time else _chunks(table.rows, chunk)
+        by_recording(table.rows, table.names) if reading.over_time else _chunks(table.rows, chunk)
     ):
         cells, diverged = _added_cells(
             model, reading, table.values(block, places), block, label, extra
@@ -128,7 +128,7 @@ def predicted_lines(
     if predicted and beyond == predicted:
         warn(
             f"{label}: every row lies outside of the training range; the model expects "
-            f"{_named(model)}"
+            f"{_column_names(model)}"
         )
 
 
@@ -193,7 +193,7 @@ def _chunks(rows: Iterator[Row], size: int) -> Iterator[list[Row]]:
         yield block
 
 
-def _named(model: Model) -> str:
+def _column_names(model: Model) -> str:
     reading = reading_of(model, [signal.name for signal in model.signals])
     units = {quantity.name: quantity.unit for quantity in (*model.inputs, model.output)} | {
         "time": "s"
@@ -220,7 +220,7 @@ def _added_cells(
     if not len(known):
         return added, []
     try:
-        numbers, outside, diverged = _evaluated(
+        numbers, outside, diverged = _numbers_of(
             model, reading, {name: x[known] for name, x in columns.items()}, known, extra
         )
     except AtSample as error:
@@ -236,7 +236,7 @@ def _digits(value: float) -> str:
     return format(value, ".12g") if math.isfinite(value) else ""
 
 
-def _evaluated(
+def _numbers_of(
     model: Model, reading: Reading, columns: dict[str, Array], rows: IntArray, extra: Extra
 ) -> tuple[Array, BoolArray, list[int]]:
     """Return prediction and what else is wanted of complete rows, (n, m), their flags, (n,), and
@@ -253,7 +253,7 @@ def _evaluated(
         return found.values[:, None], outside, []
     numbers = np.full((len(rows), 1 + len(extra.names(model))), np.nan)
     outside, diverged = np.zeros(len(rows), dtype=bool), list[int]()
-    for part in stretches(columns["time"]) if reading.signals else [slice(None)]:
+    for part in between_gaps(columns["time"]) if reading.signals else [slice(None)]:
         try:
             inputs = with_signals(reading.signals, {name: x[part] for name, x in columns.items()})
         except DataError:  # too few samples for the window of a rate

@@ -18,7 +18,7 @@ from mapmore_cli.domain.errors import DataError, UsageError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Signal
 from mapmore_cli.modelling.kinds import fed_back, runs_over_time
-from mapmore_cli.modelling.signals.sampling import find_gaps, pieces, typical_step
+from mapmore_cli.modelling.signals.sampling import cut_after, find_gaps, typical_step
 from mapmore_cli.storage.tables import TableRequest, locate_columns
 from mapmore_cli.storage.tables.cells import CellReader, NotANumber, number_of
 from mapmore_cli.storage.tables.lines import records_of
@@ -30,7 +30,7 @@ GAP = 10
 """Times the usual step: a longer one is a gap, after which nothing of the past is known."""
 
 
-def recordings(rows: Iterator[Row], names: Sequence[str]) -> Iterator[list[Row]]:
+def by_recording(rows: Iterator[Row], names: Sequence[str]) -> Iterator[list[Row]]:
     """Yield the rows of one recording at a time: it ends where the column `recording` changes, or
     where time is set back.
     """
@@ -58,13 +58,13 @@ def _time(cell: str) -> float:
         return np.nan
 
 
-def stretches(time: Array) -> list[slice]:
+def between_gaps(time: Array) -> list[slice]:
     """Return the parts of a recording between its gaps, by its finite times, (n,) and never
     decreasing.
     """
     if len(time) < 2:
         return [slice(0, len(time))]
-    return pieces(len(time), find_gaps(time, GAP * typical_step(time)).after)
+    return cut_after(len(time), find_gaps(time, GAP * typical_step(time)).after)
 
 
 @dataclass(frozen=True)
@@ -251,7 +251,7 @@ def _axes(text: str, inputs: Sequence[str]) -> dict[str, list[str]]:
             raise UsageError(f"--grid: '{part.strip()}' has no '='", EXAMPLE)
         if name in axes:
             raise UsageError(f"--grid: '{name}' is given twice", EXAMPLE)
-        axes[name] = [format(value, ".12g") for value in _values(part.strip(), values)]
+        axes[name] = [format(value, ".12g") for value in _axis_values(part.strip(), values)]
     if unknown := next((name for name in axes if name not in inputs), None):
         near = difflib.get_close_matches(unknown, inputs, n=1)
         hint = f"did you mean '{near[0]}'? " if near else ""
@@ -269,7 +269,7 @@ def _axes(text: str, inputs: Sequence[str]) -> dict[str, list[str]]:
     return axes
 
 
-def _values(part: str, text: str) -> list[float]:
+def _axis_values(part: str, text: str) -> list[float]:
     numbers = [number for piece in text.split(":") if (number := number_of(piece)) is not None]
     if (
         len(numbers) not in (1, 3)

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mapmore_cli.domain.errors import DataError, SpecError, UsageError
-from mapmore_cli.domain.foreign import is_one_line
 from mapmore_cli.fitting.stage import Stage, Workspace
 from mapmore_cli.spec.experiment import ExperimentSpec, Muscle, Report, Validate
 from mapmore_cli.storage.run_folder import VALIDATION, RunFiles
@@ -17,18 +15,8 @@ from mapmore_cli.storage.run_folder import VALIDATION, RunFiles
 if TYPE_CHECKING:
     from mapmore_cli.domain.models import Equation, Model
     from mapmore_cli.reporting.inputs import FigureStyle, ReportInputs
-    from mapmore_cli.reporting.table import Table
 
 METRES_PER_INCH = 0.0254
-
-TABLES = "MAPMORE_TABLES"
-"""The variable that lists folders, beside that of the spec, in which published tables may lie;
-`--tables` adds to it.
-"""
-
-LARGEST_TABLE = 100_000
-"""Bytes of a published table."""
-
 
 LEFT_OUT = (
     "Every {0} is left out in turn: the validation scores are those of models of the other "
@@ -38,7 +26,7 @@ LEFT_OUT = (
 
 
 @dataclass(frozen=True)
-class Slice:
+class ReportSlice:
     """What the report shows beyond the results: everything else in the resolved spec makes an
     earlier stage stale.
     """
@@ -51,111 +39,34 @@ class Slice:
     unconfirmed: tuple[str, ...] = ()
 
 
-def reads(spec: ExperimentSpec) -> Slice:
+def report_slice(spec: ExperimentSpec) -> ReportSlice:
     """Return the stage's slice of the spec."""
     split = spec.data.split
     left_out = (
         "level" if split.leave_one_level_out else "group" if split.leave_one_group_out else ""
     )
-    return Slice(spec.name, spec.muscle, spec.validation, spec.report, left_out, spec.unconfirmed)
+    return ReportSlice(
+        spec.name, spec.muscle, spec.validation, spec.report, left_out, spec.unconfirmed
+    )
 
 
-def run(part: Slice, workspace: Workspace) -> None:
+def write_pages(part: ReportSlice, workspace: Workspace) -> None:
     """Collect the results of the run and write the page, with what was tried where the structure
     was searched.
     """
     from mapmore_cli.annexes.search.stage import SEARCH, read_search
     from mapmore_cli.reporting.report import write_report
 
-    tables = (
-        tuple(published_table(workspace.spec_dir / path) for path in part.report.published.tables)
-        if part.report.published
-        else ()
-    )
-    search = read_search(workspace.run_dir / SEARCH) if workspace.searched else None
     inputs = replace(
         collected(part, workspace.run_dir, workspace.spec_text),
-        published_tables=tables,
-        search=search,
+        search=read_search(workspace.run_dir / SEARCH) if workspace.searched else None,
     )
     for warning in faults_of(inputs.style):
         workspace.warn(warning)
     write_report(inputs, workspace.out / "report", part.report.figures, part.report.formats)
 
 
-def sources(spec: ExperimentSpec, folder: Path) -> list[Path]:
-    """Return the tables of a publication.
-
-    Raises SpecError where one is missing, is no CSV file, or lies neither below the spec's folder
-    nor below one of `--tables`: a page shows it whole.
-    """
-    paths = (
-        [folder / path for path in spec.report.published.tables] if spec.report.published else []
-    )
-    allowed = [
-        folder,
-        *(Path(place) for place in os.environ.get(TABLES, "").split(os.pathsep) if place),
-    ]
-    for path in paths:
-        if not path.is_file():
-            raise SpecError(
-                f"report.published.tables: {path}: no such file",
-                "give a CSV file with a line of headings",
-            )
-        if path.suffix != ".csv" or not any(
-            path.resolve().is_relative_to(place.resolve()) for place in allowed
-        ):
-            raise SpecError(
-                f"report.published.tables: {path}: is no CSV file below the folder of the spec",
-                "see `--tables`",
-            )
-        if path.stat().st_size > LARGEST_TABLE:
-            raise SpecError(
-                f"report.published.tables: {path}: larger than {LARGEST_TABLE // 1000} kB",
-                "give the table of a publication",
-            )
-    return paths
-
-
-def published_table(path: Path) -> Table:
-    """Return a table of a publication as it was transcribed, every cell as text.
-
-    Raises SpecError where the file is no table.
-    """
-    import csv
-
-    from mapmore_cli.reporting.table import Column, Table
-
-    try:
-        with path.open(newline="", encoding="utf-8") as lines:
-            header, *rows = list(csv.reader(lines))
-    except (OSError, UnicodeDecodeError, ValueError) as fault:
-        raise SpecError(
-            f"report.published.tables: {path} cannot be read ({fault})",
-            "give a CSV file with a line of headings",
-        ) from fault
-    uneven = next(
-        (number for number, row in enumerate(rows, start=2) if len(row) != len(header)), None
-    )
-    if not all(is_one_line(cell) for row in (header, *rows) for cell in row):
-        raise SpecError(
-            f"report.published.tables: {path}: has cells with control characters or several lines",
-            "mend the table",
-        )
-    if uneven is not None:
-        raise SpecError(
-            f"report.published.tables: {path}: line {uneven} has not {len(header)} cells",
-            "mend the line",
-        )
-    return Table(
-        f"published_{path.stem}",
-        f"Published: {path.stem}",
-        tuple(map(Column, header)),
-        tuple(tuple(row) for row in rows),
-    )
-
-
-def collected(part: Slice, run_dir: Path, spec_text: str = "") -> ReportInputs:
+def collected(part: ReportSlice, run_dir: Path, spec_text: str = "") -> ReportInputs:
     """Return the results of the stages before, with what the spec says of the report."""
     from mapmore_cli.checking.findings import sentences
     from mapmore_cli.modelling.kinds import equations as model_equations
@@ -168,11 +79,13 @@ def collected(part: Slice, run_dir: Path, spec_text: str = "") -> ReportInputs:
     if turned is not None:
         dataset = replace(dataset, target=turned)
     muscle = {"name": part.muscle.name, "kind": part.muscle.kind}
-    muscle |= {
-        key: f"{value * 1000:g} mm"
-        for key, value in part.muscle.lengths.items()
-        if value is not None
-    }
+    for key, length in part.muscle.lengths.items():
+        muscle[key] = None if length is None else f"{length * 1000:g} mm"
+    notes = [LEFT_OUT.format(part.left_out)] if part.left_out else []
+    if turned is not None:
+        notes.append(
+            f"The model predicts {model.output.name}; it is inverted, and scored as {turned}."
+        )
     return ReportInputs(
         name=part.name,
         muscle={key: word for key, word in muscle.items() if word is not None},
@@ -188,14 +101,7 @@ def collected(part: Slice, run_dir: Path, spec_text: str = "") -> ReportInputs:
         provenance=tool_versions(),
         unconfirmed=part.unconfirmed,
         doubts=sentences(run_dir),
-        notes=(
-            *([LEFT_OUT.format(part.left_out)] if part.left_out else []),
-            *(
-                [f"The model predicts {model.output.name}; it is inverted, and scored as {turned}."]
-                if turned is not None
-                else []
-            ),
-        ),
+        notes=tuple(notes),
         style=FigureStyle(
             style.width / METRES_PER_INCH,
             style.font,
@@ -264,7 +170,7 @@ def drawn_figure(
             f"--set {other}: changes more than looks",
             f"set a key of {LOOKS.rstrip('.')}, or run the study anew",
         )
-    inputs = collected(reads(load(run_dir / "experiment.yaml", looks).spec), run_dir)
+    inputs = collected(report_slice(load(run_dir / "experiment.yaml", looks).spec), run_dir)
     for warning in faults_of(inputs.style):
         warn(warning)
     with figure_style(inputs.style):
@@ -289,22 +195,15 @@ def _in_units(model: Model, units: Mapping[str, str]) -> dict[str, tuple[Equatio
     if not units:
         return {}
     rates = {signal.name: signal.of for signal in model.signals if signal.kind == "rate"}
-    known = {
-        **{quantity.name: quantity.unit for quantity in model.inputs if quantity.name not in rates},
-        **units,
-    }
-    named = {quantity.name: default_unit(quantity.name, known, rates) for quantity in model.inputs}
-    factors = {
-        quantity.name: convert(1.0, named[quantity.name], quantity.unit)
-        for quantity in model.inputs
-    }
-    changed = {
-        quantity.name: factors[quantity.name]
-        for quantity in model.inputs
-        if named[quantity.name] != quantity.unit
-    }
-    words = ", ".join(f"{name} in {named[name]}" for name in changed)
-    return {words: model_equations(model, changed)} if changed else {}
+    known = {one.name: one.unit for one in model.inputs if one.name not in rates}
+    known |= units
+    factors, words = dict[str, float](), list[str]()
+    for one in model.inputs:
+        unit = default_unit(one.name, known, rates)
+        if unit != one.unit:
+            factors[one.name] = convert(1.0, unit, one.unit)
+            words.append(f"{one.name} in {unit}")
+    return {", ".join(words): model_equations(model, factors)} if factors else {}
 
 
-STAGE = Stage(name="report", revision=7, outputs=("report",), reads=reads, run=run, sources=sources)
+STAGE = Stage(name="report", revision=7, outputs=("report",), reads=report_slice, run=write_pages)

@@ -8,8 +8,8 @@ committed runs again.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+import time
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -17,26 +17,36 @@ from typing import TYPE_CHECKING
 
 from mapmore_cli.checking import findings
 from mapmore_cli.domain.errors import DataError, MapmoreError, RunWarning, SpecError, WriteError
-from mapmore_cli.fitting.stage import Progress, Stage, Warn
+from mapmore_cli.domain.processors import one_blas_thread
+from mapmore_cli.fitting.stage import Progress, Stage, Warn, Workspace
 from mapmore_cli.modelling.selection import AUTO
-from mapmore_cli.pipeline.stage_maker import StageMaker
 from mapmore_cli.pipeline.staleness import (
-    MODEL_STAGE,
     Needed,
-    Plan,
+    StagePlan,
     as_found,
-    needed_runs,
+    known_records,
     plan_stages,
-    runs_built_on,
+    plans_of,
+    refuse_circle,
 )
-from mapmore_cli.storage.atomic import write_text
-from mapmore_cli.storage.run_folder import RunFiles, is_tidy, open_run_folder, recover, run_lock
+from mapmore_cli.storage.atomic import refusals_told, write_text
+from mapmore_cli.storage.run_folder import (
+    RunFiles,
+    is_tidy,
+    open_run_folder,
+    recover,
+    run_lock,
+    stage_folder,
+    swap_in,
+)
 from mapmore_cli.storage.run_record import (
     Origin,
     StageRecord,
     load_origin,
     load_records,
     save_records,
+    stamps_of,
+    tool_versions,
 )
 
 if TYPE_CHECKING:
@@ -62,6 +72,28 @@ class RunOutcome:
     reasons: Mapping[str, str]
 
 
+@dataclass(frozen=True)
+class Options:
+    """How a run is brought up to date.
+
+    - `force`: whether stages that are up to date run as well.
+    - `rehash`: whether sources and outputs are read again even where size and time are as they
+      were.
+    - `check`: whether an error that the rules of `checking` find ends the run.
+    - `campaign`: the file that the run belongs to.
+    - `patient`: whether it waits where another process is writing the run.
+    """
+
+    force: bool = False
+    rehash: bool = False
+    check: bool = True
+    campaign: Path | None = None
+    patient: bool = False
+
+
+AS_USUAL = Options()
+
+
 def pipeline() -> tuple[Stage, ...]:
     """Return the six stages in order; they are imported when they are first asked for."""
     from mapmore_cli.pipeline import report, stages, validate
@@ -73,37 +105,6 @@ def pipeline() -> tuple[Stage, ...]:
         stages.FUSE,
         validate.STAGE,
         report.STAGE,
-    )
-
-
-def explain(
-    loaded: LoadedSpec,
-    runs: Path,
-    until: str = "report",
-    *,
-    force: bool = False,
-    rehash: bool = False,
-    warn: Warn = lambda _message: None,
-    stages: Sequence[Stage] | None = None,
-) -> list[tuple[str, str | None]]:
-    """Every stage up to `until` with the reason why it would run, None where it is up to date.
-    Nothing is written.
-    """
-    every, run_dir = stages or pipeline(), runs / loaded.spec.name
-    records = load_records(run_dir, warn)
-    told: dict[str, str | None] = {}
-    if searches(loaded, until):
-        plans = plan_stages(search_stages(), SEARCH_STAGE, loaded, run_dir, records, rehash, force)
-        told = {plan.stage.name: plan.reason for plan in plans}
-        if any(told.values()):
-            later = [stage.name for stage in every][1:]
-            return [*told.items(), *((name, FOLLOWS) for name in later[: later.index(until) + 1])]
-        loaded = as_found(loaded, run_dir)
-    plans = plan_stages(every, until, loaded, run_dir, records, rehash, force)
-    return list(
-        (
-            told | {plan.stage.name: plan.reason for plan in plans if plan.stage.name not in told}
-        ).items()
     )
 
 
@@ -125,91 +126,89 @@ def search_stages() -> tuple[Stage, ...]:
     return stages.INGEST, search.STAGE
 
 
+def explain(
+    loaded: LoadedSpec,
+    runs: Path,
+    until: str = "report",
+    *,
+    options: Options = AS_USUAL,
+    warn: Warn = lambda _message: None,
+    stages: Sequence[Stage] | None = None,
+) -> list[tuple[str, str | None]]:
+    """Every stage up to `until` with the reason why it would run, None where it is up to date.
+    Nothing is written.
+    """
+    refuse_circle(loaded)
+    every, run_dir = stages or pipeline(), runs / loaded.spec.name
+    records = load_records(run_dir, warn)
+    how = (run_dir, records, options.rehash, options.force)
+    reasons: dict[str, str | None] = {}
+    if searches(loaded, until):
+        plans = plan_stages(search_stages(), SEARCH_STAGE, loaded, *how)
+        reasons = {plan.stage.name: plan.reason for plan in plans}
+        if any(reasons.values()):
+            later = [stage.name for stage in every][1:]
+            return [
+                *reasons.items(),
+                *((name, FOLLOWS) for name in later[: later.index(until) + 1]),
+            ]
+        loaded = as_found(loaded, run_dir)
+    plans = plan_stages(every, until, loaded, *how)
+    return list(({plan.stage.name: plan.reason for plan in plans} | reasons).items())
+
+
 def bring_up_to_date(
     loaded: LoadedSpec,
     runs: Path,
     until: str = "report",
     *,
-    force: bool = False,
-    rehash: bool = False,
+    options: Options = AS_USUAL,
     progress: Progress = lambda _what, _done, _total: None,
     warn: Warn = lambda _message: None,
     on_stage: OnStage = lambda _stage, _reason: None,
     stages: Sequence[Stage] | None = None,
-    heirs: tuple[Path, ...] = (),
-    campaign: Path | None = None,
-    patient: bool = False,
-    like: Path | None = None,
-    check: bool = True,
 ) -> RunOutcome:
-    """Run the stages up to `until` that are not up to date (all of them with `force`), in the
-    folder `runs/NAME`.
+    """Run the stages up to `until` that are not up to date, in the folder `runs/NAME`.
 
-    `rehash` reads sources and outputs again even where size and time are as they were. `stages` are
-    those of `pipeline()` by default. Runs whose models a stage needs come first, in the same folder
-    of runs; `heirs` are the specs that need this one. `campaign` is the file that the run belongs
-    to. A `patient` one waits for another process that is writing the run. Results of the run in the
-    folder `like` that have the fingerprints of this one's are taken over, unless by `force` all are
-    made anew.
-
-    After ingest, the rules of `checking` are applied, unless they were to the same: `warn` is told
-    what they find, and what is an error for them ends the run, but not without `check`.
+    `stages` are those of `pipeline()` by default. Runs that a stage needs come before it, in the
+    same folder of runs. After ingest, the rules of `checking` are applied, unless they were to the
+    same: `warn` is told what they find.
 
     Raises WriteError where the folder cannot be written or holds the run of another spec, the disk
     is full, or another process is writing the run; MapmoreError for whatever a stage found wrong;
     its outputs, and those of the stages after it, are then as they were.
     """
+    refuse_circle(loaded)
     run_dir = runs / loaded.spec.name
     open_run_folder(run_dir)
-
-    def run_of(spec: LoadedSpec, every: Sequence[Stage], tell: OnStage, **searched: bool) -> _Run:
-        origin = _origin(spec, run_dir, campaign)
-        kept_from = None if force else like
-        return _Run(
-            spec,
-            run_dir,
-            origin,
-            progress,
-            warn,
-            kept_from,
-            every=every,
-            on_stage=tell,
-            check=check,
-            **searched,
-        )
-
-    def settled(run: _Run, last: str) -> list[Plan]:
-        others = runs_built_on(run.loaded, heirs) if last == run.every[-1].name else ()
-        plans = run.settled(last, rehash, heirs, others) if not force else None
-        if plans is None:
-            with run_lock(run_dir, patient):
-                plans = run.settle(last, force, rehash, heirs, others)
-        return plans
-
     every = stages or pipeline()
+    run = _Run(
+        loaded=loaded,
+        run_dir=run_dir,
+        stages=every,
+        origin=_origin(loaded, run_dir, options.campaign),
+        options=options,
+        progress=progress,
+        warn=warn,
+        on_stage=on_stage,
+    )
+    plans: list[StagePlan] = []
     if searches(loaded, until):
-        first = settled(run_of(loaded, search_stages(), on_stage), SEARCH_STAGE)
-        renewed = any(plan.reason is not None for plan in first if plan.stage.name == SEARCH_STAGE)
-        later = run_of(
-            as_found(loaded, run_dir),
-            every,
-            _after_search(on_stage),
+        plans = replace(run, stages=search_stages()).brought(SEARCH_STAGE)
+        run = replace(
+            run,
+            loaded=as_found(loaded, run_dir),
             searched=True,
-            renewed=renewed,
+            renewed=plans[-1].reason is not None,
+            on_stage=lambda stage, reason: None if stage == "ingest" else on_stage(stage, reason),
         )
-        plans = [*first, *(plan for plan in settled(later, until) if plan.stage.name != "ingest")]
-    else:
-        plans = settled(run_of(loaded, every, on_stage), until)
+    known = [plan.stage.name for plan in plans]
+    plans += [plan for plan in run.brought(until) if plan.stage.name not in known]
     reasons = {plan.stage.name: plan.reason for plan in plans if plan.reason is not None}
     done = {
         plan.stage.name: "done" if plan.stage.name in reasons else "up-to-date" for plan in plans
     }
     return RunOutcome(loaded.spec.name, run_dir, done, reasons)
-
-
-def _after_search(on_stage: OnStage) -> OnStage:
-    """Tell of the stages but ingest, which was told of before the search."""
-    return lambda stage, reason: None if stage == "ingest" else on_stage(stage, reason)
 
 
 def _origin(loaded: LoadedSpec, run_dir: Path, campaign: Path | None) -> Origin:
@@ -248,273 +247,238 @@ def _from(run_dir: Path, path: Path) -> str:
     return Path(os.path.relpath(path, run_dir)).as_posix()
 
 
-def prepare(loaded: LoadedSpec, runs: Path, check: bool = True) -> None:
-    """Bring the runs of other specs up to date that a whole run needs, so that runs which share one
-    can go on side by side.
-
-    What goes wrong is told by the run that needs it.
-    """
-    every = pipeline()
-    run_dir = runs / loaded.spec.name
-    quiet = (lambda *_: None, lambda _: None)
-    run = _Run(
-        loaded,
-        run_dir,
-        _origin(loaded, run_dir, None),
-        *quiet,
-        every=every,
-        on_stage=lambda *_: None,
-        check=check,
-    )
-    for other in [
-        *runs_built_on(loaded, ()),
-        *(other for stage in every for other in needed_runs(stage, loaded, ())),
-    ]:
-        if other.role != "variation":  # which no other run shares
-            with suppress(Exception):
-                run.bring(other)
-
-
 @dataclass(frozen=True, kw_only=True)
-class _Run(StageMaker):
-    """What makes the stages `every` of a run, where they are stale; `renewed` says whether its
-    structure was searched just now.
+class _Run:
+    """A run in its folder, and who is told of it.
+
+    `searched` says whether the structure in its spec was found by a search, `renewed` whether that
+    was just now.
     """
 
-    every: Sequence[Stage]
+    loaded: LoadedSpec
+    run_dir: Path
+    stages: Sequence[Stage]
+    origin: Origin
+    options: Options
+    progress: Progress
+    warn: Warn
     on_stage: OnStage
-    check: bool
+    searched: bool = False
     renewed: bool = False
 
-    def settled(
-        self, until: str, rehash: bool, heirs: tuple[Path, ...], others: Sequence[Needed]
-    ) -> list[Plan] | None:
+    def brought(self, until: str) -> list[StagePlan]:
+        """Bring the stages up to `until` up to date; what was planned. Nothing is locked where
+        nothing is to be done: others may be reading the run.
+        """
+        plans = None if self.options.force else self.settled(until)
+        if plans is None:
+            with run_lock(self.run_dir, self.options.patient):
+                plans = self.settle(until)
+        return plans
+
+    def settled(self, until: str) -> list[StagePlan] | None:
         """Return the plans where nothing is to be done, seen without the lock of the run; None
         where something may be.
 
         Results are moved in whole and committed last, so what looks whole is. Where another process
         is at work, the lock decides.
         """
-        records = load_records(self.run_dir, lambda _message: None)
-        plans = self.planned(until, records, rehash, False, heirs)
+        records = known_records(self.run_dir)
+        plans = self.planned(until, records)
         whole = (
             all(plan.reason is None for plan in plans)
             and _refreshed(records, plans) == records
-            and all(self.found(plan) is not None for plan in self.to_check(plans))
+            and all(self.known_findings(plan) is not None for plan in self.to_check(plans))
             and load_origin(self.run_dir) == self.origin
-            and self._has_spec()
+            and self.has_spec()
             and is_tidy(self.run_dir)
             and all(
-                self._is_current(other, until)
-                and _is_whole(self.run_dir.parent / other.loaded.spec.name)
-                for other in others
+                other.is_kept(self.run_dir.parent) or self.is_current(other)
+                for plan in plans
+                for other in plan.needed
             )
         )
         if not whole:
             return None
-        self.tell_outdated(plans)
         for plan in plans:
             self.on_stage(plan.stage.name, None)
+            for other in plan.needed:
+                self.bring(other)
         for plan in self.to_check(plans):
-            self.tell(self.found(plan) or ())
+            self.tell(self.known_findings(plan) or ())
         return plans
 
-    def settle(
-        self,
-        until: str,
-        force: bool,
-        rehash: bool,
-        heirs: tuple[Path, ...],
-        others: Sequence[Needed],
-    ) -> list[Plan]:
-        """Do all that is to be done, the runs that this one is built on first; what was planned.
-        The lock of the run is held.
-        """
-        recover(self.run_dir, _outputs(self.every))
+    def settle(self, until: str) -> list[StagePlan]:
+        """Do all that is to be done; what was planned. The lock of the run is held."""
+        recover(self.run_dir, [output for stage in self.stages for output in stage.outputs])
         records = load_records(self.run_dir, self.warn)
-        plans = self.planned(until, records, rehash, force, heirs)
+        plans = self.planned(until, records)
         kept = _refreshed(records, plans)
-        if (
-            kept != records or load_origin(self.run_dir) != self.origin
-        ):  # a new run as well: from now on the folder is known as a run's
+        if kept != records or load_origin(self.run_dir) != self.origin:
+            # a new run as well: from now on the folder is known as a run's
             save_records(self.run_dir, self.loaded.spec.name, self.origin, kept)
-        for other in others:
-            self.bring(other)
-        self.tell_outdated(plans)
         for plan in plans:
+            needed = {other.need.key: self.bring(other) for other in plan.needed}
             self.on_stage(plan.stage.name, plan.reason)
             if plan.reason is not None:
-                with self.faults_explained(plan):
-                    kept = self.make(
-                        plan,
-                        plan.reason,
-                        {other.key: self.bring(other) for other in plan.needed},
-                        kept,
-                    )
+                try:
+                    kept = self.make(plan, plan.reason, needed, kept)
+                except (SpecError, DataError) as fault:
+                    self.add_findings(fault, plan.stage)
+                    raise
             if plan in self.to_check(plans):
                 self.apply_rules(plan)
-        self.write_spec()
+        if not self.has_spec():
+            for name, text in self._texts.items():
+                write_text(self.run_dir / name, text)
         return plans
 
-    def to_check(self, plans: Sequence[Plan]) -> list[Plan]:
+    def planned(self, until: str, records: Mapping[str, StageRecord]) -> list[StagePlan]:
+        """Return the plans; the page shows what was searched, so that it is made anew where that
+        was.
+        """
+        how = (self.run_dir, records, self.options.rehash, self.options.force)
+        last = self.stages[-1].name
+        return [
+            replace(plan, reason=FOLLOWS)
+            if self.renewed and plan.stage.name == last and plan.reason is None
+            else plan
+            for plan in plan_stages(self.stages, until, self.loaded, *how)
+        ]
+
+    def make(
+        self,
+        plan: StagePlan,
+        why: str,
+        needed: Mapping[str, Path],
+        records: Mapping[str, StageRecord],
+    ) -> dict[str, StageRecord]:
+        """Run one stage and commit it; the records with its entry. `needed` are the folders of the
+        runs whose models it needs.
+        """
+        started, stage = time.perf_counter(), plan.stage
+        with refusals_told(self.run_dir), stage_folder(self.run_dir, stage.name) as out:
+            workspace = Workspace(
+                self.run_dir,
+                out,
+                self.loaded.folder,
+                self.progress,
+                self.warn,
+                needed,
+                self.loaded.resolved,
+                self.searched,
+            )
+            with one_blas_thread():
+                stage.run(plan.part, workspace)
+            written = {path.name for path in out.iterdir()}
+            if written != set(stage.outputs):  # the stage itself is wrong
+                raise RuntimeError(
+                    f"stage {stage.name} wrote {sorted(written)} and declares "
+                    f"{sorted(stage.outputs)}"
+                )
+            outputs = stamps_of(out, stage.outputs)
+            swap_in(out, self.run_dir, stage.outputs)
+            seconds = round(time.perf_counter() - started, 3)
+            made = (plan.fingerprint, stage.revision, plan.before, plan.slice, plan.inputs, outputs)
+            committed = {**records, stage.name: StageRecord(*made, tool_versions(), seconds, why)}
+            save_records(self.run_dir, self.loaded.spec.name, self.origin, committed)
+        return committed
+
+    def to_check(self, plans: Sequence[StagePlan]) -> list[StagePlan]:
         """Return the stage after which the rules are applied: ingest, but not where it is the last,
         or its data were searched already.
         """
         return [] if self.searched else [plan for plan in plans[:-1] if plan.stage is pipeline()[0]]
 
-    def found(self, ingest: Plan) -> tuple[findings.Issue, ...] | None:
+    def known_findings(self, ingest: StagePlan) -> tuple[findings.Issue, ...] | None:
         """Return what the rules found in these data; None where that is not known, or ends the run:
         places in the spec may have moved.
         """
         issues = findings.kept(self.run_dir, findings.mark_of(self.loaded, ingest.fingerprint))
-        return None if issues is None or (self.check and findings.refusal(issues)) else issues
+        ends = self.options.check and issues is not None and findings.refusal(issues)
+        return None if ends else issues
 
-    def apply_rules(self, ingest: Plan) -> None:
+    def apply_rules(self, ingest: StagePlan) -> None:
         """Apply the rules to the ingested data, unless they were, and tell what they find; raises
         what is an error for them.
         """
-        issues = self.found(ingest)
-        if issues is None:
-            from mapmore_cli.checking.applied import issues_of
+        issues = self.known_findings(ingest)
+        if issues is not None:
+            self.tell(issues)
+            return
+        from mapmore_cli.checking.applied import issues_of
 
-            issues = tuple(issues_of(self.loaded, RunFiles(self.run_dir).dataset()))
-            self.tell(issues)
-            findings.keep(self.run_dir, findings.mark_of(self.loaded, ingest.fingerprint), issues)
-        else:
-            self.tell(issues)
+        issues = tuple(issues_of(self.loaded, RunFiles(self.run_dir).dataset()))
+        self.tell(issues)
+        findings.keep(self.run_dir, findings.mark_of(self.loaded, ingest.fingerprint), issues)
 
     def tell(self, issues: Sequence[findings.Issue]) -> None:
         """Warn of the findings; raise those that are errors, unless they do not count."""
-        error = findings.refusal(issues) if self.check else None
+        error = findings.refusal(issues) if self.options.check else None
         for issue in issues:
             if issue.severity != "error" or error is None:
                 self.warn(issue.sentence)
         if error is not None:
             raise error
 
-    @contextmanager
-    def faults_explained(self, plan: Plan) -> Iterator[None]:
-        """Say of data that cannot be sorted into curves what the rules find in the recordings: it
-        may be why.
+    def add_findings(self, fault: MapmoreError, stage: Stage) -> None:
+        """Add to an error of ingest what the rules find in the recordings: it may be why they
+        cannot be sorted into curves.
         """
-        try:
-            yield
-        except (SpecError, DataError) as fault:
-            if self.check and plan.stage is pipeline()[0]:
-                from mapmore_cli.checking.applied import issues_without_curves
+        if self.options.check and stage is pipeline()[0]:
+            from mapmore_cli.checking.applied import issues_without_curves
 
-                why = [
-                    f"{issue.place}: {issue.sentence}"
-                    for issue in issues_without_curves(self.loaded)
-                ]
-                fault.message = "\n".join([fault.message, *why])
-            raise
-
-    def planned(
-        self,
-        until: str,
-        records: Mapping[str, StageRecord],
-        rehash: bool,
-        force: bool,
-        heirs: tuple[Path, ...],
-    ) -> list[Plan]:
-        """Return the plans; the page shows what was tried, so that it is made anew where that
-        was.
-        """
-        plans = plan_stages(
-            self.every, until, self.loaded, self.run_dir, records, rehash, force, heirs
-        )
-        last = self.every[-1].name
-        return [
-            replace(plan, reason=FOLLOWS)
-            if self.renewed and plan.stage.name == last and plan.reason is None
-            else plan
-            for plan in plans
-        ]
+            why = [
+                f"{issue.place}: {issue.sentence}" for issue in issues_without_curves(self.loaded)
+            ]
+            fault.message = "\n".join([fault.message, *why])
 
     def bring(self, other: Needed) -> Path:
-        """Bring another run up to date in the same folder of runs; its folder. Nothing is locked
-        where it is: others may be reading it.
-
-        A run that this one is built on is brought up to date as a whole, so that its page tells of
-        the model beside it. The model of a compared run stays as it is: a comparison must not
-        change what it compares with.
+        """Bring another run up to date in the same folder of runs; its folder. Another process that
+        is writing it is waited for.
         """
         name, runs = other.loaded.spec.name, self.run_dir.parent
-        until = self.every[-1].name if other.role == "built_on" else MODEL_STAGE
-        if self._is_current(other, until) or self._kept(other):
-            self._mend(other, runs / name)
-            return runs / name
-        known = findings.sentences(self.run_dir)  # a variation has most of them as well
-        try:
-            return bring_up_to_date(
-                other.loaded,
-                runs,
-                until,
-                progress=self.progress,
-                warn=lambda message: (
-                    None if message in known else self.warn(RunWarning.of(name, message))
-                ),
-                on_stage=lambda stage, reason: self.on_stage(f"{name}: {stage}", reason),
-                stages=self.every,
-                heirs=other.heirs,
-                like=self.run_dir if other.role == "variation" else None,
-                check=self.check,
-            ).run_dir
-        except MapmoreError as error:
-            error.message = f"{name}: {error.message}"
-            raise
-
-    def _mend(self, other: Needed, run_dir: Path) -> None:
-        """Do what a process left undone that was killed after the last stage of another run. Where
-        a process holds the run, it will.
-        """
-        if not _is_whole(run_dir):
-            with suppress(WriteError), run_lock(run_dir):
-                recover(run_dir, _outputs(self.every))
-                replace(self, loaded=other.loaded, run_dir=run_dir).write_spec()
-
-    def tell_outdated(self, plans: Sequence[Plan]) -> None:
-        """Warn of compared runs whose models are kept though they would come out otherwise now."""
-        for other in (other for plan in plans for other in plan.needed if self._kept(other)):
-            if not self._is_current(other, MODEL_STAGE):
-                changed = (
-                    "its data or settings have changed since its model was made, which is "
-                    "compared as it is"
-                )
+        current = self.is_current(other)
+        if other.is_kept(runs):
+            if not current:
                 self.warn(
-                    f"{other.loaded.spec.name}: {changed}; `mapmore run {other.key}` brings "
-                    "it up to date"
+                    f"{name}: its data or settings have changed since its model was made, which is "
+                    f"compared as it is; `mapmore run {other.need.key}` brings it up to date"
                 )
+        elif not current:
+            known = findings.sentences(self.run_dir)  # a variation has most of them as well
+            try:
+                bring_up_to_date(
+                    other.loaded,
+                    runs,
+                    other.last,
+                    options=Options(check=self.options.check, patient=True),
+                    progress=self.progress,
+                    warn=lambda message: (
+                        None if message in known else self.warn(RunWarning.of(name, message))
+                    ),
+                    on_stage=lambda stage, reason: self.on_stage(f"{name}: {stage}", reason),
+                    stages=self.stages,
+                )
+            except MapmoreError as error:
+                error.message = f"{name}: {error.message}"
+                raise
+        return runs / name
 
-    def _kept(self, other: Needed) -> bool:
-        """Return True for a compared run that has a model."""
-        return other.role == "compared" and MODEL_STAGE in load_records(
-            self.run_dir.parent / other.loaded.spec.name, lambda _message: None
-        )
-
-    def _is_current(self, other: Needed, until: str) -> bool:
+    def is_current(self, other: Needed) -> bool:
+        """Whether another run is up to date, has its spec, and nobody was killed or is at work in
+        its folder.
+        """
         run_dir = self.run_dir.parent / other.loaded.spec.name
-        records = load_records(run_dir, lambda _message: None)
-        plans = plan_stages(
-            self.every,
-            until,
-            as_found(other.loaded, run_dir),
-            run_dir,
-            records,
-            False,
-            False,
-            other.heirs,
+        plans = plans_of(other, self.stages, other.last, self.run_dir.parent)
+        return (
+            all(plan.reason is None for plan in plans)
+            and is_tidy(run_dir)
+            and (run_dir / RESOLVED_SPEC).is_file()
         )
-        return all(plan.reason is None for plan in plans)
 
-    def write_spec(self) -> None:
-        """Write `experiment.yaml`, which runs again where it lies, unless it is there already."""
-        if not self._has_spec():
-            for name, text in self._texts.items():
-                write_text(self.run_dir / name, text)
-
-    def _has_spec(self) -> bool:
+    def has_spec(self) -> bool:
+        """Whether `experiment.yaml`, which runs again where it lies, is there already."""
         paths = {self.run_dir / name: text for name, text in self._texts.items()}
         return all(
             path.is_file() and path.read_bytes() == text.encode() for path, text in paths.items()
@@ -523,15 +487,17 @@ class _Run(StageMaker):
     @cached_property
     def _texts(self) -> dict[str, str]:
         """The specs that belong to the run; none where its structure is not known yet."""
-        if self.every[-1].name == SEARCH_STAGE:
+        if self.stages[-1].name == SEARCH_STAGE:
             return {}
-        found = (
-            {FOUND: self.loaded.resolved_in(self.run_dir, given_only=True)} if self.searched else {}
-        )
-        return {RESOLVED_SPEC: self.loaded.resolved_in(self.run_dir), **found}
+        texts = {RESOLVED_SPEC: self.loaded.resolved_in(self.run_dir)}
+        if self.searched:
+            texts[FOUND] = self.loaded.resolved_in(self.run_dir, given_only=True)
+        return texts
 
 
-def _refreshed(records: Mapping[str, StageRecord], plans: Sequence[Plan]) -> dict[str, StageRecord]:
+def _refreshed(
+    records: Mapping[str, StageRecord], plans: Sequence[StagePlan]
+) -> dict[str, StageRecord]:
     """Return the records with today's file times, where the contents are still the same: the next
     run need not read them again.
     """
@@ -541,12 +507,3 @@ def _refreshed(records: Mapping[str, StageRecord], plans: Sequence[Plan]) -> dic
         if plan.reason is None
     }
     return {**records, **current}
-
-
-def _is_whole(run_dir: Path) -> bool:
-    """Whether the run in a folder has its spec, and nobody was killed or is at work there."""
-    return is_tidy(run_dir) and (run_dir / RESOLVED_SPEC).is_file()
-
-
-def _outputs(stages: Sequence[Stage]) -> list[str]:
-    return [output for stage in stages for output in stage.outputs]

@@ -5,31 +5,24 @@ model that stands alone.
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Literal
 
 from mapmore_cli.fitting import kinds
 from mapmore_cli.fitting.kinds import Given
 from mapmore_cli.fitting.kinds.choices import (
-    FitChoices,
     ModelChoices,
-    SegmentSection,
     by_trial,
-    lengths_of,
     model_choices,
     summands,
     with_definitions,
-    with_terms,
 )
-from mapmore_cli.fitting.stage import Stage, Workspace
+from mapmore_cli.fitting.stage import Need, Stage, Workspace
 from mapmore_cli.ingestion.files import IngestSlice, find_sources, slice_of
-from mapmore_cli.modelling.pieces.recipe import Cuts
+from mapmore_cli.modelling.pieces.recipe import Cuts, Fuse
 from mapmore_cli.modelling.selection import AUTO, Fit
 from mapmore_cli.pipeline.staleness import plain
 from mapmore_cli.spec.experiment import ExperimentSpec
-from mapmore_cli.spec.sections.data import Levels
-from mapmore_cli.spec.sections.dictionary import DictionaryEntry
 from mapmore_cli.spec.sections.model import ModelChoice
 from mapmore_cli.storage.run_folder import DATASET, FIT, MODEL, SEGMENTATION, RunFiles
 
@@ -61,9 +54,10 @@ def recordings(spec: ExperimentSpec, folder: Path) -> list[Path]:
     return list(dict.fromkeys(log.path for source in found for log in (source, *source.joined)))
 
 
-def static_run(spec: ExperimentSpec) -> list[str]:
+def static_run(spec: ExperimentSpec) -> list[Need]:
     """Return the static run, where the damping force is what its model leaves."""
-    return [spec.needs.static] if spec.target == "damping" and spec.needs.static is not None else []
+    static = spec.needs.static
+    return [Need(static)] if spec.target == "damping" and static is not None else []
 
 
 INGEST = Stage(
@@ -81,35 +75,18 @@ INGEST = Stage(
 # --------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Trial:
-    """What the costs of intervals depend on."""
-
-    dictionary: list[DictionaryEntry]
-    model: ModelChoice
-    fit: Fit
-
-
-@dataclass(frozen=True)
-class Slice:
-    """What the segments depend on; `trial` is None where no boundary is placed by trying out
-    fits.
+def segment_slice(spec: ExperimentSpec) -> ModelChoices:
+    """Return what the segments depend on; dictionary, model and fit only where a boundary is placed
+    by trying out fits.
     """
-
-    levels: Levels | None
-    segment: SegmentSection
-    train_level: Literal["all", "highest"] | float
-    trial: Trial | None
-
-
-def segment_slice(spec: ExperimentSpec) -> Slice:
-    """Return what the segments depend on."""
     spec = with_definitions(spec)
-    trial = Trial(spec.dictionary, spec.model, spec.fit) if by_trial(spec.segment) else None
-    return Slice(spec.data.levels, spec.segment, spec.fit.train_level, trial)
+    levels, cuts = spec.data.levels, spec.segment
+    if by_trial(cuts):
+        return ModelChoices(levels, cuts, spec.dictionary, spec.model, spec.fit, {})
+    return ModelChoices(levels, cuts, [], ModelChoice(), Fit(train_level=spec.fit.train_level), {})
 
 
-def segment(part: Slice, workspace: Workspace) -> None:
+def segment(part: ModelChoices, workspace: Workspace) -> None:
     """Cut every training curve over its own range; what is fitted there is what the backbone
     leaves.
     """
@@ -117,10 +94,7 @@ def segment(part: Slice, workspace: Workspace) -> None:
     from mapmore_cli.storage.artefacts import units_of, write_segmentation
 
     dataset = workspace.files.dataset()
-    trial = part.trial or Trial([], ModelChoice(), Fit(train_level=part.train_level))
-    segmentation = segmented(
-        dataset, part.levels, part.segment, trial.dictionary, trial.model.backbone, trial.fit
-    )
+    segmentation = segmented(dataset, part)
     for curve in segmentation:
         for name, boundaries in zip(curve.variables, curve.boundaries, strict=True):
             cut = part.segment[name]
@@ -143,40 +117,27 @@ SEGMENT = Stage(
 # --------------------------------------------------------------------------------------------------
 
 
-def fit_choices(spec: ExperimentSpec) -> FitChoices:
-    """Return what the fit depends on."""
-    spec = with_definitions(spec)
-    joining = spec.fuse if AUTO in (spec.model.backbone, spec.fit.max_terms) else None
-    return FitChoices(
-        spec.data.levels,
-        spec.segment,
-        spec.dictionary,
-        spec.model,
-        spec.fit,
-        lengths_of(spec),
-        joining,
-    )
+def fit_choices(spec: ExperimentSpec) -> ModelChoices:
+    """Return what the fit depends on; how pieces are joined only where the choice of a backbone
+    asks for it.
+    """
+    whole = model_choices(spec)
+    made = (whole.levels, whole.segment, whole.dictionary, whole.model, whole.fit, whole.lengths)
+    return ModelChoices(*made, fuse=whole.fuse if whole.model.backbone == AUTO else Fuse())
 
 
-def fit(part: FitChoices, workspace: Workspace) -> None:
+def fit(part: ModelChoices, workspace: Workspace) -> None:
     """Fit what the kind of model asks for: every segment, one model with memory, a formula, or
     nothing where models are added up.
     """
-    from mapmore_cli.fitting.refitting import size_of
     from mapmore_cli.storage.artefacts import units_of, write_fit
 
     dataset = workspace.files.dataset()
-    size = size_of(
-        part, dataset, lambda done, total: workspace.progress("numbers of terms", done, total)
-    )
-    result = kinds.fit(
-        with_terms(part, size.terms),
-        Given(dataset, workspace.files.segmentation(), progress=workspace.progress),
-    )
-    alone = result.constant_alone
-    for note in alone:
+    given = Given(dataset, workspace.files.segmentation(), progress=workspace.progress)
+    result = kinds.fit(part, given)
+    for note in result.constant_alone:
         workspace.warn(note)
-    result = replace(result, notes=(*size.notes, *alone, *result.notes), max_terms=size.terms)
+    result = replace(result, notes=(*result.constant_alone, *result.notes))
     for piece in result.pieces:
         if piece.selection.tied.any():
             workspace.warn(
@@ -186,7 +147,7 @@ def fit(part: FitChoices, workspace: Workspace) -> None:
     write_fit(workspace.out / FIT, result, units_of(dataset))
 
 
-FITTING = Stage(name="fit", revision=10, outputs=(FIT,), reads=fit_choices, run=fit)
+FITTING = Stage(name="fit", revision=11, outputs=(FIT,), reads=fit_choices, run=fit)
 
 
 # Fuse: `model.h5`
@@ -200,14 +161,13 @@ def fuse(part: ModelChoices, workspace: Workspace) -> None:
 
     files = workspace.files
     dataset, result = files.dataset(), files.fit()
-    chosen = with_terms(part, result.max_terms) if part.fit.max_terms == AUTO else part
     given = Given(
         dataset,
         files.segmentation(),
         lambda path: RunFiles(workspace.needed[path]).model(),
         workspace.progress,
     )
-    model = kinds.build(chosen, given, result)
+    model = kinds.build(part, given, result)
     model = replace(
         model, signals=needed_signals(part.signals, [quantity.name for quantity in model.inputs])
     )
@@ -234,5 +194,10 @@ def _provenance(part: ModelChoices) -> dict[str, str]:
 
 
 FUSE = Stage(
-    name="fuse", revision=10, outputs=(MODEL,), reads=model_choices, run=fuse, needs=summands
+    name="fuse",
+    revision=10,
+    outputs=(MODEL,),
+    reads=model_choices,
+    run=fuse,
+    needs=lambda spec: [Need(path) for path in summands(spec)],
 )

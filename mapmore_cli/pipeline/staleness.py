@@ -8,16 +8,16 @@ import hashlib
 import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
-from pydantic import BaseModel
+from pydantic_core import to_jsonable_python
 
 from mapmore_cli.domain.errors import DataError, SpecError
-from mapmore_cli.fitting.stage import Compared, Need, Stage, Variation
+from mapmore_cli.fitting.kinds.choices import summands
+from mapmore_cli.fitting.stage import Need, Stage
 from mapmore_cli.spec.experiment import ExperimentSpec
-from mapmore_cli.spec.tree import keys_at
 from mapmore_cli.storage.run_record import StageRecord, Stamp, load_records, take_stamp
 
 if TYPE_CHECKING:
@@ -29,80 +29,82 @@ MODEL_STAGE = "fuse"
 
 @dataclass(frozen=True)
 class Needed:
-    """Another run: its path in the spec or its name there, its own spec, and the specs that led to
-    it, outermost first.
+    """Another run of the same folder of runs, and its own spec.
 
-    A run that is only `compared` with is never made anew by this one; one that is `built_on` is
-    brought up to date as a whole, with its page; a `variation` has no page.
+    What a run is built on is brought up to date as a whole, with its page. Of a run that is
+    compared, and of a variation, the model alone is needed.
     """
 
-    key: str
+    need: Need
     loaded: LoadedSpec
-    heirs: tuple[Path, ...]
-    role: Literal["built_on", "compared", "variation"] = "built_on"
+
+    @property
+    def last(self) -> str:
+        """The last stage that is needed of it."""
+        return MODEL_STAGE if self.need.compared or self.need.overrides else "report"
+
+    def is_kept(self, runs: Path) -> bool:
+        """Return whether it is compared, and has a model: a comparison must not change what it
+        compares with.
+        """
+        return self.need.compared and MODEL_STAGE in known_records(runs / self.loaded.spec.name)
 
 
-def needed_runs(stage: Stage, loaded: LoadedSpec, heirs: tuple[Path, ...]) -> list[Needed]:
-    """Return the runs that a stage needs, in the order of the spec; raises as `runs_at`."""
-    return runs_at(stage.needs(loaded.spec), loaded, heirs)
+def known_records(run_dir: Path) -> dict[str, StageRecord]:
+    """Return the committed stages of a run, silently."""
+    return load_records(run_dir, lambda _message: None)
 
 
-def runs_built_on(loaded: LoadedSpec, heirs: tuple[Path, ...]) -> list[Needed]:
-    """Return the runs of `needs:`, whose reports belong to this run's; raises as `runs_at`."""
-    needs = loaded.spec.needs
-    return runs_at(
-        [path for path in (needs.static, needs.damping) if path is not None], loaded, heirs
-    )
+def needed_runs(stage: Stage, loaded: LoadedSpec) -> tuple[Needed, ...]:
+    """Return the runs that a stage needs, in the order of the spec.
 
-
-def runs_at(needs: Sequence[Need], loaded: LoadedSpec, heirs: tuple[Path, ...]) -> list[Needed]:
-    """Return the runs of the specs at some paths from a spec's folder, and of variations of the
-    spec itself.
-
-    Raises SpecError where runs need each other in a circle, or a needed spec is missing or wrong.
+    Raises SpecError where a needed spec is missing or wrong.
     """
     from mapmore_cli.spec.loader import load
 
-    found = []
+    return tuple(
+        Needed(need, _varied(loaded, need) if need.overrides else load(loaded.folder / need.key))
+        for need in stage.needs(loaded.spec)
+    )
+
+
+def refuse_circle(loaded: LoadedSpec, heirs: tuple[Path, ...] = ()) -> None:
+    """Raise SpecError where runs are built on each other in a circle; `heirs` are the specs that
+    led to this one.
+    """
+    from mapmore_cli.spec.loader import load
+
     chain = (*heirs, loaded.path.resolve())
-    for need in needs:
-        if isinstance(need, Variation):
-            found.append(Needed(need.name, _varied(loaded, need), chain, "variation"))
+    needs = loaded.spec.needs
+    for path in dict.fromkeys((needs.static, needs.damping, *summands(loaded.spec))):
+        if path is None:
             continue
-        path = need.path if isinstance(need, Compared) else need
         other = loaded.folder / path
         if other.resolve() in chain:
             circle = " -> ".join(spec.name for spec in (*chain, other))
             raise SpecError(
                 f"{loaded.path}: runs need each other in a circle: {circle}", "remove one of them"
             )
-        found.append(
-            Needed(
-                path, load(other), chain, "compared" if isinstance(need, Compared) else "built_on"
-            )
-        )
-    return found
+        refuse_circle(load(other), chain)
 
 
-def _varied(loaded: LoadedSpec, variation: Variation) -> LoadedSpec:
+def _varied(loaded: LoadedSpec, variation: Need) -> LoadedSpec:
     """Return the spec with other settings, and without competitors: it is one, and those of the
     spec may not suit it.
     """
     from mapmore_cli.spec.loader import load
     from mapmore_cli.spec.yaml_loader import as_overrides
 
-    own = as_overrides(
-        {
-            "name": f"{loaded.spec.name}.{variation.name}",
-            "validate.against": [],
-            "validate.intervals": False,
-        }
-    )
+    own = {
+        "name": f"{loaded.spec.name}.{variation.key}",
+        "validate.against": [],
+        "validate.intervals": False,
+    }
     try:
-        return load(loaded.path, (*loaded.overrides, *variation.overrides, *own))
+        return load(loaded.path, (*loaded.overrides, *variation.overrides, *as_overrides(own)))
     except SpecError as error:
         raise SpecError(
-            f"{loaded.path}: as `{variation.name}`, with other settings: {error.message}",
+            f"{loaded.path}: as `{variation.key}`, with other settings: {error.message}",
             error.remedy,
         ) from error
 
@@ -115,7 +117,7 @@ LONGEST_REASON = 6
 
 
 @dataclass(frozen=True)
-class Plan:
+class StagePlan:
     """What a stage would be made from now, beside what it was made from.
 
     `part` is the slice of the spec, `slice` the same as JSON values. `outputs` are the stamps of
@@ -140,48 +142,49 @@ def plan_stages(
     loaded: LoadedSpec,
     run_dir: Path,
     records: Mapping[str, StageRecord],
-    rehash: bool,
-    force: bool,
-    heirs: tuple[Path, ...] = (),
-) -> Iterator[Plan]:
-    """Yield the plan of every stage up to `until`, in order, from the files as they are now;
-    `heirs` are the specs that need this one.
+    rehash: bool = False,
+    force: bool = False,
+) -> Iterator[StagePlan]:
+    """Yield the plan of every stage up to `until`, in order, from the files as they are now.
 
     Raises DataError where a source is missing or cannot be read.
     """
-    previous: Plan | None = None
+    previous: StagePlan | None = None
     for stage in stages:
         known = records.get(stage.name)
         part = stage.reads(loaded.spec)
-        needed = needed_runs(stage, loaded, heirs)
-        chosen = {
-            **plain(part),
-            **{f"run {run.key}": _mark_of(run, stages, run_dir.parent, rehash) for run in needed},
+        needed = needed_runs(stage, loaded)
+        chosen = plain(part) | {
+            f"run {run.need.key}": _model_mark(run, stages, run_dir.parent, rehash)
+            for run in needed
         }
         before = previous.fingerprint if previous else ""
-        inputs = _source_stamps(stage, loaded, known, rehash)
-        mark = fingerprint(
-            stage.name,
-            stage.revision,
-            chosen,
-            before,
-            {path: stamp.sha256 for path, stamp in inputs.items()},
-        )
-        outputs = _output_stamps(run_dir, known, rehash)
-        plan = Plan(stage, part, chosen, mark, before, inputs, outputs, tuple(needed))
+        inputs = _source_stamps(stage, loaded, known.inputs if known else {}, rehash)
+        contents = {path: stamp.sha256 for path, stamp in inputs.items()}
+        mark = fingerprint(stage.name, stage.revision, chosen, before, contents)
+        outputs = {
+            path: take_stamp(run_dir / path, stamp, rehash)
+            for path, stamp in (known.outputs if known else {}).items()
+            if (run_dir / path).is_file()
+        }
+        plan = StagePlan(stage, part, chosen, mark, before, inputs, outputs, needed)
         reasons = ["forced"] if force else _reasons(plan, known, previous)
-        shown = [
-            *reasons[:LONGEST_REASON],
-            *(
-                [f"and {len(reasons) - LONGEST_REASON} more"]
-                if len(reasons) > LONGEST_REASON
-                else []
-            ),
-        ]
-        previous = replace(plan, reason="; ".join(shown) or None)
+        if len(reasons) > LONGEST_REASON:
+            more = len(reasons) - LONGEST_REASON
+            reasons = [*reasons[:LONGEST_REASON], f"and {more} more"]
+        previous = replace(plan, reason="; ".join(reasons) or None)
         yield previous
         if stage.name == until:
             return
+
+
+def plans_of(
+    run: Needed, stages: Sequence[Stage], until: str, runs: Path, rehash: bool = False
+) -> list[StagePlan]:
+    """Return the plans of another run in the folder `runs`."""
+    run_dir = runs / run.loaded.spec.name
+    loaded = as_found(run.loaded, run_dir)
+    return list(plan_stages(stages, until, loaded, run_dir, known_records(run_dir), rehash))
 
 
 def as_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
@@ -190,92 +193,66 @@ def as_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
     """
     if loaded.spec.model.type != "auto":
         return loaded
-    from mapmore_cli.annexes.search.stage import as_found
+    from mapmore_cli.annexes.search.stage import with_found
 
-    return as_found(loaded, run_dir)
+    return with_found(loaded, run_dir)
 
 
-def _mark_of(run: Needed, stages: Sequence[Stage], runs: Path, rehash: bool) -> str:
-    """Fingerprint of the model of another run, whether it exists yet or not; of a compared run, of
-    the model that it has.
+def _model_mark(run: Needed, stages: Sequence[Stage], runs: Path, rehash: bool) -> str:
+    """Return the fingerprint of the model of another run, whether it exists yet or not; of a
+    compared run, of the model that it has.
     """
-    run_dir = runs / run.loaded.spec.name
-    records = load_records(run_dir, lambda _message: None)
-    if run.role == "compared" and MODEL_STAGE in records:
-        return records[MODEL_STAGE].fingerprint[:SHORT_MARK]
-    *_, last = plan_stages(
-        stages,
-        MODEL_STAGE,
-        as_found(run.loaded, run_dir),
-        run_dir,
-        records,
-        rehash,
-        False,
-        run.heirs,
-    )
-    return last.fingerprint[:SHORT_MARK]
+    if run.is_kept(runs):
+        mark = known_records(runs / run.loaded.spec.name)[MODEL_STAGE].fingerprint
+    else:
+        mark = plans_of(run, stages, MODEL_STAGE, runs, rehash)[-1].fingerprint
+    return mark[:SHORT_MARK]
 
 
-def _reasons(plan: Plan, known: StageRecord | None, previous: Plan | None) -> list[str]:
+def _reasons(plan: StagePlan, known: StageRecord | None, previous: StagePlan | None) -> list[str]:
     """Everything that differs from the committed entry."""
     if known is None:
         return ["never ran"]
-    reasons = (
-        [f"stage revision {known.revision} -> {plan.stage.revision}"]
-        if known.revision != plan.stage.revision
-        else []
-    )
+    reasons = []
+    if known.revision != plan.stage.revision:
+        reasons.append(f"stage revision {known.revision} -> {plan.stage.revision}")
     reasons += slice_differences(plan.stage.name, known.slice, plan.slice)
-    reasons += _file_differences("source", known.inputs, plan.inputs)
+    reasons += _file_differences("source", "removed", known.inputs, plan.inputs)
     if previous and known.before != plan.before:
         reasons.append(f"follows from {previous.stage.name}")
     if not reasons and known.fingerprint != plan.fingerprint:
         reasons.append("run.json does not fit its own entries")
+    reasons += _file_differences("output", "missing", known.outputs, plan.outputs)
     recorded = {path for name in known.outputs for path in (name, name.split("/", 1)[0])}
-    missing = (
-        f"output missing: {output}" for output in plan.stage.outputs if output not in recorded
-    )
-    return [*reasons, *_file_differences("output", known.outputs, plan.outputs), *missing]
+    missing = [output for output in plan.stage.outputs if output not in recorded]
+    return [*reasons, *(f"output missing: {output}" for output in missing)]
 
 
 def _file_differences(
-    what: str, known: Mapping[str, Stamp], found: Mapping[str, Stamp]
+    what: str, gone: str, known: Mapping[str, Stamp], now: Mapping[str, Stamp]
 ) -> list[str]:
-    gone = "missing" if what == "output" else "removed"
+    both = [path for path in now if path in known]
+    changed = [path for path in both if known[path].sha256 != now[path].sha256]
     return [
-        *(f"{what} {gone}: {path}" for path in known if path not in found),
-        *(
-            f"{what} changed: {path}"
-            for path, stamp in found.items()
-            if path in known and known[path].sha256 != stamp.sha256
-        ),
-        *(f"{what} added: {path}" for path in found if path not in known),
+        *(f"{what} {gone}: {path}" for path in known if path not in now),
+        *(f"{what} changed: {path}" for path in changed),
+        *(f"{what} added: {path}" for path in now if path not in known),
     ]
 
 
 def _source_stamps(
-    stage: Stage, loaded: LoadedSpec, known: StageRecord | None, rehash: bool
+    stage: Stage, loaded: LoadedSpec, known: Mapping[str, Stamp], rehash: bool
 ) -> dict[str, Stamp]:
-    old = known.inputs if known else {}
     stamps = {}
     for source in stage.sources(loaded.spec, loaded.folder):
         path = Path(os.path.relpath(source, loaded.folder)).as_posix()
         try:
-            stamps[path] = take_stamp(source, old.get(path), rehash)
+            stamps[path] = take_stamp(source, known.get(path), rehash)
         except OSError as fault:
             raise DataError(
                 f"{path}: cannot be read ({fault.strerror})", "check the file and its permissions"
             ) from fault
     return dict(sorted(stamps.items()))
-
-
-def _output_stamps(run_dir: Path, known: StageRecord | None, rehash: bool) -> dict[str, Stamp]:
-    old = known.outputs if known else {}
-    return {
-        path: take_stamp(run_dir / path, stamp, rehash)
-        for path, stamp in old.items()
-        if (run_dir / path).is_file()
-    }
 
 
 LONGEST_VALUE = 60
@@ -288,19 +265,7 @@ def plain(value: Any) -> Any:
     """Return a slice (frozen dataclasses, spec models and what they hold) as JSON values, under the
     names of the YAML file.
     """
-    if isinstance(value, BaseModel):
-        named = {
-            field.alias or name: plain(getattr(value, name))
-            for name, field in type(value).model_fields.items()
-        }
-        return named | plain(value.model_extra or {})
-    if is_dataclass(value):
-        return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
-    if isinstance(value, Mapping):
-        return {str(key): plain(part) for key, part in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(part) for part in value]
-    return value
+    return to_jsonable_python(value, by_alias=True)
 
 
 def fingerprint(
@@ -322,19 +287,15 @@ def fingerprint(
 
 def slice_differences(stage: str, old: Any, new: Any) -> list[str]:
     """Every changed key of a stage's slice with both values, as `fuse.z_s: 0.25 -> 0.3`."""
-    if not isinstance(old, dict) or not isinstance(new, dict):
+    if not isinstance(old, dict):  # a record that somebody edited
         return list(_differences(stage, old, new))
     return [
         text
-        for key, *values in _pairs(old, new)
-        for text in _differences(place_in_spec(key, stage), *values)
+        for key in new | old
+        for text in _differences(
+            place_in_spec(key, stage), old.get(key, NOT_SET), new.get(key, NOT_SET)
+        )
     ]
-
-
-def _pairs(old: dict[str, Any], new: dict[str, Any]) -> Iterator[tuple[str, Any, Any]]:
-    """Yield every key of either with both values."""
-    for key in new | old:
-        yield key, old.get(key, NOT_SET), new.get(key, NOT_SET)
 
 
 def place_in_spec(key: str, stage: str) -> str:
@@ -346,19 +307,19 @@ def place_in_spec(key: str, stage: str) -> str:
     }
     if key in sections:
         return key
-    homes = [
+    # `levels` of fuse stands inside its own section, so the first home is the one
+    homes = (
         name
         for name, section in sections.items()
-        if isinstance(section, type) and key in keys_at(section, ())
-    ]
-    # `levels` of fuse stands inside its own section, so the first home is the one
-    return f"{homes[0] if homes else stage}.{key}"
+        if isinstance(section, type) and key in section.__annotations__
+    )
+    return f"{next(homes, stage)}.{key}"
 
 
 def _differences(place: str, old: Any, new: Any) -> Iterator[str]:
     if isinstance(old, dict) and isinstance(new, dict):
-        for key, *values in _pairs(old, new):
-            yield from _differences(f"{place}.{key}", *values)
+        for key in new | old:
+            yield from _differences(f"{place}.{key}", old.get(key, NOT_SET), new.get(key, NOT_SET))
     elif (
         isinstance(old, list)
         and isinstance(new, list)
@@ -368,10 +329,10 @@ def _differences(place: str, old: Any, new: Any) -> Iterator[str]:
         for number, (before, after) in enumerate(zip(old, new, strict=True)):
             yield from _differences(f"{place}[{number}]", before, after)
     elif old != new:
-        was, now = _shown(old), _shown(new)
+        was, now = _shortened(old), _shortened(new)
         yield f"{place}: {was} -> {now}" if was != now else f"{place} changed"
 
 
-def _shown(value: Any) -> str:
+def _shortened(value: Any) -> str:
     text = value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
     return text if len(text) <= LONGEST_VALUE else f"{text[: LONGEST_VALUE - 1]}…"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,7 +12,7 @@ import numpy as np
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.scores import OWN, Limit, deciding
 from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices, with_definitions
-from mapmore_cli.fitting.stage import Compared, Need, Stage, Variation, Workspace
+from mapmore_cli.fitting.stage import Need, Progress, Stage, Warn, Workspace
 from mapmore_cli.spec.experiment import Competitor, ExperimentSpec
 from mapmore_cli.spec.yaml_loader import as_overrides
 from mapmore_cli.storage.run_folder import VALIDATION
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Slice:
+class ScoresSlice:
     """What the scores depend on beyond the model.
 
     `target` is what is scored, `seen_as` the same where it is not what the model predicts, so that
@@ -49,14 +49,14 @@ class Slice:
     without_groups: bool
 
 
-def reads(spec: ExperimentSpec) -> Slice:
+def scores_slice(spec: ExperimentSpec) -> ScoresSlice:
     """Return the stage's slice of the spec; what only composites and load-cycle formulas need is in
     it where they may stand.
     """
     spec = with_definitions(spec)
     target = spec.target if isinstance(spec.target, str) else spec.target.column
     moving = target in ("damping", "dynamic")
-    return Slice(
+    return ScoresSlice(
         target=spec.validation.as_ or target,
         seen_as=spec.validation.as_,
         against=spec.validation.against,
@@ -73,12 +73,12 @@ def reads(spec: ExperimentSpec) -> Slice:
     )
 
 
-def run(part: Slice, workspace: Workspace) -> None:
+def score(part: ScoresSlice, workspace: Workspace) -> None:
     """Fit the competitors to the same training data, predict every sample, and score."""
     from mapmore_cli.domain.results import Validation
     from mapmore_cli.fitting.competitors import Contest
     from mapmore_cli.modelling.forecast import forecast
-    from mapmore_cli.modelling.validation.metrics import divisor
+    from mapmore_cli.modelling.validation.metrics import divisor, on_common_rows, score_rows
     from mapmore_cli.modelling.validation.residuals import alarms
     from mapmore_cli.reporting.tables import rival_minima
     from mapmore_cli.storage.artefacts import write_validation
@@ -90,46 +90,36 @@ def run(part: Slice, workspace: Workspace) -> None:
     contest = Contest(
         dataset, model, workspace.needed, static_run, part.lengths, workspace.spec_dir
     )
-    rivals = _rivals(contest, part, workspace)
+    rivals = _fit_rivals(contest, part, workspace.progress, workspace.warn)
     own = tuple(forecast(model, curve, dataset.target) for curve in dataset.curves)
     if model.left_out is not None and part.seen_as is None:
         own = tuple(
-            _with_interval(model, curve, found)
-            for curve, found in zip(dataset.curves, own, strict=True)
+            _with_interval(model, curve, said)
+            for curve, said in zip(dataset.curves, own, strict=True)
         )
     forecasts = {OWN: own, **{one.name: one.forecasts for one in rivals}}
-    for one in rivals:
-        for told in (
-            told
-            for name, fit in one.formulas.items()
-            for told in rival_minima(name, fit, dataset.unit(dataset.target))
-        ):
+    formulas = {name: fit for one in rivals for name, fit in one.formulas.items()}
+    for name, fit in formulas.items():
+        for told in rival_minima(name, fit):
             workspace.warn(told)
-    for name, found in forecasts.items():
-        _told_of_diverged(name, found, dataset, workspace.warn)
-    judged = [
-        (
-            dataset,
-            {
-                name: found
-                for name, found in forecasts.items()
-                if name not in {one.name for one in rivals if one.failed}
-            },
-        )
-    ]
+    for name, every in forecasts.items():
+        for curve, said in zip(dataset.curves, every, strict=True):
+            for row in said.diverged:
+                workspace.warn(_diverged(name, curve, row, dataset))
+    failed = {one.name for one in rivals if one.failed}
+    judged = [(dataset, {name: said for name, said in forecasts.items() if name not in failed})]
     if part.folds is not None:
         judged.append(_left_out(part.folds, contest, part, workspace, measured.target))
     scale = divisor(judged[-1][0], part.normaliser)
-    scores = [row for rows_of, said in judged for row in _scores(part, said, rows_of, scale)]
-    inputs = [
-        quantity.name
-        for quantity in (model.output, *model.inputs)
-        if quantity.name != dataset.target
+    scores = [
+        row
+        for rows_of, every in judged
+        for name, said in on_common_rows(every).items()
+        for row in score_rows(name, part.target, said, rows_of, scale, group=part.groups)
     ]
-    scores += _floor(part, inputs, dataset, scale)
-    formulas = {name: fit for one in rivals for name, fit in one.formulas.items()}
+    scores += _repeatability_scores(part, model, dataset, scale)
     fits = {one.name: one.own_fit for one in rivals if one.own_fit is not None}
-    predictions = {name: tuple(one.values for one in found) for name, found in forecasts.items()}
+    predictions = {name: tuple(one.values for one in every) for name, every in forecasts.items()}
     units = {part.target: dataset.unit(dataset.target)}
     loud = alarms(model, dataset, predictions[OWN], scores)
     validation = Validation(predictions, formulas, tuple(scores), units, fits, loud)
@@ -137,7 +127,7 @@ def run(part: Slice, workspace: Workspace) -> None:
     write_scores(workspace.out, validation.table, model.name)
 
 
-def _with_interval(model: Model, curve: Curve, found: Forecast) -> Forecast:
+def _with_interval(model: Model, curve: Curve, said: Forecast) -> Forecast:
     """Add the half widths of the intervals to what a model says of the held-out samples of a
     curve.
     """
@@ -145,8 +135,18 @@ def _with_interval(model: Model, curve: Curve, found: Forecast) -> Forecast:
     from mapmore_cli.modelling.validation.intervals import INTERVAL, half_widths_of
 
     half = half_widths_of(model, curve.columns, INTERVAL)
-    return replace(
-        found, half=np.where(curve.held_out & ~outside_range(model, curve.columns), half, np.nan)
+    known = curve.held_out & ~outside_range(model, curve.columns)
+    return replace(said, half=np.where(known, half, np.nan))
+
+
+def _diverged(name: str, curve: Curve, row: int, dataset: Dataset) -> str:
+    """Say where a free run left all bounds: its scores are empty."""
+    log = next(number for number, rows in enumerate(curve.logs) if row in rows)
+    at = f"sample {int(np.searchsorted(curve.logs[log], row))}"
+    if "time" in curve.columns:
+        at += f" ({curve.columns['time'][row]:g} {dataset.unit('time')})"
+    return (
+        f"{name}: its free run diverges on {curve.recordings[log]} at {at}; it has no scores there"
     )
 
 
@@ -156,33 +156,31 @@ def scored_as(name: str, dataset: Dataset, model: Model) -> Dataset:
     """
     inputs = [quantity.name for quantity in model.inputs]
     if name not in inputs:
-        remedy = (
-            f"the model is a function of {', '.join(inputs)}: name one of these, or put "
-            f"`{name}` into the dictionary"
-        )
         raise SpecError(
-            f"validate.as: the model of {model.output.name} cannot be inverted for `{name}`", remedy
+            f"validate.as: the model of {model.output.name} cannot be inverted for `{name}`",
+            f"the model is a function of {', '.join(inputs)}: name one of these, or put "
+            f"`{name}` into the dictionary",
         )
     return replace(dataset, target=name)
 
 
-def _rivals(contest: Contest, part: Slice, workspace: Workspace) -> list[Rival]:
+def _fit_rivals(contest: Contest, part: ScoresSlice, progress: Progress, warn: Warn) -> list[Rival]:
     """Every competitor, fitted to the training samples of the contest."""
     named = {one if isinstance(one, str) else one.label for one in part.against}
     wanted = [*part.against, *(contest.simple_beside(named) if part.simple else ())]
     rivals = []
     for competitor in wanted:
         rivals.append(contest.rival(competitor))
-        workspace.progress("competitors", len(rivals), len(wanted))
+        progress("competitors", len(rivals), len(wanted))
     for one in rivals:
         if one.failed:
             reasons = "; ".join(note for fit in one.formulas.values() for note in fit.notes)
-            workspace.warn(f"{one.name}: the fit failed, its rows are left out: {reasons}")
+            warn(f"{one.name}: the fit failed, its rows are left out: {reasons}")
     return rivals
 
 
 def _left_out(
-    choices: ModelChoices, contest: Contest, part: Slice, workspace: Workspace, fitted_to: str
+    choices: ModelChoices, contest: Contest, part: ScoresSlice, workspace: Workspace, fitted_to: str
 ) -> tuple[Dataset, dict[str, Forecasts]]:
     """Return the dataset with all samples held out, and what models of the other levels say of
     them.
@@ -191,54 +189,20 @@ def _left_out(
 
     def compare(fold: Contest) -> tuple[dict[str, Forecasts], list[str]]:
         warnings: list[str] = []
-        quiet = replace(workspace, progress=lambda _what, _done, _total: None, warn=warnings.append)
-        return {
-            one.name: one.forecasts for one in _rivals(fold, part, quiet) if not one.failed
-        }, warnings
+        rivals = _fit_rivals(fold, part, lambda _what, _done, _total: None, warnings.append)
+        return {one.name: one.forecasts for one in rivals if not one.failed}, warnings
 
+    group = part.groups if part.without_groups else None
     whole, said, warnings = left_out(
-        choices,
-        contest,
-        compare,
-        workspace.progress,
-        fitted_to,
-        part.groups if part.without_groups else None,
+        choices, contest, compare, workspace.progress, fitted_to, group
     )
     for warning in warnings:
         workspace.warn(warning)
     return whole, said
 
 
-def _scores(
-    part: Slice, said: Mapping[str, Forecasts], dataset: Dataset, scale: Normaliser
-) -> Iterator[Score]:
-    from mapmore_cli.modelling.validation.metrics import on_common_rows, score_rows
-
-    for name, found in on_common_rows(said).items():
-        yield from score_rows(name, part.target, found, dataset, scale, group=part.groups)
-
-
-def _told_of_diverged(
-    name: str, forecasts: Sequence[Forecast], dataset: Dataset, warn: Callable[[str], None]
-) -> None:
-    """Say where free runs left all bounds: their scores are empty."""
-    for curve, found in zip(dataset.curves, forecasts, strict=True):
-        for row in found.diverged:
-            log = next(number for number, rows in enumerate(curve.logs) if row in rows)
-            at = f"sample {int(np.searchsorted(curve.logs[log], row))}"
-            when = (
-                f" ({curve.columns['time'][row]:g} {dataset.unit('time')})"
-                if "time" in curve.columns
-                else ""
-            )
-            warn(
-                f"{name}: its free run diverges on {curve.recordings[log]} at {at}{when}; it "
-                "has no scores there"
-            )
-
-
-def _floor(
-    part: Slice, inputs: Sequence[str], dataset: Dataset, scale: Normaliser
+def _repeatability_scores(
+    part: ScoresSlice, model: Model, dataset: Dataset, scale: Normaliser
 ) -> Iterator[Score]:
     """Rows of the repeatability: of held-out cycles, or where measurements at one level, coordinate
     and direction were repeated.
@@ -248,21 +212,19 @@ def _floor(
     from mapmore_cli.modelling.validation.metrics import score_rows
     from mapmore_cli.modelling.validation.repeatability import repeated_cycles, repeats
 
+    data = (dataset.curves, dataset.target)
     if part.cycles_of is not None:
-        others = repeated_cycles(dataset.curves, dataset.target, part.cycles_of, dataset.logs)
+        others = repeated_cycles(*data, part.cycles_of, dataset.logs)
     else:
-        others = repeats(
-            dataset.curves,
-            dataset.target,
-            [name for name in inputs if name != dataset.level],
-            dataset.logs,
-        )
+        known = [quantity.name for quantity in (model.output, *model.inputs)]
+        along = [name for name in known if name not in (dataset.target, dataset.level)]
+        others = repeats(*data, along, dataset.logs)
     if others is not None:
-        known = [Forecast(values, np.isfinite(values)) for values in others]
-        yield from score_rows(REPEATABILITY, part.target, known, dataset, scale, partial=True)
+        said = [Forecast(values, np.isfinite(values)) for values in others]
+        yield from score_rows(REPEATABILITY, part.target, said, dataset, scale, partial=True)
 
 
-def limits(require: Mapping[str, float], scores: Sequence[Score]) -> tuple[Limit, ...]:
+def required_limits(require: Mapping[str, float], scores: Sequence[Score]) -> tuple[Limit, ...]:
     """Return the `validate.require` limits with what the run's own model has.
 
     They hold on the pooled validation rows, or on the training rows where nothing is held out.
@@ -278,15 +240,17 @@ def needs(spec: ExperimentSpec) -> list[Need]:
     """Return the runs that this one is compared with, its own variations among them, and the static
     run that composites are fitted to.
     """
-    static = reads(spec).static
+    static = scores_slice(spec).static
     competitors = [c for c in spec.validation.against if isinstance(c, Competitor)]
-    runs = [c.run for c in competitors if c.run is not None]
-    variations = [Variation(c.label, as_overrides(c.set)) for c in competitors if c.set is not None]
-    compared = [Compared(path) for path in dict.fromkeys(runs) if path != static]
-    return [*([static] if static is not None else []), *compared, *variations]
+    runs = dict.fromkeys(c.run for c in competitors if c.run not in (None, static))
+    return [
+        *([Need(static)] if static is not None else []),
+        *(Need(str(path), compared=True) for path in runs),
+        *(Need(c.label, as_overrides(c.set)) for c in competitors if c.set is not None),
+    ]
 
 
-def sources(spec: ExperimentSpec, folder: Path) -> list[Path]:
+def frozen_models(spec: ExperimentSpec, folder: Path) -> list[Path]:
     """Return the frozen models that this one is compared with.
 
     Raises SpecError where there is no such file.
@@ -295,11 +259,11 @@ def sources(spec: ExperimentSpec, folder: Path) -> list[Path]:
     paths = [folder / str(competitor.model) for competitor in frozen]
     for competitor, path in zip(frozen, paths, strict=True):
         if not path.is_file():
-            remedy = (
+            raise SpecError(
+                f"validate.against: there is no model {competitor.model}",
                 "freeze one with `mapmore freeze RUN --tag TAG`; paths start at the folder of "
-                "the spec"
+                "the spec",
             )
-            raise SpecError(f"validate.against: there is no model {competitor.model}", remedy)
     return paths
 
 
@@ -307,8 +271,8 @@ STAGE = Stage(
     name="validate",
     revision=9,
     outputs=(VALIDATION, "scores.csv", "scores.json"),
-    reads=reads,
-    run=run,
-    sources=sources,
+    reads=scores_slice,
+    run=score,
+    sources=frozen_models,
     needs=needs,
 )

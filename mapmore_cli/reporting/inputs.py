@@ -18,7 +18,6 @@ from mapmore_cli.domain.results import FitResult, Search, Validation
 from mapmore_cli.domain.scores import SIMPLE, Published, deciding
 from mapmore_cli.modelling.kinds import outside_range, page_of, runs_over_time
 from mapmore_cli.modelling.validation.intervals import ends, half_widths_of
-from mapmore_cli.reporting.table import Table
 
 INTERVAL = 0.95
 """Level of the intervals in figures."""
@@ -80,7 +79,6 @@ class ReportInputs:
     - `provenance`: versions, hashes and the like, in the order in which to print them.
     - `other_equations`: the equations in other units, by the words that name these.
     - `style`: how its figures look.
-    - `published_tables`: tables of a publication, as they were transcribed.
     - `unconfirmed`: guesses of the spec that nobody has confirmed.
     - `doubts`: what the rules of `check` say of the data.
     - `asked`: ids of the curves and recordings that alone are to be drawn; empty for some that
@@ -102,7 +100,6 @@ class ReportInputs:
     notes: tuple[str, ...] = ()
     other_equations: Mapping[str, tuple[Equation, ...]] = field(default_factory=dict)
     style: FigureStyle = field(default_factory=FigureStyle)
-    published_tables: tuple[Table, ...] = ()
     unconfirmed: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
     asked: frozenset[str] = frozenset()

@@ -37,7 +37,6 @@ def all_tables(inputs: ReportInputs) -> tuple[Table, ...]:
         equations_table(inputs.equations, inputs.other_equations),
         formulas_table(inputs),
         folds_table(pieces.cross_validation if pieces else (), unit),
-        *inputs.published_tables,
     ]
     if inputs.search is not None:
         tables.append(search_table(inputs.search))
@@ -259,7 +258,7 @@ def formulas_table(inputs: ReportInputs) -> Table:
     notes += same_models([(name, formula) for name, _, formula in fitted])
     for name, role, formula in fitted:
         notes += [f"{name} ({role}): {note}" for note in formula.notes]
-        notes += rival_minima(name, formula, inputs.target.unit)
+        notes += rival_minima(name, formula)
     return Table.of("formulas", "Parameters of the fitted formulas", columns, rows, *notes)
 
 
@@ -295,24 +294,14 @@ def same_models(fitted: Sequence[tuple[str, FormulaFit]]) -> tuple[str, ...]:
     )
 
 
-def rival_minima(name: str, formula: FormulaFit, unit: str = "") -> Iterator[str]:
+def rival_minima(name: str, formula: FormulaFit) -> Iterator[str]:
     """Yield other minima of a formula's error that training data hardly tell from the one taken,
     each as a sentence.
-
-    `unit` is that of held-out errors, which only a validation knows.
     """
     for rival in formula.rivals:
         ratio = math.sqrt(rival.sse / formula.sse)
-        held_out = (
-            ""
-            if math.isnan(rival.held_out_rmse)
-            else f" and an error of {rival.held_out_rmse:.4g} {unit} on the validation data"
-        )
         parameters = ", ".join(f"{key} = {value:.4g}" for key, value in rival.parameters.items())
-        yield (
-            f"{name}: another minimum, {parameters}, has {ratio:.3g} times its training "
-            f"error{held_out}"
-        )
+        yield (f"{name}: another minimum, {parameters}, has {ratio:.3g} times its training error")
 
 
 def folds_table(choices: Sequence[FoldError], unit: str) -> Table:

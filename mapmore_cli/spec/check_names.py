@@ -12,13 +12,12 @@ from mapmore_cli.domain.recording import DIRECTION
 from mapmore_cli.modelling.expressions import ExpressionError, Operated, parse, state
 from mapmore_cli.modelling.expressions.states import Lagged, Measured, State
 from mapmore_cli.modelling.pieces.recipe import CutByDirection
-from mapmore_cli.modelling.selection import AUTO, Fit
+from mapmore_cli.modelling.selection import Fit
 from mapmore_cli.spec.diagnostics import Finding, did_you_mean, refused
 from mapmore_cli.spec.experiment import ExperimentSpec, TargetColumn
 from mapmore_cli.spec.sections.data import Direction, Rate
 from mapmore_cli.spec.sections.dictionary import (
     AlongRange,
-    Delays,
     Family,
     Lags,
     Polynomial,
@@ -244,7 +243,7 @@ def _state(
         return
     yield from unknown_quantity(found.quantity, spec.quantities, loc, _word(found.quantity, text))
     target = spec.target_quantity
-    if not isinstance(family, Lags | Delays):
+    if not isinstance(family, Lags):
         yield from _of_target(
             found
             if isinstance(family, Polynomial | Products | AlongRange)
@@ -398,7 +397,6 @@ def settings(spec: ExperimentSpec) -> Iterator[Finding]:
                 "scaling: range",
                 "stop: free_run",
                 "criterion: free_run",
-                "select: free_run",
             ):
                 yield Finding(
                     f"fit.{key}",
@@ -432,7 +430,7 @@ def _with_memory(fit: Fit) -> Iterator[Finding]:
             "terms are pruned only where there is a ridge",
             "add `ridge: auto`, or remove `forward`",
         )
-    elif fit.max_terms != AUTO and fit.forward < fit.most_terms:
+    elif fit.forward < fit.max_terms:
         remedy = (
             f"write {fit.max_terms} or more, or remove it: three times `max_terms` are chosen then"
         )
@@ -444,25 +442,12 @@ def _with_memory(fit: Fit) -> Iterator[Finding]:
 
 
 def _in_free_run(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Refuse free runs where the output is not fed back, since they are then as one step ahead;
-    what chooses by them is of one mind.
-    """
-    fit, target = spec.fit, spec.target_quantity
-    for key in ("criterion", "select", "start"):
-        if getattr(fit, key) not in ("one_step", "measured") and not feeds_back(
-            spec.dictionary, target
-        ):
-            what = (
-                f"nothing of the output {target} is fed back: its free run is its prediction "
-                "one step ahead"
-            )
-            yield Finding(
-                f"fit.{key}:",
-                what,
-                f"remove `{key}`, or add delays, as `lags: {{of: [{target}], steps: [1, 2]}}`",
-            )
-            return
-    for key in ("criterion", "stop"):
-        if fit.select == "free_run" and getattr(fit, key) != "free_run":
-            what = f"terms that are chosen in free run need `{key}: free_run`"
-            yield Finding("fit.select:", what, f"add `{key}: free_run`, or remove `select`")
+    """Refuse coefficients in free run where the output is not fed back: both runs are the same."""
+    target = spec.target_quantity
+    if spec.fit.criterion == "free_run" and not feeds_back(spec.dictionary, target):
+        yield Finding(
+            "fit.criterion:",
+            f"nothing of the output {target} is fed back: its free run is its prediction one step "
+            "ahead",
+            f"remove `criterion`, or add delays, as `lags: {{of: [{target}], steps: [1, 2]}}`",
+        )

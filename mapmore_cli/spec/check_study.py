@@ -24,7 +24,7 @@ from mapmore_cli.spec.experiment import Competitor, ExperimentSpec, TargetColumn
 from mapmore_cli.spec.sections.data import STEP_OF
 from mapmore_cli.spec.sections.dictionary import entries_of, texts_in
 from mapmore_cli.spec.sections.logs import Logs
-from mapmore_cli.spec.sections.model import ModelChoice, OwnFormula
+from mapmore_cli.spec.sections.model import OwnFormula
 from mapmore_cli.spec.tree import Loc
 from mapmore_cli.spec.units import CANONICAL, check_unit, convert, default_unit, is_canonical
 
@@ -160,26 +160,6 @@ def after_cycles(spec: ExperimentSpec) -> Iterator[Finding]:
         )
 
 
-def joining(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Require something for what is set about the way between levels, or about a residual, to act
-    on.
-    """
-    pooled = spec.data.levels is None or spec.segment.get(spec.data.levels.of) == "none"
-    for key in spec.fuse.changed:
-        if key in ("levels", "align") and pooled:
-            yield Finding(
-                f"fuse.{key}:",
-                "there are no levels to interpolate between",
-                f"remove `{key}`, or add `levels` to `data`",
-            )
-        if key == "shrink" and spec.model.backbone is None:
-            yield Finding(
-                "fuse.shrink:",
-                "there is no residual to carry",
-                "remove it, or give the `model` a `backbone`",
-            )
-
-
 def chosen_levels(spec: ExperimentSpec) -> Iterator[Finding]:
     """Require that values of the level quantity that are held out, or train alone, are levels."""
     levels, hold_out, trains = spec.data.levels, spec.data.split.hold_out, spec.fit.train_level
@@ -312,7 +292,7 @@ def _defined(spec: ExperimentSpec, one: OwnFormula) -> LiteratureModel:
     units = {
         name: default_unit(name, spec.units) for name in (*spec.quantities, spec.target_quantity)
     }
-    return formula_of(one.definition(units, units[spec.target_quantity]))
+    return formula_of(one.definition(units))
 
 
 def unknown_formula(
@@ -326,7 +306,7 @@ def unknown_formula(
         yield Finding(loc, f"there is no literature model `{name}`", did_you_mean(name, known))
 
 
-def _rivals(spec: ExperimentSpec) -> list[tuple[Loc, Competitor]]:
+def rivals_of(spec: ExperimentSpec) -> list[tuple[Loc, Competitor]]:
     """Return the competitors with their places; a name alone is that of a model."""
     against = (
         Competitor.model_construct(model=one) if isinstance(one, str) else one
@@ -335,21 +315,11 @@ def _rivals(spec: ExperimentSpec) -> list[tuple[Loc, Competitor]]:
     return [(("validate", "against", i), one) for i, one in enumerate(against)]
 
 
-def with_settings(spec: ExperimentSpec) -> list[tuple[str | None, ModelChoice | Competitor, Loc]]:
-    """Return the run's own model and its competitors: what formula each names, the settings, where
-    they stand.
-    """
-    return [
-        (spec.model.name, spec.model, ("model",)),
-        *((one.model, one, loc) for loc, one in _rivals(spec)),
-    ]
-
-
 def formulas(spec: ExperimentSpec) -> Iterator[Finding]:
     """Require that formulas exist and find what they need in the study."""
     uses: list[tuple[Loc, str | None]] = [(("model", "name"), spec.model.name)]
     uses += [(("model", "backbone"), spec.model.backbone)] if spec.model.backbone != AUTO else []
-    for loc, rival in _rivals(spec):
+    for loc, rival in rivals_of(spec):
         if rival.model in (*SIMPLE, *BASELINES):
             yield from _other_rival(spec, rival.model, rival, loc)
         elif rival.as_ is None or not rival.is_file:
@@ -428,12 +398,12 @@ def competitors(spec: ExperimentSpec) -> Iterator[Finding]:
     """Require that formulas can be fitted in the way that is wanted, and competitors have names of
     their own and data to be fitted to.
     """
-    for name, settings, loc in with_settings(spec):
-        formula, starts = formula_called(spec, name), settings.starts
-        if formula is not None and starts is not None:
-            yield from refused((*loc, "starts"), formula.starting_from, starts)
+    for loc, rival in rivals_of(spec):
+        formula = formula_called(spec, rival.model)
+        if formula is not None and rival.starts is not None:
+            yield from refused((*loc, "starts"), formula.starting_from, rival.starts)
     shown = [OWN, REPEATABILITY]
-    for loc, rival in _rivals(spec):
+    for loc, rival in rivals_of(spec):
         if rival.static is not None and spec.target not in MOTION:
             yield Finding(
                 loc, f"target `{spec.target}` has no static and damping parts", "give one `model`"

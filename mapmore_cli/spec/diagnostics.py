@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from typing import Any, NoReturn
 
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from mapmore_cli.domain.declared import Contradiction, shape
+from mapmore_cli.domain.declared import Contradiction, Misfit, shape
 from mapmore_cli.domain.errors import MapmoreError, SpecError
-from mapmore_cli.spec.tree import Loc, Node, Position, keys_at, nearest
+from mapmore_cli.spec.tree import Loc, Node, Position, nearest
 
 _WIDEST = 110  # characters of a source line that are shown
 _MOST = 25  # mistakes that are shown
@@ -163,26 +163,28 @@ _BOUNDS = {
 }
 
 
-def explain(error: ValidationError, root: Node, model: type[BaseModel]) -> list[Mistake]:
+KeysAt = Callable[[Loc], Sequence[str]]
+"""Gives the keys that the sections at a place know."""
+
+
+def explain(error: ValidationError, root: Node, keys_at: KeysAt) -> list[Mistake]:
     """One problem for each mistake that pydantic found in the tree: a key that is missing because
     it is misspelt is one mistake.
     """
     errors = error.errors(include_url=False)[:MOST_ERRORS]
     unknown = [_split(details["loc"], root)[0] for details in errors if details["type"] in _UNKNOWN]
     meant = {
-        (loc[:-1], tuple(get_close_matches(str(loc[-1]), keys_at(model, loc[:-1]), n=1)))
+        (loc[:-1], tuple(get_close_matches(str(loc[-1]), keys_at(loc[:-1]), n=1)))
         for loc in unknown
     }
     return [
-        _problem(details, root, model)
+        _problem(details, root, keys_at)
         for details in errors
         if _split(details["loc"], root) not in meant
     ]
 
 
-def lost(
-    error: ValidationError, root: Node, model: type[BaseModel]
-) -> Iterator[tuple[Loc, Loc | None]]:
+def lost(error: ValidationError, root: Node, keys_at: KeysAt) -> Iterator[tuple[Loc, Loc | None]]:
     """Yield the ways to what pydantic refused, values and incomplete sections, each with the way to
     what the spec lacks without it.
 
@@ -192,7 +194,7 @@ def lost(
         loc, _ = _split(details["loc"], root)
         meant: Loc | None = loc
         if details["type"] in _UNKNOWN:
-            near = get_close_matches(str(loc[-1]), keys_at(model, loc[:-1]), n=1)
+            near = get_close_matches(str(loc[-1]), keys_at(loc[:-1]), n=1)
             meant = (
                 (*loc[:-1], near[0])
                 if near and nearest(root, loc[:-1]).child(near[0]) is None
@@ -201,14 +203,14 @@ def lost(
         yield loc, meant
 
 
-def _problem(details: ErrorDetails, root: Node, model: type[BaseModel]) -> Mistake:
+def _problem(details: ErrorDetails, root: Node, keys_at: KeysAt) -> Mistake:
     loc, rest = _split(details["loc"], root)
     node = nearest(root, loc)
     name = f"`{_dotted(loc)}`" if loc else "the spec"
     for depth, key in enumerate(
         loc
     ):  # a key that would be a quantity, but whose value says that a near one is meant
-        known = keys_at(model, loc[:depth])
+        known = keys_at(loc[:depth])
         if (
             known
             and isinstance(key, str)
@@ -220,21 +222,25 @@ def _problem(details: ErrorDetails, root: Node, model: type[BaseModel]) -> Mista
             )
     match details["type"]:
         case kind if kind in _UNKNOWN:
-            return Mistake(node.start, *_unknown_key(loc, keys_at(model, loc[:-1])))
+            return Mistake(node.start, *_unknown_key(loc, keys_at(loc[:-1])))
         case "missing" if isinstance(rest[-1], int):
             return Mistake(node.at, f"{name} has too few values", "give two: `[low, high]`")
         case "missing":
             return Mistake(
                 node.start, f"{name} lacks the key `{rest[-1]}`", f"add `{rest[-1]}: ...`"
             )
-        case "value_error" if isinstance(found := details["ctx"]["error"], Contradiction):
-            beside = [node.child(key) for key in found.near]
+        case "value_error" if isinstance(clash := details["ctx"]["error"], Contradiction):
+            beside = [node.child(key) for key in clash.near]
             at = next((child.start for child in beside if child is not None), node.start)
-            return Mistake(at, found.message, found.remedy)
+            return Mistake(at, clash.message, clash.remedy)
+        case "value_error" if isinstance(misfit := details["ctx"]["error"], Misfit):
+            return Mistake(node.at, misfit.message, misfit.remedy)
         case "string_pattern_mismatch" if rest and rest[-1] == "[key]":
             message = f"{str(loc[-1])!r} cannot be the name of a quantity"
             return Mistake(node.start, message, "use letters, digits and `_`, as `step_pressure`")
-    return Mistake(node.at, *_of_value(details, node.value, name))
+    # a number that was written with a unit is told as the number that it is here
+    value = details["input"] if isinstance(details["input"], float) else node.value
+    return Mistake(node.at, *_of_value(details, value, name))
 
 
 def _of_value(details: ErrorDetails, value: object, name: str) -> Explained:
@@ -288,9 +294,48 @@ def _split(loc: Loc, root: Node) -> tuple[tuple[str | int, ...], tuple[str | int
     return tuple(held), tuple(rest)
 
 
+REMOVED = {
+    "creep.tau": "write the state by its name, as `creep(pressure, 10, 0.05)`",
+    "dictionary.delays": "count samples: `lags: {of: [pressure], steps: [2, 4], constant: false}`",
+    "dictionary.stribeck": "write it as a term: `coulomb(v, 0.02)*exp(-(v/0.1)^2)`",
+    "*.grid": "remove it: `optimal` has a grid of 20 cells",
+    "*.separation": "remove it: boundaries lie a tenth of the range apart",
+    "formulas.output": "write the factor into the `expression`",
+    "parameters.start": "remove it: `variable_projection` needs no start",
+    "parameters.value": "write the number into the `expression`",
+    **{
+        f"dictionary.{name}": f"write the state by its name, as `{name}(pressure)`"
+        for name in ("direction", "rate", "saturate")
+    },
+    "family.dead": "remove it: fittings are 7.5 mm long",
+    "family.rate": "remove it: the prior is that of our muscles",
+    "fuse.align": "use a `backbone`, as `sarosi_hinged`",
+    "fuse.levels": "remove it: curves are interpolated linearly",
+    "fuse.limits": "remove it: extrapolation begins at each curve's ends",
+    "fuse.shrink": "remove it: left-out training data choose the share",
+    "match.within": "write the shift, as `shift: -40.2 s`",
+    "missing.action": "remove it: with `tokens`, samples without a value are left out",
+    "model.iterations": "remove it: the swarm has P's 20",
+    "model.bounds": "remove it: the swarm looks at all stable sections, and beyond",
+    "model.method": "name the formula in `validate.against`, which has a `method`",
+    "model.particles": "remove it: the swarm has P's 50",
+    "model.polish": "use `solver: least_squares`",
+    "model.seed": "remove it",
+    "model.starts": "name the formula in `validate.against`, which has `starts`",
+    "published.tables": "remove it",
+    "resonance.frequency": "write the state by its name, as `resonance(pressure, 4, 0.2)`",
+    "spline.constant": "leave it out: a spline has its constant",
+    "wen.p": "write the state by its name, as `wen(pressure, 2, 8)`",
+    "wen_stiffening.p": "write the state by its name, as `wen_stiffening(pressure, -1, 8)`",
+}
+"""Keys that there were, by the section that they stood in, and what to do instead."""
+
+
 def _unknown_key(loc: Loc, known: Iterable[str]) -> Explained:
     inside = f" in `{_dotted(loc[:-1])}`" if len(loc) > 1 else ""
-    return f"unknown key `{loc[-1]}`{inside}", did_you_mean(str(loc[-1]), known)
+    words = [step for step in loc if isinstance(step, str)]
+    told = REMOVED.get(".".join(words[-2:])) or REMOVED.get(f"*.{words[-1]}")
+    return f"unknown key `{words[-1]}`{inside}", told or did_you_mean(words[-1], known)
 
 
 def _dotted(loc: Loc) -> str:

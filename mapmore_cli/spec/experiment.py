@@ -8,28 +8,41 @@ validation (see `spec.fields`), in the unit that the field's mark names.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import PurePosixPath
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, PrivateAttr, ValidationError, ValidationInfo, model_validator
+from pydantic import (
+    BeforeValidator,
+    Field,
+    JsonValue,
+    PlainSerializer,
+    PrivateAttr,
+    SerializationInfo,
+    TypeAdapter,
+    ValidationError,
+    ValidationInfo,
+    model_validator,
+)
 
 from mapmore_cli.domain.declared import Contradiction, Either, Name, Settings
 from mapmore_cli.domain.scores import FIGURES, Published
 from mapmore_cli.modelling.pieces.recipe import CutByDirection, Fuse, Segmented
 from mapmore_cli.modelling.selection import Fit
 from mapmore_cli.spec.fields import (
-    PARTIAL,
+    Context,
     Metres,
     Metric,
     OfTarget,
+    PathOrName,
     Quantity,
-    RelativePath,
     Section,
-    SettingsOfSpec,
     Share,
     SpecPath,
+    moved_path,
+    read_path,
 )
 from mapmore_cli.spec.sections.data import Data
 from mapmore_cli.spec.sections.dictionary import DictionaryEntry, remembers
@@ -71,8 +84,42 @@ class TargetColumn(Settings):
 # --------------------------------------------------------------------------------------------------
 
 
-OtherSettings = Annotated[dict[str, Any], SettingsOfSpec(lambda: ExperimentSpec)]
-"""Keys of a spec, as `fit.max_terms`, with other values."""
+def _with_paths(settings: Mapping[str, Any], change: Callable[[str], Any]) -> dict[str, Any]:
+    """Return keys of a spec with every path in their values changed."""
+    changed = dict(settings)
+    for key in ("needs.static", "needs.damping"):
+        if isinstance(changed.get(key), str):
+            changed[key] = change(changed[key])
+    files = changed.get("data.files")
+    if isinstance(files, list):
+        changed["data.files"] = [
+            {**one, "path": change(one["path"])}
+            if isinstance(one, dict) and isinstance(one.get("path"), str)
+            else change(one)
+            if isinstance(one, str)
+            else one
+            for one in files
+        ]
+    return changed
+
+
+def _read_settings(given: Any, info: ValidationInfo) -> Any:
+    read = partial(read_path, info=info, bare=False)
+    return _JSON.validate_python(_with_paths(given, read)) if isinstance(given, dict) else given
+
+
+def _moved_settings(settings: Mapping[str, Any], info: SerializationInfo) -> dict[str, Any]:
+    return _with_paths(settings, partial(moved_path, info=info, bare=False))
+
+
+_JSON = TypeAdapter(JsonValue)
+
+OtherSettings = Annotated[
+    dict[str, Any], BeforeValidator(_read_settings), PlainSerializer(_moved_settings)
+]
+"""Keys of a spec, as `fit.max_terms`, with other values; quantities wait for the spec that they
+set.
+"""
 
 
 class Competitor(Section):
@@ -90,7 +137,7 @@ class Competitor(Section):
     - `as` is the name in the scores.
     """
 
-    model: Annotated[str, RelativePath(bare=True)] | None = None
+    model: PathOrName | None = None
     run: SpecPath | None = None
     set: OtherSettings | None = None
     static: str | None = None
@@ -192,14 +239,13 @@ class PublishedScores(Section):
     uses them.
 
     `nrmse` are fractions, `rmse` in the target's unit; `rmse_at_least` are lower bounds, where no
-    more was printed. `tables` are CSV files that the page shows as they are.
+    more was printed.
     """
 
     source: str
     nrmse: dict[str, Share] = {}
     rmse: dict[str, OfTarget] = {}
     rmse_at_least: dict[str, OfTarget] = {}
-    tables: list[SpecPath] = []
 
     @property
     def numbers(self) -> Published:
@@ -246,13 +292,13 @@ class Report(Section):
 # --------------------------------------------------------------------------------------------------
 
 
-def _given_memory(dictionary: Any) -> bool:
+def _given_memory(dictionary: Any, info: ValidationInfo) -> bool:
     """Whether a dictionary that is not validated yet has terms with memory; False where its form is
     wrong, which is reported elsewhere.
     """
     try:
         return isinstance(dictionary, list) and remembers(
-            [DictionaryEntry.model_validate(entry) for entry in dictionary]
+            [DictionaryEntry.model_validate(entry, context=info.context) for entry in dictionary]
         )
     except ValidationError:
         return False
@@ -291,8 +337,8 @@ class ExperimentSpec(Section):
 
     @model_validator(mode="before")
     @classmethod
-    def _by_choice(cls, given: Any) -> Any:
-        """Defaults that depend on the target, on the terms, and on the parts of a sum."""
+    def _by_choice(cls, given: Any, info: ValidationInfo) -> Any:
+        """Fill in defaults that depend on the target, on the terms, and on the parts of a sum."""
         if not isinstance(given, dict):
             return given
         if "campaign" in given:
@@ -301,28 +347,19 @@ class ExperimentSpec(Section):
                 "run it with `mapmore batch`",
                 "campaign",
             )
-        target, dictionary, model, fit = (
-            given.get("target"),
-            given.get("dictionary"),
-            given.get("model"),
-            given.get("fit", {}),
-        )
-        adds, chosen = target == "dynamic" and not dictionary, dict(given)
+        target, dictionary, model = (given.get(key) for key in ("target", "dictionary", "model"))
+        adds, fit = target == "dynamic" and not dictionary, given.setdefault("fit", {})
         if isinstance(model, dict) and (adds or model.get("sum") is not None):
-            chosen["model"] = {"type": "sum", **model}
+            model.setdefault("type", "sum")
         elif model is None and (adds or dictionary is None):
-            chosen["model"] = {"type": "sum" if adds else "auto"}
-        if isinstance(fit, dict) and _given_memory(dictionary):
-            chosen["fit"] = {
-                "scaling": "none",
-                **fit,
-            }  # numbers of steps and widths in physical units stay readable
+            given["model"] = {"type": "sum" if adds else "auto"}
+        if isinstance(fit, dict) and _given_memory(dictionary, info):
+            # numbers of steps and widths in physical units stay readable
+            fit.setdefault("scaling", "none")
         elif isinstance(fit, dict) and target == "damping":
-            chosen["fit"] = {
-                "scaling": "max_abs",
-                **fit,
-            }  # pure products, which no shifted origin leaves so
-        return chosen
+            # pure products, which no shifted origin leaves so
+            fit.setdefault("scaling", "max_abs")
+        return given
 
     @property
     def own_formulas(self) -> dict[str, OwnFormula]:
@@ -360,7 +397,7 @@ class ExperimentSpec(Section):
             for name, empty in (("segment", {}), ("fit", Fit()), ("dictionary", []))
             if getattr(self, name) != empty
         ]
-        if info.context is PARTIAL:
+        if isinstance(info.context, Context) and info.context.partial:
             return self
         if self.model.type == "auto" and given:
             remedy = (

@@ -1,26 +1,33 @@
-"""What the spec's models are made of: the strict base, numbers that may carry a unit, unions told
-apart by the shape of the YAML value.
+"""What the spec's models are made of: the strict base, numbers that may carry a unit, paths; and
+what validators know of the spec around a value.
 """
 
 from __future__ import annotations
 
-import math
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Self, TypeVar
+from typing import Annotated, Any, Self
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PlainSerializer,
+    SerializationInfo,
+    ValidationInfo,
+    model_validator,
+)
 
-from mapmore_cli.domain.declared import InUnit
+from mapmore_cli.domain.declared import InUnit, Misfit
 from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.spec.diagnostics import Mistake
-from mapmore_cli.spec.tree import Kind, Node, below, is_free, plain
-from mapmore_cli.spec.units import default_unit, is_quantity, parse_quantity, split_quantity
-from mapmore_cli.spec.yaml_loader import VARIABLES, expand, unescaped
-
-M = TypeVar("M")
+from mapmore_cli.spec.tree import Node, Written, written
+from mapmore_cli.spec.units import CANONICAL, default_unit, parse_quantity, split_quantity
+from mapmore_cli.spec.yaml_loader import VARIABLES, expand, variable_in
 
 
 class Section(BaseModel):
@@ -29,6 +36,15 @@ class Section(BaseModel):
     model_config = ConfigDict(
         extra="forbid", strict=True, allow_inf_nan=False, frozen=True, populate_by_name=True
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _noted(cls, given: Any, info: ValidationInfo) -> Any:
+        """Tell the loader which keys a mapping may have."""
+        if isinstance(info.context, Context) and isinstance(given, dict):
+            keys = [one.alias or name for name, one in cls.model_fields.items()]
+            info.context.note(given, keys)
+        return given
 
     def _contradictions(self) -> Iterator[ValueError]:
         """Yield what does not fit each other within the section; the first is told."""
@@ -41,36 +57,139 @@ class Section(BaseModel):
         return self
 
 
-PARTIAL = {"partial": True}
-"""Context of the validation of what is left of a spec without its faulty parts: what is required
-may be among them.
-"""
+# What is known around a value
+# --------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Context:
+    """What validators know of the spec: its folder, its units, and which quantities it has.
+
+    With `partial`, what is validated lacks its faulty parts: what is required may be among them.
+    """
+
+    folder: Path
+    units: Mapping[str, str] = field(default_factory=dict)  # of quantities whose unit is told
+    quantities: frozenset[str] = frozenset(CANONICAL)
+    target: str = "force"  # the quantity that is modelled
+    level: str | None = None  # the quantity that is constant within a curve
+    partial: bool = False
+    known: dict[int, tuple[Mapping[str, Any], list[str]]] = field(default_factory=dict)
+    paths: set[int] = field(default_factory=set)  # nodes of texts that are paths
+
+    @classmethod
+    def of(cls, root: Node, partial: bool = False) -> Context:
+        """Return what a spec says of its units and quantities, as far as it is well-formed."""
+        spec = written(root)
+        data, units = _mapping(spec, "data"), _texts(_mapping(spec, "units"))
+        derived = _mapping(data, "derive")
+        rates = _texts({name: _mapping(derived, name).get("rate_of") for name in derived})
+        tables = [data, *_entries(data, "join")]
+        names = {
+            *CANONICAL,
+            *units,
+            *derived,
+            *(name for table in tables for name in _mapping(table, "columns")),
+            *(name for entry in _entries(data, "files") for name in _mapping(entry, "set")),
+        }
+        column, level = _mapping(spec, "target").get("column"), _mapping(data, "levels").get("of")
+        return cls(
+            folder=root.at.source.folder,
+            units={**{name: default_unit(name, units, rates) for name in rates}, **units},
+            quantities=frozenset(names),
+            target=column if isinstance(column, str) else "force",
+            level=level if isinstance(level, str) else None,
+            partial=partial,
+        )
+
+    def note(self, given: Mapping[str, Any], keys: Iterable[str]) -> None:
+        """Keep which keys a section knows, for messages about others."""
+        self.known.setdefault(id(given), (given, []))[1].extend(keys)
+
+    def keys_of(self, given: Any) -> tuple[str, ...]:
+        """Return the keys that the sections which have read a mapping know."""
+        return tuple(dict.fromkeys(self.known.get(id(given), ({}, []))[1]))
+
+    def converted(self, given: Any, unit_of: Callable[[Place], str | None]) -> Any:
+        """Return the number that a text with a unit stands for; any other value as it is.
+
+        Raises Misfit for a wrong unit. Where none is known, another key is wrong, and is reported.
+        """
+        if not isinstance(given, Written) or not given.is_quantity:
+            return given
+        unit = unit_of(Place(self, given))
+        try:
+            return split_quantity(given)[0] if unit is None else parse_quantity(given, unit)
+        except SpecError as error:
+            raise Misfit(error.message, error.remedy) from error
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a number stands: what its unit can depend on."""
+
+    context: Context
+    text: Written
+
+    @property
+    def siblings(self) -> Mapping[str, Any]:
+        """The section that it stands in."""
+        return self.text.around
+
+    @property
+    def key(self) -> str:
+        """The nearest key."""
+        return next(str(step) for step in reversed(self.text.way) if isinstance(step, str))
+
+    @property
+    def quantity(self) -> str | None:
+        """The nearest key that is a quantity, as `pressure` in `set: {pressure: 2 bar}`."""
+        return next(
+            (str(step) for step in reversed(self.text.way) if self._is_quantity(step)), None
+        )
+
+    def _is_quantity(self, step: str | int) -> bool:
+        base = str(step).removesuffix("_rate").removeprefix("step_")
+        return step in self.context.quantities or base in self.context.quantities
+
+    @property
+    def level(self) -> str | None:
+        """The quantity that is constant within a curve."""
+        return self.context.level
+
+    @property
+    def target(self) -> str:
+        """The quantity that is modelled."""
+        return self.context.target
+
+    def unit_of(self, quantity: object) -> str | None:
+        """Return the model's unit of a quantity; None where the spec does not name one."""
+        return default_unit(quantity, self.context.units) if isinstance(quantity, str) else None
+
+
+def _texts(section: Mapping[str, Any]) -> dict[str, str]:
+    return {name: str(text) for name, text in section.items() if isinstance(text, str)}
+
+
+def _entries(section: Mapping[str, Any], key: str) -> list[Any]:
+    listed = section.get(key)
+    return listed if isinstance(listed, list) else []
+
+
+def _mapping(value: Any, *keys: str) -> dict[str, Any]:
+    """Return the mapping under `keys`; empty where there is none."""
+    for key in keys:
+        value = value.get(key) if isinstance(value, dict) else None
+    return value if isinstance(value, dict) else {}
 
 
 # Numbers with units
 # --------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Surroundings:
-    """What the unit of a number can depend on."""
-
-    units: Mapping[str, str]  # the spec's `units:`
-    target: str  # the quantity that is modelled
-    level: str | None = None  # the quantity that is constant within a curve
-    key: str = ""  # the nearest key that the user chose, as `pressure` in `set: {pressure: 2 bar}`
-    siblings: Mapping[str, Any] = field(
-        default_factory=dict
-    )  # the section that the number stands in
-
-    def unit_of(self, quantity: object) -> str | None:
-        """Return the model's unit of a quantity; None where the spec does not name one."""
-        return default_unit(quantity, self.units) if isinstance(quantity, str) else None
-
-
-def _column_unit(around: Surroundings) -> str | None:
-    unit = around.siblings.get("unit")
-    return unit if isinstance(unit, str) else around.unit_of(around.key)
+def _column_unit(place: Place) -> str | None:
+    unit = place.siblings.get("unit")
+    return str(unit) if isinstance(unit, str) else place.unit_of(place.quantity)
 
 
 OF_TARGET = ("rmse", "normaliser", "max_abs_error")
@@ -78,10 +197,10 @@ OF_TARGET = ("rmse", "normaliser", "max_abs_error")
 
 Metres = Annotated[float, Field(gt=0), InUnit(lambda _: "m")]
 SignedSeconds = Annotated[float, InUnit(lambda _: "s")]
-OfTarget = Annotated[float, InUnit(lambda around: around.unit_of(around.target))]
+OfTarget = Annotated[float, InUnit(lambda place: place.unit_of(place.target))]
 InColumnUnit = Annotated[float, InUnit(_column_unit)]
 Metric = Annotated[
-    float, InUnit(lambda around: around.unit_of(around.target) if around.key in OF_TARGET else "1")
+    float, InUnit(lambda place: place.unit_of(place.target) if place.key in OF_TARGET else "1")
 ]
 Share = Annotated[float, InUnit(lambda _: "1")]
 
@@ -89,28 +208,10 @@ Quantity = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$", max_length=
 """The name of a quantity, as expressions spell it."""
 
 
-# Paths and settings
+# Paths
 # --------------------------------------------------------------------------------------------------
 
 LONGEST_NAME, LONGEST_PATH = 255, 4000
-
-
-@dataclass(frozen=True)
-class RelativePath:
-    """Marks a path that starts at the folder of the file that it is written in; `bare` names
-    without a folder stay as they are.
-    """
-
-    bare: bool = False
-
-
-@dataclass(frozen=True)
-class SettingsOfSpec:
-    """Marks a mapping with keys of a whole spec, as `data.files`; `spec` names its model, which may
-    be declared below the mark.
-    """
-
-    spec: Callable[[], type[BaseModel]]
 
 
 def possible_path(path: str) -> str:
@@ -125,154 +226,64 @@ def possible_path(path: str) -> str:
     return path
 
 
-SpecPath = Annotated[str, AfterValidator(possible_path), RelativePath()]
-"""The path of a file, or a glob; relative ones start at the folder of the file that they are
-written in.
-"""
+def read_path(given: Any, info: ValidationInfo, bare: bool) -> Any:
+    """Return a path with its variables expanded, from the folder of the spec."""
+    if not isinstance(given, Written) or not isinstance(info.context, Context):
+        return given
+    info.context.paths.add(id(given.node))
+    try:
+        path = expand(str(given.node.value))
+    except ValueError as error:
+        raise Misfit(str(error), VARIABLES) from error
+    return from_folder(path, given.node.at.source.folder, info.context.folder, bare)
 
 
-# Values as they are resolved
-# --------------------------------------------------------------------------------------------------
+def moved_path(path: str, info: SerializationInfo, bare: bool) -> str:
+    """Return a path for a spec in another folder, where the context names both."""
+    if info.context is None:
+        return path
+    written_in, folder = info.context
+    return from_folder(path, written_in, folder, bare)
 
 
-def resolve(root: Node, model: type[BaseModel], problems: list[Mistake]) -> Node:
-    """Return the tree with every `250 kPa` replaced by a number, and every inherited relative path
-    by one from the root's folder.
-
-    A wrong unit is added to `problems`; the number is then NaN, which validation refuses at the
-    same place.
+def from_folder(path: str, written_in: Path, folder: Path, bare: bool = False) -> str:
+    """Return a path that was written in one folder as it is from another; with `bare`, names
+    without a folder stay as they are.
     """
-    return _Resolver(root.at.source.folder, problems).node(
-        root, [Kind(model)], _surroundings(plain(root))
-    )
-
-
-@dataclass(frozen=True)
-class _Resolver:
-    folder: Path
-    problems: list[Mistake]
-
-    def node(self, node: Node, kinds: Sequence[Kind], around: Surroundings | None) -> Node:
-        """Return the same node, resolved, given what it may be; quantities stay as they are where
-        nothing is known `around` them.
-        """
-        match node.value:
-            case dict() as children:
-                inside = around and replace(around, siblings=plain(node))
-                return replace(
-                    node,
-                    value={
-                        key: self._under(key, child, kinds, inside)
-                        for key, child in children.items()
-                    },
-                )
-            case list() as items:
-                return replace(
-                    node,
-                    value=[
-                        self._under(index, item, kinds, around) for index, item in enumerate(items)
-                    ],
-                )
-            case str() as text:
-                return replace(node, value=self._text(node, text, kinds, around))
-            case _:
-                return node
-
-    def _under(
-        self, step: str | int, child: Node, kinds: Sequence[Kind], around: Surroundings | None
-    ) -> Node:
-        if _mark(
-            kinds, SettingsOfSpec
-        ):  # their quantities are resolved with the spec that they set
-            around = None
-        elif around and isinstance(step, str) and any(is_free(kind, step) for kind in kinds):
-            around = replace(around, key=step)
-        return self.node(child, _under(kinds, step), around)
-
-    def _text(
-        self, node: Node, text: str, kinds: Sequence[Kind], around: Surroundings | None
-    ) -> str | float:
-        path, rule = _mark(kinds, RelativePath), _mark(kinds, InUnit)
-        try:
-            if path:
-                return _from_folder(expand(text), path, node.at.source.folder, self.folder)
-            text = unescaped(text)
-        except ValueError as error:
-            self.problems.append(Mistake(node.at, str(error), VARIABLES))
-            return text
-        if rule is None or around is None or not is_quantity(text):
-            return text
-        unit = rule.unit(around)
-        try:
-            # Where no unit is known, another key is wrong, and is reported as such.
-            return split_quantity(text)[0] if unit is None else parse_quantity(text, unit)
-        except SpecError as error:
-            self.problems.append(Mistake(node.at, error.message, error.remedy))
-            return math.nan
-
-
-def moved(document: Any, kinds: Sequence[Kind], folder: Path, to: Path) -> Any:
-    """Return the values of a spec in `folder`, for a file in the folder `to`: relative paths start
-    there.
-    """
-    match document:
-        case dict():
-            return {
-                key: moved(value, _under(kinds, key), folder, to) for key, value in document.items()
-            }
-        case list():
-            return [
-                moved(value, _under(kinds, place), folder, to)
-                for place, value in enumerate(document)
-            ]
-        case str() if path := _mark(kinds, RelativePath):
-            return _from_folder(document, path, folder, to)
-        case _:
-            return document
-
-
-def _under(kinds: Sequence[Kind], step: str | int) -> list[Kind]:
-    """Return what may stand under a key or list index; keys of settings, as `data.files`, lead from
-    the root of a spec.
-    """
-    settings = _mark(kinds, SettingsOfSpec)
-    if settings is None:
-        return [found for kind in kinds for found in below(kind, step)]
-    here = [Kind(settings.spec())]
-    for name in str(step).split("."):
-        here = _under(here, int(name) if name.isdecimal() else name)
-    return here
-
-
-def _mark(kinds: Sequence[Kind], of: type[M]) -> M | None:
-    return next((mark for kind in kinds for mark in kind.marks if isinstance(mark, of)), None)
-
-
-def _from_folder(path: str, mark: RelativePath, written_in: Path, folder: Path) -> str:
-    if written_in == folder or Path(path).is_absolute() or (mark.bare and "/" not in path):
+    if written_in == folder or Path(path).is_absolute() or (bare and "/" not in path):
         return path
     return Path(os.path.relpath(written_in / path, folder)).as_posix()
 
 
-def _surroundings(root: Any) -> Surroundings:
-    """Return what the root says about units and target, as far as it is well-formed."""
-    units = {name: unit for name, unit in _mapping(root, "units").items() if isinstance(unit, str)}
-    column = _mapping(root, "target").get("column")
-    derived = {
-        name: _mapping(rule).get("rate_of")
-        for name, rule in _mapping(root, "data", "derive").items()
-    }
-    rates = {name: of for name, of in derived.items() if isinstance(of, str)}
-    level = _mapping(root, "data", "levels").get("of")
-    return Surroundings(
-        units={**{name: default_unit(name, units, rates) for name in rates}, **units},
-        target=column if isinstance(column, str) else "force",
-        level=level if isinstance(level, str) else None,
-    )
+SpecPath = Annotated[
+    str,
+    BeforeValidator(partial(read_path, bare=False)),
+    AfterValidator(possible_path),
+    PlainSerializer(partial(moved_path, bare=False)),
+]
+"""The path of a file, or a glob; relative ones start at the folder of the file that they are
+written in.
+"""
+PathOrName = Annotated[
+    str,
+    BeforeValidator(partial(read_path, bare=True)),
+    AfterValidator(possible_path),
+    PlainSerializer(partial(moved_path, bare=True)),
+]
+"""The same, or a name without a folder."""
 
 
-def _mapping(value: Any, *keys: str) -> dict[str, Any]:
-    """Return the mapping under `keys`; empty where there is none."""
-    for key in keys:
-        value = value.get(key) if isinstance(value, dict) else None
-    return value if isinstance(value, dict) else {}
+def stray_variables(root: Node, context: Context) -> Iterator[tuple[Node, str]]:
+    """Yield the texts that hold a variable and were read by no path, with what is wrong."""
+    match root.value:
+        case dict() as children:
+            for child in children.values():
+                yield from stray_variables(child, context)
+        case list() as items:
+            for item in items:
+                yield from stray_variables(item, context)
+        case str() as text if id(root) not in context.paths and (found := variable_in(text)):
+            what = (
+                f"`{found}` stands in a text that is no path: variables are expanded in paths alone"
+            )
+            yield root, what

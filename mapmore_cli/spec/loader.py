@@ -11,7 +11,7 @@ import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import takewhile
 from pathlib import Path
 from typing import Any, Generic, TypeVar
@@ -23,6 +23,7 @@ from mapmore_cli.spec import check_names, check_study
 from mapmore_cli.spec.diagnostics import (
     MOST_ERRORS,
     Finding,
+    KeysAt,
     Mistake,
     explain,
     fail,
@@ -31,20 +32,19 @@ from mapmore_cli.spec.diagnostics import (
     raise_if_any,
 )
 from mapmore_cli.spec.experiment import ExperimentSpec
-from mapmore_cli.spec.fields import PARTIAL, moved, possible_path, resolve
+from mapmore_cli.spec.fields import Context, possible_path, stray_variables
 from mapmore_cli.spec.tree import (
-    Kind,
     Loc,
     Node,
     SourceText,
     merged,
     nearest,
-    plain,
     with_child,
     without,
+    written,
 )
 from mapmore_cli.spec.units import default_unit, has_dimension
-from mapmore_cli.spec.yaml_loader import dump, escaped, expand, parse, read_source
+from mapmore_cli.spec.yaml_loader import VARIABLES, dump, escaped, expand, parse, read_source
 
 CHECKS = (
     *(
@@ -63,7 +63,6 @@ CHECKS = (
         check_study.after_cycles,
     ),
     *(
-        check_study.joining,
         check_study.chosen_levels,
         check_study.target,
         check_study.kind,
@@ -108,7 +107,10 @@ class Loaded(Generic[M]):
         """YAML with the defaults filled in and `extends`, variables and units resolved; it loads to
         an equal spec.
         """
-        return dump(escaped(_document(self.spec)))
+        return dump(escaped(self._document()))
+
+    def _document(self, **how: Any) -> Any:
+        return self.spec.model_dump(mode="json", by_alias=True, exclude_none=True, **how)
 
     def resolved_in(self, folder: Path, given_only: bool = False) -> str:
         """Return the resolved spec for a file in another folder: relative paths start there, so
@@ -117,12 +119,8 @@ class Loaded(Generic[M]):
         With `given_only`, without the defaults, and with the line that tells editors the schema,
         where the spec has it.
         """
-        document = plain(self._root) if given_only else _document(self.spec)
-        text = dump(
-            escaped(
-                moved(document, [Kind(type(self.spec))], self.folder.resolve(), folder.resolve())
-            )
-        )
+        places = (self.folder.resolve(), folder.resolve())
+        text = dump(escaped(self._document(exclude_defaults=given_only, context=places)))
         first = self._root.at.source.text.partition("\n")[0]
         if not given_only or not first.startswith(MODELINE):
             return text
@@ -180,12 +178,15 @@ def _loaded(
     root = _with_overrides(_extended(source, path, problems), overrides, problems)
     if model is ExperimentSpec:
         root = _with_units(_with_formulas(root, problems))
-    root = resolve(root, model, problems)
+    context, given = Context.of(root), written(root)
     try:
-        spec = model.model_validate(plain(root))
+        spec = model.model_validate(given, context=context)
         later = [locate(finding, root) for finding in check(spec)]
     except ValidationError as error:
-        later = [*explain(error, root, model), *_beyond(error, root, model, check)]
+        keys_at = partial(_keys_at, given, context)
+        later = [*explain(error, root, keys_at), *_beyond(error, root, keys_at, model, check)]
+    strays = stray_variables(root, context)
+    problems += [Mistake(node.at, what, VARIABLES) for node, what in strays]
     known = {problem.at for problem in problems}
     raise_if_any([*problems, *(problem for problem in later if problem.at not in known)])
     if (
@@ -195,7 +196,16 @@ def _loaded(
     return Loaded(spec, path, path.parent, tuple(overrides), root)
 
 
-def _beyond(error: ValidationError, root: Node, model: type[M], check: Check[M]) -> list[Mistake]:
+def _keys_at(given: Any, context: Context, loc: Loc) -> tuple[str, ...]:
+    """Return the keys that the sections which have read a part of what was given know."""
+    for step in loc:
+        given = given[step]
+    return context.keys_of(given)
+
+
+def _beyond(
+    error: ValidationError, root: Node, keys_at: KeysAt, model: type[M], check: Check[M]
+) -> list[Mistake]:
     """Return what `check` finds in a spec without its parts of wrong form, so that all mistakes are
     seen at once.
     """
@@ -204,21 +214,21 @@ def _beyond(error: ValidationError, root: Node, model: type[M], check: Check[M])
     sections = set[str | int]()
     while True:
         for loc, meant in sorted(
-            lost(error, root, model), key=lambda found: _last_items_first(found[0]), reverse=True
+            lost(error, root, keys_at), key=lambda one: _last_items_first(one[0]), reverse=True
         ):
             if meant is not None and _echoes(meant):
                 return []
             root = without(root, loc)
             sections.add(loc[0])
+        context, given = Context.of(root, partial=True), written(root)
         try:
-            found = check(model.model_validate(plain(root), context=PARTIAL))
             return [
                 locate(finding, root)
-                for finding in found
+                for finding in check(model.model_validate(given, context=context))
                 if not ("dictionary" in sections and finding.loc[0] == "fit")
             ]
         except ValidationError as still:  # what was left out was required: its section goes next
-            error = still
+            error, keys_at = still, partial(_keys_at, given, context)
 
 
 def _echoes(loc: Loc) -> bool:
@@ -235,10 +245,6 @@ def _last_items_first(loc: Loc) -> tuple[tuple[int, str], ...]:
     it.
     """
     return tuple((step, "") if isinstance(step, int) else (0, step) for step in loc)
-
-
-def _document(spec: BaseModel) -> Any:
-    return spec.model_dump(mode="json", by_alias=True, exclude_none=True)
 
 
 # Open questions

@@ -1,20 +1,14 @@
-"""What was read from YAML, as a tree in which every value knows the place that it comes from, and
-what the models expect at a place.
-"""
+"""What was read from YAML, as a tree in which every value knows the place that it comes from."""
 
 from __future__ import annotations
 
-import dataclasses
-import functools
-import types
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
+from types import MappingProxyType
+from typing import Any
 
-from pydantic import BaseModel
-
-from mapmore_cli.domain.declared import Settings
+from mapmore_cli.spec.units import is_quantity
 
 Loc = Sequence[str | int]
 """The way from the root to a value: keys and list indices."""
@@ -68,6 +62,40 @@ class Node:
         if isinstance(self.value, list) and isinstance(step, int) and 0 <= step < len(self.value):
             return self.value[step]
         return None
+
+
+class Written(str):
+    """A text of a spec that knows where it stands: its node, its way from the root, and the mapping
+    around it.
+
+    As a text it has no `$${` any more; `node.value` is what was written.
+    """
+
+    __slots__ = ("around", "node", "way")
+    node: Node
+    way: Loc
+    around: Mapping[str, Any]
+
+    @property
+    def is_quantity(self) -> bool:
+        """Whether it is a number with a unit."""
+        return is_quantity(self)
+
+
+def written(node: Node, way: Loc = (), around: Mapping[str, Any] = MappingProxyType({})) -> Any:
+    """Return the bare value: dicts, lists, scalars; texts know where they stand."""
+    if isinstance(node.value, dict):
+        inside: dict[str, Any] = {}
+        for key, child in node.value.items():
+            inside[key] = written(child, (*way, key), inside)
+        return inside
+    if isinstance(node.value, list):
+        return [written(child, (*way, place), around) for place, child in enumerate(node.value)]
+    if isinstance(node.value, str):
+        text = Written(node.value.replace("$${", "${"))
+        text.node, text.way, text.around = node, way, around
+        return text
+    return node.value
 
 
 def plain(node: Node) -> Any:
@@ -126,81 +154,3 @@ def with_child(node: Node, step: str | int, child: Node) -> Node:
     return replace(
         node, value=[child if i == step else other for i, other in enumerate(node.value)]
     )
-
-
-# What the models expect at a place
-# --------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Kind:
-    """One type that a value may have, and the marks (`...`) around it."""
-
-    type: Any
-    marks: tuple[Any, ...] = ()
-
-    @property
-    def is_section(self) -> bool:
-        """True for settings, whose keys are their fields."""
-        return isinstance(self.type, type) and issubclass(self.type, BaseModel | Settings)
-
-
-def kinds(annotation: Any, marks: tuple[Any, ...] = ()) -> tuple[Kind, ...]:
-    """Return the members of an annotation, unions taken apart."""
-    if get_origin(annotation) is Annotated:
-        inner, *around = get_args(annotation)
-        return kinds(inner, (*marks, *around))
-    if get_origin(annotation) in (Union, types.UnionType):
-        return tuple(kind for member in get_args(annotation) for kind in kinds(member, marks))
-    return (Kind(annotation, marks),)
-
-
-def below(kind: Kind, step: str | int) -> tuple[Kind, ...]:
-    """Return what may stand under a key or list index of a value of this kind."""
-    if kind.is_section and isinstance(step, str):
-        fields, others = fields_of(kind.type)
-        return (
-            kinds(fields[step]) if step in fields else kinds(others) if others is not None else ()
-        )
-    arguments, container = get_args(kind.type), get_origin(kind.type)
-    if container is dict and isinstance(step, str):
-        return kinds(arguments[1])
-    if container in (list, Sequence) and isinstance(step, int):
-        return kinds(arguments[0])
-    if container is tuple and isinstance(step, int) and step < len(arguments):
-        return kinds(arguments[step])
-    return ()
-
-
-def is_free(kind: Kind, key: str) -> bool:
-    """Return True where the user chose the key, as the name of a quantity, and it is no field of a
-    section.
-    """
-    if not kind.is_section:
-        return get_origin(kind.type) is dict
-    fields, others = fields_of(kind.type)
-    return others is not None and key not in fields
-
-
-def keys_at(model: type[BaseModel], loc: Loc) -> tuple[str, ...]:
-    """Return the keys that the sections at `loc` know."""
-    here: tuple[Kind, ...] = (Kind(model),)
-    for step in loc:
-        here = tuple(under for kind in here for under in below(kind, step))
-    return tuple(
-        dict.fromkeys(key for kind in here if kind.is_section for key in fields_of(kind.type)[0])
-    )
-
-
-@functools.cache
-def fields_of(model: type[BaseModel | Settings]) -> tuple[dict[str, Any], Any]:
-    """Return annotations by YAML key, and the annotation of keys that are no field (None where
-    there may be none).
-    """
-    hints = get_type_hints(model, include_extras=True)
-    if issubclass(model, Settings):
-        return {field.name: hints[field.name] for field in dataclasses.fields(model)}, None
-    fields = {field.alias or name: hints[name] for name, field in model.model_fields.items()}
-    return fields, get_args(hints["__pydantic_extra__"])[1] if model.model_config.get(
-        "extra"
-    ) == "allow" else None

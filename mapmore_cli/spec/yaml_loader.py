@@ -167,15 +167,9 @@ def expand(text: str) -> str:
     return _REFERENCE.sub(_value, text)
 
 
-def unescaped(text: str) -> str:
-    """Return a text that is no path, with `${` for each `$${`; ValueError where it holds a
-    variable.
-    """
-    if found := next((match for match in _REFERENCE.finditer(text) if match[0] != "$${"), None):
-        raise ValueError(
-            f"`{found[0]}` stands in a text that is no path: variables are expanded in paths alone"
-        )
-    return text.replace("$${", "${")
+def variable_in(text: str) -> str | None:
+    """Return the first variable in a text, as it is written."""
+    return next((match[0] for match in _REFERENCE.finditer(text) if match[0] != "$${"), None)
 
 
 def escaped(value: Any) -> Any:

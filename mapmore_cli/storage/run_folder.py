@@ -10,13 +10,12 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from tempfile import mkdtemp
+from tempfile import TemporaryDirectory
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, cast
 
@@ -29,7 +28,7 @@ from mapmore_cli.storage.atomic import (
     sync_folder,
     sync_tree,
 )
-from mapmore_cli.storage.run_record import CAMPAIGN_RECORD, RUN_RECORD, read_scores
+from mapmore_cli.storage.run_record import RUN_RECORD, read_scores
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.fits import SegmentedCurve
@@ -109,12 +108,6 @@ ASIDE = ".old-"
 
 LOCK = ".lock"
 
-_FOLDERS = {
-    RUN_RECORD: "a run of that name",
-    CAMPAIGN_RECORD: "the page of a campaign of that name",
-}
-"""What the folders are that mapmore writes, by the record in them."""
-
 
 @contextmanager
 def run_lock(run_dir: Path, patient: bool = False) -> Iterator[None]:
@@ -177,16 +170,10 @@ def refuse_foreign(folder: Path, record: str) -> None:
         ) from fault
     others = sorted(name for name in names if name != LOCK and not UNFINISHED.fullmatch(name))
     if others and (record not in names or not _is_ours(folder / record)):
-        found = (
-            "files that mapmore did not write "
-            f"({', '.join(others[:3])}{', ...' if len(others) > 3 else ''})"
-        )
-        held = next(
-            (what for file, what in _FOLDERS.items() if file in names and _is_ours(folder / file)),
-            found,
-        )
+        more = ", ..." if len(others) > 3 else ""
         raise WriteError(
-            f"{folder}: holds {held}",
+            f"{folder}: holds files that mapmore did not write there "
+            f"({', '.join(others[:3])}{more})",
             "give it another `name`, or choose another folder with --runs",
         )
 
@@ -199,12 +186,8 @@ def _is_ours(record: Path) -> bool:
         document = json.loads(record.read_bytes())
     except (OSError, ValueError, RecursionError):
         return record.is_file()
-    return (
-        not isinstance(document, dict)
-        or not document
-        or document.get("creator") == "mapmore"
-        or "stages" in document
-    )
+    ours = document.get("creator") == "mapmore" if isinstance(document, dict) else True
+    return ours or not document or "stages" in document
 
 
 def recover(run_dir: Path, outputs: Iterable[str]) -> None:
@@ -234,11 +217,9 @@ def stage_folder(run_dir: Path, stage: str) -> Iterator[Path]:
     """Make a fresh folder inside the run's, on the same file system, gone when the stage ends in
     whatever way.
     """
-    folder = Path(mkdtemp(prefix=f"{TEMPORARY}{stage}-", dir=run_dir))
-    try:
-        yield folder
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
+    prefix = f"{TEMPORARY}{stage}-"
+    with TemporaryDirectory(prefix=prefix, dir=run_dir, ignore_cleanup_errors=True) as folder:
+        yield Path(folder)
 
 
 def swap_in(folder: Path, run_dir: Path, outputs: Sequence[str]) -> None:

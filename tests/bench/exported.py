@@ -27,7 +27,7 @@ from mapmore_cli.storage.artefacts import read_model, read_validation
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE.parent / "exporting"))
-from agreement import compiled, recording, table  # noqa: E402 - its folder is not a package
+from agreement import compiled, points, recording, table  # noqa: E402 - its folder is not a package
 
 CONFIGS = HERE.parents[1] / "configs"
 POINTS, CALLS, ROUNDS = 5_000, 20, 200
@@ -131,26 +131,8 @@ def formula_model(folder, name):
 
 
 def samples(model):
-    """Points at random within the training range; a recording for a model with memory."""
-    if runs_over_time(model):
-        return recording(model, POINTS)
-    rng = np.random.default_rng(0)
-    low, high = (
-        {name: end for one in model.body.ranges for name, end in ends_of(one, side)}
-        for side in (0, 1)
-    )
-    columns = {
-        q.name: rng.uniform(low.get(q.name, 0.0), high.get(q.name, 1.0), POINTS)
-        for q in model.inputs
-    }
-    if model.level is not None:
-        levels = [one.level for one in model.body.ranges]
-        columns[model.level] = rng.uniform(min(levels), max(levels), POINTS)
-    return columns
-
-
-def ends_of(one, side):
-    return ((name, ends[side]) for name, ends in one.limits.items())
+    """Points around the training range; a recording for a model with memory."""
+    return recording(model, POINTS) if runs_over_time(model) else points(model, POINTS)
 
 
 def in_c(model, folder):

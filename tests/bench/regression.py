@@ -13,7 +13,7 @@ from scipy.linalg.blas import dsyrk
 from timing import medians_in_turn
 
 from mapmore_cli.modelling.frols import frols, frols_streamed
-from mapmore_cli.modelling.frols.moments import row_blocks
+from mapmore_cli.modelling.frols.moments import blocks_of_rows
 
 HERE = Path(__file__).parent
 PEERS_PYTHON = HERE.parents[1] / ".venv-bench" / "bin" / "python"
@@ -45,7 +45,7 @@ def own(shape):
         {
             "ours": lambda: frols(P, y, k),
             "dsyrk": lambda: dsyrk(1.0, P, trans=1),
-            "gram": lambda: frols_streamed(row_blocks(P, y), k),
+            "gram": lambda: frols_streamed(blocks_of_rows(P, y), k),
             "textbook": lambda: textbook(P, y, k),
         },
         RUNS,

@@ -24,8 +24,7 @@ schema_version: 1
 name: {name}
 data:
   files: ["{name}_*.csv"]
-  columns: {{pressure: {{column: P, unit: kPa}}, strain: {{column: eps}}, force: {{column: F,
-      unit: N}}}}
+  columns: {{pressure: {{column: P, unit: kPa}}, strain: {{column: eps}}, force: {{column: F}}}}
   levels: {{of: pressure, at: {levels}}}
 {split}target: static
 segment: {{strain: {{method: even, count: 2}}}}

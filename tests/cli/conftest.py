@@ -16,7 +16,7 @@ import typer.testing
 from cli_samples import hand_model, write_study
 from typer.main import get_command
 from typer.testing import CliRunner, Result
-from workers_here import Here
+from workers_here import in_turn
 
 from mapmore_cli.cli.app import app
 
@@ -84,7 +84,7 @@ def shell() -> Callable[..., subprocess.CompletedProcess[str]]:
 @pytest.fixture
 def batch_here(monkeypatch):
     """Let `batch` do its runs in this process: to start another takes longer than such a run."""
-    monkeypatch.setattr("mapmore_cli.annexes.campaigns.processes.LocalWorkers", Here)
+    monkeypatch.setattr("mapmore_cli.domain.processors.in_processes", in_turn)
 
 
 @pytest.fixture

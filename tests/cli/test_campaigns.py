@@ -9,9 +9,10 @@ from pathlib import Path
 import pytest
 from cli_samples import write_study
 
-from mapmore_cli.annexes.campaigns.page import expanded, run_names, specs_of
+from mapmore_cli.annexes.campaigns.page import expanded, run_names
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.spec.campaign import load_campaign
+from mapmore_cli.spec.loader import load
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 pytestmark = pytest.mark.usefixtures("batch_here")
@@ -152,14 +153,10 @@ def test_two_campaigns_are_both_shown(campaign, tmp_path, mapmore):
 
 def test_the_papers_studies_have_published_numbers_where_the_papers_print_errors():
     campaigns, entries = expanded([CONFIGS / "campaigns" / "paper.yaml"], ())
-    specs = specs_of(entries)
-    names = run_names(entries, campaigns, specs)
+    names = run_names(entries, campaigns)
     assert len(set(names)) == len(entries)
-    printed = {
-        name
-        for name, loaded in zip(names, specs, strict=True)
-        if loaded is not None and loaded.spec.report.published
-    }
+    specs = [load(entry.config, entry.overrides).spec for entry in entries]
+    printed = {spec.name for spec in specs if spec.report.published}
     with_numbers = set()
     for file in ("m1_results.csv", "m2_results.csv"):
         with (CONFIGS.parent / "datasets" / "published" / file).open(
@@ -200,7 +197,10 @@ def test_folders_of_one_name_are_refused_at_start(name, words, campaign, mapmore
 
 @pytest.mark.parametrize(
     ("record", "what"),
-    [("run.json", "a run of that name"), ("notes.txt", "files that mapmore did not write")],
+    [
+        ("run.json", "files that mapmore did not write there"),
+        ("notes.txt", "files that mapmore did not write"),
+    ],
 )
 def test_a_campaign_without_a_place_for_its_page_is_refused_at_start(
     record, what, campaign, tmp_path, mapmore

@@ -71,38 +71,6 @@ def started(mapmore, source: Path, place: Path) -> list[dict[str, str]]:
     return serious(mapmore, spec)
 
 
-@pytest.mark.long
-def test_measured_muscles_of_two_lengths_are_two_studies_with_a_slack_foot(
-    tmp_path: Path, mapmore, measured_data: Path, monkeypatch, fewer_families: None
-) -> None:
-    """One of the three repeats; the strains are known to the names of the files alone."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "rig").mkdir()
-    for path in sorted(
-        (measured_data / "festo_10mm_isometric").glob("10mm_[12]0cm_*_Test8.csv.gz")
-    ):
-        (tmp_path / "rig" / path.name).symlink_to(path)
-    started = mapmore("init", "rig")
-    assert started.stdout.split() == ["10mm_10cm_Test8.yaml", "10mm_20cm_Test8.yaml"], (
-        started.stderr
-    )
-    for name in started.stdout.split():
-        text = Path(name).read_text()
-        assert "sarosi_hinged}" in text
-        assert text.count("# CHECK: 'kinked") == 3
-    assert serious(mapmore, "10mm_10cm_Test8.yaml") == []
-    mapmore(
-        "run",
-        "10mm_10cm_Test8.yaml",
-        "-q",
-        "--set",
-        "report.formats=[csv]",
-        "--set",
-        "validate.against=[]",
-        code=0,
-    )
-
-
 def serious(mapmore, spec: Path | str) -> list[dict[str, str]]:
     """What `check` has to say beyond hints."""
     checked = mapmore("check", spec, "--json", "-q", code=0)

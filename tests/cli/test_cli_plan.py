@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import csv
-import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from cli_samples import write_recording, write_study
 
 
@@ -26,19 +27,17 @@ def write(folder: Path, levels: list[int], held_out: tuple[int, ...] = ()) -> Pa
     return spec
 
 
-def planned(mapmore, spec: Path, *arguments: object) -> Any:
-    return json.loads(
-        mapmore(
-            "plan", spec, "--runs", spec.parent / "runs", "--json", "-q", *arguments, code=0
-        ).stdout
-    )
+@pytest.fixture
+def planned(document) -> Callable[..., Any]:
+    """What a plan prints as JSON."""
+    return lambda spec, *more: document("plan", spec, "--runs", spec.parent / "runs", "-q", *more)
 
 
 LEVELS = [0, 100, 200, 300, 400, 500, 600]
 
 
-def test_the_next_level_halves_the_widest_gap(tmp_path, mapmore):
-    found = planned(mapmore, write(tmp_path, [0, 100, 200, 400, 500]))
+def test_the_next_level_halves_the_widest_gap(tmp_path, planned):
+    found = planned(write(tmp_path, [0, 100, 200, 400, 500]))
     assert [(one["pressure"], one["gap"]) for one in found["next"]] == [
         (300, 200),
         (50, 100),
@@ -48,8 +47,8 @@ def test_the_next_level_halves_the_widest_gap(tmp_path, mapmore):
     assert found["notes"][0].startswith("No gap between levels is wider than that from 200 to 400.")
 
 
-def test_a_held_out_level_is_measured(tmp_path, mapmore):
-    assert planned(mapmore, write(tmp_path, [0, 100, 300], (100,)))["next"][0]["pressure"] == 200
+def test_a_held_out_level_is_measured(tmp_path, planned):
+    assert planned(write(tmp_path, [0, 100, 300], (100,)))["next"][0]["pressure"] == 200
 
 
 def test_a_single_level_says_nothing_and_levels_have_no_forecast(tmp_path, mapmore):
@@ -83,10 +82,10 @@ def test_the_table_and_the_figure_of_levels(tmp_path, mapmore):
     assert "next" in (tmp_path / "plan.svg").read_text()
 
 
-def test_points_of_a_map_and_its_figure(tmp_path, mapmore):
+def test_points_of_a_map_and_its_figure(tmp_path, planned):
     spec = write(tmp_path, LEVELS)
     files = [tmp_path / "plan.svg", tmp_path / "plan.csv"]
-    found = planned(mapmore, spec, "--points", 4, "--until", "1%", "-o", files[0], "-o", files[1])
+    found = planned(spec, "--points", 4, "--until", "1%", "-o", files[0], "-o", files[1])
     assert len(found["next"]) == 4
     assert {"pressure", "strain"} <= set(found["next"][0])
     assert files[0].read_text().startswith("<?xml")

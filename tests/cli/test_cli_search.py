@@ -49,9 +49,9 @@ def write_bare(folder: Path, permuted: bool = False) -> Path:
     return folder / "bare.yaml"
 
 
-def test_a_minimal_spec_is_a_study_and_what_it_found_repeats_without_a_search(tmp_path, mapmore):
+def test_a_minimal_spec_is_a_study_and_what_it_found_repeats_without_a_search(tmp_path, document):
     spec = write_bare(tmp_path)
-    found = json.loads(mapmore("run", spec, "--runs", tmp_path / "runs", "--json", "-q").stdout)
+    found = document("run", spec, "--runs", tmp_path / "runs", "-q")
     assert found["stages"]["search"] == "done"
     assert found["search"]["found"] in {one["structure"] for one in found["search"]["tried"]}
     held_out = next(
@@ -62,26 +62,20 @@ def test_a_minimal_spec_is_a_study_and_what_it_found_repeats_without_a_search(tm
     assert "Structures that were tried on training data" in page
     assert found["search"]["found"] in page
 
-    again = json.loads(
-        mapmore(
-            "run", tmp_path / "runs/bare/found.yaml", "--runs", tmp_path / "other", "--json", "-q"
-        ).stdout
-    )
+    again = document("run", tmp_path / "runs/bare/found.yaml", "--runs", tmp_path / "other", "-q")
     assert "search" not in again["stages"]
     assert (tmp_path / "runs/bare/scores.json").read_bytes() == (
         tmp_path / "other/bare/scores.json"
     ).read_bytes()
 
-    kept = json.loads(mapmore("run", spec, "--runs", tmp_path / "runs", "--json", "-q").stdout)
+    kept = document("run", spec, "--runs", tmp_path / "runs", "-q")
     assert set(kept["stages"].values()) == {"up-to-date"}
-    reasons = json.loads(
-        mapmore("run", spec, "--runs", tmp_path / "runs", "--explain", "--json", "-q").stdout
-    )["stages"]
+    reasons = document("run", spec, "--runs", tmp_path / "runs", "--explain", "-q")["stages"]
     assert list(reasons) == ["ingest", "search", "segment", "fit", "fuse", "validate", "report"]
     assert set(reasons.values()) == {None}
 
 
-def test_first_lines_tell_of_better_models(tmp_path, mapmore, monkeypatch):
+def test_first_lines_tell_of_better_models(tmp_path, mapmore, document, monkeypatch):
     """The best formula of the search competes on the held-out data; a black box that errs less on
     left-out training data is told.
     """
@@ -105,9 +99,7 @@ def test_first_lines_tell_of_better_models(tmp_path, mapmore, monkeypatch):
     )
     assert "times less on left-out levels: the structure lacks something" in note
     assert note in first
-    issues = json.loads(
-        mapmore("check", tmp_path / "bare.yaml", "--runs", tmp_path / "runs", "--json", "-q").stdout
-    )["issues"]
+    issues = document("check", tmp_path / "bare.yaml", "--runs", tmp_path / "runs", "-q")["issues"]
     assert ("structure", note) in {(one["id"], one["message"]) for one in issues}
     assert "mapmore is worse" in first
     assert formulas[0]["words"] == f"formula {load(run / 'found.yaml').spec.validation.against[0]}"
@@ -126,22 +118,17 @@ def test_held_out_values_influence_nothing(tmp_path, mapmore):
 
 
 @pytest.mark.long
-def test_tune_without_over_is_the_same_search(tmp_path, mapmore):
+def test_tune_without_over_is_the_same_search(tmp_path, document):
     spec = write_bare(tmp_path)
-    run = json.loads(mapmore("run", spec, "--runs", tmp_path / "runs", "--json", "-q").stdout)
-    told = json.loads(mapmore("tune", spec, "--runs", tmp_path / "runs", "--json", "-q").stdout)
+    run = document("run", spec, "--runs", tmp_path / "runs", "-q")
+    told = document("tune", spec, "--runs", tmp_path / "runs", "-q")
     assert told["found"] == run["search"]["found"]
     by_hand = tmp_path / "hand.yaml"
     by_hand.write_text(
         SPEC.replace("name: bare", "name: hand")
         + "dictionary: [{polynomial: {of: [strain], order: 1}}]\nfit: {max_terms: 2}\n"
     )
-    assert (
-        json.loads(mapmore("tune", by_hand, "--runs", tmp_path / "runs", "--json", "-q").stdout)[
-            "found"
-        ]
-        == told["found"]
-    )
+    assert document("tune", by_hand, "--runs", tmp_path / "runs", "-q")["found"] == told["found"]
 
 
 def test_a_budget_that_cut_the_list_is_told(tmp_path, mapmore, monkeypatch):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import shlex
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -48,20 +49,18 @@ def write_record(folder: Path, pressure: Array, force: Array, lags: int) -> Path
     return folder / "record.yaml"
 
 
-def tuned(mapmore, spec: Path, *arguments: object) -> Any:
-    return json.loads(
-        mapmore(
-            "tune", spec, "--runs", spec.parent / "runs", "--json", "-q", *arguments, code=0
-        ).stdout
-    )
+@pytest.fixture
+def tuned(document) -> Callable[..., Any]:
+    """What tuning a spec prints as JSON."""
+    return lambda spec, *more: document("tune", spec, "--runs", spec.parent / "runs", "-q", *more)
 
 
 OVER = ("--over", "fit.max_terms=1,2,4", "--over", "segment.strain.count=1,2")
 
 
-def test_the_simplest_that_is_as_good_as_the_best_is_named(tmp_path, mapmore):
+def test_the_simplest_that_is_as_good_as_the_best_is_named(tmp_path, tuned):
     spec = write_bench(tmp_path)
-    found = tuned(mapmore, spec, *OVER)
+    found = tuned(spec, *OVER)
     assert found["left_out"] == "each of the 3 inner training levels of pressure"
     trials = {
         (one["set"]["fit.max_terms"], one["set"]["segment.strain.count"]): one
@@ -93,7 +92,7 @@ def test_twice_the_error_is_never_as_good() -> None:
     assert simplest_of([3, 8], np.array([[0.052, 0.06, 0.215], [0.052, 0.05, 0.055]])).chosen == 1
 
 
-def test_permuted_held_out_forces_change_nothing(tmp_path, mapmore):
+def test_permuted_held_out_forces_change_nothing(tmp_path, tuned):
     for model in (
         "model: {backbone: polynomial_2}\n",
         "model: {type: literature, name: polynomial_2}\n",
@@ -101,16 +100,16 @@ def test_permuted_held_out_forces_change_nothing(tmp_path, mapmore):
         spec = write_bench(tmp_path)
         spec.write_text(spec.read_text() + model)
         over = ("--over", "fit.max_terms=1,2")
-        before = tuned(mapmore, spec, *over)
+        before = tuned(spec, *over)
         change_forces(
             tmp_path / "bench_300.csv",
             lambda force: 3 * np.random.default_rng(0).permutation(force),
         )
-        assert tuned(mapmore, spec, *over) == before
+        assert tuned(spec, *over) == before
 
 
-def test_a_fold_errs_as_a_run_that_holds_its_level_out(tmp_path, mapmore):
-    found = tuned(mapmore, write_bench(tmp_path), "--over", "fit.max_terms=3")
+def test_a_fold_errs_as_a_run_that_holds_its_level_out(tmp_path, mapmore, tuned):
+    found = tuned(write_bench(tmp_path), "--over", "fit.max_terms=3")
     force = np.concatenate(
         [
             np.loadtxt(tmp_path / f"bench_{p}.csv", delimiter=",", skiprows=1)[:, 2]
@@ -158,16 +157,15 @@ def test_tables_figures_and_the_settings_to_use(tmp_path, mapmore):
     mapmore("validate", spec, "--runs", tmp_path / "runs", "-q", *use, code=0)
 
 
-def test_few_levels_are_all_left_out_and_memory_leaves_blocks_out(tmp_path, mapmore):
+def test_few_levels_are_all_left_out_and_memory_leaves_blocks_out(tmp_path, tuned):
     spec = write_bench(tmp_path, held_out=(200, 300, 500))
     assert (
-        tuned(mapmore, spec, "--over", "fit.max_terms=1,2")["left_out"]
+        tuned(spec, "--over", "fit.max_terms=1,2")["left_out"]
         == "each of the 3 training levels of pressure"
     )
     p = np.random.default_rng(3).normal(0, 20, 400)
     memory = write_record(tmp_path, p, np.convolve(p, [0.5, 0.3, 0.2])[:400], lags=4)
     found = tuned(
-        mapmore,
         memory,
         "--over",
         "fit.max_terms=1,2,3,4",

@@ -14,8 +14,9 @@ import pytest
 from cli_samples import wait_until, write_slow_study, write_study
 
 from mapmore_cli.annexes.campaigns.batch import Job, run_one
-from mapmore_cli.annexes.campaigns.cluster import ClusterWorkers, Shared, _work
+from mapmore_cli.annexes.campaigns.cluster import Shared, _work, run_on_cluster
 from mapmore_cli.domain.errors import UsageError, WriteError
+from mapmore_cli.storage.run_record import tool_versions
 
 pytestmark = pytest.mark.skipif(
     not Path("/proc/self/fd").exists(), reason="looks into /proc for the worker that does a run"
@@ -126,15 +127,14 @@ def test_a_campaign_on_a_cluster(tmp_path, scheduler_file):
     assert len(list(runs.glob(".tmp-*-shared"))) < 2  # of the command that was killed, if any
 
 
-def test_workers_that_see_another_folder_are_refused(tmp_path):
-    (tmp_path / "token").write_text("another client's")
-    for token in (tmp_path / "token", tmp_path / "missing"):
-        with pytest.raises(WriteError, match="does not see this folder"):
-            Shared(token, "word", {}).check()
-
-
-def variables(names: list[str]) -> list[str | None]:
-    return [os.environ.get(name) for name in names]
+def test_workers_that_differ_are_refused(tmp_path):
+    (tmp_path / "token").touch()
+    here = tool_versions()["mapmore"]
+    Shared(tmp_path / "token", here, {}).check()
+    with pytest.raises(WriteError, match="does not see this folder"):
+        Shared(tmp_path / "missing", here, {}).check()
+    with pytest.raises(UsageError, match=r"has mapmore .*, and 0\.0 is here"):
+        Shared(tmp_path / "token", "0.0", {}).check()
 
 
 def test_variables_of_the_client_are_set_for_a_job_alone(tmp_path, monkeypatch):
@@ -142,31 +142,32 @@ def test_variables_of_the_client_are_set_for_a_job_alone(tmp_path, monkeypatch):
         def log_event(self, *_: object):
             pass
 
+    def variables(_job: Job) -> list[str | None]:
+        return [os.environ.get(name) for name in ("MAPMORE_HERE", "MAPMORE_DATA")]
+
     monkeypatch.setattr("distributed.get_worker", Worker)
+    monkeypatch.setattr("mapmore_cli.annexes.campaigns.cluster.run_one", variables)
     monkeypatch.setenv("MAPMORE_HERE", "the worker's")
     monkeypatch.delenv("MAPMORE_DATA", raising=False)
-    names = ["MAPMORE_HERE", "MAPMORE_DATA"]
-    (tmp_path / "token").write_text("word")
-    shared = Shared(
-        tmp_path / "token", "word", {"MAPMORE_HERE": "the client's", "MAPMORE_DATA": "/data"}
-    )
-    assert _work(variables, names, shared, ("batch", 0)) == ["the client's", "/data"]
-    assert variables(names) == ["the worker's", None]
-
-
-def silent(*_: object):
-    pass
+    (tmp_path / "token").touch()
+    given = {"MAPMORE_HERE": "the client's", "MAPMORE_DATA": "/data"}
+    job = Job(tmp_path / "none.yaml", tmp_path)
+    assert _work(job, Shared(tmp_path / "token", tool_versions()["mapmore"], given), 0) == [
+        "the client's",
+        "/data",
+    ]
+    assert variables(job) == ["the worker's", None]
 
 
 def test_a_cluster_that_is_not_there(tmp_path, monkeypatch):
+    def silent(*_: object):
+        pass
+
     monkeypatch.setattr("mapmore_cli.annexes.campaigns.cluster.CONNECT", "50ms")
-    for address, file, words in (
-        ("tcp://127.0.0.1:9", None, "no Dask scheduler"),
-        (None, tmp_path / "none.json", "no such file"),
+    for scheduler, words in (
+        ("tcp://127.0.0.1:9", "no Dask scheduler"),
+        (tmp_path / "none.json", "no such file"),
     ):
-        with (
-            pytest.raises(UsageError, match=words),
-            ClusterWorkers(address, file, tmp_path / "runs", silent, silent, silent),
-        ):
-            pass
+        with pytest.raises(UsageError, match=words):
+            next(run_on_cluster({}, scheduler, tmp_path / "runs", silent, silent))
     assert not list((tmp_path / "runs").iterdir())

@@ -96,7 +96,7 @@ def of_sessions(folder: Path, split: str, groups: str) -> Path:
     spec = folder / "sessions.yaml"
     files = '[{path: "a_*.csv", set: {specimen: 1}}, {path: "b_*.csv", set: {specimen: 2}}]'
     lines = SPEC.replace("SPLIT", split).replace("groups: {of: specimen}", groups).splitlines()
-    spec.write_text("\n".join([lines[0], lines[1], f"  files: {files}", *lines[3:]]) + "\n")
+    spec.write_text("\n".join([lines[0], lines[1], f"  files: {files}", *lines[4:]]) + "\n")
     return spec
 
 

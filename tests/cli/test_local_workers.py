@@ -14,8 +14,8 @@ import pytest
 from cli_samples import wait_until, write_slow_study
 from filelock import FileLock
 
-from mapmore_cli.annexes.campaigns.processes import LocalWorkers
 from mapmore_cli.domain.errors import MapmoreError
+from mapmore_cli.domain.processors import in_processes
 
 PROC = Path("/proc/self/task")
 
@@ -36,32 +36,26 @@ def fail_if_none(mark: Path | None) -> str:
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="needs a signal that cannot be heard")
-def test_a_worker_that_dies_costs_its_job_one_start(tmp_path):
+@pytest.mark.parametrize("once", [True, False])
+def test_a_worker_that_dies_costs_its_job_one_start(once, tmp_path):
+    """What was at work beside it is started again as well; nothing of the batch is lost."""
     told: list[tuple[int, str]] = []
     (tmp_path / "there").touch()
-    jobs = [tmp_path / "there", tmp_path / "mark", None]
-    with LocalWorkers(2, lambda number, message: told.append((number, message))) as workers:
-        ended = dict(workers.each(die_at_first, jobs))
-    assert isinstance(ended[0], int)
-    assert isinstance(ended[1], int)
-    assert isinstance(ended[2], MapmoreError)
-    assert "died 2 times" in ended[2].message
-    assert sorted(number for number, _ in told) == [1, 2]
-    assert "started again" in told[0][1]
+    deadly = tmp_path / "mark" if once else None
+    jobs = dict(enumerate([deadly, *[tmp_path / "there"] * 3]))
+    ended = dict(in_processes(die_at_first, jobs, 2, lambda *what: told.append(what)))
+    assert set(ended) == set(jobs)
+    assert isinstance(ended.pop(0), int if once else MapmoreError)
+    assert all(isinstance(outcome, int) for outcome in ended.values())
+    assert told[0] == (0, "a worker process died; it is started again")
 
 
 def test_a_job_that_fails_is_not_started_again(tmp_path):
-    told: list[int] = []
-    with LocalWorkers(1, lambda number, _: told.append(number)) as workers:
-        ended = dict(workers.each(fail_if_none, [None, tmp_path / "a", tmp_path / "b"]))
-        again = dict(workers.each(fail_if_none, [tmp_path / "c"]))
-    assert (str(ended[0]), ended[1], ended[2], again, told) == (
-        "wrong\n  mend it",
-        "a",
-        "b",
-        {0: "c"},
-        [],
-    )
+    told: list[tuple[int, str]] = []
+    jobs = {3: None, 4: tmp_path / "a", 5: tmp_path / "b"}
+    ended = dict(in_processes(fail_if_none, jobs, 1, lambda *what: told.append(what)))
+    error = ended.pop(3)
+    assert (str(error), ended, told) == ("wrong\n  mend it", {4: "a", 5: "b"}, [])
 
 
 @pytest.mark.skipif(not PROC.exists(), reason="looks for the workers in /proc")
@@ -110,14 +104,16 @@ def is_alive(pid: int) -> bool:
 
 @pytest.mark.skipif(sys.platform == "win32", reason="there are no limits of that kind")
 def test_without_room_for_its_locks_no_worker_starts():
-    code = (
-        "import resource\n"
-        "from mapmore_cli.domain.errors import WriteError\n"
-        "from mapmore_cli.annexes.campaigns.processes import LocalWorkers\n"
-        "resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))\n"
-        "try:\n    list(LocalWorkers(2).each(abs, [1, 2]))\nexcept WriteError as told:\n    "
-        "print(told, told.remedy)"
-    )
+    code = """
+import resource
+from mapmore_cli.domain.errors import WriteError
+from mapmore_cli.domain.processors import in_processes
+resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
+try:
+    list(in_processes(abs, {1: 1, 2: 2}, 2, print))
+except WriteError as told:
+    print(told, told.remedy)
+"""
     ended = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=False
     )

@@ -389,7 +389,7 @@ def test_show_tells_terms_coefficients_and_states(finished, mapmore, document):
     assert "Runs free from the first 2 measured samples of displacement" in text
 
 
-def test_show_tells_the_resonance_and_what_else_would_have_served(tmp_path, mapmore, document):
+def test_show_tells_the_resonance(tmp_path, mapmore, document):
     model = (
         "dictionary: [{terms: [pressure, load]}, {resonance: {of: [pressure]}}]\nfit: "
         "{max_terms: 2, ridge: 1e-6, scaling: range}"

@@ -180,8 +180,7 @@ def test_a_model_without_inputs_gets_a_page(tmp_path: Path, mapmore, dictionary:
     )
 
 
-@pytest.mark.parametrize("levels", ["pchip", "linear"])
-def test_every_figure_of_an_inverted_model_is_drawn(tmp_path: Path, mapmore, levels: str) -> None:
+def test_every_figure_of_an_inverted_model_is_drawn(tmp_path: Path, mapmore) -> None:
     """Also that between the levels, where the model's own quantities stand at the axes."""
     for level in (100, 200, 300, 400):
         force = np.linspace(0.0, 150.0, 40)
@@ -201,8 +200,7 @@ def test_every_figure_of_an_inverted_model_is_drawn(tmp_path: Path, mapmore, lev
         "  levels: {of: pressure, at: [100, 200, 300, 400]}\n  split: {validate: {pressure: "
         "[200]}}\ntarget: {column: strain}\n"
         "validate: {as: force}\nsegment: {force: {method: even, count: 2, min_samples: 6}}\n"
-        f"dictionary: [{{polynomial: {{of: [force], order: 2}}}}]\nfit: {{max_terms: 2}}\n"
-        f"fuse: {{levels: {levels}}}\n"
+        "dictionary: [{polynomial: {of: [force], order: 2}}]\nfit: {max_terms: 2}\n"
     )
     mapmore("run", tmp_path / "s.yaml", "--runs", tmp_path / "runs", code=0)
     drawn = {path.stem for path in (tmp_path / "runs" / "s" / "report").rglob("segments_levels*")}

@@ -11,13 +11,13 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from mapmore_cli.domain.errors import DataError, FitError
-from mapmore_cli.pipeline.runner import bring_up_to_date
+from mapmore_cli.pipeline.runner import Options, bring_up_to_date
 from mapmore_cli.spec.loader import load
 
 MODELS = (
     (),
     ("model={type: mapmore, backbone: sarosi_hinged}",),
-    ("model={type: mapmore, backbone: sarosi}", "fuse={levels: pchip}"),
+    ("model={type: mapmore, backbone: sarosi}",),
     ("model={type: literature, name: tondu_lopez}", "segment={}", "dictionary=[]"),
     ("scaling=none",),
 )
@@ -50,6 +50,6 @@ def test_any_scale_gives_a_result_or_says_what_is_wrong(
         ),
     )
     try:
-        bring_up_to_date(loaded, tmp_path / "runs", force=True, check=False)
+        bring_up_to_date(loaded, tmp_path / "runs", options=Options(force=True, check=False))
     except (DataError, FitError) as fault:
         assert fault.remedy  # noqa: PT017 - most scales give a result

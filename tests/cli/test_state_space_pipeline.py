@@ -30,7 +30,7 @@ data:
   every: 5
   split: {{validate: {{files: ["{LOGS}/waveform_*.csv"]}}}}
 target: {{column: displacement}}
-model: {{type: state_space, input: input, sections: [2350 mV, 3.95], direction: true, seed: 3}}
+model: {{type: state_space, input: input, sections: [2350 mV, 3.95], direction: true, start: rest}}
 validate:
   against:
     - {{as: one, set: {{model: {{type: state_space, input: input, offset: true}}}}}}
@@ -39,7 +39,7 @@ validate:
 report:
   figures: [fit]
   formats: [html, csv, png]
-  published: {{source: somewhere, tables: [p_table_3.csv]}}
+  published: {{source: somewhere}}
 """
 
 
@@ -140,13 +140,12 @@ def test_predict_needs_no_measured_output_and_begins_anew_after_a_gap(finished, 
     assert {row["outside_range"] for row in rows} == {"false"}
 
 
-def test_the_page_shows_sections_errors_and_published_tables(finished):
+def test_the_page_shows_sections_and_errors(finished):
     folder, _ = finished
     page = (folder / "report" / "index.html").read_text()
     for words in (
         "Models of motion",
         "Errors over one wavelength",
-        "Published: p_table_3",
         "repeats that of full_stroke",
     ):
         assert words in page
@@ -210,13 +209,15 @@ def test_it_runs_again_to_the_same_bytes(finished, mapmore, tmp_path):
         (("[2350 mV, 3.95]", "[3.95 V, 2.35 V]"), "do not increase"),
         (("[2350 mV, 3.95]", "[2350 kPa, 3.95]"), "kPa"),
         (("[2350 mV, 3.95]", "0"), "at least 1"),
-        (("seed: 3", "dead_band: 0.1 V"), "goes with `direction: true` and `switching: bumpless`"),
-        (("seed: 3", "bounds: {p1: [0, 1]}"), "looks at all stable sections"),
-        (("seed: 3", "solver: swarm, bounds: {p1: [1, 0]}"), "lower bound first"),
-        (("seed: 3", "polish: true"), "which this solver is"),
-        (("seed: 3", "solver: swarm, offset: true"), "P1, P2 and P3 alone"),
-        (("seed: 3", "backbone: sarosi"), "no `backbone`"),
-        (("seed: 3", "colour: red"), "colour"),
+        (
+            ("start: rest", "dead_band: 0.1 V"),
+            "goes with `direction: true` and `switching: bumpless`",
+        ),
+        (("start: rest", "begin: {p1: [0, 1]}"), "looks at all stable sections"),
+        (("start: rest", "solver: swarm, begin: {p1: [1, 0]}"), "lower bound first"),
+        (("start: rest", "solver: swarm, offset: true"), "P1, P2 and P3 alone"),
+        (("start: rest", "backbone: sarosi"), "no `backbone`"),
+        (("start: rest", "colour: red"), "colour"),
         (
             ("type: state_space, input: input, sections", "type: state_space, sections"),
             "needs the `input`",
@@ -257,18 +258,5 @@ def test_records_that_cannot_be_fitted_are_told_with_a_remedy(change, words, map
 
 
 def test_a_swarm_without_a_stable_particle_is_a_failed_fit(mapmore, tmp_path):
-    change = ("seed: 3", "solver: swarm, bounds: {p1: [0.9, 1.0], p2: [0.9, 2.0]}")
+    change = ("start: rest", "solver: swarm, begin: {p1: [0.9, 1.0], p2: [0.9, 2.0]}")
     refused(mapmore, tmp_path, change, 5, "no stable section")
-
-
-def test_a_published_table_is_a_csv_file_beside_the_spec(mapmore, tmp_path):
-    (tmp_path / "key.csv").symlink_to(DATASETS / "published" / "README.md")
-    for name in ("key.csv", "spec.yaml", f"{DATASETS}/published/p_table_3.csv"):
-        refused(
-            mapmore,
-            tmp_path,
-            ("p_table_3.csv", name),
-            3,
-            "is no CSV file below the folder of the spec",
-        )
-    refused(mapmore, tmp_path, ("p_table_3.csv", "p_table_9.csv"), 3, "no such file")

@@ -10,11 +10,6 @@ from pathlib import Path
 import pytest
 from cli_samples import change_forces, scored_run, write_study
 
-from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.fitting.stage import Stage
-from mapmore_cli.pipeline.staleness import needed_runs
-from mapmore_cli.spec.loader import load
-
 VARIATION = "{set: {fit.max_terms: 2, fuse: {z_s: 0.4}}, as: two}"
 
 
@@ -278,18 +273,13 @@ def test_two_runs_may_be_compared_with_each_other(pair, tmp_path, mapmore):
     assert (one["mapmore"], one["line"]) == (other["bench"], other["mapmore"])
 
 
-def test_models_that_need_each_other_are_refused(pair):
+def test_runs_that_are_built_on_each_other_are_refused(pair, tmp_path, mapmore):
     bench, rival = pair
-    stage = Stage(
-        "fit",
-        1,
-        ("fit.h5",),
-        reads=lambda spec: spec.fit,
-        run=lambda _part, _workspace: None,
-        needs=lambda _spec: ["bench.yaml"],
-    )
-    with pytest.raises(SpecError, match=r"bench\.yaml -> rival_base\.yaml -> bench\.yaml"):
-        needed_runs(stage, load(rival), (bench.resolve(),))
+    for spec, other in ((bench, rival), (rival, bench)):
+        spec.write_text(f"{spec.read_text()}needs: {{static: {other.name}}}\n")
+    circle = "bench.yaml -> rival_base.yaml -> bench.yaml"
+    for more in ((), ("--explain",)):
+        mapmore("run", bench, "--runs", tmp_path / "runs", *more, code=3, says=circle)
 
 
 def test_a_model_of_other_units_is_refused(pair, tmp_path, mapmore):

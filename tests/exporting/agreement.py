@@ -10,7 +10,6 @@ import ctypes
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,7 +19,7 @@ from mapmore_cli.annexes.exporting.c_source import STATUS, c_source
 from mapmore_cli.annexes.motion.body import StateSpace
 from mapmore_cli.annexes.sums.body import Sum
 from mapmore_cli.domain.errors import MapmoreError
-from mapmore_cli.domain.models import CurveFunction, CurveRange, Formula, Memory, Model, Pieces
+from mapmore_cli.domain.models import Formula, Memory, Model, Pieces
 from mapmore_cli.modelling.expressions import parse
 from mapmore_cli.modelling.inverse import NEAREST
 from mapmore_cli.modelling.kinds import fed_back, outside_range, runs_over_time, simulate
@@ -82,14 +81,14 @@ class Compiled:
     model: Model
     library: ctypes.CDLL
 
-    def run(self, columns: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    def run(self, columns):
         """Outputs and bits of every row."""
         rows = table(self.model, columns)
         out, bits = np.empty(len(rows)), np.empty(len(rows), dtype=np.int32)
         self.library.verify(rows.ctypes, len(rows), out.ctypes, bits.ctypes)
         return out, bits
 
-    def slopes(self, columns: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    def slopes(self, columns):
         """Derivatives of every row by each input."""
         rows = table(self.model, columns)
         out, bits = np.empty(rows.shape), np.empty(len(rows), dtype=np.int32)
@@ -97,9 +96,7 @@ class Compiled:
         assert np.array_equal(bits, self.run(columns)[1]), "derivatives have the bits of values"
         return {quantity.name: out[:, place] for place, quantity in enumerate(self.model.inputs)}
 
-    def invert(
-        self, wanted: np.ndarray, given: Mapping[str, np.ndarray], name: str, rule: str
-    ) -> tuple[np.ndarray, tuple[str, ...]]:
+    def invert(self, wanted, given, name, rule):
         """What is picked, and the status of every row; `given` may say what to look near."""
         rows, wanted = (
             table(self.model, {name: np.full(len(wanted), np.nan), **given}),
@@ -112,7 +109,7 @@ class Compiled:
         return found, tuple(STATUS[number] for number in status)
 
 
-def table(model: Model, columns: Mapping[str, np.ndarray]) -> np.ndarray:
+def table(model, columns):
     """Inputs, and the measured output where the model goes on from it, row by row."""
     return np.column_stack(
         [
@@ -123,13 +120,13 @@ def table(model: Model, columns: Mapping[str, np.ndarray]) -> np.ndarray:
 
 
 def compiled(
-    model: Model,
-    folder: Path,
+    model,
+    folder,
     *,
-    single: bool = False,
-    more: tuple[str, ...] = ("-O0",),
-    inverse: tuple[str, ...] | None = None,
-) -> Compiled:
+    single=False,
+    more=("-O0",),
+    inverse=None,
+):
     """Write, compile and load a model, with its derivatives and the `inverse` for some inputs if so
     wished; any warning is an error.
     """
@@ -138,15 +135,15 @@ def compiled(
 
 
 def built(
-    model: Model,
-    folder: Path,
-    strict: list[str],
-    lenient: list[str],
-    to: str,
-    inverse: tuple[str, ...] | None,
-    single: bool = False,
-    main: str = "",
-) -> None:
+    model,
+    folder,
+    strict,
+    lenient,
+    to,
+    inverse,
+    single=False,
+    main="",
+):
     """Compile a model by `strict` flags, and by `lenient` ones what runs along the rows of a table
     with it.
     """
@@ -170,7 +167,7 @@ def built(
     )
 
 
-def rows_driver(model: Model, name: str, real: str, inputs: int) -> str:
+def rows_driver(model, name, real, inputs):
     """C that runs a model along the rows of a table: its inputs, and the measured output where it
     takes that.
     """
@@ -197,7 +194,7 @@ void verify(const double *rows, int n, double *out, int *bits)
 """
 
 
-def sanitized(model: Model, folder: Path, columns: Mapping[str, np.ndarray]) -> np.ndarray:
+def sanitized(model, folder, columns):
     """Outputs of every row by a program under the address and undefined-behaviour sanitizers, which
     takes the derivatives too.
 
@@ -219,7 +216,7 @@ def sanitized(model: Model, folder: Path, columns: Mapping[str, np.ndarray]) -> 
     return np.frombuffer(done.stdout)
 
 
-def difference(found: np.ndarray, expected: np.ndarray) -> float:
+def difference(found, expected):
     """The largest difference, relative to the value, or to a tenth of the median magnitude where
     the value is smaller.
     """
@@ -237,7 +234,7 @@ def difference(found: np.ndarray, expected: np.ndarray) -> float:
     )
 
 
-def points(model: Model, n: int, seed: int = 1) -> dict[str, np.ndarray]:
+def points(model, n, seed=1):
     """Points inside of the training range, up to half of it outside, and exactly at every boundary
     and beside it.
     """
@@ -259,7 +256,7 @@ def points(model: Model, n: int, seed: int = 1) -> dict[str, np.ndarray]:
     return columns
 
 
-def edges_of(model: Model, name: str) -> list[float]:
+def edges_of(model, name):
     """Every number at which something changes along an input."""
     match model.body:
         case Pieces(level, variables, curves):
@@ -289,14 +286,12 @@ def edges_of(model: Model, name: str) -> list[float]:
     raise TypeError(model.body)
 
 
-def _range_edges(ranges: tuple[CurveRange, ...], level: str | None, name: str) -> list[float]:
+def _range_edges(ranges, level, name):
     limits = [end for one in ranges if name in one.limits for end in one.limits[name]]
     return limits + [one.level for one in ranges if name == level and one.level is not None]
 
 
-def _zone_edges(
-    curve: CurveFunction, variables: tuple[str, ...], name: str, z_s: float
-) -> list[float]:
+def _zone_edges(curve, variables, name, z_s):
     for variable, boundaries in zip(variables, curve.boundaries, strict=True):
         if variable == name:
             return [
@@ -306,7 +301,7 @@ def _zone_edges(
     return []
 
 
-def recording(model: Model, n: int, seed: int = 1) -> dict[str, np.ndarray]:
+def recording(model, n, seed=1):
     """A recording for a model with memory: smooth, with stands, and a step beyond the training
     range; the output where it is fed back.
     """
@@ -333,16 +328,14 @@ def recording(model: Model, n: int, seed: int = 1) -> dict[str, np.ndarray]:
     return columns
 
 
-def compare(model: Model, folder: Path, n: int = POINTS, **how: object) -> tuple[float, int]:
+def compare(model, folder, n=POINTS, **how):
     """The largest relative difference between C and `predict`, and the number of points."""
     columns = recording(model, n) if runs_over_time(model) else points(model, n)
     found, expected = outputs(model, folder, columns, **how)
     return difference(found, expected), n
 
 
-def outputs(
-    model: Model, folder: Path, columns: Mapping[str, np.ndarray], **how: object
-) -> tuple[np.ndarray, np.ndarray]:
+def outputs(model, folder, columns, **how):
     """Outputs by C and by `predict`; the bits of inputs out of range have to be those that Python
     flags.
     """
@@ -366,14 +359,14 @@ class Agreement:
     worst: float
     kilobytes: float
 
-    def __str__(self) -> str:
+    def __str__(self):
         return (
             f"| {self.study} | {self.kind} | {self.points} | {self.worst:.1e} | "
             f"{self.kilobytes:.0f} |"
         )
 
 
-def agreement(study: str, model: Model, n: int = POINTS) -> Agreement:
+def agreement(study, model, n=POINTS):
     """Compile a model without a warning, compare it, and run it at the same points under the
     sanitizers.
 
@@ -392,11 +385,11 @@ def agreement(study: str, model: Model, n: int = POINTS) -> Agreement:
         )
 
 
-def main(runs: Path, n: int) -> None:
+def main(runs, n):
     """Print a row for every study, then the table of docs/export.md: the studies by kind."""
     from mapmore_cli.storage.artefacts import read_model
 
-    found: list[Agreement] = []
+    found = []
     for file in sorted(runs.glob("*/model.h5")):
         study = file.parent.name
         if (runs / study.rpartition(".")[0] / "model.h5").is_file():

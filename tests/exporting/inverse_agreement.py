@@ -11,9 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from agreement import Compiled, compiled
+from agreement import compiled
 
-from mapmore_cli.domain.models import Model
 from mapmore_cli.modelling.inverse import LOWEST, knots
 from mapmore_cli.modelling.kinds import predict
 
@@ -35,14 +34,14 @@ class Inversion:
     roots: int
     missed: int
 
-    def __str__(self) -> str:
+    def __str__(self):
         return (
             f"| {self.study} | {self.one} | {self.several} | {self.flat} | {self.error:.1e} | "
             f"{self.roots} | {self.missed} |"
         )
 
 
-def inversion(study: str, model: Model, name: str = "pressure", n: int = TARGETS) -> Inversion:
+def inversion(study, model, name="pressure", n=TARGETS):
     """Targets at random places of the training range; the error is the output's, relative to it, or
     to one unit where it is smaller.
     """
@@ -77,9 +76,7 @@ def inversion(study: str, model: Model, name: str = "pressure", n: int = TARGETS
     )
 
 
-def scanned(
-    built: Compiled, model: Model, name: str, wanted: np.ndarray, others: dict[str, np.ndarray]
-) -> tuple[np.ndarray, np.ndarray, float]:
+def scanned(built, model, name, wanted, others):
     """Rows and places of the roots that a fine scan brackets, where the map does not jump, and the
     step of the scan.
     """
@@ -111,7 +108,7 @@ def scanned(
     return row[reached], left[reached], float(grid[1] - grid[0])
 
 
-def main(runs: Path, studies: list[str]) -> None:
+def main(runs, studies):
     """The table of docs/export.md."""
     from mapmore_cli.storage.artefacts import read_model
 

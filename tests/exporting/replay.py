@@ -13,10 +13,9 @@ import json
 import re
 import subprocess
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import numpy as np
 from scipy.interpolate import RegularGridInterpolator
@@ -25,7 +24,6 @@ from scipy.io import loadmat
 from mapmore_cli.annexes.exporting.dialect import names_of_inputs
 from mapmore_cli.annexes.exporting.exports import exported
 from mapmore_cli.domain.errors import UsageError
-from mapmore_cli.domain.models import Model
 from mapmore_cli.modelling.kinds import fed_back, outside_range, runs_over_time, simulate
 from mapmore_cli.modelling.program.model import program_of
 from mapmore_cli.storage.artefacts import read_dataset, read_model
@@ -45,7 +43,7 @@ MEASURED = (
 )
 
 
-def held_out(folder: Path, model: Model) -> list[tuple[Columns, np.ndarray]]:
+def held_out(folder, model):
     """The held-out recordings of a run, each with the rows that are held out; without memory these
     rows alone, where the model is valid.
     """
@@ -71,7 +69,7 @@ def held_out(folder: Path, model: Model) -> list[tuple[Columns, np.ndarray]]:
     return found
 
 
-def written(model: Model, to: str, folder: Path) -> list[Path]:
+def written(model, to, folder):
     """The files of an export in a folder."""
     files = exported(model, to)
     for name, data in files.items():
@@ -79,9 +77,7 @@ def written(model: Model, to: str, folder: Path) -> list[Path]:
     return [folder / name for name in files]
 
 
-def looked_up(
-    axes: list[np.ndarray], values: np.ndarray, model: Model, columns: Columns
-) -> np.ndarray:
+def looked_up(axes, values, model, columns):
     """Linear interpolation between the points of a table, held at its ends as lookup blocks do."""
     places = [
         np.clip(columns[q.name], axis[0], axis[-1])
@@ -90,7 +86,7 @@ def looked_up(
     return np.asarray(RegularGridInterpolator(axes, values)(np.column_stack(places)))
 
 
-def by_mat(model: Model, columns: Columns, folder: Path) -> np.ndarray:
+def by_mat(model, columns, folder):
     """The MAT file as SciPy reads it."""
     (file,) = (path for path in written(model, "table", folder) if path.suffix == ".mat")
     table, names = loadmat(file), names_of_inputs(model.inputs, [model.output.name, "valid"])
@@ -102,7 +98,7 @@ def by_mat(model: Model, columns: Columns, folder: Path) -> np.ndarray:
     )
 
 
-def combi_tables(text: str) -> dict[str, tuple[list[np.ndarray], np.ndarray]]:
+def combi_tables(text):
     """Both tables of a text for CombiTable2D, by the grammar of ModelicaStandardTables: places
     along rows and columns, and values.
     """
@@ -118,7 +114,7 @@ def combi_tables(text: str) -> dict[str, tuple[list[np.ndarray], np.ndarray]]:
     return found
 
 
-def by_modelica(model: Model, columns: Columns, folder: Path) -> np.ndarray | None:
+def by_modelica(model, columns, folder):
     """The text for Modelica as NumPy reads it, where there are two inputs."""
     text = [path for path in written(model, "table", folder) if path.suffix == ".txt"]
     return (
@@ -142,7 +138,7 @@ json.dump(found, sys.stdout)
 """
 
 
-def by_python(model: Model, columns: Columns, folder: Path) -> np.ndarray:
+def by_python(model, columns, folder):
     """The Python file in an isolated interpreter that has no package at all."""
     (file,) = written(model, "py", folder)
     rows = np.column_stack([columns[q.name] for q in model.inputs]).tolist()
@@ -159,7 +155,7 @@ def by_python(model: Model, columns: Columns, folder: Path) -> np.ndarray:
     return np.array(json.loads(done.stdout))
 
 
-def compiled(files: Mapping[str, bytes], folder: Path, *extra: str) -> tuple[ctypes.CDLL, str]:
+def compiled(files, folder, *extra):
     """An export in C as a shared library, without a warning, and the name of its functions."""
     for name, data in files.items():
         (folder / name).write_bytes(data)
@@ -187,7 +183,7 @@ def compiled(files: Mapping[str, bytes], folder: Path, *extra: str) -> tuple[cty
     )
 
 
-def by_c_caller(model: Model, columns: Columns, folder: Path) -> np.ndarray:
+def by_c_caller(model, columns, folder):
     """The function that Simulink's C Caller calls."""
     library, name = compiled(exported(model, "simulink"), folder)
     function = getattr(library, f"{name}_{model.output.name}")
@@ -226,7 +222,7 @@ class Lift:
     `lift.data`.
     """
 
-    def __init__(self, model: Model, folder: Path, mass: float = 12.0) -> None:
+    def __init__(self, model, folder, mass=12.0):
         import mujoco
 
         self.mujoco = mujoco
@@ -240,23 +236,23 @@ class Lift:
         self.world = mujoco.MjModel.from_xml_string(SCENE.format(mass=mass))
         self.data = mujoco.MjData(self.world)
 
-    def __enter__(self) -> Lift:
+    def __enter__(self):
         self.mujoco.set_mjcb_act_bias(
             lambda m, d, actuator: self.callback(m._address, d._address, actuator)
         )
         return self
 
-    def __exit__(self, *_error: object) -> None:
+    def __exit__(self, *_error):
         self.mujoco.set_mjcb_act_bias(None)
 
-    def force(self, pressure: float, strain: float) -> float:
+    def force(self, pressure, strain):
         """The pull of the muscle where the weight is held at a strain."""
         self.data.ctrl[0], self.data.qpos[0] = pressure, 0.2 * strain
         self.mujoco.mj_forward(self.world, self.data)
         return float(-self.data.actuator_force[0])
 
 
-def by_mujoco(model: Model, columns: Columns, folder: Path) -> np.ndarray:
+def by_mujoco(model, columns, folder):
     """The callback in MuJoCo, with the weight moved along the recording."""
     with Lift(model, folder) as lift:
         return np.array(
@@ -264,7 +260,7 @@ def by_mujoco(model: Model, columns: Columns, folder: Path) -> np.ndarray:
         )
 
 
-def simulated(model: Model, file: Path, columns: Columns, step: float) -> Any:
+def simulated(model, file, columns, step):
     """What FMPy gets from a unit for a recording; its row k + 1 answers to the recording's row
     k.
     """
@@ -289,7 +285,7 @@ def simulated(model: Model, file: Path, columns: Columns, step: float) -> Any:
     return found
 
 
-def by_fmpy(model: Model, columns: Columns, folder: Path) -> np.ndarray:
+def by_fmpy(model, columns, folder):
     """The unit as FMPy simulates it."""
     (file,) = written(model, "fmu", folder)
     return np.asarray(
@@ -297,7 +293,7 @@ def by_fmpy(model: Model, columns: Columns, folder: Path) -> np.ndarray:
     )
 
 
-READERS: Mapping[str, Callable[[Model, Columns, Path], np.ndarray | None]] = {
+READERS = {
     "MAT by SciPy": by_mat,
     "Modelica's text by NumPy": by_modelica,
     "Python alone": by_python,
@@ -308,7 +304,7 @@ READERS: Mapping[str, Callable[[Model, Columns, Path], np.ndarray | None]] = {
 TABLES = ("MAT by SciPy", "Modelica's text by NumPy")
 
 
-def replayed(folder: Path) -> tuple[int, dict[str, float | None]]:
+def replayed(folder):
     """Held-out samples of a run, and by reader the largest difference from `predict`, in % of the
     prediction's range; None if refused.
     """
@@ -317,7 +313,7 @@ def replayed(folder: Path) -> tuple[int, dict[str, float | None]]:
     expected = [simulate(model, columns).values[counts] for columns, counts in recordings]
     known = np.concatenate(expected)
     assert np.isfinite(known).any()
-    worst: dict[str, float | None] = {}
+    worst = {}
     for name, reader in READERS.items():
         try:
             with TemporaryDirectory() as place:
@@ -331,7 +327,7 @@ def replayed(folder: Path) -> tuple[int, dict[str, float | None]]:
     return len(known), worst
 
 
-def largest(found: np.ndarray, expected: np.ndarray) -> float:
+def largest(found, expected):
     """The largest difference in % of the range of what is expected; both are NaN in the same
     places.
     """
@@ -347,7 +343,7 @@ if __name__ == "__main__":
 
     from mapmore_cli.reporting.table import Column, Table
 
-    def table() -> Table:
+    def table():
         """The table of docs/export.md."""
         columns = (
             Column("held out in"),

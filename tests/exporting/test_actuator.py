@@ -5,14 +5,13 @@ in C and as a unit.
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from agreement import recording
 from export_samples import OPERATORS, PRESSURE, WITH_MEMORY, formula, memory, motion, pieces
 from test_fmu_export import checked, greatest_difference, needs_compiler
-from typer.testing import CliRunner, Result
+from typer.testing import CliRunner
 
 from mapmore_cli.annexes.exporting.exports import exported
 from mapmore_cli.annexes.motion.body import StateSpace
@@ -35,11 +34,11 @@ VALVE = Quantity("input", "V")
 RANGE = (CurveRange("a", None, {"input": (0.0, 10.0)}),)
 
 
-def called(*args: object) -> Result:
+def called(*args):
     return CliRunner().invoke(app, [str(arg) for arg in args])
 
 
-def lag() -> Model:
+def lag():
     """P's state space from the input of a valve to the pressure."""
     body = motion("bumpless", directed=False, dead_band=0.0).body
     assert isinstance(body, StateSpace)
@@ -57,7 +56,7 @@ def lag() -> Model:
     return Model("lag", PRESSURE, (VALVE,), StateSpace(found, RANGE))
 
 
-def delayed(*states: str) -> Model:
+def delayed(*states):
     """A model with memory from the input of a valve to the pressure."""
     ranges = {"input": (0.0, 10.0), "pressure[k-1]": (0.0, 600.0)}
     found = StateSet(states, 0.01, ranges, {}, np.empty(0), np.empty(0), 0.15)
@@ -72,7 +71,7 @@ def delayed(*states: str) -> Model:
 
 PAIRS = {
     "lag, static": (pieces(), lag()),
-    "delay, static": (pieces(aligned="strain"), delayed("input[k-4]", "slow(input, 0.05)")),
+    "delay, static": (pieces(), delayed("input[k-4]", "slow(input, 0.05)")),
     "lag, memory": (memory(OPERATORS, OPERATORS), lag()),
     "delay, memory": (WITH_MEMORY["lags"], delayed("input[k-2]", "input")),
 }
@@ -87,7 +86,7 @@ PAIRS = {
         *(pytest.param(one, marks=pytest.mark.long) for one in ("delay, static", "lag, memory")),
     ],
 )
-def test_a_unit_is_the_force_at_the_predicted_pressure(tmp_path: Path, name: str) -> None:
+def test_a_unit_is_the_force_at_the_predicted_pressure(tmp_path, name):
     force, pressure = PAIRS[name]
     model = actuator(force, pressure)
     assert [quantity.name for quantity in model.inputs] == ["input", "strain"]
@@ -103,7 +102,7 @@ def test_a_unit_is_the_force_at_the_predicted_pressure(tmp_path: Path, name: str
 
 
 @needs_compiler
-def test_an_actuator_is_written_by_one_command(tmp_path: Path) -> None:
+def test_an_actuator_is_written_by_one_command(tmp_path):
     force, pressure = PAIRS["lag, static"]
     for name, model in (("force", force), ("pressure", pressure)):
         write_model(tmp_path / f"{name}.h5", model)
@@ -127,7 +126,7 @@ def test_an_actuator_is_written_by_one_command(tmp_path: Path) -> None:
     assert "--pressure goes with" in refused.stderr
 
 
-def test_an_actuator_can_be_stored_and_shown(tmp_path: Path) -> None:
+def test_an_actuator_can_be_stored_and_shown(tmp_path):
     force, pressure = PAIRS["lag, memory"]
     model = actuator(force, pressure)
     assert runs_over_time(actuator(pieces(), pressure))
@@ -143,7 +142,7 @@ def test_an_actuator_can_be_stored_and_shown(tmp_path: Path) -> None:
     assert '"fed"' in shown.stdout
 
 
-def test_what_cannot_be_joined_is_refused() -> None:
+def test_what_cannot_be_joined_is_refused():
     force = pieces()
     needing_rate = replace(force, signals=(Signal("pressure_rate", "rate", "pressure"),))
     for one, other, words in (
@@ -165,7 +164,7 @@ def test_what_cannot_be_joined_is_refused() -> None:
             actuator(one, other)
 
 
-def test_models_of_other_time_steps_are_no_actuator() -> None:
+def test_models_of_other_time_steps_are_no_actuator():
     slow = lag()
     assert isinstance(slow.body, StateSpace)
     slow = replace(slow, body=replace(slow.body, motion=replace(slow.body.motion, step=0.02)))

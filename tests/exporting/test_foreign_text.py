@@ -12,7 +12,6 @@ import sys
 import tokenize
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree
 from xml.sax.saxutils import escape
 
@@ -45,7 +44,7 @@ needs_compiler = pytest.mark.skipif(
 @needs_compiler
 @settings(max_examples=4, deadline=None)
 @given(st.lists(st.lists(TEXTS, min_size=1, max_size=3), min_size=40, max_size=60))
-def test_comments_for_the_c_preprocessor(lists: list[list[str]]) -> None:
+def test_comments_for_the_c_preprocessor(lists):
     source = "\n".join(
         line
         for i, lines in enumerate(lists)
@@ -59,7 +58,7 @@ def test_comments_for_the_c_preprocessor(lists: list[list[str]]) -> None:
 
 
 @given(st.lists(TEXTS, min_size=1, max_size=3))
-def test_docstrings_for_python(lines: list[str]) -> None:
+def test_docstrings_for_python(lines):
     source = "\n".join([*foreign.docstring(*lines), "after = 1", ""])
     kinds = [token.type for token in tokenize.tokenize(io.BytesIO(source.encode()).readline)]
     assert kinds.count(tokenize.STRING) == 1
@@ -70,7 +69,7 @@ def test_docstrings_for_python(lines: list[str]) -> None:
 
 
 @given(TEXTS)
-def test_text_for_xml_and_tex(text: str) -> None:
+def test_text_for_xml_and_tex(text):
     element = ElementTree.fromstring(f"<a>{escape(foreign.xml_text(text))}</a>")
     assert element.text in (foreign.xml_text(text), None)
     assert list(tex_commands("".join(foreign.tex_comment(text)))) == []
@@ -83,7 +82,7 @@ def test_text_for_xml_and_tex(text: str) -> None:
     }
 
 
-def test_labels_in_tex_keep_formulas_and_nothing_else() -> None:
+def test_labels_in_tex_keep_formulas_and_nothing_else():
     assert foreign.tex_label(r"Force $F_\mathrm{x}$ (N)") == r"Force $F_\mathrm{x}$ (N)"
     assert (
         foreign.tex_label(r"\$\input{a}\$ $F$")
@@ -94,7 +93,7 @@ def test_labels_in_tex_keep_formulas_and_nothing_else() -> None:
 
 
 @given(st.lists(NAMES, max_size=8))
-def test_identifiers_differ_even_without_regard_to_case(names: list[str]) -> None:
+def test_identifiers_differ_even_without_regard_to_case(names):
     found = foreign.identifiers(names, ["p", "_beyond"])
     assert len({name.lower() for name in found}) == len(names)
     assert all(name.isidentifier() and name.lower() not in {"p", "_beyond"} for name in found)
@@ -102,7 +101,7 @@ def test_identifiers_differ_even_without_regard_to_case(names: list[str]) -> Non
     assert foreign.identifiers(["pressure", "p1", "P2"]) == ["pressure", "p1", "P2"]
 
 
-def test_cells_that_a_spreadsheet_computes() -> None:
+def test_cells_that_a_spreadsheet_computes():
     assert [foreign.csv_cell(text) for text in ("=1", "-1+cmd", "a-1", "")] == [
         "'=1",
         "'-1+cmd",
@@ -111,7 +110,7 @@ def test_cells_that_a_spreadsheet_computes() -> None:
     ]
 
 
-def hostile(model: Model, mark: Path, names: dict[str, str]) -> Model:
+def hostile(model, mark, names):
     """The model with commands in each free text, and its inputs called otherwise."""
     commands = [
         f'"""\nimport os; os.mkdir("{mark}")\n"""',
@@ -142,9 +141,7 @@ def hostile(model: Model, mark: Path, names: dict[str, str]) -> Model:
         ("__debug__", "in"),
     ],
 )
-def test_names_and_texts_of_a_stranger_are_names_and_texts(
-    names: tuple[str, str], tmp_path: Path
-) -> None:
+def test_names_and_texts_of_a_stranger_are_names_and_texts(names, tmp_path):
     model = hostile(
         formula("sarosi"), tmp_path / "mark", dict(zip(("pressure", "strain"), names, strict=True))
     )
@@ -161,7 +158,7 @@ def test_names_and_texts_of_a_stranger_are_names_and_texts(
 
 
 @needs_compiler
-def test_inputs_that_are_called_as_functions_of_a_model() -> None:
+def test_inputs_that_are_called_as_functions_of_a_model():
     """An input `reset` of a model `x` was `x_reset` in C, as the function; Python's `force` called
     its inputs `step` and `evaluate`.
     """
@@ -180,16 +177,14 @@ def test_inputs_that_are_called_as_functions_of_a_model() -> None:
         Model("demo", Quantity("force", "N"), inputs, Sum((Part(formula("sarosi"), 1.0, names),))),
         "py",
     ).values()
-    module: dict[str, Any] = {}
+    module = {}
     exec(text, module)
     assert module["force"](200.0, 0.1) == module["evaluate"](200.0, 0.1)
 
 
 @needs_compiler
 @pytest.mark.parametrize("to", ["c", "fmu", "py"])
-def test_code_that_is_not_the_model_is_not_written(
-    to: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_code_that_is_not_the_model_is_not_written(to, monkeypatch):
     model = formula("sarosi")
     run = verifying.simulate(model, verifying.points(model))
     monkeypatch.setattr(
@@ -212,5 +207,5 @@ def test_code_that_is_not_the_model_is_not_written(
     ],
 )
 @pytest.mark.parametrize("to", ["c", "py"])
-def test_models_of_every_kind_pass(model: Model, to: str) -> None:
+def test_models_of_every_kind_pass(model, to):
     assert exported(model, to)

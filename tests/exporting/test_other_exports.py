@@ -8,9 +8,7 @@ import ctypes
 import subprocess
 import sys
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -24,21 +22,20 @@ import mapmore_cli as mm
 from mapmore_cli.annexes.exporting.exports import exported
 from mapmore_cli.annexes.exporting.python_module import python_module
 from mapmore_cli.domain.errors import DataError, UsageError
-from mapmore_cli.domain.models import Model
 from mapmore_cli.modelling.kinds import fed_back, outside_range, predict
 from mapmore_cli.modelling.program.model import slopes
 
 
-def imported(model: Model) -> SimpleNamespace:
+def imported(model):
     _, text = python_module(model)
     assert [line for line in text.splitlines() if "import" in line] == ["import numpy as np"]
-    module: dict[str, Any] = {}
+    module = {}
     exec(text, module)
     return SimpleNamespace(**module)
 
 
 @pytest.mark.parametrize("name", STATIC)
-def test_a_module_of_numpy_alone(name: str) -> None:
+def test_a_module_of_numpy_alone(name):
     model = STATIC[name]
     module, columns = imported(model), points(model, 3000)
     assert difference(module.evaluate(**columns), predict(model, columns)) < 1e-12
@@ -46,7 +43,7 @@ def test_a_module_of_numpy_alone(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", WITH_MEMORY)
-def test_a_module_with_memory(name: str) -> None:
+def test_a_module_with_memory(name):
     model = WITH_MEMORY[name]
     module, columns = imported(model), recording(model, 300)
     state = module.State()
@@ -60,7 +57,7 @@ def test_a_module_with_memory(name: str) -> None:
     assert difference(np.array(found), expected) < 1e-12
 
 
-def test_one_sample_and_a_sample_that_is_not_finite() -> None:
+def test_one_sample_and_a_sample_that_is_not_finite():
     module = imported(pieces())
     assert module.evaluate(200.0, 0.1) == pytest.approx(
         predict(pieces(), {"pressure": np.array([200.0]), "strain": np.array([0.1])})[0]
@@ -68,7 +65,7 @@ def test_one_sample_and_a_sample_that_is_not_finite() -> None:
     assert np.isnan(module.evaluate(np.nan, 0.1))
 
 
-def test_a_table_has_the_points_of_its_grid() -> None:
+def test_a_table_has_the_points_of_its_grid():
     files = exported(pieces(), "csv", grid="pressure=100:500:100,strain=0.03:0.19:0.04")
     header, *rows = files["dmsp_20.csv"].decode().splitlines()
     assert header == "pressure,strain,force_predicted"
@@ -78,21 +75,21 @@ def test_a_table_has_the_points_of_its_grid() -> None:
     assert np.allclose(numbers[:, 2], expected, rtol=1e-11, atol=0)
 
 
-def test_a_grid_beyond_the_training_range_is_refused() -> None:
+def test_a_grid_beyond_the_training_range_is_refused():
     with pytest.raises(UsageError, match="outside of the training range"):
         exported(pieces(), "csv", grid="pressure=0:500:100,strain=0.03:0.19:0.04")
     with pytest.raises(UsageError, match="memory"):
         exported(WITH_MEMORY["lags"], "csv", grid="pressure=0:500:100,strain=0.03:0.19:0.04")
 
 
-def test_equations_in_latex() -> None:
+def test_equations_in_latex():
     text = exported(pieces(), "tex")["dmsp_20.tex"].decode()
     assert text.count(r"\[") == text.count(r"\]") == 12
     assert text.startswith("% dmsp-20: force in N, pressure in kPa, strain in 1")
 
 
 @pytest.mark.parametrize("to", ["tex", "c", "py"])
-def test_coefficients_that_multiply_to_no_number_are_told(to: str) -> None:
+def test_coefficients_that_multiply_to_no_number_are_told(to):
     """Found by fuzzing: a file that somebody changed, shown or exported unverified, was an internal
     fault.
     """
@@ -113,7 +110,7 @@ PLACES = np.random.default_rng(3).uniform([0.0, -0.02], [400.0, 0.3], (200, 2))
 
 
 @pytest.fixture(scope="module")
-def model() -> Any:
+def model():
     """A muscle that is stiff at first, fitted by pieces on a backbone."""
     pressure, strain = (
         grid.ravel()
@@ -132,11 +129,11 @@ def model() -> Any:
     ).model
 
 
-def columns() -> dict[str, np.ndarray]:
+def columns():
     return {"pressure": PLACES[:, 0], "strain": PLACES[:, 1]}
 
 
-def test_the_table_is_the_model(model: Any, tmp_path: Path) -> None:
+def test_the_table_is_the_model(model, tmp_path):
     """CSV, MAT and Modelica's text say the same, and what is read from the MAT file is
     `predict`.
     """
@@ -166,7 +163,7 @@ def test_the_table_is_the_model(model: Any, tmp_path: Path) -> None:
     assert np.abs(error).max() < 0.05 * np.ptp(table["force"])
 
 
-def test_modelica_reads_both_tables(model: Any) -> None:
+def test_modelica_reads_both_tables(model):
     """By the grammar of ModelicaStandardTables: `#1`, then `double name(rows,columns)` and its
     numbers.
     """
@@ -184,7 +181,7 @@ def test_modelica_reads_both_tables(model: Any) -> None:
     np.testing.assert_allclose(force[1], expected, rtol=1e-14)
 
 
-def test_the_python_file_needs_nothing(model: Any, tmp_path: Path) -> None:
+def test_the_python_file_needs_nothing(model, tmp_path):
     """A process that can import no NumPy has the same numbers and derivatives."""
     files = exported(model, "py")
     (tmp_path / "muscle.py").write_bytes(next(iter(files.values())))
@@ -212,7 +209,7 @@ def test_the_python_file_needs_nothing(model: Any, tmp_path: Path) -> None:
     np.testing.assert_array_equal(found[:, 3], outside_range(model, columns()))
 
 
-def test_simulinks_function_is_the_model(model: Any, tmp_path: Path) -> None:
+def test_simulinks_function_is_the_model(model, tmp_path):
     library, name = compiled(exported(model, "simulink"), tmp_path)
     for function in (
         force := getattr(library, f"{name}_force"),
@@ -225,7 +222,7 @@ def test_simulinks_function_is_the_model(model: Any, tmp_path: Path) -> None:
     np.testing.assert_array_equal([valid(*row) for row in PLACES], ~outside_range(model, columns()))
 
 
-def test_mujoco_lifts_a_weight_with_the_muscle(model: Any, tmp_path: Path) -> None:
+def test_mujoco_lifts_a_weight_with_the_muscle(model, tmp_path):
     """The C callback in MuJoCo: the weight comes to rest where `predict` has its weight, at every
     pressure.
     """
@@ -244,7 +241,7 @@ def test_mujoco_lifts_a_weight_with_the_muscle(model: Any, tmp_path: Path) -> No
             assert found == pytest.approx(mass * 9.81, rel=1e-3)
 
 
-def test_what_a_simulator_cannot_hold() -> None:
+def test_what_a_simulator_cannot_hold():
     u = 300 + 100 * np.sin(np.arange(300.0) / 9) + 100 * np.sin(np.arange(300.0) / 4)
     frame = {
         "time": np.arange(300.0),
@@ -259,7 +256,7 @@ def test_what_a_simulator_cannot_hold() -> None:
     for target in ("table", "mujoco", "simulink"):
         with pytest.raises(UsageError):
             exported(memory, target)
-    code: dict[str, Any] = {}
+    code = {}
     exec(next(iter(exported(memory, "py").values())), code)
     state = code["reset"]()
     found = [code["force"](value, state) for value in u]

@@ -12,9 +12,9 @@ import shutil
 import subprocess
 import sys
 import zipfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal, get_args, get_origin, get_type_hints
+from typing import Literal, get_args, get_origin, get_type_hints
 from xml.etree import ElementTree
 
 import pytest
@@ -24,7 +24,7 @@ from jinja2 import Environment, nodes
 from mapmore_cli.annexes.exporting import dialect
 from mapmore_cli.annexes.exporting.exports import exported
 from mapmore_cli.domain.errors import DataError, MapmoreError
-from mapmore_cli.domain.models import Formula, Model
+from mapmore_cli.domain.models import Formula
 from mapmore_cli.domain.recording import Quantity, Signal
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "fuzz"))
@@ -60,14 +60,14 @@ MODELS.append(dataclasses.replace(FORMULA, body=BODY))
 MODELS.sort(key=lambda model: len(repr(model)))  # the quickest first
 
 
-def holds_text(hint: Any) -> bool:
+def holds_text(hint):
     """Whether values of a type hold free texts, not those of other dataclasses."""
     if get_origin(hint) is Literal or dataclasses.is_dataclass(hint):
         return False
     return hint is str or any(map(holds_text, get_args(hint)))
 
 
-def dataclasses_in(record: Any) -> Iterator[type]:
+def dataclasses_in(record):
     """The types of the dataclasses that a record is made of."""
     if dataclasses.is_dataclass(record):
         yield type(record)
@@ -90,7 +90,7 @@ FIELDS = [
 ]
 
 
-def changed(record: Any, where: tuple[type, str], text: str, within: bool = False) -> Any:
+def changed(record, where, text, within=False):
     """A record with the text in the place of every text of a field."""
     if isinstance(record, str):
         return f"{record}{text}" if within else record
@@ -110,11 +110,11 @@ def changed(record: Any, where: tuple[type, str], text: str, within: bool = Fals
     return dataclasses.replace(record, **values)
 
 
-def files_of(model: Model) -> dict[str, bytes]:
+def files_of(model):
     """What a model is exported to, by language and the ending of the file; a zip file is taken
     apart.
     """
-    found: dict[str, bytes] = {}
+    found = {}
     for to in LANGUAGES:
         try:
             files = exported(model, to, verify=False)
@@ -147,7 +147,7 @@ C_TOKENS = re.compile(
 )
 
 
-def structure(language: str, data: bytes) -> object:
+def structure(language, data):
     """What a reader of the language sees, without the words and the texts."""
     text = data.decode() if language != "mat" else ""
     match language:
@@ -176,7 +176,7 @@ def structure(language: str, data: bytes) -> object:
 WRITTEN = {*tex_commands("".join(dialect.tex_text(chr(code)) for code in range(0x400)))}
 
 
-def compiles(files: Mapping[str, bytes], folder: Path) -> None:
+def compiles(files, folder):
     """Check the syntax of the C of a model, with trigraphs."""
     sources = [data for key, data in files.items() if key.startswith("c ")]
     name = re.match(rb'#include "(\w+)\.h"', sources[1])
@@ -198,16 +198,14 @@ def compiles(files: Mapping[str, bytes], folder: Path) -> None:
 
 
 @pytest.mark.parametrize("where", FIELDS, ids=lambda where: f"{where[0].__name__}.{where[1]}")
-def test_a_text_is_no_code(
-    where: tuple[type, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_text_is_no_code(where, tmp_path, monkeypatch):
     monkeypatch.setenv("CC", "/bin/false")
     model = next(model for model in MODELS if repr(changed(model, where, HARMLESS)) != repr(model))
     try:
         harmless = files_of(changed(model, where, HARMLESS))
     except Exception as error:  # the field is no free text: such a model is refused when it is read
         harmless = {}
-        refused: tuple[type[Exception], ...] = (type(error), MapmoreError, ValueError, KeyError)
+        refused = (type(error), MapmoreError, ValueError, KeyError)
     else:
         refused = (MapmoreError, ValueError)
     try:
@@ -223,7 +221,7 @@ def test_a_text_is_no_code(
         compiles(found, tmp_path)
 
 
-def test_there_are_models_with_every_field() -> None:
+def test_there_are_models_with_every_field():
     """Else the test above would look at nothing."""
     missing = [
         f"{type_.__name__}.{name}"
@@ -233,7 +231,7 @@ def test_there_are_models_with_every_field() -> None:
     assert missing == []
 
 
-def test_names_of_a_program_are_identifiers() -> None:
+def test_names_of_a_program_are_identifiers():
     """`store` refuses such a model when it is read; here it is one that was never stored."""
     model = next(one for one in MODELS if len(one.inputs) == 2)
     with pytest.raises(DataError, match="cannot be a name in code"):
@@ -255,7 +253,7 @@ INSIDE = {
 
 
 @pytest.mark.parametrize("template", TEMPLATES, ids=lambda path: path.name)
-def test_notes_stand_in_comments_alone(template: Path) -> None:
+def test_notes_stand_in_comments_alone(template):
     """Only there is their alphabet harmless."""
     language = template.name.split(".")[-2]
     bare = re.sub(INSIDE[language], "", template.read_text(), flags=re.DOTALL | re.MULTILINE)
@@ -265,7 +263,7 @@ def test_notes_stand_in_comments_alone(template: Path) -> None:
     assert template.name.split(".")[-2] in dialect.LITERALS
 
 
-def texts(language: str) -> Iterator[str]:
+def texts(language):
     written = dialect.templates(language).from_string(
         "{{ a }}|{{ b }}|{{ 'c' }}|{{ d }}|{{ [a, a] | listed }}"
     )
@@ -274,7 +272,7 @@ def texts(language: str) -> Iterator[str]:
 
 
 @pytest.mark.parametrize("language", dialect.LITERALS)
-def test_what_is_put_into_a_template_is_a_literal(language: str) -> None:
+def test_what_is_put_into_a_template_is_a_literal(language):
     for hostile, found in zip(HOSTILE, texts(language), strict=True):
         literal = dialect.LITERALS[language](hostile)
         assert found == f"{literal}|b|{dialect.LITERALS[language]('c')}|1.5|{literal}, {literal}"
@@ -284,7 +282,7 @@ def test_what_is_put_into_a_template_is_a_literal(language: str) -> None:
         dialect.templates(language).from_string("{{ a }}").render()
 
 
-def test_strings_in_c_are_what_a_compiler_reads(tmp_path: Path) -> None:
+def test_strings_in_c_are_what_a_compiler_reads(tmp_path):
     if shutil.which("gcc") is None:
         pytest.skip("there is no C compiler here")
     text = "".join(map(chr, range(1, 0x180))) + "??/ %s \\ 7"
@@ -301,7 +299,7 @@ def test_strings_in_c_are_what_a_compiler_reads(tmp_path: Path) -> None:
     assert subprocess.run([tmp_path / "s"], capture_output=True, check=True).stdout.decode() == text
 
 
-def test_quantities_alone() -> None:
+def test_quantities_alone():
     """An output's name was the text between two quotes of a module, and ran when it was
     compared.
     """
@@ -313,6 +311,6 @@ def test_quantities_alone() -> None:
             one
             for one in ast.parse(text).body
             if isinstance(one, ast.Assign) and one.targets[0].id == "OUTPUT"
-        ]  # type: ignore[attr-defined]
+        ]
         assert ast.literal_eval(output.value) == evil
     assert not Path("MARK").exists()

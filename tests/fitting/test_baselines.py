@@ -1,5 +1,5 @@
 """Black boxes among the competitors and beside a search: the same samples, the same inputs,
-explicit seeds; what a residual depends on.
+explicit seeds.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import pytest
 from common import curve_of, dataset_of
 from surfaces import QUANTITIES
 
+from mapmore_cli.annexes.search.black_boxes import black_boxes
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.models import Memory, Model
 from mapmore_cli.domain.recording import Curve, Dataset
@@ -25,8 +26,7 @@ schema_version: 1
 name: bench
 data:
   files: ["bench.csv"]
-  columns: {{pressure: {{column: P, unit: kPa}}, strain: {{column: eps}}, force: {{column: F,
-      unit: N}}}}
+  columns: {{pressure: {{column: P, unit: kPa}}, strain: {{column: eps}}, force: {{column: F}}}}
 target: {{column: force}}
 dictionary: [{{polynomial: {{of: [strain, pressure], order: 1}}}}]
 validate: {{against: [{against}]}}
@@ -68,9 +68,9 @@ def test_a_smooth_surface_is_learnt_from_training_samples_alone(name: str) -> No
 
 def test_more_samples_than_a_baseline_can_bear_are_thinned_evenly() -> None:
     values = np.arange(1000.0)
-    kept = baselines._share(values, 11)
+    kept = baselines.even_share(values, 11)
     assert kept.tolist() == [round(k * 99.9) for k in range(11)]
-    assert baselines._share(values, 1000) is values
+    assert baselines.even_share(values, 1000) is values
 
 
 def test_beside_a_model_with_a_past_inputs_come_with_theirs() -> None:
@@ -95,7 +95,7 @@ def test_without_scikit_learn_a_spec_says_what_to_install(
     spec = tmp_path / "bench.yaml"
     spec.write_text(SPEC.format(against="mlp"))
     monkeypatch.setattr("mapmore_cli.spec.check_study.find_spec", lambda _name: None)
-    with pytest.raises(SpecError, match=r"bench\.yaml:8:\d+: `mlp` needs scikit-learn") as told:
+    with pytest.raises(SpecError, match=r"bench\.yaml:\d+:\d+: `mlp` needs scikit-learn") as told:
         load(spec)
     assert "pip install 'mapmore[baselines]'" in str(told.value)
 
@@ -150,22 +150,6 @@ def test_a_run_scores_them_beside_its_model(tmp_path: Path) -> None:
     }
 
 
-def test_the_lag_on_which_a_residual_depends_is_named() -> None:
-    u = np.random.default_rng(1).normal(size=2000)
-    e = np.r_[np.zeros(4), u[:-4] ** 2] + np.random.default_rng(2).normal(size=2000)
-    data = dataset_of({"u": u, "y": e})
-    assert baselines.strongest(data.curves, [e], ["u"], past=True).startswith("u 4 samples before")
-    assert baselines.strongest(data.curves, [e], ["u"], past=False) == ""
-
-
-def test_noise_depends_on_nothing() -> None:
-    rng = np.random.default_rng(4)
-    data = dataset_of({name: rng.normal(size=300) for name in "yuv"})
-    assert (
-        baselines.strongest(data.curves, [data.curves[0].columns["y"]], ["u", "v"], past=True) == ""
-    )
-
-
 def test_black_boxes_learn_without_the_fold_and_get_the_past_where_there_is_one() -> None:
     time = np.linspace(0, 1, 240)
     u = np.sin(40 * time)
@@ -173,8 +157,7 @@ def test_black_boxes_learn_without_the_fold_and_get_the_past_where_there_is_one(
     masks = [((np.arange(240) % 5 == fold),) for fold in range(5)]
     rows = [np.arange(240) % 2 == 0]
     errors = [
-        baselines.black_boxes(data, masks, rows, ["u"], past)["gradient_boosting"]
-        for past in (False, True)
+        black_boxes(data, masks, rows, ["u"], past)["gradient_boosting"] for past in (False, True)
     ]
     static, dynamic = (
         np.sqrt(np.mean(np.concatenate([left for left, ready in each if ready.all()]) ** 2))

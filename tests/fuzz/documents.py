@@ -9,13 +9,10 @@ next plan of the run, `show`, or a comparison.
 from __future__ import annotations
 
 import json
-import random
 import shutil
 from contextlib import redirect_stdout, suppress
 from functools import cache
 from io import StringIO
-from pathlib import Path
-from typing import Any
 from unittest.mock import patch
 
 from driver import Fault, Target, changed_text, changed_tree, refused
@@ -26,12 +23,12 @@ from mapmore_cli.cli.console import print_view
 from mapmore_cli.cli.views import of_file
 from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.pipeline.runner import bring_up_to_date, explain
-from mapmore_cli.spec.loader import LoadedSpec, load
+from mapmore_cli.spec.loader import load
 from mapmore_cli.storage import artefacts
 from mapmore_cli.storage.artefacts import read_validation
 from mapmore_cli.storage.run_record import load_origin, read_scores, scores_beside
 
-VALUES: tuple[Any, ...] = (
+VALUES = (
     *(
         None,
         True,
@@ -69,7 +66,7 @@ VALUES: tuple[Any, ...] = (
 MARKS = '{}[]:,"\\ntrue0123456789eE+-. \n\x00é'
 
 
-def text_of(whole: str, chance: random.Random) -> str:
+def text_of(whole, chance):
     """A document with one to three changes, or changed as text."""
     kind = chance.random()
     if kind < 0.15:
@@ -95,7 +92,7 @@ def text_of(whole: str, chance: random.Random) -> str:
 
 
 @cache
-def study(folder: Path) -> tuple[LoadedSpec, dict[str, str]]:
+def study(folder):
     """A study of 40 rows that was run, and its documents."""
     write_data(folder)
     (folder / "study.yaml").write_text(STATIC)
@@ -109,14 +106,14 @@ unchanged = cache(read_validation)  # the validation of the study: no input chan
 
 
 @patch.object(artefacts, "read_validation", lambda path, *_: unchanged(path))
-def attempt(chance: random.Random, number: int, folder: Path) -> str:
+def attempt(chance, number, folder):
     """Change one of the documents, do what reads it, and put it back."""
     loaded, documents = study(folder)
     runs = folder / "runs"
     run_dir, name = runs / "static", chance.choice(sorted(documents))
     path = run_dir / name
     path.write_text(text_of(documents[name], chance), encoding="utf-8", errors="surrogatepass")
-    told: list[str] = []
+    told = []
     try:
         outcome = "read"
         try:
@@ -152,7 +149,7 @@ def attempt(chance: random.Random, number: int, folder: Path) -> str:
         path.write_text(documents[name])
 
 
-def warm(folder: Path) -> None:
+def warm(folder):
     study(folder)
 
 
@@ -163,6 +160,4 @@ PAST = (
     "record refused (exit 4)",
     "record read, ignored with a warning",
 )
-TARGET = Target(
-    "documents", attempt, ("storage/run_record.py", "cli/views.py"), past=PAST, traced=50, warm=warm
-)
+TARGET = Target("documents", attempt, past=PAST, warm=warm)

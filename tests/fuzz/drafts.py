@@ -7,7 +7,6 @@ from __future__ import annotations
 import random
 import shutil
 from contextlib import suppress
-from pathlib import Path
 
 import numpy as np
 import readers
@@ -53,7 +52,7 @@ TITLES = (
 )
 
 
-def recording(chance: random.Random, pressure: float) -> str:
+def recording(chance, pressure):
     """A table of a muscle at one pressure, or of noise, as text."""
     n, mark = chance.choice([3, 12, 30, 60]), chance.choice([",", ",", ";", "\t"])
     strain = np.linspace(0, 0.2, n)
@@ -76,7 +75,7 @@ def recording(chance: random.Random, pressure: float) -> str:
     return "\n".join(lines) + "\n"
 
 
-def attempt(chance: random.Random, number: int, folder: Path) -> str:
+def attempt(chance, number, folder):
     """Draft a spec of one to three files; what is drafted is YAML, and one in four is loaded,
     beside what `init` itself loads.
 
@@ -110,13 +109,11 @@ def attempt(chance: random.Random, number: int, folder: Path) -> str:
         shutil.rmtree(place)
 
 
-def warm(folder: Path) -> None:
+def warm(folder):
     convert(1.0, "lbf/ft^2", "kPa")
     (folder / "warm.csv").write_text(recording(random.Random(1), 200))
     with suppress(MapmoreError):  # what a stranger wrote may be refused
         start(folder / "warm.csv", folder)
 
 
-TARGET = Target(
-    "init", attempt, ("study/drafting",), past=("drafted",), longest=10, traced=20, warm=warm
-)
+TARGET = Target("init", attempt, past=("drafted",), longest=10, warm=warm)

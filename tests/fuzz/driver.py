@@ -8,26 +8,20 @@ fork goes on behind it.
 
 from __future__ import annotations
 
-import dis
 import gc
 import os
 import random
 import resource
 import signal
-import sys
 import time
 import traceback
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import CodeType, FrameType
-from typing import Any
 
 import mapmore_cli
-from mapmore_cli.domain.errors import MapmoreError
 
 PACKAGE = Path(mapmore_cli.__file__).parent
 LONGEST = 5  # seconds of one input
@@ -42,96 +36,57 @@ of the input.
 
 @dataclass(frozen=True)
 class Target:
-    """What is fuzzed: `name`, how one input is tried, the parts of the package that are meant, and
-    the outcomes that are past the syntax.
+    """What is fuzzed: `name`, how one input is tried, and the outcomes that are past the syntax.
 
     `library` is what crashes and hangs are laid to where the input goes through foreign machine
-    code. The first `traced` inputs are tried under a tracer that notes the lines which run, and
-    takes long. `warm` imports and makes what all inputs need, once, before the forks.
+    code; `longest` the seconds of one input. `warm` imports and makes what all inputs need, once,
+    before the forks.
     """
 
     name: str
     attempt: Try
-    parts: tuple[str, ...]
     past: tuple[str, ...] = ()
     library: str | None = None
     longest: int = LONGEST
-    traced: int = 100
     warm: Callable[[Path], object] = lambda _folder: None
 
 
 @dataclass
 class Findings:
-    """Outcomes and how often they came, faults with the number of their input, the lines that ran,
-    and whether Ctrl-C ended it early.
+    """Outcomes and how often they came, faults with the number of their input, and whether Ctrl-C
+    ended it early.
     """
 
     outcomes: Counter[str] = field(default_factory=Counter)
     faults: list[str] = field(default_factory=list)
-    seen: set[tuple[str, int]] = field(default_factory=set)
-    lines: int = 0
     interrupted: bool = False
-
-    @property
-    def ran(self) -> int:
-        return len(self.seen)
 
 
 class Fault(Exception):
     """What the program may not do: raised by a target where no exception shows it."""
 
 
-def explore(
-    target: Target,
-    count: int,
-    seed: int,
-    folder: Path,
-    traced: int | None = None,
-    tell: Callable[[str], None] = lambda _words: None,
-) -> Findings:
-    """Try `count` inputs, or fewer where Ctrl-C ends it; `traced` as the target says, if not
-    otherwise; `tell` how far it is.
-    """
-    found, start, traced, last = (
-        Findings(),
-        0,
-        target.traced if traced is None else traced,
-        time.monotonic(),
-    )
+def explore(target, count, seed, folder, tell=lambda _words: None):
+    """Try `count` inputs, or fewer where Ctrl-C ends it; `tell` how far it is."""
+    findings, start, last = Findings(), 0, time.monotonic()
 
-    def told() -> None:
+    def told():
         nonlocal last
         if time.monotonic() - last > SILENCE:
             last = time.monotonic()
-            faults = (
-                f"{len(found.faults)} faults, the last one {found.faults[-1]}"
-                if found.faults
-                else "no fault"
-            )
-            tell(f"{target.name}: {found.outcomes.total()} of {count} tried, {faults}")
+            tried, faults = findings.outcomes.total(), findings.faults
+            tell(f"{target.name}: {tried} of {count} tried, {len(faults)} faults {faults[-1:]}")
 
     try:
         target.warm(folder)
         while start < count:
-            numbers = range(start, min(count, start + traced) if start < traced else count)
-            start = _batch(target, numbers, seed, folder, found, start < traced, told)
+            start = _batch(target, range(start, count), seed, folder, findings, told)
     except KeyboardInterrupt:
-        found.interrupted = True
-    wanted = lines_of(target.parts)
-    found.seen &= wanted
-    found.lines = len(wanted)
-    return found
+        findings.interrupted = True
+    return findings
 
 
-def _batch(
-    target: Target,
-    numbers: range,
-    seed: int,
-    folder: Path,
-    found: Findings,
-    tracing: bool,
-    told: Callable[[], None],
-) -> int:
+def _batch(target, numbers, seed, folder, findings, told):
     """Try inputs in one fork; the number of the first one that it left."""
     read, write = os.pipe()
     gc.freeze()  # what is there before the inputs is not looked through again and again
@@ -140,7 +95,7 @@ def _batch(
         signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C ends it without a word
         os.close(read)
         with os.fdopen(write, "w", encoding="utf-8", errors="replace", buffering=1) as report:
-            _inputs(target, numbers, seed, folder, report, tracing)
+            _inputs(target, numbers, seed, folder, report)
         os._exit(0)
     os.close(write)
     done = numbers.start
@@ -149,51 +104,41 @@ def _batch(
             for line in report:
                 told()
                 kind, _, text = line.rstrip("\n").partition(" ")
-                if kind == "line":
-                    file, _, number = text.rpartition(":")
-                    found.seen.add((file, int(number)))
-                elif kind in ("done", "fault"):
-                    found.outcomes[text if kind == "done" else "FAULT"] += 1
-                    found.faults += [f"{target.name} {done}: {text}"] if kind == "fault" else []
-                    done += 1
+                if kind == "fault":
+                    findings.faults.append(f"{target.name} {done}: {text}")
+                findings.outcomes["FAULT" if kind == "fault" else text] += 1
+                done += 1
     except BaseException:  # no fork goes on alone
         os.kill(child, signal.SIGKILL)
         os.waitpid(child, 0)
         raise
     status = os.waitpid(child, 0)[1]
     if os.WIFSIGNALED(status):
-        hung = os.WTERMSIG(status) == signal.SIGVTALRM
-        what = (
-            f"longer than {target.longest} s" if hung else f"ended by signal {os.WTERMSIG(status)}"
-        )
-        found.outcomes[
-            f"{target.library} {'hangs' if hung else 'crashes'}" if target.library else "FAULT"
-        ] += 1
-        found.faults += [] if target.library else [f"{target.name} {done}: {what}"]
+        number = os.WTERMSIG(status)
+        hung = number == signal.SIGVTALRM
+        if target.library:
+            findings.outcomes[f"{target.library} {'hangs' if hung else 'crashes'}"] += 1
+        else:
+            what = f"longer than {target.longest} s" if hung else f"ended by signal {number}"
+            findings.faults.append(f"{target.name} {done}: {what}")
+            findings.outcomes["FAULT"] += 1
         done += 1
     return done
 
 
-def _inputs(
-    target: Target, numbers: range, seed: int, folder: Path, report: Any, tracing: bool
-) -> None:
+def _inputs(target, numbers, seed, folder, report):
+    """Try inputs and report what becomes of each, a line for every one."""
     # libraries reserve address space that they never use: what counts is beside what was reserved
     # at the start
-    taken = (
-        int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-        if Path("/proc/self/statm").exists()
-        else None
-    )
-    if taken is not None:
+    sizes = Path("/proc/self/statm")
+    if sizes.exists():
+        taken = int(sizes.read_text().split()[0]) * resource.getpagesize()
         resource.setrlimit(resource.RLIMIT_AS, (taken + ROOM, taken + ROOM))
     for number in numbers:
-        signal.setitimer(signal.ITIMER_VIRTUAL, target.longest * (20 if tracing else 1))
+        signal.setitimer(signal.ITIMER_VIRTUAL, target.longest)
         chance = random.Random(f"{seed}/{target.name}/{number}")
         try:
-            with traced(target.parts) if tracing else nullcontext(set[tuple[str, int]]()) as seen:
-                outcome = target.attempt(chance, number, folder)
-            report.writelines(f"line {file}:{line}\n" for file, line in sorted(seen))
-            print("done", outcome, file=report)
+            print("done", target.attempt(chance, number, folder), file=report)
         except Exception as error:
             last = traceback.extract_tb(error.__traceback__)[-1]
             said = " ".join(f"{type(error).__name__}: {error}".split())[:200]
@@ -201,67 +146,11 @@ def _inputs(
     signal.setitimer(signal.ITIMER_VIRTUAL, 0)
 
 
-def refused(error: MapmoreError) -> str:
+def refused(error):
     return f"refused (exit {error.exit_code})"
 
 
-@contextmanager
-def traced(parts: Sequence[str]) -> Iterator[set[tuple[str, int]]]:
-    """Note the lines of some parts of the package that run."""
-    seen: set[tuple[str, int]] = set()
-    files = {str(path) for path in files_of(parts)}
-
-    def within(frame: FrameType, event: str, _argument: Any) -> Any:
-        if event == "line":
-            seen.add((frame.f_code.co_filename, frame.f_lineno))
-        return within
-
-    def enter(frame: FrameType, _event: str, _argument: Any) -> Any:
-        return within if frame.f_code.co_filename in files else None
-
-    sys.settrace(enter)
-    try:
-        yield seen
-    finally:
-        sys.settrace(None)
-
-
-def files_of(parts: Sequence[str]) -> list[Path]:
-    """The modules of parts of the package, each a file or a folder of it."""
-    places = [PACKAGE / part for part in parts]
-    return sorted(
-        path for place in places for path in (place.rglob("*.py") if place.is_dir() else [place])
-    )
-
-
-def lines_of(parts: Sequence[str]) -> set[tuple[str, int]]:
-    """The lines of the functions of parts of the package; what runs while a module is imported does
-    not count.
-    """
-    return {
-        (str(path), line)
-        for path in files_of(parts)
-        for line in _lines_of(compile(path.read_text(), str(path), "exec"))
-    }
-
-
-def _lines_of(code: CodeType) -> Iterator[int]:
-    if (
-        code.co_flags & 0x2
-        # CO_NEWLOCALS: a function; neither a module nor, in this package, a class with lines of its
-        # own
-    ):
-        yield from (
-            line
-            for _, line in dis.findlinestarts(code)
-            if line is not None and line != code.co_firstlineno
-        )
-    for constant in code.co_consts:
-        if isinstance(constant, CodeType):
-            yield from _lines_of(constant)
-
-
-def changed_text(text: str, chance: random.Random, marks: str) -> str:
+def changed_text(text, chance, marks):
     """A text with a few characters left out, doubled, swapped, or put in."""
     letters = list(text)
     for _ in range(chance.choice([1, 1, 2, 5])):
@@ -282,7 +171,7 @@ def changed_text(text: str, chance: random.Random, marks: str) -> str:
     return "".join(letters)
 
 
-def changed_bytes(whole: bytes, chance: random.Random) -> bytes:
+def changed_bytes(whole, chance):
     """One to eight bits flipped, a stretch overwritten or left out, or the end cut off."""
     if not whole:
         return whole
@@ -305,7 +194,7 @@ def changed_bytes(whole: bytes, chance: random.Random) -> bytes:
 Way = tuple[str | int, ...]
 
 
-def ways(tree: Any, here: Way = ()) -> Iterator[Way]:
+def ways(tree, here=()):
     """The places in a document."""
     yield here
     for key, value in (
@@ -318,13 +207,13 @@ def ways(tree: Any, here: Way = ()) -> Iterator[Way]:
         yield from ways(value, (*here, key))
 
 
-def at(tree: Any, way: Way) -> Any:
+def at(tree, way):
     for step in way:
         tree = tree[step]
     return tree
 
 
-def changed_tree(tree: Any, chance: random.Random, value: Callable[[Any], Any], part: Any) -> None:
+def changed_tree(tree, chance, value, part):
     """Change a document at one place: left out, doubled, renamed, replaced by a hostile value
     (given the old one) or by some of `part`.
     """

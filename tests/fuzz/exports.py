@@ -9,16 +9,13 @@ import dataclasses
 import io
 import logging
 import os
-import random
 import re
 import shutil
 import sys
 import zipfile
-from collections.abc import Mapping
 from functools import cache
 from html.parser import HTMLParser
 from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree
 
 from driver import Fault, Target, refused
@@ -131,7 +128,7 @@ TEXTS = {
 }
 
 
-def renamed(record: Any, names: Mapping[str, str], chance: random.Random, mark: str) -> Any:
+def renamed(record, names, chance, mark):
     """A part of a model with other names of quantities in all of its texts, and hostile texts where
     they are free.
     """
@@ -156,7 +153,7 @@ def renamed(record: Any, names: Mapping[str, str], chance: random.Random, mark: 
 
 
 @cache
-def bodies() -> tuple[Model, ...]:
+def bodies():
     from export_samples import FORMULAS, STATIC, WITH_MEMORY, formula, memory, pieces
 
     small = (
@@ -175,7 +172,7 @@ def bodies() -> tuple[Model, ...]:
     )
 
 
-def model_of(chance: random.Random, mark: str) -> Model:
+def model_of(chance, mark):
     """A model of some kind, with hostile names and texts."""
     model = chance.choice(bodies())
     others = chance.sample(sorted({*NAMES}), 5)
@@ -233,7 +230,7 @@ TEX = {
 }
 
 
-def try_model(chance: random.Random, number: int, folder: Path) -> str:
+def try_model(chance, number, folder):
     """Export to every language; the code is compiled or imported and compared with `predict`, and
     nothing of the texts runs.
 
@@ -242,7 +239,7 @@ def try_model(chance: random.Random, number: int, folder: Path) -> str:
     """
     mark = folder / f"mark{number}"
     by = "tcc" if number % 50 and shutil.which("tcc") else "cc"
-    os.environ["CC"], verifying.FLAGS = by, FLAGS[by]  # type: ignore[assignment]
+    os.environ["CC"], verifying.FLAGS = by, FLAGS[by]
     model = model_of(chance, str(mark))
     try:
         for to in ("py", "tex", "c", "fmu"):
@@ -269,7 +266,7 @@ def try_model(chance: random.Random, number: int, folder: Path) -> str:
     return f"compared ({by})"
 
 
-def _unit(data: bytes) -> None:
+def _unit(data):
     """Fault where the description of a unit is no XML, or two of its variables have one name."""
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         names = [
@@ -288,7 +285,7 @@ ESCAPED = frozenset(tex_commands("".join(foreign._TEX.values())))
 
 
 @cache
-def tex_of_terms() -> frozenset[str]:
+def tex_of_terms():
     """The commands in the equations of models whose texts are plain."""
     return frozenset(
         name
@@ -298,7 +295,7 @@ def tex_of_terms() -> frozenset[str]:
     )
 
 
-def _told(model: Model) -> list[bytes]:
+def _told(model):
     try:
         return [*exported(model, "tex").values()]
     except MapmoreError:
@@ -306,15 +303,15 @@ def _told(model: Model) -> list[bytes]:
 
 
 class Tags(HTMLParser):
-    def __init__(self) -> None:
+    def __init__(self):
         super().__init__()
-        self.found: set[str] = set()
+        self.found = set()
 
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+    def handle_starttag(self, tag, attrs):
         self.found |= {tag, *(name for name, _ in attrs)}
 
 
-def try_text(chance: random.Random, number: int, folder: Path) -> str:
+def try_text(chance, number, folder):
     """A table and a figure in which every text is free, in every format, as the formats' own
     readers take them.
     """
@@ -357,7 +354,7 @@ def try_text(chance: random.Random, number: int, folder: Path) -> str:
     return "read back"
 
 
-def _figure(title: str, label: str, entry: str, maths: bool) -> None:
+def _figure(title, label, entry, maths):
     """Fault where a figure is no XML, or TeX obeys more of it than of one whose texts are plain."""
     from mapmore_cli.reporting.figures.drawing import to_pgf, to_svg
     from mapmore_cli.reporting.figures.style import figure_style, wrong_formula
@@ -374,7 +371,7 @@ def _figure(title: str, label: str, entry: str, maths: bool) -> None:
         raise Fault(f"TeX obeys {strange} in a figure")
 
 
-def _drawn(title: str, label: str, entry: str, maths: bool) -> Any:
+def _drawn(title, label, entry, maths):
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(2, 2))
@@ -386,13 +383,13 @@ def _drawn(title: str, label: str, entry: str, maths: bool) -> Any:
 
 
 @cache
-def tex_of_figures() -> frozenset[str]:
+def tex_of_figures():
     from mapmore_cli.reporting.figures.drawing import to_pgf
 
     return frozenset(tex_commands(to_pgf(_drawn("a", "b", "c", False))))
 
 
-def _warm(_folder: Path) -> None:
+def _warm(_folder):
     logging.disable()  # fonts lack glyphs
     bodies(), tex_of_terms(), tex_of_figures(), base_units("kPa")
 
@@ -400,17 +397,13 @@ def _warm(_folder: Path) -> None:
 EXPORTS = Target(
     "exports",
     try_model,
-    ("exporting", "domain/foreign.py"),
     past=("compared (tcc)", "compared (cc)"),
     longest=60,
-    traced=3,
     warm=_warm,
 )
 FREE_TEXTS = Target(
     "texts",
     try_text,
-    ("domain/foreign.py", "reporting/table.py"),
     past=("read back",),
-    traced=20,
     warm=_warm,
 )

@@ -9,14 +9,12 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import random
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Mapping
 from contextlib import redirect_stdout
 from io import StringIO
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 from unittest.mock import patch
 
 import exports
@@ -32,7 +30,6 @@ from mapmore_cli.annexes.exporting.exports import exported
 from mapmore_cli.cli.console import print_view
 from mapmore_cli.cli.views import of_file
 from mapmore_cli.domain.errors import MapmoreError
-from mapmore_cli.domain.models import Model
 from mapmore_cli.pipeline.predict import inverted_lines, predicted_lines
 from mapmore_cli.storage import artefacts
 from mapmore_cli.storage.artefacts import schema
@@ -156,7 +153,7 @@ NUMBERS = (
 LANGUAGES = ("c", "py", "numpy", "tex", "mujoco", "simulink", "table", "csv", "fmu")
 
 
-def hostile(chance: random.Random, mark: str) -> str:
+def hostile(chance, mark):
     kind = chance.random()
     if kind < 0.5:
         return chance.choice(TEXTS).replace("MARK", mark)
@@ -167,9 +164,9 @@ def hostile(chance: random.Random, mark: str) -> str:
     )
 
 
-def places(record: Any) -> Iterator[tuple[Any, ...]]:
+def places(record):
     """The ways to every part of a record."""
-    parts: Any = ()
+    parts = ()
     if dataclasses.is_dataclass(record):
         parts = [(one.name, getattr(record, one.name)) for one in dataclasses.fields(record)]
     elif isinstance(record, Mapping):
@@ -181,7 +178,7 @@ def places(record: Any) -> Iterator[tuple[Any, ...]]:
         yield from ((step, *way) for way in places(part))
 
 
-def changed(record: Any, way: tuple[Any, ...], change: Callable[[Any], Any]) -> Any:
+def changed(record, way, change):
     """A record with another part at the end of a way."""
     if not way:
         return change(record)
@@ -201,7 +198,7 @@ def changed(record: Any, way: tuple[Any, ...], change: Callable[[Any], Any]) -> 
     )
 
 
-def forged(part: Any, chance: random.Random, mark: str) -> Any:
+def forged(part, chance, mark):
     """Another value in place of a part; not always of its type."""
     match part:
         case str():
@@ -227,7 +224,7 @@ def forged(part: Any, chance: random.Random, mark: str) -> Any:
     return None if chance.random() < 0.3 else part
 
 
-def _other_array(part: Any, chance: random.Random) -> Any:
+def _other_array(part, chance):
     flat = part.copy()
     match chance.randrange(5):
         case 0 if flat.size:
@@ -246,7 +243,7 @@ def _other_array(part: Any, chance: random.Random) -> Any:
     return flat
 
 
-def model_of(chance: random.Random, mark: str) -> Model:
+def model_of(chance, mark):
     """A sound model with one to three forged parts, or with all texts of one kind of field
     forged.
     """
@@ -261,13 +258,13 @@ def model_of(chance: random.Random, mark: str) -> Model:
     return model
 
 
-def _at(record: Any, way: tuple[Any, ...]) -> Any:
+def _at(record, way):
     for step in way:
         record = getattr(record, step) if dataclasses.is_dataclass(record) else record[step]
     return record
 
 
-def write_forged(path: Path, model: Any) -> None:
+def write_forged(path, model):
     """Write a model as our writer does, texts that it would refuse included; the checksum is
     right.
     """
@@ -279,7 +276,7 @@ def write_forged(path: Path, model: Any) -> None:
         artefacts.write_model(path, model)
 
 
-def attempt(chance: random.Random, number: int, folder: Path) -> str:
+def attempt(chance, number, folder):
     """Forge a model, and do all that commands do with it."""
     mark, path = folder / f"mark{number}", folder / "model.h5"
     try:
@@ -301,9 +298,9 @@ def attempt(chance: random.Random, number: int, folder: Path) -> str:
             raise Fault("a text ran")
 
 
-def use(path: Path, chance: random.Random, number: int) -> str:
+def use(path, chance, number):
     """What became of a model: refused when it was read, or used as far as it goes."""
-    told: list[str] = []
+    told = []
     try:
         model = artefacts.read_model(path, told.append)
         with redirect_stdout(StringIO()):
@@ -335,7 +332,7 @@ def use(path: Path, chance: random.Random, number: int) -> str:
     return "used"
 
 
-def _told(command: Callable[[], Any]) -> None:
+def _told(command):
     """Run a command, which may refuse, but not with exit 1."""
     try:
         command()
@@ -347,9 +344,7 @@ def _told(command: Callable[[], Any]) -> None:
 TARGET = Target(
     "forged",
     attempt,
-    ("storage/artefacts", "modelling/soundness.py"),
     past=("used", "refused (exit 4)"),
     longest=60,
-    traced=20,
     warm=exports._warm,
 )

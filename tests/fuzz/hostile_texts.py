@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import random
 import re
-from collections.abc import Iterator
 
 ESCAPES = (
     *(
@@ -99,7 +97,7 @@ COMMANDS = (
 )
 
 
-def text_of(chance: random.Random, mark: str = "MARK") -> str:
+def text_of(chance, mark="MARK"):
     """A text: words that end something in some language, and commands behind them."""
     parts = [
         chance.choice(ESCAPES if chance.random() < 0.7 else COMMANDS)
@@ -115,7 +113,7 @@ def text_of(chance: random.Random, mark: str = "MARK") -> str:
     return "".join(parts).replace("MARK", mark)
 
 
-def tex_commands(source: str) -> Iterator[str]:
+def tex_commands(source):
     """The control sequences of a source as TeX reads it (The TeXbook, chapter 8): `^^` stands for
     characters, `%` ends a line.
     """

@@ -90,7 +90,7 @@ data:
   columns: {time: {column: t, unit: s}, pressure: {column: P, unit: kPa}, strain: {column: eps}}
 target: {column: strain}
 model: {type: state_space, input: pressure, sections: [150], direction: false,
-    solver: least_squares, particles: 4, iterations: 2}
+    solver: least_squares}
 report: {figures: [], formats: [csv]}
 """
 
@@ -391,17 +391,15 @@ def _has_values(term: terms.Expression, states: bool) -> bool:
         return bool(np.isfinite(terms.evaluate(term, ROWS, len(ROWS["force"]))).all())
 
 
-TARGET = Target("specs", attempt, ("spec",), past=("loaded", "refused (exit 3)"), warm=warm)
+TARGET = Target("specs", attempt, past=("loaded", "refused (exit 3)"), warm=warm)
 RUNS = Target(
     "runs",
     run,
-    ("pipeline",),
     past=tuple(
         f"{end}{kind}"
         for kind in ("", WITH)
         for end in ("done", *(f"refused (exit {code})" for code in (3, 4, 5, 6)))
     ),
     longest=20,  # the number of terms of a model with memory is chosen by some thirty fits
-    traced=10,
     warm=warm_runs,
 )

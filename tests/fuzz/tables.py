@@ -9,12 +9,8 @@ from __future__ import annotations
 
 import io
 import math
-import random
 import re
-from collections.abc import Iterator, Sequence
 from datetime import datetime, time, timedelta
-from pathlib import Path
-from typing import Any
 
 from driver import Fault, Target, changed_text, refused
 from openpyxl import Workbook
@@ -75,7 +71,7 @@ NOTHING = {"", "nan", "+nan", "-nan", "na", "n/a", "#n/a", "null", "none"}
 INFINITE = re.compile(r"[+-]?inf(inity)?", re.I)
 
 
-def said(cell: str, decimal: str = ".", thousands: str = "") -> float | None:
+def said(cell, decimal=".", thousands=""):
     """The number in a cell, NaN where it says that there is none, and None where it is no number at
     all.
     """
@@ -94,7 +90,7 @@ def said(cell: str, decimal: str = ".", thousands: str = "") -> float | None:
     return float(f"{number[1]}{digits or 0}.{number[3] or 0}e{number[4] or 0}")
 
 
-def parsed(text: str, delimiter: str) -> Iterator[list[str | None]]:
+def parsed(text, delimiter):
     """The records of a text; None for a field with damaged marks. Raises ValueError for a mark that
     is not closed.
     """
@@ -104,7 +100,7 @@ def parsed(text: str, delimiter: str) -> Iterator[list[str | None]]:
             found = re.compile(r'"((?:[^"]|"")*)"').match(text, place)
             if found is None:
                 raise ValueError
-            field: str | None = found[1].replace('""', '"')
+            field = found[1].replace('""', '"')
             end = re.compile(rf"[^{re.escape(delimiter)}\r\n]*").match(text, found.end())
         else:
             end = re.compile(rf"[^{re.escape(delimiter)}\r\n]*").match(text, place)
@@ -122,7 +118,7 @@ def parsed(text: str, delimiter: str) -> Iterator[list[str | None]]:
         record = []
 
 
-def changed(chance: random.Random) -> list[list[str]]:
+def changed(chance):
     """A table of a few rows, of which one cell or some were changed."""
     rows = [
         [f"{i / 10:.1f}", f"{chance.uniform(0, 600):.3f}", f"{chance.uniform(-9, 2000):.2f}"]
@@ -139,12 +135,12 @@ def changed(chance: random.Random) -> list[list[str]]:
 
 
 def compare(
-    kind: str,
-    rows: Sequence[Sequence[str | None]],
-    columns: Any,
-    decimal: str = ".",
-    thousands: str = "",
-) -> str:
+    kind,
+    rows,
+    columns,
+    decimal=".",
+    thousands="",
+):
     """Raises Fault where a number that was read is not the one that a cell says."""
     for place, name in ((1, "P"), (2, "F")):
         if len(columns[name]) != len(rows):
@@ -157,7 +153,7 @@ def compare(
     return "read"
 
 
-def quoted(cell: str, delimiter: str, chance: random.Random) -> str:
+def quoted(cell, delimiter, chance):
     if chance.random() < 0.1 or (
         chance.random() < 0.5 and any(mark in cell for mark in f'{delimiter}"\n')
     ):
@@ -166,7 +162,7 @@ def quoted(cell: str, delimiter: str, chance: random.Random) -> str:
     return cell
 
 
-def of_text(chance: random.Random, folder: Path) -> str:
+def of_text(chance, folder):
     delimiter, decimal, thousands = chance.choice(
         [
             (",", ".", ""),
@@ -201,7 +197,7 @@ def of_text(chance: random.Random, folder: Path) -> str:
         if predicted:
             sheet = Sheet(io.StringIO(head + text, newline=""), label, "P, F")
             block = list(sheet.rows)
-            columns: Any = sheet.values(block, sheet.places(["P", "F"]))
+            columns = sheet.values(block, sheet.places(["P", "F"]))
             records = records and [
                 ["", "", ""] if sheet.is_blank(row) else record
                 for row, record in zip(block, records, strict=True)
@@ -214,7 +210,7 @@ def of_text(chance: random.Random, folder: Path) -> str:
                 "decimal": decimal,
                 "thousands": thousands or None,
             }
-            request = TableRequest(label, ("P", "F"), clocks=frozenset({"t"}), **asked)  # type: ignore[arg-type]
+            request = TableRequest(label, ("P", "F"), clocks=frozenset({"t"}), **asked)
             columns = READERS["csv"].read(path, request)[0].columns
             records = records and [
                 record for record in records if len(record) > 1 or (record[0] or "").strip()
@@ -226,13 +222,13 @@ def of_text(chance: random.Random, folder: Path) -> str:
     return f"{kind} {compare(f'{kind} {text!r}', records, columns, decimal, thousands)}"
 
 
-def of_book(chance: random.Random, folder: Path) -> str:
+def of_book(chance, folder):
     """Cells of a workbook are texts, numbers, or typed; only numbers are numbers."""
     book, rows = Workbook(), changed(chance)
     book.active.append(NAMES)
-    expected: list[list[str | None]] = []
+    expected = []
     for row in rows:
-        cells: list[Any] = [
+        cells = [
             float(cell)
             if chance.random() < 0.7 and re.fullmatch(r"-?[0-9]+\.[0-9]+", cell)
             else cell
@@ -261,7 +257,7 @@ def of_book(chance: random.Random, folder: Path) -> str:
     return f"xlsx {compare('xlsx', expected, columns)}"
 
 
-def attempt(chance: random.Random, number: int, folder: Path) -> str:
+def attempt(chance, number, folder):
     """Write a table, or take it as `predict` does, and read it."""
     return of_book(chance, folder) if number % 10 == 0 else of_text(chance, folder)
 
@@ -269,6 +265,5 @@ def attempt(chance: random.Random, number: int, folder: Path) -> str:
 TARGET = Target(
     "tables",
     attempt,
-    ("storage/tables/cells.py", "storage/readers/csv.py"),
     past=("csv read", "predict read", "xlsx read"),
 )

@@ -343,7 +343,7 @@ def test_the_shift_is_found_and_told(ingest: Ingest) -> None:
     np.testing.assert_allclose(columns["pressure_2"], columns["pressure"], atol=2.0)
 
 
-def test_a_shift_that_nothing_tells_or_more_than_one_fits_is_refused_and_a_guess_helps(
+def test_a_shift_that_nothing_tells_or_more_than_one_fits_is_refused(
     ingest: Ingest,
 ) -> None:
     def wave(t: np.ndarray) -> np.ndarray:
@@ -353,6 +353,4 @@ def test_a_shift_that_nothing_tells_or_more_than_one_fits_is_refused_and_a_guess
         on_other_clocks(ingest, lambda t: 0 * t + 100)
     with pytest.raises(DataError, match="ambiguous") as fault:
         on_other_clocks(ingest, lambda t: wave(5 * t))
-    assert "within:" in fault.value.remedy
     assert fault.value.exit_code == 4
-    assert any("shift -7.5" in note for note in on_other_clocks(ingest, wave, within=9.0).notes)

@@ -255,26 +255,17 @@ def test_stage_names_its_sources_and_reports_progress(
     assert seen == [("MB read", done, 2 * size) for done in (0, size, size, 2 * size)]
 
 
-def test_the_scatter_of_a_level_counts_as_its_name(ingest: Ingest) -> None:
-    """A regulator that wanders by 3 kPa: who says 151.5 means the level that was found at 150."""
-    wander = 3 * np.sin(np.arange(40.0))
-    files = {f"{level}.csv": steps(level, 40, P=level + wander) for level in (80, 150, 250)}
-    levels = {"of": "pressure", "at": [80.0, 150.0, 250.0]}
-    assert validating(ingest(files, levels=levels, **held(pressure=[151.5]))) == {
-        "pressure=150": 40
-    }
-    with pytest.raises(DataError, match="there is no level pressure=153"):
-        ingest(files, levels=levels, **held(pressure=[153.0]))
-
-
-def test_a_level_that_was_found_goes_by_the_number_that_a_person_writes(ingest: Ingest) -> None:
-    """Found at 84, 154 and 254: 150 means the level 154, and 120 none."""
+@pytest.mark.parametrize("levels", [LEVELS, {"of": "pressure", "at": [84.0, 154.0, 254.0]}])
+def test_a_level_goes_by_the_number_that_a_person_writes(
+    ingest: Ingest, levels: dict[str, Any]
+) -> None:
+    """At 84, 154 and 254: 150 means the level 154, and 120 none."""
     files = {f"{level}.csv": steps(level, 40) for level in (84, 154, 254)}
-    found = ingest(files, levels=LEVELS, **held(pressure=[150.0]))
-    assert validating(found) == {"pressure=154": 40}
-    assert "split.validate: pressure 150 is taken as the level 154" in found.notes
+    dataset = ingest(files, levels=levels, **held(pressure=[150.0]))
+    assert validating(dataset) == {"pressure=154": 40}
+    assert "split.validate: pressure 150 is taken as the level 154" in dataset.notes
     with pytest.raises(DataError, match="there is no level pressure=120"):
-        ingest(files, levels=LEVELS, **held(pressure=[120.0]))
+        ingest(files, levels=levels, **held(pressure=[120.0]))
 
 
 # Cycles of a driven quantity

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from reading import opaque_mat
 
 from mapmore_cli.annexes.drafting import start as drafting
+from mapmore_cli.annexes.drafting.answers import Answers, read_columns
 from mapmore_cli.annexes.drafting.draft import Draft
 from mapmore_cli.annexes.drafting.recordings import read_draft
 from mapmore_cli.domain.errors import DataError
@@ -95,7 +96,6 @@ def test_arrays_to_workspace_have_tout_for_a_clock(tmp_path: Path) -> None:
     )
     (draft,) = drafting.start(tmp_path, tmp_path).drafts
     assert taken(draft)["time"] == ("tout", "s")
-    assert draft.notes[("data", "columns", "time")].sure
 
 
 def test_a_timetable_alone_is_refused_with_the_line_that_converts_it(tmp_path: Path) -> None:
@@ -183,37 +183,6 @@ def test_an_encoder_that_wraps_goes_on(steps: list[int], first: int, missing: se
     np.testing.assert_allclose(unwrapped(read_off, 4096)[known], whole[known])
 
 
-def test_a_wrapping_encoder_is_seen_and_unwrapped(tmp_path: Path) -> None:
-    angle = 250 + 3 * np.cumsum(np.sin(0.6 * T))
-    assert np.ptp(np.floor(angle / 360)) >= 1
-    rows = np.column_stack([T, PRESSURE, np.mod(angle, 360)])
-    np.savetxt(
-        tmp_path / "log.csv",
-        rows,
-        delimiter=",",
-        header="t [s],P [kPa],angle",
-        comments="",
-        fmt="%.8g",
-    )
-    (draft,) = drafting.start(tmp_path, tmp_path).drafts
-    assert draft.data["columns"]["angle"]["unwrap"] == 360
-    assert not draft.notes[("data", "columns", "angle")].sure
-    np.testing.assert_allclose(
-        recordings(draft, tmp_path)[0]["angle"][20:200], angle[20:200], rtol=1e-3
-    )
-    plain = np.column_stack([T, PRESSURE, 90 + 80 * np.sin(T)])
-    np.savetxt(
-        tmp_path / "log.csv",
-        plain,
-        delimiter=",",
-        header="t [s],P [kPa],angle",
-        comments="",
-        fmt="%.8g",
-    )
-    (draft,) = drafting.start(tmp_path, tmp_path).drafts
-    assert all("unwrap" not in one for one in draft.data["columns"].values())
-
-
 COLUMNS = {"time": {"column": "t", "unit": "s"}, "force": {"column": "F", "unit": "N"}}
 
 
@@ -298,39 +267,11 @@ def test_bars_between_fields_and_a_readme_beside(tmp_path: Path) -> None:
             "2. steps 200g load",
         ],
     )
-    found = drafting.start(tmp_path, tmp_path)
+    said = Answers(read_columns("time:s,pressure:kPa,angle"))
+    found = drafting.start(tmp_path, tmp_path, answers=said)
     (draft,) = found.drafts
     assert draft.data["delimiter"] == "|"
     assert any("ReadMe" in remark for remark in found.remarks)
-
-
-def test_quoted_numbers_under_two_header_rows_and_a_pressure_log_of_its_own(tmp_path: Path) -> None:
-    time = np.arange(600) * 20.0
-    pressure = 2 + np.sin(time / 1500)
-    strain = 5 * np.sin(time / 400)
-    force = 3 * pressure - strain
-    header = ["Time,Tensile strain,Force", "(ms),(%),(N)"]
-    table(
-        tmp_path / "tester.csv",
-        [
-            *header,
-            *(
-                f'"{t:.4f}","{e:.4f}","{f:.4f}"'
-                for t, e, f in zip(time, strain, force, strict=True)
-            ),
-        ],
-    )
-    table(
-        tmp_path / "log.txt",
-        [
-            "Time, Pressure",
-            *(f"{int(t)},{p:.3f}" for t, p in zip(time, pressure, strict=True) for _ in (0, 1)),
-        ],
-    )
-    (draft, *_) = drafting.start(tmp_path, tmp_path).drafts
-    assert draft.data["header"] == 2
-    assert draft.data["repeated_time"] == "average"
-    assert "join" in draft.data
 
 
 @given(st.lists(st.integers(-20, 20), max_size=40))

@@ -11,13 +11,11 @@ than 1e-9
 from __future__ import annotations
 
 import json
-import math
 import subprocess
 import sys
 import tomllib
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 PROJECT = Path(__file__).resolve().parents[2]
 STUDIES = (
@@ -37,14 +35,14 @@ TOOLS = (
 )  # of nobody who runs the program
 
 
-def requirements() -> list[str]:
+def requirements():
     project = tomllib.loads((PROJECT / "pyproject.toml").read_text())["project"]
     wanted = [*project["dependencies"], *project["optional-dependencies"]["dev"]]
     return [line.replace(">=", "==") for line in wanted if not line.startswith(TOOLS)]
 
 
-def results() -> dict[str, Any]:
-    found: dict[str, Any] = {}
+def results():
+    found = {}
     with TemporaryDirectory() as runs:
         for study in STUDIES:
             mapmore("validate", str(PROJECT / "configs" / f"{study}.yaml"), "--runs", runs, "-q")
@@ -58,34 +56,38 @@ def results() -> dict[str, Any]:
     return found
 
 
-def mapmore(*arguments: str) -> str:
+def mapmore(*arguments):
     call = [sys.executable, "-m", "mapmore_cli", *arguments]
     return subprocess.run(call, check=True, capture_output=True, text=True, cwd=PROJECT).stdout
 
 
-def differences(one: Any, other: Any, where: str = "") -> tuple[list[str], float]:
+def leaves(document, where=""):
+    """Every value of a document, by its place."""
+    if not isinstance(document, dict | list):
+        yield where, document
+        return
+    for key, part in document.items() if isinstance(document, dict) else enumerate(document):
+        yield from leaves(part, f"{where}/{key}")
+
+
+def differences(one, other):
     """Where two documents differ by more than the rounding, and the largest relative difference of
     two numbers.
     """
-    if isinstance(one, float) and isinstance(other, float):
-        far = 0.0 if one == other else abs(one - other) / max(abs(one), abs(other))
-        return (
-            [f"{where}: {one!r} and {other!r}"]
-            if not math.isclose(one, other, rel_tol=CLOSE, abs_tol=0)
-            else []
-        ), far
-    if isinstance(one, dict | list) and type(one) is type(other) and len(one) == len(other):
-        keys = one if isinstance(one, dict) else range(len(one))
-        if isinstance(one, dict) and {*one} != {*other}:
-            return [f"{where}: {sorted(one)} and {sorted(other)}"], 0.0
-        found = [differences(one[key], other[key], f"{where}/{key}") for key in keys]
-        return [line for lines, _ in found for line in lines], max(
-            (far for _, far in found), default=0.0
-        )
-    return ([] if one == other else [f"{where}: {one!r} and {other!r}"]), 0.0
+    ours, theirs, lines, most = dict(leaves(one)), dict(leaves(other)), [], 0.0
+    for where in sorted({*ours, *theirs}):
+        left, right = ours.get(where), theirs.get(where)
+        if isinstance(left, float) and isinstance(right, float):
+            far = 0.0 if left == right else abs(left - right) / max(abs(left), abs(right))
+            most = max(most, far)
+            if far <= CLOSE:
+                continue
+        if left != right:
+            lines.append(f"{where}: {left!r} and {right!r}")
+    return lines, most
 
 
-def main(command: str, *files: str) -> int:
+def main(command, *files):
     match command:
         case "requirements":
             print(*requirements(), sep="\n")

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from sklearn.gaussian_process import GaussianProcessRegressor, kernels
 
 from mapmore_cli.annexes.planning import points
-from mapmore_cli.annexes.planning.points import GaussianProcess, fitted, matern
+from mapmore_cli.modelling.gaussian_process import GaussianProcess, matern, most_likely
 
 
 def test_a_process_of_two_points_by_hand() -> None:
@@ -21,7 +21,7 @@ def test_a_process_of_two_points_by_hand() -> None:
 def test_a_fitted_process_agrees_with_scikit_learn() -> None:
     rng = np.random.default_rng(4)
     x, at = rng.random((25, 2)), rng.random((9, 2))
-    own = fitted(x, np.sin(3 * x[:, 0]) + x[:, 1] ** 2)
+    own = most_likely(x, np.sin(3 * x[:, 0]) + x[:, 1] ** 2)
     kernel = own.deviation**2 * kernels.Matern(own.lengths, nu=2.5)
     other = GaussianProcessRegressor(kernel, alpha=own.noise**2, optimizer=None).fit(own.x, own.y)
     mean, deviation = other.predict(at, return_std=True)

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from common import dataset_of
 
-from mapmore_cli.annexes.search.bench import Bench, Slice, searchable, shortened
-from mapmore_cli.annexes.search.candidate import Candidate, candidates
+from mapmore_cli.annexes.search.bench import Bench, Slice, cut_short, searchable
+from mapmore_cli.annexes.search.candidate import Structure, offered_structures
 from mapmore_cli.annexes.search.searching import FAMILIES, choices_of, family
 from mapmore_cli.annexes.search.situation import Situation, situation_of
 from mapmore_cli.domain.recording import Dataset
@@ -24,7 +24,6 @@ SITUATIONS = {
         "force",
         ("strain", "pressure"),
         "pressure",
-        frozenset({"strain", "pressure", "force"}),
         60,
         5,
     ),
@@ -32,7 +31,6 @@ SITUATIONS = {
         "y",
         ("u",),
         None,
-        frozenset({"u", "y", "time"}),
         800,
         1,
         0.01,
@@ -44,7 +42,6 @@ SITUATIONS = {
         "torque",
         ("p1", "p2", "x", "v"),
         None,
-        frozenset({"time"}),
         900,
         1,
         0.01,
@@ -52,12 +49,12 @@ SITUATIONS = {
         {"x": 1.0, "v": 2.0},
         {("x", 1): 0.1, ("v", 3): 0.2},
     ),
-    "many": Situation("y", tuple("abcdefgh"), None, frozenset("abcdefgh"), 500, 1, 0.1, 50.0),
+    "many": Situation("y", tuple("abcdefgh"), None, 500, 1, 0.1, 50.0),
 }
 
 
-def offered(of: Situation) -> list[Candidate]:
-    return [one for name in FAMILIES for one in candidates(family(name), of)]
+def offered(of: Situation) -> list[Structure]:
+    return [one for name in FAMILIES for one in offered_structures(family(name), of)]
 
 
 @pytest.mark.parametrize("name", SITUATIONS)
@@ -209,7 +206,7 @@ def test_folds_resemble_what_the_study_holds_out() -> None:
 def test_a_long_record_is_shortened_to_pieces_as_long_as_the_run_that_is_held_out() -> None:
     def pieces(run: int) -> list[int]:
         time = np.arange(40_000) * 0.01
-        (curve,) = shortened(dataset_of({"time": time, "u": time, "y": time}), run).curves
+        (curve,) = cut_short(dataset_of({"time": time, "u": time, "y": time}), run).curves
         return np.diff(
             np.flatnonzero(np.diff(curve.columns["time"], prepend=-9, append=1e9) > 0.02)
         ).tolist()

@@ -15,7 +15,6 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -37,7 +36,7 @@ STRICT = [
 ]
 
 
-def places(name: str) -> Iterator[Path]:
+def places(name):
     """Where a Python of this name may be: itself, on the path (a shim of pyenv's may not be
     active), and in pyenv's own folder.
     """
@@ -53,7 +52,7 @@ def places(name: str) -> Iterator[Path]:
     )
 
 
-def starts(python: Path) -> bool:
+def starts(python):
     """Whether it starts and can make an environment."""
     return (
         subprocess.run(
@@ -63,7 +62,7 @@ def starts(python: Path) -> bool:
     )
 
 
-def made(python: Path) -> Path:
+def made(python):
     """The Python of an environment with the newest libraries; it is made anew where it has another
     Python, or is older than the project.
     """
@@ -93,11 +92,11 @@ def made(python: Path) -> Path:
     return own
 
 
-def run_studies(python: Path) -> None:
+def run_studies(python):
     with TemporaryDirectory() as folder:
         runs = ["--runs", f"{folder}/runs", "-q"]
 
-        def mapmore(*arguments: object) -> None:
+        def mapmore(*arguments):
             print("mapmore", *arguments, flush=True)
             subprocess.run(
                 [python, *STRICT, "-m", "mapmore_cli", *map(str, arguments)],
@@ -114,7 +113,7 @@ def run_studies(python: Path) -> None:
             mapmore("run", study, *runs)
 
 
-def main(wanted: str, *tests: str) -> int:
+def main(wanted, *tests):
     names = [wanted] if wanted else NAMES
     found = next((place for name in names for place in places(name) if starts(place)), None)
     if found is None:

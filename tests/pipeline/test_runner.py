@@ -17,7 +17,7 @@ from fake_study import Study, contents, fake_stages, make_data, study
 
 from mapmore_cli.domain.errors import DataError, FitError, WriteError
 from mapmore_cli.fitting.stage import Stage, Workspace
-from mapmore_cli.pipeline.runner import RunOutcome, bring_up_to_date, explain
+from mapmore_cli.pipeline.runner import Options, RunOutcome, bring_up_to_date, explain
 
 ALL = ["ingest", "fit", "fuse", "report"]
 
@@ -80,116 +80,80 @@ def test_only_the_stages_asked_for_run(folder: Path) -> None:
     }
 
 
-def revised(folder: Path) -> list[tuple[str, str | None]]:
-    return reasons(study(folder), fake_stages(revisions={"fit": 2}))
+DATA = study(Path()).spec.data.model_dump(mode="json", by_alias=True)
+AFTER_INGEST = ["follows from ingest", "follows from fit", "follows from fuse"]
+AFTER_FIT = AFTER_INGEST[1:]
+MORE_TERMS = {"dictionary": [{"terms": ["strain", "strain^2"]}], "fit": {"max_terms": 2}}
+
+SETTINGS: list[tuple[dict[str, Any], list[str | None]]] = [
+    ({"fuse": {"z_s": 0.3}}, [None, None, "fuse.z_s: 0.25 -> 0.3", "follows from fuse"]),
+    (
+        {"data": {**DATA, "levels": {"of": "pressure", "at": [80.0, 150.0]}}},
+        ["data.levels.at: [80.0, 250.0] -> [80.0, 150.0]", *AFTER_INGEST],
+    ),
+    (
+        MORE_TERMS,
+        [
+            None,
+            'dictionary[0].terms: ["strain"] -> ["strain", "strain^2"]; fit.max_terms: 1 -> 2',
+            *AFTER_FIT,
+        ],
+    ),
+]
 
 
-def refused(folder: Path) -> list[tuple[str, str | None]]:
-    return reasons(study(folder, fuse={"z_s": 0.3}))
-
-
-def with_levels(folder: Path) -> list[tuple[str, str | None]]:
-    data = study(folder).spec.data.model_dump(mode="json", by_alias=True)
-    return reasons(study(folder, data={**data, "levels": {"of": "pressure", "at": [80.0, 150.0]}}))
-
-
-def other_terms(folder: Path) -> list[tuple[str, str | None]]:
-    return reasons(
-        study(folder, dictionary=[{"terms": ["strain", "strain^2"]}], fit={"max_terms": 2})
-    )
-
-
-def changed_source(folder: Path) -> list[tuple[str, str | None]]:
-    (folder / "data" / "a.csv").write_text("e,F\n0,1\n")
-    return reasons(study(folder))
-
-
-def touched_source(folder: Path) -> list[tuple[str, str | None]]:
-    os.utime(folder / "data" / "a.csv", ns=(1, 1))
-    return reasons(study(folder))
-
-
-def renamed_source(folder: Path) -> list[tuple[str, str | None]]:
-    (folder / "data" / "a.csv").rename(folder / "data" / "c.csv")
-    return reasons(study(folder))
-
-
-def output_missing(folder: Path) -> list[tuple[str, str | None]]:
-    (folder / "runs" / "demo" / "model.h5").unlink()
-    return reasons(study(folder))
-
-
-def page_missing(folder: Path) -> list[tuple[str, str | None]]:
-    shutil.rmtree(folder / "runs" / "demo" / "report")
-    return reasons(study(folder))
-
-
-def output_damaged(folder: Path) -> list[tuple[str, str | None]]:
-    (folder / "runs" / "demo" / "report" / "index.html").write_text("")
-    return reasons(study(folder))
-
-
-FOLLOW = {
-    "ingest": ["follows from ingest", "follows from fit", "follows from fuse"],
-    "fit": ["follows from fit", "follows from fuse"],
-}
-
-
-@pytest.mark.parametrize(
-    ("change", "expected"),
-    [
-        (revised, [None, "stage revision 1 -> 2", *FOLLOW["fit"]]),
-        (refused, [None, None, "fuse.z_s: 0.25 -> 0.3", "follows from fuse"]),
-        (with_levels, ["data.levels.at: [80.0, 250.0] -> [80.0, 150.0]", *FOLLOW["ingest"]]),
-        (
-            other_terms,
-            [
-                None,
-                'dictionary[0].terms: ["strain"] -> ["strain", "strain^2"]; fit.max_terms: 1 -> 2',
-                *FOLLOW["fit"],
-            ],
-        ),
-        (changed_source, ["source changed: data/a.csv", *FOLLOW["ingest"]]),
-        (touched_source, [None] * 4),
-        (
-            renamed_source,
-            ["source removed: data/a.csv; source added: data/c.csv", *FOLLOW["ingest"]],
-        ),
-        (output_missing, [None, None, "output missing: model.h5", None]),
-        (
-            page_missing,
-            [
-                None,
-                None,
-                None,
-                "output missing: report/index.html; output missing: report/tables/scores.csv",
-            ],
-        ),
-        (output_damaged, [None, None, None, "output changed: report/index.html"]),
-    ],
-)
-def test_reasons(
-    change: Callable[[Path], list[tuple[str, str | None]]], expected: list[str | None], folder: Path
+@pytest.mark.parametrize(("sections", "expected"), SETTINGS)
+def test_reasons_of_settings(
+    sections: dict[str, Any], expected: list[str | None], folder: Path
 ) -> None:
     run(study(folder))
-    assert change(folder) == list(zip(ALL, expected, strict=True))
+    assert reasons(study(folder, **sections)) == list(zip(ALL, expected, strict=True))
 
 
-@pytest.mark.parametrize(
-    "change",
-    [changed_source, renamed_source, output_missing, page_missing, output_damaged, touched_source],
-)
+def test_reason_of_a_revision(folder: Path) -> None:
+    run(study(folder))
+    why = reasons(study(folder), fake_stages(revisions={"fit": 2}))
+    assert why == list(zip(ALL, [None, "stage revision 1 -> 2", *AFTER_FIT], strict=True))
+
+
+PAGE_MISSING = "output missing: report/index.html; output missing: report/tables/scores.csv"
+SOURCE, RENAMED = Path("data/a.csv"), Path("data/c.csv")
+RUN = Path("runs/demo")
+FILES: list[tuple[Callable[[Path], object], list[str | None]]] = [
+    (
+        lambda folder: (folder / SOURCE).write_text("e,F\n0,1\n"),
+        ["source changed: data/a.csv", *AFTER_INGEST],
+    ),
+    (lambda folder: os.utime(folder / SOURCE, ns=(1, 1)), [None] * 4),
+    (
+        lambda folder: (folder / SOURCE).rename(folder / RENAMED),
+        ["source removed: data/a.csv; source added: data/c.csv", *AFTER_INGEST],
+    ),
+    (
+        lambda folder: (folder / RUN / "model.h5").unlink(),
+        [None, None, "output missing: model.h5", None],
+    ),
+    (lambda folder: shutil.rmtree(folder / RUN / "report"), [None, None, None, PAGE_MISSING]),
+    (
+        lambda folder: (folder / RUN / "report" / "index.html").write_text(""),
+        [None, None, None, "output changed: report/index.html"],
+    ),
+]
+
+
+@pytest.mark.parametrize(("change", "expected"), FILES)
 def test_what_explain_says_is_what_happens(
-    change: Callable[[Path], list[tuple[str, str | None]]], folder: Path
+    change: Callable[[Path], object], expected: list[str | None], folder: Path
 ) -> None:
     run(study(folder))
-    announced = {stage: why for stage, why in change(folder) if why}
+    change(folder)
+    told = dict(zip(ALL, expected, strict=True))
+    assert dict(reasons(study(folder))) == told
     ran: list[str] = []
     outcome = run(study(folder), fake_stages(runs=ran))
-    assert outcome.reasons == announced
-    assert ran == list(announced)
-    fresh = study(folder)
-    bring_up_to_date(fresh, folder / "fresh", stages=fake_stages())  # type: ignore[arg-type]
+    assert outcome.reasons == {stage: why for stage, why in told.items() if why}
+    assert ran == list(outcome.reasons)
+    bring_up_to_date(study(folder), folder / "fresh", stages=fake_stages())  # type: ignore[arg-type]
     assert contents(outcome.run_dir) == contents(folder / "fresh" / "demo")
     assert run(study(folder)).reasons == {}
 
@@ -208,23 +172,22 @@ def test_long_reasons_are_cut(folder: Path) -> None:
     assert why.endswith("; and 14 more")
 
 
+def spoilt(path: Path, old: str, new: str, shift: int = 0) -> None:
+    """Replace a text of the same length; the time of the file moves by `shift`, in ns."""
+    before = path.stat()
+    path.write_text(path.read_text().replace(old, new))
+    os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns + shift))
+
+
 def test_content_is_read_again_only_when_needed(folder: Path) -> None:
-    run(study(folder))
-    source = folder / "data" / "a.csv"
-    state = source.stat()
-    source.write_text(source.read_text().replace("a", "z"))
-    os.utime(source, ns=(state.st_atime_ns, state.st_mtime_ns))
+    rehash = Options(rehash=True)
+    run_dir = run(study(folder)).run_dir
+    spoilt(folder / SOURCE, "a", "z")
     assert run(study(folder)).reasons == {}
-    assert reasons(study(folder), rehash=True)[0] == ("ingest", "source changed: data/a.csv")
-    assert run(study(folder), rehash=True).stages == dict.fromkeys(ALL, "done")
-
-
-def test_rehash_finds_damage_that_kept_size_and_time(folder: Path) -> None:
-    output = run(study(folder)).run_dir / "model.h5"
-    state = output.stat()
-    output.write_text(output.read_text().replace("fused", "FUSED"))
-    os.utime(output, ns=(state.st_atime_ns, state.st_mtime_ns))
-    assert reasons(study(folder), rehash=True)[2] == ("fuse", "output changed: model.h5")
+    assert reasons(study(folder), options=rehash)[0] == ("ingest", "source changed: data/a.csv")
+    assert run(study(folder), options=rehash).stages == dict.fromkeys(ALL, "done")
+    spoilt(run_dir / "model.h5", "fused", "FUSED")
+    assert reasons(study(folder), options=rehash)[2] == ("fuse", "output changed: model.h5")
 
 
 def test_touched_files_are_remembered(folder: Path) -> None:
@@ -244,15 +207,10 @@ def shifted(path: Path, nanoseconds: int) -> None:
 
 def test_a_source_written_after_the_clock_was_set_back_is_another(folder: Path) -> None:
     run(study(folder))
-    source = folder / "data" / "a.csv"
-    before = source.stat()
-    source.write_text(source.read_text().replace("a", "z"))
-    os.utime(source, ns=(before.st_atime_ns, before.st_mtime_ns - AN_HOUR))
-    assert source.stat().st_size == before.st_size
+    spoilt(folder / SOURCE, "a", "z", -AN_HOUR)
     assert run(study(folder)).reasons["ingest"] == "source changed: data/a.csv"
-    assert (
-        run(study(folder)).reasons == {}
-    )  # results that are newer than it, made with a later clock, included
+    # results that are newer than it, made with a later clock, included
+    assert run(study(folder)).reasons == {}
 
 
 @pytest.mark.parametrize("when", ["start of ingest", "half of ingest.h5"])
@@ -281,18 +239,16 @@ def test_results_from_the_future_are_made_anew_where_the_study_changed(folder: P
     run_dir = run(study(folder)).run_dir
     for path in run_dir.rglob("*"):
         shifted(path, IN_TEN_YEARS)
-    (folder / "data" / "a.csv").write_text("e,F\n0,1\n")
+    (folder / SOURCE).write_text("e,F\n0,1\n")
     assert run(study(folder)).reasons["ingest"] == "source changed: data/a.csv"
-    output = run_dir / "model.h5"
-    output.write_text(output.read_text().replace("fused", "FUSED"))
-    shifted(output, IN_TEN_YEARS)
+    spoilt(run_dir / "model.h5", "fused", "FUSED", IN_TEN_YEARS)
     assert run(study(folder)).reasons["fuse"] == "output changed: model.h5"
     assert run(study(folder)).reasons == {}
 
 
 def test_force(folder: Path) -> None:
     run(study(folder))
-    assert run(study(folder), until="fit", force=True).reasons == {
+    assert run(study(folder), until="fit", options=Options(force=True)).reasons == {
         "ingest": "forced",
         "fit": "forced",
     }

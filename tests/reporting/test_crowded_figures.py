@@ -201,9 +201,8 @@ def test_a_number_beyond_the_levels_is_not_drawn(inputs):
         assert min(drawing.panels[0].data["pressure [kPa]"]) == pytest.approx(first)
 
 
-@pytest.mark.parametrize("between", ["linear", "pchip"])
-def test_courses_are_the_models_predictions_within_the_range_of_all_curves(inputs, between):
-    model, drawing = courses_of(inputs, levels=between)
+def test_courses_are_the_models_predictions_within_the_range_of_all_curves(inputs):
+    model, drawing = courses_of(inputs)
     (panel,) = drawing.panels
     (_, x), *courses = panel.data.items()
     shortest = min(curve.limits["strain"][1] for curve in model.body.curves)

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from mapmore_cli.annexes.rig.muscle import Hysteresis, Stop
+from mapmore_cli.annexes.rig.simulate import SimulationSpec
 from mapmore_cli.annexes.rig.static_muscles import McKibben, Peano
 from mapmore_cli.spec.loader import load_as
-from mapmore_cli.spec.simulation import SimulationSpec
 
 DATASETS = Path(__file__).parents[2] / "datasets"
 BRAID, TUBES = McKibben(kind="mckibben"), Peano(kind="peano")

@@ -130,7 +130,7 @@ dictionary:
   - lags: {of: [displacement, pressure], steps: [1, 2], order: 2}
   - products:
       of: [pressure, "play(pressure, 0.16)", {slow: {of: [pressure], tau: [0.3 s, 1 s]}},
-          {delays: {of: [displacement], times: [50 ms]}}]
+          {lags: {of: [displacement], steps: [5], constant: false}}]
       order: 2
       with: [pressure]
   - terms: ["pressure*displacement[k-1]", "exp(-play(pressure, 0.2)/300)"]
@@ -195,9 +195,7 @@ FED_BACK = MOTION.replace(
     '{play: {of: ["displacement[k-1]"], count: 2}}, {slow: {of: ["stop(displacement[k-2], 0.1)"]',
 )
 FED_BACK = FED_BACK.replace("exp(-play(pressure, 0.2)", "exp(-slow(displacement[k-1], 0.2)")
-IN_FREE_RUN = MOTION.replace(
-    "max_terms: 4", "max_terms: 4, criterion: free_run, stop: free_run, select: free_run"
-)
+IN_FREE_RUN = MOTION.replace("max_terms: 4", "max_terms: 4, criterion: free_run, stop: free_run")
 PAST_FORCE = FORCE.replace("of: [pressure, strain]", 'of: [pressure, "force[k-1]"]')
 
 GOOD = {

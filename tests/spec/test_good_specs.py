@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from spec_examples import DAMPING, FORMULA, GOOD, LOGS, MEASURED, MOTION, SHIPPED, STATIC, load_text
 
+from mapmore_cli.fitting.kinds.choices import model_choices
 from mapmore_cli.fitting.kinds.dictionary import signals_of, units_of
 from mapmore_cli.fitting.kinds.pieces import cuts_of, recipe_of
 from mapmore_cli.modelling.pieces.recipe import BelowAbove, CutByDirection, Cuts
@@ -193,12 +194,7 @@ def test_weights_between_step_pressures_go_by_the_pressure(tmp_path: Path) -> No
     spec = load_text(
         tmp_path, DAMPING.replace("step_pressure: none}", "step_pressure: levels}")
     ).spec
-    assert (
-        recipe_of(
-            "damping", spec.data.levels, spec.segment, spec.dictionary, spec.fit, spec.fuse
-        ).level
-        == "pressure"
-    )
+    assert recipe_of("damping", model_choices(spec)).level == "pressure"
 
 
 BREAKPOINTS = "{method: breakpoints, at: [100 kPa, 2]}"
@@ -209,44 +205,17 @@ BREAKPOINTS = "{method: breakpoints, at: [100 kPa, 2]}"
     [
         (STATIC, EVEN, "{method: gradient, count: 3}", {"strain": Cuts("gradient", 3)}),
         (
-            *(STATIC, EVEN, "{method: gradient, count: 3, window: 2 %, separation: 0.05}"),
-            {"strain": Cuts("gradient", 3, window=0.02, separation=0.05)},
-        ),
-        (
             STATIC,
             EVEN,
-            "{method: optimal, count: 2, grid: 30, min_samples: 4}",
-            {"strain": Cuts("optimal", 2, grid=30, min_samples=4)},
+            "{method: optimal, count: 2, min_samples: 4}",
+            {"strain": Cuts("optimal", 2, min_samples=4)},
         ),
-        (
-            MEASURED,
-            BREAKPOINTS,
-            "{method: gradient, count: 2, window: 50 kPa}",
-            {"pressure": Cuts("gradient", 2, window=0.5)},
-        ),  # bar
     ],
 )
 def test_methods_with_their_settings(
     base: str, old: str, cuts: str, meant: object, tmp_path: Path
 ) -> None:
     assert cuts_of(load_text(tmp_path, base.replace(old, cuts)).spec.segment) == meant
-
-
-def test_the_way_between_levels_reaches_the_recipe(tmp_path: Path) -> None:
-    text = STATIC.replace(
-        FUSE,
-        "model: {backbone: sarosi}\nfuse: {levels: pchip, align: threshold, shrink: 1, "
-        "transition: linear, z_s: 0.25,",
-    )
-    spec = load_text(tmp_path, text).spec
-    recipe = recipe_of(
-        "force", spec.data.levels, spec.segment, spec.dictionary, spec.fit, spec.fuse
-    )
-    assert (recipe.fuse.levels, recipe.fuse.align, recipe.fuse.shrink) == (
-        "pchip",
-        "threshold",
-        1.0,
-    )
 
 
 def test_segments_depend_on_the_fit_only_where_boundaries_try_it(tmp_path: Path) -> None:

@@ -7,28 +7,25 @@ from __future__ import annotations
 import ast
 import json
 import re
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, get_type_hints
 
 import jsonschema
 import pytest
-from pydantic import BaseModel
 from spec_examples import GOOD, PROJECT, SHIPPED, STATIC
 
 from mapmore_cli.domain.scores import METRICS, Score
-from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.loader import confirmed, questions_in
 from mapmore_cli.spec.schema import json_schema, reference
-from mapmore_cli.spec.sections.dictionary import Families, OperatorFamily
-from mapmore_cli.spec.tree import Kind, SourceText, fields_of, kinds, plain
+from mapmore_cli.spec.sections.dictionary import FORMS
+from mapmore_cli.spec.tree import SourceText, written
 from mapmore_cli.spec.yaml_loader import parse
 
 VALIDATOR = jsonschema.Draft202012Validator(json_schema())
 
 
 def document(text: str) -> Any:
-    return plain(parse(SourceText("t.yaml", Path(), text), []))
+    return written(parse(SourceText("t.yaml", Path(), text), []))
 
 
 def test_the_checked_in_schema_is_up_to_date() -> None:
@@ -122,103 +119,42 @@ def test_questions_are_found_with_their_keys_and_go_when_they_are_confirmed() ->
     assert "# it never decreases" in confirmed(SPEC)
 
 
-# Every key does something: what a user writes is read outside of `spec/`
-# ------------------------------------------------------------
+# Every key does something: what a user writes is read, and not only to be refused
+# --------------------------------------------------------------------------------------------------
 
 PACKAGE = PROJECT / "mapmore_cli"
-NOTES = {("Muscle", "name"), ("Muscle", "kind"), ("ExperimentSpec", "schema_version")}
+NOTES = {"kind", "schema_version"}
 """What is there to be kept, not to be computed with."""
+ALIASES = {"validate": "validation", "with": "partners", "as": "as_"}
+REFUSING = ("_contradictions", "__post_init__")
 
 
-def sections() -> list[type]:
-    found: list[type] = []
-    left: list[type] = [ExperimentSpec]
-    while left:
-        model = left.pop()
-        if model in found:
-            continue
-        found.append(model)
-        left += [
-            section
-            for hint in fields_of(model)[0].values()
-            for kind in kinds(hint)
-            for section in _inside(kind)
-        ]
-    return [
-        model for model in found if not issubclass(model, (Families, OperatorFamily))
-    ]  # are handed on whole, by name
-
-
-def _inside(kind: Kind) -> Iterator[type]:
-    if kind.is_section:
-        yield kind.type
-    for argument in getattr(kind.type, "__args__", ()):
-        for inner in kinds(argument):
-            yield from _inside(inner)
-
-
-def attributes_read(files: list[Path]) -> set[str]:
-    trees = [ast.parse(file.read_text(encoding="utf-8")) for file in files]
-    nodes = [node for tree in trees for node in ast.walk(tree)]
+def attributes_read(file: Path) -> set[str]:
+    tree = ast.parse(file.read_text(encoding="utf-8"))
+    refusing = {
+        inner
+        for node in ast.walk(tree)
+        if isinstance(node, ast.FunctionDef) and node.name in REFUSING
+        for inner in ast.walk(node)
+    }
     return {
         node.attr
-        for node in nodes
-        if isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Load)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Attribute) and node not in refusing
     }
 
 
-def properties_of(model: type) -> dict[str, set[str]]:
-    """The properties and methods of a section, with what each reads of the section itself."""
-    model = model if model.__name__ != "ModelChoice" else model.__mro__[1]  # kinds add keys to it
-    source = ast.parse(
-        (PACKAGE.parent / Path(*model.__module__.split(".")))
-        .with_suffix(".py")
-        .read_text(encoding="utf-8")
-    )
-    body = next(
-        node
-        for node in source.body
-        if isinstance(node, ast.ClassDef) and node.name == model.__name__
-    ).body
-    return {
-        node.name: {read.attr for read in ast.walk(node) if isinstance(read, ast.Attribute)}
-        for node in body
-        if isinstance(node, ast.FunctionDef) and not node.name.startswith("_")
+def test_every_key_is_read() -> None:
+    schema = json_schema()
+    handed_on = {"DictionaryEntry", *(form.__name__ for form in FORMS.values())}  # by name
+    keys = {
+        key
+        for name, section in schema["$defs"].items()
+        if name not in handed_on
+        for key in section.get("properties", {})
     }
-
-
-@pytest.fixture(scope="module")
-def outside() -> set[str]:
-    """What is read outside of `spec/`, and of the files that declare the sections."""
-    declaring = {
-        PACKAGE.parent / Path(*model.__module__.split(".")).with_suffix(".py")
-        for model in sections()
-    }
-    return attributes_read(
-        [
-            file
-            for file in PACKAGE.rglob("*.py")
-            if PACKAGE / "spec" not in file.parents and file not in declaring
-        ]
-    )
-
-
-def test_every_field_is_read_outside_of_the_spec(outside: set[str]) -> None:
-    for model in sections():
-        through = set().union(
-            *(reads for name, reads in properties_of(model).items() if name in outside)
-        )
-        own = model.model_fields if issubclass(model, BaseModel) else vars(model)["__annotations__"]
-        unread = [
-            name
-            for name in own
-            if (model.__name__, name) not in NOTES and name not in outside | through
-        ]
-        assert unread == [], model.__name__
-
-
-def test_a_field_that_nobody_reads_is_found(outside: set[str]) -> None:
-    assert "a_key_that_does_nothing" not in outside
-    assert {"Data", "Join", "Cuts", "Competitor", "Products"} <= {
-        model.__name__ for model in sections()
-    }
+    assert {"max_gap", "min_samples", "sum", "order"} <= keys
+    files = [file for file in PACKAGE.rglob("*.py") if not file.name.startswith("check_")]
+    read = set().union(*map(attributes_read, files))
+    unread = {key for key in {*keys, *schema["properties"]} if ALIASES.get(key, key) not in read}
+    assert unread - NOTES - {"extends"} == set()

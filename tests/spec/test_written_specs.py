@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from spec_examples import STATIC
 
 from mapmore_cli.spec.loader import load
-from mapmore_cli.spec.tree import SourceText, plain
+from mapmore_cli.spec.tree import SourceText, written
 from mapmore_cli.spec.yaml_loader import dump, parse
 
 MODELINE = "# yaml-language-server: $schema="
@@ -46,7 +46,7 @@ def test_what_is_short_stands_on_one_line() -> None:
 
 @given(st.dictionaries(st.text(min_size=1, max_size=8), values, max_size=4))
 def test_it_reads_back_as_it_was(document: object) -> None:
-    assert plain(parse(SourceText("t.yaml", Path(), dump(document)), [])) == document
+    assert written(parse(SourceText("t.yaml", Path(), dump(document)), [])) == document
 
 
 def test_the_line_for_editors_leads_from_the_new_place(tmp_path: Path) -> None:

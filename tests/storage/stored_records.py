@@ -18,7 +18,7 @@ from mapmore_cli.domain.arrays import ASCENDING, FINITE
 from mapmore_cli.domain.declared import Label, QuantityName, TermName
 from mapmore_cli.domain.models import Body
 from mapmore_cli.modelling.kinds import kinds
-from mapmore_cli.storage.artefacts.schema import Hint, stored_fields, taken_apart, wrong_with
+from mapmore_cli.storage.artefacts.schema import stored_fields, taken_apart, wrong_with
 
 NAMES = st.text(
     st.characters(exclude_categories=["Cs", "Cc", "Cf", "Zl", "Zp"]), max_size=8
@@ -34,7 +34,7 @@ WORDS = st.sampled_from(
         *("hard", "carried", "bumpless", "rest"),
     ]
 )
-TEXTS: Mapping[Any, st.SearchStrategy[str]] = {
+TEXTS = {
     taken_apart(hint).checks: texts
     for hint, texts in ((Label, NAMES), (QuantityName, QUANTITIES), (TermName, TERMS))
 }
@@ -55,9 +55,7 @@ Lengths = dict[str, int]
 
 
 @st.composite
-def records(
-    draw: st.DrawFn, type_: type, lengths: Lengths | None = None, above: tuple[type, ...] = ()
-) -> Any:
+def records(draw, type_, lengths=None, above=()):
     """Instances of a stored dataclass, with the lengths of what it lies in."""
     known = {} if lengths is None else lengths
     values = {}
@@ -68,9 +66,7 @@ def records(
 
 
 @st.composite
-def _values(
-    draw: st.DrawFn, hint: Any, outer: tuple[str, ...], known: Lengths, above: tuple[type, ...]
-) -> Any:
+def _values(draw, hint, outer, known, above):
     """Values of a type, whose dimensions are called by the letters of the description, or of the
     one outside.
     """
@@ -86,9 +82,7 @@ def _values(
     return draw(base.filter(lambda one: not any(wrong_with(one, check) for check in own.checks)))
 
 
-def _plain(
-    own: Hint, letters: tuple[str, ...], known: Lengths, above: tuple[type, ...]
-) -> st.SearchStrategy[Any]:
+def _plain(own, letters, known, above):
     kind, finite = own.kind, FINITE in own.checks
     if kind in (Body, Any):
         return _bodies(kind, known, above)
@@ -113,13 +107,13 @@ def _plain(
 
 @st.composite
 def _compound(
-    draw: st.DrawFn,
-    own: Hint,
-    finite: bool,
-    letters: tuple[str, ...],
-    known: Lengths,
-    above: tuple[type, ...],
-) -> Any:
+    draw,
+    own,
+    finite,
+    letters,
+    known,
+    above,
+):
     origin, arguments = own.kind, own.inner
     if origin is np.ndarray:
         return draw(
@@ -143,7 +137,7 @@ def _compound(
     return draw(records(own.kind, known, above))
 
 
-def _bodies(hint: Any, known: Lengths, above: tuple[type, ...]) -> st.SearchStrategy[Any]:
+def _bodies(hint, known, above):
     """What models consist of, or what was fitted; sums of models only so deep."""
     found = [kind.body if hint is Body else kind.fit for kind in kinds()]
     chosen = [
@@ -157,7 +151,7 @@ def _bodies(hint: Any, known: Lengths, above: tuple[type, ...]) -> st.SearchStra
 
 
 @st.composite
-def _shape(draw: st.DrawFn, letters: tuple[str, ...], known: Lengths) -> tuple[int, ...]:
+def _shape(draw, letters, known):
     """Lengths of dimensions; those without a letter, and those that may be 0, are drawn each
     time.
     """
@@ -170,7 +164,7 @@ def _shape(draw: st.DrawFn, letters: tuple[str, ...], known: Lengths) -> tuple[i
     )
 
 
-def _array(number: Any, shape: tuple[int, ...], below: int, finite: bool) -> st.SearchStrategy[Any]:
+def _array(number, shape, below, finite):
     real = st.floats(-1e9, 1e9) if finite else st.floats(width=64)
     elements = {np.float64: real, np.int64: st.integers(0, below - 1), np.bool_: st.booleans()}[
         number
@@ -178,7 +172,7 @@ def _array(number: Any, shape: tuple[int, ...], below: int, finite: bool) -> st.
     return arrays(number, shape, elements=elements)
 
 
-def same(left: Any, right: Any) -> bool:
+def same(left, right):
     """Equal in type and value, NaN equal to NaN, arrays by dtype and element, mappings with their
     order.
     """

@@ -9,7 +9,7 @@ import re
 import subprocess
 import sys
 import types
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
@@ -19,7 +19,6 @@ import numpy as np
 import pytest
 from annotated_types import Interval
 from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 from stored_records import records, same
 
 from mapmore_cli.domain.arrays import Array
@@ -45,7 +44,7 @@ from mapmore_cli.storage.artefacts.schema import (
     taken_apart,
 )
 
-KINDS: dict[str, tuple[Callable[..., None], Callable[[Path], Any], st.SearchStrategy[Any]]] = {
+KINDS = {
     "dataset": (artefacts.write_dataset, artefacts.read_dataset, records(Dataset)),
     "segmentation": (
         artefacts.write_segmentation,
@@ -65,13 +64,13 @@ QUIET = settings(
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_what_is_written_is_read_back(kind: str, tmp_path: Path) -> None:
+def test_what_is_written_is_read_back(kind, tmp_path):
     write, _, every = KINDS[kind]
     files = {one.name: one for one in artefacts.KINDS}
 
     @QUIET
     @given(every)
-    def round_trip(record: Any) -> None:
+    def round_trip(record):
         path = tmp_path / "file.h5"
         write(path, record)
         whole = SegmentationFile(record) if kind == "segmentation" else record
@@ -84,7 +83,7 @@ def test_what_is_written_is_read_back(kind: str, tmp_path: Path) -> None:
     round_trip()
 
 
-def examples() -> dict[str, Any]:
+def examples():
     """One small but complete record of every kind."""
     scaling = Scaling(
         "unit_square", "left", ("strain",), np.array([4.0]), np.array([-0.1]), 735.0, 12.0
@@ -172,7 +171,7 @@ def examples() -> dict[str, Any]:
 
 
 @pytest.fixture
-def written(tmp_path: Path) -> dict[str, Path]:
+def written(tmp_path):
     """A file of every kind."""
     paths = {kind: tmp_path / f"{kind}.h5" for kind in KINDS}
     for kind, record in examples().items():
@@ -180,15 +179,15 @@ def written(tmp_path: Path) -> dict[str, Path]:
     return paths
 
 
-def test_equality_of_records_sees_a_difference() -> None:
+def test_equality_of_records_sees_a_difference():
     fit, other = examples()["fit"], examples()["fit"]
     assert same(fit, other)
     other.segments[0].selection.err_all[1, 0] = np.nan
     assert not same(fit, other)
 
 
-def arrays_of(path: Path) -> dict[str, tuple[str, str]]:
-    names: list[str] = []
+def arrays_of(path):
+    names = []
     with h5py.File(path) as file:
         file.visit(names.append)
         arrays = {name: file[name].attrs for name in names if isinstance(file[name], h5py.Dataset)}
@@ -198,7 +197,7 @@ def arrays_of(path: Path) -> dict[str, tuple[str, str]]:
         }
 
 
-def test_every_array_says_its_unit_and_what_it_is(written: dict[str, Path]) -> None:
+def test_every_array_says_its_unit_and_what_it_is(written):
     for path in written.values():
         assert all(all(attributes) for attributes in arrays_of(path).values())
 
@@ -213,11 +212,11 @@ UNITS = [
 ]
 
 
-def test_units_are_those_of_the_quantities(written: dict[str, Path]) -> None:
+def test_units_are_those_of_the_quantities(written):
     assert [(kind, place, arrays_of(written[kind])[place][0]) for kind, place, _ in UNITS] == UNITS
 
 
-def test_later_stages_hand_the_units_on(tmp_path: Path) -> None:
+def test_later_stages_hand_the_units_on(tmp_path):
     path, all_examples = tmp_path / "segment.h5", examples()
     artefacts.write_segmentation(path, all_examples["segmentation"])
     assert arrays_of(path)["curves/000/boundaries/000"][0] == "[strain]"
@@ -239,11 +238,11 @@ def test_later_stages_hand_the_units_on(tmp_path: Path) -> None:
         ("1/[a] [b]", {"a": "s"}, "1/s [b]"),
     ],
 )
-def test_units_in_brackets(unit: str, known: dict[str, str], expected: str) -> None:
+def test_units_in_brackets(unit, known, expected):
     assert resolved(unit, known) == expected
 
 
-def test_fit_file_shows_how_terms_were_chosen(written: dict[str, Path]) -> None:
+def test_fit_file_shows_how_terms_were_chosen(written):
     with h5py.File(written["fit"]) as file:
         fit = json.loads(file["document"].asstr()[()])["body"]["segments"][0]
         assert [fit["candidates"][i] for i in file["body/segments/000/selection/chosen"][()]] == [
@@ -254,7 +253,7 @@ def test_fit_file_shows_how_terms_were_chosen(written: dict[str, Path]) -> None:
         assert np.isnan(file["body/segments/000/selection/g_all"][1, 2])
 
 
-def test_segmentation_holds_rows_and_no_samples(tmp_path: Path) -> None:
+def test_segmentation_holds_rows_and_no_samples(tmp_path):
     curve = replace(
         examples()["segmentation"][0], segments=(Segment("s", "c", (1,), np.arange(20_000)),)
     )
@@ -266,7 +265,7 @@ def test_segmentation_holds_rows_and_no_samples(tmp_path: Path) -> None:
         assert file["curves/000/boundaries/000"].compression is None
 
 
-def test_model_carries_long_provenance(tmp_path: Path) -> None:
+def test_model_carries_long_provenance(tmp_path):
     spec = "fit: {max_terms: 1}\n" * 10_000  # more than an attribute can hold
     artefacts.write_model(tmp_path / "m.h5", examples()["model"], {"experiment.yaml": spec})
     with h5py.File(tmp_path / "m.h5") as file:
@@ -274,7 +273,7 @@ def test_model_carries_long_provenance(tmp_path: Path) -> None:
     assert same(artefacts.read_model(tmp_path / "m.h5"), examples()["model"])
 
 
-def test_bytes_do_not_depend_on_process_or_time(tmp_path: Path, written: dict[str, Path]) -> None:
+def test_bytes_do_not_depend_on_process_or_time(tmp_path, written):
     script = (
         "import sys; from pathlib import Path; sys.path.insert(0, sys.argv[1]); import "
         "test_artefacts as t\n"
@@ -299,7 +298,7 @@ def test_bytes_do_not_depend_on_process_or_time(tmp_path: Path, written: dict[st
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_truncated_file_is_named(kind: str, written: dict[str, Path]) -> None:
+def test_truncated_file_is_named(kind, written):
     path = written[kind]
     whole = path.read_bytes()
     for size in {0, 1, 7, 100, *range(0, len(whole), max(1, len(whole) // 25))}:
@@ -312,16 +311,16 @@ def test_truncated_file_is_named(kind: str, written: dict[str, Path]) -> None:
 SEGMENT = "body/segments/000"
 
 
-def changed(path: Path, change: Callable[[h5py.File], Any]) -> Path:
+def changed(path, change):
     with h5py.File(path, "r+") as file:
         change(file)
     return path
 
 
-def put(place: str, value: Any = None, **stored: Any) -> Callable[[h5py.File], None]:
+def put(place, value=None, **stored):
     """Stores a value at a place of the document, or a dataset; nothing where neither is given."""
 
-    def change(file: h5py.File) -> None:
+    def change(file):
         if isinstance(file.get(place), h5py.Dataset):
             del file[place]
             if stored or value is not None:
@@ -341,7 +340,7 @@ def put(place: str, value: Any = None, **stored: Any) -> Callable[[h5py.File], N
     return change
 
 
-def write_document(file: h5py.File, text: str) -> None:
+def write_document(file, text):
     del file["document"]
     put_text(file, "document", text, "changed")
 
@@ -363,9 +362,7 @@ def write_document(file: h5py.File, text: str) -> None:
         lambda file: file.move(SEGMENT, "body/segments/001"),
     ],
 )
-def test_damaged_content_is_a_data_error(
-    damage: Callable[[h5py.File], None], written: dict[str, Path]
-) -> None:
+def test_damaged_content_is_a_data_error(damage, written):
     with pytest.raises(DataError, match=r"fit\.h5"):
         artefacts.read_fit(changed(written["fit"], damage))
 
@@ -391,7 +388,7 @@ def test_damaged_content_is_a_data_error(
         ),
     ],
 )
-def test_documents_that_are_no_plain_json_are_refused(text: str, written: dict[str, Path]) -> None:
+def test_documents_that_are_no_plain_json_are_refused(text, written):
     with pytest.raises(DataError, match="is not a valid segmentation"):
         artefacts.read_segmentation(
             changed(written["segmentation"], lambda file: write_document(file, text))
@@ -407,7 +404,7 @@ def test_documents_that_are_no_plain_json_are_refused(text: str, written: dict[s
         ({"kind": "something else"}, "not one of mapmore's"),
     ],
 )
-def test_other_files_are_refused(tmp_path: Path, content: Any, words: str) -> None:
+def test_other_files_are_refused(tmp_path, content, words):
     path = tmp_path / "x.h5"
     if content == "folder":
         path.mkdir()
@@ -421,7 +418,7 @@ def test_other_files_are_refused(tmp_path: Path, content: Any, words: str) -> No
             read(path)
 
 
-def test_another_kind_is_named(written: dict[str, Path]) -> None:
+def test_another_kind_is_named(written):
     with pytest.raises(DataError, match="is a fit file, not a model file"):
         artefacts.read_model(written["fit"])
 
@@ -430,7 +427,7 @@ def test_another_kind_is_named(written: dict[str, Path]) -> None:
     ("version", "readable"),
     [("3.9", True), *((other, False) for other in ("2.1", "1.2", "4.0", "10.0", "one"))],
 )
-def test_format_versions(version: str, readable: bool, written: dict[str, Path]) -> None:
+def test_format_versions(version, readable, written):
     changed(written["model"], lambda file: file.attrs.__setitem__("format_version", version))
     if readable:
         assert same(artefacts.read_model(written["model"]), examples()["model"])
@@ -441,7 +438,7 @@ def test_format_versions(version: str, readable: bool, written: dict[str, Path])
 
 
 @pytest.mark.parametrize("name", ["a\0b", "mess\udce9", "a\nb", "a\x1b[2J", "a\u2028b"])
-def test_names_that_are_no_text_are_refused(name: str, tmp_path: Path) -> None:
+def test_names_that_are_no_text_are_refused(name, tmp_path):
     with pytest.raises(DataError, match="not one line of valid text"):
         artefacts.write_dataset(tmp_path / "x.h5", replace(examples()["dataset"], notes=(name,)))
     assert not list(tmp_path.iterdir())
@@ -466,14 +463,14 @@ class Spring:
     turns: int = 1
 
 
-def stored(tmp_path: Path, record: Any) -> Any:
+def stored(tmp_path, record):
     """What comes back of a record from a file."""
-    kind: artefacts.FileKind[Any] = artefacts.FileKind("model", "test", type(record))
+    kind = artefacts.FileKind("model", "test", type(record))
     kind.write(tmp_path / "record.h5", record)
     return kind.read(tmp_path / "record.h5")
 
 
-def test_every_form_comes_back_and_what_is_not_stored_has_its_default(tmp_path: Path) -> None:
+def test_every_form_comes_back_and_what_is_not_stored_has_its_default(tmp_path):
     limits, course = {"force": (0.0, 1.0)}, np.array([1.0, 2.0])
     spring = Spring(
         2.0, "coiled", (Quantity("force", "N"),), ("a", "b"), course, limits, {"pitch": 0.5}, 0.1, 7
@@ -489,13 +486,13 @@ def test_every_form_comes_back_and_what_is_not_stored_has_its_default(tmp_path: 
     ("change", "words"),
     [({"stiffness": -1.0}, "is not between 0"), ({"shape": "round"}, "is none of straight")],
 )
-def test_marks_of_a_type_are_checked(change: dict[str, Any], words: str, tmp_path: Path) -> None:
+def test_marks_of_a_type_are_checked(change, words, tmp_path):
     spring = Spring(2.0, "coiled", (), (), np.zeros(0), {})
     with pytest.raises(DataError, match=words):
         stored(tmp_path, replace(spring, **change))
 
 
-def test_a_key_that_is_added_to_the_joining_is_stored(tmp_path: Path) -> None:
+def test_a_key_that_is_added_to_the_joining_is_stored(tmp_path):
     @dataclass(frozen=True, kw_only=True)
     class Joined(Fusion):
         order: int = 3
@@ -513,18 +510,18 @@ class Alias:
 
     __value__: Any
 
-    def __hash__(self) -> int:
+    def __hash__(self):
         return id(self)
 
 
-def test_aliases_of_types_are_looked_through() -> None:
+def test_aliases_of_types_are_looked_through():
     of_numbers = Alias(np.ndarray[Any, np.dtype[NUMBER]])
-    hint = types.GenericAlias(of_numbers, (np.float64,))  # type: ignore[arg-type]
+    hint = types.GenericAlias(of_numbers, (np.float64,))
     assert taken_apart(Annotated[hint, "(k) values"])[:2] == (np.ndarray, (np.float64,))
     assert taken_apart(Alias(float)).kind is float
 
 
-def test_the_pages_of_the_format_follow_the_declarations() -> None:
+def test_the_pages_of_the_format_follow_the_declarations():
     page = (Path(__file__).parents[2] / "docs" / "file-format.md").read_text(encoding="utf-8")
     headings = set(re.findall(r"^### (\w+)$", described(), re.MULTILINE))
     assert set(re.findall(r"\]\(#(\w+)\)", described())) <= {

@@ -6,7 +6,6 @@ import errno
 import os
 import signal
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -25,7 +24,7 @@ from mapmore_cli.storage.run_record import stamps_of, take_stamp
 from mapmore_cli.storage.tables.lines import replaced
 
 
-def test_write_replaces_the_whole_file(tmp_path: Path) -> None:
+def test_write_replaces_the_whole_file(tmp_path):
     path = tmp_path / "a.txt"
     write_text(path, "long old content\n")
     write_text(path, "ü\n")
@@ -33,7 +32,7 @@ def test_write_replaces_the_whole_file(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_what_is_written_into_and_what_is_replaced(tmp_path: Path) -> None:
+def test_what_is_written_into_and_what_is_replaced(tmp_path):
     os.mkfifo(tmp_path / "pipe")
     special = ("/dev/stdout", "/dev/null", "/dev/fd/1", "/proc/self/fd/1", tmp_path / "pipe")
     assert [
@@ -41,20 +40,18 @@ def test_what_is_written_into_and_what_is_replaced(tmp_path: Path) -> None:
     ] == [True] * 5 + [False] * 2
 
 
-def full_disk(*_arguments: Any) -> None:
+def full_disk(*_arguments):
     raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
-def interrupt(*_arguments: Any) -> None:
+def interrupt(*_arguments):
     raise KeyboardInterrupt
 
 
 @pytest.mark.parametrize(
     ("fault", "told"), [(full_disk, WriteError), (interrupt, KeyboardInterrupt)]
 )
-def test_a_write_that_breaks_off_keeps_the_old_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: Any, told: Any
-) -> None:
+def test_a_write_that_breaks_off_keeps_the_old_file(tmp_path, monkeypatch, fault, told):
     write_text(tmp_path / "a.txt", "old")
     monkeypatch.setattr(os, "fsync", fault)
     with pytest.raises(told) as caught:
@@ -65,10 +62,8 @@ def test_a_write_that_breaks_off_keeps_the_old_file(
     assert [file.read_text() for file in tmp_path.iterdir()] == ["old"]
 
 
-def test_files_of_a_stage_are_flushed_once_before_they_take_their_place(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    flushed: list[int] = []
+def test_files_of_a_stage_are_flushed_once_before_they_take_their_place(tmp_path, monkeypatch):
+    flushed = []
     monkeypatch.setattr(os, "fsync", lambda handle: flushed.append(os.fstat(handle).st_ino))
     with stage_folder(tmp_path, "report") as out:
         write_text(out / "scores.csv", "1\n")
@@ -83,12 +78,12 @@ def test_files_of_a_stage_are_flushed_once_before_they_take_their_place(
     assert len(flushed) == len(inside) + 3
 
 
-def test_missing_folder_passes_through(tmp_path: Path) -> None:
+def test_missing_folder_passes_through(tmp_path):
     with pytest.raises(FileNotFoundError):
         write_bytes(tmp_path / "none" / "a", b"")
 
 
-def test_only_refusals_in_the_folder_are_write_errors(tmp_path: Path) -> None:
+def test_only_refusals_in_the_folder_are_write_errors(tmp_path):
     with pytest.raises(WriteError, match=r"fit\.h5"), refusals_told(tmp_path):
         raise PermissionError(errno.EACCES, "refused", str(tmp_path / "fit.h5"))
     with pytest.raises(PermissionError), refusals_told(tmp_path / "run"):
@@ -97,7 +92,7 @@ def test_only_refusals_in_the_folder_are_write_errors(tmp_path: Path) -> None:
         full_disk()
 
 
-def test_stamp_is_taken_again_when_size_or_time_changed(tmp_path: Path) -> None:
+def test_stamp_is_taken_again_when_size_or_time_changed(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text("1\n")
     first = take_stamp(path)
@@ -109,7 +104,7 @@ def test_stamp_is_taken_again_when_size_or_time_changed(tmp_path: Path) -> None:
     assert take_stamp(path, first).sha256 != first.sha256
 
 
-def test_stamps_of_folders_name_every_file(tmp_path: Path) -> None:
+def test_stamps_of_folders_name_every_file(tmp_path):
     (tmp_path / "report" / "tables").mkdir(parents=True)
     for name in ("report/index.html", "report/tables/a.csv", "fit.h5"):
         (tmp_path / name).write_text(name)
@@ -120,9 +115,7 @@ def test_stamps_of_folders_name_every_file(tmp_path: Path) -> None:
     ]
 
 
-def test_places_that_cannot_be_the_folder_of_a_run(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_places_that_cannot_be_the_folder_of_a_run(tmp_path, monkeypatch):
     (tmp_path / "runs").write_text("")
     for name, words in (
         ("runs", "runs: is a file"),
@@ -138,14 +131,14 @@ def test_places_that_cannot_be_the_folder_of_a_run(
         open_run_folder(tmp_path / "demo")
 
 
-def new_report(run_dir: Path, text: str) -> None:
+def new_report(run_dir, text):
     with stage_folder(run_dir, "report") as out:
         (out / "report").mkdir()
         (out / "report" / "index.html").write_text(text)
         swap_in(out, run_dir, ("report",))
 
 
-def test_folders_are_swapped_whole(tmp_path: Path) -> None:
+def test_folders_are_swapped_whole(tmp_path):
     new_report(tmp_path, "old")
     (tmp_path / "report" / "left-over.svg").write_text("")
     new_report(tmp_path, "new")
@@ -153,13 +146,11 @@ def test_folders_are_swapped_whole(tmp_path: Path) -> None:
     assert (tmp_path / "report" / "index.html").read_text() == "new"
 
 
-def test_failed_swap_puts_the_old_folder_back(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_failed_swap_puts_the_old_folder_back(tmp_path, monkeypatch):
     new_report(tmp_path, "old")
     rename = Path.rename
 
-    def fail_on_new(self: Path, target: Path) -> Path:
+    def fail_on_new(self, target):
         if self.parent != tmp_path:
             raise KeyboardInterrupt
         return rename(self, target)
@@ -171,7 +162,7 @@ def test_failed_swap_puts_the_old_folder_back(
     assert [path.name for path in tmp_path.iterdir()] == ["report"]
 
 
-def test_folder_in_place_of_an_output_file_is_not_removed(tmp_path: Path) -> None:
+def test_folder_in_place_of_an_output_file_is_not_removed(tmp_path):
     (tmp_path / "fit.h5").mkdir()
     (tmp_path / "fit.h5" / "precious").write_text("")
     with stage_folder(tmp_path, "fit") as out:
@@ -181,7 +172,7 @@ def test_folder_in_place_of_an_output_file_is_not_removed(tmp_path: Path) -> Non
     assert (tmp_path / "fit.h5" / "precious").exists()
 
 
-def test_recover(tmp_path: Path) -> None:
+def test_recover(tmp_path):
     (tmp_path / ".old-report").mkdir()
     (tmp_path / ".old-report" / "index.html").write_text("old")
     (tmp_path / ".tmp-report-x1_23456" / "report").mkdir(parents=True)
@@ -194,14 +185,14 @@ def test_recover(tmp_path: Path) -> None:
     assert sorted(path.name for path in tmp_path.iterdir()) == ["fit.h5", "report"]
 
 
-def test_only_temporaries_of_our_own_are_removed(tmp_path: Path) -> None:
+def test_only_temporaries_of_our_own_are_removed(tmp_path):
     for name in (".tmp-x", ".tmp-notes.txt", ".old-thesis"):
         (tmp_path / name).write_text("precious")
     recover(tmp_path, ["report"])
     assert len(list(tmp_path.iterdir())) == 3
 
 
-def killed_while_it_writes(path: Path) -> None:
+def killed_while_it_writes(path):
     """A process that dies with an unfinished file, and with an unfinished folder, for `path`."""
     child = os.fork()
     if child == 0:
@@ -215,7 +206,7 @@ def killed_while_it_writes(path: Path) -> None:
     os.waitpid(child, 0)
 
 
-def test_the_next_write_clears_away_what_a_killed_one_left(tmp_path: Path) -> None:
+def test_the_next_write_clears_away_what_a_killed_one_left(tmp_path):
     killed_while_it_writes(tmp_path / "model.c")
     precious = [
         ".tmp-0123456789ab-other.c",
@@ -234,7 +225,7 @@ def test_the_next_write_clears_away_what_a_killed_one_left(tmp_path: Path) -> No
     assert list((tmp_path / "folder").iterdir()) == []
 
 
-def test_what_another_process_is_writing_stays(tmp_path: Path) -> None:
+def test_what_another_process_is_writing_stays(tmp_path):
     written, go_on = os.pipe(), os.pipe()
     child = os.fork()
     if child == 0:
@@ -251,13 +242,11 @@ def test_what_another_process_is_writing_stays(tmp_path: Path) -> None:
     assert [path.read_bytes() for path in tmp_path.iterdir()] == [b"theirs"]
 
 
-def test_a_file_that_was_taken_for_abandoned_is_begun_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_file_that_was_taken_for_abandoned_is_begun_again(tmp_path, monkeypatch):
     """Another process may look between the making of a file and the lock on it."""
     touch, begun = Path.touch, list[Path]()
 
-    def looked_at(self: Path, **options: Any) -> None:
+    def looked_at(self, **options):
         touch(self, **options)
         begun.append(self)
         if len(begun) == 1:
@@ -270,7 +259,7 @@ def test_a_file_that_was_taken_for_abandoned_is_begun_again(
 
 
 @pytest.mark.parametrize("files", [["scores.csv"], ["report/notes.txt"], ["run.json"], [".tmp-x"]])
-def test_a_folder_of_the_user_is_refused(files: list[str], tmp_path: Path) -> None:
+def test_a_folder_of_the_user_is_refused(files, tmp_path):
     for name in files:
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text('{"mine": 1}')
@@ -279,7 +268,7 @@ def test_a_folder_of_the_user_is_refused(files: list[str], tmp_path: Path) -> No
     assert all((tmp_path / name).read_text() == '{"mine": 1}' for name in files)
 
 
-def test_what_a_killed_start_leaves_is_no_folder_of_the_user(tmp_path: Path) -> None:
+def test_what_a_killed_start_leaves_is_no_folder_of_the_user(tmp_path):
     (tmp_path / ".lock").write_text("")
     (tmp_path / ".tmp-0123456789ab-run.json").write_text("{")
     open_run_folder(tmp_path)
@@ -287,7 +276,7 @@ def test_what_a_killed_start_leaves_is_no_folder_of_the_user(tmp_path: Path) -> 
     open_run_folder(tmp_path)
 
 
-def test_a_folder_in_place_of_the_lock(tmp_path: Path) -> None:
+def test_a_folder_in_place_of_the_lock(tmp_path):
     (tmp_path / ".lock").mkdir()
     with (
         pytest.raises(WriteError, match="is a folder or a link, where the lock"),
@@ -302,7 +291,7 @@ def test_a_file_system_without_locks(number, tmp_path, monkeypatch):
     """As network drives do: the error was an internal fault, or said that stdout were closed."""
     import fcntl
 
-    def refused(*_: object) -> None:
+    def refused(*_):
         raise OSError(number, os.strerror(number))
 
     monkeypatch.setattr(fcntl, "flock", refused)

@@ -6,14 +6,13 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
 pytest.importorskip("resource", reason="the size of files can be limited on POSIX alone")
 
 
-def told_by(script: str, *arguments: object) -> str:
+def told_by(script, *arguments):
     """What a program of its own says."""
     done = subprocess.run(
         [sys.executable, "-c", script, *map(str, arguments)],
@@ -58,17 +57,17 @@ print(read_dataset(path).curves[0].size)
         pytest.param(700, 10, id="names and units"),
     ],
 )
-def test_the_old_file_stays_and_the_program_goes_on(tmp_path: Path, limit: int, n: int) -> None:
+def test_the_old_file_stays_and_the_program_goes_on(tmp_path, limit, n):
     told, kept = written(tmp_path, limit, n)
     assert "cannot be written" in told
     assert kept == 10
 
 
-def test_room_enough(tmp_path: Path) -> None:
+def test_room_enough(tmp_path):
     assert written(tmp_path, 10_000_000, 200_000) == ("", 200_000)
 
 
-def written(folder: Path, limit: int, n: int) -> tuple[str, int]:
+def written(folder, limit, n):
     """What was told of n samples in a file of limited size, and how many the file has
     afterwards.
     """
@@ -98,7 +97,7 @@ print(read_dataset(path).curves[0].size)
 
 
 @pytest.mark.parametrize("call", [1, 2, 5])
-def test_an_interruption_is_not_lost_within_hdf5(tmp_path: Path, call: int) -> None:
+def test_an_interruption_is_not_lost_within_hdf5(tmp_path, call):
     """Found by torture: raised while HDF5 called back, it was swallowed, or came out as another
     error.
     """
@@ -125,6 +124,6 @@ except WriteError as error:
 """
 
 
-def test_a_disk_without_room_for_a_column_is_told(tmp_path: Path) -> None:
+def test_a_disk_without_room_for_a_column_is_told(tmp_path):
     assert "cannot be written" in told_by(SPOOLING, tmp_path)
     assert not list(tmp_path.iterdir())

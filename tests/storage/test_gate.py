@@ -4,10 +4,8 @@ text that is only shown escaped.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import is_dataclass, replace
-from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import pytest
 from test_artefacts import examples
@@ -38,7 +36,7 @@ FREE = {
 }
 
 
-def texts(type_: Any, seen: set[Any]) -> Iterator[tuple[str, Any]]:
+def texts(type_, seen):
     """Every text in the fields of a stored type and of those in it, with its hint."""
     if type_ in seen:
         return
@@ -56,8 +54,8 @@ def texts(type_: Any, seen: set[Any]) -> Iterator[tuple[str, Any]]:
             waiting += own.inner if own.kind is not Literal else ()
 
 
-def test_every_text_passes_a_gate_or_is_free() -> None:
-    seen: set[Any] = set()
+def test_every_text_passes_a_gate_or_is_free():
+    seen = set()
     found = [
         text
         for root in (Dataset, SegmentationFile, FitResult, Model, Validation)
@@ -79,7 +77,7 @@ NAMES = [
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_names_of_files_may_have_letters_of_any_script(name: str, tmp_path: Path) -> None:
+def test_names_of_files_may_have_letters_of_any_script(name, tmp_path):
     dataset = examples()["dataset"]
     dataset = replace(dataset, curves=(replace(dataset.curves[0], id=name, recordings=(name,)),))
     artefacts.write_dataset(tmp_path / "x.h5", dataset)
@@ -90,7 +88,7 @@ HOSTILE = ["\"+__import__('os')+\"", "$(touch x)", "`x`", "\\input{x}", "</scrip
 
 
 @pytest.mark.parametrize("name", [*HOSTILE, *NAMES, "", "2x", "a-b", "*/"])
-def test_names_of_quantities_are_identifiers(name: str, tmp_path: Path) -> None:
+def test_names_of_quantities_are_identifiers(name, tmp_path):
     """As the name of the output, which ran as code where it was exported."""
     artefacts.write_model(
         tmp_path / "m.h5", replace(examples()["model"], output=Quantity(name, "N"))
@@ -100,7 +98,7 @@ def test_names_of_quantities_are_identifiers(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", HOSTILE)
-def test_labels_have_no_marks_that_a_language_takes_for_its_own(name: str, tmp_path: Path) -> None:
+def test_labels_have_no_marks_that_a_language_takes_for_its_own(name, tmp_path):
     artefacts.write_model(tmp_path / "m.h5", replace(examples()["model"], name=name))
     with pytest.raises(DataError, match="name, is no name"):
         artefacts.read_model(tmp_path / "m.h5")

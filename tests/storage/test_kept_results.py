@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -13,7 +11,7 @@ from mapmore_cli.storage.artefacts import write_dataset
 from mapmore_cli.storage.run_folder import DATASET, RunFiles
 
 
-def write(folder: Path, slope: float) -> None:
+def write(folder, slope):
     columns = {"strain": np.arange(5.0), "force": slope * np.arange(5)}
     curve = Curve("a", None, columns, np.zeros(5, dtype=np.bool_), ("a",))
     quantities = {"strain": Quantity("strain", "1"), "force": Quantity("force", "N")}
@@ -23,9 +21,7 @@ def write(folder: Path, slope: float) -> None:
     )
 
 
-def test_results_stay_in_memory_until_their_file_is_replaced(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_results_stay_in_memory_until_their_file_is_replaced(tmp_path, monkeypatch):
     write(tmp_path, 2.0)
     first = RunFiles(tmp_path).dataset()
     assert RunFiles(tmp_path).dataset() is first

@@ -6,8 +6,6 @@ import csv
 import json
 import math
 from dataclasses import fields, replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -38,7 +36,7 @@ ROW = Score(
 COLUMNS = [field.name for field in fields(Score)]
 
 
-def written(folder: Path, *rows: Score) -> list[dict[str, Any]]:
+def written(folder, *rows):
     """The rows of scores.json, which scores.csv has as well."""
     write_scores(
         folder, ScoreTable(rows, {"force": "N"}, ("sarosi",), ("worse than the mean",)), "demo"
@@ -56,7 +54,7 @@ def written(folder: Path, *rows: Score) -> list[dict[str, Any]]:
     return found
 
 
-def test_document(tmp_path: Path) -> None:
+def test_document(tmp_path):
     (row,) = written(tmp_path, ROW)
     text = (tmp_path / "scores.json").read_text(encoding="utf-8")
     document = json.loads(text)
@@ -78,14 +76,14 @@ def test_document(tmp_path: Path) -> None:
     ("number", "shown"),
     [(math.nan, None), (math.inf, None), (-math.inf, None), (-0.0, 0.0), (np.float64(2.5), 2.5)],
 )
-def test_numbers_as_they_are_written(number: float, shown: float | None, tmp_path: Path) -> None:
+def test_numbers_as_they_are_written(number, shown, tmp_path):
     (row,) = written(tmp_path, replace(ROW, rmse=number))
     assert repr(row["rmse"]) == repr(shown)
 
 
 @settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(scores=st.lists(records(Score), max_size=3))
-def test_digits_survive(scores: list[Score], tmp_path: Path) -> None:
+def test_digits_survive(scores, tmp_path):
     for score, row in zip(scores, written(tmp_path, *scores), strict=True):
         assert row["rmse"] == (
             pytest.approx(score.rmse, rel=1e-11, abs=0) if math.isfinite(score.rmse) else None
@@ -117,7 +115,7 @@ def test_digits_survive(scores: list[Score], tmp_path: Path) -> None:
     "text",
     ["", "[]", "{}", '{"scores": [3]}', '{"scores": [{"model": "x"}], "units": {}}', "[" * 100_000],
 )
-def test_a_file_that_says_something_else_is_refused(text: str, tmp_path: Path) -> None:
+def test_a_file_that_says_something_else_is_refused(text, tmp_path):
     (tmp_path / "scores.json").write_text(text)
     with pytest.raises(DataError, match="no table of scores") as refused:
         read_scores(tmp_path / "scores.json")
@@ -125,7 +123,7 @@ def test_a_file_that_says_something_else_is_refused(text: str, tmp_path: Path) -
 
 
 @pytest.mark.parametrize("count", ["Infinity", "1e999", "[]", "{}"])
-def test_a_count_that_is_none_is_wrong_data(count: str, tmp_path: Path) -> None:
+def test_a_count_that_is_none_is_wrong_data(count, tmp_path):
     written(tmp_path, ROW)
     path = tmp_path / "scores.json"
     path.write_text(
@@ -137,6 +135,6 @@ def test_a_count_that_is_none_is_wrong_data(count: str, tmp_path: Path) -> None:
         of_file(path, print, False)
 
 
-def test_scores_of_a_target_without_a_unit_are_shown(tmp_path: Path) -> None:
+def test_scores_of_a_target_without_a_unit_are_shown(tmp_path):
     write_scores(tmp_path, ScoreTable((ROW, replace(ROW, curve="all")), {}), "demo")
     assert len(of_file(tmp_path / "scores.json", print, False).tables) == 1

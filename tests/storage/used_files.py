@@ -5,11 +5,8 @@ values.
 from __future__ import annotations
 
 import json
-import random
-from collections.abc import Iterator
 from contextlib import redirect_stdout, suppress
 from io import StringIO
-from pathlib import Path
 
 import h5py
 import numpy as np
@@ -18,13 +15,12 @@ from mapmore_cli.annexes.exporting.exports import exported
 from mapmore_cli.cli.console import print_view
 from mapmore_cli.cli.progress import Reporter
 from mapmore_cli.cli.views import of_file
-from mapmore_cli.domain.models import Model
 from mapmore_cli.modelling.kinds import equations
 from mapmore_cli.pipeline.predict import predicted_lines
 from mapmore_cli.storage import artefacts
 
 
-def use(path: Path, chance: random.Random) -> None:
+def use(path, chance):
     """`show`, and with a model `predict` and `export`, all of them unverified; MapmoreError where
     one of them is refused.
     """
@@ -40,14 +36,14 @@ def use(path: Path, chance: random.Random) -> None:
     )
     if artefacts.kind_of(path) == "model":
         with Reporter(quiet=True) as reporter, np.errstate(all="ignore"):
-            model: Model = artefacts.read_model(path, reporter.warn, unverified=True)
+            model = artefacts.read_model(path, reporter.warn, unverified=True)
             list(predicted_lines(model, table_of(model), "table.csv"))
             equations(model)
             if chance.random() < 0.2:
                 exported(model, chance.choice(["c", "py", "tex"]))
 
 
-def table_of(model: Model) -> Iterator[str]:
+def table_of(model):
     """Rows of all that a model may ask for."""
     names = dict.fromkeys(
         ["time", *(quantity.name for quantity in model.inputs), model.output.name]

@@ -18,7 +18,7 @@ print(json.dumps({"ends": {how: found.total() for how, found in ends.items()}, "
 """
 
 
-def test_disturbed_commands_leave_whole_files(tmp_path: Path) -> None:
+def test_disturbed_commands_leave_whole_files(tmp_path):
     import json
 
     done = subprocess.run(

@@ -20,7 +20,6 @@ import sys
 import time
 import traceback
 from collections import Counter
-from collections.abc import Callable, Mapping
 from contextlib import redirect_stderr, redirect_stdout, suppress
 from dataclasses import dataclass
 from functools import partial
@@ -37,7 +36,7 @@ from mapmore_cli.storage.run_folder import LOCK
 
 RUN_RECORD = "run.json"  # tells seconds, so its bytes differ from run to run
 NEW = ("--set", "fit.max_terms=2", "--set", "segment.strain.count=3")
-COMMANDS: Mapping[str, tuple[str, ...]] = {
+COMMANDS = {
     **{
         stage: (stage, "one.yaml", *NEW, "-q")
         for stage in ("ingest", "segment", "fit", "fuse", "validate", "report")
@@ -55,9 +54,7 @@ DONE = (0, 6)  # a missed limit is an end too
 PATIENCE = 60.0  # seconds for a lock that a dying worker holds
 
 
-def begin(
-    folder: Path, arguments: tuple[str, ...], before: Callable[[], None] = lambda: None
-) -> int:
+def begin(folder, arguments, before=lambda: None):
     """Start a command in a fork, everything imported already; its process."""
     signal.pthread_sigmask(
         signal.SIG_BLOCK, {signal.SIGINT}
@@ -91,12 +88,12 @@ def begin(
         os._exit(code)  # nothing of the parent's is cleared away here
 
 
-def end_of(child: int) -> int:
+def end_of(child):
     """Wait for a process; its exit code, or the negative number of the signal that ended it."""
     return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
 
 
-def contents(folder: Path) -> dict[str, bytes]:
+def contents(folder):
     """All files below a folder but locks and records."""
     paths = sorted(
         path
@@ -106,7 +103,7 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}
 
 
-def struck(how: str, child: int, delay: float) -> None:
+def struck(how, child, delay):
     """Disturb a process from outside at a random instant: SIGKILL, or Ctrl-C, which the terminal
     sends to the whole group.
     """
@@ -121,7 +118,7 @@ def struck(how: str, child: int, delay: float) -> None:
             os.killpg(child, signal.SIGINT)
 
 
-def little_room(size: int) -> None:
+def little_room(size):
     """No file can grow beyond some kilobytes; what is said goes nowhere, since that is a file
     here.
     """
@@ -131,7 +128,7 @@ def little_room(size: int) -> None:
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
 
 
-def no_rights() -> None:
+def no_rights():
     """The folders of results may not be written; where root runs this, it gives up its privileges
     first.
     """
@@ -144,12 +141,12 @@ def no_rights() -> None:
             os._exit(99)
 
 
-def restored(folder: Path) -> None:
+def restored(folder):
     for place in (folder, *(path for path in folder.rglob("*") if path.is_dir())):
         place.chmod(0o755)
 
 
-DISTURBANCES: Mapping[str, int] = {
+DISTURBANCES = {
     "killed": 60,
     "interrupted": 15,
     "full disk": 10,
@@ -170,7 +167,7 @@ class Bench:
     seconds: float
 
 
-def prepare(root: Path, name: str) -> Bench:
+def prepare(root, name):
     start, done = root / f"{name} start", root / f"{name} done"
     shutil.copytree(root / "old", start)
     if name in ("freeze", "compare", "export", "batch"):
@@ -181,9 +178,7 @@ def prepare(root: Path, name: str) -> Bench:
     return Bench(start, contents(done), time.monotonic() - began)
 
 
-def trial(
-    bench: Bench, name: str, how: str, chance: random.Random, folder: Path
-) -> tuple[str, list[str]]:
+def trial(bench, name, how, chance, folder):
     """Disturb a command once; how it ended, and what is wrong afterwards."""
     shutil.rmtree(folder, ignore_errors=True)
     shutil.copytree(bench.start, folder)
@@ -224,7 +219,7 @@ def trial(
     return f"ended with {code}", wrong
 
 
-def repeated(folder: Path, name: str) -> int:
+def repeated(folder, name):
     """Run the command again, as soon as no dying worker holds a run."""
     deadline = time.monotonic() + PATIENCE
     while (
@@ -236,12 +231,12 @@ def repeated(folder: Path, name: str) -> int:
     return code
 
 
-def said(folder: Path) -> str:
+def said(folder):
     """The first words of what the last command said."""
     return " ".join((folder.parent / "log").read_text(errors="replace").split())[:200]
 
 
-def warm_up(folder: Path, names: tuple[str, ...]) -> None:
+def warm_up(folder, names):
     """Make the results of older settings, here: what is imported by and by is there for all
     forks.
     """
@@ -256,7 +251,7 @@ def warm_up(folder: Path, names: tuple[str, ...]) -> None:
     (folder / "drift.svg").unlink(missing_ok=True)
 
 
-def called(folder: Path, arguments: tuple[str, ...]) -> None:
+def called(folder, arguments):
     here, log = Path.cwd(), folder.parent / "log"
     os.chdir(folder)
     try:
@@ -269,9 +264,7 @@ def called(folder: Path, arguments: tuple[str, ...]) -> None:
         os.chdir(here)
 
 
-def torture(
-    count: int, seed: int, names: tuple[str, ...] = (*COMMANDS,)
-) -> tuple[dict[str, Counter[str]], list[str]]:
+def torture(count, seed, names=(*COMMANDS,)):
     """Disturb commands `count` times in turn; how the trials of every disturbance ended, and what
     was wrong.
     """
@@ -297,7 +290,7 @@ def torture(
     return ends, wrong
 
 
-def main(count: int, seed: int) -> int:
+def main(count, seed):
     """Print the table; 1 where something was wrong."""
     ends, wrong = torture(count, seed)
     print("| disturbance | trials | how the command ended |\n|---|---:|---|")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
@@ -15,7 +14,7 @@ from mapmore_cli.domain.scores import RUN_PAGE
 from mapmore_cli.reporting.table import Table, to_csv
 from mapmore_cli.spec.campaign import Campaign, Entry, is_campaign, load_campaign
 from mapmore_cli.spec.experiment import Competitor
-from mapmore_cli.spec.loader import LoadedSpec, load
+from mapmore_cli.spec.loader import load
 from mapmore_cli.storage.atomic import refusals_told, write_text
 from mapmore_cli.storage.run_folder import refuse_foreign
 from mapmore_cli.storage.run_record import CAMPAIGN_RECORD
@@ -52,10 +51,7 @@ def expanded(
             continue
         campaign, runs = load_campaign(config)
         bases = [str(run.base or campaign.base) for run in campaign.runs]
-        short = [
-            run.name or PurePosixPath(base).stem
-            for run, base in zip(campaign.runs, bases, strict=True)
-        ]
+        short = [run.name or PurePosixPath(run.base or "").stem for run in campaign.runs]
         uses = Counter(short)
         names = tuple(
             name if uses[name] == 1 else base for name, base in zip(short, bases, strict=True)
@@ -67,19 +63,9 @@ def expanded(
     return campaigns, entries
 
 
-def specs_of(entries: Sequence[Entry]) -> list[LoadedSpec | None]:
-    """Return the spec of every run; None where it is wrong, which its own run will say."""
-    specs: list[LoadedSpec | None] = [None] * len(entries)
-    for number, entry in enumerate(entries):
-        with suppress(SpecError):
-            specs[number] = load(entry.config, entry.overrides)
-    return specs
-
-
-def run_names(
-    entries: Sequence[Entry], campaigns: Sequence[Expanded], specs: Sequence[LoadedSpec | None]
-) -> list[str]:
-    """Return the name of every run; where its spec is wrong, what it is called in messages.
+def run_names(entries: Sequence[Entry], campaigns: Sequence[Expanded]) -> list[str]:
+    """Return the name of every run; where its spec is wrong, which its own run will say, what it is
+    called in messages.
 
     Raises UsageError where two of the runs, their variations and the campaigns have one name, which
     would be the same folder.
@@ -101,28 +87,21 @@ def run_names(
             )
         owners[alike] = owner
 
-    for campaign in campaigns:
-        claim(campaign.campaign.campaign, f"the campaign '{campaign.campaign.campaign}'")
-    for number, (entry, loaded) in enumerate(zip(entries, specs, strict=True)):
-        if loaded is None:
+    for one in campaigns:
+        claim(one.campaign.campaign, f"the campaign '{one.campaign.campaign}'")
+    for number, entry in enumerate(entries):
+        try:
+            spec = load(entry.config, entry.overrides).spec
+        except SpecError:
             short = called.get(number, entry.config.stem)
             names.append(str(entry.config) if short in names else short)
             continue
-        spec = loaded.spec
         claim(spec.name, str(entry.config))
         for rival in spec.validation.against:
             if isinstance(rival, Competitor) and rival.set is not None:
                 claim(f"{spec.name}.{rival.label}", f"{entry.config} as '{rival.label}'")
         names.append(spec.name)
     return names
-
-
-def refuse_foreign_folders(campaigns: Sequence[Expanded], runs: Path) -> None:
-    """Raise WriteError where the page of a campaign has no place: better before its runs are
-    done.
-    """
-    for one in campaigns:
-        refuse_foreign(runs / one.campaign.campaign, CAMPAIGN_RECORD)
 
 
 def write_page(
@@ -141,30 +120,25 @@ def write_page(
     scores = scores_of(campaign, results)
     tables = campaign_tables(scores)
     figures = [rendered(drawing) for drawing in campaign_figures(scores)]
-    failed = {
-        name: told(result) for name, result in results.items() if isinstance(result, BaseException)
-    }
+    failed = {n: told(one) for n, one in results.items() if isinstance(one, BaseException)}
     pages = {
-        name: f"../{result.name}/{RUN_PAGE}"
-        for name, result in results.items()
-        if not isinstance(result, BaseException)
+        name: f"../{one.name}/{RUN_PAGE}"
+        for name, one in results.items()
+        if not isinstance(one, BaseException)
     }
+    title = campaign.title or campaign.campaign
     folder = runs / campaign.campaign
+    texts = {
+        CAMPAIGN_RECORD: json.dumps({"creator": "mapmore", "campaign": campaign.campaign}) + "\n",
+        **{f"tables/{table.name}.csv": to_csv(table) for table in tables},
+        **{f"{figure.name}.svg": figure.svg for figure in figures},
+        "index.html": render_campaign(title, tables, figures, pages, failed),
+    }
     with refusals_told(folder):
         refuse_foreign(folder, CAMPAIGN_RECORD)
         (folder / "tables").mkdir(parents=True, exist_ok=True)
-        write_text(
-            folder / CAMPAIGN_RECORD,
-            json.dumps({"creator": "mapmore", "campaign": campaign.campaign}) + "\n",
-        )
-        for table in tables:
-            write_text(folder / "tables" / f"{table.name}.csv", to_csv(table))
-        for figure in figures:
-            write_text(folder / f"{figure.name}.svg", figure.svg)
-        write_text(
-            folder / "index.html",
-            render_campaign(campaign.title or campaign.campaign, tables, figures, pages, failed),
-        )
+        for name, text in texts.items():
+            write_text(folder / name, text)
     return folder / "index.html", tables
 
 
@@ -174,18 +148,14 @@ def scores_of(
     """Return what its tables are made of: the results of its runs by name, one for each."""
     from mapmore_cli.reporting.campaign import CampaignScores
 
-    pairs = [
-        (variant, run)
-        for variant, run in zip(campaign.runs, results.values(), strict=True)
-        if not isinstance(run, BaseException)
-    ]
-    finished = [run for _, run in pairs]
+    variants = zip(campaign.runs, results.values(), strict=True)
+    finished = [(one, run) for one, run in variants if not isinstance(run, BaseException)]
     return CampaignScores(
-        {run.name: run.table.scores for run in finished},
-        units={run.name: unit for run in finished for unit in run.table.units.values()},
-        published={run.name: run.published for run in finished if run.published is not None},
+        {run.name: run.table.scores for _, run in finished},
+        units={run.name: unit for _, run in finished for unit in run.table.units.values()},
+        published={run.name: run.published for _, run in finished if run.published is not None},
         relative_to=campaign.relative_to,
         best_of=campaign.best_of,
-        groups={run.name: variant.group for variant, run in pairs if variant.group is not None},
-        failed=tuple(name for name, result in results.items() if isinstance(result, BaseException)),
+        groups={run.name: one.group for one, run in finished if one.group is not None},
+        failed=tuple(name for name, run in results.items() if isinstance(run, BaseException)),
     )

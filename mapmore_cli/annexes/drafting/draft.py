@@ -1,6 +1,4 @@
-"""A spec under way, and how it is shown: as YAML with a comment beside every guess, and as a page
-to check the guesses by eye.
-"""
+"""A spec under way, and how it is shown: as YAML whose comments say what decided, and as a page."""
 
 from __future__ import annotations
 
@@ -14,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mapmore_cli.checking.evidence import scaled
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.foreign import printable
 from mapmore_cli.spec.yaml_loader import escaped, tag_of
@@ -24,7 +21,7 @@ if TYPE_CHECKING:
 
 TAIL = "# report: {formats: [html, pdf, tex]}  # for a paper: panels as PDF, tables for LaTeX"
 HEAD = (
-    "# Started by `mapmore init`. Every guess says why: look first at those marked CHECK, "
+    "# Started by `mapmore init`. Look first at what is marked CHECK, "
     "then run `mapmore check` on this file."
 )
 WIDEST = 132
@@ -47,12 +44,10 @@ Loc = tuple[str | int, ...]
 
 
 @dataclass(frozen=True)
-class Guess:
-    """A quantity's column and unit, and why; `rivals` are the columns that come next, the likeliest
-    first.
+class NamedColumn:
+    """The column of a quantity, its unit, and what decided this: a title, or a person.
 
-    The quantity is `value * scale + offset` in `unit`, which is empty where a person said none;
-    `unwrap` is the number at which its encoder begins anew.
+    The quantity is `value * scale + offset` in `unit`, which is empty where a person said none.
     """
 
     column: Column
@@ -61,32 +56,18 @@ class Guess:
     sure: bool = True
     scale: float = 1.0
     offset: float = 0.0
-    unwrap: float | None = None
-    rivals: tuple[Guess, ...] = field(default=(), compare=False)
-
-    @classmethod
-    def of_spec(cls, entry: Mapping[str, Any]) -> Guess:
-        """Return a column as a person would say it, of its description in a spec."""
-        return cls(
-            entry["column"],
-            entry.get("unit", ""),
-            scale=float(entry.get("scale", 1)),
-            offset=float(entry.get("offset", 0)),
-        )
 
     def as_spec(self) -> dict[str, Any]:
         """Return the column as the spec describes it."""
-        unit, scale = (
-            ("" if self.unit == "1" else self.unit),
-            (0 if self.scale == 1 else self.scale),
-        )
-        told = {"unit": unit, "scale": scale, "offset": self.offset, "unwrap": self.unwrap}
-        return {"column": self.column, **{key: value for key, value in told.items() if value}}
+        usual = {"unit": ("", "1"), "scale": (1.0,), "offset": (0.0,)}
+        told = {key: getattr(self, key) for key in usual}
+        changed = {key: value for key, value in told.items() if value not in usual[key]}
+        return {"column": self.column, **changed}
 
 
 @dataclass(frozen=True)
 class Note:
-    """Why something was guessed; what is not `sure` is marked for the user to look at."""
+    """What decided a thing; what is not `sure` is marked for the user to look at."""
 
     why: str
     sure: bool = True
@@ -101,13 +82,12 @@ class Draft:
     """Sections as the YAML will hold them, with numbers in the model's units, and why they were
     chosen.
 
-    `rivals` are the columns that come next for each quantity, `files` counts the recordings' files,
-    `raw` has the values of all columns of some of them, `found` is where its structure comes from.
+    `files` counts the recordings' files, `raw` has the values of all columns of some of them, and
+    `found` is where its structure comes from.
     """
 
     spec: dict[str, Any]
     notes: dict[Loc, Note] = field(default_factory=dict)
-    rivals: Mapping[str, tuple[Guess, ...]] = field(default_factory=dict)
     files: int = field(default=0, compare=False)
     raw: Raw = field(default_factory=dict, repr=False, compare=False)
     found: Search | None = field(default=None, repr=False, compare=False)
@@ -140,11 +120,9 @@ class Draft:
             ("data", key), why, sure
         )
 
-    def with_section(
-        self, key: str, value: Any, why: str | None = None, sure: bool = True
-    ) -> Draft:
+    def with_section(self, key: str, value: Any, why: str | None = None) -> Draft:
         """Return the draft with a section added or replaced."""
-        return replace(self, spec={**self.spec, key: value}).noted((key,), why, sure)
+        return replace(self, spec={**self.spec, key: value}).noted((key,), why)
 
     def without(self, *keys: str) -> Draft:
         """Return the draft without some sections, or keys of `data` as `data.levels`, and what was
@@ -238,7 +216,7 @@ def _flow(value: Any) -> str:
 POINTS, WIDTH, HEIGHT = 300, 200, 60  # of a thumbnail
 
 
-def guesses_page(draft: Draft) -> str:
+def draft_page(draft: Draft) -> str:
     """Return the page of a draft as HTML: every column with its course, what it was taken for, and
     what is open; all texts are escaped.
     """
@@ -247,49 +225,47 @@ def guesses_page(draft: Draft) -> str:
     used = {entry["column"]: name for name, entry in draft.data["columns"].items()}
     drawn = {name: draft.raw[column] for column, name in used.items() if column in draft.raw}
     up = drawn.get(draft.output, ())
-    return (
-        environment()
-        .get_template("guesses.html")
-        .render(
-            name=draft.name,
-            files=draft.files,
-            drawn=len(next(iter(draft.raw.values()), ())),
-            questions=[
-                f"{'.'.join(map(str, loc))}: {note.why}" for loc, note in draft.open.items()
-            ],
-            columns=[_row(draft, column, used.get(column)) for column in draft.raw],
-            pairs=[
-                {"thumbnail": _thumbnail(across, up), "text": f"{name} across, {draft.output} up"}
-                for name, across in drawn.items()
-                if name not in ("time", draft.output)
-                and [len(one) for one in across] == [len(one) for one in up]
-            ],
-            tried=[] if draft.found is None else _tried(draft.found),
-            left_out="" if draft.found is None else draft.found.left_out,
-            sources=[
-                entry if isinstance(entry, str) else _said(entry) for entry in draft.data["files"]
-            ],
-        )
+    pairs = [
+        {"thumbnail": _thumbnail(across, up), "text": f"{name} across, {draft.output} up"}
+        for name, across in drawn.items()
+        if name not in ("time", draft.output) and list(map(len, across)) == list(map(len, up))
+    ]
+    page = environment().get_template("guesses.html")
+    return page.render(
+        name=draft.name,
+        files=draft.files,
+        drawn=len(next(iter(draft.raw.values()), ())),
+        questions=[f"{'.'.join(map(str, loc))}: {note.why}" for loc, note in draft.open.items()],
+        columns=[_described(draft, column, used.get(column)) for column in draft.raw],
+        pairs=pairs,
+        tried=[] if draft.found is None else _as_rows(draft.found),
+        left_out="" if draft.found is None else draft.found.left_out,
+        sources=[
+            entry if isinstance(entry, str) else _flow(entry) for entry in draft.data["files"]
+        ],
     )
 
 
-def _row(draft: Draft, column: Column, name: str | None) -> dict[str, Any]:
+def _described(draft: Draft, column: Column, name: str | None) -> dict[str, Any]:
     values = draft.raw[column]
-    row = {"column": column, "thumbnail": _thumbnail(None, values), "range": range_of(values)}
-    if name is None:
-        return {**row, "guess": "left out", "why": "", "rival": ""}
-    unit = draft.data["columns"][name].get("unit", "")
-    why = (
-        draft.notes["data", "columns", name].why if ("data", "columns", name) in draft.notes else ""
-    )
-    rival = next((f"column {one.column}: {one.why}" for one in draft.rivals.get(name, ())), "")
-    return {**row, "guess": f"{name}{f' in {unit}' if unit else ''}", "why": why, "rival": rival}
+    note = draft.notes.get(("data", "columns", name or ""), Note(""))
+    unit = draft.data["columns"][name].get("unit", "") if name else ""
+    return {
+        "column": column,
+        "thumbnail": _thumbnail(None, values),
+        "range": range_of(values),
+        "guess": f"{name} in {unit}" if unit else name or "left out",
+        "why": note.why,
+    }
 
 
-def _tried(found: Search) -> list[dict[str, Any]]:
+def _as_rows(found: Search) -> list[dict[str, Any]]:
     """Return what was tried, the one that is taken first, then by its error; what could not be
     fitted last.
     """
+    ranked = sorted(
+        found.tried, key=lambda one: (one is not found.found, bool(one.failure), one.excess)
+    )
     return [
         {
             "words": one.words,
@@ -297,17 +273,8 @@ def _tried(found: Search) -> list[dict[str, Any]]:
             "error": one.failure or f"{100 * one.error:.2g} %",
             "parts": "" if math.isnan(one.parts) else f"{100 * one.parts:.2g} %",
         }
-        for one in sorted(
-            found.tried, key=lambda one: (one is not found.found, bool(one.failure), one.excess)
-        )
+        for one in ranked
     ]
-
-
-def _said(entry: dict[str, Any]) -> str:
-    return (
-        f"{entry['path']}: "
-        f"{', '.join(f'{name} {value}' for name, value in entry.get('set', {}).items())}"
-    )
 
 
 def _thumbnail(across: Sequence[Array] | None, up: Sequence[Array]) -> Any:
@@ -316,8 +283,8 @@ def _thumbnail(across: Sequence[Array] | None, up: Sequence[Array]) -> Any:
     """
     from markupsafe import Markup
 
-    y = np.concatenate(scaled(up))
-    x = np.linspace(0, 1, len(y)) if across is None else np.concatenate(scaled(across))
+    y = _scaled(np.concatenate(up))
+    x = np.linspace(0, 1, len(y)) if across is None else _scaled(np.concatenate(across))
     rows = np.linspace(0, len(y) - 1, min(POINTS, len(y))).astype(int)
     places = zip(WIDTH * x[rows], HEIGHT - HEIGHT * y[rows], strict=True)
     path = "M" + " L".join(f"{a:.1f} {b:.1f}" for a, b in places)
@@ -325,7 +292,12 @@ def _thumbnail(across: Sequence[Array] | None, up: Sequence[Array]) -> Any:
     return Markup(f'<svg class="thumbnail" {box}><path d="{path}"/></svg>')
 
 
+def _scaled(values: Array) -> Array:
+    span = float(np.ptp(values)) or 1.0
+    return np.asarray((values - values.min()) / span)
+
+
 def range_of(values: Sequence[Array], unit: str = "1") -> str:
-    """From where to where values go, in words."""
+    """Return from where to where values go, in words."""
     low, high = min(one.min() for one in values), max(one.max() for one in values)
     return f"{low:.4g} to {high:.4g}{'' if unit == '1' else f' {unit}'}"

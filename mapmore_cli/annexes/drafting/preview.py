@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import glob
 import re
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from fnmatch import fnmatchcase
-from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
-from mapmore_cli.checking.names import UNIT
+from mapmore_cli.annexes.drafting.filenames import UNIT
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.readers import reader_of, suffix_of
 from mapmore_cli.storage.tables import Top
@@ -20,7 +17,6 @@ from mapmore_cli.storage.tables import Top
 WIDEST, LINES = 2000, 200  # columns, and lines of a table, that `init` looks at
 MOST_HEADER_LINES, MOST_UNIT_LINES = 9, 2
 REMARKS = ("#", "%", "//", "!")  # what a line begins with that is no data
-WORD = 3  # letters that titles of sheets share, to be a glob
 FEW = 5  # lines
 _LABELLED = re.compile(
     r"\s*[A-Za-z_]\w*\s*[:=]\s*[-+]?[.\d]\S*"
@@ -34,9 +30,9 @@ class Preview:
     its columns where it has a header.
 
     `below` are the texts under the titles, as units, where the header has more lines. `sheets` are
-    those of a workbook that are laid out alike, where there is more than one and no glob names
-    them; `left` are the others. `addresses` lead to the columns of a file that is a tree. `remark`
-    says that the titles stand in a remark before the numbers, which is no header to read; `told`
+    those of a workbook that are laid out alike, where there is more than one and they are not all;
+    `left` are the others. `addresses` lead to the columns of a file that is a tree. `remark` says
+    that the titles stand in a remark before the numbers, which is no header to read; `told`
     are the sheets that are read, where each tells what was held, as `2 bar`; `numeric` are the
     places of columns of numbers.
     """
@@ -141,23 +137,10 @@ def _of_all_sheets(found: _Table, tables: Sequence[_Table], sheets: Sequence[str
     layout = replace(found.layout, left=tuple(sheet for sheet in sheets if sheet not in alike))
     if len(alike) == 1:
         return layout
-    begin, end = shared_start(alike), shared_start([name[::-1] for name in alike])[::-1]
-    globs = [
-        "*",
-        *([f"{glob.escape(begin)}*"] if len(begin) >= WORD else []),
-        *([f"*{glob.escape(end)}"] if len(end) >= WORD else []),
-    ]
     told = alike if all(re.search(rf"\d\s*{UNIT}", name, re.IGNORECASE) for name in alike) else ()
-    exact = next(
-        (
-            one
-            for one in globs
-            if {sheet for sheet in sheets if fnmatchcase(sheet, one)} == {*alike}
-        ),
-        None,
-    )
-    settings = {**layout.settings, "sheet": exact or alike[0]}
-    return replace(layout, settings=settings, sheets=() if exact else alike, told=told)
+    is_every = len(alike) == len(sheets)
+    settings = {**layout.settings, "sheet": "*" if is_every else alike[0]}
+    return replace(layout, settings=settings, sheets=() if is_every else alike, told=told)
 
 
 def _table(first_rows: Top, reader: str, least: int) -> _Table | None:
@@ -285,14 +268,6 @@ def _numeric_columns(rows: Sequence[Row], is_number: Callable[[Any], bool]) -> l
     return [
         place for place, cells in enumerate(columns) if 2 * sum(map(is_number, cells)) > len(cells)
     ]
-
-
-def shared_start(names: Sequence[str]) -> str:
-    """Return the characters that all names begin with."""
-    return "".join(
-        letters[0]
-        for letters in takewhile(lambda letters: len(set(letters)) == 1, zip(*names, strict=False))
-    )
 
 
 def _filled(row: Row) -> list[Any]:

@@ -4,51 +4,31 @@ read.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
-from itertools import zip_longest
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 
-from mapmore_cli.annexes.drafting.answers import Answers
-from mapmore_cli.annexes.drafting.columns import (
-    Table,
-    guess_columns,
-    names_of,
-    span,
-    told_guesses,
-    turn_of,
-)
-from mapmore_cli.annexes.drafting.draft import Column, Draft, Guess, range_of
+from mapmore_cli.annexes.drafting.columns import Table, named_by_person, named_by_titles
+from mapmore_cli.annexes.drafting.draft import Column, Draft, NamedColumn
 from mapmore_cli.annexes.drafting.groups import Group, patterns
-from mapmore_cli.annexes.drafting.preview import Preview
 from mapmore_cli.checking.evidence import two_digits
-from mapmore_cli.checking.names import words_of
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.ingestion.dataset import build_dataset
 from mapmore_cli.ingestion.files import IngestSlice, relative_name
-from mapmore_cli.ingestion.samples import unwrapped
 from mapmore_cli.spec.sections.data import Data
 from mapmore_cli.spec.units import convert, default_unit, is_canonical
 from mapmore_cli.storage.tables.cells import NotANumber
 
-MOST_FILES = 5
+MOST_FILES = 5  # that are looked at
 MOST_WORDS = 3  # that stand for missing numbers in one column; more are a column of words
-WHOLE = 0.5  # of the samples, at least
-GAPS = {"longer_than": 60.0, "action": "split"}
-FEW_RESETS, LONG_ENOUGH = (
-    3,
-    100,
-)  # pieces of a file, beyond which its clock is no clock, and samples of a piece
-REST = 20.0  # usual steps of the second log, beyond which it rested
-OVERLAP = 0.5  # of the shorter log, in which both clocks run, where they are one
-_VOLTS = re.compile(r"[\[(]\s*m?V\s*[\])]|(?i:\bvolts?\b)")
+WHOLE = 0.5  # of the samples, that are numbers at least
+RESET = {"longer_than": 60.0, "action": "split"}  # cuts a recording where its clock is set back
+REST = 20  # usual steps of a second log, beyond which it rested
 T = TypeVar("T")
 
 
@@ -64,10 +44,7 @@ def read_draft(draft: Draft, folder: Path, measured: str, form: type[Data] = Dat
     made.
     """
     data = form.model_validate(draft.data)
-    units = {
-        name: "kPa/s" if name == "pressure_rate" else default_unit(name) for name in data.quantities
-    }
-    units |= draft.spec.get("units", {})
+    units = {name: default_unit(name) for name in data.quantities} | draft.spec.get("units", {})
     try:
         return build_dataset(
             IngestSlice(data=data, measured=measured, component="static", units=units), folder
@@ -78,145 +55,114 @@ def read_draft(draft: Draft, folder: Path, measured: str, form: type[Data] = Dat
 
 def read_tolerantly(
     draft: Draft, folder: Path, measured: str, form: type[Data] = Data
-) -> tuple[Draft, Dataset, tuple[str, ...]]:
-    """Return a draft that leaves samples without a number out, with its dataset, and the few words
-    that stand for such numbers, as `---`.
+) -> tuple[Draft, Dataset]:
+    """Return a draft that leaves samples without a number out, and its dataset; a few words, as
+    `---`, may stand for such numbers.
 
     Raises DataError where its cells hold more words, or hardly a number; and for a cell that is no
     such word, as a date.
     """
-    words: tuple[str, ...] = ()
+    words: list[str] = []
     while True:
-        draft = draft.with_data("missing", {"tokens": list(words)} if words else "drop")
+        draft = draft.with_data("missing", {"tokens": words} if words else "drop")
         try:
             dataset = read_draft(draft, folder, measured, form)
         except NotANumber as fault:
             if len(words) == MOST_WORDS or fault.known:
                 raise
-            words = (*words, fault.cell)
+            words = [*words, fault.cell]
             continue
-        if words and sum(one.rows_kept for one in dataset.recordings) < WHOLE * sum(
-            one.rows_read for one in dataset.recordings
-        ):
+        read, kept = (
+            sum(getattr(one, key) for one in dataset.recordings)
+            for key in ("rows_read", "rows_kept")
+        )
+        if words and kept < WHOLE * read:
             raise DataError(f"hardly a number among {', '.join(map(repr, words))}")
-        return draft, dataset, words
+        return draft, dataset
 
 
 def table_of(group: Group, folder: Path) -> Table:
-    """Return the columns of numbers of a few files of a group, those of encoders unwrapped; columns
-    of text and empty ones are missing.
+    """Return the columns of numbers of a few files of a group; columns of text and empty ones are
+    missing.
 
     Where cells are empty every column is read by itself: one that is hardly filled must not hide
     the others. Raises DataError where no column is left.
     """
     layout = group.layout
     raw: dict[Column, list[Array]] = {}
-    lost = 1
+    is_whole = False
     with suppress(DataError):
-        raw, lost = _read(group, folder, layout.columns)
-    if lost:
+        raw, is_whole = _columns(group, folder, layout.columns)
+    if not is_whole:
         raw = {}
-        for column in layout.columns:
+        for place, column in enumerate(layout.columns):
             try:
-                raw |= _read(group, folder, (column,))[0]
+                raw |= _columns(group, folder, (column,))[0]
             except DataError as fault:
-                if (
-                    isinstance(fault, NotANumber)
-                    and fault.known
-                    and layout.columns.index(column) in layout.numeric
-                ):
+                if isinstance(fault, NotANumber) and fault.known and place in layout.numeric:
                     raise
                 last = fault
     if not raw:
         raise last
-    turns = {
-        column: turn for column, values in raw.items() if (turn := turn_of(values)) is not None
-    }
-    raw |= {column: [unwrapped(one, turn) for one in raw[column]] for column, turn in turns.items()}
     titles, below = (
         dict(zip(layout.columns, texts, strict=False))
         for texts in (layout.titles or (), layout.below)
     )
-    return Table(titles, raw, below, turns)
+    return Table(titles, raw, below)
 
 
-def _read(
+def _columns(
     group: Group, folder: Path, columns: Sequence[Column]
-) -> tuple[dict[Column, list[Array]], int]:
-    """Return the columns, and how many samples are lost because one of them has none."""
+) -> tuple[dict[Column, list[Array]], bool]:
+    """Return the columns, and whether every sample has all of them."""
     names = {f"column_{place}": column for place, column in enumerate(columns)}
+    some = group.files[:: -(-len(group.files) // MOST_FILES)]  # columns are the same in all
     data = {
         "files": [
             {"path": relative_name(file, folder), "id": str(place)}
-            for place, file in enumerate(some_of(group.files))
+            for place, file in enumerate(some)
         ],
         "reader": group.layout.reader,
         **group.layout.settings,
         "columns": {name: {"column": column} for name, column in names.items()},
     }
-    _, dataset, _ = read_tolerantly(
-        Draft({"data": data, "units": dict.fromkeys(names, "1")}),
-        folder,
-        next(iter(names)),
-        _Columns,
-    )
-    lost = sum(one.dropped.get("missing value", 0) for one in dataset.recordings)
-    return {
+    draft = Draft({"data": data, "units": dict.fromkeys(names, "1")})
+    _, dataset = read_tolerantly(draft, folder, "column_0", _Columns)
+    raw = {
         column: [np.asarray(one.columns[name]) for one in dataset.recordings]
         for name, column in names.items()
-    }, lost
+    }
+    return raw, not any(one.dropped.get("missing value") for one in dataset.recordings)
 
 
-def some_of(files: Sequence[T]) -> Sequence[T]:
-    """Return a few files from all over the list: columns are the same in all, and files can be many
-    and large.
-    """
-    return files[:: -(-len(files) // MOST_FILES)]
-
-
-def with_columns(draft: Draft, guesses: Mapping[str, Guess], table: Table) -> Draft:
+def with_columns(draft: Draft, columns: Mapping[str, NamedColumn], table: Table) -> Draft:
     """Return the draft with its columns, their units where the names are no canonical quantities,
     and a word on those that are not used.
-
-    These have a title, or values that move. What comes of an encoder is unwrapped.
     """
-    for name, one in guesses.items():
-        if (turn := table.turns.get(one.column)) is not None:
-            why = f"{one.why}; it jumps by {turn:g}: an encoder that wraps"
-            guesses = {**guesses, name: replace(one, unwrap=turn, why=why, sure=False)}
-    used = {guess.column for guess in guesses.values()}
-    moving = [column for column, values in table.raw.items() if span(values)]
-    unused = [column for column in dict.fromkeys([*table.titles, *moving]) if column not in used]
+    used = {one.column for one in columns.values()}
     left = ", ".join(
         table.titles.get(column) or f"column {column}"
-        for column in unused
-        if table.titles.get(column) or column in moving
+        for column in dict.fromkeys([*table.titles, *table.raw])
+        if column not in used
     )
-    draft = draft.with_data(
-        "columns",
-        {one: guess.as_spec() for one, guess in guesses.items()},
-        f"left out: {left}" if left else None,
-    )
-    own = {
-        one: _model_unit(guess.unit)
-        for one, guess in guesses.items()
-        if not is_canonical(one) and guess.unit != "1"
+    entries = {name: one.as_spec() for name, one in columns.items()}
+    draft = draft.with_data("columns", entries, f"left out: {left}" if left else None)
+    units = {
+        name: _model_unit(one.unit)
+        for name, one in columns.items()
+        if not is_canonical(name) and one.unit != "1"
     }
-    if own:
-        draft = draft.with_section("units", own)
-    if "time" in guesses:
+    if units:
+        draft = draft.with_section("units", units)
+    if "time" in columns:
         draft = draft.without("data.sample_time")
-    for quantity, guess in guesses.items():
-        draft = draft.noted(("data", "columns", quantity), guess.why, guess.sure)
-    return replace(
-        draft, rivals={quantity: guess.rivals for quantity, guess in guesses.items()}, raw=table.raw
-    )
+    for name, one in columns.items():
+        draft = draft.noted(("data", "columns", name), one.why, one.sure)
+    return Draft(draft.spec, draft.notes, draft.files, table.raw)
 
 
 def _model_unit(unit: str) -> str:
-    """Return the model's unit of a quantity of no canonical name: kPa of all pressures, else what
-    it was measured in.
-    """
+    """Return kPa for pressures, else the unit that a quantity was measured in."""
     try:
         convert(1.0, unit, "kPa")
     except SpecError:
@@ -224,135 +170,61 @@ def _model_unit(unit: str) -> str:
     return "kPa"
 
 
-def with_volts(draft: Draft, layout: Preview) -> Draft:
-    """Return the draft with a word on pressures, forces and positions whose titles, or the units
-    below them, say volts.
-    """
-    titled = zip_longest(layout.columns, layout.titles or (), layout.below, fillvalue="")
-    volts = {column for column, title, below in titled if _VOLTS.search(f"{title} ({below})")}
-    for name, told in draft.data["columns"].items():
-        if told["column"] in volts and told.get("unit", "V") not in ("V", "mV"):
-            how = (
-                "its title says volts: give the calibration of its sensor, as "
-                f"{name}:{told['unit']}*2.5-1.25"
-            )
-            draft = draft.noted(
-                ("data", "columns", name),
-                f"{how}; {draft.notes['data', 'columns', name].why}",
-                False,
-            )
-    return draft
-
-
 # What recordings need to be read
 # --------------------------------------------------------------------------------------------------
 
 
-def _lenient(draft: Draft) -> Draft:
-    return (
-        draft.with_data("missing", "drop")
-        .with_data("repeated_time", "average")
-        .with_data("glitches", "drop")
-    )
+def lenient(draft: Draft) -> Draft:
+    """Return the draft with single faults of cells and of the clock left out."""
+    for key, value in (("missing", "drop"), ("repeated_time", "average"), ("glitches", "drop")):
+        draft = draft.with_data(key, value)
+    return draft
 
 
 def cleaned(draft: Draft, folder: Path, target: str) -> tuple[Draft, Dataset]:
-    """Return the draft with what its recordings need to be read, and these; a clock that runs
-    backwards is left out.
+    """Return the draft with what its recordings need to be read, and these.
 
-    Raises DataError where they cannot be read, or where another log is joined by such a clock.
+    A clock that is set back cuts a recording; one that cannot be mended is left out. Raises
+    DataError where they cannot be read, or where another log is joined by such a clock.
     """
-    draft = _lenient(draft)
+    draft = lenient(draft)
     try:
-        read, dataset, words = read_tolerantly(draft, folder, target)
+        read, dataset = read_tolerantly(draft, folder, target)
     except DataError as fault:
         if "time" not in draft.data["columns"]:
             raise
-        found = _split_at_resets(draft, folder, target)
-        if found is not None:
-            read, dataset, words = found
-            read = read.with_data(
-                "gaps",
-                GAPS,
-                f"s: the clock is set back, and splits the recording: {fault.message}",
-                False,
-            )
-        elif any(log.get("on") != "row" for log in draft.data.get("join", ())):
-            raise
-        else:
-            columns = {
-                name: column for name, column in draft.data["columns"].items() if name != "time"
-            }
-            draft = draft.with_data("columns", columns, f"time is left out: {fault.message}", False)
-            read, dataset, words = read_tolerantly(draft, folder, target)
-    return _told_losses(read, dataset, target, words, folder), dataset
-
-
-def _split_at_resets(
-    draft: Draft, folder: Path, target: str
-) -> tuple[Draft, Dataset, tuple[str, ...]] | None:
-    """Return what is read where the clock splits recordings as it is set back; None where it is no
-    clock at all.
-    """
-    try:
-        found = read_tolerantly(draft.with_data("gaps", GAPS), folder, target)
-    except DataError:
-        return None
-    recordings = found[1].recordings
-    files = len({one.source for one in recordings})
-    return (
-        found
-        if len(recordings) <= files + FEW_RESETS
-        and min(one.rows_kept for one in recordings) > LONG_ENOUGH
-        else None
-    )
-
-
-def _told_losses(
-    draft: Draft, dataset: Dataset, target: str, words: Sequence[str], folder: Path
-) -> Draft:
-    """Return the draft with what is done about empty cells, stamps that repeat, and a force that
-    pushes, where there are any.
-    """
-    missing, repeated, glitches = (
-        sum(one.dropped.get(reason, 0) for one in dataset.recordings)
-        for reason in ("missing value", "repeated time", "glitch of the clock")
-    )
-    rule = draft.data["missing"]
-    of_log = {
-        "repeated_time": "stamps of the joined log repeat",
-        "glitches": f"{glitches or 'some'} stamps are glitches",
-    }
-    draft = draft.without(
-        "data.missing", *([] if "join" in draft.data else [f"data.{key}" for key in of_log])
-    )
-    for key, why in of_log.items() if "join" in draft.data else ():
         try:
-            read_draft(draft.without(f"data.{key}").with_data("missing", rule), folder, target)
-            draft = draft.without(f"data.{key}")
+            why = f"s: the clock is set back, and cuts the recording: {fault.message}"
+            read, dataset = read_tolerantly(draft.with_data("gaps", RESET, why), folder, target)
         except DataError:
-            draft = draft.noted(("data", key), why)
-    if glitches and "glitches" not in draft.data:
-        draft = draft.with_data("glitches", "drop", f"{glitches} stamps lie before an earlier one")
-    if words:
-        why = (
-            f"{missing} samples have a cell that is empty or holds "
-            f"{', '.join(map(repr, words))}: taken as no value"
-        )
-        draft = draft.with_data("missing", rule, why, False)
-    elif missing:
-        draft = draft.with_data("missing", rule, f"{missing} samples have an empty cell")
-    if repeated:
-        draft = draft.with_data(
-            "repeated_time", "average", f"{repeated} time stamps repeat: the logger rounds them"
-        )
-    force = np.concatenate([one.columns[target] for one in dataset.recordings])
-    if target == "force" and -force.min() > force.max():
-        why = (
-            f"{draft.notes['data', 'columns', 'force'].why}: it pushes, or its sign is "
-            "turned; `scale: -1` makes push positive"
-        )
-        draft = draft.noted(("data", "columns", "force"), why, False)
+            if "join" in draft.data:
+                raise fault from None
+            columns = {key: one for key, one in draft.data["columns"].items() if key != "time"}
+            draft = draft.with_data("columns", columns, f"time is left out: {fault.message}", False)
+            read, dataset = read_tolerantly(draft, folder, target)
+    return _with_losses_told(read, dataset), dataset
+
+
+def _with_losses_told(draft: Draft, dataset: Dataset) -> Draft:
+    """Return the draft with what is done about empty cells and odd stamps, where there are any;
+    those of a joined log are not counted.
+    """
+    rules = {
+        "missing": ("missing value", "samples have an empty cell"),
+        "repeated_time": ("repeated time", "time stamps repeat: the logger rounds them"),
+        "glitches": ("glitch of the clock", "stamps lie before an earlier one"),
+    }
+    for key, (reason, words) in rules.items():
+        count = sum(one.dropped.get(reason, 0) for one in dataset.recordings)
+        rule = draft.data[key]
+        if isinstance(rule, dict):
+            told = ", ".join(map(repr, rule["tokens"]))
+            why = f"{count} samples have a cell that is empty or holds {told}: taken as no value"
+            draft = draft.noted(("data", key), why, False)
+        elif count:
+            draft = draft.noted(("data", key), f"{count} {words}")
+        elif "join" not in draft.data:
+            draft = draft.without(f"data.{key}")
     return draft
 
 
@@ -369,95 +241,43 @@ def with_strain(draft: Draft, dataset: Dataset, length: float) -> Draft:
         return draft
     pooled = np.concatenate([one.columns[measured] for one in dataset.recordings])
     turned = "-" if measured == "displacement" and abs(pooled.min()) > abs(pooled.max()) else ""
-    rule = (
-        f"({length:g} - length)/{length:g}"
-        if measured == "length"
-        else f"{turned}displacement/{length:g}"
-    )
-    return draft.with_data(
-        "derive", {"strain": rule}, "of the length that was given; positive is contraction", False
-    )
-
-
-# Two files of one test
-# --------------------------------------------------------------------------------------------------
-
-
-def _joined(group: Group, folder: Path, columns: Mapping[str, Guess]) -> dict[str, Any]:
-    """Return the entry of `join` for columns of another log."""
-    entry = {
-        "files": patterns(group.files, folder),
-        "reader": group.layout.reader,
-        **group.layout.settings,
+    rules = {
+        "length": f"({length:g} - length)/{length:g}",
+        "displacement": f"{turned}displacement/{length:g}",
     }
-    return {**entry, "columns": {name: guess.as_spec() for name, guess in columns.items()}}
+    why = "of the length that was given; positive is contraction"
+    return draft.with_data("derive", {"strain": rules[measured]}, why, False)
 
 
 def with_second_log(
-    draft: Draft, second: Group, folder: Path, first: Array, target: str, answers: Answers | None
+    draft: Draft, second: Group, folder: Path, target: str, said: Mapping[str, NamedColumn]
 ) -> Draft:
-    """Return the draft with the pressure of a second log; `first` is the time `(n,)` of the one it
-    has, in s.
-
-    Its shift is what the changes of the target and of the pressure tell, where they do.
+    """Return the draft with the pressure of a second log, shifted as the changes of the target and
+    of the pressure tell, where they do.
     """
     table = table_of(second, folder)
-    guesses = guess_columns(table) | ({} if answers is None else told_guesses(answers, table))
-    if not {"time", "pressure"} <= guesses.keys():
+    columns = named_by_titles(table) | named_by_person(said, table)
+    if not {"time", "pressure"} <= columns.keys() or "time" not in draft.data["columns"]:
         raise DataError(
-            f"{second.files[0].name}: its time and its pressure are no numbers",
+            f"{second.files[0].name}: holds the pressure, and no clock goes on in both logs",
             "write `join` by hand",
         )
-    time = convert(table.raw[guesses["time"].column][0], guesses["time"].unit, "s")
-    low, high = float(first.min()), float(first.max())
-    common = min(high, float(time[-1])) - max(low, float(time[0]))
-    one_clock = common > OVERLAP * min(high - low, float(np.ptp(time)))
-    steps = np.diff(time)
-    forward = steps[steps > 0]
-    if not forward.size:
-        raise DataError(f"{second.files[0].name}: its time never goes on", "write `join` by hand")
-    entry = _joined(second, folder, {name: guesses[name] for name in ("time", "pressure")})
-    entry["shift"] = 0.0 if one_clock else float(f"{low - time[0]:.6g}")
-    usual = float(np.median(forward))  # of stamps in whole seconds, many are alike
-    if (steps > REST * usual).any():
-        entry["max_gap"] = two_digits(REST * usual)
-    clocks = "both clocks seem to be one" if one_clock else "both logs are taken to begin together"
-    beside = "the pressure is in a log of its own"
-    draft = draft.with_data(
-        "join", [entry], f"{beside}; {clocks}: look at `shift`; {guesses['pressure'].why}", False
-    )
-    matched = {key: value for key, value in entry.items() if key != "shift"}
-    matched |= {"shift": "auto", "match": {"first": target, "second": "pressure"}}
+    steps = np.diff(table.raw[columns["time"].column][0])
+    usual = convert(float(np.median(steps[steps > 0])), columns["time"].unit, "s")
+    entry: dict[str, Any] = {
+        "files": patterns(second.files, folder),
+        "reader": second.layout.reader,
+        **second.layout.settings,
+        "columns": {name: columns[name].as_spec() for name in ("time", "pressure")},
+        "shift": "auto",
+        "match": {"first": target, "second": "pressure"},
+        "max_gap": two_digits(REST * usual),
+    }
     try:
-        notes = read_draft(_lenient(draft).with_data("join", [matched]), folder, target).notes
-    except DataError:
-        return draft
-    told = next((note for note in notes if ": shift " in note), "").partition(": ")[2]
-    return draft.with_data("join", [matched], f"{beside}; {told or clocks}", False)
-
-
-def with_column_beside(
-    draft: Draft, first: Group, other: Group, folder: Path
-) -> tuple[Draft, list[str], str]:
-    """Return the draft of two files of one column each, joined row by row, with input and target;
-    the file that comes first drives.
-    """
-    drive, response = names_of(
-        [0, 1],
-        {place: "_".join(words_of(one.files[0].name)) for place, one in enumerate((first, other))},
-    )
-    table = table_of(first, folder)
-    ((column, values),) = table.raw.items()
-    why = f"taken as what drives, as its file comes first; without a unit; {range_of(values)}"
-    draft = with_columns(draft, {drive: Guess(column, "1", why, False)}, replace(table, turns={}))
-    entry = {**_joined(other, folder, {response: Guess(other.layout.columns[0])}), "on": "row"}
-    return (
-        draft.with_data(
-            "join",
-            [entry],
-            "a single column as well, of as many rows: taken as what follows",
-            False,
-        ),
-        [drive],
-        response,
-    )
+        notes = read_draft(lenient(draft.with_data("join", [entry])), folder, target).notes
+        told = next((note for note in notes if ": shift " in note), "").partition(": ")[2]
+    except DataError:  # nothing changes, or several shifts would do
+        entry = {key: value for key, value in entry.items() if key != "match"} | {"shift": 0.0}
+        told = "are both clocks one?"
+    why = f"the pressure is in a log of its own; {told}; {columns['pressure'].why}"
+    return draft.with_data("join", [entry], why, False)

@@ -1,11 +1,12 @@
-"""`mapmore init`: from a file or a folder to specs in which every guess says why, with a word about
-everything that is left out.
+"""`mapmore init`: from a file or a folder to specs, with a word about everything that is left out.
+
+Titles, units and the person decide what columns are; nothing is guessed from values.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -14,56 +15,44 @@ from mapmore_cli.annexes.drafting.answers import (
     Answers,
     Ask,
     asked_columns,
-    asked_length,
     asked_rest,
+    asked_target,
 )
 from mapmore_cli.annexes.drafting.columns import (
-    Table,
-    count_pressures,
-    guess_columns,
-    guess_others,
-    span,
-    told_guesses,
+    named_by_person,
+    named_by_titles,
+    refuse_choice,
+    target_of,
 )
-from mapmore_cli.annexes.drafting.draft import Draft, Guess
-from mapmore_cli.annexes.drafting.experiment import (
-    followed,
-    hysteresis_beside,
-    of_experiment,
-    with_target,
-)
-from mapmore_cli.annexes.drafting.groups import (
-    Group,
-    constants_of,
-    find_groups,
-    loads_told,
-    pressures_told,
-    second_of,
-    started,
-)
+from mapmore_cli.annexes.drafting.draft import Draft
+from mapmore_cli.annexes.drafting.experiment import find_held, with_experiment
+from mapmore_cli.annexes.drafting.filenames import held_in_names, tests_of
+from mapmore_cli.annexes.drafting.groups import Group, find_groups, second_of, started
 from mapmore_cli.annexes.drafting.proof import proven
 from mapmore_cli.annexes.drafting.recordings import (
     cleaned,
     read_draft,
-    some_of,
     table_of,
-    with_column_beside,
     with_columns,
     with_second_log,
     with_strain,
-    with_volts,
 )
-from mapmore_cli.checking.names import POSITIONS, number_in, tests_of
-from mapmore_cli.domain.errors import DataError, SpecError
-from mapmore_cli.spec.units import convert, parse_quantity
-from mapmore_cli.storage.tables import remembered
+from mapmore_cli.checking.names import POSITIONS
+from mapmore_cli.domain.errors import DataError, SpecError, UsageError
 
 Search = Callable[[Draft, Path], Draft]
 """Returns a draft with the model that was found for it, given the folder that its paths start at.
 """
 
-Second = tuple[Group, Answers | None]
-"""The logs of the pressure, where these are files of their own, and what was said of them."""
+MOST_REMARKS = 8
+
+
+@dataclass(frozen=True)
+class Start:
+    """The drafts, that of the most files first, and remarks about what they do not cover."""
+
+    drafts: tuple[Draft, ...]
+    remarks: tuple[str, ...]
 
 
 def propose(
@@ -71,146 +60,81 @@ def propose(
     name: str,
     folder: Path,
     answers: Answers = NOTHING_SAID,
-    second: Second | None = None,
+    second: Group | None = None,
+    ask: Ask | None = None,
 ) -> Draft:
-    """Return the spec of a group of recordings, with paths from `folder`; `answers` are what a
-    person has said of them.
-
-    What cannot be told from the data is marked `CHECK`. Its model is still to be found (`proven`).
+    """Return the spec of a group of recordings, with paths from `folder`. Its model is still to be
+    found (`proven`).
 
     Raises
     ------
+    UsageError
+        Where neither titles nor `answers` say what is to be predicted, and nobody can be asked; or
+        where a name that was said is none of a column.
     DataError
-        Where no two columns of numbers move.
+        Where the recordings cannot be read.
     """
-    if group.beside is not None:
-        return followed(
-            *with_column_beside(started(group, name, folder), group, group.beside, folder), folder
-        )
     table = table_of(group, folder)
-    loads, is_told = loads_told(group), bool(answers.columns)
-    guesses = (
-        told_guesses(answers, table)
-        if is_told
-        else guess_columns(table, pressures_told(some_of(group.names)), loads is not None)
-    )
-    moving = [one for one in guesses if span(table.raw[guesses[one].column])]
-    target = answers.target or next(
-        (one for one in ("force", "displacement", "length") if one in moving), None
-    )
-    position = (
-        next((one for one in POSITIONS if one in guesses), None) if target == "force" else None
-    )
-    second = (
-        second
-        if {"time", "force"} <= guesses.keys()
-        and position is not None
-        and "pressure" not in guesses
-        else None
-    )
-    untold, constants = "", None
-    if target == "force" and second is None:
-        untold = next((one for one in ("pressure", position or "strain") if one not in guesses), "")
-        told = (
-            constants_of(
-                group.conditions, untold, answers.length, strict=is_told and answers.hold != untold
-            )
-            if untold
-            else None
+    told_of_second = {} if second is None else answers.about(second)
+    answers = replace(answers, columns=answers.about(group))
+    hold = answers.hold
+    constants = held_in_names(group.conditions, None if hold == ("none", "") else hold)
+    columns = named_by_person(answers.columns, table) if answers.columns else named_by_titles(table)
+    target = answers.target or target_of([*columns], constants is not None or second is not None)
+    if target is None and ask is not None:
+        if not answers.columns:
+            columns = named_by_person(asked_columns(table, ask), table)
+        target = target_of([*columns], False) or asked_target(
+            [one for one in columns if one != "time"], ask
         )
-        untold, constants = told or (untold, None)
-    plain = target is not None and (
-        "pressure" in guesses
-        or (constants is not None and untold == "pressure")
-        or second is not None
-    )
-    if is_told and not (
-        plain and guesses.keys() <= {"time", "pressure", target, *POSITIONS, "load"}
-    ):
-        inputs, target = _as_told(group, guesses, target)
-        return followed(
-            with_columns(started(group, name, folder), guesses, table), inputs, target, folder
+    if target is None:
+        raise refuse_choice(table, group.files[0].name)
+    if target not in columns or len(columns.keys() - {"time"}) + (constants is not None) < 2:
+        raise UsageError(
+            f"{group.files[0].name}: '{target}' is to follow, and the columns are "
+            f"{', '.join(columns)}",
+            "name both by --columns",
         )
-    if target is None or not plain or (not is_told and count_pressures(table, guesses) > 1):
-        guesses, inputs, target = _unknown(group, table, guesses)
-        return followed(
-            with_columns(started(group, name, folder), guesses, table), inputs, target, folder
-        )
-    if target == "displacement" and loads is not None and len(set(loads)) > 1:
-        untold, constants = "load", loads
-    position = position or (untold if constants is not None and untold in POSITIONS else None)
-    used = (
-        guesses
-        if is_told
-        else {one: guesses[one] for one in ("time", "pressure", position, target) if one in guesses}
-    )
-    draft = with_columns(started(group, name, folder, untold, constants), used, table)
-    if second is not None:
-        clock = convert(table.raw[guesses["time"].column][0], guesses["time"].unit, "s")
-        draft = with_second_log(draft, second[0], folder, clock, target, second[1])
+    quantity, told = constants or ("", [])
+    if quantity in columns:
+        quantity, told = "", []
+    is_muscle = target in ("force", *POSITIONS) and "pressure" in (*columns, quantity)
+    if is_muscle and not answers.columns and not answers.target:
+        columns = {
+            key: one
+            for key, one in columns.items()
+            if key in ("time", "pressure", target) or (target == "force" and key in POSITIONS)
+        }
+    draft = with_columns(started(group, name, folder, quantity, told), columns, table)
+    if second is not None and "pressure" not in columns:
+        draft = with_second_log(draft, second, folder, target, told_of_second)
     draft, dataset = cleaned(draft, folder, target)
     if answers.length is not None:
         draft = with_strain(draft, dataset, answers.length)
-        if "derive" in draft.data:
-            target, position = target if target == "force" else "strain", position and "strain"
+        target = target if target == "force" or "derive" not in draft.data else "strain"
         dataset = read_draft(draft, folder, target)
-    try:
-        return of_experiment(draft, dataset.recordings, folder, target, position, answers.hold)
-    except DataError as fault:  # too few samples for what the experiment looks like
-        return with_target(draft, target).noted(
-            ("target",), f"made plain, as {fault.message}", False
-        )
+    recordings = dataset.recordings
+    inputs = [one for one in recordings[0].columns if one not in ("time", target, group.of)]
+    held = None
+    pair = _swept_and_held(inputs, hold)
+    if pair is not None:
+        held = find_held(recordings, pair, hold and hold[0])
+    return with_experiment(draft, recordings, target, inputs, held)
 
 
-def _as_told(group: Group, guesses: dict[str, Guess], target: str | None) -> tuple[list[str], str]:
-    """Return the inputs and the target of columns that a person has named: the target follows all
-    others but the time.
+def _swept_and_held(inputs: Sequence[str], hold: tuple[str, str] | None) -> tuple[str, str] | None:
+    """Return the two inputs of which one may be held while the other is swept: the pressure and a
+    position, or what a person says; None where there are no such two.
     """
-    names = [one for one in guesses if one != "time"]
-    target = target or names[-1]
-    if target not in names or len(names) < 2:
-        told = ", ".join(guesses)
-        raise DataError(
-            f"{group.files[0].name}: '{target}' is to follow, and the columns that were named "
-            f"are {told}",
-            "name both",
+    if hold is not None and hold[0] not in ("none", *inputs):
+        raise UsageError(
+            f"--hold: no input is called {hold[0]}", f"say {', '.join(inputs)}, or none"
         )
-    return [one for one in names if one != target], target
-
-
-def _unknown(
-    group: Group, table: Table, known: dict[str, Guess]
-) -> tuple[dict[str, Guess], list[str], str]:
-    """Return columns of which no one knows what they are: one drives, one follows."""
-    found = guess_others(table, known)
-    if found is not None:
-        return found
-    titles = group.layout.titles or ()
-    wide = [
-        title
-        for title in titles
-        if (number := number_in(title)) is not None and number[1] is not None
-    ]
-    if len(wide) > 1:
-        how = "write a row for each value, with its pressure in a column of its own"
-        raise DataError(
-            f"{group.files[0].name}: one column for each of {', '.join(wide)} is a wide "
-            f"table: {how}"
-        )
-    told = ", ".join(titles) or f"{group.layout.width} columns without titles"
-    raise DataError(
-        f"{group.files[0].name}: no two columns of numbers move in {told}", "write the spec by hand"
-    )
-
-
-@dataclass(frozen=True)
-class Start:
-    """The drafts, that of the most files first, each with that of its hysteresis behind it, and
-    remarks about what they do not cover.
-    """
-
-    drafts: tuple[Draft, ...]
-    remarks: tuple[str, ...]
+    others = [one for one in POSITIONS if one in inputs]
+    if "pressure" in inputs and others:
+        return "pressure", others[0]
+    rest = [one for one in inputs if hold is not None and one != hold[0]]
+    return (hold[0], rest[0]) if hold is not None and hold[0] in inputs and rest else None
 
 
 def start(
@@ -232,103 +156,59 @@ def start(
     ------
     DataError
         Where nothing usable is found; the message says why of every file.
+    UsageError
+        Where nothing says what is to be predicted, of any study.
     """
     drafts: list[Draft] = []
-    with remembered():
-        groups, remarks = find_groups(path, answers.group)
-        names = _unique(
-            [_name(group.label) for group in groups], [_name(group.folder.name) for group in groups]
-        )
-        seconds = {
-            group.files: second
-            for group in groups
-            if (second := second_of(group, groups)) is not None
-        }
-        for group, own in zip(groups, names, strict=True):
-            said = answers.for_columns(group.layout.columns, group.layout.width)
-            if group in seconds.values():
-                continue
-            if said is None:
-                remarks.append(f"{own} ({group}): it has none of the columns that were named")
-                continue
-            if drafts and single:
-                remarks.append(
-                    f"{own} ({group}): another study; without -o every study gets a spec of its own"
-                )
-                continue
-            called = (
-                own if name is None else name if single or len(groups) == 1 else f"{name}-{own}"
+    open_choice: UsageError | None = None
+    groups, remarks = find_groups(path, answers.group)
+    names = _unique(
+        [_run_name(group.label) for group in groups],
+        [_run_name(group.folder.name) for group in groups],
+    )
+    seconds = {group.files: second_of(group, groups) for group in groups}
+    for group, own in zip(groups, names, strict=True):
+        if any(group is second for second in seconds.values()):
+            continue
+        if answers.columns and not answers.about(group):
+            remarks.append(f"{own} ({group}): it has none of the columns that were named")
+            continue
+        if drafts and single:
+            remarks.append(
+                f"{own} ({group}): another study; without -o every study gets a spec of its own"
             )
-            other = seconds.get(group.files)
-            beside = (
-                None
-                if other is None
-                else (other, answers.for_columns(other.layout.columns, other.layout.width))
-            )
-            try:
-                for draft in _drafts_of(
-                    group, called, folder, said, beside, ask, search or proven, single
-                ):
-                    drafts.append(draft)  # noqa: PERF402 - the first one stays where the second fails
-            except (DataError, SpecError) as fault:
-                remarks.append(f"{own} ({group}): {fault.message}")
-    remarks = [
-        *remarks[:MOST_REMARKS],
-        *([f"... and {len(remarks) - MOST_REMARKS} more"] if len(remarks) > MOST_REMARKS else []),
-    ]
+            continue
+        is_only = single or len(groups) == 1
+        called = own if name is None else name if is_only else f"{name}-{own}"
+        try:
+            draft = propose(group, called, folder, answers, seconds[group.files], ask)
+            if tests := tests_of(group.files):
+                held_out = {"validate": {"files": tests}}
+                draft = draft.with_data("split", held_out, "the names of the files say so")
+            draft = (search or proven)(draft, folder)
+            drafts.append(draft if ask is None else asked_rest(draft, ask))
+        except UsageError as fault:
+            open_choice = open_choice or fault
+            remarks.append(fault.message.partition("\n")[0])
+        except (DataError, SpecError) as fault:
+            remarks.append(f"{own} ({group}): {fault.message}")
+    if not drafts and open_choice is not None:
+        raise open_choice
     if not drafts:
+        told = "\n  ".join(_shortened(remarks))
         raise DataError(
             f"{path}: no usable recording was found",
-            "\n  ".join(remarks) or "give a folder of recordings, as CSV files",
+            told or "give a folder of recordings, as CSV files",
         )
-    return Start(tuple(drafts), tuple(remarks))
+    return Start(tuple(drafts), tuple(_shortened(remarks)))
 
 
-MOST_REMARKS = 8
+def _shortened(remarks: Sequence[str]) -> list[str]:
+    more = len(remarks) - MOST_REMARKS
+    return [*remarks[:MOST_REMARKS], *([f"... and {more} more"] if more > 0 else [])]
 
 
-def _drafts_of(
-    group: Group,
-    name: str,
-    folder: Path,
-    said: Answers,
-    second: Second | None,
-    ask: Ask | None,
-    search: Search,
-    single: bool,
-) -> Iterator[Draft]:
-    """Yield the draft of a group, with its model, and that of its hysteresis: made once more where
-    answers tell of columns or a length.
-    """
-
-    def drafted(said: Answers) -> Draft:
-        draft = propose(group, name, folder, said, second)
-        draft = draft if said.columns else with_volts(draft, group.layout)
-        tests = [file.name for file in tests_of(group.files)]
-        return (
-            draft.with_data(
-                "split", {"validate": {"files": tests}}, "the names of the files say so"
-            )
-            if tests
-            else draft
-        )
-
-    draft = drafted(said)
-    if ask is not None:
-        told = asked_columns(draft, said, ask)
-        length = asked_length(draft, ask)
-        told = replace(told, length=parse_quantity(length, "m")) if length else told
-        draft = drafted(told) if told != said else draft
-    draft = search(draft, folder)
-    draft = draft if ask is None else asked_rest(draft, ask)
-    yield draft
-    beside = None if single else hysteresis_beside(draft, folder)
-    if beside is not None:
-        yield search(beside, folder)
-
-
-def _name(label: str) -> str:
-    """Return a run's name made of a label."""
+def _run_name(label: str) -> str:
     return re.sub(r"[^A-Za-z0-9._-]+", "-", label).strip("._-")[:80] or "study"
 
 

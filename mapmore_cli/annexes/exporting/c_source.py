@@ -19,6 +19,7 @@ from mapmore_cli.annexes.exporting.dialect import (
     Dialect,
     Expressions,
     Statements,
+    Wanted,
     code,
     identifier,
     lines_of_code,
@@ -26,6 +27,12 @@ from mapmore_cli.annexes.exporting.dialect import (
     renamed,
     rendered,
     word,
+)
+from mapmore_cli.annexes.exporting.verifying import (
+    CLOSE,
+    CLOSE_SINGLE,
+    CompilerMissing,
+    verify_program,
 )
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.foreign import c_comment
@@ -46,7 +53,7 @@ from mapmore_cli.modelling.inverse import (
 from mapmore_cli.modelling.kinds import OUTSIDE_TOLERANCE, runs_over_time
 from mapmore_cli.modelling.program.model import program_of, with_slopes
 from mapmore_cli.modelling.program.statements import Choose, Function, Limit, Program
-from mapmore_cli.modelling.program.writing import names_in
+from mapmore_cli.modelling.program.writing import names_used_in
 
 MOST_INPUTS = 14
 """Bits of the returned number, one for every input and one more: an `int` may have 16."""
@@ -61,6 +68,19 @@ Python knows no such limit.
 
 COARSER = 1000.0
 """Times wider limits of the inverse in single precision."""
+
+
+def c_files(model: Model, wanted: Wanted) -> dict[str, str]:
+    """Return the C of a model, compared with `predict` where there is a compiler."""
+    source = c_source(model, wanted.single)
+    if wanted.verify:
+        compiled = [f"{source.name}.c", f"{source.name}_main.c"]
+        try:
+            close = CLOSE_SINGLE if wanted.single else CLOSE
+            verify_program(model, source.files, compiled, close)
+        except CompilerMissing as reason:
+            wanted.warn(f"{reason}: the source was not compared with `mapmore predict`")
+    return source.files
 
 
 def c_source(model: Model, single: bool = False) -> CSource:
@@ -302,7 +322,7 @@ class CStatements(Statements):
             f"{self.real} *results"
         ] * several
         lines, results = self.block(function.body, self.expressions())
-        used = names_in(function.body)
+        used = names_used_in(function.body)
         ignored = [f"(void){name};" for name in function.parameters if name not in used]
         ends = (
             [f"results[{i}] = {text};" for i, text in enumerate(results)]
@@ -377,7 +397,7 @@ def indented(lines: Sequence[str]) -> list[str]:
 # -------------------------------------------------
 
 
-def mujoco_files(model: Model) -> dict[str, str]:
+def mujoco_files(model: Model, _wanted: Wanted) -> dict[str, str]:
     """Return the C of a model of pressure and strain, and a callback that MuJoCo asks for the force
     of an actuator.
 
@@ -402,7 +422,7 @@ def mujoco_files(model: Model) -> dict[str, str]:
     return {**source.files, f"{source.name}_mujoco.c": text}
 
 
-def simulink_files(model: Model) -> dict[str, str]:
+def simulink_files(model: Model, _wanted: Wanted) -> dict[str, str]:
     """Return the C of a model, and a function of single numbers that a C Caller block calls.
 
     Raises UsageError for a model with memory: a C Caller block keeps no state.

@@ -47,6 +47,20 @@ from mapmore_cli.modelling.program.statements import (
 )
 from mapmore_cli.modelling.program.values import COMPARE
 
+Warn = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """How a model is exported: numbers of `single` precision, the points of a `grid`, compared with
+    `predict` where it says `verify`; `warn` is told what could not be done.
+    """
+
+    single: bool
+    grid: str | None
+    verify: bool
+    warn: Warn
+
 
 class Code(str):
     """A text that our own printers made, of words that are none of a stranger's."""

@@ -5,15 +5,26 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Mapping
+import io
+import zipfile
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 from uuid import UUID
 
+from mapmore_cli import __version__
 from mapmore_cli.annexes.exporting.c_source import CSource, c_source
-from mapmore_cli.annexes.exporting.dialect import rendered, source
+from mapmore_cli.annexes.exporting.dialect import Wanted, rendered, source
+from mapmore_cli.annexes.exporting.verifying import (
+    CompilerMissing,
+    built,
+    library_place,
+    verify_program,
+)
 from mapmore_cli.domain.foreign import identifiers
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import BaseUnits, Quantity
+from mapmore_cli.spec.units import base_units
 
 WRAPPER = ("co-simulation.h", "co-simulation.c")
 """The files around every model; a hyphen keeps their names apart from those of models."""
@@ -24,52 +35,86 @@ with memory has no value.
 """
 
 
+OLDEST = (1980, 1, 1, 0, 0, 0)
+"""The date of every file in an archive, so that the same model gives the same bytes."""
+
+
 @dataclass(frozen=True)
 class UnitSources:
-    """What a unit is made of: its identifier, files by their place in the archive, and the C files
-    that its binary is compiled from.
+    """What a unit is made of: its identifier, its description, its C by name, and the files that
+    its binary is compiled from.
     """
 
     name: str
-    files: dict[str, str]
+    description: str
+    sources: dict[str, str]
     compiled: tuple[str, ...]
 
 
-def fmu_sources(model: Model, units: Mapping[str, BaseUnits], tool: str) -> UnitSources:
-    """Return the texts of a unit; `units` says what is known of the units of the model, `tool` with
-    which version of what it is made.
+class Variable(NamedTuple):
+    """A variable of the unit, as FMI describes it."""
+
+    name: str
+    about: str
+    causality: str
+    variability: str
+    unit: str | None
+    start: float | None = None
+
+
+def unit_file(model: Model, wanted: Wanted) -> dict[str, bytes]:
+    """Return a functional mock-up unit, a zip file without dates: its sources, and the binary of
+    this machine where there is a compiler.
+    """
+    unit = fmu_sources(model, f"mapmore {__version__}")
+    files = {"modelDescription.xml": unit.description.encode()}
+    files |= {f"sources/{name}": text.encode() for name, text in unit.sources.items()}
+    try:
+        if wanted.verify:
+            verifier = {"verify-unit.c": source("verify-unit.c")}
+            verify_program(model, {**unit.sources, **verifier}, [*unit.compiled, *verifier])
+        files[library_place(unit.name)] = built(unit.sources, unit.compiled)
+    except CompilerMissing as reason:
+        wanted.warn(
+            f"{reason}: the unit has sources and no binary, so that the tool that imports it "
+            "has to compile them"
+        )
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as archive:
+        for name, data in files.items():
+            entry = zipfile.ZipInfo(name, OLDEST)
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            entry.create_system = 3  # Unix, wherever it is written
+            entry.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
+            archive.writestr(entry, data)
+    return {f"{unit.name}.fmu": stream.getvalue()}
+
+
+def fmu_sources(model: Model, tool: str) -> UnitSources:
+    """Return the texts of a unit; `tool` says with which version of what it is made.
 
     Raises as `c_source.c_source`.
     """
     written = c_source(model)
     name, compiled = written.name, (f"{written.name}.c", WRAPPER[1])
-    texts = {
-        f"{name}.h": written.header(),
-        f"{name}.c": written.source(),
-        **{one: source(one) for one in WRAPPER},
-    }
+    texts = {f"{name}.h": written.header(), f"{name}.c": written.source()}
+    texts |= {one: source(one) for one in WRAPPER}
     about = repr([model.name, model.inputs, model.output, tool, *texts.values()])
-    guid = str(
-        UUID(bytes=hashlib.sha256(about.encode()).digest()[:16])
-    )  # the same for the same unit, another one for any other
+    # the same for the same unit, another one for any other
+    guid = str(UUID(bytes=hashlib.sha256(about.encode()).digest()[:16]))
     variables = list(_variables(written))
-    inputs = [one for one in variables if one["causality"] == "input"]
-    known = {one["unit"]: _powers(units.get(str(one["unit"]))) for one in variables[:-1]}
     words = {
         **written.words,
         "guid": guid,
         "tool": tool,
         "compiled": compiled,
-        "units": known,
+        "units": {one.unit: _powers(base_units(str(one.unit))) for one in variables[:-1]},
         "variables": variables,
-        "inputs": inputs,
+        "inputs": [one for one in variables if one.causality == "input"],
     }
+    texts["this-model.h"] = rendered("this-model.h", **words)
     description = rendered("modelDescription.xml", **words, about=_about(written))
-    sources = {
-        f"sources/{one}": text
-        for one, text in {**texts, "this-model.h": rendered("this-model.h", **words)}.items()
-    }
-    return UnitSources(name, {"modelDescription.xml": description, **sources}, compiled)
+    return UnitSources(name, description, texts, compiled)
 
 
 def _about(written: CSource) -> str:
@@ -93,7 +138,7 @@ def _powers(base: BaseUnits | None) -> dict[str, float] | None:
     return {**base.powers, **{name: value for name, value, default in scale if value != default}}
 
 
-def _variables(written: CSource) -> Iterator[dict[str, object]]:
+def _variables(written: CSource) -> Iterator[Variable]:
     """Yield inputs, the measured output that the model goes on from, the output, and the bits."""
     model, memory = written.model, written.with_memory
     measured = [
@@ -102,35 +147,23 @@ def _variables(written: CSource) -> Iterator[dict[str, object]]:
     given = (*model.inputs, *measured)
     names = [*identifiers([*(one.name for one in given), model.output.name], [BITS]), BITS]
     changes = "discrete" if memory else "continuous"
-    bits = ", ".join(
-        f"{1 << place} for {quantity.name}" for place, quantity in enumerate(model.inputs)
-    )
-    nothing = (
-        f", {1 << len(model.inputs)} where there is no value yet or the run has diverged" * memory
-    )
-    summed = f"0, or the sum of {bits} outside of its training range{nothing}"
-    told = "Measured output, which the model goes on from; counts as long as there is no value"
-    rows: list[tuple[Quantity, str, str, str, float | None]]
-    described = [(one, *_described(written, one)) for one in given]
-    rows = [
-        (one, "input", changes, told if one in measured else about, start)
-        for one, about, start in described
-    ]
-    rows += [
-        (model.output, "output", changes, "The model's value", None),
-        (Quantity(BITS, ""), "output", "discrete", summed, None),
-    ]
-    for name, (quantity, causality, variability, about, start) in zip(names, rows, strict=True):
-        text = about if name == quantity.name else f"{quantity.name}. {about}"
-        unit = None if name is BITS else quantity.unit
-        yield {
-            "name": name,
-            "about": text,
-            "causality": causality,
-            "variability": variability,
-            "unit": unit,
-            "start": start,
-        }
+    for quantity, name in zip(given, names, strict=False):
+        about, start = _described(written, quantity)
+        if quantity in measured:
+            about = (
+                "Measured output, which the model goes on from; counts as long as there is no value"
+            )
+        about = about if name == quantity.name else f"{quantity.name}. {about}"
+        yield Variable(name, about, "input", changes, quantity.unit, start)
+    output, about = model.output, "The model's value"
+    about = about if names[-2] == output.name else f"{output.name}. {about}"
+    yield Variable(names[-2], about, "output", changes, output.unit)
+    bits = ", ".join(f"{1 << place} for {one.name}" for place, one in enumerate(model.inputs))
+    summed = f"0, or the sum of {bits} outside of its training range"
+    if memory:
+        nothing = 1 << len(model.inputs)
+        summed += f", {nothing} where there is no value yet or the run has diverged"
+    yield Variable(BITS, summed, "output", "discrete", None)
 
 
 def _described(written: CSource, quantity: Quantity) -> tuple[str, float]:

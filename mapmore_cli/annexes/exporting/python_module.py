@@ -18,6 +18,7 @@ from mapmore_cli.annexes.exporting.dialect import (
     Code,
     Expressions,
     Statements,
+    Wanted,
     code,
     identifier,
     lines_of_code,
@@ -26,12 +27,21 @@ from mapmore_cli.annexes.exporting.dialect import (
     rendered,
     word,
 )
+from mapmore_cli.annexes.exporting.verifying import verify_module
 from mapmore_cli.domain.foreign import docstring, identifiers
 from mapmore_cli.domain.models import Model
 from mapmore_cli.modelling.kinds import OUTSIDE_TOLERANCE
 from mapmore_cli.modelling.program.model import program_of, with_slopes
 from mapmore_cli.modelling.program.statements import Block, Choose, Let, Limit
 from mapmore_cli.modelling.program.values import INPUT
+
+
+def module_file(model: Model, wanted: Wanted, plain: bool = False) -> dict[str, str]:
+    """Return a module of NumPy or of `plain` Python, compared with `predict`."""
+    name, text = python_module(model, plain)
+    if wanted.verify:
+        verify_module(model, text, each=plain)
+    return {name: text}
 
 
 def python_module(model: Model, plain: bool = False) -> tuple[str, str]:

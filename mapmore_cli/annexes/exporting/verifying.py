@@ -7,7 +7,6 @@ ours.
 
 from __future__ import annotations
 
-import json
 import os
 import platform
 import shutil
@@ -20,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mapmore_cli.annexes.exporting.dialect import rendered, source
+from mapmore_cli.annexes.exporting.dialect import rendered
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.domain.models import Model
@@ -77,16 +76,16 @@ def built(
     Raises CompilerMissing where there is no compiler, CompilerFailed where it refuses the files.
     """
     wanted = (os.environ["CC"],) if os.environ.get("CC") else COMPILERS
-    found = next((path for path in map(shutil.which, wanted) if path), None)
-    if found is None:
+    compiler = next(filter(None, map(shutil.which, wanted)), None)
+    if compiler is None:
         raise CompilerMissing(f"there is no C compiler here ({', '.join(wanted)})")
     try:
-        return _compiled(found, files, compiled, flags)
+        return _compiled(compiler, files, compiled, flags)
     except (OSError, subprocess.SubprocessError) as fault:
         said = (getattr(fault, "stderr", "") or str(fault)).strip().splitlines()
-        why = f"the C compiler {found} failed: {said[0] if said else fault}"
+        why = f"the C compiler {compiler} failed: {said[0] if said else fault}"
     try:
-        _compiled(found, {"empty.c": "int nothing;\n"}, ["empty.c"], LIBRARY)
+        _compiled(compiler, {"empty.c": "int nothing;\n"}, ["empty.c"], LIBRARY)
     except (OSError, subprocess.SubprocessError) as fault:
         raise CompilerMissing(why) from fault  # it compiles nothing at all
     raise CompilerFailed(why)
@@ -112,56 +111,71 @@ input or term is farther by far.
 """
 
 
-def verify_c(model: Model, name: str, texts: Mapping[str, str], single: bool) -> None:
-    """Compile the C of a model and compare it.
+def verify_program(
+    model: Model, texts: Mapping[str, str], compiled: Sequence[str], close: float = CLOSE
+) -> None:
+    """Compile a program that answers for a model, and compare it.
 
     Raises CompilerMissing where there is no compiler; MapmoreError where it refuses the code, or
     its numbers are others.
     """
-    compiled = [f"{name}.c", f"{name}_main.c"]
-    _verify_program(model, texts, compiled, CLOSE_SINGLE if single else CLOSE)
-
-
-def verify_unit(model: Model, texts: Mapping[str, str], compiled: Sequence[str]) -> None:
-    """Compile the sources of a functional mock-up unit and compare what it answers to a tool;
-    raises as `verify_c`.
-    """
-    _verify_program(
-        model,
-        {**texts, "verify-unit.c": source("verify-unit.c")},
-        [*compiled, "verify-unit.c"],
-        CLOSE,
-    )
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        place = Path(folder) / "verify.exe"
+        try:
+            place.write_bytes(built(texts, compiled, ()))
+        except CompilerFailed as fault:
+            raise _unequal(model, str(fault)) from fault
+        place.chmod(0o700)
+        _verify(model, [str(place)], close)
 
 
 def verify_module(model: Model, text: str, each: bool = False) -> None:
     """Import a module and compare it, sample by sample where it takes `each` alone; raises
-    MapmoreError as `verify_c`.
+    MapmoreError as `verify_program`.
     """
-    columns, memory = points(model), program_of(model).step is not None
-    given = [columns[quantity.name].tolist() for quantity in model.inputs]
-    measured = [columns[output].tolist() for output in fed_back(model)]
-    driver = rendered("verify.py", memory=memory, each=each)
+    memory, count = program_of(model).step is not None, len(model.inputs)
+    driver = rendered("verify.py", memory=memory, each=each, count=count)
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         for name, code in (("exported.py", text), ("verify.py", driver)):
             (Path(folder) / name).write_text(code, encoding="utf-8")
         libraries = str(Path(np.__file__).parents[1])
-        job = json.dumps(
-            {"path": [folder, libraries], "given": given, "measured": measured, "rows": POINTS}
-        )
-        said = _said(
-            model, [sys.executable, "-I", "-S", "-B", str(Path(folder) / "verify.py")], job
-        )
-    found, outside = np.array(said.split(), dtype=np.float64).reshape(2, POINTS)
-    _compare(model, columns, found, outside != 0, CLOSE)
+        command = [sys.executable, "-I", "-S", "-B", f"{folder}/verify.py", folder, libraries]
+        _verify(model, command, CLOSE)
 
 
-def _said(model: Model, command: Sequence[str], given: str) -> str:
-    """Return what code says in a process of its own; raises MapmoreError where it fails."""
+def _verify(model: Model, command: Sequence[str], close: float) -> None:
+    """Compare a program that reads inputs and measured outputs a line, and prints the output and
+    the bits of inputs outside of their range.
+    """
+    columns, count = points(model), len(model.inputs)
+    names = [*(quantity.name for quantity in model.inputs), *fed_back(model)]
+    rows = np.column_stack([np.empty((POINTS, 0)), *(columns[name] for name in names)]).tolist()
+    answers = _answers(model, command, "".join(" ".join(map(repr, row)) + "\n" for row in rows))
+    # one line where there is no input
+    values, bits = np.broadcast_to(answers.reshape(-1, 2), (POINTS, 2)).T
+    outside = bits.astype(int) & ((1 << count) - 1) != 0
+    with np.errstate(all="ignore"):
+        expected = simulate(model, columns).values
+        size = np.abs(expected[np.isfinite(expected)])
+        room = close * np.maximum(np.abs(expected), 0.1 * np.median(size) if size.size else 0.0)
+        equal = np.abs(values - expected) <= room
+        equal |= (values == expected) | (np.isnan(values) & np.isnan(expected))
+    for row in np.flatnonzero(~equal | (outside != outside_range(model, columns)))[:1]:
+        where = ", ".join(f"{name} = {columns[name][row]:.6g}" for name in names[:count])
+        raise _unequal(
+            model, f"it is {values[row]:.9g} where `predict` has {expected[row]:.9g}, at {where}"
+        )
+
+
+def _answers(model: Model, command: Sequence[str], given: str) -> Array:
+    """Return the numbers that code says in a process of its own; raises MapmoreError where it
+    fails.
+    """
     try:
-        return subprocess.run(
+        done = subprocess.run(
             command, input=given, capture_output=True, text=True, check=True, timeout=SECONDS
-        ).stdout
+        )
+        return np.array(done.stdout.split(), dtype=np.float64)
     except subprocess.CalledProcessError as fault:
         why = (fault.stderr.strip() or f"it ends with {fault.returncode}").splitlines()[-1]
         raise _unequal(model, why) from fault
@@ -189,47 +203,6 @@ def points(model: Model) -> Columns:
     for memory in model.memories:
         columns.setdefault(memory.output, rng.uniform(*memory.limits, POINTS))
     return columns
-
-
-def _verify_program(
-    model: Model, texts: Mapping[str, str], compiled: Sequence[str], close: float
-) -> None:
-    columns = points(model)
-    names = [*(quantity.name for quantity in model.inputs), *fed_back(model)]
-    rows = "\n".join(
-        " ".join(map(repr, row))
-        for row in zip(*(columns[name].tolist() for name in names), strict=True)
-    )
-    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
-        place = Path(folder) / "verify.exe"
-        try:
-            place.write_bytes(built(texts, compiled, ()))
-        except CompilerFailed as fault:
-            raise _unequal(model, str(fault)) from fault
-        place.chmod(0o700)
-        said = _said(model, [str(place)], rows)
-    found = np.array(said.split(), dtype=np.float64).reshape(-1, 2)
-    out, bits = np.broadcast_to(found, (POINTS, 2)).T  # one line where there is no input
-    _compare(model, columns, out, (bits.astype(int) & ((1 << len(model.inputs)) - 1)) != 0, close)
-
-
-def _compare(model: Model, columns: Columns, found: Array, outside: Array, close: float) -> None:
-    with np.errstate(all="ignore"):
-        expected = simulate(model, columns).values
-        size = np.abs(expected[np.isfinite(expected)])
-        room = close * np.maximum(np.abs(expected), 0.1 * (np.median(size) if size.size else 0.0))
-        equal = (
-            (np.abs(found - expected) <= room)
-            | (found == expected)
-            | (np.isnan(found) & np.isnan(expected))
-        )
-    for row in np.flatnonzero(~equal | (outside != outside_range(model, columns)))[:1]:
-        where = ", ".join(
-            f"{quantity.name} = {columns[quantity.name][row]:.6g}" for quantity in model.inputs
-        )
-        raise _unequal(
-            model, f"it is {found[row]:.9g} where `predict` has {expected[row]:.9g}, at {where}"
-        )
 
 
 def _unequal(model: Model, what: str) -> MapmoreError:

@@ -50,22 +50,14 @@ def findings(spec: ExperimentSpec) -> Iterator[Finding]:
             "switching goes by every change of the input"
         )
         yield Finding("model.dead_band:", what, "remove it")
-    for key in ("bounds", "begin"):
-        if getattr(model, key) is not None and model.solver != "swarm":
-            yield Finding(
-                f"model.{key}:",
-                f"`solver: {model.solver}` looks at all stable sections",
-                f"remove `{key}`",
-            )
+    if model.begin is not None and model.solver != "swarm":
+        what = f"`solver: {model.solver}` looks at all stable sections"
+        yield Finding("model.begin:", what, "remove `begin`")
     if model.mask != "input" and not model.direction:
         yield Finding(
             "model.mask:",
             "`mask` tells rise from fall, and sections have no direction",
             "add `direction: true`",
-        )
-    if model.polish and model.solver == "least_squares":
-        yield Finding(
-            "model.polish:", "`polish` goes on by least squares, which this solver is", "remove it"
         )
     if model.solver == "swarm" and (
         model.offset or model.load is not None or model.switching == "bumpless"
@@ -77,5 +69,5 @@ def findings(spec: ExperimentSpec) -> Iterator[Finding]:
         yield Finding(
             "model.solver",
             what,
-            "use `swarm_projected`, `differential_evolution` or `least_squares`",
+            "use `swarm_projected` or `least_squares`",
         )

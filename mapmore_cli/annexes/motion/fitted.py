@@ -10,11 +10,11 @@ from mapmore_cli.domain.declared import taken
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.results import FitResult
 from mapmore_cli.fitting.kinds import Given
-from mapmore_cli.fitting.kinds.choices import FitChoices, ModelChoices
+from mapmore_cli.fitting.kinds.choices import ModelChoices
 from mapmore_cli.modelling.memory.records import records_of, time_step
 
 
-def fit(part: FitChoices, given: Given) -> FitResult:
+def fit(part: ModelChoices, given: Given) -> FitResult:
     """Every section, on all recordings.
 
     Raises DataError where recordings are not sampled alike, the input never changes, or a section

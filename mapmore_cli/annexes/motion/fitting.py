@@ -29,7 +29,7 @@ from mapmore_cli.annexes.motion.body import (
     MotionSection,
     SectionSearch,
 )
-from mapmore_cli.annexes.motion.problem import Found, MotionRecipe, Piece, Problem
+from mapmore_cli.annexes.motion.problem import MotionRecipe, Piece, Problem
 from mapmore_cli.annexes.motion.simulation import (
     active,
     angles,
@@ -39,7 +39,7 @@ from mapmore_cli.annexes.motion.simulation import (
     shared,
     spread,
 )
-from mapmore_cli.annexes.motion.solvers import solve
+from mapmore_cli.annexes.motion.solvers import SOLVERS
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.memory.records import Record
@@ -93,7 +93,8 @@ def fit_motion(
                 "move the boundaries of `model.sections` to where the input has been, or "
                 "train on records that go there",
             )
-        found: Found = solve(Problem(own, reach, recipe.start, (recipe.seed, number)), recipe)
+        problem = Problem(own, reach, recipe.start, (recipe.seed, number))
+        found = SOLVERS[recipe.solver](problem, recipe)
         sections.append(replace(section, p1=found.p1, p2=found.p2, weights=found.weights))
         searches.append(
             SectionSearch(section.id, samples, found.rmse, found.evaluations, found.history)

@@ -20,8 +20,8 @@ QUARTER = 0.25  # of the longest piece: the longest time constant that is looked
 
 @dataclass(frozen=True)
 class Bounds(Settings):
-    """Where `solver: swarm` looks for P1, P2, P3; without `p3`, four times the spans' ratio, either
-    sign.
+    """Where the particles of `solver: swarm` begin for P1, P2, P3; without `p3`, four times the
+    spans' ratio, either sign.
 
     The default holds every stable section: there P1 lies in -1..1 and P2 in -2..2, and `|1 - P1 -
     P2| < 4`.
@@ -58,10 +58,7 @@ class MotionSettings(Settings):
     - `start`: where a run begins: `rest` or `zero`.
     - `mask`: `input` or `displacement`: the quantity whose direction says which training samples
       are those of rise and of fall.
-    - `seed`: seed of the solver; every section draws numbers of its own from it.
-    - `bounds`, `begin`: where the published swarm looks, and where its particles begin; None for
-      everywhere in the bounds.
-    - `polish`: whether `least_squares` goes on from what another solver has found.
+    - `begin`: where the particles of the published swarm begin; None for everywhere.
     """
 
     input: str | None = None
@@ -77,27 +74,21 @@ class MotionSettings(Settings):
     dead_band: Annotated[float, Interval(ge=0), of_sibling("input")] = 0.0
     offset: bool = False
     load: str | None = None
-    solver: Literal["least_squares", "differential_evolution", "swarm", "swarm_projected"] = (
-        "least_squares"
-    )
-    polish: bool = False
-    particles: Annotated[int, Interval(ge=2)] = 50
-    iterations: Annotated[int, Interval(ge=1)] = 20
-    seed: Annotated[int, Interval(ge=0)] = 1
+    solver: Literal["least_squares", "swarm", "swarm_projected"] = "least_squares"
     slowest: Seconds | None = None
-    bounds: Bounds | None = None
     begin: Bounds | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
 class MotionRecipe(MotionSettings):
     """The settings of one fit: the input is known, the `output` and the `step` between samples (s)
-    are those of the records.
+    are those of the records. Every section draws numbers of its own from the `seed`.
     """
 
     input: str
     output: str
     step: float
+    seed: int = 1
 
     def reach(self, longest: int) -> float:
         """Return the largest modulus of a pole, `exp(-step/slowest)`, where the longest piece has

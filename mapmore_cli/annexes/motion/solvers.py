@@ -1,5 +1,4 @@
-"""Ways to find a section's parameters, by name: least squares, differential evolution, and particle
-swarms (P eq 11-12).
+"""Ways to find a section's parameters, by name: least squares and particle swarms (P eq 11-12).
 
 All but the published swarm search the poles alone; the weights of the drives follow by projection.
 """
@@ -9,19 +8,16 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 
 import numpy as np
 from scipy import optimize
 
 from mapmore_cli.annexes.motion.problem import Bounds, Found, MotionRecipe, Piece, Problem
 from mapmore_cli.annexes.motion.simulation import (
-    EDGE,
     angles,
     of_angles,
     of_oscillator,
     of_poles,
-    of_reflections,
     stable,
 )
 from mapmore_cli.domain.arrays import Array
@@ -45,10 +41,6 @@ def least_squares(problem: Problem, recipe: MotionRecipe) -> Found:  # noqa: ARG
         for start in starts
     ]
     errors = [problem.rmse(*start) for start in within]
-    return _refined(problem, *within[int(np.argmin(errors))])
-
-
-def _refined(problem: Problem, p1: float, p2: float) -> Found:
     history: list[float] = []
 
     def residuals(place: Array) -> Array:
@@ -56,10 +48,10 @@ def _refined(problem: Problem, p1: float, p2: float) -> Found:
         history.append(float(np.sqrt(np.mean(left**2))))
         return left
 
-    start = angles(p1, p2, problem.reach, NEAREST)
+    best_start = within[int(np.argmin(errors))]
     best = optimize.least_squares(
         residuals,
-        start,
+        angles(*best_start, problem.reach, NEAREST),
         jac="3-point",
         ftol=TOLERANCE,
         xtol=TOLERANCE,
@@ -94,35 +86,7 @@ def linear_start(pieces: tuple[Piece, ...], stride: int) -> tuple[float, float] 
     return of_poles(first, second)
 
 
-POPULATION = 10  # members for each coordinate
-
-
-def differential_evolution(problem: Problem, recipe: MotionRecipe) -> Found:
-    """Return the best of `iterations` generations over all stable sections, or of fewer where the
-    population has settled.
-    """
-    history: list[float] = []
-
-    def poles(place: Array) -> tuple[float, float]:
-        return of_reflections(float(place[0]), float(place[1]), problem.reach)
-
-    def cost(place: Array) -> float:
-        history.append(problem.rmse(*poles(place)))
-        return history[-1]
-
-    members = POPULATION * 2
-    best = optimize.differential_evolution(
-        cost,
-        optimize.Bounds([-EDGE, -EDGE], [EDGE, EDGE]),
-        popsize=POPULATION,
-        maxiter=recipe.iterations,
-        tol=1e-6,
-        polish=False,
-        seed=problem.random,
-    )
-    return problem.found(*poles(best.x), np.minimum.accumulate(history)[members - 1 :: members])
-
-
+PARTICLES, ITERATIONS = 50, 20
 INERTIA, OWN, COMMON = 0.9, 2.0, 2.0
 """P's W, C1 and C2. They lie outside of the region in which a swarm settles: it needs `C1 + C2 < 24
 (1 - W^2)/(7 - 5 W)`, here 1.8.
@@ -132,8 +96,6 @@ INERTIA, OWN, COMMON = 0.9, 2.0, 2.0
 def fly(
     cost: Callable[[Array], float],
     walls: Array,
-    particles: int,
-    iterations: int,
     rng: np.random.Generator,
     begin: Array | None = None,
 ) -> tuple[Array, list[float]]:
@@ -146,11 +108,11 @@ def fly(
     """
     low, high = walls
     first, last = walls if begin is None else begin
-    x = first + (last - first) * rng.random((particles, len(first)))
+    x = first + (last - first) * rng.random((PARTICLES, len(first)))
     v = np.zeros_like(x)
     own, own_cost = x.copy(), np.array([cost(each) for each in x])
     history = [float(own_cost.min())]
-    for _ in range(iterations):
+    for _ in range(ITERATIONS):
         common = own[np.argmin(own_cost)]
         r1, r2 = rng.random(x.shape), rng.random(x.shape)
         v = INERTIA * v + OWN * r1 * (own - x) + COMMON * r2 * (common - x)
@@ -170,7 +132,7 @@ WIDE = 4.0  # `|P3| = |gain| |1 - P1 - P2| < 4 |gain|` for stable sections
 
 
 def swarm(problem: Problem, recipe: MotionRecipe) -> Found:
-    """Return the best P1, P2 and P3 of `iterations` over the recipe's bounds (P 2.2); an unstable
+    """Return the best P1, P2 and P3 where sections can be stable (P 2.2); an unstable
     particle costs more than any stable one.
 
     Raises SpecError where a section has more parameters than P's three; FitError where no particle
@@ -180,25 +142,19 @@ def swarm(problem: Problem, recipe: MotionRecipe) -> Found:
         raise SpecError(
             "`solver: swarm` looks for P1, P2 and P3 alone, which an offset, a load or "
             "bumpless switching are not",
-            "use `swarm_projected`, `differential_evolution` or `least_squares`",
+            "use `swarm_projected` or `least_squares`",
         )
-    walls = _walls(recipe.bounds or Bounds(), problem)
+    walls = _walls(Bounds(), problem)
     begin = None if recipe.begin is None else _walls(recipe.begin, problem)
     best, history = fly(
         lambda x: problem.rmse(x[0], x[1], x[2:]),
         walls,
-        recipe.particles,
-        recipe.iterations,
         problem.random,
         begin,
     )
     p1, p2, p3 = best.tolist()
     if not stable(p1, p2):
-        raise FitError(
-            f"the swarm found no stable section with P1 in {walls[0, 0]:g}..{walls[1, 0]:g} "
-            f"and P2 in {walls[0, 1]:g}..{walls[1, 1]:g}",
-            "widen `bounds`: sections are stable where |P1| < 1 and |P2| < 1 - P1",
-        )
+        raise FitError("the swarm found no stable section", "use `solver: swarm_projected`")
     return Found(p1, p2, np.array([p3]), history[-1], problem.evaluations, np.array(history))
 
 
@@ -210,8 +166,8 @@ def _walls(box: Bounds, problem: Problem) -> Array:
     return np.transpose([box.p1, box.p2, box.p3 or (-widest, widest)])
 
 
-def swarm_projected(problem: Problem, recipe: MotionRecipe) -> Found:
-    """Return the best of `iterations` over all frequencies and dampings."""
+def swarm_projected(problem: Problem, recipe: MotionRecipe) -> Found:  # noqa: ARG001 (a solver's form)
+    """Return the best frequency and damping of all."""
     walls = np.array([[math.log(SLOWEST), LEAST_DAMPED], [math.log(FASTEST), MOST_DAMPED]])
 
     def poles(place: Array) -> tuple[float, float]:
@@ -220,25 +176,11 @@ def swarm_projected(problem: Problem, recipe: MotionRecipe) -> Found:
     best, history = fly(
         lambda place: problem.rmse(*poles(place)),
         walls,
-        recipe.particles,
-        recipe.iterations,
         problem.random,
     )
     return problem.found(*poles(best), history)
 
 
 SOLVERS: Mapping[str, Callable[[Problem, MotionRecipe], Found]] = {
-    solver.__name__: solver
-    for solver in (least_squares, differential_evolution, swarm, swarm_projected)
+    solver.__name__: solver for solver in (least_squares, swarm, swarm_projected)
 }
-
-
-def solve(problem: Problem, recipe: MotionRecipe) -> Found:
-    """Return what the recipe's solver finds; where it says `polish`, least squares go on from
-    there.
-    """
-    found = SOLVERS[recipe.solver](problem, recipe)
-    if not recipe.polish:
-        return found
-    better = _refined(problem, found.p1, found.p2)
-    return replace(better, history=np.concatenate([found.history, better.history]))

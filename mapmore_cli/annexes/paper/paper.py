@@ -7,6 +7,7 @@ agrees.
 
 from __future__ import annotations
 
+import csv
 import math
 import re
 from collections import Counter
@@ -22,7 +23,7 @@ from mapmore_cli.annexes.motion.simulation import last_wavelength
 from mapmore_cli.domain.errors import DataError, MapmoreError, SpecError, told
 from mapmore_cli.domain.scores import Score
 from mapmore_cli.modelling.expressions import ExpressionError, evaluate, parse
-from mapmore_cli.pipeline.report import collected, drawn_figure, published_table, reads
+from mapmore_cli.pipeline.report import collected, drawn_figure, report_slice
 from mapmore_cli.pipeline.runner import bring_up_to_date
 from mapmore_cli.reporting.table import Cell, Column, Table, environment
 from mapmore_cli.reporting.tables import all_tables
@@ -158,13 +159,16 @@ def _rule_words(rule: Verdict) -> str:
 
 def _printed(path: Path, where: Mapping[str, Sequence[str]]) -> list[dict[str, str]]:
     """Return the rows of a published table that are asked for, all texts."""
-    table = published_table(path)
-    names = [column.name for column in table.columns]
+    try:
+        with path.open(newline="", encoding="utf-8") as lines:
+            names, *cells = csv.reader(lines)
+            rows = [dict(zip(names, row, strict=True)) for row in cells]
+    except (OSError, ValueError) as fault:
+        raise SpecError(f"{path} is no table ({fault})", "give a CSV file with headings") from fault
     if unknown := sorted(set(where) - set(names)):
         raise SpecError(
             f"{path.name}: has no column {unknown[0]!r}", f"there are {', '.join(names)}"
         )
-    rows = [dict(zip(names, map(str, row), strict=True)) for row in table.rows]
     kept = [row for row in rows if all(row[name] in texts for name, texts in where.items())]
     if not kept:
         raise SpecError(f"{path.name}: no row is left", "mend `where`")
@@ -332,7 +336,7 @@ def _tables(run_dir: Path) -> dict[str, Table]:
     """Return the tables of a run's page; `scores` has every row, under the names that the specs
     have, and `curves` what was measured.
     """
-    shown = all_tables(collected(reads(load(run_dir / "experiment.yaml").spec), run_dir))
+    shown = all_tables(collected(report_slice(load(run_dir / "experiment.yaml").spec), run_dir))
     rows = [score_row(row) for row in RunFiles(run_dir).scores().scores]
     cells = (tuple(row.values()) for row in rows)
     scores = Table.of("scores", "Scores", [one.name for one in fields(Score)], cells)

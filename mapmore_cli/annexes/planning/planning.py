@@ -21,8 +21,9 @@ from mapmore_cli.domain.processors import shared_out
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import Candidate, Picture, Plan, Search, Until
 from mapmore_cli.domain.scores import Trial, Tuning
+from mapmore_cli.fitting.kinds import refit
 from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices
-from mapmore_cli.fitting.refitting import Folds, errors_of, folds_of, refitted, training_only
+from mapmore_cli.fitting.refitting import Folds, errors_of, folds_of, training_only
 from mapmore_cli.fitting.stage import Progress, Warn
 from mapmore_cli.ingestion.files import slice_of
 from mapmore_cli.modelling import literature
@@ -78,7 +79,7 @@ def tune(
     )
     folds = folds_of(dataset, model_choices(loaded.spec), loaded.spec.validation.normaliser, held)
     trials = shared_out(
-        lambda variant: _tried(*variant, folds),
+        lambda variant: _try_settings(*variant, folds),
         variants,
         partial(listeners["progress"], "combinations"),
     )
@@ -105,13 +106,13 @@ def _variants(
         yield settings, choices
 
 
-def _tried(settings: Mapping[str, Any], choices: ModelChoices, folds: Folds) -> Trial:
+def _try_settings(settings: Mapping[str, Any], choices: ModelChoices, folds: Folds) -> Trial:
     """Return the errors on the folds, of models that were made without them; where a fit fails,
     why.
     """
     try:
-        size = parameters(refitted(choices, folds.dataset))
-        errors = errors_of(choices, folds, refitted)
+        size = parameters(refit(choices, folds.dataset))
+        errors = errors_of(folds, partial(refit, choices))
     except MapmoreError as fault:
         return Trial(settings, failure=fault.message)
     lost = sum(not np.isfinite(error) for error in errors)
@@ -222,10 +223,10 @@ def plan(
     """
     searched = loaded.spec.model.type == "auto"
     if not searched:
-        _refuse(loaded)
+        _plannable(loaded)
     outcome = bring_up_to_date(loaded, runs, "fuse" if searched else "ingest", **listeners)
     loaded = as_found(loaded, outcome.run_dir)
-    choices = _refuse(loaded)
+    choices = _plannable(loaded)
     whole = RunFiles(outcome.run_dir).dataset()
     dataset = training_only(whole)
     largest = max(float(np.abs(curve.columns[dataset.target]).max()) for curve in dataset.curves)
@@ -242,7 +243,7 @@ def plan(
     return Plan(loaded.spec.name, dataset.quantities[dataset.target], quantities, largest, *planned)
 
 
-def _refuse(loaded: LoadedSpec) -> ModelChoices:
+def _plannable(loaded: LoadedSpec) -> ModelChoices:
     """How the model is made, where levels or points can be left out of it."""
     choices = model_choices(loaded.spec)
     if choices.over_time:
@@ -317,7 +318,7 @@ def _of_points(
 ) -> Planned:
     """Return the next points."""
     columns = pooled_training(dataset.curves)
-    inputs = [quantity.name for quantity in refitted(choices, dataset).inputs]
+    inputs = [quantity.name for quantity in refit(choices, dataset).inputs]
     names = tuple(one for one in inputs if np.ptp(columns[one]) > 0)
     if not names:
         raise DataError(
@@ -329,15 +330,15 @@ def _of_points(
             f"plan with {max(STEPS)} inputs or fewer",
         )
     _checked(prices, names)
-    x, y = of_points.thinned(
+    x, y = of_points.spread_out(
         np.column_stack([columns[one] for one in names]), columns[dataset.target]
     )
-    measured = of_points.Measured(names, x, y)
+    measured = of_points.MeasuredMap(names, x, y)
     places = measured.grid(STEPS[len(names)])
     formulas = formulas_of(dataset, measured, places)
 
     planned = of_points.Committee(measured, places, formulas)
-    found, halves = of_points.chosen(planned, names, count, prices)
+    found, halves = of_points.next_points(planned, names, count, prices)
     notes = [MAP] if len(names) == 2 else []
     forecast = (
         None
@@ -349,7 +350,7 @@ def _of_points(
 
 
 def formulas_of(
-    dataset: Dataset, measured: of_points.Measured, places: Array
+    dataset: Dataset, measured: of_points.MeasuredMap, places: Array
 ) -> dict[str, tuple[Array, Array]]:
     """Return what each member of the committee says of the measured points and of the places; of
     none, nothing.

@@ -12,92 +12,15 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, solve_triangular
-from scipy.optimize import Bounds, minimize
 from scipy.spatial import Delaunay, QhullError
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.results import Candidate, Picture, Until
+from mapmore_cli.modelling.gaussian_process import GaussianProcess, most_likely
 from mapmore_cli.modelling.validation.intervals import NORMAL
-
-SHORTEST, LONGEST = (
-    0.1,
-    5.0,
-)  # bounds of the lengths, of inputs in the unit square: few points say nothing of shorter ones
-
-SIZE, NOISE = (0.3, 3.0), (1e-3, 0.5)
-"""Bounds of the deviation of the process and of the noise, as parts of the root mean square of the
-values.
-"""
-
-
-@dataclass(frozen=True)
-class GaussianProcess:
-    """Points x (n, d) with values y (n,); lengths (d,); deviation of the process and of the noise,
-    in the unit of y.
-    """
-
-    x: Array
-    y: Array
-    lengths: Array
-    deviation: float
-    noise: float
-
-    @property
-    def covariance(self) -> Array:
-        """That of the values, (n, n)."""
-        return np.asarray(
-            self.deviation**2 * matern(self.x, self.x, self.lengths)
-            + self.noise**2 * np.eye(len(self.y))
-        )
-
-    def predict(self, at: Array) -> tuple[Array, Array]:
-        """Return mean and standard deviation of the process, without noise, at points (m, d): (m,)
-        each.
-        """
-        factor = np.linalg.cholesky(self.covariance)
-        half = solve_triangular(
-            factor, self.deviation**2 * matern(self.x, at, self.lengths), lower=True
-        )
-        mean = half.T @ solve_triangular(factor, self.y, lower=True)
-        return mean, np.sqrt(np.maximum(self.deviation**2 - np.sum(half**2, axis=0), 0.0))
-
-    def joined(self, x: Array, y: float) -> GaussianProcess:
-        """Return the process with one more point; nothing is fitted anew."""
-        return replace(self, x=np.vstack([self.x, x]), y=np.append(self.y, y))
-
-
-def matern(a: Array, b: Array, lengths: Array) -> Array:
-    """Return `(1 + r + r^2/3) exp(-r)`, r = sqrt(5) |(a - b)/lengths|, for points (n, d) and (m,
-    d): (n, m).
-    """
-    difference = (a[:, None, :] - b[None, :, :]) / lengths
-    r = math.sqrt(5) * np.sqrt(np.sum(difference**2, axis=2))
-    return np.asarray((1 + r + r**2 / 3) * np.exp(-r))
-
-
-def fitted(x: Array, y: Array) -> GaussianProcess:
-    """Return the process of greatest marginal likelihood for points (n, d) in the unit square and
-    values (n,) about zero.
-    """
-    scale = float(np.sqrt(np.mean(y**2))) or 1.0
-
-    def made(q: Array) -> GaussianProcess:
-        return GaussianProcess(
-            x, y, np.exp(q[:-2]), scale * math.exp(q[-2]), scale * math.exp(q[-1])
-        )
-
-    def cost(q: Array) -> float:
-        factor = cho_factor(made(q).covariance, lower=True)
-        return float(0.5 * y @ cho_solve(factor, y) + np.sum(np.log(np.diag(factor[0]))))
-
-    d = x.shape[1]
-    bounds = Bounds(*np.log([(SHORTEST, LONGEST)] * d + [SIZE, NOISE]).T)
-    return made(minimize(cost, np.log([0.5] * d + [1.0, 0.05]), method="L-BFGS-B", bounds=bounds).x)
-
 
 SLACK, LITTLE = (
     0.15,
@@ -110,7 +33,7 @@ MOST_POINTS = 100  # points up to which a forecast goes
 
 
 @dataclass(frozen=True)
-class Measured:
+class MeasuredMap:
     """A map as measured: inputs by name and values, (n,) each, and what each formula of the
     committee says there and elsewhere.
     """
@@ -134,7 +57,7 @@ class Measured:
         return np.asarray(self.x.min(axis=0) + every * np.ptp(self.x, axis=0))
 
 
-def thinned(x: Array, y: Array) -> tuple[Array, Array]:
+def spread_out(x: Array, y: Array) -> tuple[Array, Array]:
     """Return at most `MOST_MEASURED` of the points, spread over them: each next is the one farthest
     from those taken (maximin).
     """
@@ -160,14 +83,14 @@ class Committee:
     """
 
     def __init__(
-        self, measured: Measured, places: Array, formulas: Mapping[str, tuple[Array, Array]]
+        self, measured: MeasuredMap, places: Array, formulas: Mapping[str, tuple[Array, Array]]
     ) -> None:
         self.places, self.scaled = places, measured.scaled(places)
         self.largest = float(np.abs(measured.y).max()) or 1.0
         x = measured.scaled(measured.x)
         self._base = [elsewhere for _, elsewhere in formulas.values()]
         self._own: list[GaussianProcess] = [
-            fitted(x, measured.y - here) for here, _ in formulas.values()
+            most_likely(x, measured.y - here) for here, _ in formulas.values()
         ]
         self.noise = float(np.mean([own.noise for own in self._own]))
         self._update()
@@ -212,7 +135,7 @@ class Committee:
         self._update()
 
 
-def chosen(
+def next_points(
     committee: Committee, names: Sequence[str], count: int, prices: Mapping[str, float]
 ) -> tuple[tuple[Candidate, ...], tuple[Array, Array]]:
     """Return the next points, in the order in which they are worth most, and the half widths at all
@@ -270,7 +193,7 @@ def until(committee: Committee, wanted: float) -> Until:
     return Until(wanted, widest, more if least <= wanted else None, least)
 
 
-def picture(committee: Committee, measured: Measured, halves: tuple[Array, Array]) -> Picture:
+def picture(committee: Committee, measured: MeasuredMap, halves: tuple[Array, Array]) -> Picture:
     """Return the half widths at all places."""
     places = {name: committee.places[:, column] for column, name in enumerate(measured.names)}
     known = {name: measured.x[:, column] for column, name in enumerate(measured.names)}

@@ -1,17 +1,21 @@
 """`mapmore simulate`: runs a synthetic rig and writes what its logger would have written.
 
-The same spec gives the same bytes on one machine; on another, a value may round to the neighbouring
+A simulation says which muscle, on which rig, seen through which sensors. Numbers in its file are in
+the units of the recordings: kPa, N, kg, m, s, strain as a fraction; angles in degrees. The same
+spec gives the same bytes on one machine; on another, a value may round to the neighbouring
 quantisation step.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from decimal import Decimal
 from importlib.resources import files
 from pathlib import Path
+from typing import Annotated, Literal
 
 import numpy as np
+from pydantic import Field
 
 from mapmore_cli.annexes.rig.air import ClosedMuscle
 from mapmore_cli.annexes.rig.antagonists import Antagonists, Joint, driven, swung
@@ -23,46 +27,38 @@ from mapmore_cli.annexes.rig.load_cycle import (
     load_cycle,
     perturbation,
 )
+from mapmore_cli.annexes.rig.muscle import Hysteresis
 from mapmore_cli.annexes.rig.random_velocity import RandomVelocity, random_velocity
 from mapmore_cli.annexes.rig.sensors import Sensor, measure, pressure_label, recording_generator
-from mapmore_cli.annexes.rig.static_muscles import McKibben
+from mapmore_cli.annexes.rig.static_muscles import McKibben, Peano
 from mapmore_cli.annexes.rig.step_response import Step, StepResponses, StepRig, step_response
 from mapmore_cli.annexes.rig.water import WetMuscle
 from mapmore_cli.annexes.rig.waveform import Waveform, Waveforms, waveform_response
 from mapmore_cli.domain.arrays import Columns
+from mapmore_cli.domain.declared import Name
 from mapmore_cli.domain.errors import WriteError
 from mapmore_cli.fitting.stage import Progress
+from mapmore_cli.spec.fields import Section
 from mapmore_cli.spec.loader import load_as
-from mapmore_cli.spec.simulation import SimulationSpec
 from mapmore_cli.storage.atomic import refusals_told, write_text
 
-KPA = 1e3
-"""Pa; the rig computes in Pa, recordings say kPa."""
+KPA = 1e3  # Pa
 
-UNITS = {
-    "pressure": KPA,
-    "muscle_pressure": KPA,
-    "flow": 1e-3 / 60.0,
-    "displacement": 1e-3,
-    "length": 1e-3,
-    "velocity": 1e-3,
+COLUMNS = {
+    "time": ("t", 1.0),
+    "input": ("U", 1.0),
+    "pressure": ("P", KPA),
+    "strain": ("eps", 1.0),
+    "force": ("F", 1.0),
+    "flow": ("Q", 1e-3 / 60.0),
+    "muscle_pressure": ("Pm", KPA),
+    "displacement": ("x", 1e-3),
+    "load": ("W", 1.0),
+    "length": ("l", 1e-3),
+    "velocity": ("v", 1e-3),
 }
-"""Of the recordings, in SI units: kPa, L/min, mm, mm/s; the other columns have the rig's own."""
-
-HEADER = {
-    **{
-        "time": "t",
-        "input": "U",
-        "pressure": "P",
-        "strain": "eps",
-        "force": "F",
-        "flow": "Q",
-        "muscle_pressure": "Pm",
-    },
-    **{"displacement": "x", "load": "W", "length": "l", "velocity": "v"},
-}
-"""Column of the file for each quantity: s, V, kPa, 1, N, L/min, kPa, mm, N, mm, mm/s; of two
-muscles, `P_1` is the first one's.
+"""Title of each quantity in the file, and its unit there in units of the rig: s, V, kPa, 1, N,
+L/min, kPa, mm, N, mm, mm/s. Of two muscles, `P_1` is the first one's.
 """
 
 SET_STEPS = {
@@ -70,6 +66,63 @@ SET_STEPS = {
     "contraction_table": {"force": 0.001},
 }
 """Steps in the files of what is set and not measured: V, N."""
+
+# What a file may say
+# --------------------------------------------------------------------------------------------------
+
+
+WET = ("pressure", "strain", "force", "flow", "muscle_pressure")
+MOVED = ("pressure", "length", "velocity", "force")
+SENSED: Mapping[str, Sequence[str]] = {
+    "load_cycles": ("pressure", "strain", "force"),
+    "step_responses": WET,
+    "perturbation": WET,
+    "waveforms": ("pressure", "displacement", "load"),
+    "contraction_table": ("pressure", "strain"),
+    "random_velocity": MOVED,
+    "antagonists": MOVED,
+}
+"""What each experiment measures."""
+
+
+Experiment = (
+    LoadCycles
+    | StepResponses
+    | Perturbations
+    | Waveforms
+    | ContractionTable
+    | RandomVelocity
+    | Antagonists
+)
+
+
+class SimulationSpec(Section):
+    """One synthetic campaign; `mapmore simulate` writes `<output>_<pressure>.csv` for each pressure
+    (or waveform) beside the spec.
+    """
+
+    schema_version: Literal[1] = 1
+    name: Name
+    muscle: Annotated[McKibben | Peano, Field(discriminator="kind")]
+    hysteresis: Hysteresis
+    experiment: Annotated[Experiment, Field(discriminator="type")]
+    sensors: dict[str, Sensor]
+    seed: Annotated[int, Field(ge=0)]
+    output: Name
+
+    def _contradictions(self) -> Iterator[ValueError]:
+        kind = self.experiment.type
+        if {*self.sensors} != {*SENSED[kind]}:
+            measured = ", ".join(SENSED[kind])
+            yield ValueError(f"`type: {kind}` needs `sensors` of these, and no others: {measured}")
+        if isinstance(self.experiment, Waveforms | RandomVelocity | Antagonists) and not isinstance(
+            self.muscle, McKibben
+        ):
+            yield ValueError(f"`type: {kind}` moves a muscle of `kind: mckibben`")
+
+
+# Recordings
+# --------------------------------------------------------------------------------------------------
 
 Cause = float | Step | Waveform | str
 """What tells one recording of a simulation from another: its pressure (Pa), its step or waveform,
@@ -124,7 +177,7 @@ def label(cause: Cause) -> str:
 
 
 def recording(spec: SimulationSpec, cause: Cause) -> Columns:
-    """Return readings, each `(n,)`, by the names and in the units of `HEADER`: those that the
+    """Return readings, each `(n,)`, by the names and in the units of `COLUMNS`: those that the
     experiment measures.
     """
     pressure = cause.pressure if isinstance(cause, Step) else cause
@@ -134,17 +187,20 @@ def recording(spec: SimulationSpec, cause: Cause) -> Columns:
         if isinstance(pressure, float)
         else f"waveform={label(cause)}",
     )
-    seen = sensors(spec)
     read: list[Columns] = []
     for _ in range(spec.experiment.repeats if isinstance(spec.experiment, ContractionTable) else 1):
         in_units = {
-            name: values / UNITS.get(quantity(name), 1.0)
+            name: values / COLUMNS[quantity(name)][1]
             for name, values in truth(spec, cause, rng).items()
         }
         read.append(
             measure(
                 in_units,
-                {name: seen[quantity(name)] for name in in_units if quantity(name) in seen},
+                {
+                    name: sensor
+                    for name in in_units
+                    if (sensor := spec.sensors.get(quantity(name))) is not None
+                },
                 rng,
             )
         )
@@ -184,11 +240,6 @@ def truth(spec: SimulationSpec, cause: Cause, rng: np.random.Generator) -> Colum
     raise ValueError(f"{spec.experiment.type} has no recording of {cause}")
 
 
-def sensors(spec: SimulationSpec) -> dict[str, Sensor]:
-    """Return the sensors that the experiment has, by quantity."""
-    return {name: sensor for name, sensor in spec.sensors if sensor is not None}
-
-
 def decimals(spec: SimulationSpec) -> dict[str, int]:
     """Digits after the point that each column needs: those of its quantisation step, none more."""
     clock = (
@@ -199,7 +250,7 @@ def decimals(spec: SimulationSpec) -> dict[str, int]:
     steps = {
         **clock,
         **SET_STEPS.get(spec.experiment.type, {}),
-        **{name: sensor.resolution for name, sensor in sensors(spec).items()},
+        **{name: sensor.resolution for name, sensor in spec.sensors.items()},
     }
     exponents = {
         name: int(Decimal(repr(step)).normalize().as_tuple().exponent)
@@ -213,13 +264,13 @@ def csv_text(columns: Columns, digits: Mapping[str, int]) -> str:
     names = [
         f"{of}{number}"
         for number in ("", "_1", "_2")
-        for of in HEADER
+        for of in COLUMNS
         if f"{of}{number}" in columns
     ]
     formatted = [
         [f"{value:.{digits[quantity(name)]}f}" for value in columns[name]] for name in names
     ]
-    header = [HEADER[quantity(name)] + name.removeprefix(quantity(name)) for name in names]
+    header = [COLUMNS[quantity(name)][0] + name.removeprefix(quantity(name)) for name in names]
     lines = [",".join(header), *map(",".join, zip(*formatted, strict=True))]
     return "\n".join(lines) + "\n"
 

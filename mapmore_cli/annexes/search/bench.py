@@ -12,8 +12,8 @@ import numpy as np
 
 from mapmore_cli.annexes.search.situation import Situation
 from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
-from mapmore_cli.domain.recording import Curve, Dataset
-from mapmore_cli.fitting.refitting import contiguous, kept, training_only
+from mapmore_cli.domain.recording import Dataset
+from mapmore_cli.fitting.refitting import contiguous, training_only, with_rows
 from mapmore_cli.modelling.pieces.cross_validation import BLOCKS
 from mapmore_cli.modelling.pieces.recipe import Fuse
 from mapmore_cli.spec.sections.data import Between, Holdout, Levels
@@ -81,44 +81,42 @@ class Bench:
     @classmethod
     def of(cls, training: Dataset, situation: Situation, part: Slice, study: Dataset) -> Bench:
         """Return the folds of training samples, which resemble what the `study` holds out."""
+        timed = "time" in training.curves[0].columns
+        of = "training samples of every recording" if timed else "training samples of every curve"
+        left_out = f"each of {BLOCKS} {'' if timed else 'inner '}stretches of the {of}"
+        blocks = () if situation.timed else _bands(training, part.held_out, situation.moving)
+        if blocks:
+            left_out = f"each of {len(blocks)} bands of an input, as wide as those held out"
+        else:
+            run = held_run(study)
+            blocks = _stretch_folds(training, situation.moving or situation.inputs, run)
         ends, asked = _holds_out(study)
-        bands = () if situation.timed else _bands(training, part.held_out, situation.moving)
-        blocks = bands or _blocks(training, situation.moving or situation.inputs, held_run(study))
-        parts, which = (
-            (_ends(training), f"each of {len(BEHIND)} ends of recordings")
-            if ends
-            else _parts(training)
-        )
+        if ends:
+            parts, which = _end_folds(training), f"each of {len(BEHIND)} ends of recordings"
+        else:
+            parts, which = _part_folds(training)
         asked = len(parts) > 0 and (asked or part.by_level or ends)
         weight = (2 / 3 if asked else 1 / 2 if situation.timed else 1 / 4) * bool(parts)
         if len(parts) == 1:  # the only inner level
             weight = 1 / 2
+        shares = [(1 - weight) / len(blocks), weight / max(len(parts), 1)]
         thinning = thinning_of(training)
-        name = "recording" if "time" in training.curves[0].columns else "curve"
-        inner = "" if name == "recording" else "inner "
+        thinned = tuple(map(with_rows, training.curves, thinning))
+        folds = (*blocks, *parts)
         values = np.concatenate(
             [curve.columns[training.target][curve.training] for curve in training.curves]
         )
         return cls(
             training,
-            (*blocks, *parts),
-            replace(
-                training,
-                curves=tuple(
-                    kept(curve, rows) for curve, rows in zip(training.curves, thinning, strict=True)
-                ),
-            ),
+            folds,
+            replace(training, curves=thinned),
             tuple(
                 tuple(mask[rows] for mask, rows in zip(fold, thinning, strict=True))
-                for fold in (*blocks, *parts)
+                for fold in folds
             ),
             len(blocks),
-            np.repeat(
-                [(1 - weight) / len(blocks), weight / max(len(parts), 1)], [len(blocks), len(parts)]
-            ),
-            f"each of {len(bands)} bands of an input, as wide as those held out"
-            if bands
-            else f"each of {BLOCKS} {inner}stretches of the training samples of every {name}",
+            np.repeat(shares, [len(blocks), len(parts)]),
+            left_out,
             which,
             float(np.ptp(values)) or 1.0,
             part,
@@ -135,26 +133,21 @@ def searchable(dataset: Dataset) -> Dataset:
     """
     if "time" not in dataset.curves[0].columns:
         return training_only(dataset)
-    return replace(
-        dataset,
-        curves=tuple(
-            _within(curve, dataset.target) for curve in dataset.curves if curve.training.any()
-        ),
-    )
+    curves = []
+    for curve in dataset.curves:
+        between = np.zeros(curve.size, dtype=np.bool_)
+        for log in curve.logs:
+            own = np.flatnonzero(curve.training[log])
+            if len(own):
+                between[log[own[0] : own[-1] + 1]] = True
+        output = np.where(curve.held_out, np.nan, curve.columns[dataset.target])
+        if curve.training.any():
+            columns = {**curve.columns, dataset.target: output}
+            curves.append(with_rows(replace(curve, columns=columns), between))
+    return replace(dataset, curves=tuple(curves))
 
 
-def _within(curve: Curve, target: str) -> Curve:
-    """From the first to the last training sample of every recording."""
-    between = np.zeros(curve.size, dtype=np.bool_)
-    for log in curve.logs:
-        own = np.flatnonzero(curve.training[log])
-        if len(own):
-            between[log[own[0] : own[-1] + 1]] = True
-    output = np.where(curve.held_out, np.nan, curve.columns[target])
-    return kept(replace(curve, columns={**curve.columns, target: output}), between)
-
-
-def shortened(dataset: Dataset, run: int) -> Dataset:
+def cut_short(dataset: Dataset, run: int) -> Dataset:
     """At most so many samples, where recordings are longer: of each one some even pieces, which are
     no shorter than a held-out `run`.
 
@@ -164,19 +157,15 @@ def shortened(dataset: Dataset, run: int) -> Dataset:
     total = sum(curve.size for curve in dataset.curves)
     if total <= MOST_STEPS or "time" not in dataset.curves[0].columns:
         return dataset
-    share = MOST_STEPS / total
-    return replace(
-        dataset, curves=tuple(kept(curve, _pieces(curve, share, run)) for curve in dataset.curves)
-    )
-
-
-def _pieces(curve: Curve, share: float, run: int) -> BoolArray:
-    mask = np.zeros(curve.size, dtype=np.bool_)
-    for log in curve.logs:
-        count = int(np.clip(share * len(log) // max(run, 1), 1, BLOCKS))
-        for piece in np.array_split(log, count):
-            mask[piece[: int(np.ceil(share * len(piece)))]] = True
-    return mask
+    share, curves = MOST_STEPS / total, []
+    for curve in dataset.curves:
+        mask = np.zeros(curve.size, dtype=np.bool_)
+        for log in curve.logs:
+            count = int(np.clip(share * len(log) // max(run, 1), 1, BLOCKS))
+            for piece in np.array_split(log, count):
+                mask[piece[: int(np.ceil(share * len(piece)))]] = True
+        curves.append(with_rows(curve, mask))
+    return replace(dataset, curves=tuple(curves))
 
 
 def thinning_of(dataset: Dataset) -> list[BoolArray]:
@@ -188,7 +177,7 @@ def thinning_of(dataset: Dataset) -> list[BoolArray]:
     ]
 
 
-def _blocks(dataset: Dataset, inputs: Sequence[str], run: int) -> tuple[Masks, ...]:
+def _stretch_folds(dataset: Dataset, inputs: Sequence[str], run: int) -> tuple[Masks, ...]:
     """Stretches of every recording in the order of time; without a clock, inner ones of every curve
     along each of the inputs.
 
@@ -196,24 +185,20 @@ def _blocks(dataset: Dataset, inputs: Sequence[str], run: int) -> tuple[Masks, .
     recording. What lies at the end of an input can only be extrapolated: that would decide, and is
     not what is asked.
     """
-    if "time" in dataset.curves[0].columns:
-        each = [
-            _stretches([log[curve.training[log]] for log in curve.logs], run, curve.size)
-            for curve in dataset.curves
-        ]
+    curves = dataset.curves
+    if "time" in curves[0].columns:
+        logs = [[log[curve.training[log]] for log in curve.logs] for curve in curves]
+        each = [_stretch_masks(of, run, curve.size) for of, curve in zip(logs, curves, strict=True)]
         return tuple(zip(*each, strict=True))
     folds: list[Masks] = []
     for name in inputs:
-        sorted_rows = [np.argsort(curve.columns[name], kind="stable") for curve in dataset.curves]
-        every = [
-            contiguous([rows], BLOCKS + 2, curve.size)
-            for rows, curve in zip(sorted_rows, dataset.curves, strict=True)
-        ]
+        along = [np.argsort(curve.columns[name], kind="stable") for curve in curves]
+        every = [contiguous([rows], BLOCKS + 2, len(rows)) for rows in along]
         folds += list(zip(*every, strict=True))[1:-1]
     return tuple(folds)
 
 
-def _stretches(logs: Sequence[IntArray], run: int, size: int) -> list[BoolArray]:
+def _stretch_masks(logs: Sequence[IntArray], run: int, size: int) -> list[BoolArray]:
     """Masks (size,) of five folds: short runs several times in each recording, or one long run,
     which those of other folds may overlap.
     """
@@ -234,16 +219,10 @@ def _stretches(logs: Sequence[IntArray], run: int, size: int) -> list[BoolArray]
 
 def held_run(study: Dataset) -> int:
     """Return the usual length of a run of held-out samples: that in which half of them lie."""
-    out = np.concatenate(
-        [
-            [0],
-            *(
-                [*curve.held_out[log].astype(int), 0]
-                for curve in study.curves
-                for log in curve.logs
-            ),
-        ]
-    )
+    out = [0]
+    for curve in study.curves:
+        for log in curve.logs:
+            out += [*curve.held_out[log].astype(int), 0]
     edges = np.flatnonzero(np.diff(out))
     runs = np.sort(edges[1::2] - edges[::2])
     return int(runs[np.searchsorted(np.cumsum(runs), runs.sum() / 2)]) if len(runs) else 0
@@ -257,19 +236,15 @@ def _bands(dataset: Dataset, held_out: Holdout | None, inputs: Sequence[str]) ->
     out, they ask for nothing between.
     """
     folds: list[Masks] = []
-    for name, bands in ({} if held_out is None else held_out.quantities).items():
-        if name not in inputs or not isinstance(bands, Between):
+    for name, held in ({} if held_out is None else held_out.quantities).items():
+        if name not in inputs or not isinstance(held, Between):
             continue
-        values = np.sort(
-            np.concatenate([curve.columns[name][curve.training] for curve in dataset.curves])
-        )
-        half = float(np.median([high - low for low, high in bands.between])) / 2
-        places = np.linspace(values[0], values[-1], 1 + 100 * BLOCKS)
-        free = places[
-            ~np.logical_or.reduce(
-                [(low <= places) & (places <= high) for low, high in bands.between]
-            )
-        ]
+        bands = np.array(held.between)
+        values = np.concatenate([curve.columns[name][curve.training] for curve in dataset.curves])
+        half = float(np.median(np.ptp(bands, axis=1))) / 2
+        places = np.linspace(values.min(), values.max(), 1 + 100 * BLOCKS)
+        within = (bands[:, :1] <= places) & (places <= bands[:, 1:])
+        free = places[~within.any(axis=0)]
         for middle in free[np.linspace(0, len(free) - 1, 2 * BLOCKS + 1)[1::2].astype(int)]:
             fold = tuple(
                 curve.training & (np.abs(curve.columns[name] - middle) <= half)
@@ -295,7 +270,7 @@ def _holds_out(study: Dataset) -> tuple[bool, bool]:
     return timed and 2 * sum(ends) > held, 2 * whole > held
 
 
-def _ends(dataset: Dataset) -> tuple[Masks, ...]:
+def _end_folds(dataset: Dataset) -> tuple[Masks, ...]:
     """Return the last shares of the training samples of every recording."""
     folds = []
     for share in BEHIND:
@@ -308,25 +283,22 @@ def _ends(dataset: Dataset) -> tuple[Masks, ...]:
     return tuple(folds)
 
 
-def _parts(dataset: Dataset) -> tuple[tuple[Masks, ...], str]:
+def _part_folds(dataset: Dataset) -> tuple[tuple[Masks, ...], str]:
     """Inner levels, or recordings where there are no levels; none where there are fewer than two
     recordings of a fair size.
     """
     sizes = np.array([curve.training.sum() for curve in dataset.curves])
     low, high = (bound * sizes.sum() / np.count_nonzero(sizes) for bound in FAIR)
-    by_level = dataset.level is not None
-    numbers = (
-        np.flatnonzero(sizes)[1:-1]
-        if by_level
-        else np.flatnonzero((low <= sizes) & (sizes <= high))
-    )
-    if len(numbers) < (1 if by_level else 2):
+    if dataset.level is not None:
+        numbers, least, name = np.flatnonzero(sizes)[1:-1], 1, "inner levels"
+    else:
+        numbers, least = np.flatnonzero((low <= sizes) & (sizes <= high)), 2
+        name = "recordings"
+    if len(numbers) < least:
         return (), ""
-    numbers = numbers[
-        np.linspace(0, len(numbers) - 1, min(len(numbers), MOST_PARTS)).round().astype(int)
-    ]
+    taken = np.linspace(0, len(numbers) - 1, min(len(numbers), MOST_PARTS)).round().astype(int)
     folds = tuple(
         tuple(curve.training & (number == out) for number, curve in enumerate(dataset.curves))
-        for out in numbers
+        for out in numbers[taken]
     )
-    return folds, f"each of {len(folds)} {'inner levels' if by_level else 'recordings'}"
+    return folds, f"each of {len(folds)} {name}"

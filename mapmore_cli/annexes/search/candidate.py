@@ -14,8 +14,11 @@ from typing import Any
 from mapmore_cli.annexes.search.situation import Situation
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.literature import TARGET
+from mapmore_cli.modelling.literature.formula import LiteratureModel
 
 MOST = ("inputs", "most_moving", "samples")
+"""Conditions with an upper bound."""
+
 FORMULAS = ("sarosi", "sarosi_hinged", "kerscher")
 FORCE = "force"
 """What formulas of muscles predict."""
@@ -31,7 +34,7 @@ DECADES = (10, 30, 100, 300)
 
 
 @dataclass(frozen=True)
-class Candidate:
+class Structure:
     """A structure: its kind, what it is called, and the sections of a spec that make it (`segment`,
     `dictionary`, `fuse.KEY`).
     """
@@ -41,21 +44,30 @@ class Candidate:
     sections: Mapping[str, Any]
 
 
-def candidates(family: Mapping[str, Any], of: Situation) -> Iterator[Candidate]:
+def offered_structures(family: Mapping[str, Any], of: Situation) -> Iterator[Structure]:
     """Yield what a family offers for a study: its `candidates` with the words filled in, and its
     `fit` where they have no other.
     """
     if family.get("timed") and not of.timed:
         return
+    pooled = {} if of.level is None else {of.level: "none"}
     for one in family["candidates"]:
-        loops = [
-            (name, filled(values, vocabulary(of))) for name, values in one.get("for", {}).items()
-        ]
-        for values in (
-            product(*(values for _, values in loops)) if _applies(one.get("when", {}), of) else ()
-        ):
-            words = vocabulary(of, **dict(zip((name for name, _ in loops), values, strict=True)))
-            yield _candidate(one, family, of, words)
+        if not _applies(one.get("when", {}), of):
+            continue
+        known = vocabulary(of)
+        loops = {name: filled(values, known) for name, values in one.get("for", {}).items()}
+        for values in product(*loops.values()):
+            words = vocabulary(of, **dict(zip(loops, values, strict=True)))
+            parts = {
+                key: filled(part, words) for key, part in one.items() if key not in ("when", "for")
+            }
+            kind, name = parts.pop("kind", family["kind"]), parts.pop("words")
+            if "model" not in parts:
+                fit = {**family["fit"], **parts["fit"]}
+                if not of.timed and kind != "simple":
+                    fit["max_terms"] = ceil(fit["max_terms"] * max(len(of.inputs) + 1, 3) / 3)
+                parts |= {"segment": {**pooled, **parts.get("segment", {})}, "fit": fit}
+            yield Structure(kind, name, parts)
 
 
 def _applies(when: Mapping[str, int], of: Situation) -> bool:
@@ -79,23 +91,6 @@ def _applies(when: Mapping[str, int], of: Situation) -> bool:
     )
 
 
-def _candidate(
-    one: Mapping[str, Any], family: Mapping[str, Any], of: Situation, words: Mapping[str, Any]
-) -> Candidate:
-    """Return a candidate with its words filled in."""
-    parts = {key: filled(part, words) for key, part in one.items() if key not in ("when", "for")}
-    kind, name = parts.pop("kind", family["kind"]), parts.pop("words")
-    if "model" in parts:
-        return Candidate(kind, name, parts)
-    pooled = {} if of.level is None else {of.level: "none"}
-    fit = {**family["fit"], **parts["fit"]}
-    if not of.timed and kind != "simple":
-        fit["max_terms"] = ceil(fit["max_terms"] * max(len(of.inputs) + 1, 3) / 3)
-    return Candidate(
-        kind, name, {**parts, "segment": {**pooled, **parts.get("segment", {})}, "fit": fit}
-    )
-
-
 def vocabulary(of: Situation, **more: Any) -> dict[str, Any]:
     """Return what the words in capitals stand for; `more` are those of a loop (`for`).
 
@@ -115,11 +110,13 @@ def vocabulary(of: Situation, **more: Any) -> dict[str, Any]:
     inputs, moving = [*of.inputs], [*of.moving]
     without = more.get("OUT", more.get("VELOCITY"))
     rest = [name for name in moving if name != without]
-    signs = [
-        *of.around_zero,
-        *(f"rate({name})" for name in moving if name not in of.around_zero and len(moving) <= 2),
-    ]
+    zero = [name for name in moving if name in of.around_zero]
+    rates = [name for name in moving if name not in of.around_zero and len(moving) <= 2]
     taus = [steps * of.step for steps in DECADES if 2 * steps <= of.steps] if of.step else []
+    monomials = {
+        word: comb(len(inputs) + order, order)
+        for order, word in enumerate(("PLANE", "QUADRATIC", "CUBIC"), 1)
+    }
     return {
         "INPUTS": inputs,
         "MOVING": moving,
@@ -130,15 +127,21 @@ def vocabulary(of: Situation, **more: Any) -> dict[str, Any]:
         "REST": [name for name in inputs if name != without],
         "FIRST_REST": rest[:1],
         "MOVING_REST": rest,
-        **{
-            word: comb(len(inputs) + order, order)
-            for order, word in enumerate(("PLANE", "QUADRATIC", "CUBIC"), 1)
-        },
+        **monomials,
         "SLOW_ORDER": 3 if len(inputs) == 1 else 2,
-        "FORMULAS": [*_formulas(of)],
-        "AROUND_ZERO": [name for name in moving if name in of.around_zero],
-        "VELOCITIES": signs,
-        "SIGNS": [*_signs(of)],
+        "FORMULAS": [name for name in FORMULAS if _is_known(literature.get(name), of)],
+        "AROUND_ZERO": zero,
+        "VELOCITIES": [*of.around_zero, *(f"rate({name})" for name in rates)],
+        "SIGNS": [
+            f"tanh({text}/{slope * of.around_zero[name]:.2g})"
+            for name in of.around_zero
+            if name in moving
+            for text in (
+                name,
+                *(f"slow({name}, {steps * (of.step or 0):.3g})" for steps in FOLLOWED),
+            )
+            for slope in SLOPES
+        ],
         "RATES": [
             f"tanh(({u} - {u}[k-{n}])/{part * size:.2g})"
             for (u, n), size in of.changes.items()
@@ -152,28 +155,17 @@ def vocabulary(of: Situation, **more: Any) -> dict[str, Any]:
     }
 
 
-def _formulas(of: Situation) -> Iterator[str]:
-    """Yield formulas whose quantities are among the inputs, with no dimensions and fewer parameters
-    than there are samples.
+def _is_known(formula: LiteratureModel, of: Situation) -> bool:
+    """Return whether the quantities of a formula are among the inputs, with no dimensions and fewer
+    parameters than there are samples.
     """
-    for name in FORMULAS:
-        formula = literature.get(name)
-        of_target = (
-            of.target == FORCE and formula.fitted_to == TARGET and {*formula.inputs} <= {*of.inputs}
-        )
-        if of_target and not formula.dimensions and len(formula.parameters) < of.samples:
-            yield name
-
-
-def _signs(of: Situation) -> Iterator[str]:
-    """Yield smooth signs of inputs that pass through zero, and of what follows them closely."""
-    for name, size in of.around_zero.items():
-        for text in (
-            (name, *(f"slow({name}, {steps * (of.step or 0):.3g})" for steps in FOLLOWED))
-            if name in of.moving
-            else ()
-        ):
-            yield from (f"tanh({text}/{slope * size:.2g})" for slope in SLOPES)
+    return (
+        of.target == FORCE
+        and formula.fitted_to == TARGET
+        and {*formula.inputs} <= {*of.inputs}
+        and not formula.dimensions
+        and len(formula.parameters) < of.samples
+    )
 
 
 WORD = re.compile(r"[A-Z][A-Z_]+|\bN\b")

@@ -18,30 +18,29 @@ from pydantic import TypeAdapter
 
 from mapmore_cli.annexes.search.bench import (
     Bench,
-    Masks,
     Slice,
+    cut_short,
     held_run,
     searchable,
-    shortened,
     thinning_of,
 )
-from mapmore_cli.annexes.search.candidate import Candidate, candidates
+from mapmore_cli.annexes.search.black_boxes import Left, black_boxes
+from mapmore_cli.annexes.search.candidate import Structure, offered_structures
 from mapmore_cli.annexes.search.situation import situation_of
-from mapmore_cli.domain.arrays import Array, BoolArray
+from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError, FitError, MapmoreError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.processors import shared_out
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import Search, Tried
-from mapmore_cli.fitting.baselines import Left, black_boxes, strongest
 from mapmore_cli.fitting.kinds import refit
-from mapmore_cli.fitting.kinds.choices import ModelChoices
+from mapmore_cli.fitting.kinds.choices import ModelChoices, lengths_of
 from mapmore_cli.fitting.refitting import left_out_of
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.kinds import fed_back, parameters
 from mapmore_cli.modelling.memory.records import records_of, time_step
 from mapmore_cli.modelling.pieces.recipe import Segmented
-from mapmore_cli.modelling.selection import AUTO, Fit
+from mapmore_cli.modelling.selection import Fit
 from mapmore_cli.modelling.validation.significance import WITHIN, simplest_of
 from mapmore_cli.spec.sections.dictionary import DictionaryEntry
 from mapmore_cli.spec.sections.model import ModelChoice
@@ -114,70 +113,57 @@ def search(
         Where no structure could be fitted.
     """
     whole = searchable(dataset)
-    training = shortened(whole, held_run(dataset))
+    training = cut_short(whole, held_run(dataset))
     situation = situation_of(training, part.ignored, part.model.inputs)
     past = situation.timed
     uneven = _uneven(dataset) if past else ()
     if part.by_level or uneven or not past:
         # a model that runs along recordings cannot be fitted without a level; any other takes its
         # share from all of their samples
-        training, situation = (
-            whole,
-            replace(situation_of(whole, part.ignored, part.model.inputs), step=None),
-        )
-    listed = [one for name in FAMILIES for one in candidates(family(name), situation)]
+        training = whole
+        situation = replace(situation_of(whole, part.ignored, part.model.inputs), step=None)
+    listed = [one for name in FAMILIES for one in offered_structures(family(name), situation)]
     bench = Bench.of(training, situation, part, dataset)
     budget = Budget(part.model.budget)
-    folds = [*range(len(bench.folds)), None]
     jobs: list[Callable[[], Any]] = [
-        partial(_tried, one, bench, fold, budget) for one in listed for fold in folds
+        partial(_try_structure, one, bench, fold, budget)
+        for one in listed
+        for fold in [*range(len(bench.folds)), None]
     ]
-    second = min(1, len(jobs))  # what a copy begins with
+    second = min(1, len(jobs))
     if beside:
-        jobs.insert(
-            second,
-            partial(
-                black_boxes,
-                bench.dataset,
-                bench.folds,
-                thinning_of(bench.dataset),
-                situation.inputs,
-                past,
-            ),
-        )
+        rows, inputs = thinning_of(bench.dataset), situation.inputs
+        jobs.insert(second, partial(black_boxes, bench.dataset, bench.folds, rows, inputs, past))
     done = shared_out(
-        lambda job: job(),
+        _called,
         jobs,
         lambda done, total: progress("structures", done * len(listed) // total, len(listed)),
     )
     boxes: Mapping[str, Sequence[Left]] = done.pop(second) if beside else {}
+    size = len(bench.folds) + 1
+    fitted = [done[place : place + size] for place in range(0, len(done), size)]
     outcomes = [
-        _outcome(one, done[place * len(folds) :][: len(folds)], bench.blocks)
-        for place, one in enumerate(listed)
+        _outcome(one, folds, bench.blocks)
+        for one, folds in zip(listed, fitted, strict=True)
+        if all(folds)
     ]
-    tried = [one for one in outcomes if one is not None]
-    cut = len(outcomes) - len(tried)
-    tried += [
-        _Outcome(Tried(BLACK_BOX, name.replace("_", " "), {}), left) for name, left in boxes.items()
-    ]
-    most = None if situation.timed else max(MOST_PARAMETERS, comb(len(situation.inputs) + 3, 3))
-    found = _chosen(tried, bench, most)
-    late = (
-        (
+    notes = [*uneven]
+    if cut := len(listed) - len(outcomes):
+        notes.insert(
+            0,
             f"the budget of {part.model.budget:g} s ended before {cut} of {len(listed)} "
             "structures were tried",
         )
-        if cut
-        else ()
-    )
-    told = _told(
-        found,
-        bench,
-        lambda: strongest(
-            bench.thinned.curves, _residual(tried[found.chosen], bench), situation.inputs, past
-        ),
-    )
-    return replace(found, cut=cut, notes=(*late, *uneven, *told))
+    outcomes += [
+        (Tried(BLACK_BOX, name.replace("_", " "), {}), left) for name, left in boxes.items()
+    ]
+    most = None if situation.timed else max(MOST_PARAMETERS, comb(len(situation.inputs) + 3, 3))
+    found = _choose_structure(outcomes, bench, most)
+    return replace(found, cut=cut, notes=(*notes, *_notes_of(found, bench)))
+
+
+def _called(job: Callable[[], Any]) -> Any:
+    return job()
 
 
 def _uneven(dataset: Dataset) -> tuple[str, ...]:
@@ -206,32 +192,29 @@ class Budget:
         return self.worked > self.seconds
 
 
-def _chosen(outcomes: Sequence[_Outcome], bench: Bench, most: int | None) -> Search:
+Outcome = tuple[Tried, Sequence[Left]]
+"""A structure with its left-out errors in every fold."""
+
+
+def _choose_structure(outcomes: Sequence[Outcome], bench: Bench, most: int | None) -> Search:
     """Score all structures and black boxes on the rows that all of them predict, and take one
     structure.
     """
-    usable = [number for number, one in enumerate(outcomes) if not one.tried.failure]
-    tried = [one.tried for one in outcomes]
-    eligible = np.array(
-        [
-            tried[i].family not in SHOWN and (most is None or tried[i].parameters <= most)
-            for i in usable
-        ],
-        dtype=np.bool_,
-    )
+    tried = [one for one, _ in outcomes]
+    usable = [number for number, one in enumerate(tried) if not one.failure]
+    sizes = np.array([tried[number].parameters for number in usable])
+    kinds = [tried[number].family for number in usable]
+    eligible = ~np.isin(kinds, SHOWN) & (True if most is None else sizes <= most)
     if not eligible.any():
         reasons = next((one.failure for one in tried if one.failure), "there was no time for any")
         raise FitError(
             f"no structure could be fitted without some of the data: {reasons}",
             "name one, or raise `model.budget`",
         )
-    errors = _on_common_rows([outcomes[number].left for number in usable]) / bench.scale
-    sizes = [tried[number].parameters for number in usable]
-    rank = simplest_of(sizes, errors, bench.weights, eligible, median=most is None)
-    as_good = np.flatnonzero(
-        eligible & (rank.excess <= WITHIN[0]) & (np.asarray(sizes) <= sizes[rank.chosen])
-    )
-    plain = [i for i in as_good if tried[usable[i]].family in PLAIN]
+    errors = _on_common_rows([outcomes[number][1] for number in usable]) / bench.scale
+    rank = simplest_of(sizes.tolist(), errors, bench.weights, eligible, median=most is None)
+    as_good = eligible & (rank.excess <= WITHIN[0]) & (sizes <= sizes[rank.chosen])
+    plain = np.flatnonzero(as_good & np.isin(kinds, PLAIN)).tolist()
     chosen = min(plain, key=lambda i: (sizes[i], rank.excess[i]), default=rank.chosen)
     for place, number in enumerate(usable):
         blocks, parts = (
@@ -246,59 +229,41 @@ def _chosen(outcomes: Sequence[_Outcome], bench: Bench, most: int | None) -> Sea
             excess=float(rank.excess[place]),
             spread=float(rank.spread[place]),
         )
-    names = ("search", bench.dataset.target, bench.left_out, bench.parts_left_out, bench.scale)
     return Search(
-        *names,
+        "search",
+        bench.dataset.target,
+        bench.left_out,
+        bench.parts_left_out,
+        bench.scale,
         tuple(tried),
         usable[rank.best],
-        usable[int(chosen)],
+        usable[chosen],
         BY_MEDIAN if most is None else BY_MEAN,
     )
 
 
-def _told(found: Search, bench: Bench, hint: Callable[[], str]) -> list[str]:
+def _notes_of(found: Search, bench: Bench) -> list[str]:
     """Return what a reader is told of the table: that more adds nothing, or that a black box errs
     clearly less.
     """
-    kind = (
-        f"left-out {bench.parts_left_out.rpartition(' ')[2]}"
-        if bench.asks_parts
-        else "left-out stretches"
-    )
-    own, best, told = found.found, found.tried[found.best], []
+    own, best, notes = found.found, found.tried[found.best], list[str]()
     if own.family in PLAIN and found.chosen != found.best:
-        told.append(
+        notes.append(
             f"{own.words} is as good as structures with more parameters: {best.words} adds "
             "nothing that left-out data show"
         )
-    errs = {
-        one.words: one.parts if bench.asks_parts else one.error
-        for one in found.tried
-        if one.family == BLACK_BOX
-    }
-    mine = own.parts if bench.asks_parts else own.error
-    name = min(errs, key=lambda one: errs[one], default="")
-    if name and errs[name] < LESS * mine:
-        left = f"; what is left depends most on {words}" if (words := hint()) else ""
-        told.append(
-            f"{name} errs {mine / errs[name]:.2g} times less on {kind}: the structure lacks "
-            f"something{left}"
-        )
-    return told
-
-
-def _residual(outcome: _Outcome, bench: Bench) -> list[Array]:
-    """Return the left-out errors of a structure on the blocks, (n_c,) of each thinned curve; NaN
-    where there are none.
-    """
-    residual = [np.full(curve.size, np.nan) for curve in bench.thinned.curves]
-    for fold, (left, ready) in zip(bench.thinned_folds[: bench.blocks], outcome.left, strict=False):
-        ends = np.cumsum([int(out.sum()) for out in fold])[:-1]
-        for values, out, part, known in zip(
-            residual, fold, np.split(left, ends), np.split(ready, ends), strict=True
-        ):
-            values[out] = np.where(known, part, np.nan)
-    return residual
+    asked = "parts" if bench.asks_parts else "error"
+    boxes = [one for one in found.tried if one.family == BLACK_BOX]
+    if boxes:
+        least = min(boxes, key=lambda one: getattr(one, asked))
+        error, mine = getattr(least, asked), getattr(own, asked)
+        where = bench.parts_left_out.rpartition(" ")[2] if bench.asks_parts else "stretches"
+        if error < LESS * mine:
+            notes.append(
+                f"{least.words} errs {mine / error:.2g} times less on left-out {where}: the "
+                "structure lacks something"
+            )
+    return notes
 
 
 def _on_common_rows(predicted: Sequence[Sequence[Left]]) -> Array:
@@ -316,7 +281,7 @@ def _on_common_rows(predicted: Sequence[Sequence[Left]]) -> Array:
 
 
 @dataclass(frozen=True)
-class _Fold:
+class FoldFit:
     """What came of a structure in one fold: its left-out errors, or with nothing left out its
     parameters; or why it failed.
     """
@@ -327,68 +292,62 @@ class _Fold:
     failure: str = ""
 
 
-@dataclass(frozen=True)
-class _Outcome:
-    """A structure with its left-out errors in every fold."""
-
-    tried: Tried
-    left: Sequence[Left] = ()
-
-
-def _tried(candidate: Candidate, bench: Bench, fold: int | None, budget: Budget) -> _Fold | None:
+def _try_structure(
+    candidate: Structure, bench: Bench, fold: int | None, budget: Budget
+) -> FoldFit | None:
     """Fit a structure without a fold, or to all samples; None where the time is over."""
     if budget.over:
         return None
     started = time.process_time()
     try:
-        found = _fitted(choices_of(candidate.sections, bench.part), bench, fold)
+        fit = _fitted(choices_of(candidate.sections, bench.part), bench, fold)
     except MapmoreError as fault:
-        found = _Fold(failure=fault.message)
+        fit = FoldFit(failure=fault.message)
     seconds = time.process_time() - started
     budget.worked += seconds
-    return replace(found, seconds=seconds)
+    return replace(fit, seconds=seconds)
 
 
-def _fitted(choices: ModelChoices, bench: Bench, fold: int | None) -> _Fold:
-    slow = choices.over_time
-    dataset, folds = (bench.dataset, bench.folds) if slow else (bench.thinned, bench.thinned_folds)
-    if fold is not None:
-        return _Fold(
-            left=_left_out(choices, dataset, folds[fold], thinning_of(dataset) if slow else None)
-        )
-    model = refit(choices, dataset)
-    failure = (
-        "goes on by itself: its start still rings late in a recording"
-        if slow and rings(model, dataset)
-        else ""
-    )
-    return _Fold(parameters=parameters(model), failure=failure)
-
-
-def _outcome(candidate: Candidate, folds: Sequence[_Fold | None], blocks: int) -> _Outcome | None:
-    """Return what came of a structure in all folds, of which the first are blocks; None where the
-    time was over before.
+def _fitted(choices: ModelChoices, bench: Bench, fold: int | None) -> FoldFit:
+    """Models that run along recordings are fitted to all samples, and score an even share of the
+    left-out ones; others are fitted to that share.
     """
-    known = [fold for fold in folds if fold is not None]
-    if len(known) < len(folds):
-        return None
-    failure = next((fold.failure for fold in known if fold.failure), "")
-    left = [fold.left for fold in known if fold.left is not None]
+    slow = choices.over_time
+    dataset = bench.dataset if slow else bench.thinned
+    if fold is None:
+        model = refit(choices, dataset)
+        failure = ""
+        if slow and rings(model, dataset):
+            failure = "goes on by itself: its start still rings late in a recording"
+        return FoldFit(parameters=parameters(model), failure=failure)
+    masks = (bench.folds if slow else bench.thinned_folds)[fold]
+    rows = thinning_of(dataset) if slow else masks
+    counted = [out & some for out, some in zip(masks, rows, strict=True) if out.any()]
+    every = left_out_of(dataset, masks, partial(refit, choices))
+    errors, ready = [np.zeros(0)], [np.zeros(0, dtype=np.bool_)]
+    for (curve, _, said), some in zip(every, counted, strict=True):
+        errors.append((said.values - curve.columns[dataset.target])[some])
+        ready.append(said.ready[some])
+    return FoldFit(left=(np.concatenate(errors), np.concatenate(ready)))
+
+
+def _outcome(candidate: Structure, folds: Sequence[FoldFit], blocks: int) -> Outcome:
+    """Return what came of a structure in all folds, of which the first are blocks, and the last is
+    the fit to all samples.
+    """
+    failure = next((fold.failure for fold in folds if fold.failure), "")
+    left = [fold.left for fold in folds if fold.left is not None]
     if not failure and np.concatenate([ready for _, ready in left[:blocks]]).mean() < WHOLE:
         failure = "needs a longer past than most left-out samples have"
-    seconds = round(sum(fold.seconds for fold in known), 2)
-    size = 0 if failure else known[-1].parameters
-    return _Outcome(
-        Tried(
-            candidate.kind,
-            candidate.words,
-            candidate.sections,
-            size,
-            seconds=seconds,
-            failure=failure,
-        ),
-        left,
+    tried = Tried(
+        candidate.kind,
+        candidate.words,
+        candidate.sections,
+        0 if failure else folds[-1].parameters,
+        seconds=round(sum(fold.seconds for fold in folds), 2),
+        failure=failure,
     )
+    return tried, left
 
 
 SHIFT, SWING = 0.1, 0.1
@@ -408,38 +367,13 @@ def rings(model: Model, dataset: Dataset) -> bool:
         return False
     curve = max(dataset.curves, key=lambda one: one.size)
     output = curve.columns[dataset.target]
-    higher = replace(
-        curve,
-        columns={
-            **curve.columns,
-            dataset.target: output + SHIFT * float(np.nanmax(output) - np.nanmin(output)),
-        },
-    )
+    shifted = output + SHIFT * float(np.nanmax(output) - np.nanmin(output))
+    higher = replace(curve, columns={**curve.columns, dataset.target: shifted})
     apart = forecast(model, higher).values - forecast(model, curve).values
     late = apart[curve.size // 2 :]
-    return (
-        bool(np.nanstd(late) > SWING * np.nanmax(np.abs(apart)))
-        if np.isfinite(late).any()
-        else False
-    )
-
-
-def _left_out(
-    choices: ModelChoices, dataset: Dataset, fold: Masks, rows: Sequence[BoolArray] | None
-) -> Left:
-    """Errors of the model without a fold on the samples of the fold, and which of them it predicts;
-    of an even share of `rows`.
-    """
-    shares = [
-        out if rows is None else out & rows[number] for number, out in enumerate(fold) if out.any()
-    ]
-    errors, ready = [np.zeros(0)], [np.zeros(0, dtype=np.bool_)]
-    for (curve, _, said), counted in zip(
-        left_out_of(dataset, fold, partial(refit, choices)), shares, strict=True
-    ):
-        errors.append((said.values - curve.columns[dataset.target])[counted])
-        ready.append(said.ready[counted])
-    return np.concatenate(errors), np.concatenate(ready)
+    if not np.isfinite(late).any():
+        return False
+    return bool(np.nanstd(late) > SWING * np.nanmax(np.abs(apart)))
 
 
 _ENTRIES = TypeAdapter(list[DictionaryEntry])
@@ -450,44 +384,23 @@ _MODEL = TypeAdapter(ModelChoice)
 def choices_of(sections: Mapping[str, Any], part: Slice) -> ModelChoices:
     """Return the sections of a candidate as the spec would have them."""
     segment = _CUTS.validate_python(sections.get("segment", {}))
-    fuse = replace(
-        part.fuse,
-        **{
-            key.partition(".")[2]: value
-            for key, value in sections.items()
-            if key.startswith("fuse.")
-        },
-    )
+    fused = {key.removeprefix("fuse."): v for key, v in sections.items() if key.startswith("fuse.")}
     model = _MODEL.validate_python(sections.get("model", {}))
-    from mapmore_cli.modelling import literature
-
-    name = model.name or model.backbone
-    needed = literature.get(name).dimensions if name not in (None, AUTO) else ()
-    lengths = {key: value for key, value in part.lengths.items() if key in needed}
-    entries = _ENTRIES.validate_python(sections.get("dictionary", []))
     return ModelChoices(
         part.levels,
         segment,
-        entries,
+        _ENTRIES.validate_python(sections.get("dictionary", [])),
         model,
         Fit(**sections.get("fit", {})),
-        lengths,
-        None,
-        "search",
-        fuse,
-        (),
-        (),
+        lengths_of(model, part.lengths),
+        name="search",
+        fuse=replace(part.fuse, **fused),
     )
 
 
 def settings_of(found: Search) -> dict[str, Any]:
     """Return the sections that were found, as settings on top of the spec."""
-    empty: dict[str, Any] = {
-        "segment": {},
-        "dictionary": [],
-        "model": {"type": "mapmore"},
-        "fit": {},
-    }
+    empty = {"segment": {}, "dictionary": [], "model": {"type": "mapmore"}, "fit": {}}
     return {**empty, **found.found.sections}
 
 

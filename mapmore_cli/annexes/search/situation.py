@@ -4,7 +4,7 @@ training samples alone.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -57,7 +57,6 @@ class Situation:
     target: str
     inputs: tuple[str, ...]
     level: str | None
-    quantities: frozenset[str]
     samples: int
     curves: int
     step: float | None = None
@@ -93,31 +92,37 @@ def situation_of(
     where they are given.
     """
     training = [curve for curve in dataset.curves if curve.training.any()]
-    pooled = {
-        name: np.concatenate([curve.columns[name][curve.training] for curve in training])
+    parts = {
+        name: [curve.columns[name][curve.training] for curve in training]
         for name in training[0].columns
         if name in dataset.quantities
     }
-    wanted = (
-        inputs
-        if inputs is not None
-        else [name for name in pooled if name not in (dataset.target, *NOT_INPUTS, *ignored)]
-    )
-    varied = [name for name in wanted if np.ptp(pooled[name]) > 0]
-    apart = varied if inputs is not None else list(_different(varied, pooled, dataset.level))
+    pooled = {name: np.concatenate(of_curves) for name, of_curves in parts.items()}
+    no_inputs = (dataset.target, *NOT_INPUTS, *ignored)
+    wanted = [name for name in pooled if name not in no_inputs] if inputs is None else inputs
+    apart = [name for name in wanted if np.ptp(pooled[name]) > 0]
+    if inputs is None:
+        apart = _different(apart, pooled, dataset.level)
     spread = {
-        name: _within([curve.columns[name][curve.training] for curve in training], pooled[name])
+        name: float(np.mean([np.ptp(part) for part in parts[name]]) / np.ptp(pooled[name]))
         for name in apart
     }
     ordered = sorted(
         apart, key=lambda name: (name == dataset.level, -round(spread[name], 3), apart.index(name))
     )
-    step, longest = _step(training) if "time" in pooled else (None, 0.0)
+    step, longest = _even_step(training) if "time" in pooled else (None, 0.0)
+    changes = {
+        (name, steps): size
+        for name in ordered
+        for steps in WITHIN
+        if step is not None
+        and name != dataset.level
+        and (size := _rms_move(training, name, steps)) > 0
+    }
     return Situation(
         target=dataset.target,
         inputs=tuple(ordered),
         level=dataset.level,
-        quantities=frozenset({*pooled}),
         samples=len(pooled[dataset.target]),
         curves=len(training),
         step=step,
@@ -127,59 +132,34 @@ def situation_of(
             for name in ordered
             if pooled[name].min() < 0 < pooled[name].max()
         },
-        changes={}
-        if step is None
-        else dict(_changes(training, [name for name in ordered if name != dataset.level])),
+        changes=changes,
     )
 
 
-def _changes(
-    curves: Sequence[Curve], names: Sequence[str]
-) -> Iterator[tuple[tuple[str, int], float]]:
-    """How far each input moves within some steps, root mean square over all recordings; without
-    those that stand still.
+def _rms_move(curves: Sequence[Curve], name: str, steps: int) -> float:
+    """How far an input moves within some steps, root mean square over all recordings; 0 where it
+    stands still.
     """
-    for name in names:
-        for steps in WITHIN:
-            parts = [
-                (curve.columns[name][log], curve.training[log])
-                for curve in curves
-                for log in curve.logs
-                if len(log) > steps
-            ]
-            moved = np.concatenate(
-                [
-                    np.zeros(1),
-                    *(
-                        (x[steps:] - x[:-steps])[known[steps:] & known[:-steps]]
-                        for x, known in parts
-                    ),
-                ]
-            )
-            size = float(np.sqrt(np.mean(moved**2)))
-            if size > 0:
-                yield (name, steps), size
+    moved = [np.zeros(1)]
+    for curve in curves:
+        for log in curve.logs:
+            x, known = curve.columns[name][log], curve.training[log]
+            moved.append((x[steps:] - x[:-steps])[known[steps:] & known[:-steps]])
+    return float(np.sqrt(np.mean(np.concatenate(moved) ** 2)))
 
 
-def _different(
-    names: Sequence[str], pooled: Mapping[str, Array], level: str | None
-) -> Iterator[str]:
-    """Yield the names without those that are a straight line of another, of which a level, a
+def _different(names: Sequence[str], pooled: Mapping[str, Array], level: str | None) -> list[str]:
+    """Return the names without those that are a straight line of another, of which a level, a
     canonical and a later one are kept.
     """
     kept: list[str] = []
     for name in sorted(names, key=lambda one: (one != level, -names.index(one))):
         if all(abs(correlation(pooled[name], pooled[other])) < 1 - SAME for other in kept):
             kept.append(name)
-    yield from (name for name in names if name in kept)
+    return [name for name in names if name in kept]
 
 
-def _within(parts: Sequence[Array], whole: Array) -> float:
-    """How far a quantity moves within a curve, relative to its range."""
-    return float(np.mean([np.ptp(part) for part in parts]) / np.ptp(whole))
-
-
-def _step(curves: Sequence[Curve]) -> tuple[float | None, float]:
+def _even_step(curves: Sequence[Curve]) -> tuple[float | None, float]:
     """Return the even time step and the longest uninterrupted recording, s; None where the most
     samples are not in order at even steps.
     """
@@ -187,18 +167,14 @@ def _step(curves: Sequence[Curve]) -> tuple[float | None, float]:
     every = np.concatenate(steps) if steps else np.zeros(0)
     if not len(every) or (usual := float(np.median(every))) <= 0:
         return None, 0.0
-    slack = UNEVEN * usual + 4 * np.finfo(np.float64).eps * max(
-        float(np.abs(curve.columns["time"]).max()) for curve in curves
-    )
+    latest = max(float(np.abs(curve.columns["time"]).max()) for curve in curves)
+    slack = UNEVEN * usual + 4 * np.finfo(np.float64).eps * latest
     early = (every >= 0) & (every < usual - slack)
-    lengths = [_longest_run(np.abs(one - usual) <= slack) for one in steps]
-    if (
-        early.any()
-        or np.mean(np.abs(every - usual) <= slack) < FEWEST_IN_ORDER
-        or max(lengths) < FEWEST_IN_A_RECORD
-    ):
+    longest = max(_longest_run(np.abs(one - usual) <= slack) for one in steps)
+    even = np.mean(np.abs(every - usual) <= slack)
+    if early.any() or even < FEWEST_IN_ORDER or longest < FEWEST_IN_A_RECORD:
         return None, 0.0
-    return usual, usual * max(lengths)
+    return usual, usual * longest
 
 
 def _longest_run(true: BoolArray) -> int:

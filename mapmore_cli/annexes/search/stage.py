@@ -27,7 +27,7 @@ SEARCH = "search.json"
 """The file of what was tried, in the folder of a run."""
 
 
-def reads(spec: ExperimentSpec) -> Slice:
+def search_slice(spec: ExperimentSpec) -> Slice:
     """Return the slice of the spec. Rates by which samples are kept, groups, and what the target is
     made of, or makes, are no inputs.
     """
@@ -73,7 +73,7 @@ def _sources(rule: str | Rate | Direction) -> set[str]:
             return set(parse(rule).names)
 
 
-def run(part: Slice, workspace: Workspace) -> None:
+def run_search(part: Slice, workspace: Workspace) -> None:
     """Search, and write what was tried."""
     dataset = workspace.files.dataset()
     found = search(dataset, part, workspace.progress)
@@ -81,19 +81,19 @@ def run(part: Slice, workspace: Workspace) -> None:
         workspace.warn(note)
     write_text(
         workspace.out / SEARCH,
-        json.dumps(_plain(asdict(found)), indent=1, ensure_ascii=False) + "\n",
+        json.dumps(_without_nan(asdict(found)), indent=1, ensure_ascii=False) + "\n",
     )
 
 
-STAGE = Stage(name="search", revision=10, outputs=(SEARCH,), reads=reads, run=run)
+STAGE = Stage(name="search", revision=10, outputs=(SEARCH,), reads=search_slice, run=run_search)
 
 
-def _plain(value: Any) -> Any:
+def _without_nan(value: Any) -> Any:
     """Numbers that JSON knows: null for NaN."""
     if isinstance(value, Mapping):
-        return {key: _plain(one) for key, one in value.items()}
+        return {key: _without_nan(one) for key, one in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(one) for one in value]
+        return [_without_nan(one) for one in value]
     return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
@@ -117,7 +117,7 @@ def read_search(path: Path) -> Search:
     return Search(**{**document, "tried": tried, "notes": tuple(document["notes"])})
 
 
-def as_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
+def with_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
     """Return the spec with the structure that its search has found; as it is where nothing was
     found yet.
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from mapmore_cli.annexes.sums.joint import refuse_shared_names
 from mapmore_cli.spec.check_names import expression_findings
-from mapmore_cli.spec.check_study import formula_called, unknown_formula, with_settings
+from mapmore_cli.spec.check_study import formula_called, rivals_of, unknown_formula
 from mapmore_cli.spec.diagnostics import Finding, did_you_mean, refused
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.sections.model import Summand
@@ -15,9 +15,10 @@ from mapmore_cli.spec.tree import Loc
 
 def findings(spec: ExperimentSpec) -> Iterator[Finding]:
     """Check every sum of a study: its own, and those that it is compared with."""
-    for _, settings, loc in with_settings(spec):
-        if settings.sum is not None:
-            yield from _sum(spec, settings.sum, (*loc, "sum"))
+    own: tuple[Loc, Sequence[Summand] | None] = (("model",), spec.model.sum)
+    for loc, parts in [own, *((loc, rival.sum) for loc, rival in rivals_of(spec))]:
+        if parts is not None:
+            yield from _sum(spec, parts, (*loc, "sum"))
 
 
 def _sum(spec: ExperimentSpec, parts: Sequence[Summand], loc: Loc) -> Iterator[Finding]:

@@ -22,13 +22,13 @@ from mapmore_cli.domain.models import CurveRange, Formula, Model
 from mapmore_cli.domain.recording import Dataset, Quantity
 from mapmore_cli.domain.results import FitResult
 from mapmore_cli.fitting.kinds import Given
-from mapmore_cli.fitting.kinds.choices import FitChoices, ModelChoices
+from mapmore_cli.fitting.kinds.choices import ModelChoices
 from mapmore_cli.modelling.expressions import Name, parse
 from mapmore_cli.modelling.literature.backbone import pooled_training
 from mapmore_cli.spec.sections import model as sections
 
 
-def fit(part: FitChoices, given: Given) -> FitResult:
+def fit(part: ModelChoices, given: Given) -> FitResult:
     """Formulas together; nothing where the summands are fitted by runs of their own.
 
     Raises FitError where the formulas did not converge to anything usable.

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mapmore_cli.checking.evidence import beyond, force_set, neighbourhood
+from mapmore_cli.checking.evidence import neighbourhood, set_in_steps
 from mapmore_cli.checking.names import POSITIONS
 from mapmore_cli.checking.rules import Issue, Subject
 from mapmore_cli.domain.arrays import Array
@@ -20,13 +20,13 @@ from mapmore_cli.fitting.kinds.pieces import cuts_of
 from mapmore_cli.modelling.memory.records import records_of, time_step
 from mapmore_cli.modelling.pieces.recipe import Cuts
 from mapmore_cli.modelling.pieces.segmentation import cut_by_course
-from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.modelling.validation.repeatability import WORTH, floors
 from mapmore_cli.spec.check_study import formula_called
 from mapmore_cli.spec.sections.dictionary import entries_of, texts_in
 
 FEWEST = 5  # samples that show the shape of a curve
 SOME = 0.05  # of the validation samples, that may lie beyond a range that the split does not go by
+TELLS = 0.5  # times the error of the mean of all levels, that neighbours leave at most
 BEYOND = 0.01  # of the training range, that held-out samples may lie outside
 
 
@@ -62,7 +62,7 @@ def segments(subject: Subject) -> Iterator[Issue]:
             "data",
         )
         return
-    least = 1 if spec.fit.max_terms == AUTO else spec.fit.most_terms
+    least = spec.fit.max_terms
     for curve in cut:
         short = [piece for piece in curve.segments if len(piece.rows) <= least]
         if short:
@@ -88,7 +88,11 @@ def beyond_training(subject: Subject) -> Iterator[Issue]:
         )
         if not training.size:
             continue
-        outside = validation[beyond(validation, training, BEYOND)]
+        margin = BEYOND * float(np.ptp(training))
+        is_inside = (validation >= training.min() - margin) & (
+            validation <= training.max() + margin
+        )
+        outside = validation[~is_inside]
         if outside.size > (0 if name in chosen else SOME * validation.size):
             share = "" if name in chosen else f"{outside.size / validation.size:.0%} of the "
             reached = f"{outside.min():.6g}" + (
@@ -219,11 +223,12 @@ def loops_apart(subject: Subject) -> Iterator[Issue]:
     data, dataset = subject.spec.data, subject.dataset
     if subject.spec.target != "hysteresis" or data.cycles is None or dataset.level is None:
         return
-    found = neighbourhood(dataset.curves, data.cycles.over, dataset.target)
-    if found is not None and not found.tells:
+    errors = neighbourhood(dataset.curves, data.cycles.over, dataset.target)
+    if errors is not None and errors[0] > TELLS * errors[1]:
+        told = f"an error of {errors[0]:.0%} of the largest, and {errors[1]:.0%} by the mean"
         message = (
-            f"a loop hardly follows from those at the next levels ({found}): expect no more "
-            "of a level that was not measured"
+            f"a loop hardly follows from those at the next levels ({told} of all others): expect "
+            "no more of a level that was not measured"
         )
         surface = f"`segment: {{{dataset.level}: none}}`, with {dataset.level} in the dictionary"
         remedy = (
@@ -240,7 +245,13 @@ def wrong_way_round(subject: Subject) -> Iterator[Issue]:
     if subject.spec.target != "static" or not subject.has("force"):
         return
     position = next((name for name in POSITIONS if subject.has(name)), None)
-    if position is not None and (step := force_set(subject.recordings, position)) is not None:
+    if position is None:
+        return
+    step, other = (
+        set_in_steps([one.columns[name] for one in subject.recordings])
+        for name in ("force", position)
+    )
+    if step is not None and other is None:
         steps = (
             f"force goes in even steps of {step:.4g} {subject.units['force']} and {position} "
             "does not"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from mapmore_cli.checking.rules import Issue, Subject
+from mapmore_cli.storage.tables.cells import shortened
 
 
 def formulas_in_labels(subject: Subject) -> Iterator[Issue]:
@@ -15,14 +16,9 @@ def formulas_in_labels(subject: Subject) -> Iterator[Issue]:
         from mapmore_cli.reporting.figures.style import wrong_formula
 
         if fault := wrong_formula(label):
-            shown = label if len(label) <= SHOWN_LETTERS else f"{label[:SHOWN_LETTERS]}..."
             place = subject.where("report", "style", "labels", quantity)
             message, remedy = (
-                f"report.style.labels.{quantity}: {shown!r} cannot be set ({fault})",
+                f"report.style.labels.{quantity}: {shortened(label)!r} cannot be set ({fault})",
                 "mend the formula between the dollars, or remove the dollars",
             )
             yield Issue("error", "label", place, message, remedy)
-
-
-SHOWN_LETTERS = 60
-"""Letters of a label that a message shows."""

@@ -24,11 +24,8 @@ def spikes_in(subject: Subject) -> Iterator[Issue]:
         for recording in (one for one in subject.recordings if name in one.columns):
             values = recording.columns[name]
             found = spikes(values)
-            found = (
-                found
-                if (limit := _vacuum(subject, name)) is None
-                else found[values[found] >= limit]
-            )
+            limit = _vacuum(subject, name)
+            found = found if limit is None else found[values[found] >= limit]
             if not 0 < found.size <= max(1.0, MOST_SPIKES * values.size):
                 continue
             first, unit = int(found[0]), subject.units[name]

@@ -9,11 +9,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from mapmore_cli.checking.evidence import FEWEST_SAME, same_signals
+from mapmore_cli.checking.findings import Severity
 from mapmore_cli.checking.rules import Issue, Subject
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.recording import Recording
 
-FEWEST_IN_LINE = 10  # samples, below which a straight line may be chance
 OF_A_LINE = (
     1e-4  # of the range of the target, that a straight line leaves of what was computed by one
 )
@@ -30,13 +30,10 @@ def computed_from(subject: Subject) -> Iterator[Issue]:
     target = subject.spec.target_quantity
     if target not in subject.spec.data.columns or not subject.has(target):
         return
-    for name in subject.spec.data.columns:
-        if (
-            name in (target, "time")
-            or not subject.has(name)
-            or same_signals([subject.pooled(name), subject.pooled(target)])
-        ):
-            continue  # the last of them is told as an error
+    others = [name for name in subject.spec.data.columns if name not in (target, "time")]
+    for name in (one for one in others if subject.has(one)):
+        if same_signals([subject.pooled(name), subject.pooled(target)]):
+            continue  # told as an error
         slopes = [
             _slope_of_line(one.columns[name], one.columns[target]) for one in subject.recordings
         ]
@@ -55,7 +52,7 @@ def computed_from(subject: Subject) -> Iterator[Issue]:
 
 def _slope_of_line(x: Array, y: Array) -> float | None:
     """Return the slope of a straight line that tells `y`; None where none does."""
-    if len(x) < FEWEST_IN_LINE or not np.ptp(x) or not np.ptp(y):
+    if len(x) < FEWEST_SAME or not np.ptp(x) or not np.ptp(y):
         return None
     off = x - x.mean()
     slope = float(off @ y / (off @ off))
@@ -68,49 +65,35 @@ def untold_difference(subject: Subject) -> Iterator[Issue]:
     recorded, or a file has another's name.
     """
     target = subject.spec.target_quantity
-    inputs = [
-        name
-        for name in subject.spec.data.quantities
-        if name not in (target, "time") and subject.has(name)
-    ]
-    if (
-        not inputs
-        or not subject.has(target)
-        or not any(np.ptp(subject.span(name)) for name in inputs)
-    ):
+    names = [name for name in subject.spec.data.quantities if subject.has(name)]
+    inputs = [name for name in names if name not in (target, "time")]
+    if target not in names or not any(np.ptp(subject.span(name)) for name in inputs):
         return
-    low, high = subject.span(target)
-    groups: dict[tuple[str, ...], list[Recording]] = {}
+    span = float(np.ptp(subject.span(target)))
+    alike: dict[tuple[str, ...], list[Recording]] = {}
     for recording in (one for one in subject.recordings if one.rows_kept >= FEWEST_SAME):
-        begins = tuple(
-            f"{value:.4g}" for name in inputs for value in recording.columns[name][:FEWEST_IN_LINE]
-        )
-        same = groups.setdefault(begins, [])
-        twin = next((other for other in same if _equal_inputs(other, recording, inputs)), None)
+        begins = np.concatenate([recording.columns[name][:FEWEST_SAME] for name in inputs])
+        others = alike.setdefault(tuple(f"{value:.4g}" for value in begins), [])
+        twin = next((one for one in others if _equal_inputs(one, recording, inputs)), None)
         if twin is None:
-            same.append(recording)
+            others.append(recording)
             continue
         both = min(twin.rows_kept, recording.rows_kept)
         apart = float(np.abs(twin.columns[target][:both] - recording.columns[target][:both]).max())
-        if apart > OF_A_LINE * (high - low):
-            share = f"{apart:.4g} {subject.units[target]} ({apart / (high - low):.2g} of its range)"
-            message = (
-                f"{recording.source} has the same {', '.join(inputs)} as {twin.source}, and "
-                f"{target} differs by up to {share}"
-            )
-            remedy = (
-                "set what differed for the files (`set: {specimen: 2}`), or correct a name; "
-                "repeats of one test show its repeatability"
-            )
-            large = apart > HARDLY_REPEATED * (high - low)
-            yield Issue(
-                "warning" if large else "hint",
-                "untold-difference",
-                subject.source(target),
-                message,
-                remedy,
-                "data",
-            )
+        if apart <= OF_A_LINE * span:
+            continue
+        share = f"{apart:.4g} {subject.units[target]} ({apart / span:.2g} of its range)"
+        message = (
+            f"{recording.source} has the same {', '.join(inputs)} as {twin.source}, and "
+            f"{target} differs by up to {share}"
+        )
+        remedy = (
+            "set what differed for the files (`set: {specimen: 2}`), or correct a name; "
+            "repeats of one test show its repeatability"
+        )
+        severity: Severity = "warning" if apart > HARDLY_REPEATED * span else "hint"
+        place = subject.source(target)
+        yield Issue(severity, "untold-difference", place, message, remedy, "data")
 
 
 def _equal_inputs(one: Recording, other: Recording, inputs: list[str]) -> bool:

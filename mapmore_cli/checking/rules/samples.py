@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 
 from mapmore_cli.checking import evidence
+from mapmore_cli.checking.findings import Severity
 from mapmore_cli.checking.names import POSITIONS
 from mapmore_cli.checking.rules import Issue, Subject
 from mapmore_cli.domain.recording import Recording
@@ -106,51 +107,36 @@ def clipped(subject: Subject) -> Iterator[Issue]:
     any twice.
     """
     levels = subject.spec.data.levels
-    for name in (
-        name
-        for name in subject.spec.data.columns
-        if name != "time" and (levels is None or name != levels.of)
-    ):
-        for recording in (
-            one for one in subject.recordings if name in one.columns and one.rows_kept
-        ):
-            values = recording.columns[name]
-            ends = max(
-                np.count_nonzero(values == values.max()), np.count_nonzero(values == values.min())
-            )
-            if ends <= max(LONGEST, CLIPPED * len(values)):
-                continue
-            numbers, counts = np.unique(values, return_counts=True)
-            for end, side in ((0, "above"), (-1, "below")):
-                usual = int(np.delete(counts, end).max(initial=0))
-                at_rest = abs(numbers[end]) < AT_REST * subject.largest(
-                    name
-                )  # a slack muscle pulls with nothing for long
-                if (
-                    not usual
-                    or at_rest
-                    or counts[end] <= max(LONGEST, FAR_MORE * usual, CLIPPED * len(values))
-                ):
+    held = ("time", None if levels is None else levels.of)
+    for name in (name for name in subject.spec.data.columns if name not in held):
+        largest = subject.largest(name)
+        for recording in (one for one in subject.recordings if one.rows_kept):
+            values = recording.columns.get(name, np.zeros(0))
+            ends = (("above", values.min()), ("below", values.max())) if values.size else ()
+            for side, end in ends:
+                count = int(np.count_nonzero(values == end))
+                rests = abs(end) < AT_REST * largest  # a slack muscle pulls with nothing for long
+                if rests or count <= max(LONGEST, CLIPPED * len(values)):
                     continue
-                at = f"{numbers[end]:.6g} {subject.units[name]}"
-                count = f"{counts[end]} of {len(values)} samples have {name} at exactly {at}"
-                message = f"{recording.name}: {count}: clipped, or a limit that it has"
-                leave_out = (
-                    f"leave them out, as `keep: [{{quantity: {name}, {side}: {numbers[end]:.6g}}}]`"
-                )
-                remedy = (
-                    f"where the sensor is at its end, {leave_out}; where {name} itself stops "
-                    "there (a stop, a full tank), keep them"
-                )
-                known = name in FROM_SENSORS
-                yield Issue(
-                    "warning" if known else "hint",
-                    "clipped",
-                    subject.source(name),
-                    message,
-                    remedy,
-                    "data",
-                )
+                others = np.unique(values[values != end], return_counts=True)[1]
+                if not others.size or count <= FAR_MORE * others.max():
+                    continue
+                yield _clipped(subject, recording, name, side, float(end), count)
+
+
+def _clipped(
+    subject: Subject, recording: Recording, name: str, side: str, end: float, count: int
+) -> Issue:
+    at = f"{end:.6g} {subject.units[name]}"
+    exactly = f"{count} of {recording.rows_kept} samples have {name} at exactly {at}"
+    leave_out = f"leave them out, as `keep: [{{quantity: {name}, {side}: {end:.6g}}}]`"
+    remedy = (
+        f"where the sensor is at its end, {leave_out}; where {name} itself stops there (a stop, a "
+        "full tank), keep them"
+    )
+    message = f"{recording.name}: {exactly}: clipped, or a limit that it has"
+    severity: Severity = "warning" if name in FROM_SENSORS else "hint"
+    return Issue(severity, "clipped", subject.source(name), message, remedy, "data")
 
 
 def cycles_of_noise(subject: Subject) -> Iterator[Issue]:
@@ -213,37 +199,21 @@ def recorded_twice(subject: Subject) -> Iterator[Issue]:
     """
     curves = subject.made.curves if subject.made else ()
     held_out = {name for curve in curves if curve.held_out.all() for name in curve.recordings}
-    alike: dict[tuple[object, ...], list[Recording]] = {}
+    known: dict[tuple[object, ...], Recording] = {}
     for recording in (recording for recording in subject.recordings if recording.rows_kept):
-        measured = sorted(
-            recording.columns.keys() & subject.spec.data.columns
-        )  # what is set for a file does not make it another
-        columns = [recording.columns[name] for name in measured]
-        same = alike.setdefault(
-            (*measured, recording.rows_kept, *(float(one[-1]) for one in columns)), []
-        )
-        twin = next((other for other in same if _same_samples(recording, other, measured)), None)
-        same.append(recording)
-        if twin is None:
+        # what is set for a file does not make it another
+        measured = sorted(recording.columns.keys() & subject.spec.data.columns)
+        samples = (hash(recording.columns[name].tobytes()) for name in measured)
+        twin = known.setdefault((*measured, *samples), recording)
+        if twin is recording:
             continue
         leak = (twin.id in held_out) != (recording.id in held_out)
         message = f"it has the same samples as {twin.name}" + (
             ", and one of them validates the other" if leak else ""
         )
-        yield Issue(
-            "error" if leak else "warning",
-            "recorded-twice",
-            recording.name,
-            message,
-            "leave one of them out",
-            "data",
-        )
-
-
-def _same_samples(one: Recording, other: Recording, names: Sequence[str]) -> bool:
-    return all(
-        np.array_equal(one.columns[name], other.columns[name], equal_nan=True) for name in names
-    )
+        severity: Severity = "error" if leak else "warning"
+        remedy = "leave one of them out"
+        yield Issue(severity, "recorded-twice", recording.name, message, remedy, "data")
 
 
 def many_dropped(subject: Subject) -> Iterator[Issue]:
@@ -318,9 +288,9 @@ def slack_foot(subject: Subject) -> Iterator[Issue]:
         return
     if not subject.has("pressure", "strain", "force"):
         return
-    found = evidence.slack_foot(*(subject.pooled(name) for name in ("pressure", "strain", "force")))
-    if found is not None:
-        low, high = found.threshold.min(), found.threshold.max()
+    foot = evidence.slack_foot(*(subject.pooled(name) for name in ("pressure", "strain", "force")))
+    if foot is not None:
+        low, high = foot[1].min(), foot[1].max()
         message = (
             f"the muscle is slack below {low:.0f} to {high:.0f} {subject.units['pressure']}, "
             "more so the more it is contracted"

@@ -23,7 +23,6 @@ LONGEST_STEP, SAMPLES_OF_A_LOGGER = (
     0.2,
     1000,
 )  # s between samples, in a record of a logger, which has so many
-LONGEST_RECORD = 12 * 3600.0  # s
 
 
 def strain_in_per_cent(subject: Subject) -> Iterator[Issue]:
@@ -95,34 +94,23 @@ def time_in_milliseconds(subject: Subject) -> Iterator[Issue]:
     """
     data = subject.spec.data
     column = data.columns.get("time")
-    if (
-        column is None
-        or column.unit is not None
-        or data.every > 1
-        or data.resample is not None
-        or not subject.has("time")
-    ):
+    is_told = data.every > 1 or data.resample is not None or not subject.has("time")
+    if column is None or column.unit is not None or is_told:
         return
     label = read_label(column.column) if isinstance(column.column, str) else None
     if label is not None and label.unit is not None:
         return
-    for recording in subject.recordings:
-        time = convert(recording.columns["time"], subject.units["time"], "s")
-        if len(time) < SAMPLES_OF_A_LOGGER:
-            continue
-        step, length = float(np.median(np.diff(time))), float(time[-1] - time[0])
-        if step > LONGEST_STEP or length > LONGEST_RECORD:
+    for recording in (one for one in subject.recordings if one.rows_kept >= SAMPLES_OF_A_LOGGER):
+        steps = np.diff(convert(recording.columns["time"], subject.units["time"], "s"))
+        step = float(np.median(steps))
+        if step > LONGEST_STEP:
             message = (
-                f"{recording.name}: one sample every {step:.3g} s, {length / 3600:.3g} hours "
+                f"{recording.name}: one sample every {step:.3g} s, {steps.sum() / 3600:.3g} hours "
                 "in all, which is slow for a muscle"
             )
-            yield Issue(
-                "hint",
-                "time-in-milliseconds",
-                subject.source("time"),
-                message,
-                "say `unit: ms` if the stamps are in ms",
-            )
+            remedy = "say `unit: ms` if the stamps are in ms"
+            place = subject.source("time")
+            yield Issue("hint", "time-in-milliseconds", place, message, remedy)
             return  # the others are of the same logger
 
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from mapmore_cli.domain.models import Model
     from mapmore_cli.domain.recording import Dataset
     from mapmore_cli.domain.results import FitResult
-    from mapmore_cli.fitting.kinds.choices import FitChoices, ModelChoices
+    from mapmore_cli.fitting.kinds.choices import ModelChoices
     from mapmore_cli.fitting.stage import Progress
 
 
@@ -45,18 +45,18 @@ class Given:
     progress: Progress = lambda _what, _done, _total: None
 
 
-def fit(part: FitChoices, given: Given) -> FitResult:
+def fit(part: ModelChoices, given: Given) -> FitResult:
     """Fit what the kind of model asks for: every segment, one model with memory, a formula, or
     nothing where models are added up.
     """
-    found: FitResult = _kind(part).fit(part, given)
-    return found
+    result: FitResult = _module_of(part).fit(part, given)
+    return result
 
 
 def build(part: ModelChoices, given: Given, result: FitResult) -> Model:
     """Return the model that is made of the fits."""
-    found: Model = _kind(part).build(part, given, result)
-    return found
+    model: Model = _module_of(part).build(part, given, result)
+    return model
 
 
 def refit(
@@ -67,16 +67,10 @@ def refit(
     """
     from mapmore_cli.fitting.kinds.pieces import segmented
 
-    given = Given(
-        dataset,
-        segmented(
-            dataset, part.levels, part.segment, part.dictionary, part.model.backbone, part.fit
-        ),
-        model_of,
-    )
+    given = Given(dataset, segmented(dataset, part), model_of)
     return build(part, given, fit(part, given))
 
 
-def _kind(part: FitChoices) -> Any:
+def _module_of(part: ModelChoices) -> Any:
     """Return the module of a kind; only what that takes is imported."""
     return import_module(kinds.named(part.kind).fitted or f"{__name__}.{part.kind}")

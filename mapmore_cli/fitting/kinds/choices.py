@@ -1,10 +1,9 @@
-"""The sections of a spec by which a model is made, and the number of terms where that is `auto`."""
+"""The sections of a spec by which a model is made."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import TypeVar
+from dataclasses import dataclass, field, replace
 
 from mapmore_cli.domain.recording import Signal
 from mapmore_cli.fitting.kinds.dictionary import signals_of, units_of
@@ -21,16 +20,25 @@ SegmentSection = Mapping[str, Segmented]
 
 
 @dataclass(frozen=True)
-class FitChoices:
-    """What a fit depends on."""
+class ModelChoices:
+    """What a model depends on. Stages before the model read those sections alone that they need.
+
+    - `lengths`: dimensions of the muscle (m) that its formula has.
+    - `summands`: the specs of the runs whose models are added up.
+    - `intervals`: whether models are made without each part of the training data in turn.
+    """
 
     levels: Levels | None
     segment: SegmentSection
     dictionary: list[DictionaryEntry]
     model: ModelChoice
     fit: Fit
-    lengths: Mapping[str, float | None]  # dimensions of the muscle (m) that the formula needs
-    joining: Fuse | None  # how pieces are joined, where the choice of a backbone depends on it
+    lengths: Mapping[str, float | None]
+    name: str = "trial"
+    fuse: Fuse = field(default_factory=Fuse)
+    signals: tuple[Signal, ...] = ()
+    summands: tuple[str, ...] = ()
+    intervals: bool = False
 
     @property
     def kind(self) -> str:
@@ -40,34 +48,9 @@ class FitChoices:
         return "formula" if self.model.type == "literature" else self.model.type
 
     @property
-    def joined(self) -> Fuse:
-        """How pieces are joined, as far as the fit has to know."""
-        return self.joining or Fuse()
-
-    @property
     def over_time(self) -> bool:
         """Whether the model runs along recordings, and is fitted to them whole."""
         return self.kind in ("memory", "state_space")
-
-
-@dataclass(frozen=True)
-class ModelChoices(FitChoices):
-    """What the model depends on: cross-validation of a backbone repeats the fit; a sum is made of
-    the models of needed runs.
-    """
-
-    name: str
-    fuse: Fuse
-    signals: tuple[Signal, ...]
-    summands: tuple[str, ...]
-    intervals: bool = (
-        False  # whether models are made without each part of the training data in turn
-    )
-
-    @property
-    def joined(self) -> Fuse:
-        """How pieces are joined."""
-        return self.fuse
 
 
 def with_definitions(spec: ExperimentSpec) -> ExperimentSpec:
@@ -79,10 +62,7 @@ def with_definitions(spec: ExperimentSpec) -> ExperimentSpec:
     units = units_of(spec)
     family = spec.model.family
     relative = None if family is None else family.definition(metres_of(units[family.of]))
-    found = {
-        name: one.definition(units, units[spec.target_quantity])
-        for name, one in spec.own_formulas.items()
-    }
+    found = {name: one.definition(units) for name, one in spec.own_formulas.items()}
 
     def put(name: str | None) -> str | None:
         return name if name is None else found.get(name, name)
@@ -118,13 +98,13 @@ def metres_of(unit: str) -> float:
     return base.factor if base is not None and dict(base.powers) == {"m": 1} else 1.0
 
 
-def lengths_of(spec: ExperimentSpec) -> dict[str, float | None]:
-    """Return the muscle's dimensions (m) where the formula that is the model or its backbone has
-    one.
+def lengths_of(model: ModelChoice, lengths: Mapping[str, float | None]) -> dict[str, float | None]:
+    """Return those of the muscle's `lengths` (m) that the formula needs which is the model or its
+    backbone.
     """
-    name = spec.model.name or spec.model.backbone
+    name = model.name or model.backbone
     needed = literature.get(name).dimensions if name not in (None, AUTO) else ()
-    return {name: length for name, length in spec.muscle.lengths.items() if name in needed}
+    return {key: length for key, length in lengths.items() if key in needed}
 
 
 def level_of(levels: Levels | None, segment: SegmentSection) -> str | None:
@@ -153,13 +133,12 @@ def model_choices(spec: ExperimentSpec) -> ModelChoices:
         spec.dictionary,
         spec.model,
         spec.fit,
-        lengths_of(spec),
-        None,
-        spec.name,
-        spec.fuse,
-        signals_of(spec),
-        tuple(summands(spec)),
-        spec.validation.intervals,
+        lengths_of(spec.model, spec.muscle.lengths),
+        name=spec.name,
+        fuse=spec.fuse,
+        signals=signals_of(spec),
+        summands=tuple(summands(spec)),
+        intervals=spec.validation.intervals,
     )
 
 
@@ -168,11 +147,3 @@ def summands(spec: ExperimentSpec) -> list[str]:
     if spec.model.sum is not None:
         return list(dict.fromkeys(part.model for part in spec.model.sum if part.model is not None))
     return [str(spec.needs.static), str(spec.needs.damping)] if spec.model.type == "sum" else []
-
-
-P = TypeVar("P", bound=FitChoices)
-
-
-def with_terms(part: P, terms: int) -> P:
-    """Return the choices with at most `terms` terms, or unchanged where that is 0."""
-    return replace(part, fit=replace(part.fit, max_terms=terms)) if terms else part

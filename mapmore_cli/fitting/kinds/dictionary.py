@@ -12,17 +12,17 @@ from functools import lru_cache
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.recording import Signal
 from mapmore_cli.modelling.expressions import candidate, parse, state, to_text
-from mapmore_cli.modelling.expressions.families import delays, lags, operated, products
+from mapmore_cli.modelling.expressions.families import lags, operated, products
 from mapmore_cli.modelling.pieces.recipe import CutByDirection
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.sections.data import Direction, Rate
 from mapmore_cli.spec.sections.dictionary import (
     AlongRange,
-    Delays,
     DictionaryEntry,
     Lags,
     Polynomial,
     Products,
+    numbers_of,
 )
 from mapmore_cli.spec.units import convert, default_unit
 
@@ -106,20 +106,20 @@ def _terms(entry: DictionaryEntry, clock: Clock | None, *, constant: bool) -> Se
     """
     name, family = entry.family
     if isinstance(family, list):
-        return [_printed(text) for text in family]
+        return [_term_text(text) for text in family]
     if isinstance(family, Products):
         return _products(family, clock, constant=constant)
     if isinstance(family, AlongRange):
-        return _along_range(family, constant=constant and getattr(family, "constant", True))
-    of = list(dict.fromkeys(_canonical(text) for text in family.of))
+        return _along_range(family, constant=constant)
+    of = list(dict.fromkeys(_state_name(text) for text in family.of))
     if isinstance(family, Polynomial):
-        return _monomials(of, family, constant=constant)
+        return _monomial_texts(of, family, constant=constant)
     if isinstance(family, Lags):
-        return _monomials(lags(of, list(dict.fromkeys(family.steps))), family, constant=constant)
+        return _monomial_texts(
+            lags(of, list(dict.fromkeys(family.steps))), family, constant=constant
+        )
     assert clock is not None
-    if isinstance(family, Delays):
-        return delays(of, family.times, clock.step)
-    return operated(name, of, family.numbers(clock.step, clock.longest))
+    return operated(name, of, numbers_of(name, family, clock.step, clock.longest))
 
 
 def _along_range(family: AlongRange, *, constant: bool) -> list[str]:
@@ -142,15 +142,15 @@ def _along_range(family: AlongRange, *, constant: bool) -> list[str]:
 
 
 @lru_cache(maxsize=4096)  # a search asks for the same terms in every fold
-def _printed(text: str) -> str:
+def _term_text(text: str) -> str:
     return to_text(parse(text))
 
 
-def _canonical(text: str) -> str:
+def _state_name(text: str) -> str:
     return state(text).name
 
 
-def _monomials(of: Sequence[str], family: Polynomial | Lags, *, constant: bool) -> list[str]:
+def _monomial_texts(of: Sequence[str], family: Polynomial | Lags, *, constant: bool) -> list[str]:
     return [
         to_text(term) for term in products(of, family.order, constant=family.constant and constant)
     ]
@@ -158,11 +158,11 @@ def _monomials(of: Sequence[str], family: Polynomial | Lags, *, constant: bool) 
 
 def _products(family: Products, clock: Clock | None, *, constant: bool) -> list[str]:
     parts = [
-        [_canonical(part)] if isinstance(part, str) else _terms(part, clock, constant=False)
+        [_state_name(part)] if isinstance(part, str) else _terms(part, clock, constant=False)
         for part in family.of
     ]
     of = list(dict.fromkeys(term for part in parts for term in part))
-    partners = None if family.partners is None else [_canonical(text) for text in family.partners]
+    partners = None if family.partners is None else [_state_name(text) for text in family.partners]
     for partner in partners or ():
         if partner not in of:
             raise SpecError(

@@ -8,12 +8,12 @@ from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import FitResult
 from mapmore_cli.fitting.kinds import Given
-from mapmore_cli.fitting.kinds.choices import FitChoices, ModelChoices, level_of
+from mapmore_cli.fitting.kinds.choices import ModelChoices, level_of
 from mapmore_cli.modelling.literature import model as formula
 from mapmore_cli.modelling.literature.backbone import fit_formula
 
 
-def fit(part: FitChoices, given: Given) -> FitResult:
+def fit(part: ModelChoices, given: Given) -> FitResult:
     """Return the formula, fitted to all training samples; raises as `fitted`."""
     assert part.model.name is not None
     return FitResult(fitted(part.model.name, part, given.dataset))
@@ -34,15 +34,12 @@ def build(part: ModelChoices, given: Given, result: FitResult) -> Model:
     )
 
 
-def fitted(name: str, part: FitChoices, dataset: Dataset) -> FormulaFit:
+def fitted(name: str, part: ModelChoices, dataset: Dataset) -> FormulaFit:
     """Return a formula fitted to all training samples of a dataset.
 
     Raises FitError where it did not converge to anything usable: the model stands on it.
     """
-    model = part.model
-    found = fit_formula(
-        name, dataset.curves, dataset.target, model.method, part.lengths, model.starts
-    )
+    found = fit_formula(name, dataset.curves, dataset.target, None, part.lengths)
     if found.failed:
         reasons = "; ".join(found.notes) or "no finite parameters were found"
         raise FitError(

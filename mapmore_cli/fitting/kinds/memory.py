@@ -8,7 +8,7 @@ from mapmore_cli.domain.declared import taken
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.results import FitResult
 from mapmore_cli.fitting.kinds import Given
-from mapmore_cli.fitting.kinds.choices import FitChoices, ModelChoices
+from mapmore_cli.fitting.kinds.choices import ModelChoices
 from mapmore_cli.fitting.kinds.dictionary import Clock, terms_of
 from mapmore_cli.fitting.kinds.formula import fitted
 from mapmore_cli.modelling.literature.backbone import residual_of
@@ -19,7 +19,7 @@ from mapmore_cli.modelling.memory.states import with_ranges
 from mapmore_cli.modelling.selection import MemoryRecipe
 
 
-def fit(part: FitChoices, given: Given) -> FitResult:
+def fit(part: ModelChoices, given: Given) -> FitResult:
     """One model of all recordings, of what the backbone leaves where there is one.
 
     Raises DataError where recordings are not sampled alike, or too few samples have a history;

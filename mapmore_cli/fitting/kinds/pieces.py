@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 from mapmore_cli.domain.results import FitResult, PiecesFit
 from mapmore_cli.fitting.kinds import Given
 from mapmore_cli.fitting.kinds.choices import (
-    FitChoices,
     ModelChoices,
     SegmentSection,
     by_trial,
@@ -17,11 +16,10 @@ from mapmore_cli.fitting.kinds.choices import (
 )
 from mapmore_cli.fitting.kinds.dictionary import terms_of
 from mapmore_cli.fitting.kinds.formula import fitted
-from mapmore_cli.modelling.pieces.recipe import Cut, Fuse, Recipe
+from mapmore_cli.modelling.pieces.recipe import Cut, Recipe
 from mapmore_cli.modelling.pieces.segmentation import trained_at
-from mapmore_cli.modelling.selection import AUTO, Fit
-from mapmore_cli.spec.sections.data import Levels
-from mapmore_cli.spec.sections.dictionary import DictionaryEntry, remembers
+from mapmore_cli.modelling.selection import AUTO
+from mapmore_cli.spec.sections.dictionary import remembers
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.fits import FormulaFit, SegmentedCurve
@@ -34,53 +32,36 @@ def cuts_of(segment: SegmentSection) -> dict[str, Cut]:
     return {name: cut for name, cut in segment.items() if not isinstance(cut, str)}
 
 
-def recipe_of(
-    target: str,
-    levels: Levels | None,
-    segment: SegmentSection,
-    dictionary: Sequence[DictionaryEntry],
-    fit: Fit,
-    fuse: Fuse,
-) -> Recipe:
+def recipe_of(target: str, part: ModelChoices) -> Recipe:
     """Return the whole recipe; without candidate terms where one model with memory stands in place
     of the segments.
     """
-    level = level_of(levels, segment)
+    level = level_of(part.levels, part.segment)
     return Recipe(
         target=target,
-        dictionary=() if remembers(dictionary) else terms_of(dictionary),
-        cuts=cuts_of(segment),
+        dictionary=() if remembers(part.dictionary) else terms_of(part.dictionary),
+        cuts=cuts_of(part.segment),
         level=level,
-        pooled=None if levels is None or level is not None else levels.of,
-        fit=fit,
-        fuse=fuse,
+        pooled=None if part.levels is None or level is not None else part.levels.of,
+        fit=part.fit,
+        fuse=part.fuse,
     )
 
 
-def segmented(
-    dataset: Dataset,
-    levels: Levels | None,
-    segment: SegmentSection,
-    dictionary: Sequence[DictionaryEntry],
-    backbone: str | None,
-    fit: Fit,
-) -> tuple[SegmentedCurve, ...]:
+def segmented(dataset: Dataset, part: ModelChoices) -> tuple[SegmentedCurve, ...]:
     """Cut every training curve over its own range; what is fitted there is what the backbone
     leaves, which costs of intervals go by.
     """
     from mapmore_cli.modelling.literature.backbone import fit_formula
     from mapmore_cli.modelling.pieces.build import segment as cut
 
-    recipe = recipe_of(dataset.target, levels, segment, dictionary, fit, Fuse())
-    formula = (
-        fit_formula(backbone, dataset.curves, dataset.target)
-        if backbone and by_trial(segment)
-        else None
-    )
-    return cut(trained_at(dataset.curves, fit.train_level), recipe, formula)
+    backbone = part.model.backbone if by_trial(part.segment) else None
+    formula = fit_formula(backbone, dataset.curves, dataset.target) if backbone else None
+    curves, recipe = _trained(part, dataset)
+    return cut(curves, recipe, formula)
 
 
-def fit(part: FitChoices, given: Given) -> FitResult:
+def fit(part: ModelChoices, given: Given) -> FitResult:
     """Return the terms of every segment, fitted to what the backbone leaves where there is one;
     raises FitError where its fit failed.
     """
@@ -100,16 +81,14 @@ def fit(part: FitChoices, given: Given) -> FitResult:
     return FitResult(PiecesFit(segments), backbone, notes)
 
 
-def _trained(part: FitChoices, dataset: Dataset) -> tuple[Sequence[Curve], Recipe]:
+def _trained(part: ModelChoices, dataset: Dataset) -> tuple[Sequence[Curve], Recipe]:
     """Return the curves, of which some train, and the whole recipe."""
-    recipe = recipe_of(
-        dataset.target, part.levels, part.segment, part.dictionary, part.fit, part.joined
-    )
-    return trained_at(dataset.curves, part.fit.train_level), recipe
+    curves = trained_at(dataset.curves, part.fit.train_level)
+    return curves, recipe_of(dataset.target, part)
 
 
 def _backbone(
-    part: FitChoices, given: Given, curves: Sequence[Curve], recipe: Recipe
+    part: ModelChoices, given: Given, curves: Sequence[Curve], recipe: Recipe
 ) -> tuple[FormulaFit | None, tuple[str, ...]]:
     """Return the formula that the spec names, or the one that left-out levels choose, fitted; and
     on what grounds it was chosen.
@@ -129,23 +108,15 @@ def _backbone(
     return (None if name is None else fitted(name, part, given.dataset)), notes
 
 
-def backbone_name(part: FitChoices, dataset: Dataset) -> str | None:
-    """Return the backbone that left-out levels choose."""
-    found, _ = _backbone(part, Given(dataset, ()), *_trained(part, dataset))
-    return None if found is None else found.name
-
-
 def build(part: ModelChoices, given: Given, result: FitResult) -> Model:
-    """Fuse; on a backbone, keep as much of the residual as left-out training data support, unless
-    the spec says how much.
-    """
+    """Fuse; on a backbone, keep as much of the residual as left-out training data support."""
     from mapmore_cli.modelling.pieces import build as method
     from mapmore_cli.modelling.pieces.cross_validation import with_trusted_residual
 
     quantities = given.dataset.quantities
     curves, recipe = _trained(part, given.dataset)
     model = method.fuse(part.name, curves, given.segmentation, result, recipe, quantities)
-    if result.backbone is None or recipe.fuse.shrink != AUTO:
+    if result.backbone is None:
         return model
     return with_trusted_residual(
         model, curves, recipe, quantities, lambda done, total: given.progress("folds", done, total)

@@ -181,16 +181,19 @@ def part_of(expression: Expression, known: Known) -> Part:
         case Name(name):
             return lambda columns, _shared: columns[name]
         case Sum(terms):
-            return _sum([part_of(term, known) for term in terms])
+            return _added([part_of(term, known) for term in terms])
         case Product(factors):
             return _product(factors, known)
         case Power() | Call():
-            return _once(expression, known)
+            return _computed_once(expression, known)
     raise TypeError(f"not an expression: {expression!r}")
 
 
-def _sum(terms: Sequence[Part]) -> Part:
+def _added(terms: Sequence[Part]) -> Part:
     first, *others = terms
+    if len(others) == 1:
+        second = others[0]
+        return lambda columns, shared: first(columns, shared) + second(columns, shared)
 
     def total(columns: Mapping[str, Value], shared: Shared) -> Value:
         value = first(columns, shared)
@@ -209,6 +212,9 @@ def _product(factors: Sequence[Expression], known: Known) -> Part:
             others.append((True, _power(factor.base, -factor.exponent, known)))
         else:
             others.append((False, part_of(factor, known)))
+    if len(others) == 1 and not others[0][0]:
+        second = others[0][1]
+        return lambda columns, shared: first(columns, shared) * second(columns, shared)
 
     def total(columns: Mapping[str, Value], shared: Shared) -> Value:
         value = first(columns, shared)
@@ -219,7 +225,7 @@ def _product(factors: Sequence[Expression], known: Known) -> Part:
     return total
 
 
-def _once(expression: Power | Call, known: Known) -> Part:
+def _computed_once(expression: Power | Call, known: Known) -> Part:
     """Compute at its first occurrence, and look up at every other."""
     if expression not in known:
         compute, slot = _computed(expression, known), len(known)

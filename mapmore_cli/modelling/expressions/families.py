@@ -26,11 +26,6 @@ def lags(of: Sequence[str], steps: Sequence[int]) -> tuple[str, ...]:
     )
 
 
-def delays(of: Sequence[str], times: Sequence[float], step: float) -> tuple[str, ...]:
-    """Every state `of` so many seconds ago, to the nearest sample of `step` seconds; each once."""
-    return tuple(dict.fromkeys(lags(of, [round(time / step) for time in times])))
-
-
 def operated(
     family: str, of: Sequence[str], numbers: Sequence[float | tuple[float, ...]] = ()
 ) -> tuple[str, ...]:

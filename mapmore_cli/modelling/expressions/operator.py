@@ -228,12 +228,12 @@ def along(operator: Operator, x: Array, setting: Setting) -> Array:
         values[begin:] = (
             operator.along(x[begin:], setting)
             if operator.along
-            else followed(operator.recursion(setting), x[begin:])
+            else run_recursion(operator.recursion(setting), x[begin:])
         )
     return values
 
 
-def followed(rule: Recursion, x: Array) -> Array:
+def run_recursion(rule: Recursion, x: Array) -> Array:
     """Return a recursion along x, (n,), as if x had always been x[0] before.
 
     A linear one is a filter, one without memory is computed for all samples at once, any other

@@ -40,15 +40,15 @@ from mapmore_cli.modelling.expressions.syntax import (
     power,
 )
 
-RANGED = ("unit", "own_unit")
-"""Mark what waits for a training range (`expressions.ranged`)."""
+RANGED = "unit"
+"""Marks what waits for a training range (`expressions.ranged`)."""
 
 MAX_LENGTH = 10_000
 MAX_DEPTH = 50
 
 
 @lru_cache(maxsize=4096)
-def parse(text: str, ranged: Callable[[str, Expression], Expression] | None = None) -> Expression:
+def parse(text: str, ranged: Callable[[Expression], Expression] | None = None) -> Expression:
     """Syntax tree of `text`, in canonical form; of a text that comes again, the same tree.
 
     Parts of it may wait for a training range where it is said what is `ranged` in their place.
@@ -80,7 +80,7 @@ def parse(text: str, ranged: Callable[[str, Expression], Expression] | None = No
     return expression
 
 
-candidate = partial(parse, ranged=Call)
+candidate = partial(parse, ranged=partial(Call, RANGED))
 """Reads a term of a dictionary, which may wait for a training range."""
 
 
@@ -88,7 +88,7 @@ class _Parser(Tokens):
     """One method for each rule of the grammar."""
 
     _depth = 0
-    ranged: Callable[[str, Expression], Expression] | None = None
+    ranged: Callable[[Expression], Expression] | None = None
 
     def sum(self) -> Expression:
         terms = [self._product()]
@@ -161,9 +161,9 @@ class _Parser(Tokens):
         if opens_state(token, self.next):
             return Name(read_state(self, token).name)
         if self.next.kind == "(":
-            if self.ranged and token.text in RANGED:
-                return self.ranged(token.text, self._bracket())
-            return call(_function(token), self._bracket())
+            if self.ranged and token.text == RANGED:
+                return self.ranged(self._bracket())
+            return call(_known_function(token), self._bracket())
         if token.text in FUNCTIONS:
             raise ExpressionError(
                 f"`{token.text}` is a function: write {token.text}(...)", token.position
@@ -185,7 +185,7 @@ class _Parser(Tokens):
             )
 
 
-def _function(token: Token) -> str:
+def _known_function(token: Token) -> str:
     if token.text in FUNCTIONS:
         return token.text
     near = difflib.get_close_matches(token.text, FUNCTIONS, n=1)

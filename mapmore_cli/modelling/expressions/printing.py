@@ -6,7 +6,7 @@ import re
 
 from mapmore_cli.modelling.expressions.operator import FUNCTIONS
 from mapmore_cli.modelling.expressions.operators import OPERATORS
-from mapmore_cli.modelling.expressions.states import Lagged, Measured, State, number_text, state
+from mapmore_cli.modelling.expressions.states import Lagged, Measured, State, shortest_text, state
 from mapmore_cli.modelling.expressions.syntax import (
     ONE,
     Call,
@@ -74,7 +74,7 @@ class _Text:
 
     def digits_of(self, value: float) -> str:
         return (
-            number_text(value)
+            shortest_text(value)
             if self.digits is None
             else f"{value:.{self.digits}g}".removesuffix(".0")
         )
@@ -99,9 +99,8 @@ class _Text:
         return f"{function}({argument})", _ATOM
 
     def power(self, base: str, exponent: float) -> str:
-        return (
-            f"{base}^{number_text(exponent) if exponent.is_integer() else self.digits_of(exponent)}"
-        )
+        digits = shortest_text if exponent.is_integer() else self.digits_of
+        return f"{base}^{digits(exponent)}"
 
     def product(self, expression: Expression) -> str:
         factors, minus = _factors(expression)

@@ -88,13 +88,15 @@ class Operated(_State):
     @property
     def name(self) -> str:
         """As `play(pressure, 0.16)`."""
-        return f"{self.operator}({', '.join([self.source.name, *map(number_text, self.numbers)])})"
+        return (
+            f"{self.operator}({', '.join([self.source.name, *map(shortest_text, self.numbers)])})"
+        )
 
 
 State = Measured | Lagged | Operated
 
 
-def number_text(value: float) -> str:
+def shortest_text(value: float) -> str:
     """Return the shortest text of a number that reads as the same number."""
     return repr(value).removesuffix(".0")
 

@@ -15,11 +15,11 @@ from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.fits import Selection
 from mapmore_cli.modelling.frols.moments import (
     Blocks,
-    checked,
+    blocks_of_rows,
+    checked_blocks,
+    divided,
     gram,
-    row_blocks,
     safe_scale,
-    scaled,
 )
 from mapmore_cli.modelling.frols.select import (
     RANK_TOLERANCE,
@@ -237,10 +237,8 @@ def frols(
     - `tolerance`: stop when `1 - sum ERR <= tolerance` (M2 eq 6). Where a column of `P` is
       constant, it counts out first: what is
       left has to be that fraction of the squares about the mean of `y`.
-    - `stop`: `tolerance`; or `bic`, `aicc`, `press`: go on to `max_terms`, or until rounding error
-      is left (1e-28 of `y'y`, or no
-      independent candidate), and keep the number of terms at which the criterion is least. `press`
-      reads `P` once more.
+    - `stop`: `tolerance`; or `bic`: go on to `max_terms`, or until rounding error is left (1e-28 of
+      `y'y`, or no independent candidate), and keep the number of terms of least BIC.
     - `names` of the candidates, (M,), for tables and messages; `p0`, `p1`, ... where they have
       none.
 
@@ -267,7 +265,7 @@ def frols(
     if len(names) not in (0, M):
         raise ValueError(f"{len(names)} names for {M} candidates")
     found = (
-        _by_gram(row_blocks(P, y), stopping)
+        _by_gram(blocks_of_rows(P, y), stopping)
         if reads_once(n, M, stopping.limit(n, M))
         else _by_basis(P, y, stopping)
     )
@@ -283,13 +281,13 @@ def frols_streamed(
     Each call of `blocks` yields `P (b, M)` and `y (b,)` of one block after the other, best of a few
     thousand rows. Most records need one pass. There is another where the normal equations lose
     digits (an ill-conditioned or dependent dictionary, a residual sum of squares below 1e-9 of
-    `y'y`), two where squares of the values overflow or vanish, one for `press`, and one where a
-    tolerance may end the choice.
+    `y'y`), two where squares of the values overflow or vanish, and one where a tolerance may end
+    the choice.
 
     Raises DataError where a value is not finite, with its column and its row counted over all
     blocks; ValueError where the shapes do not fit, there is no row, or `max_terms` is below one.
     """
-    return _by_gram(checked(blocks), Stopping(max_terms, tolerance, stop))
+    return _by_gram(checked_blocks(blocks), Stopping(max_terms, tolerance, stop))
 
 
 def reads_once(n: int, M: int, terms: int) -> bool:
@@ -305,7 +303,7 @@ def reads_once(n: int, M: int, terms: int) -> bool:
 def _by_gram(blocks: Blocks, stopping: Stopping) -> Selection:
     """On the Gram matrix as long as it has the digits, otherwise on explicit remainders."""
     matrix, scale, samples = gram(blocks)
-    rows, limit = scaled(blocks, scale), stopping.limit(samples, len(scale) - 1)
+    rows, limit = divided(blocks, scale), stopping.limit(samples, len(scale) - 1)
     rest = (stopping, limit, scale, samples, blocks)
     try:
         return selected(GramRemainders(matrix, rows), *rest)
@@ -319,7 +317,7 @@ def _by_gram(blocks: Blocks, stopping: Stopping) -> Selection:
 
 
 def _by_basis(P: Array, y: Array, stopping: Stopping) -> Selection:
-    blocks, limit = row_blocks(P, y), stopping.limit(*P.shape)
+    blocks, limit = blocks_of_rows(P, y), stopping.limit(*P.shape)
     with np.errstate(over="ignore", invalid="ignore"):  # `safe_scale` looks for the cause
         squares = np.append(_column_squares(P), y @ y)
     scale = safe_scale(squares, blocks)

@@ -59,7 +59,7 @@ class FROLS:
 
         Raises ValueError for tables of another form, or values that are not finite.
         """
-        names, values = _column_names(X), _table(X)
+        names, values = _column_names(X), _numeric_table(X)
         target = _target(y, len(values))
         if len(values) < 2:
             raise ValueError(
@@ -102,7 +102,7 @@ class FROLS:
         own = getattr(self, "feature_names_in_", None)
         if names is not None and own is not None and list(own) != names:
             raise ValueError(_other_names(list(own), names))
-        values = _table(X)
+        values = _numeric_table(X)
         if values.shape[1] != self.n_features_in_:
             raise ValueError(
                 f"X has {values.shape[1]} features, but FROLS is expecting "
@@ -193,7 +193,7 @@ def _column_names(X: Any) -> list[str] | None:
     return names if names and len(names) == len(labels) else None
 
 
-def _table(X: Any) -> Array:
+def _numeric_table(X: Any) -> Array:
     """Return a table of numbers, (n, m); raises `ValueError` or `TypeError` for anything else."""
     if hasattr(X, "toarray"):
         raise TypeError(

@@ -19,15 +19,11 @@ Blocks = Callable[[], Iterable[tuple[Array, Array]]]
 
 # rows at a time: a block of a common dictionary stays in the processor's cache between its products
 BLOCK = 4096
-SMALLEST, LARGEST = (
-    1e-140,
-    1e140,
-    # sums of squares between these can be multiplied with each other without overflow or loss by
-    # underflow
-)
+# sums of squares between these can be multiplied with each other without overflow or underflow
+SMALLEST, LARGEST = 1e-140, 1e140
 
 
-def row_blocks(P: Array, y: Array) -> Blocks:
+def blocks_of_rows(P: Array, y: Array) -> Blocks:
     """Return the rows of arrays in memory, as views."""
 
     def blocks() -> Iterator[tuple[Array, Array]]:
@@ -37,7 +33,7 @@ def row_blocks(P: Array, y: Array) -> Blocks:
     return blocks
 
 
-def checked(blocks: Blocks) -> Blocks:
+def checked_blocks(blocks: Blocks) -> Blocks:
     """Return the blocks as arrays of double precision, cut to `BLOCK` rows.
 
     Raises ValueError where a block's shape does not fit.
@@ -58,18 +54,16 @@ def checked(blocks: Blocks) -> Blocks:
                     f"{P.shape} and {y.shape}"
                 )
             width = P.shape[1]
-            yield from row_blocks(P, y)()
+            yield from blocks_of_rows(P, y)()
 
     return passed
 
 
-def scaled(blocks: Blocks, scale: Array) -> Blocks:
+def divided(blocks: Blocks, scale: Array) -> Blocks:
     """Return the blocks with each column of `Z` divided by its `scale`, (M+1,)."""
-    return (
-        blocks
-        if (scale == 1.0).all()
-        else standardised(blocks, Standard(np.zeros(len(scale)), scale))
-    )
+    if (scale == 1.0).all():
+        return blocks
+    return standardised(blocks, Standard(np.zeros(len(scale)), scale))
 
 
 def safe_scale(squares: Array, blocks: Blocks) -> Array:
@@ -83,7 +77,7 @@ def safe_scale(squares: Array, blocks: Blocks) -> Array:
     scale = np.ones(len(squares))
     unsafe = np.flatnonzero(~((squares > SMALLEST) & (squares < LARGEST)))
     if len(unsafe):
-        scale[unsafe] = power_of_two(_largest(blocks, unsafe))
+        scale[unsafe] = power_of_two(_largest_values(blocks, unsafe))
     return scale
 
 
@@ -94,22 +88,20 @@ def power_of_two(positive: Array) -> Array:
     return np.ldexp(1.0, np.where(positive > 0, np.frexp(positive)[1], 0))
 
 
-def _largest(blocks: Blocks, columns: IntArray) -> Array:
+def _largest_values(blocks: Blocks, columns: IntArray) -> Array:
     """Largest absolute value of some columns of `Z`, (columns,)."""
     largest, start = np.zeros(len(columns)), 0
     for P, y in blocks():
-        M = P.shape[1]
-        values = np.column_stack([y if column == M else P[:, column] for column in columns])
+        values = np.abs(np.column_stack([P, y])[:, columns])
         if not np.isfinite(values).all():
             row, place = np.argwhere(~np.isfinite(values))[0]
-            name, remedy = "y", "drop or mend the sample before the fit"
-            if columns[place] != M:
-                name, remedy = (
-                    f"candidate {columns[place]}",
-                    "drop or mend the sample, or leave the term out",
-                )
-            raise DataError(f"{name} is not finite at row {start + row}", remedy)
-        np.maximum(largest, np.abs(values).max(axis=0), out=largest)
+            at = f"is not finite at row {start + row}"
+            if columns[place] == P.shape[1]:
+                raise DataError(f"y {at}", "drop or mend the sample before the fit")
+            raise DataError(
+                f"candidate {columns[place]} {at}", "drop or mend the sample, or leave the term out"
+            )
+        np.maximum(largest, values.max(axis=0), out=largest)
         start += len(y)
     return largest
 
@@ -125,7 +117,7 @@ def gram(blocks: Blocks) -> tuple[Array, Array, int]:
     matrix, samples = _sum_of_products(blocks)
     scale = safe_scale(np.diag(matrix), blocks)
     if (scale != 1.0).any():
-        matrix, samples = _sum_of_products(scaled(blocks, scale))
+        matrix, samples = _sum_of_products(divided(blocks, scale))
     lengths = power_of_two(np.sqrt(np.diag(matrix)))
     return matrix / lengths / lengths[:, None], scale * lengths, samples
 
@@ -188,44 +180,37 @@ class Moments:
         return self.products / self.samples - mean[:, None] * mean
 
 
-def standard(blocks: Blocks, centred: bool = True) -> Standard:
-    """Mean and standard deviation over all rows, in one pass; in three where squares overflow or
-    vanish.
+def standard(blocks: Blocks) -> Standard:
+    """Return mean and standard deviation over all rows, in one pass; in three where squares
+    overflow or vanish.
 
-    Columns that are not `centred` keep their means, and have their root mean square as spread.
     Raises DataError where a value is not finite, with its column and row; ValueError where there is
     no row.
     """
-    first, shift, variance = _spread(blocks, centred)
+    first, shift, variance = _mean_and_variance(blocks)
     scale = safe_scale(variance, blocks)
     if (scale != 1.0).any():
-        first, shift, variance = _spread(scaled(blocks, scale), centred)
+        first, shift, variance = _mean_and_variance(divided(blocks, scale))
     spread = np.sqrt(np.maximum(variance, 0.0))
     return Standard(
         scale * (first + shift), np.where(spread > CONSTANT * np.abs(first), scale * spread, np.inf)
     )
 
 
-def uncentred(blocks: Blocks) -> Standard:
-    """No mean, and the root mean square as spread: see `standard`."""
-    return standard(blocks, centred=False)
+def _mean_and_variance(blocks: Blocks) -> tuple[Array, Array, Array]:
+    """Return the first row, the mean as seen from there, and the variance, (M+1,) each.
 
-
-def _spread(blocks: Blocks, centred: bool) -> tuple[Array, Array, Array]:
-    """Return the origin (the first row where `centred`), the mean as seen from there, and the
-    variance, (M+1,) each.
+    Squares of large means would swallow the spread: they are taken from the first row.
     """
     origin, sums, squares, samples = np.zeros(0), np.zeros(1), np.zeros(1), 0
     with np.errstate(over="ignore", invalid="ignore"):  # `safe_scale` looks for the cause
         for P, y in blocks():
+            Z = np.column_stack([P, y])
             if samples == 0 and len(y):
-                origin = np.append(P[0], y[0]) if centred else np.zeros(P.shape[1] + 1)
-            if centred and len(
-                y
-            ):  # from the first row: squares of large means would swallow the spread
-                P, y = P - origin[:-1], y - origin[-1]
-                sums = sums + np.append(P.sum(axis=0), y.sum())
-            squares = squares + np.append(np.einsum("ij,ij->j", P, P), y @ y)
+                origin = Z[0].copy()
+            if len(y):
+                Z -= origin
+                sums, squares = sums + Z.sum(axis=0), squares + np.einsum("ij,ij->j", Z, Z)
             samples += len(y)
         if samples == 0:
             raise ValueError("there is no row to standardise")

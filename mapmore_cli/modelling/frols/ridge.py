@@ -19,8 +19,8 @@ from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
 from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.fits import Selection
 from mapmore_cli.modelling.frols.engine import frols
-from mapmore_cli.modelling.frols.moments import Blocks, Moments
-from mapmore_cli.modelling.frols.select import FULL_LEVERAGE, widened
+from mapmore_cli.modelling.frols.moments import Moments
+from mapmore_cli.modelling.frols.select import widened
 from mapmore_cli.modelling.selection import LEAST_RIDGE
 
 
@@ -52,17 +52,6 @@ class Regularised:
         """`theta = G^-1 h` of some of the candidates, (k,)."""
         return np.asarray(
             cho_solve(cho_factor(self.gram[np.ix_(chosen, chosen)]), self.products[chosen])
-        )
-
-    def reductions(self, chosen: IntArray) -> Array:
-        """(M,) by how much each candidate reduces the regularised error beside the `chosen`
-        ones.
-        """
-        rows = self.gram[chosen]
-        solved = cho_solve(cho_factor(rows[:, chosen]), rows) if len(chosen) else rows
-        squares = np.diag(self.gram) - np.einsum("ij,ij->j", rows, solved)
-        return np.asarray(
-            (self.products - self.products[chosen] @ solved) ** 2 / np.maximum(squares, self.ridge)
         )
 
     def unexplained(self, chosen: IntArray, theta: Array) -> float:
@@ -116,43 +105,8 @@ def prune(data: Regularised, chosen: IntArray) -> list[IntArray]:
     return subsets
 
 
-def substitutes(data: Regularised, chosen: IntArray) -> tuple[IntArray, Array]:
-    """For every chosen term the candidate that would serve best in its place, and how well, (k,)
-    each.
-
-    The share is the substitute's reduction of the regularised error over the term's own, both
-    beside the other chosen terms; -1 and NaN where there is no other candidate. With `H = G_cc^-1`
-    of the chosen terms, `w = H G_c`, `s = diag G - sum_i G_ci w_i` and `p = h - w'h_c`, leaving out
-    term i makes these `s_j + w_ij^2/H_ii` and `p_j + w_ij theta_i/H_ii`, and the reduction is
-    `p^2/s`.
-    """
-    if not 0 < len(chosen) < len(data.gram):
-        return np.full(len(chosen), -1), np.full(len(chosen), np.nan)
-    rows, inverse = data.gram[chosen], np.linalg.inv(data.gram[np.ix_(chosen, chosen)])
-    theta, without, w = (
-        inverse @ data.products[chosen],
-        1 / np.diag(inverse)[:, None],
-        inverse @ rows,
-    )
-    p = data.products - data.products[chosen] @ w + w * without * theta[:, None]
-    s = np.diag(data.gram) - np.einsum("ij,ij->j", rows, w) + w**2 * without
-    reductions = p**2 / np.maximum(s, data.ridge)
-    reductions[:, chosen] = -1.0
-    best = np.argmax(reductions, axis=1)
-    own = theta**2 * without[:, 0]
-    return best, np.divide(
-        reductions.max(axis=1), own, out=np.full(len(chosen), np.nan), where=own > 0
-    )
-
-
-RIDGES = (
-    1e-5,
-    1e-4,
-    5e-4,
-    2e-3,
-    1e-2,
-    5e-2,
-)  # candidates, as fractions of a standardised candidate's own variance
+# candidates, as fractions of a standardised candidate's own variance
+RIDGES = (1e-5, 1e-4, 5e-4, 2e-3, 1e-2, 5e-2)
 
 
 def choose_ridge(total: Moments, blocks: Sequence[Moments], forward: int, max_terms: int) -> float:
@@ -187,25 +141,3 @@ def _left_out_error(
         - 2 * constant * (combination @ held.sums)
         + held.samples * constant**2
     )
-
-
-def ridge_press(blocks: Blocks, data: Regularised, subsets: Sequence[IntArray]) -> Array:
-    """`PRESS = sum_i (r_i / (1 - h_i))^2` of each subset, (m,), in one pass over standardised
-    blocks; infinite where a leverage is one.
-
-    The leverage is `h_i = 1/n + z_i' G^-1 z_i / n`: of the mean, and of the terms. A ridge makes it
-    exact but for the change of means and standard deviations by one sample.
-    """
-    models = [
-        (kept, cho_factor(data.gram[np.ix_(kept, kept)]), data.coefficients(kept))
-        for kept in subsets
-    ]
-    total = np.zeros(len(subsets))
-    for P, y in blocks():
-        for place, (kept, factor, theta) in enumerate(models):
-            Z = P[:, kept]
-            left = 1 - (1 + np.einsum("ij,ji->i", Z, cho_solve(factor, Z.T))) / data.samples
-            total[place] += np.square(
-                (y - Z @ theta) / np.where(left > FULL_LEVERAGE, left, np.nan)
-            ).sum()
-    return np.where(np.isnan(total), np.inf, total)

@@ -13,7 +13,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.fits import Selection
-from mapmore_cli.modelling.frols.moments import Blocks, scaled, standard
+from mapmore_cli.modelling.frols.moments import Blocks, divided, standard
 
 # candidates whose ERR lies within this fraction of the best are tied; the lower dictionary index
 # wins
@@ -24,7 +24,7 @@ NO_GAIN = 1e-28
 # a regressor counts as dependent when `q'q <= RANK_TOLERANCE p'p`: what remains is then rounding
 # error
 RANK_TOLERANCE = 1e-24
-CRITERIA = ("tolerance", "bic", "aicc", "press")  # rules for the number of terms
+CRITERIA = ("tolerance", "bic")  # rules for the number of terms
 
 
 @dataclass(frozen=True)
@@ -32,9 +32,8 @@ class Stopping:
     """When enough terms are chosen: `max_terms` (None: no limit), or all but the fraction
     `tolerance` is explained.
 
-    The fraction is one of `y'y`, or of the squares about the mean: see `to_explain`. The criteria
-    `bic`, `aicc` and `press` choose the number of terms afterwards, among all that can be had: no
-    tolerance ends them.
+    The fraction is one of `y'y`, or of the squares about the mean: see `to_explain`. The criterion
+    `bic` chooses the number of terms afterwards, among all that can be had: no tolerance ends it.
     """
 
     max_terms: int | None
@@ -91,7 +90,7 @@ class Remainders:
         self.products -= row[-1] * row[:-1]
 
 
-class Step(NamedTuple):
+class Iteration(NamedTuple):
     """One iteration: the pick, `g` and ERR of all candidates, (M,), the row of the triangular
     factor, (M+1,), what is left of `y'y`.
     """
@@ -107,7 +106,7 @@ class Step(NamedTuple):
 
 def greedy(
     remainders: Remainders, stopping: Stopping, limit: int, whole: Callable[[], float]
-) -> tuple[list[Step], str]:
+) -> tuple[list[Iteration], str]:
     """Choose the candidate of the highest ERR (M2 eq 5) until the error is within the tolerance (eq
     6) or `limit` terms are chosen (eq 7).
 
@@ -117,7 +116,7 @@ def greedy(
     ones. A residual of rounding error ends them by any rule. Raises DigitsLost as the remainders
     do.
     """
-    steps: list[Step] = []
+    steps: list[Iteration] = []
     by_tolerance = stopping.criterion == "tolerance"
     yy, tolerance = remainders.yy, stopping.tolerance * by_tolerance
     while len(steps) < limit:
@@ -126,11 +125,11 @@ def greedy(
             return steps, "rank"
         if np.nanmax(err) <= NO_GAIN:
             return steps, "no_gain"
-        pick, *tied = _best(err).tolist()
-        others = _best(np.where(np.arange(len(err)) == pick, np.nan, err)).tolist()
+        pick, *tied = _highest(err).tolist()
+        others = _highest(np.where(np.arange(len(err)) == pick, np.nan, err)).tolist()
         row = remainders.choose(pick)
         steps.append(
-            Step(pick, g, err, others[0] if others else -1, len(tied), row, remainders.sse)
+            Iteration(pick, g, err, others[0] if others else -1, len(tied), row, remainders.sse)
         )
         left = remainders.sse
         if left <= NO_GAIN * yy or (left <= tolerance * yy and left <= tolerance * whole()):
@@ -138,7 +137,7 @@ def greedy(
     return steps, "max_terms" if limit == stopping.max_terms else "rank"
 
 
-def _best(err: Array) -> IntArray:
+def _highest(err: Array) -> IntArray:
     """Return the candidates of the highest ERR that tie; none where every ERR is NaN."""
     return np.flatnonzero(
         err >= np.max(err, initial=-np.inf, where=~np.isnan(err)) * (1 - TIE_TOLERANCE)
@@ -165,51 +164,14 @@ def to_explain(blocks: Blocks, samples: int, yy: float) -> float:
 ROUNDING = 1e-30
 
 
-def information_criterion(name: str, unexplained: Array, n: int) -> Array:
-    """Value of a criterion after 1, 2, ... terms of n samples, (k,); the least is the best.
-    Infinite where the samples are too few.
+def least_bic(unexplained: Array, n: int) -> int:
+    """Return the number of terms of least `n ln(SSE/n) + k ln n` (Schwarz 1978), the smaller of
+    equals.
 
-    With SSE the residual sum of squares after k terms, of which `unexplained` (k,) is the fraction
-    of `y'y`:
-
-    - `bic`: `n ln(SSE/n) + k ln n` (Schwarz 1978);
-    - `aicc`: `n ln(SSE/n) + 2k + 2k(k+1)/(n-k-1)` (Hurvich and Tsai 1989).
+    `unexplained` (k,) is `SSE / y'y` after 1, 2, ... terms of n samples.
     """
     k = np.arange(1, len(unexplained) + 1)
-    likelihood = n * np.log(np.maximum(unexplained, ROUNDING))
-    if name == "bic":
-        return np.asarray(likelihood + k * np.log(n))
-    freedom = n - k - 1
-    return np.where(
-        freedom > 0, likelihood + 2 * k + 2 * k * (k + 1) / np.maximum(freedom, 1), np.inf
-    )
-
-
-def fewest(values: Array) -> int:
-    """Return number of terms at which a criterion is least; the smaller number wins a tie."""
-    return int(np.argmin(values)) + 1
-
-
-# a sample with `1 - h` below this alone decides a coefficient; its error when left out is unknown
-FULL_LEVERAGE = 1e-8
-
-
-def press(blocks: Blocks, chosen: IntArray, factor: Array, projections: Array) -> Array:
-    """`PRESS_k = sum_i (r_ik / (1 - h_ik))^2` after 1, 2, ... terms (Allen 1974), (k,); infinite
-    where a sample has leverage one.
-
-    Of the `chosen` candidates (k,), `factor` is the upper triangular R, (k, k), and `projections`
-    are `c = U'y`, (k,). The rows of the orthonormal basis are those of `U = P_chosen R^-1`; its
-    first k columns give the leverages `h_ik = sum_j U_ij^2` and the residuals `r_ik = y_i - sum_j
-    U_ij c_j`.
-    """
-    total = np.zeros(len(chosen))
-    for P, y in blocks():
-        U = np.linalg.solve(factor.T, P[:, chosen].T).T
-        residual = y[:, None] - np.cumsum(U * projections, axis=1)
-        left = 1 - np.cumsum(U**2, axis=1)
-        total += np.square(residual / np.where(left > FULL_LEVERAGE, left, np.nan)).sum(axis=0)
-    return np.where(np.isnan(total), np.inf, total)
+    return int(np.argmin(n * np.log(np.maximum(unexplained, ROUNDING)) + k * np.log(n))) + 1
 
 
 def selected(
@@ -224,38 +186,25 @@ def selected(
     DigitsLost as `greedy`.
 
     The remainders are of columns of `Z = [P y]` divided by `scale`, (M+1,); `blocks` are the rows
-    of `Z`, read for `press`, and where the tolerance may end the choice.
+    of `Z`, read where the tolerance may end the choice.
     """
-    whole = cache(lambda: to_explain(scaled(blocks, scale), samples, remainders.yy))
+    whole = cache(lambda: to_explain(divided(blocks, scale), samples, remainders.yy))
     steps, stop = greedy(remainders, stopping, limit, whole)
     best = k = len(steps)
-    if k and stopping.criterion == "press":
-        best = fewest(press(scaled(blocks, scale), *_factor(steps, len(scale))))
-    elif k and stopping.criterion != "tolerance":
-        best = fewest(
-            information_criterion(
-                stopping.criterion, np.array([step.sse for step in steps]) / remainders.yy, samples
-            )
-        )
-    return _selection(
+    if k and stopping.criterion == "bic":
+        best = least_bic(np.array([step.sse for step in steps]) / remainders.yy, samples)
+    return _in_order(
         steps[:best], stopping.criterion if best < k else stop, remainders.yy, scale, samples
     )
 
 
-def _factor(steps: Sequence[Step], width: int) -> tuple[IntArray, Array, Array]:
-    """Return the chosen indices, (k,), their triangular factor R (k, k), and the projections `c =
-    U'y` (k,).
-    """
-    chosen = np.array([step.pick for step in steps], dtype=np.int64)
-    rows = np.array([step.row for step in steps]).reshape(len(steps), width)
-    return chosen, np.triu(rows[:, chosen]), rows[:, -1]
-
-
-def _selection(
-    steps: Sequence[Step], stop: str, yy: float, scale: Array, samples: int
+def _in_order(
+    steps: Sequence[Iteration], stop: str, yy: float, scale: Array, samples: int
 ) -> Selection:
     k, M = len(steps), len(scale) - 1
-    chosen, R, projections = _factor(steps, len(scale))
+    chosen = np.array([step.pick for step in steps], dtype=np.int64)
+    rows = np.array([step.row for step in steps]).reshape(k, len(scale))
+    R, projections = np.triu(rows[:, chosen]), rows[:, -1]
     lengths, sse = np.diag(R), steps[-1].sse if k else yy
     variance = sse / (samples - k) if samples > k else np.nan
     found = Selection(

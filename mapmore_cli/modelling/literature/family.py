@@ -30,6 +30,12 @@ from mapmore_cli.modelling.literature.formulas.sarosi_hinged import FORMULA as S
 from mapmore_cli.modelling.literature.own import FamilySettings, definition, formula_of
 
 NAME = "family"
+DEAD = 0.0075
+"""Length of the fittings, m."""
+
+CENTRE = {"saturating": 19.03, "power": 2.0}
+"""Centre of the prior of b: per metre, and a power."""
+
 SPREAD, SCATTER = 0.3, 0.05
 """Deviation of the prior of ln b, and of the logarithms of the largest forces of specimens of one
 dimension.
@@ -58,7 +64,7 @@ def family_of(text: str) -> Family:
         if (
             not isinstance(parse(settings.of), Name)
             or not metres > 0
-            or settings.scale not in ("saturating", "power")
+            or settings.scale not in CENTRE
         ):
             raise TypeError("no quantity, unit or scale of a family")
     except (KeyError, TypeError, AttributeError, RecursionError, OverflowError) as error:
@@ -78,7 +84,7 @@ def family_of(text: str) -> Family:
 def _scale_text(settings: FamilySettings, metres: float) -> str:
     length = settings.of if metres == 1.0 else f"{metres!r}*{settings.of}"
     return (
-        f"a*atan(b*({length} - {settings.dead!r}))"
+        f"a*atan(b*({length} - {DEAD!r}))"
         if settings.scale == "saturating"
         else f"a*exp(b*log({length}))"
     )
@@ -138,7 +144,7 @@ class Family(Formula):
             b = math.exp(log_b)
             if self.settings.scale == "power":
                 return np.asarray(b * np.log(lengths))
-            return np.asarray(np.log(np.arctan(b * np.maximum(lengths - self.settings.dead, 1e-6))))
+            return np.asarray(np.log(np.arctan(b * np.maximum(lengths - DEAD, 1e-6))))
 
         def cost(log_b: float) -> float:
             rest = np.log(largest) - shape(log_b)
@@ -147,7 +153,7 @@ class Family(Formula):
                 + ((log_b - centre) / SPREAD) ** 2
             )
 
-        centre = math.log(self.settings.centre)
+        centre = math.log(CENTRE[self.settings.scale])
         best = float(
             minimize_scalar(
                 cost, bounds=(centre - 2, centre + 2), method="bounded", options={"xatol": 1e-10}
@@ -196,7 +202,6 @@ def adapted(
         text,
         {"zero": None, "q_force": None, "q_strain": WITHIN},
         {},
-        None,
     )
     start = np.array([1.0, 1.0])
 

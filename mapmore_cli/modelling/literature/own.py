@@ -8,9 +8,7 @@ import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Annotated, Literal
-
-from annotated_types import Gt
+from typing import Literal
 
 from mapmore_cli.domain.declared import Settings
 from mapmore_cli.domain.fits import FormulaFit
@@ -24,37 +22,24 @@ class FamilySettings(Settings):
     """What specimens of a family differ in: the quantity `of`, one value for each, as the rest
     length.
 
-    The largest force follows from it: `scale: saturating` is `a atan(rate (l - dead))` of a length,
-    `power` is `a l^rate`. `rate` is the centre of a prior (19.03 per metre, of a power 2), `dead`
-    the length in m of the fittings (0.0075).
+    The largest force follows from it: `scale: saturating` is `a atan(b (l - 7.5 mm))` of a length,
+    without its fittings; `power` is `a l^b`.
     """
 
     of: str
     scale: Literal["saturating", "power"] = "saturating"
-    rate: Annotated[float, Gt(0)] | None = None
-    dead: float = 0.0075
-
-    @property
-    def centre(self) -> float:
-        """The centre of the prior of b."""
-        return self.rate or (19.03 if self.scale == "saturating" else 2.0)
 
     def definition(self, metres: float) -> str:
         """Return the family as a text that travels with its fit; one unit of `of` is so many
         `metres` (1 for other quantities).
         """
-        return json.dumps(
-            {"family": {**vars(self), "rate": self.centre, "metres": metres}}, sort_keys=True
-        )
+        return json.dumps({"family": {**vars(self), "metres": metres}}, sort_keys=True)
 
 
 def is_family(name: str) -> bool:
     """Whether the name of a formula is the definition of a family."""
     return name.startswith('{"family"')
 
-
-GIVEN = "given"
-"""The name of starting values that a definition has."""
 
 NEAREST = 1e-4
 """Share of the larger bound: what lies nearer to zero is not sought where the bounds lie on both
@@ -76,7 +61,6 @@ def definition(
     text: str,
     bounds: dict[str, tuple[float, float] | None],
     units: dict[str, str],
-    starts: dict[str, float] | None,
 ) -> str:
     """Return the definition as canonical JSON: `bounds` are of every parameter, None where the
     formula is linear in it.
@@ -87,7 +71,6 @@ def definition(
         "text": text,
         "bounds": bounds,
         "units": units,
-        "starts": starts,
     }
     return json.dumps(found, sort_keys=True)
 
@@ -116,11 +99,6 @@ def formula_of(text: str) -> Formula:
                 for name, ends in sorted(found["bounds"].items())
                 if ends is not None
             ),
-            published_starts={
-                GIVEN: {name: float(value) for name, value in found["starts"].items()}
-            }
-            if found["starts"]
-            else {},
             start=RANDOM,
             units={str(name): str(unit) for name, unit in found["units"].items()},
             definition=text,

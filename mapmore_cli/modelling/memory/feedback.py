@@ -1,63 +1,179 @@
-"""What a free run needs of a model, taken apart beforehand: terms as products of a part of inputs
-and a part of fed-back states.
+"""The statements of one sample of a model with memory: its states, and the sum of its terms.
+
+A term is a product of a part of fed-back states and a part of inputs, `D_j = own_j input_j`.
+Programs write both parts; training and prediction compute the inputs' part for all samples at once.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Container, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from mapmore_cli.domain.arrays import IntArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import StateSet
 from mapmore_cli.modelling.expressions import (
     Expression,
     Name,
-    compiled,
-    derivative,
     multiply,
     parse,
+    substitute,
     to_text,
 )
-from mapmore_cli.modelling.expressions.operator import Recursion
 from mapmore_cli.modelling.expressions.operators import OPERATORS
 from mapmore_cli.modelling.expressions.states import Lagged, Measured, Operated, State, state
-from mapmore_cli.modelling.expressions.syntax import ONE, Power, Product
+from mapmore_cli.modelling.expressions.syntax import ONE, ZERO, Product
 from mapmore_cli.modelling.memory.states import setting_of
+from mapmore_cli.modelling.program.model import functions_with_slopes, with_slopes_by
+from mapmore_cli.modelling.program.statements import Block, Recall
+from mapmore_cli.modelling.program.values import Run, ready_for_columns, ready_for_one_sample
+from mapmore_cli.modelling.program.writing import Inputs, Writer, multiplied, total
 
-Own = Callable[
-    [Sequence[float]], float
-]  # the part of a term that depends on fed-back states, as a function of their values at one sample
-OUTPUT = -1  # place of the output itself, where others are places of nodes
 
+class StateWriter:
+    """Writes the states of one sample, each once.
 
-@dataclass(frozen=True)
-class Node:
-    """A state that depends on the output: some samples ago (`steps`), or by a `rule` of an
-    operator; `source` is a node or `OUTPUT`.
+    - `seen`: the number of samples before this one, by which operators know that they begin; None
+      where all past values are known.
+    - `queues`: by what they hold, the names of the queues of past values.
+    - `rules`: where all past values are known, operators are functions of the program; their
+      rules by the names of these.
     """
 
-    state: State
-    source: int
-    steps: int = 0
-    rule: Recursion | None = None
+    def __init__(
+        self, m: Writer, states: StateSet, output: str, inputs: Inputs, seen: Name | None = None
+    ) -> None:
+        self.m, self.states, self.output, self.inputs, self.seen = m, states, output, inputs, seen
+        self.known: dict[State, Expression] = {}
+        self.queues: dict[State, str] = {}
+        self.rules: dict[str, Callable[..., Any]] = {}
+
+    def scaled(self, name: str) -> Expression:
+        """Write a state as terms have it, scaled as `states.evaluate_states` does."""
+        states, value = self.states, self.value(state(name))
+        if not states.scaled:
+            return value
+        place = states.names.index(name)
+        low, high = float(states.low[place]), float(states.high[place])
+        if not high > low:
+            return ZERO
+
+        def clipped(m: Any, x: Any) -> Any:
+            return m.clip((x - low) / (high - low), -states.margin, 1 + states.margin)
+
+        return self._next("scaled", clipped, [value])
+
+    def value(self, one: State) -> Expression:
+        """Write a state in physical units."""
+        if one not in self.known:
+            match one:
+                case Measured(name):
+                    written = self.inputs[name]
+                case Lagged(source, steps):
+                    if source != Measured(self.output):
+                        self.value(source)
+                    written = self._recalled(source, steps)
+                case Operated():
+                    written = self._operated(one)
+            self.known[one] = written
+        return self.known[one]
+
+    def pushed(self, output: Expression) -> dict[str, Expression]:
+        """Return the value of this sample for every queue."""
+        known = {**self.known, Measured(self.output): output}
+        return {queue: known[source] for source, queue in self.queues.items()}
+
+    def _recalled(self, source: State, steps: int) -> Expression:
+        if isinstance(source, Lagged):
+            return self._recalled(source.source, steps + source.steps)
+        if source not in self.queues:
+            self.queues[source] = self.m.fresh("queue")
+        queue, sizes = self.queues[source], self.m.kept.queues
+        sizes[queue] = max(sizes.get(queue, 0), steps)
+        name = self.m.fresh("past")
+        self.m.statements.append(Recall(name, queue, steps))
+        return Name(name)
+
+    def _operated(self, one: Operated) -> Expression:
+        """Write an operator from past values; it rests up to the first sample on which its source
+        has a value.
+        """
+        m, rule = self.m, OPERATORS[one.operator].recursion(setting_of(one, self.states))
+        x = m.let("source", self.value(one.source))
+        own, past = self._past(one, rule.own), self._past(one.source, rule.source)
+        if self.seen is None or not (own or past):
+            return self._next(one.operator, rule.next, [*own, x, *past])
+        begins = self.seen <= one.source.lag
+        return m.choose(
+            one.operator, [(begins, rule.rest(x))], lambda: rule.next(m, *own, x, *past)
+        )
+
+    def _next(
+        self, stem: str, rule: Callable[..., Any], values: Sequence[Expression]
+    ) -> Expression:
+        """Write a rule of some values; as a function where a run calls it with numbers."""
+        m = self.m
+        if self.seen is not None:
+            return m.let(stem, rule(m, *values))
+        function, names = m.fresh(stem), [m.fresh("argument") for _ in values]
+        self.rules[function] = rule
+        m.function(function, names, lambda: rule(m, *map(Name, names)), "")
+        return m.use(stem, function, values)
+
+    def _past(self, one: State, count: int) -> list[Expression]:
+        """Write the last values of a state; before the first, it has always been that."""
+        past: list[Expression] = []
+        for steps in range(1, count + 1):
+            value = self._recalled(one, steps)
+            if self.seen is not None and past:
+                value = self.m.where(self.seen < one.lag + steps, past[-1], value)
+            past.append(value)
+        return past
+
+
+class Parts(NamedTuple):
+    """Terms taken apart: (k) parts of inputs, the G different parts of fed-back states, and (k)
+    which of these is a term's, -1 for none.
+    """
+
+    inputs: list[Expression]
+    owns: list[Expression]
+    groups: IntArray
+
+    def summed(
+        self,
+        m: Writer,
+        base: Expression,
+        weights: Sequence[Expression],
+        names: Mapping[str, Expression],
+    ) -> Expression:
+        """Write `base + sum_g weight_g own_g`, the states called as `names` says."""
+        fed = [
+            multiplied(weight, m.let("own", substitute(own, names)))
+            for own, weight in zip(self.owns, weights, strict=True)
+        ]
+        return m.let("output", total([base, *fed]))
+
+
+def taken_apart(terms: Sequence[str], fed_back: Container[str]) -> Parts:
+    """Return terms taken apart; raises DataError as `parted` does."""
+    both = [parted(parse(text), fed_back) for text in terms]
+    owns = list(dict.fromkeys(own for own, _ in both if own != ONE))
+    groups = np.array([-1 if own == ONE else owns.index(own) for own, _ in both], dtype=np.int64)
+    return Parts([inputs for _, inputs in both], owns, groups)
 
 
 class Feedback:
-    """A model's terms taken apart, `D_j = own_j(fed-back states) * input_j(states of inputs
-    alone)`.
+    """What a free run repeats at every sample: from past values to the output and the fed-back
+    states.
 
-    - `names`: the m fed-back states; `nodes`: they and all that they are made of, sources first;
-      `places`: (m) theirs among these.
-    - `inputs`: (k) input parts; `owns`: the G different parts of fed-back states; `groups`: (k)
-      which of them is a term's, -1 for none.
+    - `queues`: (q) the states whose past values it needs, the output first.
+    - `recalls`: by the names of past values, which queue, and how many samples ago.
     - `longest`: measured outputs that a run begins with; `depth`: past values that the next sample
-      may need, of the output and of any node.
-    - `limits`: lower end and width of the scale of each fed-back state; an infinite width, and so
-      zero, where it stood still in training.
+      may need.
 
     Raises DataError for a state or a term that cannot be fed back.
     """
@@ -65,67 +181,39 @@ class Feedback:
     def __init__(self, terms: Sequence[str], states: StateSet, output: str) -> None:
         self.states, self.output = states, output
         lags = fed_back_states(states, output)
-        self.names = tuple(lags)
-        parts = [parted(parse(text), lags) for text in terms]
-        self.inputs = [inputs for _, inputs in parts]
-        self.owns = list(dict.fromkeys(own for own, _ in parts if own != ONE))
-        self.groups = np.array(
-            [self.owns.index(own) if own != ONE else -1 for own, _ in parts], dtype=np.int64
-        )
-        found = dict.fromkeys(
-            part
-            for name in self.names
-            for part in state(name).parts
-            if not isinstance(part, Measured)
-        )
-        order: dict[State, int] = {part: place for place, part in enumerate(found)}
-        self.nodes = [_node(part, order, states) for part in found]
-        self.places = [order[state(name)] for name in self.names]
-        self.longest = max(lags.values(), default=0)
-        self.depth = (
-            self.longest
-            + max(
-                (max(node.rule.own, node.rule.source) for node in self.nodes if node.rule),
-                default=0,
-            )
-            + 1
-        )
-        scales = zip(states.names, states.low.tolist(), states.high.tolist(), strict=states.scaled)
-        self.limits = [
-            (low, high - low if high > low else math.inf)
-            for name, low, high in scales
-            if name in lags
-        ]
-
-    @property
-    def only_delays(self) -> bool:
-        """Whether the output is fed back by delays alone, and by no operator."""
-        return all(node.source == OUTPUT and node.rule is None for node in self.nodes)
+        self.names, self.longest = tuple(lags), max(lags.values(), default=0)
+        self.parts = taken_apart(terms, lags)
+        self.weights = [f"weight_{group}" for group in range(len(self.parts.owns))]
+        m = Writer()
+        writer = StateWriter(m, states, output, {})
+        writer.queues[Measured(output)] = m.fresh("queue")
+        names = {name: writer.scaled(name) for name in lags}
+        value = self.parts.summed(m, Name("base"), list(map(Name, self.weights)), names)
+        pushed = writer.pushed(value)
+        self.queues = list(writer.queues)
+        places = {queue: place for place, queue in enumerate(pushed)}
+        self.recalls = {
+            one.name: (places[one.queue], one.steps)
+            for one in m.statements
+            if isinstance(one, Recall)
+        }
+        self.depth = max((steps for _, steps in self.recalls.values()), default=0)
+        own = tuple(one for one in m.statements if not isinstance(one, Recall))
+        self.block, self.functions = Block(own, tuple(pushed.values())), tuple(m.functions.values())
+        self.rules = writer.rules
 
     @cached_property
-    def slopes(self) -> list[tuple[str, int, Expression]]:
-        """Derivatives of the parts of fed-back states that are not zero: by which state, of which
-        part.
-        """
-        return [
-            (name, place, derivative(own, name))
-            for place, own in enumerate(self.owns)
-            for name in self.names
-            if name in own.names
-        ]
+    def step(self) -> Run:
+        """The q values of a sample from its past ones, `base` and the weights."""
+        return ready_for_one_sample(self.block, self.rules)
 
     @cached_property
-    def functions(self) -> list[Own]:
-        """The parts of fed-back states as functions."""
-        places = {name: place for place, name in enumerate(self.names)}
-        return [_own(own, places) for own in self.owns]
-
-
-def _node(part: Lagged | Operated, places: Mapping[State, int], states: StateSet) -> Node:
-    source = places.get(part.source, OUTPUT)
-    if isinstance(part, Lagged):
-        return Node(part, source, part.steps)
-    return Node(part, source, rule=OPERATORS[part.operator].recursion(setting_of(part, states)))
+    def slopes(self) -> Run:
+        """The derivatives of the q values by every past value and every weight, along a run."""
+        names = [*self.recalls, *self.weights]
+        return ready_for_columns(
+            with_slopes_by(self.block, names), functions_with_slopes(self.functions)
+        )
 
 
 def fed_back_states(states: StateSet, output: str) -> dict[str, int]:
@@ -134,7 +222,7 @@ def fed_back_states(states: StateSet, output: str) -> dict[str, int]:
     Raises DataError for a state of the output as it is now: a model cannot explain its output by
     itself.
     """
-    found: dict[str, int] = {}
+    lags: dict[str, int] = {}
     for name in states.names:
         one = state(name)
         if one.quantity != output:
@@ -144,15 +232,15 @@ def fed_back_states(states: StateSet, output: str) -> dict[str, int]:
                 f"the state `{name}` depends on the output {output} as it is now",
                 f"let it look back: operators of the output work on {output}[k-1]",
             )
-        found[name] = one.lag
-    return found
+        lags[name] = one.lag
+    return lags
 
 
-def looks_back(found: State) -> bool:
+def looks_back(one: State) -> bool:
     """Whether the quantity that a state is made of enters it delayed: `stop(force[k-1], 0.1)` does,
     `stop(force, 0.1)[k-1]` does not.
     """
-    return any(isinstance(part, Lagged) for part in found.parts[1:2])
+    return any(isinstance(part, Lagged) for part in one.parts[1:2])
 
 
 def parted(term: Expression, fed_back: Container[str]) -> tuple[Expression, Expression]:
@@ -172,35 +260,3 @@ def parted(term: Expression, fed_back: Container[str]) -> tuple[Expression, Expr
             )
         (fed if own else inputs).append(factor)
     return multiply(*fed), multiply(*inputs)
-
-
-def _own(expression: Expression, places: Mapping[str, int]) -> Own:
-    """`expression` of fed-back states as a function of their list; products of few, the usual case,
-    are the quickest.
-
-    Values that are not finite come out as such.
-    """
-    match _monomial(expression, places):
-        case [i]:
-            return lambda y: y[i]
-        case [i, j]:
-            return lambda y: y[i] * y[j]
-        case [i, j, *rest]:
-            return lambda y: math.prod([y[place] for place in rest], start=y[i] * y[j])
-    program, names = compiled((expression,)), sorted(expression.names)
-    return lambda y: float(next(program({name: np.float64(y[places[name]]) for name in names})))
-
-
-def _monomial(expression: Expression, places: Mapping[str, int]) -> list[int]:
-    """Places of the factors of a product of powers of states, each as often as it stands; empty for
-    anything else.
-    """
-    match expression:
-        case Name(name):
-            return [places[name]]
-        case Power(Name(name), exponent) if exponent > 0 and exponent.is_integer():
-            return [places[name]] * int(exponent)
-        case Product(factors):
-            each = [_monomial(factor, places) for factor in factors]
-            return [place for one in each for place in one] if all(each) else []
-    return []

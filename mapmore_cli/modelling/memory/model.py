@@ -15,10 +15,8 @@ from mapmore_cli.domain.recording import Quantity, united
 from mapmore_cli.domain.results import Run
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.equations import equation
-from mapmore_cli.modelling.expressions import Expression, Name, Number, parse, state, substitute
-from mapmore_cli.modelling.expressions.operator import Recursion
-from mapmore_cli.modelling.expressions.operators import OPERATORS
-from mapmore_cli.modelling.expressions.states import Lagged, Measured, Operated, State
+from mapmore_cli.modelling.expressions import Expression, Number, parse, state, substitute
+from mapmore_cli.modelling.expressions.states import Measured
 from mapmore_cli.modelling.expressions.syntax import ONE, ZERO, Condition
 from mapmore_cli.modelling.literature.model import (
     backbone_values,
@@ -26,12 +24,12 @@ from mapmore_cli.modelling.literature.model import (
     formula_equations,
     formula_value,
 )
-from mapmore_cli.modelling.memory.feedback import fed_back_states, parted
-from mapmore_cli.modelling.memory.free_run import free_run, one_step_ahead
+from mapmore_cli.modelling.memory.feedback import StateWriter, fed_back_states, taken_apart
+from mapmore_cli.modelling.memory.free_run import free_run, predict_one_step
 from mapmore_cli.modelling.memory.simulation import bounds_of
-from mapmore_cli.modelling.memory.states import memory_inputs, setting_of
-from mapmore_cli.modelling.program.statements import NOTHING, Queue, Recall
-from mapmore_cli.modelling.program.writing import Inputs, Writer, limit, times, total
+from mapmore_cli.modelling.memory.states import memory_inputs
+from mapmore_cli.modelling.program.statements import NOTHING, Queue
+from mapmore_cli.modelling.program.writing import Inputs, Writer, limit, multiplied, total
 
 
 def build(
@@ -61,18 +59,18 @@ def build(
 
 def simulate(model: Model, columns: Columns) -> Run:
     """Return the model in free run along one recording, (n,), on its backbone where it has one."""
-    run = free_run(_body(model).model, columns)
+    run = free_run(_memory_of(model).model, columns)
     return Run(_base(model, columns) + run.values, run.diverged)
 
 
 def one_step(model: Model, columns: Columns) -> Array:
     """Prediction of every row from the measured past, (n,); NaN before there is history."""
-    return _base(model, columns) + one_step_ahead(_body(model).model, columns)
+    return _base(model, columns) + predict_one_step(_memory_of(model).model, columns)
 
 
 def equations(model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
     """Return the backbone first, then the equation of the next output."""
-    body = _body(model)
+    body = _memory_of(model)
     own, limits = (
         body.model,
         united([*(one.limits for one in body.ranges), {body.model.output: body.model.limits}]),
@@ -86,19 +84,19 @@ def parameters(model: Model) -> int:
     """Return the coefficients of the terms, with the model's own constant where it has one, and the
     parameters of the backbone.
     """
-    body = _body(model)
+    body = _memory_of(model)
     own = len(body.model.theta) + (body.model.constant != 0.0)
     return own + (0 if body.backbone is None else len(body.backbone.parameters))
 
 
 def fed_back(model: Model) -> tuple[str, ...]:
     """Return the output, where the model goes on from it."""
-    memory = _body(model).model
+    memory = _memory_of(model).model
     return (memory.output,) if fed_back_states(memory.states, memory.output) else ()
 
 
 def _base(model: Model, columns: Columns) -> Array:
-    body = _body(model)
+    body = _memory_of(model)
     if body.backbone is None and not model.inputs:
         return np.zeros(len(next(iter(columns.values()))))
     return by_blocks(
@@ -106,153 +104,70 @@ def _base(model: Model, columns: Columns) -> Array:
     )
 
 
-def _body(model: Model) -> Memory:
+def _memory_of(model: Model) -> Memory:
     assert isinstance(model.body, Memory)
     return model.body
 
 
 def write(m: Writer, model: Model, inputs: Inputs) -> Expression:
     """Write a model with memory, on its backbone where it has one."""
-    body = _body(model)
+    body = _memory_of(model)
     limit(m, body.ranges, None, inputs)
     m.kept.steps.append(body.model.states.step)
-    return m.let(
-        "model", formula_value(m, body.backbone, inputs) + _Output(m, body.model, inputs).written()
-    )
+    return m.let("model", formula_value(m, body.backbone, inputs) + _written(m, body.model, inputs))
 
 
-class _Output:
-    """Writes the output of one model down, and its states, each once; `seen` counts the samples
-    before this one.
+def _written(m: Writer, model: MemoryModel, inputs: Inputs) -> Expression:
+    """Write the output at a sample in free run; nothing before there is history, and once it has
+    diverged.
     """
+    seen = m.number("seen")
+    writer = StateWriter(m, model.states, model.output, inputs, seen)
+    names = {name: writer.scaled(name) for name in model.states.names}
+    lags = fed_back_states(model.states, model.output)
+    early = seen < float(max((state(name).lag for name in model.states.names), default=0))
 
-    def __init__(self, m: Writer, model: MemoryModel, inputs: Mapping[str, Expression]) -> None:
-        self.m, self.model, self.inputs = m, model, inputs
-        self.lags = fed_back_states(model.states, model.output)
-        self.seen = m.number("seen")
-        self.known: dict[str, Expression] = {}
-        self.queues: dict[str, str] = {}
-
-    def written(self) -> Expression:
-        """Write the output at a sample in free run; nothing before there is history, and once it
-        has diverged.
+    def bounded() -> Expression:
+        """Write the output while it stays within bounds; nothing from where it leaves them, up to
+        a reset.
         """
-        m, model = self.m, self.model
-        names = {
-            name: self._scaled(place, self._state(state(name)))
-            for place, name in enumerate(model.states.names)
-        }
-        start = float(max((state(name).lag for name in model.states.names), default=0))
-        early = self.seen < start
-        if not self.lags:
-            found = m.choose("memory", [(early, NOTHING)], lambda: self._sum(names))
-        else:
-            lost = m.number("lost")
-            low, high = bounds_of(model.limits)
+        value, (low, high) = _sum_of_terms(m, model, names), bounds_of(model.limits)
+        lost_now = [(lost > 0, NOTHING), (value < low, NOTHING), (value > high, NOTHING)]
+        return m.choose("within", lost_now, value)
 
-            def bounded() -> Expression:
-                """Write the output while it stays within bounds; nothing from where it leaves them,
-                up to a reset.
-                """
-                value = self._sum(names)
-                return m.choose(
-                    "within",
-                    [(lost > 0, NOTHING), (value < low, NOTHING), (value > high, NOTHING)],
-                    value,
-                )
+    if lags:
+        lost = m.number("lost")
+        output = m.choose("memory", [(early, NOTHING)], bounded)
+        finite = Condition(output, "==", output)
+        m.keep(lost, m.choose("lost", [(early, ZERO), (finite, ZERO)], ONE))
+        queue = writer.queues[Measured(model.output)]
+        m.kept.fed_back.setdefault(model.output, []).append(queue)
+    else:
+        output = m.choose("memory", [(early, NOTHING)], lambda: _sum_of_terms(m, model, names))
+    m.statements += [Queue(queue, value) for queue, value in writer.pushed(output).items()]
+    m.keep(seen, seen + 1)
+    return output
 
-            found = m.choose("memory", [(early, NOTHING)], bounded)
-            m.keep(
-                lost, m.choose("lost", [(early, ZERO), (Condition(found, "==", found), ZERO)], ONE)
-            )
-        for name, queue in self.queues.items():
-            m.statements.append(
-                Queue(queue, found if name == model.output else self._state(state(name)))
-            )
-        if self.lags:
-            m.kept.fed_back.setdefault(model.output, []).append(self.queues[model.output])
-        m.keep(self.seen, m.choose("seen", [(self.seen <= start, self.seen + 1)], self.seen))
-        return found
 
-    def _state(self, found: State) -> Expression:
-        """Write a state in physical units."""
-        if found.name not in self.known:
-            match found:
-                case Measured(name):
-                    written = self.inputs[name]
-                case Lagged(source, steps):
-                    written = self._lagged(source, steps)
-                case Operated(name, source):
-                    written = self._operated(
-                        name,
-                        OPERATORS[name].recursion(setting_of(found, self.model.states)),
-                        source,
-                    )
-            self.known[found.name] = written
-        return self.known[found.name]
-
-    def _operated(self, name: str, rule: Recursion, source: State) -> Expression:
-        """Write an operator from its kept values; it rests up to the first sample on which its
-        source has a value.
-        """
-        m = self.m
-        x = m.let("source", self._state(source))
-        if rule.own == rule.source == 0:
-            return m.let(name, rule.next(m, x))
-        own = [m.number(name) for _ in range(rule.own)]
-        past = [m.number("source") for _ in range(rule.source)]
-        rest = Condition(self.seen, "<=", Number(float(source.lag)))
-        value = m.choose(name, [(rest, rule.rest(x))], lambda: rule.next(m, *own, x, *past))
-        for kept, now in ((own, value), (past, x)):
-            older = [now, *(m.where(rest, now, one) for one in kept[:-1])]
-            for place, one in zip(kept, older[: len(kept)], strict=True):
-                m.keep(place, one)
-        return value
-
-    def _lagged(self, source: State, steps: int) -> Expression:
-        if source.name not in self.queues:
-            self.queues[source.name] = self.m.fresh("queue")
-            if source != Measured(self.model.output):
-                self._state(source)
-        queue = self.queues[source.name]
-        self.m.kept.queues[queue] = max(self.m.kept.queues.get(queue, 0), steps)
-        name = self.m.fresh("past")
-        self.m.statements.append(Recall(name, queue, steps))
-        return Name(name)
-
-    def _scaled(self, place: int, value: Expression) -> Expression:
-        """Write a state scaled to its training range, as `states.evaluate_states` does."""
-        states = self.model.states
-        if not states.scaled:
-            return value
-        low, high = float(states.low[place]), float(states.high[place])
-        return (
-            self.m.clip((value - low) / (high - low), -states.margin, 1 + states.margin, "scaled")
-            if high > low
-            else ZERO
-        )
-
-    def _sum(self, names: Mapping[str, Expression]) -> Expression:
-        """Write `constant + sum_j theta_j D_j`, the terms of inputs first, as a free run adds them
-        up.
-        """
-        m, model = self.m, self.model
-        driven: list[Expression] = [Number(model.constant)]
-        weights: dict[Expression, list[Expression]] = {}
-        for text, theta in zip(model.terms, model.theta.tolist(), strict=True):
-            own, inputs = parted(parse(text), self.lags)
-            weight = times(Number(theta), m.let("driven", substitute(inputs, names)))
-            (driven if own == ONE else weights.setdefault(own, [])).append(weight)
-        fed = [
-            times(m.let("weight", total(parts)), m.let("own", substitute(own, names)))
-            for own, parts in weights.items()
-        ]
-        return m.let("output", total([m.let("base", total(driven)), *fed]))
+def _sum_of_terms(m: Writer, model: MemoryModel, names: Mapping[str, Expression]) -> Expression:
+    """Write `constant + sum_j theta_j D_j`, the terms of inputs first, as a free run adds them
+    up.
+    """
+    parts = taken_apart(model.terms, fed_back_states(model.states, model.output))
+    sums: dict[int, list[Expression]] = {group: [] for group in range(len(parts.owns))}
+    sums[-1] = [Number(model.constant)]
+    for inputs, theta, group in zip(
+        parts.inputs, model.theta.tolist(), parts.groups.tolist(), strict=True
+    ):
+        driven = m.let("driven", substitute(inputs, names))
+        sums[group].append(multiplied(Number(theta), driven))
+    base = m.let("base", total(sums.pop(-1)))
+    return parts.summed(m, base, [m.let("weight", total(own)) for own in sums.values()], names)
 
 
 def faults(model: Model) -> Iterator[str]:
     """Say what of a stored model no prediction would notice."""
-    memory = _body(model).model
+    memory = _memory_of(model).model
     if memory.output != model.output.name or not all(
         parse(text).names <= {*memory.states.names} for text in memory.terms
     ):

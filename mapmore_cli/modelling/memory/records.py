@@ -11,7 +11,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns, IntArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve
-from mapmore_cli.modelling.signals.sampling import UNEVEN, pieces
+from mapmore_cli.modelling.signals.sampling import UNEVEN, cut_after
 
 
 class AtSample(DataError):
@@ -74,7 +74,7 @@ def uninterrupted(time: Array, step: float) -> list[slice]:
             f"even steps of {step:.6g} s",
             f"bring the recording onto even steps of {step:.6g} s",
         )
-    return pieces(len(time), np.flatnonzero((distances > step + slack) | (distances < 0)))
+    return cut_after(len(time), np.flatnonzero((distances > step + slack) | (distances < 0)))
 
 
 def time_step(curves: Sequence[Curve]) -> float:

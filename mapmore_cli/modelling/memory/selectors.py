@@ -17,19 +17,12 @@ from mapmore_cli.domain.fits import Selection, StateSet
 from mapmore_cli.modelling.expressions import Expression, dictionary_blocks, dictionary_matrix
 from mapmore_cli.modelling.expressions.families import fits_whole, refuse_beyond_memory
 from mapmore_cli.modelling.frols import frols, frols_streamed
-from mapmore_cli.modelling.frols.moments import moments, standard, standardised, uncentred
-from mapmore_cli.modelling.frols.ridge import (
-    Regularised,
-    choose_ridge,
-    prune,
-    ridge_press,
-    select,
-    substitutes,
-)
-from mapmore_cli.modelling.frols.select import fewest, in_units, information_criterion, widened
+from mapmore_cli.modelling.frols.moments import moments, standard, standardised
+from mapmore_cli.modelling.frols.ridge import Regularised, choose_ridge, prune, select
+from mapmore_cli.modelling.frols.select import in_units, least_bic, widened
 from mapmore_cli.modelling.memory.records import Record, complete
 from mapmore_cli.modelling.memory.states import evaluate_states
-from mapmore_cli.modelling.selection import LEAST_RIDGE, MemoryRecipe, Stop
+from mapmore_cli.modelling.selection import MemoryRecipe, Stop
 
 
 @dataclass(frozen=True)
@@ -94,60 +87,47 @@ FOLDS = 4  # blocks of samples that are left out in turn where the ridge is chos
 
 
 @dataclass(frozen=True)
-class Choice:
-    """Terms of one model: their selection in units of the candidates, and the constant that belongs
-    to it.
+class TermChoice:
+    """Terms of one model: their selection in units of the candidates, the constant that belongs to
+    it, the ridge, and the candidates that were chosen before pruning.
     """
 
     selection: Selection
     constant: float
     ridge: float
     forward: IntArray
-    substitutes: IntArray
-    shares: Array
 
 
 class _Plain:
     """FROLS on the candidates as they are, in one piece where they fit into memory."""
 
     def __init__(self, data: Regressors, recipe: MemoryRecipe) -> None:
-        self.data, self.recipe, self.all = data, recipe, np.arange(len(data.terms))
+        self.data, self.recipe, self.whole = data, recipe, None
+        if fits_whole(data.samples, len(data.terms)):
+            self.whole = dictionary_matrix(data.terms, data.states, data.samples)
+        else:
+            refuse_beyond_memory(len(data.terms))
 
-    @cached_property
-    def _whole(self) -> Array | None:
-        if fits_whole(self.data.samples, len(self.all)):
-            return dictionary_matrix(self.data.terms, self.data.states, self.data.samples)
-        refuse_beyond_memory(len(self.all))
-        return None
-
-    @cached_property
-    def _largest(self) -> IntArray:
-        return self._selected(self.all, self.recipe.most_terms).selection.chosen
-
-    @cached_property
-    def ranking(self) -> Regularised:
-        """The covariance of all candidates, divided by their root mean squares, by which they are
-        ranked beside chosen ones.
-        """
-        total = moments(standardised(self.data.blocks, uncentred(self.data.blocks)))
-        return Regularised(total.products / total.samples, total.samples, LEAST_RIDGE)
-
-    def best(self) -> Choice:
-        """Return the model whose number of terms the recipe's rule prefers; the largest where free
-        runs decide on it.
-        """
+    def best(self) -> TermChoice:
+        """Return the model whose number of terms the recipe's rule prefers."""
         recipe = self.recipe
+        every = np.arange(len(self.data.terms))
         if recipe.stop == "free_run":
-            return self.of_size(recipe.most_terms)
-        return self._selected(self.all, recipe.most_terms, recipe.tolerance, recipe.stop)
+            return self._selected(every, recipe.max_terms)
+        return self._selected(every, recipe.max_terms, recipe.tolerance, recipe.stop)
 
-    def of_size(self, terms: int) -> Choice:
-        """Return the model of so many terms, or of as many as there can be."""
-        return self.among(self._largest[:terms])
+    @cached_property
+    def sizes(self) -> list[IntArray]:
+        """The terms of the models of 1, 2, ... terms."""
+        largest = self._selected(np.arange(len(self.data.terms)), self.recipe.max_terms)
+        return [largest.forward[: size + 1] for size in range(len(largest.forward))]
 
-    def among(self, chosen: IntArray) -> Choice:
-        """Return the model of these candidates, in the order of their error reduction."""
-        return self._selected(chosen, len(chosen))
+    def among(self, chosen: IntArray, stop: str) -> TermChoice:
+        """Return the model of these candidates, in the order of their error reduction; `stop` says
+        why it has so many.
+        """
+        choice = self._selected(chosen, len(chosen))
+        return replace(choice, selection=replace(choice.selection, stop=stop))
 
     def penalty(self, chosen: IntArray) -> Array:
         """(k,) what the ridge, a part of each candidate's variance, adds to the squared error for
@@ -157,79 +137,66 @@ class _Plain:
 
     def _selected(
         self, among: IntArray, terms: int, tolerance: float = 0.0, stop: Stop = "tolerance"
-    ) -> Choice:
-        if self._whole is None:
-            found = frols_streamed(
+    ) -> TermChoice:
+        if self.whole is None:
+            selection = frols_streamed(
                 lambda: ((P[:, among], y) for P, y in self.data.blocks()),
                 terms,
                 tolerance,
                 stop=stop,
             )
         else:
-            found = frols(self._whole[:, among], self.data.y, terms, tolerance, stop=stop)
-        if len(among) < len(self.all):
-            found = widened(found, among, len(self.all))
-        return Choice(found, 0.0, 0.0, found.chosen, np.empty(0, dtype=np.int64), np.empty(0))
+            selection = frols(self.whole[:, among], self.data.y, terms, tolerance, stop=stop)
+        selection = widened(selection, among, len(self.data.terms))
+        return TermChoice(selection, 0.0, 0.0, selection.chosen)
 
 
 class _Ridged:
-    """Regularised FROLS: forward, then backward; everything but PRESS from sums of products, which
-    are formed block by block.
+    """Regularised FROLS: forward, then backward, from sums of products that are formed block by
+    block.
 
-    Its methods are those of `_Plain`, its `ranking` goes by standard deviations. The ridge is
-    chosen here where the recipe leaves that open. Raises DataError where no candidate explains
-    anything.
+    Its methods are those of `_Plain`. The ridge is chosen here where the recipe leaves that open.
+    Raises DataError where no candidate explains anything.
     """
 
     def __init__(self, data: Regressors, recipe: MemoryRecipe) -> None:
         refuse_beyond_memory(len(data.terms))
         self.recipe = recipe
         self.standard = standard(data.blocks)
-        self.blocks = standardised(data.blocks, self.standard)
-        total = moments(self.blocks)
+        total = moments(standardised(data.blocks, self.standard))
         ridge = recipe.ridge
         if ridge == "auto":
             edges = np.linspace(0, data.samples, min(FOLDS, data.samples) + 1).astype(np.int64)
             parts = [data.rows(slice(begin, end)) for begin, end in pairwise(edges)]
             folds = [moments(standardised(part.blocks, self.standard)) for part in parts]
-            ridge = choose_ridge(total, folds, recipe.forward_terms, recipe.most_terms)
-        self.ranking = Regularised(total.covariance, total.samples, ridge)
-        self.forward = select(self.ranking, recipe.forward_terms).chosen
+            ridge = choose_ridge(total, folds, recipe.forward_terms, recipe.max_terms)
+        self.data = Regularised(total.covariance, total.samples, ridge)
+        self.forward = select(self.data, recipe.forward_terms).chosen
         if not len(self.forward):
             remedy = "look whether the output and the inputs vary in the training samples"
             raise DataError("no candidate explains anything of the output", remedy)
-        self.subsets = prune(self.ranking, self.forward)[: recipe.most_terms]
+        self.sizes = prune(self.data, self.forward)[: recipe.max_terms]
 
-    def best(self) -> Choice:
-        stop, ranking, terms = self.recipe.stop, self.ranking, len(self.subsets)
-        if stop == "free_run":
-            return self.of_size(terms)
-        if stop == "press":
-            return self.of_size(fewest(ridge_press(self.blocks, ranking, self.subsets)), stop)
+    def best(self) -> TermChoice:
         unexplained = np.array(
-            [ranking.unexplained(kept, ranking.coefficients(kept)) for kept in self.subsets]
+            [self.data.unexplained(kept, self.data.coefficients(kept)) for kept in self.sizes]
         )
-        if stop != "tolerance":
-            return self.of_size(
-                fewest(information_criterion(stop, unexplained, ranking.samples)), stop
-            )
+        if self.recipe.stop == "bic":
+            return self.among(self.sizes[least_bic(unexplained, self.data.samples) - 1], "bic")
         enough = np.flatnonzero(unexplained <= self.recipe.tolerance)
-        return self.of_size(enough[0] + 1, stop) if len(enough) else self.of_size(terms)
+        if self.recipe.stop == "tolerance" and len(enough):
+            return self.among(self.sizes[enough[0]], "tolerance")
+        return self.among(self.sizes[-1], "pruned")
 
-    def of_size(self, terms: int, stop: str = "pruned") -> Choice:
-        return self.among(self.subsets[min(terms, len(self.subsets)) - 1], stop)
-
-    def among(self, chosen: IntArray, stop: str = "pruned") -> Choice:
-        found = replace(select(self.ranking, len(chosen), chosen), stop=stop)
-        best, shares = substitutes(self.ranking, found.chosen)
-        selection = in_units(found, self.standard.spread)
-        constant = float(
-            self.standard.centre[-1] - selection.theta @ self.standard.centre[selection.chosen]
-        )
-        return Choice(selection, constant, self.ranking.ridge, self.forward, best, shares)
+    def among(self, chosen: IntArray, stop: str) -> TermChoice:
+        selection = replace(select(self.data, len(chosen), chosen), stop=stop)
+        selection = in_units(selection, self.standard.spread)
+        centre = self.standard.centre
+        constant = float(centre[-1] - selection.theta @ centre[selection.chosen])
+        return TermChoice(selection, constant, self.data.ridge, self.forward)
 
     def penalty(self, chosen: IntArray) -> Array:
-        return self.ranking.ridge * self.ranking.samples * self.standard.spread[chosen] ** 2
+        return self.data.ridge * self.data.samples * self.standard.spread[chosen] ** 2
 
 
 def selector(data: Regressors, recipe: MemoryRecipe) -> _Plain | _Ridged:

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import product
 from types import MappingProxyType
 
 import numpy as np
@@ -90,7 +91,7 @@ def memory_inputs(memory: MemoryModel) -> tuple[str, ...]:
     return tuple(sorted({state(name).quantity for name in memory.states.names} - {memory.output}))
 
 
-def resolve(
+def resolve_states(
     names: Sequence[str],
     records: Sequence[Record],
     recipe: MemoryRecipe,
@@ -141,12 +142,13 @@ def with_ranges(records: Sequence[Record], recipe: MemoryRecipe) -> tuple[str, .
     `resolve` does.
     """
     waiting = {
-        name for text in recipe.dictionary if RANGED[0] in text for name in candidate(text).names
+        name for text in recipe.dictionary if RANGED in text for name in candidate(text).names
     }
-    found = resolve(sorted(waiting), records, replace(recipe, scaling="range"))
-    ends = list(zip(found.low.tolist(), found.high.tolist(), strict=True))
-    courses = ((0.0, 1.0, *one) if recipe.scaling == "range" else one * 2 for one in ends)
-    return placed(recipe.dictionary, tuple(zip(found.names, courses, strict=True)))
+    resolved = resolve_states(sorted(waiting), records, replace(recipe, scaling="range"))
+    low, high = resolved.low.tolist(), resolved.high.tolist()
+    if recipe.scaling == "range":
+        low, high = [0.0] * len(low), [1.0] * len(high)
+    return placed(recipe.dictionary, tuple(zip(resolved.names, low, high, strict=True)))
 
 
 def _range(values: Array, name: str) -> tuple[float, float]:
@@ -163,15 +165,9 @@ def _pooled(values: Sequence[Array], training: Sequence[BoolArray]) -> Array:
     return np.concatenate([one[rows] for one, rows in zip(values, training, strict=True)])
 
 
-FREQUENCIES = tuple(
-    np.geomspace(1.0, 15.0, 30).tolist()
-)  # Hz: what a load on a soft muscle rings with
+# Hz: what a load on a soft muscle rings with
+FREQUENCIES = tuple(np.geomspace(1.0, 15.0, 30).tolist())
 DAMPINGS = (0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.5, 0.7)
-FASTEST = 0.2  # cycles per sample: a faster oscillation is not resolved
-TIE = 1e-9  # an oscillator must explain more than another by this fraction to be preferred
-# relative to the larger, a direction of the oscillator with so little of its own explains nothing
-RANK = 1e-10
-CREEP = 0.3  # time constant of the slow state that stands for everything else with memory, s
 
 
 def find_resonance(
@@ -180,44 +176,40 @@ def find_resonance(
     """Frequency (Hz) and damping ratio of the oscillator that leaves least of the training output,
     the slowest of equals.
 
-    The output is fitted with `[1, x, x^2, s, y, v]`: the driving quantity x, a slow state s of it,
-    the oscillator's position y and velocity v.
+    The output is fitted with `[1, x, x^2, s, y, v]`: the driving quantity x, a slow state s of it
+    that stands for everything else with memory, the oscillator's position y and velocity v.
 
     - `driving`, `output`: (n,) for every piece.
     - `training`: (n,) samples that count.
     """
-    frequencies = [f for f in FREQUENCIES if f * step <= FASTEST]
+    # an oscillation of fewer than five samples is not resolved
+    frequencies = [frequency for frequency in FREQUENCIES if frequency * step <= 0.2]
     if not frequencies:
         raise DataError(
             f"no resonance can be seen with {step:g} s between samples: the lowest that is "
             f"looked for has {FREQUENCIES[0]:g} Hz",
             "give frequency and damping, as resonance(pressure, 0.1, 0.3), or sample faster",
         )
+
+    def pooled(operator: str, *numbers: float) -> Array:
+        setting = Setting(numbers, step)
+        return _pooled([along(OPERATORS[operator], one, setting) for one in driving], training)
+
     x = _pooled(driving, training)
-    creep = [along(OPERATORS["slow"], one, Setting((CREEP,), step)) for one in driving]
-    others = np.column_stack([np.ones(len(x)), x, x**2, _pooled(creep, training)])
+    others = np.column_stack([np.ones(len(x)), x, x**2, pooled("slow", 0.3)])
     known = np.isfinite(others).all(axis=1)
     basis = np.linalg.qr(others[known])[0]
     y = _pooled(output, training)[known]
     left = y - basis @ (basis.T @ y)
-    best = (-np.inf, frequencies[0], DAMPINGS[0])
-    for frequency in frequencies:
-        for damping in DAMPINGS:
-            positions = [
-                along(OPERATORS["resonance"], one, Setting((frequency, damping), step))
-                for one in driving
-            ]
-            velocities = [
-                np.nan_to_num(np.diff(one, prepend=one[:1])) for one in positions
-            ]  # at rest where they begin
-            moved = np.column_stack([_pooled(positions, training), _pooled(velocities, training)])[
-                known
-            ]
-            along_basis, products = basis.T @ moved, moved.T @ left
-            gram = moved.T @ moved - along_basis.T @ along_basis
-            gain = float(
-                products @ np.linalg.lstsq(gram, products, rcond=RANK)[0]
-            )  # by how much the squares that are left shrink
-            if gain > best[0] * (1 + TIE):
-                best = (gain, frequency, damping)
-    return best[1], best[2]
+    best, most = (frequencies[0], DAMPINGS[0]), -np.inf
+    for numbers in product(frequencies, DAMPINGS):
+        moved = np.column_stack(
+            [pooled("resonance", *numbers), pooled("resonance_velocity", *numbers)]
+        )[known]
+        along_basis, products = basis.T @ moved, moved.T @ left
+        gram = moved.T @ moved - along_basis.T @ along_basis
+        # by how much the squares that are left shrink
+        gain = float(products @ np.linalg.lstsq(gram, products, rcond=1e-10)[0])
+        if gain > most * (1 + 1e-9):
+            best, most = numbers, gain
+    return best

@@ -10,11 +10,10 @@ searches end at the best model; from the grid most do.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import chain, product
-from typing import NamedTuple
 
 import numpy as np
 
@@ -22,20 +21,23 @@ from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import Identified, MemoryFit, MemoryModel, StateSet
 from mapmore_cli.modelling.expressions import Name, parse, substitute, to_text
+from mapmore_cli.modelling.expressions.operator import Parameter
 from mapmore_cli.modelling.expressions.operators import OPERATORS
 from mapmore_cli.modelling.expressions.states import Measured, Operated, State, state
 from mapmore_cli.modelling.memory.feedback import Feedback, fed_back_states, parted
 from mapmore_cli.modelling.memory.records import Record
-from mapmore_cli.modelling.memory.refinement import Coefficients, Problem, standard_errors
-from mapmore_cli.modelling.memory.selectors import Choice, regressors, selector
+from mapmore_cli.modelling.memory.refinement import (
+    Coefficients,
+    FreeRunProblem,
+    errors_of_coefficients,
+)
+from mapmore_cli.modelling.memory.selectors import TermChoice, regressors, selector
 from mapmore_cli.modelling.memory.simulation import (
-    Course,
-    Piece,
+    ReadyPiece,
     bounds_of,
-    piece_of,
     refuse_unknown_beginning,
 )
-from mapmore_cli.modelling.memory.states import resolve
+from mapmore_cli.modelling.memory.states import resolve_states
 from mapmore_cli.modelling.selection import MemoryRecipe
 
 DIGITS = 10  # significant digits of a number that was found; its standard error is far larger
@@ -43,26 +45,13 @@ ALL = 64  # sets of starting numbers up to which every one is tried
 AT_BOUND = 1e-6  # of the way between the bounds: a number so near to one lies on it
 
 
-class _Place(NamedTuple):
-    """One number: the state that it belongs to, its key, its bounds. It is searched by its
-    logarithm where it is positive.
-    """
-
-    state: Operated
-    key: str
-    low: float
-    high: float
-
-    def searched(self, number: float) -> float:
-        return float(np.log(max(number, self.low))) if self.low > 0 else float(number)
-
-    def number(self, searched: float, digits: int) -> float:
-        return float(f"{np.exp(searched) if self.low > 0 else searched:.{digits}g}") + 0.0
+Numbers = tuple[tuple[float, ...], ...]  # those of each state
 
 
 @dataclass(frozen=True)
 class Unknown:
-    """The numbers that some terms leave open.
+    """The m numbers that some terms leave open. One is searched by its logarithm where it is
+    positive.
 
     - `states`: operators without their numbers, the innermost first, each once; those of fewer
       terms keep their order.
@@ -74,39 +63,45 @@ class Unknown:
     longest: float
 
     @cached_property
-    def places(self) -> tuple[_Place, ...]:
-        """(m) every number."""
-        return tuple(
-            _Place(one, parameter.key, *parameter.between(self.step, self.longest))
+    def places(self) -> list[tuple[Operated, Parameter]]:
+        """(m) the state that each number belongs to, and what it is."""
+        return [
+            (one, parameter)
             for one in self.states
             for parameter in OPERATORS[one.operator].parameters
+        ]
+
+    @cached_property
+    def limits(self) -> Array:
+        """(2, m) least and greatest numbers."""
+        ends = [
+            parameter.between(self.step, self.longest)
+            for _, parameter in self.places
             if parameter.between is not None
-        )
+        ]
+        return np.array(ends).reshape(-1, 2).T
 
     @property
     def bounds(self) -> Array:
-        """(m, 2) least and greatest place of each number in the search."""
-        return np.array(
-            [[place.searched(place.low), place.searched(place.high)] for place in self.places]
-        ).reshape(-1, 2)
+        """(2, m) least and greatest places in the search."""
+        return np.array([self._place(end) for end in self.limits])
 
-    def those_of(self, part: Unknown) -> BoolArray:
-        """(m,) whether a number is one of `part`, too."""
-        return np.array([place.state in part.states for place in self.places], dtype=np.bool_)
+    def _place(self, numbers: Array) -> Array:
+        positive = self.limits[0] > 0
+        return np.where(positive, np.log(np.where(positive, numbers, 1.0)), numbers)
 
     def searched(self, numbers: Sequence[float]) -> Array:
         """(m,) where numbers lie in the search."""
-        places = np.array(
-            [place.searched(number) for number, place in zip(numbers, self.places, strict=True)]
-        )
-        return np.asarray(np.clip(places, *self.bounds.T))
+        return self._place(np.clip(numbers, *self.limits))
 
     def numbers(self, searched: Array, digits: int = 17) -> tuple[float, ...]:
         """Return the numbers at a place of the search, to so many significant digits."""
-        return tuple(
-            place.number(at, digits)
-            for at, place in zip(searched.tolist(), self.places, strict=True)
-        )
+        values = np.where(self.limits[0] > 0, np.exp(searched), searched)
+        return tuple(float(f"{value:.{digits}g}") + 0.0 for value in values)
+
+    def those_of(self, part: Unknown) -> BoolArray:
+        """(m,) whether a number is one of `part`, too."""
+        return np.array([one in part.states for one, _ in self.places], dtype=np.bool_)
 
     def filled(self, texts: Sequence[str], numbers: Sequence[float]) -> tuple[str, ...]:
         """Return the terms with the numbers in their states' names."""
@@ -121,20 +116,15 @@ class Unknown:
             for term in map(parse, texts)
         )
 
-    def found(self, searched: Array, errors: Array) -> Identified:
-        """Numbers with their standard errors and bounds, from those of the search."""
-        numbers = self.numbers(searched, DIGITS)
-        names = tuple(f"{place.key} of {place.state.name}" for place in self.places)
-        scale = np.array(
-            [
-                number if place.low > 0 else 1.0
-                for number, place in zip(numbers, self.places, strict=True)
-            ]
-        )
-        low, high = self.bounds.T
+    def identified(self, searched: Array, errors: Array) -> Identified:
+        """Return the numbers with their standard errors, from those of the search."""
+        numbers = np.array(self.numbers(searched, DIGITS))
+        names = tuple(f"{parameter.key} of {one.name}" for one, parameter in self.places)
+        scale = np.where(self.limits[0] > 0, numbers, 1.0)
+        low, high = self.bounds
         near = AT_BOUND * (high - low)
         held = (searched <= low + near) | (searched >= high - near)
-        return Identified(names, np.array(numbers), np.where(held, np.nan, errors * scale), held)
+        return Identified(names, numbers, np.where(held, np.nan, errors * scale), held)
 
     def scan(
         self, error: Callable[[tuple[float, ...]], float], keep: int
@@ -150,17 +140,15 @@ class Unknown:
             if (starts := OPERATORS[one.operator].starts) is not None
         ]
 
-        def ranked(
-            sets: Sequence[tuple[tuple[float, ...], ...]],
-        ) -> list[tuple[tuple[float, ...], ...]]:
+        def ranked(sets: Iterable[Numbers]) -> list[Numbers]:
             return sorted(sets, key=lambda own: error(tuple(chain(*own))))
 
         if math.prod(map(len, grids)) <= ALL:
-            best = ranked(list(product(*grids)))
+            best = ranked(product(*grids))
         else:
             best = [tuple(grid[len(grid) // 2] for grid in grids)]
             for place, grid in enumerate(grids):
-                best = ranked([(*best[0][:place], own, *best[0][place + 1 :]) for own in grid])
+                best = ranked((*best[0][:place], own, *best[0][place + 1 :]) for own in grid)
         return [tuple(chain(*own)) for own in best[:keep]]
 
 
@@ -194,7 +182,7 @@ def _with(found: State, numbers: dict[Operated, tuple[float, ...]]) -> State:
     )
 
 
-class Training:
+class TrainingData:
     """One set of training samples, and the `numbers` of operators that the recipe's dictionary
     leaves open.
 
@@ -210,60 +198,48 @@ class Training:
             recipe.dictionary, numbers
         )
         self.terms = tuple(map(parse, self.dictionary))
-        self.states = resolve(_names_in(self.dictionary), records, recipe)
+        self.states = resolve_states(_names_in(self.dictionary), records, recipe)
         fed_back = fed_back_states(self.states, recipe.target)
         for term in self.terms:
             parted(term, fed_back)  # refuses what no free run could feed back
         self.data = regressors(records, self.states, self.terms, recipe.target)
-        if self.data.samples <= recipe.most_terms:
+        if self.data.samples <= recipe.max_terms:
             raise DataError(
                 f"{self.data.samples} training sample(s) with a history, too few for "
-                f"{recipe.most_terms} term(s)",
+                f"{recipe.max_terms} term(s)",
                 "keep more samples, or lower fit.max_terms",
             )
         self.limits = (float(self.data.y.min()), float(self.data.y.max()))
         self.selector = selector(self.data, recipe)
 
-    def fit(self, choice: Choice) -> MemoryFit:
-        """Return the model of a choice, with its coefficients of one step ahead."""
-        found, recipe = choice.selection, self.recipe
-        terms = tuple(self.dictionary[i] for i in found.chosen)
-        states = self._states_of(found.chosen)
+    def fit(self, choice: TermChoice, point: Coefficients | None = None) -> MemoryFit:
+        """Return the model of a choice, with its coefficients of one step ahead; or with those of
+        a `point` found in free run, in the order of the choice, and their standard errors.
+        """
+        selection, constant, identified = choice.selection, choice.constant, None
+        chosen = selection.chosen
+        if point is not None:
+            errors, of_numbers = errors_of_coefficients(self.problem(chosen, search=True), point)
+            selection = replace(selection, theta=point.theta, theta_error=errors)
+            constant, numbers = point.constant, self.open_in(chosen)
+            if numbers.states:
+                identified = numbers.identified(point.numbers, of_numbers)
         model = MemoryModel(
-            recipe.target,
-            states,
-            terms,
-            found.theta,
-            found.theta_error,
-            choice.constant,
+            self.recipe.target,
+            self._states_of(chosen),
+            tuple(self.dictionary[i] for i in chosen),
+            selection.theta,
+            selection.theta_error,
+            constant,
             self.limits,
-            recipe.start,
         )
         return MemoryFit(
             model,
             self.dictionary,
-            found,
+            selection,
             choice.ridge,
             choice.forward,
-            choice.substitutes,
-            choice.shares,
-        )
-
-    def refined(self, choice: Choice, point: Coefficients) -> MemoryFit:
-        """Return the model of a choice with coefficients and numbers found in free run, and their
-        standard errors.
-
-        theta are in the order of the choice.
-        """
-        chosen = choice.selection.chosen
-        errors, of_numbers = standard_errors(self.problem(chosen, search=True), point)
-        selection = replace(choice.selection, theta=point.theta, theta_error=errors)
-        fit = self.fit(replace(choice, selection=selection, constant=point.constant))
-        numbers = self.open_in(chosen)
-        return (
-            replace(fit, identified=numbers.found(point.numbers, of_numbers))
-            if numbers.places
-            else fit
+            identified=identified,
         )
 
     def open_in(self, chosen: IntArray) -> Unknown:
@@ -274,7 +250,7 @@ class Training:
 
     def problem(
         self, chosen: IntArray, counted: Sequence[BoolArray] | None = None, *, search: bool = False
-    ) -> Problem:
+    ) -> FreeRunProblem:
         """Return the simulation error of some candidates, over the training samples or those that
         are `counted`, (n,) for each record.
 
@@ -283,22 +259,20 @@ class Training:
         Raises DataError where no sample has a history, or a first output is missing.
         """
         wanted = [record.training for record in self.records] if counted is None else counted
-        ends = [
-            int(np.flatnonzero(mask)[-1]) + 1 if mask.any() else 0 for mask in wanted
-        ]  # a run goes on to the last wanted sample
+        parts = []  # a run goes on to the last wanted sample
+        for record, mask in zip(self.records, wanted, strict=True):
+            end = int(np.max(np.flatnonzero(mask), initial=-1)) + 1
+            if end:
+                parts.append(({name: x[:end] for name, x in record.columns.items()}, mask[:end]))
 
-        def made_ready(
-            terms: Sequence[str], states: StateSet, pieces: Sequence[Piece]
-        ) -> list[Course]:
+        def made_ready(terms: Sequence[str], states: StateSet) -> list[ReadyPiece]:
             feedback = Feedback(terms, states, self.recipe.target)
-            return [Course(feedback, piece, end) for piece, end in zip(pieces, ends, strict=True)]
+            return [ReadyPiece(feedback, columns) for columns, _ in parts]
 
-        courses = made_ready(
-            [self.dictionary[i] for i in chosen], self._states_of(chosen), self.pieces
-        )
+        courses = made_ready([self.dictionary[i] for i in chosen], self._states_of(chosen))
         rows = [
-            mask[one.start :][: one.size] & np.isfinite(one.measured[one.start :])
-            for one, mask in zip(courses, wanted, strict=True)
+            mask[one.start :] & np.isfinite(one.measured[one.start :])
+            for one, (_, mask) in zip(courses, parts, strict=True)
         ]
         places = [place for place, own in enumerate(rows) if own.any()]
         if not places:
@@ -308,33 +282,27 @@ class Training:
             )
         for place in places:
             refuse_unknown_beginning(courses[place])
-        problem = Problem(
-            tuple(courses[place] for place in places),
+        ready = tuple(courses[place] for place in places)
+        open_terms = [self.recipe.dictionary[i] for i in chosen] if search else []
+        numbers = left_open(self.records, open_terms, self.recipe.step)
+
+        @lru_cache(maxsize=4)
+        def moved(at: bytes) -> tuple[ReadyPiece, ...]:
+            terms = numbers.filled(open_terms, numbers.numbers(np.frombuffer(at)))
+            states = resolve_states(
+                _names_in(terms), self.records, self.recipe, self.states.resonances
+            )
+            others = made_ready(terms, states)
+            return tuple(others[place] for place in places)
+
+        return FreeRunProblem(
+            lambda at: moved(at.tobytes()) if numbers.places else ready,
             tuple(rows[place] for place in places),
             bounds_of(self.limits),
             self.selector.penalty(chosen),
             self.recipe.ridge != 0.0,
+            np.hstack([[[-np.inf], [np.inf]] * np.ones(len(chosen) + 1), numbers.bounds]),
         )
-        if not search or not (numbers := self.open_in(chosen)).places:
-            return problem
-        open_terms = [self.recipe.dictionary[i] for i in chosen]
-
-        @lru_cache(maxsize=2)
-        def moved(at: tuple[float, ...]) -> tuple[Course, ...]:
-            terms = numbers.filled(open_terms, numbers.numbers(np.array(at)))
-            states = resolve(_names_in(terms), self.records, self.recipe, self.states.resonances)
-            courses = made_ready(terms, states, self._pieces(states))
-            return tuple(courses[place] for place in places)
-
-        return replace(problem, moved=lambda at: moved(tuple(at.tolist())), between=numbers.bounds)
-
-    @cached_property
-    def pieces(self) -> list[Piece]:
-        """The records with the states of all candidates."""
-        return self._pieces(self.states)
-
-    def _pieces(self, states: StateSet) -> list[Piece]:
-        return [piece_of(states, self.recipe.target, record.columns) for record in self.records]
 
     def _states_of(self, chosen: IntArray) -> StateSet:
         """Return the states that some candidates need, with their numbers."""

@@ -25,7 +25,7 @@ from mapmore_cli.domain.fits import (
     Selection,
 )
 from mapmore_cli.domain.models import CurveFunction, Fusion, Model, Pieces, SegmentFunction, Side
-from mapmore_cli.domain.recording import Curve, Quantity, united
+from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.domain.results import FitResult, PiecesFit
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.expressions import (
@@ -41,7 +41,6 @@ from mapmore_cli.modelling.frols import TIE_TOLERANCE, frols, frols_streamed, re
 from mapmore_cli.modelling.literature.backbone import residual_of
 from mapmore_cli.modelling.pieces.recipe import Recipe
 from mapmore_cli.modelling.pieces.segmentation import samples_of, segment_curve, training_curves
-from mapmore_cli.modelling.signals.rates import running_median
 
 # share of the segment whose mean stands for an end of the trend, so that the anchor does not hang
 # on one noisy sample
@@ -124,7 +123,7 @@ def segment(
     fitted = {curve.id: residual_of(curve, recipe.target, backbone) for curve in training}
 
     def cost(curve: Curve, rows: IntArray) -> float:
-        if len(rows) <= recipe.fit.most_terms:
+        if len(rows) <= recipe.fit.max_terms:
             return float("inf")
         trial = Segment(f"{curve.id}/trial", curve.id, (), rows)
         found = fit_segment(trial, samples_of(fitted[curve.id], rows), terms, recipe)
@@ -169,7 +168,7 @@ def fit_segment(
     All placements share the slope of y, so their scaled SSE compare. Rows are sorted first: the
     numbers then do not depend on the order in which a logger wrote them.
     """
-    n, most = len(segment.rows), recipe.fit.most_terms
+    n, most = len(segment.rows), recipe.fit.max_terms
     if n <= most:
         ways = (
             f"use fewer segments, join them by `min_samples: {most + 1}`, keep more samples "
@@ -185,14 +184,9 @@ def fit_segment(
     best: SegmentFit | None = None
     for scaling in placements(recipe.fit.scaling, X, y, variables):
         z = scaled(scaling, dict(zip(variables, X.T, strict=True)))
-        ends = [
-            one.tolist()
-            for x in (X * scaling.slope + scaling.intercept, X)
-            for one in (x.min(axis=0), x.max(axis=0))
-        ]
-        written = placed(
-            recipe.dictionary, tuple(zip(variables, zip(*ends, strict=True), strict=True))
-        )
+        x = X * scaling.slope + scaling.intercept
+        ends = zip(variables, x.min(axis=0).tolist(), x.max(axis=0).tolist(), strict=True)
+        written = placed(recipe.dictionary, tuple(ends))
         try:
             selection = _selection(
                 terms if written == recipe.dictionary else list(map(parse, written)),
@@ -216,8 +210,8 @@ def _selection(terms: Sequence[Expression], z: Columns, y: Array, recipe: Recipe
     """FROLS on the dictionary, which is never there as a whole where it need not be read more than
     once or twice.
     """
-    n, how = len(y), (recipe.fit.most_terms, recipe.fit.tolerance)
-    if reads_once(n, len(terms), recipe.fit.most_terms):
+    n, how = len(y), (recipe.fit.max_terms, recipe.fit.tolerance)
+    if reads_once(n, len(terms), recipe.fit.max_terms):
         return frols_streamed(
             lambda: ((P, y[rows]) for rows, P in dictionary_blocks(terms, z, n)),
             *how,
@@ -239,21 +233,14 @@ def fuse(
     Where the recipe leaves it open how far a residual is carried between levels, all of it is: see
     `cross_validation`.
     """
-    backbone, level, asked = result.backbone, recipe.level, recipe.fuse
+    backbone, level = result.backbone, recipe.level
     needed = {
         *names_in(map(candidate, recipe.dictionary)),
         *recipe.cuts,
         *(() if backbone is None else literature.of(backbone).inputs),
     }
     inputs = tuple(sorted(needed if level is None else {*needed, level}))
-    along = None
-    if (
-        level is not None and asked.align == "threshold"
-    ):  # along the first variable that is cut, else the first input that is not the level
-        along = next(iter([*recipe.cuts, *(name for name in inputs if name != level)]), None)
     training = {curve.id: curve for curve in training_curves(curves, level is not None)}
-    # without a backbone there is nothing to shrink towards
-    share = 1.0 if backbone is None or asked.shrink == "auto" else asked.shrink
     functions = []
     for s in sorted(segmentation, key=lambda s: (s.level is not None, s.level)):
         curve, rows = training[s.curve], {one.id: one.rows for one in s.segments}
@@ -268,28 +255,12 @@ def fuse(
                 level=s.level,
                 boundaries=s.boundaries,
                 limits={name: s.limits[name] for name in inputs},
-                segments=multiplied(segments, share)
-                if level is None and share != 1.0
-                else segments,
-                threshold=threshold(
-                    *(curve.columns[x][curve.training] for x in (along, recipe.target))
-                )
-                if along
-                else None,
+                segments=segments,
             )
         )
     several = list(dict.fromkeys(one.curve for one in result.segments if len(one.terms) > 1))
     sides = _extrapolation(recipe, inputs, "saturate" if several else "continue")
-    whole = {} if asked.limits == "curve" else united(curve.limits for curve in segmentation)
-    domain = {name: whole[name] for name in inputs if whole and name != level}
-    fusion = taken(
-        Fusion,
-        asked,
-        extrapolation=sides,
-        aligned=along,
-        shrink=1.0 if level is None else share,
-        domain=domain,
-    )
+    fusion = taken(Fusion, recipe.fuse, extrapolation=sides)
     return Model(
         name=name,
         output=quantities[recipe.target],
@@ -383,42 +354,3 @@ def _remarks(
         "segments have several terms, so each curve saturates at the ends of its own range "
         "(fuse.extrapolation)",
     )
-
-
-FLAT, LOW = (
-    0.25,
-    0.2,
-    # a foot is less steep than this share of the flank, and rises by less than this share of the
-    # curve's span
-)
-WINDOW = 0.05  # of the curve's range: what the threshold is looked for on is smoothed that much
-
-
-def threshold(x: Array, y: Array) -> float:
-    """Return the corner between the foot of a curve and its flank; samples in any order, (n,).
-
-    Of all pairs of straight lines that meet at a point of the smoothed curve, the pair with the
-    least sum of squared errors has its corner there. A curve without a foot has its threshold at
-    the lower of its ends: on the left for a force that grows with pressure, on the right for one
-    that falls with strain. (A share of the span would not do: the foot of a measured muscle creeps
-    by a tenth of it.)
-    """
-    low, high = float(x.min()), float(x.max())
-    if low == high:
-        return low
-    at, smooth = running_median(x, y, WINDOW * (high - low))
-    corners = at[1:-1]
-    fits = [_two_lines(at - corner, smooth) for corner in corners]
-    best = int(np.argmin([sse for sse, _, _ in fits]))
-    _, left, right = fits[best]
-    corner = float(corners[best])
-    foot, flank, end = (left, right, low) if smooth[0] <= smooth[-1] else (right, left, high)
-    rise = abs(foot * (corner - end))
-    return corner if abs(foot) < FLAT * abs(flank) and rise < LOW * float(np.ptp(smooth)) else end
-
-
-def _two_lines(x: Array, y: Array) -> tuple[float, float, float]:
-    """Return the sum of squared errors and slopes of two lines that meet at x = 0."""
-    P = np.column_stack([np.ones(len(x)), np.minimum(x, 0.0), np.maximum(x, 0.0)])
-    parameters = np.linalg.lstsq(P, y, rcond=None)[0]
-    return float(np.sum((P @ parameters - y) ** 2)), float(parameters[1]), float(parameters[2])

@@ -130,11 +130,11 @@ def _of_fewer_samples(recipe: Recipe) -> Recipe:
     """Return the recipe with all of the residual, which joins segments that lack samples only since
     some are left out.
     """
-    cuts, least = dict(recipe.cuts), recipe.fit.most_terms + 1
+    cuts, least = dict(recipe.cuts), recipe.fit.max_terms + 1
     for name, cut in recipe.cuts.items():
         if isinstance(cut, Cuts) and cut.joins:
             cuts[name] = replace(cut, min_samples=max(cut.least, least))
-    return replace(recipe, cuts=cuts, fuse=replace(recipe.fuse, shrink=1.0))
+    return replace(recipe, cuts=cuts)
 
 
 def together(parts: Sequence[LeftOut]) -> LeftOut:

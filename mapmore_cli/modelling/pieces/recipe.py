@@ -25,10 +25,13 @@ from mapmore_cli.modelling.selection import Fit
 USES = {
     "even": ("count", "min_samples"),
     "breakpoints": ("at", "min_samples"),
-    "gradient": ("count", "window", "separation"),
-    "optimal": ("count", "grid", "min_samples"),
+    "gradient": ("count",),
+    "optimal": ("count", "min_samples"),
 }
 """Keys of each method; the first is needed."""
+
+CELLS = 20
+"""Equal cells of the grid on which `optimal` puts boundaries."""
 
 
 @dataclass(frozen=True)
@@ -37,19 +40,15 @@ class Cuts(Settings):
 
     - `even` needs `count`; `breakpoints` needs the inner boundaries, `at`. Neighbours are joined
       until each holds `min_samples`.
-    - `gradient` puts boundaries where the slope of the target changes most, seen through a `window`
-      and `separation` apart (a tenth of
-      each curve's range).
-    - `optimal` puts them where the fits leave the least, on a `grid` of equal cells (20) with
+    - `gradient` puts boundaries where the slope of the target changes most, a tenth of each curve's
+      range apart.
+    - `optimal` puts them where the fits leave the least, on a grid of 20 equal cells with
       `min_samples` in each segment (10).
     """
 
     method: Literal["even", "breakpoints", "gradient", "optimal"]
     count: Annotated[int, Interval(ge=1, le=1000)] | None = None
     at: Annotated[Sequence[OfKey], Len(1)] | None = None
-    window: Annotated[OfKey, Gt(0)] | None = None
-    separation: Annotated[OfKey, Gt(0)] | None = None
-    grid: Annotated[int, Interval(ge=1, le=200)] | None = None
     min_samples: Annotated[int, Interval(ge=1)] | None = None
 
     @property
@@ -57,11 +56,6 @@ class Cuts(Settings):
         """The `count`, of the methods that need it."""
         assert self.count is not None
         return self.count
-
-    @property
-    def cells(self) -> int:
-        """Cells of the grid of `optimal`."""
-        return self.grid or 20
 
     @property
     def least(self) -> int:
@@ -92,9 +86,9 @@ class Cuts(Settings):
             raise Contradiction(
                 "the breakpoints do not increase", f"write `at: {sorted(set(self.at))}`", "at"
             )
-        if self.method == "optimal" and self.segments > self.cells:
-            what = f"{self.count} segments do not fit on a grid of {self.cells} cells"
-            raise Contradiction(what, "raise `grid`, or lower `count`", "grid")
+        if self.method == "optimal" and self.segments > CELLS:
+            what = f"{self.count} segments do not fit on a grid of {CELLS} cells"
+            raise Contradiction(what, "lower `count`", "count")
 
 
 @dataclass(frozen=True)
@@ -131,23 +125,14 @@ class Fuse(Joining):
     """How pieces are joined (M2 eq 9-12).
 
     - Transition zones reach `z_s` of a segment's width to each side of a boundary.
-    - Curves are interpolated between levels by triangles (`levels: linear`) or keeping their shape
-      (`pchip`). `align: threshold`
-      interpolates between places that lie alike relative to their thresholds.
-    - `shrink` is the share of a backbone's residual in the middle between two levels, or everywhere
-      on one surface. `auto` asks left-out
-      training data.
+    - Curves are interpolated linearly between levels.
     - `extrapolation` is a word, or a mapping from variable to word or `{below, above}`. The default
       is `continue` for one-term fits, else
-      `saturate`. It begins at each curve's ends (`limits: curve`) or those of the training domain
-      (`domain`: M2 eq 12).
+      `saturate`. It begins at each curve's ends (M2 eq 12).
     - `hold: samples` holds a segment function beyond its samples by more than `z_s` of their width;
       `none` is M2 eq 9-11.
     """
 
-    align: Literal["none", "threshold"] = "none"
-    limits: Literal["curve", "domain"] = "curve"
-    shrink: Annotated[Literal["auto"] | Annotated[float, Interval(ge=0, le=1)], Either()] = "auto"
     extrapolation: (
         Annotated[Beyond | dict[str, Annotated[Beyond | BelowAbove, Either()]], Either()] | None
     ) = None

@@ -12,11 +12,11 @@ from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import Segment, SegmentedCurve
 from mapmore_cli.domain.recording import DIRECTION, Curve, united
-from mapmore_cli.modelling.pieces.recipe import Cut, CutByDirection, Cuts
+from mapmore_cli.modelling.pieces.recipe import CELLS, Cut, CutByDirection, Cuts
 from mapmore_cli.modelling.signals.rates import STEPS, running_median
 
-DEFAULT_WINDOW = 0.1  # of the curve's range
-# of the separation: two grid points exactly so far apart are far enough, whatever the unit
+WINDOW = 0.1  # of the curve's range: boundaries lie so far apart
+# of the window: two grid points exactly so far apart are far enough, whatever the unit
 ROUNDING = 1e-9
 # in a segment: where a curve has a gap its course is made up, and a bend there must not become a
 # segment of its own
@@ -27,12 +27,12 @@ def gradient_boundaries(x: Array, y: Array, cut: Cuts) -> Array:
     """Return the `count - 1` inner boundaries at the largest peaks of |change of slope| of samples
     in any order, (n,), ascending.
 
-    No boundary lies nearer than the separation to another one or to an end of the range, or leaves
-    a segment with hardly any sample; there are fewer where the curve has fewer such peaks.
+    No boundary lies nearer than a tenth of the range to another one or to an end, or leaves a
+    segment with hardly any sample; there are fewer where the curve has fewer such peaks.
     """
     low, high = float(x.min()), float(x.max())
-    window = min(cut.window or DEFAULT_WINDOW * (high - low), high - low)
-    separation = (cut.separation or window) * (1 - ROUNDING)
+    window = WINDOW * (high - low)
+    separation = window * (1 - ROUNDING)
     at, change = slope_change(x, y, window)
     height = np.where((at >= low + separation) & (at <= high - separation), np.abs(change), 0.0)
     padded = np.concatenate([[0.0], height, [0.0]])
@@ -171,7 +171,7 @@ def cut_points(
             order = np.lexsort((y, x))
             thinned = rows[order[:: -(-len(rows) // MOST_SAMPLES)]]
             return _optimal_points(
-                curve, thinned, name, np.linspace(low, high, cut.cells + 1), cut, cost
+                curve, thinned, name, np.linspace(low, high, CELLS + 1), cut, cost
             )
 
 
@@ -241,7 +241,7 @@ def _optimal_points(
         inside = rows[(x >= grid[i]) & (x <= grid[j])]
         return cost(curve, inside) if len(inside) >= cut.least else float("inf")
 
-    places = optimal_partition(interval, cut.cells, cut.segments)
+    places = optimal_partition(interval, CELLS, cut.segments)
     if places is None:
         what = (
             f"curve {curve.id}: cannot be cut into {cut.count} segments of at least "
@@ -249,7 +249,7 @@ def _optimal_points(
         )
         raise DataError(
             what,
-            f"use fewer segments, lower segment.{name}.min_samples, or raise segment.{name}.grid",
+            f"use fewer segments, or lower segment.{name}.min_samples",
         )
     return np.array([grid[0], *grid[list(places)], grid[-1]])
 

@@ -10,13 +10,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
-
-from mapmore_cli.domain.arrays import Array, Columns, Value
+from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.modelling.expressions import Expression, Name, add, derivative, multiply
-from mapmore_cli.modelling.expressions.operator import Recursion
 from mapmore_cli.modelling.expressions.syntax import ONE, ZERO
 from mapmore_cli.modelling.kinds import kind_of, numbers_in_reach
 from mapmore_cli.modelling.program.statements import (
@@ -28,8 +25,8 @@ from mapmore_cli.modelling.program.statements import (
     Statement,
     Use,
 )
-from mapmore_cli.modelling.program.values import INPUT, block_values, evaluator
-from mapmore_cli.modelling.program.writing import Inputs, Writer, pruned
+from mapmore_cli.modelling.program.values import INPUT, evaluator
+from mapmore_cli.modelling.program.writing import Inputs, Writer, pruned, pruned_block
 from mapmore_cli.modelling.signals.sampling import UNEVEN
 
 
@@ -89,43 +86,39 @@ def with_slopes(model: Program) -> Program:
             "a model with memory has no derivative at a point: its output depends on the past",
             "differentiate along a run",
         )
-    functions = []
-    for one in model.functions:
-        note = f"{one.note}, and its slopes" if one.note else ""
-        functions.append(
-            Function(
-                FUNCTION.format(one.name),
-                one.parameters,
-                _with_slopes(one.body, one.parameters),
-                note,
-            )
-        )
     body = _with_slopes(model.body, [f"{INPUT}{name}" for name in model.inputs])
-    return pruned(replace(model, functions=tuple(functions), body=body))
+    return pruned(replace(model, functions=functions_with_slopes(model.functions), body=body))
 
 
-def recursion_slopes(rule: Recursion, arguments: Sequence[Array]) -> list[Value]:
-    """Return the derivatives of `rule.next` by each of its p + q + 1 arguments, given those, (n,)
-    each; (n,), or one for all samples.
-    """
-    if rule.weights is not None:
-        return [np.float64(weight) for weight in rule.weights]
-    names = [f"argument_{place}" for place in range(len(arguments))]
-    m = Writer()
-    block = _with_slopes(m.side(lambda: rule.next(m, *map(Name, names))), names)
-    return block_values(block, dict(zip(names, arguments, strict=True)))[1:]
+def functions_with_slopes(functions: Sequence[Function]) -> tuple[Function, ...]:
+    """Return the functions with the derivatives by all parameters behind their values."""
+    return tuple(
+        Function(
+            FUNCTION.format(one.name),
+            one.parameters,
+            _with_slopes(one.body, one.parameters),
+            f"{one.note}, and its slopes" if one.note else "",
+        )
+        for one in functions
+    )
+
+
+def with_slopes_by(block: Block, names: Sequence[str]) -> Block:
+    """Return the block with the derivatives of its results by `names` in place of these."""
+    whole = _with_slopes(block, names)
+    return pruned_block(Block(whole.statements, whole.results[len(block.results) :]))
 
 
 def _with_slopes(block: Block, names: Sequence[str]) -> Block:
     """Return the block with the derivatives of its results by `names` behind them."""
-    return _block(
+    return _block_with_slopes(
         block,
         {name: tuple(ONE if other == name else ZERO for other in names) for name in names},
         len(names),
     )
 
 
-def _block(block: Block, slopes: dict[str, Slopes], count: int) -> Block:
+def _block_with_slopes(block: Block, slopes: dict[str, Slopes], count: int) -> Block:
     """Return the block with the derivatives of its results behind them; `slopes` are those of the
     names known outside of it.
     """
@@ -134,7 +127,7 @@ def _block(block: Block, slopes: dict[str, Slopes], count: int) -> Block:
         match statement:
             case Let(name, value):
                 statements.append(statement)
-                known[name] = _named(statements, name, _chained(value, known, count))
+                known[name] = _named_slopes(statements, name, _chained(value, known, count))
             case Use((name,), function, arguments):
                 outer = [Name(f"{name}_by{i}") for i in range(len(arguments))]
                 statements.append(
@@ -145,27 +138,27 @@ def _block(block: Block, slopes: dict[str, Slopes], count: int) -> Block:
                     add(*(multiply(o, slope[way]) for o, slope in zip(outer, inner, strict=True)))
                     for way in range(count)
                 )
-                known[name] = _named(statements, name, tuple(parts))
+                known[name] = _named_slopes(statements, name, tuple(parts))
             case Choose():
-                statements.append(_chosen(statement, known, count))
+                statements.append(_choice_with_slopes(statement, known, count))
             case _:
                 raise TypeError(f"not a statement of a model without memory: {statement!r}")
     results = [slope for result in block.results for slope in _chained(result, known, count)]
     return Block(tuple(statements), (*block.results, *results))
 
 
-def _chosen(choice: Choose, known: dict[str, Slopes], count: int) -> Choose:
+def _choice_with_slopes(choice: Choose, known: dict[str, Slopes], count: int) -> Choose:
     """Return the choice with the derivatives of its results, and add those to `known`."""
     names = (*choice.names, *(f"{name}_d{way}" for name in choice.names for way in range(count)))
     known.update(
         {name: tuple(Name(f"{name}_d{way}") for way in range(count)) for name in choice.names}
     )
     cases = tuple(
-        (condition, _block(block, known, count))
+        (condition, _block_with_slopes(block, known, count))
         for condition, block in choice.cases
         if condition.comparison != "=="
     )
-    return Choose(names, cases, _block(choice.otherwise, known, count))
+    return Choose(names, cases, _block_with_slopes(choice.otherwise, known, count))
 
 
 def _chained(value: Expression, known: dict[str, Slopes], count: int) -> Slopes:
@@ -177,7 +170,7 @@ def _chained(value: Expression, known: dict[str, Slopes], count: int) -> Slopes:
     )
 
 
-def _named(statements: list[Statement], name: str, slopes: Slopes) -> Slopes:
+def _named_slopes(statements: list[Statement], name: str, slopes: Slopes) -> Slopes:
     """Name each derivative that is neither a name nor a number."""
     found = list(slopes)
     for way, slope in enumerate(slopes):

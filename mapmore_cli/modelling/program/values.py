@@ -9,11 +9,13 @@ from __future__ import annotations
 import operator
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache
+from typing import Any
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns, Value
 from mapmore_cli.modelling.expressions.evaluation import Known, Part, Shared, part_of
+from mapmore_cli.modelling.expressions.operator import FLOATS
 from mapmore_cli.modelling.expressions.syntax import Condition, Name, Number
 from mapmore_cli.modelling.program.statements import (
     Block,
@@ -24,7 +26,7 @@ from mapmore_cli.modelling.program.statements import (
     Statement,
     Use,
 )
-from mapmore_cli.modelling.program.writing import names_in
+from mapmore_cli.modelling.program.writing import names_used_in
 
 INPUT = "x_"  # how the names of inputs begin in a program, so that no other name equals them
 
@@ -69,12 +71,16 @@ def evaluator(program: Program) -> Callable[[Columns], list[Array]]:
     return results
 
 
-def block_values(block: Block, known: Mapping[str, Array]) -> list[Value]:
-    """Return the results of a block that uses no function, given the names that it needs, (n,)
+def ready_for_columns(block: Block, functions: Iterable[Function]) -> Run:
+    """Return a block, ready to be run along columns of samples."""
+    return _Compiler(functions).block(block)
+
+
+def ready_for_one_sample(block: Block, rules: Mapping[str, Callable[..., Any]]) -> Run:
+    """Return a block whose functions are operators, ready to be run many times for one sample
     each.
     """
-    with np.errstate(all="ignore"):
-        return _Compiler(()).block(block)(dict(known), len(next(iter(known.values()))))
+    return _SampleCompiler(rules).block(block)
 
 
 class _Compiler:
@@ -107,23 +113,19 @@ class _Compiler:
                 return self._use(
                     names, function, [part_of(argument, known) for argument in arguments]
                 )
-            case Choose(names, cases):
-                conditions = [_condition(condition, known) for condition, _ in cases]
-                if all(
-                    not one.statements
-                    and all(isinstance(result, Name | Number) for result in one.results)
-                    for one in statement.blocks
-                ):
-                    return _selection(
-                        names,
-                        conditions,
-                        [
-                            [part_of(result, known) for result in one.results]
-                            for one in statement.blocks
-                        ],
-                    )
-                return self._branches(names, conditions, statement.blocks)
+            case Choose():
+                return self._choice(statement, known)
         raise TypeError(f"not a statement of a model without memory: {statement!r}")
+
+    def _choice(self, choice: Choose, known: Known) -> Step:
+        conditions = [_compared(condition, known) for condition, _ in choice.cases]
+        if all(
+            not one.statements and all(isinstance(result, Name | Number) for result in one.results)
+            for one in choice.blocks
+        ):
+            sides = [[part_of(result, known) for result in one.results] for one in choice.blocks]
+            return _values_where(choice.names, conditions, sides)
+        return self._branches(choice.names, conditions, choice.blocks)
 
     def _use(self, names: Sequence[str], function: str, arguments: Sequence[Part]) -> Step:
         parameters = self.functions[function].parameters
@@ -140,7 +142,7 @@ class _Compiler:
     def _branches(
         self, names: Sequence[str], conditions: Sequence[Test], blocks: Sequence[Block]
     ) -> Step:
-        needed = [names_in(block) for block in blocks]
+        needed = [names_used_in(block) for block in blocks]
         side = cache(lambda number: self.block(blocks[number]))
 
         def step(values: Values, shared: Shared, n: int) -> None:
@@ -168,7 +170,38 @@ class _Compiler:
         return step
 
 
-def _condition(condition: Condition, known: Known) -> Test:
+class _SampleCompiler(_Compiler):
+    """One sample at a time: only the side that counts is computed, and operators are called."""
+
+    def __init__(self, rules: Mapping[str, Callable[..., Any]]) -> None:
+        super().__init__(())
+        self.rules = rules
+
+    def _use(self, names: Sequence[str], function: str, arguments: Sequence[Part]) -> Step:
+        (name,), following = names, self.rules[function]
+
+        def step(values: Values, shared: Shared, _n: int) -> None:
+            values[name] = following(FLOATS, *[one(values, shared) for one in arguments])
+
+        return step
+
+    def _choice(self, choice: Choose, known: Known) -> Step:
+        conditions = [_compared(condition, known) for condition, _ in choice.cases]
+        *sides, otherwise = map(self.block, choice.blocks)
+        cases, names = list(zip(conditions, sides, strict=True)), choice.names
+
+        def step(values: Values, shared: Shared, n: int) -> None:
+            chosen = otherwise
+            for condition, side in cases:
+                if condition(values, shared):
+                    chosen = side
+                    break
+            values.update(zip(names, chosen(values, n), strict=True))
+
+        return step
+
+
+def _compared(condition: Condition, known: Known) -> Test:
     compare, left, right = (
         COMPARE[condition.comparison],
         part_of(condition.left, known),
@@ -177,7 +210,7 @@ def _condition(condition: Condition, known: Known) -> Test:
     return lambda values, shared: compare(left(values, shared), right(values, shared))
 
 
-def _selection(
+def _values_where(
     names: Sequence[str], conditions: Sequence[Test], sides: Sequence[Sequence[Part]]
 ) -> Step:
     """Return a choice between values that are there already: no rows are sorted."""

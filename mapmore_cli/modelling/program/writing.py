@@ -169,7 +169,7 @@ def total(terms: Sequence[Expression]) -> Expression:
     return terms[0] if len(terms) == 1 else Sum(tuple(terms))
 
 
-def times(*factors: Expression) -> Expression:
+def multiplied(*factors: Expression) -> Expression:
     """Return the product from left to right, as it stands."""
     kept = tuple(factor for factor in factors if factor != ONE) or (ONE,)
     return Product(kept) if len(kept) > 1 else kept[0]
@@ -202,11 +202,11 @@ def pruned(model: Program) -> Program:
         model.body,
         _names(side for limit in model.limits for side in (limit.value, limit.at or ZERO)),
     )
-    used, functions = names_in(body), list[Function]()
+    used, functions = names_used_in(body), list[Function]()
     for function in reversed(model.functions):  # each uses earlier ones only
         if function.name in used:
             functions.insert(0, replace(function, body=pruned_block(function.body)))
-            used |= names_in(functions[0].body)
+            used |= names_used_in(functions[0].body)
     return replace(model, functions=tuple(functions), body=body)
 
 
@@ -220,11 +220,11 @@ def pruned_block(block: Block, also: Set[str] = frozenset()) -> Block:
         found = _used(statement, used)
         if found is not None:
             kept.append(found)
-            used |= names_of(found)
+            used |= names_used_by(found)
     return Block(tuple(reversed(kept)), block.results)
 
 
-def names_of(statement: Statement) -> set[str]:
+def names_used_by(statement: Statement) -> set[str]:
     """Return every name that a statement uses, those of functions included."""
     match statement:
         case Let(_, value) | Keep(_, value) | Queue(_, value):
@@ -235,14 +235,14 @@ def names_of(statement: Statement) -> set[str]:
             conditions = _names(
                 side for condition, _ in cases for side in (condition.left, condition.right)
             )
-            return conditions.union(*map(names_in, statement.blocks))
+            return conditions.union(*map(names_used_in, statement.blocks))
         case Recall():
             return set()
 
 
-def names_in(block: Block) -> set[str]:
+def names_used_in(block: Block) -> set[str]:
     """Return every name that a block uses."""
-    return _names(block.results).union(*map(names_of, block.statements))
+    return _names(block.results).union(*map(names_used_by, block.statements))
 
 
 def _used(statement: Statement, used: set[str]) -> Statement | None:

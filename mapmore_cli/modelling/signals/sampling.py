@@ -130,7 +130,7 @@ def _after(time: Array, condition: Callable[[Array], BoolArray]) -> IntArray:
     return np.concatenate(found)
 
 
-def pieces(n: int, breaks: IntArray) -> list[slice]:
+def cut_after(n: int, breaks: IntArray) -> list[slice]:
     """Return the pieces into which n samples fall when they are cut after each index of `breaks`,
     ascending.
     """

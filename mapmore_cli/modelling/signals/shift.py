@@ -72,7 +72,6 @@ def find_shift(
     first: Array,
     other_time: Array,
     second: Array,
-    within: float | None = None,
     *,
     same_sign: bool = False,
 ) -> Shift | None:
@@ -81,7 +80,6 @@ def find_shift(
 
     - `time`, `first`: stamps `(n,)`, strictly increasing, and values `(n,)` of the first log;
       `other_time`, `second`: `(m,)`, of the other.
-    - `within`: shifts beyond this are not looked at.
     - `same_sign`: whether both rise together; else the one may fall while the other rises.
     """
     if min(len(time), len(other_time)) < FEWEST:
@@ -96,7 +94,7 @@ def find_shift(
     found = [
         peak
         for width in WIDTHS
-        if (peak := _peak(one, other, width, offset, step, within, same_sign)) is not None
+        if (peak := _peak(one, other, width, offset, step, same_sign)) is not None
     ]
     if not found:
         return None
@@ -113,17 +111,14 @@ def _peak(
     width: int,
     offset: float,
     step: float,
-    within: float | None,
     same_sign: bool,
 ) -> Shift | None:
     """Return the best shift by changes over `width` samples; None where there are none."""
     if min(len(one), len(other)) <= 4 * width:
         return None
     u, v = changes(one, width), changes(other, width)
-    r, lags, overlap = correlation(u, v)
+    r, lags, overlap = correlation_by_lag(u, v)
     shifts = offset + step * lags
-    if within is not None:
-        r = np.where(np.abs(shifts) <= within, r, 0.0)
     size = r.clip(0.0, None) if same_sign else np.abs(r)
     top = int(np.argmax(size))
     if size[top] == 0:
@@ -170,7 +165,7 @@ def changes(y: Array, width: int) -> Array:
     return found
 
 
-def correlation(u: Array, v: Array) -> tuple[Array, Array, Array]:
+def correlation_by_lag(u: Array, v: Array) -> tuple[Array, Array, Array]:
     """Pearson's r of `u[i + lag]` and `v[i]` over the samples in which they overlap, with the lags
     and the numbers of samples, each `(k,)`.
 

@@ -8,10 +8,10 @@ from collections.abc import Iterator
 from itertools import pairwise
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, ConfigDict, Field
+from pydantic import ConfigDict, Field
 
 from mapmore_cli.domain.declared import Contradiction, Either, InUnit, OfKey, Seconds, of_sibling
-from mapmore_cli.spec.fields import Quantity, RelativePath, Section, SignedSeconds, possible_path
+from mapmore_cli.spec.fields import PathOrName, Quantity, Section, SignedSeconds
 from mapmore_cli.spec.sections.logs import FileEntry, Join, Keep, Logs
 
 OfLevel = Annotated[float, of_sibling("of")]
@@ -123,9 +123,7 @@ class Holdout(Section):
     model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, HeldOut]
 
-    files: list[Annotated[str, AfterValidator(possible_path), RelativePath(bare=True)]] | None = (
-        None
-    )
+    files: list[PathOrName] | None = None
     recordings: list[str] | None = None
     last: Part | None = None
     last_cycles: Part | None = None
@@ -201,14 +199,11 @@ class GapRule(Section):
 
 
 class MissingRule(Section):
-    """What becomes of missing values: samples without one are an `error`, or left out (`drop`).
-
-    `tokens` are texts and numbers that stand for a missing value, besides an empty cell, `nan`,
-    `NA` and the like.
+    """Texts and numbers that stand for a missing value, besides an empty cell, `nan`, `NA` and the
+    like; samples without a value are then left out.
     """
 
     tokens: list[Annotated[str | float, Either()]] = []
-    action: Literal["error", "drop"] = "drop"
 
     @property
     def texts(self) -> frozenset[str]:
@@ -270,8 +265,8 @@ class Data(Logs):
 
     @property
     def missing_rule(self) -> MissingRule:
-        """The rule that `missing` says in a word or in full."""
-        return MissingRule(action=self.missing) if isinstance(self.missing, str) else self.missing
+        """What stands for a missing value."""
+        return self.missing if isinstance(self.missing, MissingRule) else MissingRule()
 
     @property
     def quantities(self) -> tuple[str, ...]:

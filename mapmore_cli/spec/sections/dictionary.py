@@ -5,15 +5,15 @@ memory.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field, create_model
 
-from mapmore_cli.domain.declared import Contradiction, Either, InUnit, Seconds
+from mapmore_cli.domain.declared import Contradiction, Either, InUnit
 from mapmore_cli.modelling.expressions import ExpressionError, parse, state
 from mapmore_cli.modelling.expressions.operator import Operator
 from mapmore_cli.modelling.expressions.operators import families
-from mapmore_cli.spec.fields import Section, Surroundings
+from mapmore_cli.spec.fields import Section
 from mapmore_cli.spec.tree import Loc
 
 Of = Annotated[list[str], Field(min_length=1)]
@@ -22,84 +22,61 @@ Count = Annotated[int, Field(ge=1, le=100)]
 
 
 class OperatorFamily(Section):
-    """States that one operator makes of the quantities `of`.
+    """States that one operator makes of the quantities `of`; training finds its numbers."""
 
-    The numbers of an operator with one parameter are a list, or a `count` of them; those of an
-    operator with several are given together, or left out where training can find them.
-    """
-
-    operator: ClassVar[Operator]
     of: Of
 
-    def numbers(self, step: float, longest: float) -> Sequence[tuple[float, ...]]:
-        """Return the numbers of each state; `step` is the time between samples, `longest` the
-        duration of the longest piece, s.
-        """
-        keys = [parameter.key for parameter in self.operator.parameters]
-        if len(keys) == 1:
-            given, count = getattr(self, keys[0]), getattr(self, "count", None)
-            if count is not None and self.operator.spread is not None:
-                given = self.operator.spread(count, step, longest)
-            return [(number,) for number in given or ()]
-        return [tuple(number for key in keys if (number := getattr(self, key)) is not None)]
-
     def _contradictions(self) -> Iterator[ValueError]:
-        name, parameters = self.operator.name, self.operator.parameters
-        given = [
-            getattr(self, key, None) is not None
-            for key in (*(one.key for one in parameters[:1]), "count")
-        ]
-        if self.operator.spread is not None and all(given):
-            key, example = parameters[0].key, parameters[0].example
-            yield Contradiction(
-                f"`{name}` takes either `{key}` or `count`",
-                f"give one of them, as `{key}: [{example}]`",
-                "count",
-                "of",
-            )
-        missing = [
-            parameter.key for parameter in parameters if getattr(self, parameter.key) is None
-        ]
-        if len(parameters) > 1 and 0 < len(missing) < len(parameters):
-            remedy = f"add `{missing[0]}`, or leave all out: training then finds them"
-            yield Contradiction(
-                f"`{name}` lacks `{missing[0]}`",
-                remedy,
-                *(parameter.key for parameter in parameters),
-            )
+        given = [key for key in type(self).model_fields if getattr(self, key) is not None]
+        if len(given) > 2:
+            either = " or ".join(f"`{key}`" for key in given[1:])
+            yield Contradiction(f"give either {either}", "remove one of them", *given[:0:-1])
 
 
-def _form(key: str, operator: Operator) -> type[OperatorFamily]:
-    """Return the section of an operator: a list of numbers for its one parameter, or a number for
-    each of several.
-    """
-    fields: dict[str, Any] = {}
-    single = len(operator.parameters) == 1
-    is_optional = operator.found or (single and operator.spread is not None)
-    for one in operator.parameters:
-        bounds = (
-            Field(gt=one.above) if one.below == float("inf") else Field(gt=one.above, lt=one.below)
+def _forms() -> Iterator[tuple[str, type[OperatorFamily]]]:
+    """Yield the form of each family by its key: families with the same keys share one."""
+    shapes: dict[tuple[Any, ...], list[str]] = {}
+    for key, (operator, *_) in families().items():
+        shape = (*operator.parameters, operator.spread) if len(operator.parameters) == 1 else ()
+        shapes.setdefault(shape, []).append(key)
+    for shape, keys in shapes.items():
+        told = "\n".join(f"- `{key}`: {families()[key][0].summary}" for key in keys)
+        form = create_model(
+            "".join(key.title() for key in keys) if shape else "Operators",
+            __base__=OperatorFamily,
+            __doc__=f"States that an operator makes of the quantities `of`.\n\n{told}",
+            __module__=__name__,
+            **_numbers(families()[keys[0]][0]) if shape else {},
         )
-        number: Any = Annotated[float, bounds, InUnit(lambda _, unit=one.unit: unit)]  # type: ignore[misc]
-        number = Annotated[list[number], Field(min_length=1)] if single else number
-        fields[one.key] = (number | None, None) if is_optional else (number, ...)
-    if single and operator.spread is not None:
-        fields["count"] = (Count | None, None)
-    form = create_model(
-        key.title(),
-        __base__=OperatorFamily,
-        __doc__=operator.summary,
-        __module__=__name__,
-        **fields,
-    )
-    form.operator = operator
-    return form
+        yield from ((key, form) for key in keys)
 
 
-FORMS: Mapping[str, type[OperatorFamily]] = {
-    key: _form(key, operators[0]) for key, operators in families().items()
-}
+def _numbers(operator: Operator) -> dict[str, Any]:
+    """Return the fields for the numbers of an operator with one parameter."""
+    (one,) = operator.parameters
+    bounds = Field(gt=one.above) if one.below == float("inf") else Field(gt=one.above, lt=one.below)
+    number: Any = Annotated[float, bounds, InUnit(lambda _, unit=one.unit: unit)]  # type: ignore[misc]
+    fields: dict[str, Any] = {one.key: (Annotated[list[number], Field(min_length=1)] | None, None)}
+    return {**fields, "count": (Count | None, None)} if operator.spread is not None else fields
+
+
+FORMS: Mapping[str, type[OperatorFamily]] = dict(_forms())
 """The form of each family by its key."""
+
+
+def numbers_of(
+    name: str, family: OperatorFamily, step: float, longest: float
+) -> Sequence[tuple[float, ...]]:
+    """Return the numbers of each state; none where training finds them.
+
+    `step` is the time between samples, `longest` the duration of the longest piece, s.
+    """
+    operator, count = families()[name][0], getattr(family, "count", None)
+    given = getattr(family, operator.parameters[0].key, None)
+    if count is not None and operator.spread is not None:
+        given = operator.spread(count, step, longest)
+    return [(number,) for number in given or ()]
+
 
 Order = Annotated[int, Field(ge=1, le=20)]
 Steps = Annotated[int, Field(ge=0, le=1_000_000)]
@@ -126,23 +103,9 @@ class Lags(Section):
     constant: bool = True
 
 
-class Delays(Section):
-    """The quantities `of` as they were some `times` ago, to the nearest sample."""
-
-    of: Of
-    times: Annotated[list[Seconds], Field(min_length=1)]
-
-
 Widths = Annotated[list[Annotated[float, Field(gt=0), InUnit(lambda _: "1")]], Field(min_length=1)]
 """Parts of the training range."""
 Window = Annotated[int, Field(ge=1, le=1_000_000)]
-
-
-def _own_unit(around: Surroundings) -> str | None:
-    """Return the unit of the quantity that `of` is made of."""
-    return around.unit_of(
-        next((state(name).quantity for name in names_in(str(around.siblings.get("of")))), None)
-    )
 
 
 class AlongRange(Section):
@@ -160,31 +123,23 @@ class AlongRange(Section):
 class Spline(AlongRange):
     """A cubic spline of the quantity `of`, times 1 and each factor in `with`.
 
-    A number of `knots` lies evenly inside the training range; a list of them is in the unit of
-    `of`. The constant is included unless `constant: false`.
+    So many `knots` lie evenly inside the training range.
     """
 
-    knots: Annotated[
-        Annotated[int, Field(ge=2, le=100)]
-        | Annotated[list[Annotated[float, InUnit(_own_unit)]], Field(min_length=1)],
-        Either(),
-    ]
-    constant: bool = True
+    knots: Annotated[int, Field(ge=2, le=100)]
 
     @property
     def functions(self) -> list[str]:
         """Powers and cubed distances from the knots, which are better conditioned than truncated
         powers.
         """
-        knots, own = self.knots, "own_"
-        if isinstance(knots, int):
-            knots, own = [round(place / (knots + 1), 4) for place in range(1, knots + 1)], ""
+        places = [round(place / (self.knots + 1), 4) for place in range(1, self.knots + 1)]
         return [
             "1",
             self.of,
             f"{self.of}^2",
             f"{self.of}^3",
-            *(f"abs({own}unit({self.of} - {knot}))^3" for knot in knots),
+            *(f"abs(unit({self.of} - {place}))^3" for place in places),
         ]
 
 
@@ -252,7 +207,7 @@ class Products(Section):
     constant: bool = True
 
 
-Family = Polynomial | Lags | Delays | OperatorFamily | AlongRange | Products | list[str]
+Family = Polynomial | Lags | OperatorFamily | AlongRange | Products | list[str]
 """One family of terms; a list holds expressions."""
 
 
@@ -262,7 +217,6 @@ class Families(Section):
     polynomial: Polynomial | None = None
     terms: Annotated[list[str], Field(min_length=1)] | None = None
     lags: Lags | None = None
-    delays: Delays | None = None
     products: Products | None = None
     spline: Spline | None = None
     ends: Ends | None = None

@@ -243,13 +243,10 @@ class Logs(Section):
 class Match(Section):
     """What tells the shift of a second log: the quantity `first` of the first log and `second` of
     the second, which change together.
-
-    Shifts beyond `within` are not looked at.
     """
 
     first: Quantity
     second: Quantity
-    within: Seconds | None = None
 
 
 class Join(Logs):

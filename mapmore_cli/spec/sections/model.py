@@ -23,37 +23,17 @@ from mapmore_cli.spec.fields import Quantity, Section, SpecPath
 class FormulaParameter(Section):
     """A parameter: its `unit`, shown beside its value; `bounds` between which it is sought, where
     the formula is not linear in it.
-
-    `start` is what `method: levenberg_marquardt` with `starts: given` begins from, once every
-    fitted parameter has one. A `value` is a constant, which is not fitted.
     """
 
     unit: str | None = None
     bounds: Pair | None = None
-    start: float | None = None
-    value: float | None = None
 
     def _contradictions(self) -> Iterator[ValueError]:
-        if self.value is not None and (self.bounds is not None or self.start is not None):
-            yield Contradiction(
-                "a constant `value` is not sought",
-                "remove `bounds` and `start`, or the `value`",
-                "bounds",
-                "start",
-            )
         if self.bounds is not None and not self.bounds[0] < self.bounds[1]:
             yield Contradiction(
                 f"the bounds run from {self.bounds[0]:g} to {self.bounds[1]:g}",
                 "put the lower one first",
                 "bounds",
-            )
-        if (
-            self.bounds is not None
-            and self.start is not None
-            and not self.bounds[0] <= self.start <= self.bounds[1]
-        ):
-            yield Contradiction(
-                f"it starts at {self.start:g}, outside of its bounds", "move one of them", "start"
             )
 
 
@@ -61,21 +41,19 @@ class OwnFormula(Section):
     """A formula by an `expression` of quantities and `parameters`, to be named wherever a formula
     of the literature may be.
 
-    `units` are those that the expression is written in, by quantity, and `output` that of its
-    value; where nothing is said they are the model's. `source` says where it is from. Every
+    `units` are those that the expression is written in, by quantity; where nothing is said they are
+    the model's. `source` says where it is from. Every
     parameter without `bounds` must be one in which the formula is linear.
     """
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=60)]
     expression: Annotated[str, Field(max_length=2000)]
     source: Annotated[str, Field(max_length=500)] = ""
-    output: str | None = None
     units: dict[Quantity, str] = {}
     parameters: Annotated[dict[Quantity, FormulaParameter], Field(min_length=1)]
 
-    def definition(self, units: Mapping[str, str], target: str) -> str:
-        """Return the formula in a model's `units`, for an output in the unit `target`, as a
-        definition that needs no spec.
+    def definition(self, units: Mapping[str, str]) -> str:
+        """Return the formula in a model's `units` as a definition that needs no spec.
 
         Raises ExpressionError, SpecError, ValueError for an expression that is none, a unit that
         does not fit, or a parameter in which it is not linear.
@@ -91,38 +69,17 @@ class OwnFormula(Section):
         from mapmore_cli.modelling.literature.own import definition
         from mapmore_cli.spec.units import convert
 
-        own = {
-            name: convert(1.0, units[name], unit)
+        scaled = {
+            name: multiply(Number(convert(1.0, units[name], unit)), Name(name))
             for name, unit in self.units.items()
             if name in units and units[name] != unit
         }
-        values = {
-            name: Number(one.value)
-            for name, one in self.parameters.items()
-            if one.value is not None
-        }
-        scaled = {
-            name: multiply(Number(factor), Name(name))
-            for name, factor in own.items()
-            if factor != 1.0
-        }
-        whole = (
-            1.0
-            if self.output is None or self.output == target
-            else convert(1.0, self.output, target)
-        )
-        expression = multiply(
-            Number(whole), substitute(parse(self.expression), {**scaled, **values})
-        )
-        fitted = {name: one for name, one in self.parameters.items() if one.value is None}
-        starts = {name: one.start for name, one in fitted.items() if one.start is not None}
         return definition(
             self.name,
             self.source or "the spec",
-            to_text(expression),
-            {name: one.bounds for name, one in fitted.items()},
-            {name: one.unit for name, one in fitted.items() if one.unit is not None},
-            starts if fitted and len(starts) == len(fitted) else None,
+            to_text(substitute(parse(self.expression), scaled)),
+            {name: one.bounds for name, one in self.parameters.items()},
+            {name: one.unit for name, one in self.parameters.items() if one.unit is not None},
         )
 
 
@@ -192,7 +149,7 @@ class ModelSettings(Settings):
     - `mapmore`: with a `backbone`, the pieces explain what that formula leaves. `backbone: auto`
       takes the formula, or none, whose fused
       model errs least on left-out training data (with three levels or fewer: `sarosi_hinged`).
-    - `literature` fits the formula `name` alone; `method` and `starts` are those of a competitor.
+    - `literature` fits the formula `name` alone.
     - `family` is one formula for specimens that differ `of` a quantity, as the rest length.
     - `auto` searches the structure on training data. It is the default without `dictionary` and
       `model`. All quantities that vary are
@@ -204,10 +161,9 @@ class ModelSettings(Settings):
       number; `direction` parts rise and fall.
       `switching: hard` runs every section on the whole input, `carried` passes the state on,
       `bumpless` also joins the sections and turns after `dead_band`. A run begins at `rest` or at
-      `zero` (`start`). `mask` says whose direction parts the training samples. The published
-      `swarm` has `particles`, `iterations`, `seed`, `bounds`, `begin`; `swarm_projected` searches
-      frequency and damping; `polish` goes on by least squares. `slowest` is the longest time
-      constant (a quarter of the longest training piece).
+      `zero` (`start`). `mask` says whose direction parts the training samples. The
+      particles of `swarm` start at `begin`; `swarm_projected` searches frequency and damping.
+      `slowest` is the longest time constant (a quarter of the longest training piece).
     """
 
     type: ModelType = "mapmore"
@@ -215,8 +171,6 @@ class ModelSettings(Settings):
     inputs: Annotated[Sequence[Quantity], Len(1)] | None = None
     backbone: str | None = None
     name: str | None = None
-    method: FitMethod | None = None
-    starts: str | None = None
     sum: Summands | None = None
     family: FamilySettings | None = None
 
@@ -264,9 +218,8 @@ class ModelSettings(Settings):
 
 _TYPE_OF = {
     **dict.fromkeys(("budget", "inputs"), "auto"),
-    **dict.fromkeys(("name", "method", "starts"), "literature"),
     **{key.name: one.name for one in kinds.kinds() for key in fields(one.settings)},
-    **{"backbone": "mapmore", "sum": "sum"},
+    **{"name": "literature", "backbone": "mapmore", "sum": "sum"},
 }
 """The keys that one type alone has."""
 

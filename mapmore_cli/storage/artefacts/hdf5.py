@@ -154,40 +154,31 @@ def look_over(file: h5py.File, size: int, ratio: int = RATIO) -> None:
     groups too deep.
     """
     most = room = ROOM + ratio * size
+    links: list[tuple[bytes, int]] = []
     with stored_at(""):
-        root = h5g.open(file.id, b"/")
+        file.id.links.visit(lambda name, info: links.append((name, info.type)), info=True)
         seen = {h5o.get_info(file.id).addr}
-    _check_attributes(root, "")
-    open_groups = [("", root, 0)]
-    while open_groups:
-        path, group, depth = open_groups.pop()
-        with stored_at(path):
-            links = [(name, group.links.get_info(name).type) for name in group]
-        for name, kind in links:
-            where = f"{path}/{name.decode(errors='replace')}"
-            if kind != h5l.TYPE_HARD:
-                raise Invalid(where, "is a link to somewhere else")
-            with stored_at(where):
-                info = h5o.get_info(group, name)
-            if info.addr in seen:
-                raise Invalid(where, "is linked more than once")
-            seen.add(info.addr)
-            if info.type not in (h5o.TYPE_GROUP, h5o.TYPE_DATASET):
-                raise Invalid(where, "is neither a group nor a dataset")
-            if info.type == h5o.TYPE_GROUP and depth == DEEPEST:
-                raise Invalid(where, f"lies more than {DEEPEST} groups deep")
-            with stored_at(where):
-                found = h5o.open(group, name)
-            _check_attributes(found, where)
-            if info.type == h5o.TYPE_GROUP:
-                open_groups.append((where, found, depth + 1))
-                continue
-            room -= _bytes_of(found, where)
-            if room < 0:
-                raise Invalid(
-                    where,
-                    f"brings the file of {size} bytes to more than {most / 1e6:.0f} MB of values",
-                )
+    _check_attributes(h5g.open(file.id, b"/"), "")
+    for name, kind in links:
+        where = name.decode(errors="replace")
+        if kind != h5l.TYPE_HARD:
+            raise Invalid(where, "is a link to somewhere else")
+        with stored_at(where):
+            node = h5o.open(file.id, name)
+            info = h5o.get_info(node)
+        if info.addr in seen:
+            raise Invalid(where, "is linked more than once")
+        seen.add(info.addr)
+        if info.type not in (h5o.TYPE_GROUP, h5o.TYPE_DATASET):
+            raise Invalid(where, "is neither a group nor a dataset")
+        if name.count(b"/") > DEEPEST:
+            raise Invalid(where, f"lies more than {DEEPEST} groups deep")
+        _check_attributes(node, where)
+        room -= _bytes_of(node, where) if info.type == h5o.TYPE_DATASET else 0
+        if room < 0:
+            raise Invalid(
+                where, f"brings the file of {size} bytes to more than {most / 1e6:.0f} MB of values"
+            )
 
 
 def _check_attributes(found: Any, where: str) -> None:

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import csv
-import math
 import re
 import warnings
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from io import BufferedReader
 from itertools import chain, islice, product, repeat
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 
@@ -33,7 +33,6 @@ from mapmore_cli.storage.tables.cells import (
     CellReader,
     NotANumber,
     holds_number,
-    number_of,
     shortened,
 )
 from mapmore_cli.storage.tables.lines import (
@@ -46,12 +45,9 @@ from mapmore_cli.storage.tables.lines import (
 
 WHITESPACE = "whitespace"
 DELIMITERS = {"tab": "\t"}
-MARKS = ((";", "a semicolon"), ("\t", "a tab"))
+MARKS = {";": "a semicolon", "\t": "a tab"}
 
-LAST, COMPARED, FEWEST_BEFORE = 200, 50, 10
-"""Last lines of a file that are looked at, those before the last one with which it is compared, and
-how many of these must be numbers.
-"""
+LAST = 50  # lines of a file that tell how many digits its numbers have
 
 CHUNK = 8192
 """Lines held as text at one time; where one of them is out of order, all of them are read record by
@@ -64,16 +60,20 @@ Numbered = tuple[int, list[str]]
 
 @dataclass(frozen=True)
 class Layout:
-    """What is known after the header: the number of fields in a record, and of the wanted columns
-    their places and titles.
+    """What is known after the header.
 
-    `readers` read their cells; what they know of the stamps of a column goes from block to block.
+    - `request`, `delimiter`: how the file is read; None for any run of blanks.
+    - `width`: the number of fields in a record.
+    - `places`, `titles`, `readers`: of the wanted columns; what the readers know of the stamps goes
+      from block to block.
     """
 
+    request: TableRequest
+    delimiter: str | None
     width: int
     places: tuple[int, ...]
     titles: tuple[SourceColumn, ...]
-    readers: tuple[CellReader, ...] = ()
+    readers: tuple[CellReader, ...]
 
 
 def read_csv(path: Path, request: TableRequest) -> list[RawTable]:
@@ -106,45 +106,68 @@ def read_csv(path: Path, request: TableRequest) -> list[RawTable]:
             ) from error
 
 
-def _parse(lines: Iterator[str], raw: BinaryIO, request: TableRequest) -> RawTable:
+def _parse(lines: Iterator[str], raw: BufferedReader, request: TableRequest) -> RawTable:
+    zipped, last = is_zipped(raw), deque[str](maxlen=LAST)
     deque(islice(lines, request.skip_rows), maxlen=0)
-    records = _records(lines, request, request.skip_rows)
+    delimiter = DELIMITERS.get(request.delimiter, request.delimiter)
+    split_at = None if delimiter == WHITESPACE else delimiter
+    records = _records(lines, split_at, request.label, request.skip_rows)
     first = next((record for record in records if record[1]), None)
     if first is None:
         raise DataError(f"{request.label}: the file is empty")
-    layout = _layout(first[1], request)
+    layout = _layout(first[1], request, split_at)
     *_, (row, _) = [first, *islice(records, max(request.header - 1, 0))]
-    leading = [] if request.header else [values_of_records([first], layout, request)]
-    last: deque[str] = deque(maxlen=LAST)
-    blocks = chain(
-        leading, _blocks(lines, row, layout, request, lambda: request.progress(raw.tell()), last)
-    )
+    leading = [] if request.header else [values_of_records([first], layout)]
+    blocks = chain(leading, _blocks(lines, row, layout, raw, last))
     begin = next(blocks, None)
     if begin is None:
         raise DataError(f"{request.label}: the file has a header but no data")
     table = in_a_row(chain([begin], blocks))
-    columns = (
-        np.ascontiguousarray(table.T) if table.flags.writeable else table.T
-    )  # what was spooled stays where it is
+    # what was spooled stays where it is
+    columns = np.ascontiguousarray(table.T) if table.flags.writeable else table.T
     rows = by_blocks(lambda numbers: numbers.astype(np.int64), columns[0])
-    found = RawTable(dict(zip(request.columns, columns[1:], strict=True)), rows, request.label)
-    return found if is_zipped(raw) else _whole(found, last, request)
+    whole = RawTable(dict(zip(request.columns, columns[1:], strict=True)), rows, request.label)
+    return whole if zipped else _without_cut_number(whole, last, layout)
+
+
+def _records(
+    lines: Iterator[str], delimiter: str | None, label: str, row: int
+) -> Iterator[Numbered]:
+    """Yield the records of lines, of which `row` came before; blank lines are records without
+    fields.
+    """
+    if delimiter is None:
+        yield from ((number, line.split()) for number, line in enumerate(lines, start=row + 1))
+        return
+    for _, record, number in records_of(lines, delimiter, label, row):
+        yield number, record if len(record) > 1 or (record and record[0].strip()) else []
+
+
+def _layout(first: Sequence[str], request: TableRequest, delimiter: str | None) -> Layout:
+    names = [name.strip() for name in first] if request.header else None
+    hint = separator_hint(first)
+    if hint is None and names is not None and all(map(holds_number, names)):
+        hint = "The first line holds numbers: give 0-based indices and say `header: false`."
+    places = locate_columns(request, names, len(first), hint)
+    return Layout(
+        request,
+        delimiter,
+        len(first),
+        tuple(places.values()),
+        tuple(column if names is None else names[at] for column, at in places.items()),
+        tuple(map(request.cells, places)),
+    )
 
 
 def _blocks(
-    lines: Iterator[str],
-    row: int,
-    layout: Layout,
-    request: TableRequest,
-    told: Callable[[], None],
-    last: deque[str],
+    lines: Iterator[str], row: int, layout: Layout, raw: BufferedReader, last: deque[str]
 ) -> Iterator[Array]:
     """Yield numbers and values of the lines after `row`, (n, 1 + columns), block by block; `last`
     gets the last lines.
     """
     while block := list(islice(lines, CHUNK)):
         last.extend(block)
-        end, values = row + len(block), values_of_lines(block, layout, request)
+        end, values = row + len(block), values_of_lines(block, layout)
         if values is not None:
             for read, column in zip(layout.readers, values.T, strict=True):
                 if read.clock and np.isfinite(column).any():
@@ -152,85 +175,56 @@ def _blocks(
             yield np.column_stack([np.arange(row + 1, end + 1), values])
             row = end
         else:
-            found: list[Numbered] = []
-            for number, cells in _records(chain(block, lines), request, row):
-                found += [(number, cells)] if cells else []
-                if (row := number) >= end:
+            filled: list[Numbered] = []
+            later = _records(chain(block, lines), layout.delimiter, layout.request.label, row)
+            for row, cells in later:
+                filled += [(row, cells)] if cells else []
+                if row >= end:
                     break
-            if found:
-                yield values_of_records(found, layout, request)
-        told()
+            if filled:
+                yield values_of_records(filled, layout)
+        layout.request.progress(raw.tell())
 
 
-def _records(lines: Iterator[str], request: TableRequest, row: int) -> Iterator[Numbered]:
-    """Yield the records of lines, of which `row` came before; blank lines are records without
-    fields. No line is taken before its time.
-    """
-    delimiter = DELIMITERS.get(request.delimiter, request.delimiter)
-    if delimiter == WHITESPACE:
-        yield from ((number, line.split()) for number, line in enumerate(lines, start=row + 1))
-        return
-    for _, record, number in records_of(lines, delimiter, request.label, row):
-        yield number, record if len(record) > 1 or (record and record[0].strip()) else []
-
-
-def _layout(first: Sequence[str], request: TableRequest) -> Layout:
-    names = [name.strip() for name in first] if request.header else None
-    hint = separator_hint(first)
-    if hint is None and names is not None and all(map(holds_number, names)):
-        hint = "The first line holds numbers: give 0-based indices and say `header: false`."
-    places = locate_columns(request, names, len(first), hint)
-    titles = tuple(column if names is None else names[at] for column, at in places.items())
-    return Layout(len(first), tuple(places.values()), titles, tuple(map(request.cells, places)))
-
-
-def values_of_lines(lines: Sequence[str], layout: Layout, request: TableRequest) -> Array | None:
+def values_of_lines(lines: Sequence[str], layout: Layout) -> Array | None:
     """Return the wanted columns, (n, columns), where every line is one record of full width with
     only plain numbers in them; else None.
 
     NumPy's parser takes a twentieth of the time of `values_of_records`, and every number that it
     accepts is the same number there.
     """
-    delimiter = DELIMITERS.get(request.delimiter, request.delimiter)
-    if any(
-        read.clock and (read.format or read.form not in ("", NUMBER)) for read in layout.readers
+    request, delimiter, text = layout.request, layout.delimiter, "".join(lines)
+    if (
+        any(
+            read.clock and (read.format or read.form not in ("", NUMBER)) for read in layout.readers
+        )
+        or (request.thousands is not None and request.thousands in text)
+        or (request.decimal != "." and "." in text)
     ):
         return None
-    if request.thousands is not None and request.thousands in "".join(lines):
-        return None
+    if delimiter is not None:
+        if set(map(str.count, lines, repeat(delimiter))) != {layout.width - 1}:
+            return None
+        if '"' in text:
+            mark = re.escape(delimiter)
+            quoted = re.compile(rf'(?<![^{mark}])"([^"{mark}\r\n]*)"(?=[{mark}\r\n]|$)')
+            lines = [quoted.sub(r"\1", line) for line in lines]
+            if '"' in "".join(lines):
+                return None
     if request.decimal != ".":
-        if any("." in line for line in lines):
-            return None
         lines = [line.replace(request.decimal, ".") for line in lines]
-    if delimiter == WHITESPACE:
-        values = _loaded(lines)
-        return (
-            values[:, layout.places]
-            if values is not None and values.shape[1] == layout.width
-            else None
-        )
-    if set(map(str.count, lines, repeat(delimiter))) != {layout.width - 1}:
-        return None
-    if '"' in "".join(lines):
-        mark = re.escape(delimiter)
-        whole = re.compile(rf'(?<![^{mark}])"([^"{mark}\r\n]*)"(?=[{mark}\r\n]|$)')
-        lines = [whole.sub(r"\1", line) for line in lines]
-        if '"' in "".join(lines):
-            return None
-    return _loaded(lines, delimiter=delimiter, usecols=layout.places)
-
-
-def _loaded(lines: Sequence[str], **dialect: Any) -> Array | None:
-    """One row for every line; None where NumPy finds something else."""
+    columns = None if delimiter is None else layout.places
     try:
         with warnings.catch_warnings(action="ignore"):  # of lines that hold nothing
-            values = np.loadtxt(lines, comments=None, ndmin=2, **dialect)
+            values = np.loadtxt(lines, comments=None, ndmin=2, delimiter=delimiter, usecols=columns)
     except (ValueError, TypeError):
         return None
-    return values if len(values) == len(lines) else None
+    if len(values) != len(lines) or (columns is None and values.shape[1] != layout.width):
+        return None
+    return values if columns else values[:, layout.places]
 
 
-def values_of_records(records: Sequence[Numbered], layout: Layout, request: TableRequest) -> Array:
+def values_of_records(records: Sequence[Numbered], layout: Layout) -> Array:
     """Return line numbers and wanted columns of records without blank ones, (n, 1 + columns); an
     empty field is NaN.
 
@@ -238,47 +232,43 @@ def values_of_records(records: Sequence[Numbered], layout: Layout, request: Tabl
     with row and column.
     """
     wanted = list(zip(layout.places, layout.titles, layout.readers, strict=True))
-    values: list[float] = []
-    for row, record in records:
-        cells = _of_width(row, record, layout.width, request)
-        values.append(row)
-        for place, title, read in wanted:
+    values = np.empty((len(records), 1 + len(wanted)))
+    for place, (row, record) in enumerate(records):
+        cells = _of_width(row, record, layout)
+        values[place, 0] = row
+        for column, (at, title, read) in enumerate(wanted, start=1):
             try:
-                values.append(read(cells[place]))
+                values[place, column] = read(cells[at])
             except NotANumber as odd:
                 raise odd.at(
-                    f"{request.label}:row {row}, column {title}", separator_hint(cells)
+                    f"{layout.request.label}:row {row}, column {title}", separator_hint(cells)
                 ) from None
-    return np.array(values, dtype=float).reshape(len(records), 1 + len(wanted))
+    return values
 
 
-def _of_width(row: int, record: list[str], width: int, request: TableRequest) -> list[str]:
-    """Return the record with `width` fields: blank ones at its end do not count, and those that a
-    short one lacks may be missing.
+def _of_width(row: int, record: list[str], layout: Layout) -> list[str]:
+    """Return the record with as many fields as the first: blank ones at its end do not count, and
+    those that a short one lacks may be missing.
     """
-    if len(record) == width:
-        return record
-    if len(record) > width and not any(map(str.strip, record[width:])):
+    width, request = layout.width, layout.request
+    if len(record) >= width and not any(map(str.strip, record[width:])):
         return record[:width]
     if request.incomplete:
-        return (
-            [""] * width
-        )  # a closing remark, half a record, or two run into one: none of its fields can be trusted
+        # a closing remark, half a record, or two run into one: no field of it can be trusted
+        return [""] * width
     few = "few" if len(record) < width else "many"
-    remedy = (
-        "Mend or remove the line; a last line that is too short means that the file was cut "
-        "off. `missing: drop` leaves it out."
-    )
-    what = (
+    raise DataError(
         f"{request.label}:row {row}: too {few} fields: {len(record)}, where the first line "
-        f"has {width}"
+        f"has {width}",
+        separator_hint(record)
+        or "Mend or remove the line; a last line that is too short means that the file was cut "
+        "off. `missing: drop` leaves it out.",
     )
-    raise DataError(what, separator_hint(record) or remedy)
 
 
 def separator_hint(record: Sequence[str]) -> str | None:
     """Return a remedy where the fields look as if something else separated them."""
-    for mark, name in MARKS:
+    for mark, name in MARKS.items():
         if any(mark in cell for cell in record):
             word = "tab" if mark == "\t" else f'"{mark}"'
             return (
@@ -288,66 +278,35 @@ def separator_hint(record: Sequence[str]) -> str | None:
     return None
 
 
-def _whole(table: RawTable, lines: Sequence[str], request: TableRequest) -> RawTable:
-    """Return the table, without a last line that has no end and whose last number is shorter than
-    all before it: 254.126 was cut to 2.
+def _without_cut_number(table: RawTable, lines: Sequence[str], layout: Layout) -> RawTable:
+    """Return the table without a last line that has no end, and fewer digits in its last number
+    than the lines before it, which have equally many: 254.126 was cut to 2.
 
     Raises DataError for such a line where missing values are errors.
     """
+    request = layout.request
     if not lines or lines[-1].endswith(("\n", "\r")):
         return table
-    delimiter = (
-        None
-        if request.delimiter == WHITESPACE
-        else DELIMITERS.get(request.delimiter, request.delimiter)
-    )
-    *before, last = [line.strip().split(delimiter)[-1].strip() for line in lines if line.strip()]
-    if not _is_cut_short(last, before[-COMPARED:], request.decimal):
+    *before, last = [line.split(layout.delimiter)[-1].strip() for line in lines if line.strip()]
+    digits = {len(cell.partition(request.decimal)[2]) for cell in before}
+    few = len(before) < 10 or len(digits) != 1
+    if few or len(last.partition(request.decimal)[2]) >= max(digits):
         return table
     said = (
         f"the last line has no end, and its last number, {shortened(last)}, has fewer digits "
         "than those before it"
     )
     if not request.incomplete:
-        remedy = (
-            "Get the whole file again. `missing: drop` leaves the line out; a line end behind "
-            "it says that it is whole."
-        )
         raise DataError(
-            f"{request.label}:row {table.rows[-1]}: {said}: the file was cut off", remedy
+            f"{request.label}:row {table.rows[-1]}: {said}: the file was cut off",
+            "Get the whole file again. `missing: drop` leaves the line out; a line end behind "
+            "it says that it is whole.",
         )
-    columns = {name: column[:-1] for name, column in table.columns.items()}
     return replace(
         table,
-        columns=columns,
+        columns={name: column[:-1] for name, column in table.columns.items()},
         rows=table.rows[:-1],
         doubts=(f"{request.label}: {said}: it is left out",),
-    )
-
-
-def _is_cut_short(last: str, before: Sequence[str], decimal: str) -> bool:
-    """Whether a number looks cut off beside ten or more numbers `before` it: it has fewer digits
-    behind the mark than all of them.
-
-    It has to have three fewer, or none, where theirs vary: of 51 numbers as `repr` writes them, the
-    last one may be the shortest. A whole number among whole ones is shorter than all, and less than
-    half of the smallest: 98 may follow 101, 25 hardly follows 254.
-    """
-
-    def size(cell: str) -> float:
-        value = number_of(cell, decimal)
-        return math.nan if value is None else abs(value)
-
-    values = {cell: size(cell) for cell in before if math.isfinite(size(cell))}
-    if sum(cell in values for cell in before) < FEWEST_BEFORE:
-        return False
-    digits = {len(cell.partition(decimal)[2]) for cell in values}
-    if min(digits):
-        return len(last.partition(decimal)[2]) < max(1, min(digits) - 2 * (len(digits) > 1))
-    return (
-        decimal not in last
-        and len(last) < min(map(len, values))
-        and size(last) < min(values.values()) / 2
     )
 
 

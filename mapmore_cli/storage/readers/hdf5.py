@@ -33,8 +33,8 @@ from mapmore_cli.storage.tables.members import (
     array_of,
     group_of,
     size_in_words,
-    tree_reader,
 )
+from mapmore_cli.storage.tables.overview import tree_reader
 
 
 @contextmanager
@@ -49,56 +49,55 @@ def opened_hdf5(
 
     with reading(label, kind), path.open("rb") as stream:
         if stream.read(3) == b"CDF":
-            what = f"{label}: is a netCDF file of the classic format, and netCDF-4 is read"
-            raise DataError(what, "convert it, as by `nccopy -k nc4 old.nc new.nc`")
-    with reading(label, kind), path.open("rb") as stream, h5py.File(stream, "r") as file:
-        _refuse_other_files(file, label)
-        members = (file.get(name) for name in file)  # None for a link that leads nowhere
-        by_matlab = any("MATLAB_class" in member.attrs for member in members if member is not None)
-        yield _matlab_struct(file, "the file") if by_matlab or kind == "MAT file" else _member(file)
+            raise DataError(
+                f"{label}: is a netCDF file of the classic format, and netCDF-4 is read",
+                "convert it, as by `nccopy -k nc4 old.nc new.nc`",
+            )
+        with h5py.File(stream, "r") as file:
+            _refuse_other_files(file, label)
+            members = (file.get(name) for name in file)  # None for a link that leads nowhere
+            by_matlab = any("MATLAB_class" in one.attrs for one in members if one is not None)
+            if by_matlab or kind == "MAT file":
+                yield _matlab_struct(file, "the file")
+            else:
+                yield _member(file)
 
 
-def _member(found: Any) -> Member:
-    if hasattr(found, "keys"):
-        return group_of(
-            f"a group of {len(found)}", list(found), lambda name: _member(_there(found, name))
-        )
-    if getattr(found, "shape", None) is None:
+def _member(node: Any) -> Member:
+    if hasattr(node, "keys"):
+        return group_of(f"a group of {len(node)}", list(node), lambda name: _below(node, name))
+    if getattr(node, "shape", None) is None:
         return EMPTY
-    fields = found.dtype.names
-    if fields:
-        size = size_in_words(found.shape)
-
-        def field(name: str) -> Member:
-            return Member(f"a field of {size}", values=_reader(found, name), shape=found.shape)
-
-        return Member(f"a table of {size}", fields, member=field)
-    said = {name: value for name in PACKING if (value := _attribute(found, name)) is not None}
-    if wrong := [
-        name for name, value in said.items() if isinstance(value, str) and name != UNSIGNED
-    ]:
-        raise DataError(f"{found.name}: its attribute {wrong[0]} is no number", "write it as one")
-    read = _reader(found, None)
-    unit = next(filter(None, (_attribute(found, name) for name in UNIT)), "")
+    if fields := node.dtype.names:
+        size = size_in_words(node.shape)
+        return Member(
+            f"a table of {size}",
+            fields,
+            lambda name: Member(f"a field of {size}", values=_reader(node, name), shape=node.shape),
+        )
+    said = {name: value for name in PACKING if (value := _attribute(node, name)) is not None}
+    for name, value in said.items():
+        if isinstance(value, str) and name != UNSIGNED:
+            raise DataError(f"{node.name}: its attribute {name} is no number", "write it as one")
+    read = _reader(node)
+    unit = next(filter(None, (_attribute(node, name) for name in UNIT)), "")
     noted = Noted(str(unit), is_scaled="scale_factor" in said or "add_offset" in said)
-    values = (lambda selection: _meant(read(selection), said)) if said else read
-    return array_of(values, found.shape, noted)
+    return array_of(
+        (lambda selection: _meant(read(selection), said)) if said else read, node.shape, noted
+    )
 
 
-def _there(group: Any, name: str) -> Any:
-    found = group.get(name)
-    if found is None:
+def _below(group: Any, name: str) -> Member:
+    if (node := group.get(name)) is None:
         raise DataError(
             f"'{name}' is a link that leads nowhere",
             "get the whole file again, or name another array",
         )
-    return found
+    return _member(node)
 
 
-LONGEST, REFERENCE = (
-    4096,
-    16,
-)  # bytes of an attribute that is read, and of what leads to a text of any length
+# bytes of an attribute that is read, and of what leads to a text of any length
+LONGEST, REFERENCE = 4096, 16
 UNIT = ("units", "unit", "Units", "Unit")
 UNSIGNED, MISSING = "_Unsigned", ("_FillValue", "missing_value")
 LIMITS = ("valid_range", "valid_min", "valid_max")
@@ -106,18 +105,18 @@ PACKING = ("scale_factor", "add_offset", *LIMITS, UNSIGNED, *MISSING)
 """Attributes by which netCDF says what the stored numbers mean."""
 
 
-def _attribute(found: Any, name: str) -> Any:
+def _attribute(node: Any, name: str) -> Any:
     """Return the numbers of an attribute, or its one text; None where there is none, or one that is
     too long.
     """
     from h5py import h5a
 
-    if name not in found.attrs:
+    if name not in node.attrs:
         return None
-    stored = h5a.open(found.id, name.encode())
+    stored = h5a.open(node.id, name.encode())
     if stored.get_storage_size() > (REFERENCE if stored.dtype.kind == "O" else LONGEST):
         return None
-    values = np.asarray(found.attrs[name]).reshape(-1)
+    values = np.asarray(node.attrs[name]).reshape(-1)
     if values.dtype.kind in "iuf" and values.size:
         return values
     text = values.item() if values.size == 1 else ""
@@ -130,31 +129,33 @@ def _meant(stored: Any, said: Mapping[str, Any]) -> Any:
     """
     kind = stored.dtype.kind
     if str(said.get(UNSIGNED)).casefold() == "true" and kind == "i":
-        stored = stored.astype(f"u{stored.dtype.itemsize}")
+        unsigned = np.dtype(f"u{stored.dtype.itemsize}")
+        stored = stored.astype(unsigned)
         said = {
-            key: value.astype(stored.dtype) if np.asarray(value).dtype.kind == "i" else value
+            key: value.astype(unsigned) if getattr(value, "dtype", unsigned).kind == "i" else value
             for key, value in said.items()
         }
-    numbers = (
-        stored.astype(np.float64) * said.get("scale_factor", [1.0])[0]
-        + said.get("add_offset", [0.0])[0]
-    )
-    marks = np.concatenate([np.zeros(0), *(said[key] for key in MISSING if key in said)])
-    with np.errstate(over="ignore"):
-        missing = np.isin(stored, marks.astype(stored.dtype) if kind == "f" else marks)
+    factor, offset = said.get("scale_factor", [1.0])[0], said.get("add_offset", [0.0])[0]
+    numbers = stored.astype(np.float64) * factor + offset
+    # valid numbers are as stored, but for a type of which only meant ones are
+    limits = [said[key] for key in LIMITS if key in said]
+    as_meant = kind != "f" and any(limit.dtype.kind == "f" for limit in limits)
+    limited = numbers if as_meant else stored
     least, most = said.get("valid_range", [-np.inf, np.inf])
-    least, most = said.get("valid_min", [least])[0], said.get("valid_max", [most])[0]
-    meant = any(
-        said[key].dtype.kind == "f" for key in LIMITS if key in said
-    )  # rather than of the type that is stored
-    limited = numbers if meant and kind != "f" else stored
-    return np.where(missing | (limited < least) | (limited > most), np.nan, numbers)
+    invalid = (limited < said.get("valid_min", [least])[0]) | (
+        limited > said.get("valid_max", [most])[0]
+    )
+    for marks in (said[key] for key in MISSING if key in said):
+        with np.errstate(over="ignore"):
+            invalid |= np.isin(stored, marks.astype(stored.dtype) if kind == "f" else marks)
+    return np.where(invalid, np.nan, numbers)
 
 
 EMPTY = Member("an empty array", values=lambda _: np.zeros(0))
 
 
-def _reader(dataset: Any, field: str | None) -> Callable[[Selection], Any]:
+def _reader(dataset: Any, field: str | None = None) -> Callable[[Selection], Any]:
+    """Return what reads a selection of a dataset, or of a field of it."""
     import h5py
 
     def read(selection: Selection) -> Any:
@@ -164,11 +165,9 @@ def _reader(dataset: Any, field: str | None) -> Callable[[Selection], Any]:
         values = own if field is None else own.fields(field)
         if kind.kind != "O" or not dataset.shape:
             return values[selection]
-        return (
-            _texts(dataset, values)[selection]
-            if h5py.check_string_dtype(kind)
-            else np.zeros(1, dtype="V1")
-        )
+        if h5py.check_string_dtype(kind):
+            return _texts(dataset, values)[selection]
+        return np.zeros(1, dtype="V1")
 
     return read
 
@@ -177,12 +176,9 @@ def _texts(dataset: Any, values: Any) -> Any:
     """Return texts of any length. They are read in parts that cannot fill the memory, up to the
     limit of what a file may unpack to.
     """
-    size, parts, total = (
-        dataset.file.id.get_filesize(),
-        [np.zeros((0, *dataset.shape[1:]), dtype=object)],
-        0,
-    )
-    step = max(1, BOMB_SIZE // max(size * math.prod(dataset.shape[1:]), 1))
+    size, width = dataset.file.id.get_filesize(), math.prod(dataset.shape[1:])
+    parts, total = [np.zeros((0, *dataset.shape[1:]), dtype=object)], 0
+    step = max(1, BOMB_SIZE // max(size * width, 1))
     for begin in range(0, len(dataset), step):
         parts.append(values[begin : begin + step])
         total += sum(map(len, parts[-1].flat))
@@ -195,82 +191,65 @@ def _texts(dataset: Any, values: Any) -> Any:
 
 
 def _matlab_struct(group: Any, kind: str = "a struct") -> Member:
-    names = [
-        name for name in group if not name.startswith("#")
-    ]  # #refs# and #subsystem# are MATLAB's own
+    # #refs# and #subsystem# are MATLAB's own
+    names = [name for name in group if not name.startswith("#")]
 
     def member(name: str) -> Member:
         return _matlab_member(group[name])
 
-    return (
-        group_of(kind, names, member) if kind == "the file" else Member(kind, names, member=member)
-    )
+    return group_of(kind, names, member) if kind == "the file" else Member(kind, names, member)
 
 
-def _matlab_member(found: Any) -> Member:
-    if np.any(_attribute(found, "MATLAB_object_decode")):
-        raise object_of_matlab(found.name.lstrip("/"), _class_of(found))
-    if not hasattr(found, "keys"):
-        return (
-            _cell_array(found)
-            if _class_of(found) == "cell" and _holds_references(found)
-            else _array(found)
-        )
-    fields = list(found.values())
+def _matlab_member(node: Any) -> Member:
+    if np.any(_attribute(node, "MATLAB_object_decode")):
+        raise object_of_matlab(node.name.lstrip("/"), _class_of(node))
+    if not hasattr(node, "keys"):
+        return _matlab_array(node)
+    fields = list(node.values())
     if not fields or not all(_holds_references(field) and not _class_of(field) for field in fields):
-        return _matlab_struct(found)
-    names = list(found)  # of a struct array: each is an array of references, one for each element
-
-    def element(index: int) -> Member:
-        return Member(
-            f"element {index} of a struct array",
-            names,
-            member=lambda name: _referred(found[name], index),
-        )
-
-    return Member(f"a struct array of {fields[0].size}", count=int(fields[0].size), element=element)
-
-
-def _cell_array(dataset: Any) -> Member:
-    if _is_empty(dataset):
-        return Member("an empty cell array", count=0)
+        return _matlab_struct(node)
+    # a struct array: each field is an array of references, one for each element
     return Member(
-        f"a cell array of {size_in_words(reversed(dataset.shape))}",
-        count=int(dataset.size),
-        element=lambda index: _referred(dataset, index),
+        f"a struct array of {fields[0].size}",
+        count=int(fields[0].size),
+        element=lambda index: Member(
+            f"element {index} of a struct array",
+            list(node),
+            lambda name: _referred(node[name], index),
+        ),
     )
 
 
-def _array(dataset: Any) -> Member:
-    if _is_empty(dataset):
+def _matlab_array(dataset: Any) -> Member:
+    # of an empty array, its size is stored
+    empty, shape = np.any(_attribute(dataset, "MATLAB_empty")), dataset.shape[::-1]
+    if _class_of(dataset) == "cell" and _holds_references(dataset):
+        return Member(
+            "an empty cell array" if empty else f"a cell array of {size_in_words(shape)}",
+            count=0 if empty else int(dataset.size),
+            element=lambda index: _referred(dataset, index),
+        )
+    if empty:
         return EMPTY
     if _class_of(dataset) == "char":  # stored as numbers: UTF-16
         return Member("text", values=lambda _: np.array([b"text"]))
     if dataset.dtype.names:  # real and imag
-        return Member(
-            "an array of complex numbers", values=lambda _: np.zeros(1, dtype=np.complex128)
-        )
-    shape = dataset.shape[::-1]
+        return Member("an array of complex numbers", values=lambda _: np.zeros(1, complex))
 
     def read(selection: Selection) -> Any:
         _check_fit(selection, shape)
-        whole = (*selection, *(slice(None),) * (len(shape) - len(selection)))
-        return np.transpose(_own_values(dataset, whole[::-1])[whole[::-1]])
+        whole = (*selection, *(slice(None),) * (len(shape) - len(selection)))[::-1]
+        return np.transpose(_own_values(dataset, whole)[whole])
 
     return array_of(read, shape)
 
 
-def _class_of(found: Any) -> str:
-    return str(_attribute(found, "MATLAB_class") or "")
+def _class_of(node: Any) -> str:
+    return str(_attribute(node, "MATLAB_class") or "")
 
 
-def _is_empty(dataset: Any) -> bool:
-    """Return True for an array without elements: what is stored then is its size."""
-    return bool(np.any(_attribute(dataset, "MATLAB_empty")))
-
-
-def _holds_references(found: Any) -> bool:
-    return getattr(found, "dtype", None) == np.dtype("O")
+def _holds_references(node: Any) -> bool:
+    return getattr(node, "dtype", None) == np.dtype("O")
 
 
 def _referred(dataset: Any, index: int) -> Member:

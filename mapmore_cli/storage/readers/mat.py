@@ -33,11 +33,11 @@ from mapmore_cli.storage.tables.members import (
     array_of,
     group_of,
     size_in_words,
-    tree_reader,
 )
+from mapmore_cli.storage.tables.overview import tree_reader
 
 KIND = "MAT file"
-MATRIX, COMPRESSED, BYTES, LOGICAL, COMPLEX = 14, 15, 2, 0x200, 0x800
+MATRIX, COMPRESSED, BYTES, COMPLEX = 14, 15, 2, 0x800
 NUMBERS = "-bBhHiIf-d--qQ--BHI"
 """How elements of version 5 hold numbers, and letters, by their type; codes of NumPy."""
 
@@ -63,13 +63,11 @@ def opened_mat(path: Path, label: str, request: TableRequest | None) -> Iterator
     with reading(label, KIND), path.open("rb") as stream:
         whole = memoryview(stream.read())
         if 0 in whole[:4]:  # as in version 4 alone
-            known = dict(_version_4(path, len(whole)))
+            variables = _version_4(path)
         else:
-            known = dict(
-                _Version5({b"IM": "<", b"MI": ">"}[bytes(whole[126:128])], len(whole)).variables(
-                    whole[128:]
-                )
-            )
+            order = {b"IM": "<", b"MI": ">"}[bytes(whole[126:128])]
+            variables = _Version5(order, len(whole)).variables(whole[128:])
+        known = dict(variables)
         yield group_of("the file", sorted(known), lambda name: known[name](name))
 
 
@@ -107,11 +105,11 @@ class _Version5:
 
     def unpacked(self, part: memoryview, most: int) -> memoryview:
         unpacker = zlib.decompressobj()
-        found = unpacker.decompress(part, most)
-        refuse_bombs("the file", len(found), self.file_size)
-        if len(found) < most and not unpacker.eof:
+        content = unpacker.decompress(part, most)
+        refuse_bombs("the file", len(content), self.file_size)
+        if len(content) < most and not unpacker.eof:
             raise ValueError("a variable is cut off")
-        return memoryview(found)
+        return memoryview(content)
 
     def elements(self, content: memoryview) -> Iterator[Element]:
         """Yield what stands one behind another; ValueError for an element that goes on beyond the
@@ -138,63 +136,42 @@ class _Version5:
         parts = self.elements(content)
         flags = int(self.numbers(next(parts))[0])
         of_class = flags & 0xFF
-        if of_class in (
-            OBJECT,
-            FUNCTION,
-            OPAQUE,
-        ):  # an object's class stands behind its size and its name
-            raise object_of_matlab(
-                name,
-                "a function"
-                if of_class == FUNCTION
-                else [_letters(part) for part in islice(parts, 3)][2],
-            )
+        if of_class == FUNCTION:
+            raise object_of_matlab(name, "a function")
+        if of_class in (OBJECT, OPAQUE):  # its class stands behind its size and its name
+            raise object_of_matlab(name, [_letters(part) for part in islice(parts, 3)][2])
+        if of_class == SPARSE:
+            raise _sparse(name)
         shape = tuple(self.numbers(next(parts)).astype(np.uint32).tolist())
         next(parts)  # the name
         if of_class in (CELL, STRUCT):
             return self.collection(parts, of_class, shape, name)
-        stored = (
-            np.complex128 if flags & COMPLEX else np.float64
-        )  # complex numbers are refused, whatever they are
-        if of_class == SPARSE:
-            rows, ends, values = (next(parts) for _ in range(3))
-            last = self.numbers(ends).clip(0, len(rows[1]))  # of each column, among the rows
-            columns = np.repeat(np.arange(len(last) - 1), np.diff(last))
-            numbers = self.numbers((BYTES, values[1]) if flags & LOGICAL else values)[
-                : len(columns)
-            ]  # whatever type it says
-            return _sparse(
-                (self.numbers(rows)[: len(columns)], columns),
-                numbers.astype(stored),
-                shape,
-                self.file_size,
-            )
         if of_class == TEXT:
-            width, letters = self.numbers(part := next(parts)).itemsize, bytes(part[1])
+            kind, letters = next(parts)
+            width = self.numbers((kind, letters)).itemsize
             end = "le" if self.order == "<" else "be"
-            text = letters.decode(
-                {1: "utf-8", 2: f"utf-16-{end}"}.get(width, f"utf-32-{end}"), "replace"
-            )
+            encoding = {1: "utf-8", 2: f"utf-16-{end}"}.get(width, f"utf-32-{end}")
+            text = bytes(letters).decode(encoding, "replace")
             return Member("text", values=lambda _: np.array([text]))
+        # complex numbers are refused, whatever they are
+        stored = np.complex128 if flags & COMPLEX else np.float64
         array = self.numbers(next(parts)).reshape(shape, order="F").astype(stored)
         return array_of(array.__getitem__, shape)
 
     def collection(
         self, parts: Iterator[Element], of_class: int, shape: tuple[int, ...], name: str
     ) -> Member:
-        names = []
+        names, count = [], math.prod(shape)
         if of_class == STRUCT:
             width, letters = int(self.numbers(next(parts))[0]), next(parts)[1]
-            names = [
-                _letters((BYTES, letters[i : i + width])) for i in range(0, len(letters), width)
-            ]
+            starts = range(0, len(letters), width)
+            names = [_letters((BYTES, letters[i : i + width])) for i in starts]
         inner = [part for _, part in islice(parts, MOST_ELEMENTS + 1)]
         if len(inner) > MOST_ELEMENTS:
             raise DataError(
                 f"'{name}' has more than {MOST_ELEMENTS} elements",
                 "save the measurements as arrays of numbers",
             )
-        count = math.prod(shape)
         if len(inner) != count * (len(names) or of_class == CELL):
             raise ValueError(f"{len(inner)} elements of {count}")
         if of_class == CELL:
@@ -204,12 +181,10 @@ class _Version5:
                 element=lambda i: self.member(inner[i], f"{name}[{i}]"),
             )
 
-        def element(number: int, kind: str = "a struct") -> Member:
-            own = dict(
-                zip(names, inner[number * len(names) : (number + 1) * len(names)], strict=True)
-            )
+        def element(number: int) -> Member:
+            own = dict(zip(names, inner[number * len(names) :], strict=False))
             return Member(
-                kind, names, member=lambda field: self.member(own[field], f"{name}.{field}")
+                "a struct", names, lambda field: self.member(own[field], f"{name}.{field}")
             )
 
         if count == 1 and names:
@@ -221,31 +196,23 @@ def _letters(element: Element) -> str:
     return bytes(element[1]).rstrip(b"\0").decode(errors="replace")
 
 
-def _sparse(
-    places: tuple[Any, Any], values: Array, shape: tuple[int, ...], file_size: int
-) -> Member:
-    """Return a sparse matrix with its zeros, of which there may be far too many."""
-    refuse_bombs(f"a sparse matrix of {size_in_words(shape)}", 8 * math.prod(shape), file_size)
-    dense = np.zeros(shape, dtype=values.dtype)
-    dense[*(axis.astype(np.uint32) for axis in places)] = values
-    return array_of(dense.__getitem__, dense.shape)
+def _sparse(name: str) -> DataError:
+    return DataError(f"'{name}' is a sparse matrix", f"save `full({name})` in MATLAB")
 
 
-def _version_4(path: Path, file_size: int) -> Iterator[tuple[str, Any]]:
+def _version_4(path: Path) -> Iterator[tuple[str, Any]]:
     """Yield the name of each variable, and what makes a member of it; SciPy reads this version by
     NumPy alone.
     """
     from scipy.io import loadmat
 
-    def member(value: Any, _name: str) -> Member:
-        if hasattr(value, "row"):
-            return _sparse((value.row, value.col), value.data, value.shape, file_size)
+    def member(value: Any, name: str) -> Member:
+        if not isinstance(value, np.ndarray):
+            raise _sparse(name)
         return array_of(value.__getitem__, value.shape)
 
     with warnings.catch_warnings():
-        warnings.filterwarnings(
-            "ignore", "The default value for `spmatrix`", DeprecationWarning
-        )  # either kind has rows and columns
+        warnings.filterwarnings("ignore", "The default value for `spmatrix`", DeprecationWarning)
         variables = loadmat(str(path), appendmat=False)
     for name, value in variables.items():
         if not name.startswith("__"):

@@ -50,10 +50,10 @@ def read_xlsx(path: Path, request: TableRequest) -> list[RawTable]:
         No workbook, or a damaged one; a missing sheet or column; a cell that is not a number;
         openpyxl not installed.
     """
-    with _opened(path, request.label) as book:
+    with _opened_book(path, request.label) as book:
         sheets, doubts = _sheets(book, request)
-        found = [_parse(sheet, request, name) for name, sheet in sheets]
-        return [replace(found[0], doubts=doubts), *found[1:]]
+        tables = [_parse_sheet(sheet, request, title) for title, sheet in sheets]
+        return [replace(tables[0], doubts=doubts), *tables[1:]]
 
 
 def peek_xlsx(path: Path, most: int) -> Iterable[Top]:
@@ -61,25 +61,22 @@ def peek_xlsx(path: Path, most: int) -> Iterable[Top]:
     to be named.
     """
     tops = []
-    with _opened(path, path.name) as book:
+    with _opened_book(path, path.name) as book:
         for number, sheet in enumerate(_visible(book)):
             sheet.reset_dimensions()
-            rows = _even([list(row) for row in islice(sheet.iter_rows(values_only=True), most)])
+            rows = [list(row) for row in islice(sheet.iter_rows(values_only=True), most)]
             if rows or not number:
                 settings = {"sheet": sheet.title} if number else {}
-                tops.append(
-                    Top(
-                        rows,
-                        lambda cell: not isinstance(cell, str) and holds_number(cell),
-                        settings,
-                        sheet=sheet.title,
-                    )
-                )
+                tops.append(Top(_even(rows), _is_no_text, settings, sheet=sheet.title))
     return tops
 
 
+def _is_no_text(cell: Any) -> bool:
+    return not isinstance(cell, str) and holds_number(cell)
+
+
 @contextmanager
-def _opened(path: Path, label: str) -> Iterator[Any]:
+def _opened_book(path: Path, label: str) -> Iterator[Any]:
     openpyxl = optional_library("openpyxl", "openpyxl", label)
     with reading(label, "workbook (.xlsx)"), path.open("rb") as file:
         _refuse_bombs(path, label)
@@ -90,14 +87,11 @@ def _even(rows: list[list[Any]]) -> list[list[Any]]:
     """Return the rows, those with numbers as long as the longest of these: a row ends at its last
     cell that is filled.
     """
-    numbers = [any(isinstance(cell, int | float) for cell in row) for row in rows]
-    width = max(
-        (len(row) for row, has_some in zip(rows, numbers, strict=True) if has_some), default=0
-    )
-    return [
-        [*row, *[None] * (width - len(row))] if has_some else row
-        for row, has_some in zip(rows, numbers, strict=True)
-    ]
+    numbers = [row for row in rows if any(isinstance(cell, int | float) for cell in row)]
+    width = max(map(len, numbers), default=0)
+    for row in numbers:
+        row += [None] * (width - len(row))
+    return rows
 
 
 def _refuse_bombs(path: Path, label: str) -> None:
@@ -129,26 +123,79 @@ def _sheets(
     sheets, visible = {sheet.title: sheet for sheet in book.worksheets}, _visible(book)
     if not visible:
         raise DataError(f"{request.label}: has no sheet with cells", "save the table into a sheet")
+    if request.sheet in sheets:
+        return [(None, sheets[request.sheet])], ()
+    filled = [sheet for sheet in visible if next(_filled_rows(sheet, request), None) is not None]
     if request.sheet is None:
-        others = [
-            sheet.title
-            for sheet in visible[1:]
-            if next(_filled(_rows(sheet, request)), None) is not None
-        ]
+        others = [sheet.title for sheet in filled if sheet is not visible[0]]
         told = (
             f"{request.label}: the sheet '{visible[0].title}' is read, and not "
             f"{', '.join(others[:4])}; say which by `sheet`"
         )
         return [(None, visible[0])], (told,) if others else ()
-    if request.sheet in sheets:
-        return [(None, sheets[request.sheet])], ()
-    found = [(sheet.title, sheet) for sheet in visible if fnmatchcase(sheet.title, request.sheet)]
-    if not found:
-        remedy = known_names(request.sheet, list(sheets), "The workbook has")
-        raise DataError(f"{request.label}: there is no sheet '{request.sheet}'", remedy)
-    return [
-        one for one in found if next(_filled(_rows(one[1], request)), None) is not None
-    ] or found, ()
+    for among in (filled, visible):
+        if named := [one for one in among if fnmatchcase(one.title, request.sheet)]:
+            return [(sheet.title, sheet) for sheet in named], ()
+    raise DataError(
+        f"{request.label}: there is no sheet '{request.sheet}'",
+        known_names(request.sheet, list(sheets), "The workbook has"),
+    )
+
+
+def _filled_rows(sheet: Any, request: TableRequest) -> Iterator[Row]:
+    """Yield the rows of a sheet that have a cell; DataError for one that lies where no sheet has
+    rows: all between would be passed over one by one.
+    """
+    # what other programs write there is often wrong, and would cut the sheet
+    sheet.reset_dimensions()
+    for number, row in enumerate(sheet.iter_rows(values_only=True), start=1):
+        if number > MOST_ROWS:
+            raise DataError(
+                f"{request.label}:{sheet.title}: has a row beyond {MOST_ROWS}, the last that "
+                "a sheet can have",
+                "save the table as CSV",
+            )
+        cells = (cell.strip() if isinstance(cell, str) else cell for cell in row)
+        if number > request.skip_rows and any(cell not in (None, "") for cell in cells):
+            yield number, row
+
+
+def _parse_sheet(sheet: Any, request: TableRequest, title: str | None) -> RawTable:
+    rows, label = _filled_rows(sheet, request), f"{request.label}:{sheet.title}"
+    first = next(rows, None)
+    if first is None:
+        raise DataError(f"{label}: the sheet is empty")
+    names = ["" if cell is None else str(cell).strip() for cell in first[1]]
+    places = locate_columns(request, names if request.header else None, len(names))
+    readers = {column: request.cells(column) for column in places}
+    above = first[0] + request.header - 1
+    numbers: list[int] = []
+    values: list[list[float]] = []
+    for number, row in chain([first], rows):
+        if number <= above:
+            continue
+        numbers.append(number)
+        values.append([])
+        for column, place in places.items():
+            cell = row[place] if place < len(row) else None
+            try:
+                values[-1].append(readers[column](cell))
+            except NotANumber as odd:
+                if cell in ERRORS:
+                    odd.remedy = (
+                        "a formula failed there: mend it, or list it in `missing: {tokens: [...]}`"
+                    )
+                name = names[place] if request.header else column
+                raise odd.at(f"{label}:row {number}, column {name}") from None
+    columns = np.array(values).reshape(len(numbers), len(places)).T
+    table = RawTable(
+        dict(zip(places, columns, strict=True)), np.array(numbers, np.int64), label, element=title
+    )
+    if not numbers or np.isnan(columns).any():
+        _refuse_what_only_seems_empty(sheet, table, places, above)
+    if not numbers:
+        raise DataError(f"{label}: the sheet has a header but no data")
+    return table
 
 
 def _refuse_what_only_seems_empty(
@@ -169,9 +216,8 @@ def _refuse_what_only_seems_empty(
             inner = {one.tag.rpartition("}")[2]: one.text for one in part}
             if tag == "row":
                 part.clear()
-            has_value = inner.get("v") or (
-                "v" in inner and part.get("t") == "str"
-            )  # a text may be empty
+            # the value of a formula may be an empty text
+            has_value = inner.get("v") or ("v" in inner and part.get("t") == "str")
             is_formula = tag == "c" and "f" in inner and not has_value
             reference = part.get("ref" if tag == "mergeCell" else "r")
             if reference is None or not (is_formula or tag == "mergeCell"):
@@ -180,88 +226,14 @@ def _refuse_what_only_seems_empty(
             inside = slice(*np.searchsorted(table.rows, (top, bottom + 1)))
             for column in (name for name, place in places.items() if left <= place + 1 <= right):
                 rows = table.rows[inside][np.isnan(table.columns[column][inside])].tolist()
-                what = (
-                    f"is one of the merged cells {reference}",
-                    "unmerge them, and write the value into each row",
-                )
+                what = f"is one of the merged cells {reference}"
+                remedy = "unmerge them, and write the value into each row"
                 if is_formula:
                     rows = [top] if top > above else []
-                    what = (
-                        "is a formula that was never computed",
-                        "open the workbook in Excel or LibreOffice and save it",
-                    )
+                    what = "is a formula that was never computed"
+                    remedy = "open the workbook in Excel or LibreOffice and save it"
                 for row in rows:
-                    raise DataError(f"{table.label}:row {row}, column {column}: {what[0]}", what[1])
-
-
-def _rows(sheet: Any, request: TableRequest) -> Iterator[Row]:
-    """Yield the rows of a sheet; DataError for one that lies where no sheet has rows: all between
-    would be passed over one by one.
-    """
-    # what other programs write there is often wrong, and would cut the sheet
-    sheet.reset_dimensions()
-    for number, row in islice(
-        enumerate(sheet.iter_rows(values_only=True), start=1), request.skip_rows, None
-    ):
-        if number > MOST_ROWS:
-            what = (
-                f"{request.label}:{sheet.title}: has a row beyond {MOST_ROWS}, the last that "
-                "a sheet can have"
-            )
-            raise DataError(what, "save the table as CSV")
-        yield number, row
-
-
-def _parse(sheet: Any, request: TableRequest, title: str | None) -> RawTable:
-    rows, label = _rows(sheet, request), f"{request.label}:{sheet.title}"
-    first = next(_filled(rows), None)
-    if first is None:
-        raise DataError(f"{label}: the sheet is empty")
-    names = (
-        ["" if cell is None else str(cell).strip() for cell in first[1]] if request.header else None
-    )
-    places = locate_columns(request, names, len(first[1]))
-    readers = {column: request.cells(column) for column in places}
-    numbers: list[int] = []
-    values: list[float] = []
-    for number, row in _filled(
-        islice(rows, request.header - 1, None) if request.header else chain([first], rows)
-    ):
-        numbers.append(number)
-        for column, place in places.items():
-            cell = row[place] if place < len(row) else None
-            try:
-                values.append(readers[column](cell))
-            except NotANumber as odd:
-                if cell in ERRORS:
-                    odd.remedy = (
-                        "a formula failed there: mend it, or list it in `missing: {tokens: [...]}`"
-                    )
-                raise odd.at(
-                    f"{label}:row {number}, column {column if names is None else names[place]}"
-                ) from None
-    columns = np.ascontiguousarray(np.array(values).reshape(len(numbers), len(places)).T)
-    table = RawTable(
-        dict(zip(places, columns, strict=True)),
-        np.array(numbers, dtype=np.int64),
-        label,
-        element=title,
-    )
-    if not numbers or np.isnan(columns).any():
-        _refuse_what_only_seems_empty(
-            sheet, table, places, first[0] if request.header else first[0] - 1
-        )
-    if not numbers:
-        raise DataError(f"{label}: the sheet has a header but no data")
-    return table
-
-
-def _filled(rows: Iterator[Row]) -> Iterator[Row]:
-    return (
-        (number, row)
-        for number, row in rows
-        if any(cell.strip() if isinstance(cell, str) else cell is not None for cell in row)
-    )
+                    raise DataError(f"{table.label}:row {row}, column {column}: {what}", remedy)
 
 
 READER = Reader(

@@ -1,4 +1,4 @@
-"""What every reader is asked for and what it returns; and tables that were read before."""
+"""What every reader is asked for and what it returns."""
 
 from __future__ import annotations
 
@@ -6,8 +6,7 @@ import difflib
 import importlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from contextvars import ContextVar
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -22,8 +21,7 @@ SourceColumn = str | int
 
 @dataclass(frozen=True)
 class TableRequest:
-    """Which columns of a file are wanted, and what its reader has to know; requests are equal that
-    read a file in the same way.
+    """Which columns of a file are wanted, and what its reader has to know.
 
     - `label`, `columns`: how messages name the file, and the wanted columns.
     - `header`: number of header lines, the first of which holds the names (text, sheets).
@@ -43,8 +41,8 @@ class TableRequest:
       of which a long file takes long).
     """
 
-    label: str = field(compare=False)
-    columns: tuple[SourceColumn, ...] = field(compare=False)
+    label: str
+    columns: tuple[SourceColumn, ...]
     header: int = 1
     skip_rows: int = 0
     delimiter: str = ","
@@ -54,9 +52,9 @@ class TableRequest:
     root: str | None = None
     missing: frozenset[str] = frozenset()
     incomplete: bool = False
-    progress: Callable[[int], None] = field(default=lambda _bytes: None, compare=False)
+    progress: Callable[[int], None] = lambda _bytes: None
     thousands: str | None = None
-    clocks: frozenset[SourceColumn] = field(default=frozenset(), compare=False)
+    clocks: frozenset[SourceColumn] = frozenset()
     format: str | None = None
     second: float = 1.0
 
@@ -266,61 +264,3 @@ def optional_library(module: str, package: str, label: str) -> ModuleType:
     except ImportError as error:
         what = f"{label}: reading this file needs {package}, which is not installed"
         raise DataError(what, "install it with: pip install 'mapmore[formats]'") from error
-
-
-# Tables that were read before
-# --------------------------------------------------------------------------------------------------
-
-MOST_NUMBERS = 20_000_000
-"""That are kept: 160 MB."""
-
-_KEPT: ContextVar[list[tuple[Path, TableRequest, list[RawTable]]] | None] = ContextVar(
-    "tables read before", default=None
-)
-
-
-@contextmanager
-def remembered() -> Iterator[None]:
-    """Within, no table is read twice; files are taken not to change."""
-    token = _KEPT.set([])
-    try:
-        yield
-    finally:
-        _KEPT.reset(token)
-
-
-def read_with(reader: Reader, path: Path, request: TableRequest) -> list[RawTable]:
-    """Return the tables of a file as `reader.read` gives them, those of before where they are
-    remembered.
-
-    A table of rows has the columns of a smaller request as well; of a tree, arrays of other lengths
-    would have cut it.
-    """
-    kept = _KEPT.get()
-    if kept is None:
-        return reader.read(path, request)
-    path = path.resolve()
-    for place, before, tables in kept:
-        enough = before.columns == request.columns or (
-            "header" in reader.keys and {*request.columns} <= {*before.columns}
-        )
-        enough = enough and before.clocks & {*request.columns} <= request.clocks
-        if place == path and enough and before == request:
-            request.progress(path.stat().st_size)
-            labels = (request.label + table.label[len(before.label) :] for table in tables)
-            wanted = ({name: table.columns[name] for name in request.columns} for table in tables)
-            return [
-                replace(table, columns=own, label=label)
-                for table, own, label in zip(tables, wanted, labels, strict=True)
-            ]
-    found = reader.read(path, request)
-    if (
-        sum(
-            table.size * (1 + len(table.columns))
-            for *_, tables in [*kept, (path, request, found)]
-            for table in tables
-        )
-        <= MOST_NUMBERS
-    ):
-        kept.append((path, request, found))
-    return list(found)

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from mapmore_cli.modelling.frols import engine, frols, frols_streamed, reads_once
-from mapmore_cli.modelling.frols.moments import row_blocks
+from mapmore_cli.modelling.frols.moments import blocks_of_rows
 
 
 def exact_frols(P, y, k):
@@ -59,7 +59,7 @@ def in_memory(P, y):
 
 
 def streamed(P, y):
-    return frols_streamed(row_blocks(P, y), 10)
+    return frols_streamed(blocks_of_rows(P, y), 10)
 
 
 @pytest.fixture(params=["in memory", "streamed", "streamed and large"])

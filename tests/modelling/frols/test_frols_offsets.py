@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 
 import mapmore_cli as mm
 from mapmore_cli.modelling.frols import frols, frols_streamed
-from mapmore_cli.modelling.frols.moments import row_blocks
+from mapmore_cli.modelling.frols.moments import blocks_of_rows
 
 X = np.linspace(0, 1, 4000)
 P = np.column_stack([X**0, X, X**2, np.cos(9 * X)])
 FORMS = {
     "whole": frols,
-    "streamed": lambda P, y, *rest, **named: frols_streamed(row_blocks(P, y), *rest, **named),
+    "streamed": lambda P, y, *rest, **named: frols_streamed(blocks_of_rows(P, y), *rest, **named),
 }
 
 
@@ -60,13 +60,12 @@ def test_a_target_that_is_constant_is_explained_by_one(form, target):
     assert FORMS[form](P, target, 4, 1e-4).chosen.tolist() == [0]
 
 
-@pytest.mark.parametrize("stop", ["bic", "aicc", "press"])
 @pytest.mark.parametrize("form", FORMS)
-def test_no_tolerance_ends_a_criterion(form, stop):
+def test_no_tolerance_ends_a_criterion(form):
     y = 500 + 2 * X - 3 * np.cos(9 * X) + 0.1 * np.random.default_rng(0).normal(size=len(X))
-    found = FORMS[form](P, y, 4, 0.5, stop=stop)
+    found = FORMS[form](P, y, 4, 0.5, stop="bic")
     assert {0, 1, 3} <= set(found.chosen.tolist())
-    exact = FORMS[form](P, 500 + 2 * X - 3 * np.cos(9 * X), 4, 0.5, stop=stop)
+    exact = FORMS[form](P, 500 + 2 * X - 3 * np.cos(9 * X), 4, 0.5, stop="bic")
     assert (sorted(exact.chosen.tolist()), exact.stop) == ([0, 1, 3], "no_gain")
 
 
@@ -87,7 +86,7 @@ def test_the_record_is_read_again_only_where_the_tolerance_may_end_the_choice(ri
 
     def blocks():
         read.append(1)
-        return row_blocks(P, 2 + X + ripple * np.cos(50 * X))()
+        return blocks_of_rows(P, 2 + X + ripple * np.cos(50 * X))()
 
     frols_streamed(blocks, 2, 1e-4)
     assert (len(read) == 1) == once

@@ -119,9 +119,9 @@ def test_without_points_a_specimen_is_the_family_at_its_length() -> None:
     [
         '{"family": 3}',
         '{"family": {}}',
-        '{"family": {"of": "exp(9)", "scale": "power", "rate": 2, "dead": 0, "metres": 1}}',
-        '{"family": {"of": "x", "scale": "power", "rate": 2, "dead": 0, "metres": -1}}',
-        '{"family": {"of": "x", "scale": "cubic", "rate": 2, "dead": 0, "metres": 1}}',
+        '{"family": {"of": "exp(9)", "scale": "power", "metres": 1}}',
+        '{"family": {"of": "x", "scale": "power", "metres": -1}}',
+        '{"family": {"of": "x", "scale": "cubic", "metres": 1}}',
         '{"family": [',
     ],
 )

@@ -76,15 +76,13 @@ def test_samples_that_are_held_out_teach_nothing():
     )
 
 
-@pytest.mark.parametrize("stop", ["bic", "aicc", "press", "free_run"])
+@pytest.mark.parametrize("stop", ["bic", "free_run"])
 @pytest.mark.parametrize("ridge", [0.0, 1e-6])
 def test_stop_rules_find_the_number_of_terms(stop, ridge):
     recipe = replace(LAGGED, max_terms=10, stop=stop, ridge=ridge)
     fit = fit_with_memory(narx_records(noise=1e-3), recipe)
     assert {"x[k-2]", "y[k-2]", "x[k-1]*y[k-1]", "y[k-1]^2"} <= set(fit.model.terms)
-    assert len(fit.model.terms) <= (
-        4 if stop in ("bic", "free_run") else 8
-    )  # AICc and PRESS are known to take a few too many
+    assert len(fit.model.terms) == 4
 
 
 def test_a_tolerance_ends_a_regularised_selection():
@@ -127,8 +125,6 @@ def test_pruned_terms_leave_their_traces():
     assert set(fit.selection.chosen) <= set(fit.forward)
     assert fit.model.terms == tuple(fit.candidates[i] for i in fit.selection.chosen)
     assert fit.selection.stop == "pruned"
-    assert not set(fit.substitutes) & set(fit.selection.chosen)
-    assert ((fit.shares > 0) & (fit.shares < 1 + 1e-9)).any()
     residual = y - free_run(fit.model, {"x": x}).values
     assert fit.selection.sse == pytest.approx(residual @ residual, rel=1e-6)
     assert fit.selection.yy == pytest.approx(np.sum((y - y.mean()) ** 2))
@@ -156,15 +152,7 @@ def test_the_ridge_may_be_left_to_the_data():
     assert weak.ridge < strong.ridge
 
 
-@pytest.mark.parametrize(
-    "recipe",
-    [
-        LAGGED,
-        replace(LAGGED, stop="press"),
-        replace(LAGGED, ridge=1e-4),
-        replace(LAGGED, ridge=1e-4, stop="press"),
-    ],
-)
+@pytest.mark.parametrize("recipe", [LAGGED, replace(LAGGED, ridge=1e-4)])
 def test_a_dictionary_beyond_memory_is_built_block_by_block(recipe, monkeypatch):
     records = narx_records(noise=0.01, n=5000)
     whole = fit_with_memory(records, recipe)

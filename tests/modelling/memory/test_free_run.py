@@ -1,17 +1,14 @@
-"""Simulation from the first measured outputs, and other ways to begin."""
+"""Simulation from the first measured outputs."""
 
 from __future__ import annotations
-
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from memory_samples import STEP, memory_model, narx_truth, state_set, wandering
+from memory_samples import STEP, memory_model, narx_truth, state_set
 
-from mapmore_cli.domain.errors import DataError
-from mapmore_cli.modelling.memory.free_run import free_run, one_step_ahead
+from mapmore_cli.modelling.memory.free_run import free_run, predict_one_step
 
 LAGS = state_set("x[k-1]", "x[k-2]", "y[k-1]", "y[k-2]")
 TRUTH = memory_model(["x[k-2]", "y[k-2]", "x[k-1]*y[k-1]", "y[k-1]^2"], [0.6, -0.5, 0.7, 0.2], LAGS)
@@ -24,7 +21,7 @@ def test_a_noise_free_record_is_repeated_from_its_first_two_outputs():
     assert np.isnan(run.values[:2]).all()
     np.testing.assert_allclose(run.values[2:], y[2:], rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(
-        one_step_ahead(TRUTH, {"x": x, "y": y})[2:], y[2:], rtol=1e-12, atol=1e-12
+        predict_one_step(TRUTH, {"x": x, "y": y})[2:], y[2:], rtol=1e-12, atol=1e-12
     )
     assert run.diverged == ()
 
@@ -32,7 +29,7 @@ def test_a_noise_free_record_is_repeated_from_its_first_two_outputs():
 def test_only_the_sample_after_the_first_outputs_has_a_measured_past():
     x = np.random.default_rng(0).uniform(-1, 1, 200)
     known = np.where(np.arange(200) < 2, narx_truth(x), np.nan)
-    assert np.isfinite(one_step_ahead(TRUTH, {"x": x, "y": known})).sum() == 1
+    assert np.isfinite(predict_one_step(TRUTH, {"x": x, "y": known})).sum() == 1
     assert np.isfinite(free_run(TRUTH, {"x": x, "y": known}).values).sum() == 198
 
 
@@ -136,41 +133,3 @@ def test_delays_of_inputs_may_be_longer_than_those_of_the_output():
     values = free_run(model, {"x": x, "y": y}).values
     assert np.isnan(values[:4]).all()
     np.testing.assert_allclose(values[4:], [0.5, 1.25, 2.625, 4.3125])
-
-
-MODEL = memory_model(["y[k-1]", "y[k-2]", "u", "stop(y[k-1], 0.1)"], [1.5, -0.56, 0.03, -0.2],
-    state_set(
-    "stop(y[k-1], 0.1)", "u", "y[k-1]", "y[k-2]", ranges={"y[k-1]": (-1.0, 1.0)}), constant=0.01,
-        limits=(-2.0, 2.0))  # fmt: skip
-
-
-def run(start, u, **columns):
-    return free_run(replace(MODEL, start=start), {"u": u, **columns}).values
-
-
-def test_a_steady_start_needs_no_output_and_stays_while_the_input_does():
-    values = run("steady", np.full(50, 0.7))
-    assert np.isnan(values[:2]).all()
-    assert values[2:] == pytest.approx(np.full(48, (0.03 * 0.7 + 0.01) / 0.06), rel=1e-9)
-
-
-def test_noise_on_the_first_outputs_is_undone_by_identifying_them():
-    u = wandering(600, 3)
-    y = run("steady", u)
-    y[:2] = y[2]
-    np.testing.assert_allclose(
-        run("identified", u, y=y)[2:], y[2:], atol=1e-9
-    )  # without noise they are the measured ones
-    noisy = y + np.random.default_rng(1).normal(0, 0.05, len(y))
-    measured, identified = (
-        np.abs(run(start, u, y=noisy) - y)[2:30].max() for start in ("measured", "identified")
-    )
-    assert identified < 0.5 * measured
-
-
-def test_an_integrator_has_no_steady_output():
-    model = replace(
-        memory_model(["y[k-1]", "u"], [1.0, 0.1], state_set("u", "y[k-1]")), start="steady"
-    )
-    with pytest.raises(DataError, match="no steady output"):
-        free_run(model, {"u": np.ones(20)})

@@ -13,7 +13,7 @@ from memory_samples import recipe_of, record, rmse, rrse, texts
 
 from mapmore_cli.modelling.expressions.families import lags
 from mapmore_cli.modelling.memory.fitting import fit_with_memory
-from mapmore_cli.modelling.memory.free_run import free_run, one_step_ahead
+from mapmore_cli.modelling.memory.free_run import free_run, predict_one_step
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +42,7 @@ def in_our_words(term):
 def scored(fit, columns):
     run = free_run(fit.model, columns)
     assert run.diverged == ()
-    return rrse(columns["y"], run.values), rrse(columns["y"], one_step_ahead(fit.model, columns))
+    return rrse(columns["y"], run.values), rrse(columns["y"], predict_one_step(fit.model, columns))
 
 
 def test_the_buck_converter_beside_the_peer(folder, peer):

@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mapmore_cli.modelling.expressions import parse
 from mapmore_cli.modelling.frols import frols
 from mapmore_cli.modelling.frols.moments import moments, standard, standardised
 from mapmore_cli.modelling.frols.ridge import (
@@ -17,12 +16,8 @@ from mapmore_cli.modelling.frols.ridge import (
     Regularised,
     choose_ridge,
     prune,
-    ridge_press,
     select,
-    substitutes,
 )
-from mapmore_cli.modelling.memory.selectors import Regressors, selector
-from mapmore_cli.modelling.selection import MemoryRecipe
 
 
 def blocks_of(P, y, *cuts):
@@ -93,34 +88,6 @@ def test_squares_that_overflow_or_vanish_change_nothing(n, M, seed, ridge, power
     assert select(far, M).chosen.tolist() == select(near, M).chosen.tolist()
 
 
-@pytest.mark.parametrize("power", [-1000, -600, 540, 900])
-def test_candidates_without_a_ridge_are_ranked_the_same_in_any_unit(power):
-    """The square of `1e160*a` overflows."""
-    P, y = problem(40, 3, 5)
-    recipe = MemoryRecipe(
-        target="y",
-        dictionary=tuple("abc"),
-        step=1.0,
-        scaling="none",
-        max_terms=2,
-        tolerance=0.0,
-        stop="bic",
-    )
-    terms = tuple(parse(name) for name in "abc")
-
-    def ranking(units):
-        states = dict(zip("abc", (P * units).T, strict=True))
-        return selector(Regressors(terms, states, y), recipe).ranking.covariance
-
-    near = ranking(np.ones(3))
-    columns = np.column_stack([P, y])
-    columns /= np.sqrt((columns**2).mean(axis=0))
-    np.testing.assert_allclose(near, columns.T @ columns / 40, rtol=0, atol=1e-13)
-    np.testing.assert_allclose(
-        ranking(np.array([2.0**power, 1.0, 0.0]))[:2, :2], near[:2, :2], rtol=0, atol=1e-13
-    )
-
-
 @settings(deadline=None)
 @given(**CASES)
 def test_pruning_leaves_out_the_term_that_costs_least(n, M, seed, ridge):
@@ -132,49 +99,6 @@ def test_pruning_leaves_out_the_term_that_costs_least(n, M, seed, ridge):
         every = [squares_left(*full, np.delete(larger, place)) for place in range(len(larger))]
         assert set(smaller) < set(larger)
         assert squares_left(*full, smaller) <= min(every) * (1 + 1e-9) + 1e-9
-
-
-@settings(deadline=None)
-@given(**CASES, size=st.integers(1, 6))
-def test_a_substitute_is_the_best_of_the_others_in_the_place_of_a_term(n, M, seed, ridge, size):
-    P, y = problem(n, M, seed)
-    full = in_full(P, y, ridge)
-    chosen = np.random.default_rng(seed).permutation(M)[: min(size, M)]
-    best, shares = substitutes(regularised(P, y, ridge), chosen)
-
-    def gain(kept, one):
-        return squares_left(*full, kept) - squares_left(*full, np.append(kept, one))
-
-    for place, one in enumerate(chosen):
-        kept, others = np.delete(chosen, place), np.setdiff1d(np.arange(M), chosen)
-        if not len(others):
-            assert best[place] == -1
-            assert np.isnan(shares[place])
-            continue
-        gains = [gain(kept, other) for other in others]
-        assert gain(kept, best[place]) == pytest.approx(max(gains), rel=1e-6, abs=1e-9)
-        assert shares[place] * gain(kept, one) == pytest.approx(max(gains), rel=1e-5, abs=1e-8)
-
-
-@settings(deadline=None, max_examples=25)
-@given(
-    n=st.integers(8, 25),
-    M=st.integers(1, 4),
-    seed=st.integers(0, 10_000),
-    ridge=st.sampled_from([1e-6, 1e-3, 0.1]),
-)
-def test_press_is_the_error_of_models_fitted_without_the_sample(n, M, seed, ridge):
-    P, y = problem(n, M + 1, seed)
-    Z, z = (P[:, :M] - P[:, :M].mean(axis=0)) / P[:, :M].std(axis=0), (y - y.mean()) / y.std()
-    expected = 0.0
-    for left in range(n):
-        A = np.column_stack([np.ones(n - 1), np.delete(Z, left, axis=0)])
-        penalty = n * ridge * np.diag([0.0, *[1.0] * M])
-        theta = np.linalg.solve(A.T @ A + penalty, A.T @ np.delete(z, left))
-        expected += (z[left] - np.r_[1.0, Z[left]] @ theta) ** 2
-    data = regularised(P[:, :M], y, ridge)
-    found = ridge_press(blocks_of(Z, z, 3), data, [np.arange(1), np.arange(M)])
-    assert found[1] == pytest.approx(expected, rel=1e-6)
 
 
 @settings(deadline=None)

@@ -17,7 +17,12 @@ from mapmore_cli.modelling.expressions import evaluate, parse
 from mapmore_cli.modelling.expressions.operators.play import play
 from mapmore_cli.modelling.memory.feedback import fed_back_states
 from mapmore_cli.modelling.memory.records import records_of, time_step, uninterrupted
-from mapmore_cli.modelling.memory.states import delayed, evaluate_states, resolve, with_ranges
+from mapmore_cli.modelling.memory.states import (
+    delayed,
+    evaluate_states,
+    resolve_states,
+    with_ranges,
+)
 
 RECIPE = recipe_of("y", (), max_terms=1)
 NAMES = (
@@ -40,7 +45,7 @@ def test_delayed_values_are_those_of_earlier_samples(x, steps):
 def test_widths_are_fractions_of_the_training_range_of_their_source():
     x = wandering(400)
     training = np.arange(400) < 200
-    states = resolve(NAMES, [record(training, x=x, y=x)], RECIPE)
+    states = resolve_states(NAMES, [record(training, x=x, y=x)], RECIPE)
     assert states.ranges["x"] == (x[:200].min(), x[:200].max())
     lagging = slow(x, 0.1, STEP)
     assert states.ranges["slow(x, 0.1)"] == (lagging[:200].min(), lagging[:200].max())
@@ -58,12 +63,12 @@ def test_widths_are_fractions_of_the_training_range_of_their_source():
 def test_scaled_states_span_one_in_training_and_are_clipped_beyond(n, margin, slope, offset):
     x = wandering(300)
     training = np.arange(300) < n
-    states = resolve(
+    states = resolve_states(
         NAMES,
         [record(training, x=slope * x + offset, y=x)],
         replace(RECIPE, scaling="range", margin=margin),
     )
-    plain = resolve(
+    plain = resolve_states(
         NAMES, [record(training, x=x, y=x)], replace(RECIPE, scaling="range", margin=margin)
     )
     physical, other = (
@@ -80,7 +85,7 @@ def test_scaled_states_span_one_in_training_and_are_clipped_beyond(n, margin, sl
 
 
 def test_a_state_that_stood_still_in_training_is_zero():
-    states = resolve(
+    states = resolve_states(
         ["x"], [record(x=np.full(5, 3.0), y=np.arange(5.0))], replace(RECIPE, scaling="range")
     )
     np.testing.assert_array_equal(
@@ -92,7 +97,7 @@ def test_a_state_that_stood_still_in_training_is_zero():
 def test_the_resonance_of_a_recording_is_found(frequency, damping):
     x = np.repeat(np.random.default_rng(1).uniform(0, 1, 20), 100)
     y = 3 + 2 * x + x**2 + 0.5 * slow(x, 0.3, STEP) + 2 * resonance(x, frequency, damping, STEP)
-    states = resolve(
+    states = resolve_states(
         ["resonance(x)", "resonance_velocity(x)"],
         [record(x=x[:900], y=y[:900]), record(x=x[900:], y=y[900:])],
         RECIPE,
@@ -117,7 +122,9 @@ REFUSED = [
 def test_a_state_without_values_is_refused(name, changed, told):
     columns = {"x": wandering(50), "y": wandering(50, 1)}
     with pytest.raises(DataError, match=told):
-        evaluate_states(resolve([name], [record(**columns)], replace(RECIPE, **changed)), columns)
+        evaluate_states(
+            resolve_states([name], [record(**columns)], replace(RECIPE, **changed)), columns
+        )
 
 
 def test_only_what_looks_back_can_be_fed_back():
@@ -167,7 +174,7 @@ def test_pieces_of_curves_share_one_time_step():
 def test_a_resonance_is_found_behind_a_delay():
     x = wandering(1500)
     y = 2 * resonance(x, 4.0, 0.3, STEP)
-    states = resolve(["resonance(x[k-3])"], [record(x=x, y=np.roll(y, 3))], RECIPE)
+    states = resolve_states(["resonance(x[k-3])"], [record(x=x, y=np.roll(y, 3))], RECIPE)
     frequency, damping = states.resonances["x[k-3]"]
     assert frequency == pytest.approx(4.0, rel=0.3)
     assert 0 < damping < 1

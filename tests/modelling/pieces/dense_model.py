@@ -43,8 +43,8 @@ def pieces(model, row):
     )
     within = x if straight else min(max(x, at[0]), at[-1])
     f = {
-        number: curve_value(model, model.body.curves[number], moved(model, row, number))
-        for number in counting(model, at, within)
+        number: curve_value(model, model.body.curves[number], row)
+        for number in counting(at, within)
     }
     if len(f) == 1:
         return next(iter(f.values()))
@@ -53,48 +53,18 @@ def pieces(model, row):
         left = min(int(np.searchsorted(at, x, side="right")) - 1, len(at) - 2)
         t = (x - at[left]) / (at[left + 1] - at[left])
         share = model.body.fusion.shrink + (1 - model.body.fusion.shrink) * (1 - 2 * t) ** 2
-    return share * across(model, at, f, within)
+    (i, a), (j, b) = f.items()
+    return share * (a + (b - a) * (within - at[i]) / (at[j] - at[i]))
 
 
-def counting(model, at, x):
+def counting(at, x):
     """Numbers of the curves that matter: the others may have no value there."""
     if x in at:
         return [int(np.flatnonzero(at == x)[0])]
-    if model.body.fusion.levels == "pchip" or len(at) == 1:
-        return range(len(at))
+    if len(at) == 1:
+        return [0]
     left = min(max(int(np.searchsorted(at, x)) - 1, 0), len(at) - 2)
     return [left, left + 1]
-
-
-def across(model, at, f, x):
-    if model.body.fusion.levels == "linear":
-        (i, a), (j, b) = f.items()
-        return a + (b - a) * (x - at[i]) / (at[j] - at[i])
-    from scipy.interpolate import PchipInterpolator
-
-    interpolant = PchipInterpolator(at, [f[i] for i in range(len(at))])
-    inside = min(max(x, at[0]), at[-1])
-    return float(interpolant(inside) + interpolant.derivative()(inside) * (x - inside))
-
-
-def moved(model, row, number):
-    """The row with the aligned variable at the place that corresponds on one curve."""
-    name = model.body.fusion.aligned
-    if name is None:
-        return row
-    at = np.array([curve.level for curve in model.body.curves])
-    marks = np.array(
-        [
-            [curve.limits[name][0], curve.threshold, curve.limits[name][1]]
-            for curve in model.body.curves
-        ]
-    )
-    here = [np.interp(row[model.level], at, mark) for mark in marks.T]
-    own, x = marks[number], row[name]
-    side = 0 if x < here[1] else 1
-    width = here[side + 1] - here[side]
-    slope = (own[side + 1] - own[side]) / width if width > 0 else 1.0
-    return {**row, name: own[1] + (x - here[1]) * slope}
 
 
 def curve_value(model, curve, row):
@@ -102,7 +72,7 @@ def curve_value(model, curve, row):
     for name in row:
         if name == model.level:
             continue
-        low, high = model.body.fusion.domain.get(name, curve.limits[name])
+        low, high = curve.limits[name]
         for side, limit, out in zip(
             model.body.fusion.extrapolation[name],
             (low, high),

@@ -123,15 +123,6 @@ def test_a_residual_that_jumps_from_level_to_level_counts_at_the_levels_alone():
     )
 
 
-@pytest.mark.parametrize("shrink", [0.0, 0.35, 1.0])
-def test_a_given_share_is_taken_as_it_is(shrink):
-    assert on_polynomial(curves(held_out=()), shrink=shrink).body.fusion.shrink == shrink
-
-
-def test_without_a_backbone_nothing_is_shrunk():
-    assert built(shrink=0.3).body.fusion.shrink == 1.0
-
-
 def test_between_two_levels_the_backbone_stands_alone():
     model = trusted(bumped(curves(levels=(150.0, 350.0), held_out=()), lambda _number: 80))
     assert model.body.fusion.shrink == 0.0
@@ -346,20 +337,6 @@ def test_all_of_the_residual_counts_with_the_share_that_left_out_blocks_support(
     expected = alone + share * (predict(whole, columns) - alone)
     np.testing.assert_allclose(predict(kept, columns), expected, rtol=1e-10, atol=1e-8)
     assert bool(kept.body.segments) == (share > 0)
-
-
-@pytest.mark.parametrize("share", [0.0, 0.3])
-def test_a_given_share_counts_on_a_surface_as_well(share):
-    samples = scattered()
-    whole, part = (on_polynomial(samples, **OF_SURFACE, shrink=given) for given in (1.0, share))
-    columns = samples[0].columns
-    alone = backbone_of(whole, columns)
-    np.testing.assert_allclose(
-        predict(part, columns),
-        alone + share * (predict(whole, columns) - alone),
-        rtol=1e-10,
-        atol=1e-8,
-    )
 
 
 def test_a_backbone_is_chosen_for_a_surface_as_if_every_candidate_were_tried_on_every_fold(

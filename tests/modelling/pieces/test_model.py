@@ -3,7 +3,6 @@ their thresholds.
 """
 
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
@@ -16,7 +15,6 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.kinds import outside_range, predict
 from mapmore_cli.modelling.literature.backbone import fit_formula
-from mapmore_cli.modelling.pieces.build import threshold
 from mapmore_cli.modelling.pieces.definition import weight_of
 from mapmore_cli.modelling.pieces.recipe import Cuts
 
@@ -93,8 +91,8 @@ def shuffled(curve, rng):
 
 WAYS = [
     {"max_terms": 2},
-    {"cuts": {"strain": Cuts("optimal", 2, grid=5)}},
-    {"cuts": {"strain": Cuts("gradient", 3)}, "align": "threshold"},
+    {"cuts": {"strain": Cuts("optimal", 2)}},
+    {"cuts": {"strain": Cuts("gradient", 3)}},
 ]
 
 
@@ -113,7 +111,6 @@ def test_neither_the_order_of_rows_nor_held_out_forces_matter(seed, way):
     ]
     one, two = built(plain, **way), built([shuffled(c, rng) for c in spoilt], **way)
     for f, g in zip(one.body.curves, two.body.curves, strict=True):
-        assert f.threshold == g.threshold
         np.testing.assert_array_equal(f.boundaries, g.boundaries)
     for f, g in segments_of(one, two):
         assert f.terms == g.terms
@@ -183,32 +180,17 @@ def test_a_term_that_is_not_finite_names_the_segment():
         built(dictionary=("log(strain - 2)",))
 
 
-def test_limits_of_the_domain_are_those_of_the_longest_curve():
-    """At 80 kPa the curve ends at a strain of 0.09, the domain at 0.225 (M2 eq 12)."""
-    model, own = (
-        built(limits=limits, extrapolation={"strain": ("saturate", "saturate")})
-        for limits in ("domain", "curve")
-    )
-    free = built(extrapolation={"strain": ("continue", "continue")})
-    assert model.body.fusion.domain == {"strain": (0.0, pytest.approx(0.225))}
-    strain = [0.05, 0.15, 0.3]
-    assert predict(model, at(80, strain)) == pytest.approx(
-        predict(free, at(80, [0.05, 0.15, 0.225]))
-    )
-    assert predict(own, at(80, strain))[1] == pytest.approx(predict(own, at(80, 0.09))[0])
-
-
 @pytest.mark.parametrize("extrapolation", ["continue", "zero", "saturate"])
 def test_weights_make_the_model(extrapolation):
     """The weights times the segment functions are what is added to the backbone."""
     samples = curves(held_out=())
     ways = {
-        "shrink": 0.3,
         "hold": "none",
         "max_terms": 1,
         "extrapolation": {"pressure": (extrapolation, extrapolation)},
     }
     model = built(samples, fit_formula("polynomial_2", samples, "force"), **ways)
+    model = replace(model, body=replace(model.body, fusion=replace(model.body.fusion, shrink=0.3)))
     rng = np.random.default_rng(0)
     columns = at(rng.uniform(60, 380, 50), rng.uniform(0.0, 0.085, 50))
     segments, pieces = model.body.segments, np.zeros(50)
@@ -230,98 +212,12 @@ def test_weights_make_the_model(extrapolation):
     ) == pytest.approx([0.3])
 
 
-STRAINS = (0.0, 0.05, 0.1, 0.15)
-
-
-def foot(strain):
-    """Threshold pressure of the imagined slack muscle."""
-    return 100 + 2000 * strain
-
-
-def hinged(pressure, strain):
-    return (1 - 3 * strain) * np.maximum(pressure - foot(strain), 0.0)
-
-
-def slack_curves(strains=STRAINS, held_out=(), noise=0.5, seed=0):
-    """Isometric curves with a creeping slack foot."""
-    rng = np.random.default_rng(seed)
-    made = []
-    for strain in strains:
-        pressure = rng.uniform(50, 600, 500)
-        force = (
-            hinged(pressure, strain)
-            + rng.normal(0, noise, 500)
-            + 5 * np.sin(pressure / 50) * (pressure < foot(strain))
-        )
-        columns = {**at(pressure, strain), "force": force}
-        made.append(
-            Curve(f"strain={strain:g}", strain, columns, np.full(500, strain in held_out), ())
-        )
-    return made
-
-
-@pytest.mark.parametrize("strain", STRAINS)
-@pytest.mark.parametrize("seed", range(5))
-def test_the_corner_of_a_slack_foot_is_found(strain, seed):
-    (curve,) = slack_curves([strain], noise=3, seed=seed)
-    assert threshold(curve.columns["pressure"], curve.columns["force"]) == pytest.approx(
-        foot(strain), abs=20
-    )
-
-
-SHAPES = {
-    "foot on the right": (lambda x: np.maximum(0.7 - x, 0), 0.7, 0.02),
-    "rises": (lambda x: 3 * x + 7, 0.0, 0.0),
-    "constant": (lambda x: np.full_like(x, 7.0), 0.0, 0.0),
-    "falls": (lambda x: 7 - 3 * x, 1.0, 0.0),
-    "bends high above the lower end, as with flat tubes": (
-        lambda x: np.where(x < 0.1, 1 - 6 * x, 0.4 * (1 - x) / 0.9),
-        1.0,
-        0.0,
-    ),
-}
-
-
-@pytest.mark.parametrize("shape", SHAPES)
-def test_the_threshold_is_at_the_foot_or_else_at_the_lower_end(shape):
-    curve, expected, tolerance = SHAPES[shape]
-    x = np.linspace(0, 1, 200)
-    assert threshold(x, curve(x)) == pytest.approx(expected, abs=tolerance, rel=0)
-    assert threshold(0 * x, curve(x)) == 0.0
-
-
-SLACK = {
-    "level": "strain",
-    "dictionary": ("1", "pressure", "pressure^2"),
-    "cuts": {"pressure": Cuts("even", 6)},
-    "max_terms": 3,
-}
-
-
-@pytest.mark.parametrize("levels", ["linear", "pchip"])
-def test_alignment_carries_the_foot_between_levels(levels):
-    pressure, samples, error = np.linspace(60, 590, 300), slack_curves(held_out=(0.1,)), {}
-    for align in ("none", "threshold"):
-        model = built(samples, **SLACK, levels=levels, align=align)
-        error[align] = np.sqrt(
-            np.mean((predict(model, at(pressure, 0.1)) - hinged(pressure, 0.1)) ** 2)
-        )
-    assert error["threshold"] < 0.5 * error["none"]
-
-
-@cache
-def slack_model(levels, align):
-    return built(slack_curves(), **SLACK, levels=levels, align=align)
-
-
 @settings(max_examples=20)
-@given(
-    st.sampled_from(["linear", "pchip"]), st.sampled_from(["none", "threshold"]), st.floats(60, 590)
-)
-def test_continuous_across_levels(levels, align, pressure):
-    model = slack_model(levels, align)
+@given(st.floats(0.0, 0.085))
+def test_continuous_across_levels(strain):
+    model = built(curves())
     coarse, fine = (
-        np.abs(np.diff(predict(model, at(pressure, np.linspace(-0.01, 0.16, n))))).max()
+        np.abs(np.diff(predict(model, at(np.linspace(60, 380, n), strain)))).max()
         for n in (1001, 4001)
     )
     assert fine < 0.4 * coarse + 1e-9

@@ -49,7 +49,6 @@ def imagined(rng, names, level, count, cuts, terms=3):
         ]
         if level:
             limits[level] = (at - 0.01, at + 0.01)
-        threshold = rng.uniform(*limits[free[0]])
         curves.append(
             CurveFunction(
                 f"curve {number}",
@@ -57,7 +56,6 @@ def imagined(rng, names, level, count, cuts, terms=3):
                 tuple(boundaries.values()),
                 limits,
                 tuple(segments),
-                threshold,
             )
         )
     quantities = tuple(Quantity(name, "1") for name in names)
@@ -132,11 +130,8 @@ ways = st.fixed_dictionaries(
     {
         "transition": st.sampled_from(["linear", "quadratic", "cubic"]),
         "z_s": st.one_of(st.sampled_from([0.0, 0.25, 0.5]), st.floats(0, 0.5)),
-        "levels": st.sampled_from(["linear", "pchip"]),
-        "aligned": st.sampled_from([None, "a"]),
         "shrink": st.sampled_from([1.0, 0.0, 0.3]),
         "hold": st.sampled_from(["samples", "none"]),
-        "domain": st.sampled_from([{}, {"a": (0.1, 1.6)}]),
     }
 )
 seeds = st.integers(0, 2**32 - 1)
@@ -166,9 +161,7 @@ def test_agrees_with_the_sum_over_all_segments(seed, way, levels, segments):
 def test_agrees_where_two_variables_are_cut(seed, way, level, count_a, count_b):
     rng = np.random.default_rng(seed)
     model = imagined(rng, ("a", "b", "c"), level, 3, {"a": count_a, "b": count_b})
-    model = fused(
-        model, extrapolation=sides(rng, "abc"), **{**way, "aligned": level and way["aligned"]}
-    )
+    model = fused(model, extrapolation=sides(rng, "abc"), **way)
     agree(model, places(rng, model))
 
 

@@ -11,6 +11,7 @@ from surfaces import changed, curves, recipe
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve
+from mapmore_cli.modelling.pieces import segmentation
 from mapmore_cli.modelling.pieces.build import fit, segment
 from mapmore_cli.modelling.pieces.recipe import Cuts
 from mapmore_cli.modelling.pieces.segmentation import (
@@ -151,15 +152,16 @@ def sse(samples, made):
 
 
 @pytest.mark.parametrize(("max_terms", "count"), [(1, 3), (2, 2)])
-def test_real_fits_equal_exhaustive_search(max_terms, count):
+def test_real_fits_equal_exhaustive_search(max_terms, count, monkeypatch):
     """Every set of boundaries on the grid tried as given breakpoints, through the fits that the
     model would have.
     """
+    monkeypatch.setattr(segmentation, "CELLS", 8)
     (sample,) = curves(levels=(150.0,), n=60)
     grid = np.linspace(0, sample.columns["strain"].max(), 9)
     best = sse(
         [sample],
-        recipe(cuts={"strain": Cuts("optimal", count, grid=8, min_samples=4)}, max_terms=max_terms),
+        recipe(cuts={"strain": Cuts("optimal", count, min_samples=4)}, max_terms=max_terms),
     )
     every = [
         sse(
@@ -184,7 +186,7 @@ def test_a_planted_corner_is_found_on_thousands_of_samples():
         [curve],
         recipe(
             level=None,
-            cuts={"strain": Cuts("optimal", 2, grid=10)},
+            cuts={"strain": Cuts("optimal", 2)},
             dictionary=("1", "strain"),
             max_terms=2,
         ),
@@ -226,7 +228,7 @@ CORNERS = [
 @pytest.mark.parametrize(("corners", "slopes"), CORNERS)
 def test_planted_changes_of_slope_are_found_under_noise_and_spikes(corners, slopes):
     """Every corner has a boundary within one window, for nearly all seeds."""
-    hits, cuts = 0, Cuts("gradient", len(corners) + 1, window=0.1)
+    hits, cuts = 0, Cuts("gradient", len(corners) + 1)
     for seed in range(100):
         boundaries = gradient_boundaries(*bent(seed, corners, slopes), cuts)
         hits += all(
@@ -236,17 +238,12 @@ def test_planted_changes_of_slope_are_found_under_noise_and_spikes(corners, slop
 
 
 @settings(max_examples=40)
-@given(st.integers(0, 1000), st.integers(1, 8), st.floats(0.03, 0.3), st.floats(0.05, 0.4))
-def test_boundaries_keep_their_distance(seed, count, window, separation):
-    boundaries = gradient_boundaries(
-        *bent(seed, [0.5], [2.0, 0.2]),
-        Cuts("gradient", count, window=window, separation=separation),
-    )
+@given(st.integers(0, 1000), st.integers(1, 8))
+def test_boundaries_keep_their_distance(seed, count):
+    x, y = bent(seed, [0.5], [2.0, 0.2])
+    boundaries = gradient_boundaries(x, y, Cuts("gradient", count))
     assert len(boundaries) <= count - 1
-    assert (
-        np.diff([0.0, *boundaries, 1.0]) >= separation - 0.02
-    ).all()  # the samples end a little inside of [0, 1]
-    assert (np.diff(boundaries) >= separation).all()
+    assert (np.diff([x.min(), *boundaries, x.max()]) >= 0.1 * np.ptp(x) * (1 - 1e-6)).all()
 
 
 @settings(max_examples=15)

@@ -13,9 +13,9 @@ from mapmore_cli.modelling.signals.rates import rate
 from mapmore_cli.modelling.signals.sampling import (
     align,
     average_repeated,
+    cut_after,
     find_gaps,
     find_resets,
-    pieces,
     resample,
     spread_repeated,
     typical_step,
@@ -71,7 +71,7 @@ def test_planted_gaps_are_found_and_their_samples_counted(sizes, missing, step):
     np.testing.assert_array_equal(gaps.after, np.cumsum(sizes)[:-1] - 1)
     np.testing.assert_allclose(gaps.lengths, (np.array(missing[: len(sizes) - 1]) + 1) * step)
     assert gaps.samples_missing == sum(missing[: len(sizes) - 1])
-    assert [part.stop - part.start for part in pieces(len(counts), gaps.after)] == sizes
+    assert [part.stop - part.start for part in cut_after(len(counts), gaps.after)] == sizes
 
 
 @pytest.mark.parametrize("start", [0.0, 1e4, 1.6e9])
@@ -83,7 +83,7 @@ def test_repeated_stamps_do_not_hide_the_usual_step_and_resets_are_found():
     time = np.repeat(np.arange(10.0), 3)
     assert (typical_step(time), typical_step(np.zeros(4))) == (1.0, 0.0)
     assert find_gaps(np.append(time, 19.0), 2.0).samples_missing == 9
-    assert pieces(6, find_resets(np.array([0, 1, 1, 0.5, 2, 0]))) == [
+    assert cut_after(6, find_resets(np.array([0, 1, 1, 0.5, 2, 0]))) == [
         slice(0, 3),
         slice(3, 5),
         slice(5, 6),

@@ -12,13 +12,12 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.expressions import families, to_text
 from mapmore_cli.modelling.expressions.families import (
     count_products,
-    delays,
     lags,
     operated,
     products,
 )
+from mapmore_cli.modelling.expressions.operators.lags import spread_times
 from mapmore_cli.modelling.expressions.operators.play import spread_widths
-from mapmore_cli.modelling.expressions.operators.slow import spread_times
 
 
 @settings(deadline=None)
@@ -51,16 +50,14 @@ def test_names_are_written_as_a_person_would():
         "force[k-2]",
         "pressure[k-2]",
     )
-    assert delays(["p"], [0, 0.011, 0.012, 0.04], 0.01) == ("p", "p[k-1]", "p[k-4]")
     assert operated("play", ["p"], [0.16, 0.4]) == ("play(p, 0.16)", "play(p, 0.4)")
     assert operated("slow", operated("play", ["p"], [0.16]), [0.3]) == ("slow(play(p, 0.16), 0.3)",)
-    assert operated("saturate", ["p"]) == ("saturate(p)",)
     assert operated("resonance", ["p"]) == ("resonance(p)", "resonance_velocity(p)")
 
 
 @pytest.mark.parametrize(
     ("operator", "numbers"),
-    [("play", [0.0]), ("saturate", [1.0]), ("play", [1.0]), ("resonance", [4.0])],
+    [("play", [0.0]), ("play", [1.0]), ("resonance", [4.0])],
 )
 def test_impossible_operators_are_refused(operator, numbers):
     with pytest.raises(ValueError, match=r"number|between"):

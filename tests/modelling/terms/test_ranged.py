@@ -34,9 +34,9 @@ def ends(widths, partners=(), of="strain"):
     return written("ends", of=of, widths=widths, **{"with": list(partners)})
 
 
-def along(texts, low, high, *own, name="strain"):
-    """The terms over a range; `own` is that range in the unit of the model."""
-    return placed(tuple(texts), ((name, (low, high, *(own or (low, high)))),))
+def along(texts, low, high, name="strain"):
+    """The terms over a range."""
+    return placed(tuple(texts), ((name, low, high),))
 
 
 def test_on_a_unit_range_terms_are_short():
@@ -60,14 +60,6 @@ def test_on_another_range_numbers_have_few_digits_and_one_divisor():
         "exp(-(strain - 10)/24.9)",
         "exp((strain - 840)/24.9)",
     )
-    assert along(spline([93.25, 200.0]), 10, 840)[4:] == (
-        "abs((strain - 93.25)/830)^3",
-        "abs((strain - 200)/830)^3",
-    )
-
-
-def test_given_knots_follow_the_scaling_of_the_segment():
-    assert along(spline([425.0]), 0, 1, 10, 840)[4] == "abs(strain - 0.5)^3"
 
 
 def test_a_step_times_the_change_and_its_square_over_every_window():
@@ -191,9 +183,3 @@ def test_products_take_them_as_any_other_family():
     } <= set(along(texts, 0, 1))
     inside = written("products", of=[{"spline": {"of": "strain", "knots": 2}}, "pressure"], order=1)
     assert inside.count("1") == 1
-
-
-def test_a_spline_without_the_constant_keeps_its_factors():
-    texts = written("spline", of="strain", knots=2, constant=False, **{"with": ["pressure"]})
-    assert "1" not in texts
-    assert "pressure" in texts

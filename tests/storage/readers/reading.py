@@ -4,42 +4,36 @@ have to say.
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import pytest
 import scipy.io
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.readers import READERS, RawTable, TableRequest
-from mapmore_cli.storage.tables import SourceColumn
+from mapmore_cli.storage.readers import READERS, TableRequest
 
 SUFFIXES = {"hdf5": "h5"}
 
 
-def tables_of(reader: str, path: Path, *columns: SourceColumn, **request: Any) -> list[RawTable]:
+def tables_of(reader, path, *columns, **request):
     """The recordings of a file."""
     return READERS[reader].read(
         path, TableRequest(f"a.{SUFFIXES.get(reader, reader)}", columns, **request)
     )
 
 
-def table_of(reader: str, path: Path, *columns: SourceColumn, **request: Any) -> RawTable:
+def table_of(reader, path, *columns, **request):
     """The one recording of a file."""
     (table,) = tables_of(reader, path, *columns, **request)
     return table
 
 
-def csv_table(path: Path, content: bytes, *columns: SourceColumn, **request: Any) -> RawTable:
+def csv_table(path, content, *columns, **request):
     """What is read of some text."""
     path.write_bytes(content)
     return table_of("csv", path, *columns, **request)
 
 
-def refusal(
-    parts: list[str], reader: str, path: Path, *columns: SourceColumn, **request: Any
-) -> str:
+def refusal(parts, reader, path, *columns, **request):
     """The message of the error with which a file is refused, which has all of the `parts`."""
     with pytest.raises(DataError) as caught:
         tables_of(reader, path, *columns, **request)
@@ -48,24 +42,25 @@ def refusal(
     return message
 
 
-def opaque_mat(path: Path, name: str, of_class: str, x: Any) -> Path:
-    """A file of version 7 with an object as MATLAB lays it out, and the numbers `x`: only what a
-    reader sees before the contents.
+def element(kind, content):
+    """An element of a MATLAB file of version 5."""
+    return np.array([kind, len(content)], "<u4").tobytes() + content + b"\0" * (-len(content) % 8)
+
+
+def opaque_variable(name, of_class):
+    """An object as MATLAB lays it out in a file of version 7: only what a reader sees before the
+    contents.
     """
-
-    def element(kind: int, content: bytes) -> bytes:
-        return (
-            np.array([kind, len(content)], "<u4").tobytes() + content + b"\0" * (-len(content) % 8)
-        )
-
-    numbers = element(6, np.array([13, 0], "<u4").tobytes()) + element(
-        5, np.array([1, 1], "<i4").tobytes()
-    )
-    numbers = element(
-        14, numbers + element(1, b"") + element(6, np.array([0xDD000000], "<u4").tobytes())
-    )
     words = b"".join(element(1, word.encode()) for word in (name, "MCOS", of_class))
+    numbers = element(6, np.array([13, 0], "<u4").tobytes())
+    numbers += element(5, np.array([1, 1], "<i4").tobytes()) + element(1, b"")
+    numbers += element(6, np.array([0xDD000000], "<u4").tobytes())
+    flags = element(6, np.array([17, 0], "<u4").tobytes())
+    return element(14, flags + words + element(14, numbers))
+
+
+def opaque_mat(path, name, of_class, x):
+    """A file with such an object, and the numbers `x`."""
     scipy.io.savemat(path, {"x": x})
-    with path.open("ab") as file:
-        file.write(element(14, element(6, np.array([17, 0], "<u4").tobytes()) + words + numbers))
+    path.write_bytes(path.read_bytes() + opaque_variable(name, of_class))
     return path

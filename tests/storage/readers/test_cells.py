@@ -8,8 +8,6 @@ import csv
 import math
 import re
 from datetime import datetime, time, timedelta
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -21,7 +19,6 @@ from reading import csv_table, refusal, table_of
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.pipeline.notebooks import column_of
 from mapmore_cli.pipeline.records import Sheet
-from mapmore_cli.storage.tables import read_with, remembered
 from mapmore_cli.storage.tables.cells import CellReader, NotANumber
 
 h5py = pytest.importorskip("h5py")
@@ -99,13 +96,13 @@ cells = st.one_of(
 ).filter(lambda cell: cell.strip() != "" and not cell.startswith(("=", "\0")) and len(cell) < 100)
 
 
-def of_csv(path: Path, cell: str, **request: Any) -> float:
+def of_csv(path, cell, **request):
     with path.open("w", encoding="utf-8", newline="") as file:
         csv.writer(file, delimiter=";").writerows([["x", "y"], [cell, 1]])
     return float(table_of("csv", path, "x", delimiter=";", **request).columns["x"][0])
 
 
-def of_xlsx(path: Path, cell: Any, **request: Any) -> float:
+def of_xlsx(path, cell, **request):
     book = openpyxl.Workbook()
     book.active.append(["x"])
     book.active.append([cell])
@@ -113,31 +110,31 @@ def of_xlsx(path: Path, cell: Any, **request: Any) -> float:
     return float(table_of("xlsx", path, "x", **request).columns["x"][0])
 
 
-def of_mat(path: Path, cell: str, **request: Any) -> float:
+def of_mat(path, cell, **request):
     scipy.io.savemat(path, {"x": np.array([cell])})
     return float(table_of("mat", path, "x", **request).columns["x"][0])
 
 
-def of_hdf5(path: Path, cell: str, **request: Any) -> float:
+def of_hdf5(path, cell, **request):
     with h5py.File(path, "w") as file:
         file.create_dataset("x", data=[cell], dtype=h5py.string_dtype())
     return float(table_of("hdf5", path, "x", **request).columns["x"][0])
 
 
-def of_tdms(path: Path, cell: str, **request: Any) -> float:
+def of_tdms(path, cell, **request):
     with nptdms.TdmsWriter(path) as writer:
         writer.write_segment([nptdms.ChannelObject("g", "x", [cell])])
     return float(table_of("tdms", path, "x", root="g", **request).columns["x"][0])
 
 
-def of_predict(_path: Path, cell: str, clocks: frozenset[str] = frozenset()) -> float:
+def of_predict(_path, cell, clocks=frozenset()):
     name = "time" if clocks else "x"
     quoted = cell.replace('"', '""')
     sheet = Sheet([f"{name},y\n", f'"{quoted}",1\n'], "table", "x")
     return float(sheet.values(list(sheet.rows), sheet.places([name]))[name][0])
 
 
-def of_frame(_path: Path, cell: Any, clocks: frozenset[str] = frozenset()) -> float:
+def of_frame(_path, cell, clocks=frozenset()):
     return float(
         column_of(
             {"x": np.array([cell], dtype=object)},
@@ -148,7 +145,7 @@ def of_frame(_path: Path, cell: Any, clocks: frozenset[str] = frozenset()) -> fl
     )
 
 
-def of_texts(_path: Path, cell: str, clocks: frozenset[str] = frozenset()) -> float:
+def of_texts(_path, cell, clocks=frozenset()):
     return float(
         column_of(
             {"x": np.array([cell])},
@@ -162,7 +159,7 @@ def of_texts(_path: Path, cell: str, clocks: frozenset[str] = frozenset()) -> fl
 EVERY = (of_csv, of_xlsx, of_mat, of_hdf5, of_tdms, of_predict, of_frame, of_texts)
 
 
-def verdict(read: Any, path: Path, cell: Any, clock: bool) -> float | str:
+def verdict(read, path, cell, clock):
     """The number; what is no number as the same word, and `refused`."""
     try:
         value = read(path, cell, clocks=frozenset({"x"} if clock else ()))
@@ -177,7 +174,7 @@ def verdict(read: Any, path: Path, cell: Any, clock: bool) -> float | str:
 @given(cell=cells, clock=st.booleans())
 @example("0:03:20", False)
 @example("\u0661\u0662", False)
-def test_all_readers_are_of_one_opinion(tmp_path: Path, cell: str, clock: bool) -> None:
+def test_all_readers_are_of_one_opinion(tmp_path, cell, clock):
     found = {
         read.__name__: verdict(read, tmp_path / f"a.{read.__name__}", cell, clock) for read in EVERY
     }
@@ -193,13 +190,13 @@ def test_all_readers_are_of_one_opinion(tmp_path: Path, cell: str, clock: bool) 
     "cell",
     [*STAMPS, *(cell for cell in ODD if cell not in ("nan", "inf", "-inf", "1e999", "na", "NULL"))],
 )
-def test_what_is_no_number_is_refused(cell: str) -> None:
+def test_what_is_no_number_is_refused(cell):
     with pytest.raises(NotANumber):
         CellReader()(cell)
 
 
 @pytest.mark.parametrize("cell", [True, False, datetime(2026, 3, 1), time(12), timedelta(hours=1)])
-def test_typed_cells_are_of_one_opinion(tmp_path: Path, cell: Any) -> None:
+def test_typed_cells_are_of_one_opinion(tmp_path, cell):
     assert (
         verdict(of_xlsx, tmp_path / "a.xlsx", cell, False)
         == verdict(of_frame, tmp_path, cell, False)
@@ -232,7 +229,7 @@ def test_typed_cells_are_of_one_opinion(tmp_path: Path, cell: Any) -> None:
         (["12:00:00", "", "nan", "12:00:01"], [43200, math.nan, math.nan, 43201]),
     ],
 )
-def test_stamps_that_need_no_format(tmp_path: Path, cells: list[str], seconds: list[float]) -> None:
+def test_stamps_that_need_no_format(tmp_path, cells, seconds):
     content = "\n".join(["t;P", *(f"{cell};1" for cell in cells)]).encode()
     for decimal in ".,":
         table = csv_table(
@@ -270,16 +267,14 @@ def test_stamps_that_need_no_format(tmp_path: Path, cells: list[str], seconds: l
         (["2026-03-01 24:30:00"], ["row 2", "format:"]),
     ],
 )
-def test_stamps_that_are_refused(tmp_path: Path, cells: list[str], parts: list[str]) -> None:
+def test_stamps_that_are_refused(tmp_path, cells, parts):
     (tmp_path / "a").write_bytes("\n".join(["t;P", *(f"{cell};1" for cell in cells)]).encode())
     refusal(
         ["column t", *parts], "csv", tmp_path / "a", "t", delimiter=";", clocks=frozenset({"t"})
     )
 
 
-def test_the_form_of_stamps_is_known_from_block_to_block(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_form_of_stamps_is_known_from_block_to_block(tmp_path, monkeypatch):
     monkeypatch.setattr("mapmore_cli.storage.readers.csv.CHUNK", 3)
     for first, then in (("{}.5", "0:00:{:02}"), ("0:00:{:02}", "{}.5")):
         content = "\n".join(
@@ -304,9 +299,7 @@ def test_the_form_of_stamps_is_known_from_block_to_block(
         ("%Y%m%d%H%M%S", ["20260301120000", "20260301120001"], [1772366400, 1772366401]),
     ],
 )
-def test_a_format_says_how_stamps_are_read(
-    tmp_path: Path, layout: str, cells: list[str], seconds: list[float]
-) -> None:
+def test_a_format_says_how_stamps_are_read(tmp_path, layout, cells, seconds):
     asked = {"clocks": frozenset({"x"}), "format": layout}
     content = "\n".join(["x,P", *(f"{cell},1" for cell in cells)]).encode()
     assert csv_table(tmp_path / "a", content, "x", **asked).columns["x"].tolist() == seconds
@@ -335,11 +328,9 @@ def test_a_format_says_how_stamps_are_read(
         ((",", "."), "1.50", None),
     ],
 )
-def test_thousands_stand_in_groups_of_three(
-    tmp_path: Path, marks: tuple[str, str], cell: str, number: float | None
-) -> None:
+def test_thousands_stand_in_groups_of_three(tmp_path, marks, cell, number):
     decimal, thousands = marks
-    asked: dict[str, Any] = {"delimiter": ";", "decimal": decimal, "thousands": thousands}
+    asked = {"delimiter": ";", "decimal": decimal, "thousands": thousands}
     content = f"F;x\n{cell};1\n2;2\n".encode()
     if number is None:
         (tmp_path / "a").write_bytes(content)
@@ -362,7 +353,7 @@ def test_thousands_stand_in_groups_of_three(
         ("2026-03-01", ["a date stands here"]),
     ],
 )
-def test_remedies_keep_the_sample(tmp_path: Path, cell: str, parts: list[str]) -> None:
+def test_remedies_keep_the_sample(tmp_path, cell, parts):
     """Tokens for missing values would lose it."""
     (tmp_path / "a").write_bytes(f"F;x\n{cell};1\n".encode())
     assert "tokens" not in refusal(
@@ -371,7 +362,7 @@ def test_remedies_keep_the_sample(tmp_path: Path, cell: str, parts: list[str]) -
 
 
 @pytest.mark.parametrize("cell", ['"20"1.2', '2"0', '"20""1.2"', '2"0"', '"20"1"2"', ' "20"'])
-def test_damaged_quotes_do_not_join(tmp_path: Path, cell: str) -> None:
+def test_damaged_quotes_do_not_join(tmp_path, cell):
     (tmp_path / "a").write_bytes(f"F,x\n1,1\n{cell},1\n".encode())
     refusal(["a.csv:row 3, column F", "quotation mark"], "csv", tmp_path / "a", "F")
     sheet = Sheet(["F,x\n", "1,1\n", f"{cell},1\n"], "table", "x")
@@ -380,20 +371,8 @@ def test_damaged_quotes_do_not_join(tmp_path: Path, cell: str) -> None:
     assert csv_table(tmp_path / "a", f"F,x\n{cell},1\n".encode(), "x").columns["x"].tolist() == [1]
 
 
-def test_quoted_fields_are_as_rfc_4180_has_them(tmp_path: Path) -> None:
+def test_quoted_fields_are_as_rfc_4180_has_them(tmp_path):
     content = b'"F","x ""y"", z"\r\n"20.5","1"\r\n1,"a ""b"" c\r\nd"\r\n'
     table = csv_table(tmp_path / "a", content, "F")
     assert table.columns["F"].tolist() == [20.5, 1]
     assert table.rows.tolist() == [2, 4]
-
-
-def test_a_table_that_was_read_with_stamps_is_read_anew_without(tmp_path: Path) -> None:
-    from mapmore_cli.storage.readers import READERS, TableRequest
-
-    (tmp_path / "a").write_bytes(b"t,F\n12:00:00,1\n")
-    with remembered():
-        read_with(
-            READERS["csv"], tmp_path / "a", TableRequest("a", ("t", "F"), clocks=frozenset({"t"}))
-        )
-        with pytest.raises(NotANumber):
-            read_with(READERS["csv"], tmp_path / "a", TableRequest("a", ("t", "F")))

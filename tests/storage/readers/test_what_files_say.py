@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import tracemalloc
-from pathlib import Path
-from typing import Any
 
 import h5py
 import numpy as np
@@ -12,7 +10,7 @@ import pytest
 from reading import refusal, table_of, tables_of
 
 NAN = np.nan
-STORED: dict[str, tuple[Any, dict[str, Any], list[float]]] = {
+STORED = {
     "scaled": (
         np.array([0, 10, -20], "i2"),
         {"scale_factor": 0.1, "add_offset": np.array([5.0])},
@@ -63,7 +61,7 @@ STORED: dict[str, tuple[Any, dict[str, Any], list[float]]] = {
 }
 
 
-def hdf5(path: Path, values: Any, said: dict[str, Any]) -> Path:
+def hdf5(path, values, said):
     with h5py.File(path, "w") as file:
         file["F"] = values
         file["F"].attrs.update(said)
@@ -71,15 +69,13 @@ def hdf5(path: Path, values: Any, said: dict[str, Any]) -> Path:
 
 
 @pytest.mark.parametrize(("stored", "said", "meant"), STORED.values(), ids=STORED)
-def test_stored_numbers_mean_what_the_attributes_of_netcdf_say(
-    tmp_path: Path, stored: Any, said: dict[str, Any], meant: list[float]
-) -> None:
+def test_stored_numbers_mean_what_the_attributes_of_netcdf_say(tmp_path, stored, said, meant):
     table = table_of("hdf5", hdf5(tmp_path / "a.nc", stored, said), "F")
     np.testing.assert_allclose(table.columns["F"], meant)
     assert table.noted["F"].is_scaled == ("scale_factor" in said)
 
 
-def test_a_factor_that_is_a_text_is_refused(tmp_path: Path) -> None:
+def test_a_factor_that_is_a_text_is_refused(tmp_path):
     refusal(
         ["a.h5: /F: its attribute scale_factor is no number"],
         "hdf5",
@@ -103,11 +99,11 @@ def test_a_factor_that_is_a_text_is_refused(tmp_path: Path) -> None:
         ({"units": np.array([b"mm", b"N"])}, ""),  # of the columns of a matrix, perhaps
     ],
 )
-def test_units_of_datasets(tmp_path: Path, said: dict[str, Any], unit: str) -> None:
+def test_units_of_datasets(tmp_path, said, unit):
     assert table_of("hdf5", hdf5(tmp_path / "a.h5", [1.0, 2.0], said), "F").noted["F"].unit == unit
 
 
-def test_netcdf_of_the_classic_format_is_named(tmp_path: Path) -> None:
+def test_netcdf_of_the_classic_format_is_named(tmp_path):
     (tmp_path / "a.nc").write_bytes(b"CDF\x01" + bytes(100))
     refusal(
         ["a.h5: is a netCDF file of the classic format", "nccopy -k nc4"],
@@ -117,7 +113,7 @@ def test_netcdf_of_the_classic_format_is_named(tmp_path: Path) -> None:
     )
 
 
-def test_long_texts_and_references_are_refused(tmp_path: Path) -> None:
+def test_long_texts_and_references_are_refused(tmp_path):
     text = "x" * 5_000_000
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file["F"] = np.array([text] * 20, dtype=h5py.string_dtype())
@@ -150,7 +146,7 @@ def test_long_texts_and_references_are_refused(tmp_path: Path) -> None:
     assert list(table_of("hdf5", tmp_path / "a.h5", "table.F").columns["table.F"]) == [0, 0, 0]
 
 
-def test_a_filter_that_is_not_installed_is_named(tmp_path: Path) -> None:
+def test_a_filter_that_is_not_installed_is_named(tmp_path):
     created = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
     created.set_chunk((9,))
     created.set_filter(32001, h5py.h5z.FLAG_OPTIONAL, (2, 2))
@@ -173,9 +169,7 @@ nptdms = pytest.importorskip("nptdms")
 START = np.datetime64("2026-03-01T00:00:00", "us")
 
 
-def wave(
-    step: float = 0.01, start: Any = START, offset: float = 0.0, unit: str = "kPa"
-) -> dict[str, Any]:
+def wave(step=0.01, start=START, offset=0.0, unit="kPa"):
     return {
         "wf_increment": step,
         "wf_start_time": start,
@@ -184,7 +178,7 @@ def wave(
     }
 
 
-def tdms(path: Path, p: dict[str, Any], f: dict[str, Any], length: int = 40) -> Path:
+def tdms(path, p, f, length=40):
     with nptdms.TdmsWriter(str(path)) as writer:
         for name, said, n in (("P", p, 40), ("F", f, length)):
             writer.write_segment([nptdms.ChannelObject("G", name, np.arange(float(n)), said)])
@@ -217,15 +211,13 @@ def tdms(path: Path, p: dict[str, Any], f: dict[str, Any], length: int = 40) -> 
         (wave(offset=-0.5), ["F' begins -0.5 s after 'G/P'", "`shift: -0.5 s`"]),
     ],
 )
-def test_channels_that_were_not_sampled_together_are_refused(
-    tmp_path: Path, said: dict[str, Any], told: list[str], root: str | None
-) -> None:
+def test_channels_that_were_not_sampled_together_are_refused(tmp_path, said, told, root):
     columns = ("G/P", "G/F") if root is None else ("P", "F")
     told = told if root is None else [part.replace("G/", "") for part in told]
     refusal(told, "tdms", tdms(tmp_path / "a.tdms", wave(), said), *columns, root=root)
 
 
-def test_channels_of_other_lengths_are_told_by_their_rates(tmp_path: Path) -> None:
+def test_channels_of_other_lengths_are_told_by_their_rates(tmp_path):
     refusal(
         ["every 0.01 s, 'G/F' every 0.1 s"],
         "tdms",
@@ -245,9 +237,7 @@ def test_channels_of_other_lengths_are_told_by_their_rates(tmp_path: Path) -> No
         wave(0.01 * (1 + 1e-9), unit="N"),
     ],
 )
-def test_channels_that_were_or_that_nobody_says_more_of_are_read(
-    tmp_path: Path, said: dict[str, Any]
-) -> None:
+def test_channels_that_were_or_that_nobody_says_more_of_are_read(tmp_path, said):
     table = table_of("tdms", tdms(tmp_path / "a.tdms", wave(), said), "G/P", "G/F")
     assert table.size == 40
     assert (table.noted["G/P"].unit, table.noted["G/P"].step) == ("kPa", 0.01)
@@ -260,7 +250,7 @@ def test_channels_that_were_or_that_nobody_says_more_of_are_read(
 openpyxl = pytest.importorskip("openpyxl")
 
 
-def book(path: Path, **sheets: list[list[Any]]) -> Any:
+def book(path, **sheets):
     made = openpyxl.Workbook()
     made.remove(made.active)
     for title, rows in sheets.items():
@@ -274,7 +264,7 @@ def book(path: Path, **sheets: list[list[Any]]) -> Any:
 OLD, NOW, NEXT = ([["t", "F"], [0, n], [1, n]] for n in (-1, 1, 2))
 
 
-def hidden(path: Path, *titles: str, **sheets: list[list[Any]]) -> Path:
+def hidden(path, *titles, **sheets):
     made = book(path, **sheets)
     for title in titles:
         made[title].sheet_state = "hidden" if title == "old" else "veryHidden"
@@ -285,7 +275,7 @@ def hidden(path: Path, *titles: str, **sheets: list[list[Any]]) -> Path:
     return path
 
 
-def test_hidden_sheets_are_passed_over_but_where_they_are_named(tmp_path: Path) -> None:
+def test_hidden_sheets_are_passed_over_but_where_they_are_named(tmp_path):
     path = hidden(tmp_path / "a.xlsx", "old", "older", old=OLD, older=OLD, now=NOW)
     assert [list(table.columns["F"]) for table in tables_of("xlsx", path, "F")] == [[1, 1]]
     assert table_of("xlsx", path, "F").doubts == ()
@@ -293,7 +283,7 @@ def test_hidden_sheets_are_passed_over_but_where_they_are_named(tmp_path: Path) 
     assert list(table_of("xlsx", path, "F", sheet="old").columns["F"]) == [-1, -1]
 
 
-def test_which_of_several_sheets_was_read_is_told(tmp_path: Path) -> None:
+def test_which_of_several_sheets_was_read_is_told(tmp_path):
     path = hidden(tmp_path / "a.xlsx", "old", old=OLD, now=NOW, next=NEXT, empty=[])
     assert table_of("xlsx", path, "F").doubts == (
         "a.xlsx: the sheet 'now' is read, and not next; say which by `sheet`",
@@ -301,7 +291,7 @@ def test_which_of_several_sheets_was_read_is_told(tmp_path: Path) -> None:
     assert table_of("xlsx", path, "F", sheet="now").doubts == ()
 
 
-def test_formulas_that_were_never_computed(tmp_path: Path) -> None:
+def test_formulas_that_were_never_computed(tmp_path):
     book(tmp_path / "a.xlsx", a=[["t", "F", "G"], [0, 1.0, "=A2"], [1, "=A3*2", 2]])
     for request in ({}, {"incomplete": True}):
         told = "a.xlsx:a:row 3, column F: is a formula that was never computed"
@@ -324,7 +314,7 @@ def test_formulas_that_were_never_computed(tmp_path: Path) -> None:
     )
 
 
-def test_merged_cells(tmp_path: Path) -> None:
+def test_merged_cells(tmp_path):
     made = book(tmp_path / "a.xlsx", a=[["t", "P", "F"], *([i, 100, i] for i in range(6))])
     made["a"].merge_cells("B3:B5")
     made["a"].merge_cells("D2:E3")
@@ -334,7 +324,7 @@ def test_merged_cells(tmp_path: Path) -> None:
     assert table_of("xlsx", tmp_path / "a.xlsx", "t", "F").size == 6
 
 
-def test_cells_that_are_empty_stay_missing(tmp_path: Path) -> None:
+def test_cells_that_are_empty_stay_missing(tmp_path):
     book(tmp_path / "a.xlsx", a=[["t", "F"], [0, None], [1, 2]])
     np.testing.assert_array_equal(
         table_of("xlsx", tmp_path / "a.xlsx", "F", "t").columns["F"], [np.nan, 2]
@@ -342,7 +332,7 @@ def test_cells_that_are_empty_stay_missing(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("error", ["#DIV/0!", "#REF!", "#VALUE!"])
-def test_errors_of_formulas(tmp_path: Path, error: str) -> None:
+def test_errors_of_formulas(tmp_path, error):
     book(tmp_path / "a.xlsx", a=[["t", "F"], [0, 1], [1, error]])
     refusal(
         [f"a.xlsx:a:row 3, column F: '{error}' is not a number", "a formula failed there"],

@@ -3,23 +3,20 @@ from __future__ import annotations
 import zipfile
 from datetime import datetime, time, timedelta
 from functools import partial
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from reading import refusal, table_of
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.tables import SourceColumn
 
 openpyxl = pytest.importorskip("openpyxl")
 
-TABLE: list[list[Any]] = [["t", "F", "note"], [0, 1.5, "a"], [0.5, -2, None], [], [1.0, None, "b"]]
+TABLE = [["t", "F", "note"], [0, 1.5, "a"], [0.5, -2, None], [], [1.0, None, "b"]]
 
 
 @pytest.fixture
-def book(tmp_path: Path) -> Path:
+def book(tmp_path):
     """A workbook with sheets `About` and `Run1`."""
     made = openpyxl.Workbook()
     made.active.title = "About"
@@ -32,7 +29,7 @@ def book(tmp_path: Path) -> Path:
     return path
 
 
-def of_rows(path: Path, *rows: list[Any]) -> Path:
+def of_rows(path, *rows):
     made = openpyxl.Workbook()
     for row in rows:
         made.active.append(row)
@@ -43,7 +40,7 @@ def of_rows(path: Path, *rows: list[Any]) -> Path:
 read = partial(table_of, "xlsx")
 
 
-def test_named_sheet_with_rows_as_the_sheet_counts_them(book: Path) -> None:
+def test_named_sheet_with_rows_as_the_sheet_counts_them(book):
     table = read(book, "F", "t", sheet="Run1")
     np.testing.assert_array_equal(table.columns["t"], [0, 0.5, 1])
     np.testing.assert_array_equal(table.columns["F"], [1.5, -2, np.nan])
@@ -51,7 +48,7 @@ def test_named_sheet_with_rows_as_the_sheet_counts_them(book: Path) -> None:
     assert table.at(2) == "a.xlsx:Run1:row 5"
 
 
-def test_without_header_after_skipped_rows(book: Path) -> None:
+def test_without_header_after_skipped_rows(book):
     np.testing.assert_array_equal(
         read(book, 1, sheet="Run1", header=0, skip_rows=1).columns[1], [1.5, -2, np.nan]
     )
@@ -59,7 +56,7 @@ def test_without_header_after_skipped_rows(book: Path) -> None:
     np.testing.assert_array_equal(read(units, "F", skip_rows=1, header=2).columns["F"], [2])
 
 
-def test_dates_count_as_seconds_in_the_column_of_the_time(tmp_path: Path) -> None:
+def test_dates_count_as_seconds_in_the_column_of_the_time(tmp_path):
     path = of_rows(
         tmp_path / "a.xlsx",
         [
@@ -83,7 +80,7 @@ def test_dates_count_as_seconds_in_the_column_of_the_time(tmp_path: Path) -> Non
         refusal(parts, "xlsx", path, column, header=0)
 
 
-def test_a_boolean_is_no_number_not_even_of_time(tmp_path: Path) -> None:
+def test_a_boolean_is_no_number_not_even_of_time(tmp_path):
     path = of_rows(tmp_path / "a.xlsx", ["F"], [True])
     for clocks in (frozenset[str](), frozenset({"F"})):
         refusal(
@@ -95,9 +92,7 @@ def test_a_boolean_is_no_number_not_even_of_time(tmp_path: Path) -> None:
         )
 
 
-def test_wrong_dimensions_of_other_software_do_not_cut_the_sheet(
-    book: Path, tmp_path: Path
-) -> None:
+def test_wrong_dimensions_of_other_software_do_not_cut_the_sheet(book, tmp_path):
     patched = tmp_path / "patched.xlsx"
     with zipfile.ZipFile(book) as old, zipfile.ZipFile(patched, "w") as new:
         for member in old.infolist():
@@ -129,13 +124,11 @@ def test_wrong_dimensions_of_other_software_do_not_cut_the_sheet(
         (("Rig",), {}, ["a.xlsx:About: the sheet has a header but no data"]),
     ],
 )
-def test_what_a_workbook_lacks(
-    book: Path, columns: tuple[SourceColumn, ...], request_: dict[str, Any], parts: list[str]
-) -> None:
+def test_what_a_workbook_lacks(book, columns, request_, parts):
     refusal(parts, "xlsx", book, *columns, **request_)
 
 
-def test_every_cut_of_a_workbook_is_noticed(book: Path, tmp_path: Path) -> None:
+def test_every_cut_of_a_workbook_is_noticed(book, tmp_path):
     whole = book.read_bytes()
     cut = tmp_path / "cut.xlsx"
     for end in range(0, len(whole), 211):
@@ -144,7 +137,7 @@ def test_every_cut_of_a_workbook_is_noticed(book: Path, tmp_path: Path) -> None:
             read(cut, "t", sheet="Run1")
 
 
-def test_sheet_with_broken_bytes_inside_is_noticed(book: Path, tmp_path: Path) -> None:
+def test_sheet_with_broken_bytes_inside_is_noticed(book, tmp_path):
     whole = bytearray(book.read_bytes())
     place = whole.find(b"xl/worksheets/sheet2.xml") + 30
     whole[place : place + 40] = bytes(40)
@@ -154,7 +147,7 @@ def test_sheet_with_broken_bytes_inside_is_noticed(book: Path, tmp_path: Path) -
         read(broken, "t", sheet="Run1")
 
 
-def test_bombs_are_not_unpacked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_bombs_are_not_unpacked(tmp_path, monkeypatch):
     monkeypatch.setattr("mapmore_cli.storage.tables.BOMB_SIZE", 1_000_000)
     bomb = tmp_path / "bomb.xlsx"
     with zipfile.ZipFile(bomb, "w", zipfile.ZIP_DEFLATED) as archive:

@@ -21,12 +21,12 @@ from recorded import drafted as untried
 
 from mapmore_cli.annexes.drafting import proof
 from mapmore_cli.annexes.drafting.answers import Answers
-from mapmore_cli.annexes.drafting.draft import Draft, guesses_page
+from mapmore_cli.annexes.drafting.draft import Draft, draft_page
 from mapmore_cli.annexes.drafting.groups import find_groups, second_of
 from mapmore_cli.annexes.drafting.proof import proven
 from mapmore_cli.annexes.drafting.start import start
 from mapmore_cli.annexes.search import searching
-from mapmore_cli.annexes.search.stage import reads
+from mapmore_cli.annexes.search.stage import search_slice
 from mapmore_cli.ingestion.files import expand
 from mapmore_cli.storage.readers import reader_of
 
@@ -103,7 +103,7 @@ def test_the_groups_are_no_input_of_a_search(tmp_path: Path) -> None:
         for bar in (1, 2, 3):
             pull(tmp_path / f"{10 * number}cm_pull_{bar}bar.csv", bar, 2 + number / 10)
     spec = checked(untried(tmp_path, answers=Answers(group="specimen")), tmp_path).spec
-    assert reads(spec).ignored == ("force", "specimen")
+    assert search_slice(spec).ignored == ("force", "specimen")
 
 
 # Models
@@ -131,7 +131,7 @@ def test_a_plane_is_found_where_it_is_all_that_there_is(tmp_path: Path) -> None:
     assert draft.spec["dictionary"] == [{"polynomial": {"of": ["strain", "pressure"], "order": 1}}]
     assert "found by search: plane" in draft.text()
     assert "# tried: NRMSE" in draft.text()
-    page = guesses_page(draft)
+    page = draft_page(draft)
     assert "Structures that were tried" in page
     assert all(one.words in page for one in draft.found.tried)
 
@@ -141,7 +141,7 @@ def test_the_page_counts_all_files_and_those_that_are_drawn(tmp_path: Path) -> N
     draft = untried(tmp_path)
     drawn = len(draft.raw["eps"])
     assert drawn < 7
-    assert f"made of 7 files, to be checked by eye; {drawn} of them are drawn</p>" in guesses_page(
+    assert f"made of 7 files, to be checked by eye; {drawn} of them are drawn</p>" in draft_page(
         draft
     )
 

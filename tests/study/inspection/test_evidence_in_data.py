@@ -1,4 +1,4 @@
-"""What recordings show: slack feet, settling, what was held, and names of columns and files."""
+"""What recordings show: slack feet, settling, what was held, copies of a signal, and spikes."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mapmore_cli.annexes.drafting.columns import Table, guess_columns
-from mapmore_cli.annexes.drafting.experiment import (
-    find_held,
-    goes_in_cycles,
-    inner_levels,
-    staircase,
+from mapmore_cli.annexes.drafting.experiment import find_held, goes_in_cycles, inner_levels
+from mapmore_cli.checking.evidence import (
+    neighbourhood,
+    same_signals,
+    set_in_steps,
+    settling,
+    slack_foot,
+    spikes,
 )
-from mapmore_cli.checking.evidence import neighbourhood, set_in_steps, slack_foot, spikes
-from mapmore_cli.checking.names import number_in, read_label, read_names
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.recording import Curve, Recording
-from mapmore_cli.modelling.expressions.operator import followed, linear
+from mapmore_cli.modelling.expressions.operator import linear, run_recursion
 
 STRAINS = np.array([0.0, 0.05, 0.1, 0.15])
 
@@ -39,7 +39,8 @@ def test_the_threshold_of_a_slack_muscle_is_found(start: float, slope: float) ->
     bins = (
         590 / 24 + 0.05 * 480 / 0.8
     )  # the width of a bin, and the pressure that makes the force leave the band
-    np.testing.assert_allclose(foot.threshold, start + slope * foot.strain, atol=1.5 * bins)
+    at, threshold = foot
+    np.testing.assert_allclose(threshold, start + slope * at, atol=1.5 * bins)
 
 
 @pytest.mark.parametrize(
@@ -141,18 +142,16 @@ def loops(heights: list[float]) -> list[Curve]:
 
 @given(st.floats(-5, 5), st.floats(0.1, 5), st.integers(4, 9))
 def test_levels_on_a_line_tell_of_each_other(first: float, step: float, count: int) -> None:
-    found = neighbourhood(
-        loops([first + step * level for level in range(count)]), "strain", "hysteresis"
-    )
-    assert found.neighbours == pytest.approx(0, abs=1e-9)
-    assert found.tells
+    heights = [first + step * level for level in range(count)]
+    near, far = neighbourhood(loops(heights), "strain", "hysteresis")
+    assert near == pytest.approx(0, abs=1e-9)
+    assert far > near
 
 
 def test_levels_in_turns_do_not_tell_of_each_other() -> None:
-    found = neighbourhood(loops([1.0, 4.0, 1.0, 4.0, 1.0, 4.0]), "strain", "hysteresis")
-    assert found.neighbours == pytest.approx(3 / 4 / np.sqrt(2), rel=0.02)  # always 3 of 4 off
-    assert found.others == pytest.approx((3 * 3 / 5) / 4 / np.sqrt(2), rel=0.02)
-    assert not found.tells
+    near, far = neighbourhood(loops([1.0, 4.0, 1.0, 4.0, 1.0, 4.0]), "strain", "hysteresis")
+    assert near == pytest.approx(3 / 4 / np.sqrt(2), rel=0.02)  # always 3 of 4 off
+    assert far == pytest.approx((3 * 3 / 5) / 4 / np.sqrt(2), rel=0.02)
     assert neighbourhood(loops([1.0, 4.0, 1.0]), "strain", "hysteresis") is None
     assert neighbourhood(loops([0.0] * 5), "strain", "hysteresis") is None
 
@@ -163,10 +162,18 @@ def test_nothing_was_held_where_both_move_or_only_one_level_was() -> None:
 
 
 def test_steps_are_told_from_sweeps() -> None:
-    steps = 500 * (np.floor(10 * LOOP) / 10)
-    assert staircase([recording(time=T, pressure=steps, strain=0 * T)]) is not None
-    assert staircase([recording(time=T, pressure=2000 * LOOP, strain=0 * T)]) is None
-    assert staircase([recording(time=T, pressure=0 * T + 100, strain=0 * T)]) is None
+    def rests(pressure: Array) -> float:
+        return settling([recording(time=T, pressure=pressure)]).share_between
+
+    assert rests(500 * (np.floor(10 * LOOP) / 10)) > 0.5 > rests(2000 * LOOP)
+    assert settling([recording(time=T, pressure=0 * T + 100)]) is None
+
+
+def test_one_signal_in_two_units_is_found_and_a_loop_is_none() -> None:
+    one = np.sin(T)
+    assert same_signals([one, np.cos(T), 7 - 3 * one]) == [[0, 2]]
+    assert same_signals([one, one + 0.1 * np.cos(T)]) == []
+    assert same_signals([np.ones(400), np.ones(400)]) == []
 
 
 @settings(deadline=None)
@@ -176,102 +183,6 @@ def test_held_out_levels_are_inner_ones(levels: list[float]) -> None:
     assert set(inner) <= set(levels[1:-1])
     assert bool(inner) == (len(levels) >= 3)
     assert len(levels) - len(inner) >= min(len(levels), 2)
-
-
-@pytest.mark.parametrize(
-    ("name", "quantity", "unit"),
-    [
-        *(
-            ("pressure_kPa", "pressure", "kPa"),
-            ("P [bar]", "pressure", "bar"),
-            ("Pressure (psi)", "pressure", "psi"),
-        ),
-        *(
-            ("pressureMPa", "pressure", "MPa"),
-            ("mpr_sensor_kPa", "pressure", "kPa"),
-            ("cmd_kPa", "input", None),
-        ),
-        *(
-            ("t", "time", None),
-            ("time_ms", "time", "ms"),
-            ("Time (s)", "time", "s"),
-            ("eps", "strain", None),
-        ),
-        *(
-            ("strain_pct", "strain", "%"),
-            ("contraction [%]", "strain", "%"),
-            ("contraction_frac", "strain", "1"),
-        ),
-        *(
-            ("F", "force", None),
-            ("force_N_total", "force", "N"),
-            ("Load (kN)", "load", "kN"),
-            ("position_mm", "displacement", "mm"),
-        ),
-        *(("temperature", None, None), ("", None, None), ("42", None, None)),
-    ],
-)
-def test_names_of_columns(name: str, quantity: str | None, unit: str | None) -> None:
-    label = read_label(name)
-    assert (
-        (quantity, unit) == (None, None)
-        if label is None
-        else (label.quantity, label.unit) == (quantity, unit)
-    )
-
-
-@given(st.text())
-def test_any_name_of_a_column_or_a_file_can_be_read(name: str) -> None:
-    read_label(name)
-    read_names([name + ".csv", name + "_1.csv"])
-
-
-def test_units_by_size() -> None:
-    t = np.arange(2000.0)
-    raw = {"t": [20 * t], "P": [1e5 * (1 + t / 2000)], "eps": [t / 100], "F": [np.sin(t)]}
-    guesses = guess_columns(Table({name: name for name in raw}, raw))
-    assert {name: guess.unit for name, guess in guesses.items()} == {
-        "time": "ms",
-        "pressure": "Pa",
-        "strain": "%",
-        "force": "N",
-    }
-    assert not guesses["time"].sure
-    assert not guesses["pressure"].sure
-
-
-def test_names_of_files_tell_groups_conditions_and_repeats() -> None:
-    names = [
-        f"10mm_{size}_{state}_Test{n}.csv.gz"
-        for size in ("10cm", "20cm")
-        for state in ("Unkink", "kinked25")
-        for n in (8, 9)
-    ]
-    parts = read_names(names)
-    assert [part.group for part in parts] == [("10cm",)] * 4 + [("20cm",)] * 4
-    assert [part.condition for part in parts[:4]] == ["Unkink", "Unkink", "kinked25", "kinked25"]
-
-
-@pytest.mark.parametrize(
-    ("word", "number"),
-    [
-        *(
-            ("kinked25", (25, None)),
-            ("200kPa", (200, "kPa")),
-            ("1.5bar", (1.5, "bar")),
-            ("12%", (12, "%")),
-            ("2bar", (2, "bar")),
-        ),
-        *(
-            ("Kinked19mm2", (19, "mm")),
-            ("Kinked9mm", (9, "mm")),
-            ("Unkinked", None),
-            ("200grams", None),
-        ),
-    ],
-)
-def test_numbers_in_words(word: str, number: tuple[float, str | None] | None) -> None:
-    assert number_in(word) == number
 
 
 def test_nothing_was_set_where_nothing_was_recorded() -> None:
@@ -307,7 +218,7 @@ def test_commands_and_steps_have_no_spikes(n: int, seed: int, kind: str) -> None
     held = rng.geometric(rng.uniform(0.02, 1.0), size=n)
     if kind == "steps":
         values = np.cumsum(rng.normal(size=n) * (rng.random(n) < 3 / n))
-        values = followed(linear([0.7], [0.3]), values) + 1e-3 * rng.normal(size=n)
+        values = run_recursion(linear([0.7], [0.3]), values) + 1e-3 * rng.normal(size=n)
     else:
         values = np.repeat(
             rng.integers(0, 2, size=n) if kind == "two" else rng.uniform(size=n), held

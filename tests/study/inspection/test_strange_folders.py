@@ -12,7 +12,6 @@ import pytest
 from recorded import drafted, drafts, workbook, write
 
 from mapmore_cli.annexes.drafting.start import start
-from mapmore_cli.checking.names import read_names, words_of
 from mapmore_cli.domain.errors import DataError
 
 STRAIN = np.linspace(0.0, 0.15, 40)
@@ -44,17 +43,6 @@ def test_pressures_in_names_of_folders_are_levels_and_numbers_of_files_repeats(
     assert data["levels"]["of"] == "pressure"
     np.testing.assert_allclose(data["levels"]["at"], [68.9476, 137.895, 206.843, 275.79])
     assert len(data["files"]) == 4
-
-
-def test_a_pressure_in_the_names_of_files_without_titles_is_no_column(tmp_path: Path) -> None:
-    for bar in (0.5, 1.0, 1.5, 2.0):
-        write(tmp_path / f"P={bar}bar_run1.txt", (150 * STRAIN, force(bar, STRAIN)), mark="\t")
-    draft = drafted(tmp_path)
-    assert {name: told["column"] for name, told in draft.data["columns"].items()} == {
-        "displacement": 0,
-        "force": 1,
-    }
-    assert draft.data["levels"] == {"of": "pressure", "at": [50, 100, 150, 200]}
 
 
 def test_lines_of_fewer_cells_before_the_titles_are_no_titles(tmp_path: Path) -> None:
@@ -89,38 +77,8 @@ def test_titles_in_a_remark_name_the_columns_by_their_places(tmp_path: Path) -> 
     write(tmp_path / "pair.dat", PAIR, "# a joint\n# time pL pR theta\n", "   ")
     draft = drafted(tmp_path)
     told = {name: one["column"] for name, one in draft.data["columns"].items()}
-    assert told == {"time": 0, "pressure": 1, "pressure_2": 2, "theta": 3}
+    assert told == {"time": 0, "pL": 1, "pR": 2, "theta": 3}
     assert draft.spec["target"]["column"] == "theta"
-
-
-def test_what_moves_without_a_title_is_named_as_left_out(tmp_path: Path) -> None:
-    write(tmp_path / "pair.dat", PAIR, mark="   ")
-    draft = drafted(tmp_path)
-    used = {one["column"] for one in draft.data["columns"].values()}
-    assert all(
-        f"column {place}" in draft.notes["data", "columns"].why for place in {0, 1, 2, 3} - used
-    )
-
-
-@pytest.mark.parametrize(("unit", "ticks"), [("s", 1.0), ("ms", 1e3), ("us", 1e6), ("ns", 1e9)])
-def test_stamps_since_1970_say_their_unit(tmp_path: Path, unit: str, ticks: float) -> None:
-    drive = 100 * (1 + np.sin(T))
-    stamps = [
-        f"{1_616_161_616 + now:.2f}" if unit == "s" else f"{round((1_616_161_616 + now) * ticks)}"
-        for now in T
-    ]
-    rows = "\n".join(
-        f"{stamp},{p:.4f},{np.tanh(p / 90):.5f}" for stamp, p in zip(stamps, drive, strict=True)
-    )
-    (tmp_path / "bag.csv").write_text(f"%time,pressure_kpa,angle\n{rows}\n")
-    draft = drafted(tmp_path)
-    assert draft.data["columns"]["time"] == {"column": "%time", "unit": unit}
-    assert draft.data["resample"] == pytest.approx(0.01)
-
-
-def test_a_unit_stays_with_its_number() -> None:
-    assert words_of("10 psi/Specimen 1.csv") == ["10psi", "Specimen", "1"]
-    assert [part.condition for part in read_names(["2bar_7.csv", "3bar_8.csv"])] == ["2bar", "3bar"]
 
 
 def test_numbers_behind_names_are_refused_with_the_line_that_converts_them(tmp_path: Path) -> None:
@@ -144,13 +102,6 @@ def test_pressures_in_the_names_of_sheets_are_levels(tmp_path: Path) -> None:
     assert data["levels"] == {"of": "pressure", "at": [100, 200, 300, 400]}
 
 
-def test_a_length_in_names_is_a_length(tmp_path: Path) -> None:
-    for length in (200, 190, 180, 170):
-        own = force(1, (200 - length) / 200) * THERE_AND_BACK
-        write(tmp_path / f"L={length}mm.csv", (2000 * THERE_AND_BACK, own), "P_kPa,F_N\n")
-    assert drafted(tmp_path).data["levels"] == {"of": "length", "at": [0.17, 0.18, 0.19, 0.2]}
-
-
 @pytest.mark.parametrize("title", ["set_pressure_kPa", "desired", "Valve", "p_set"])
 def test_what_was_commanded_is_no_target_and_no_second_pressure(tmp_path: Path, title: str) -> None:
     command = 200 + 100 * np.sin(T) * np.cos(3.1 * T)
@@ -161,8 +112,8 @@ def test_what_was_commanded_is_no_target_and_no_second_pressure(tmp_path: Path, 
         f"time,pressure_kPa,bend,{title}\n",
     )
     draft = drafted(tmp_path)
-    assert list(draft.data["columns"]) == ["time", "pressure", "bend"]
-    assert draft.notes["data", "columns"].why == f"left out: {title}"
+    assert draft.output == "bend"
+    assert draft.data["columns"]["pressure"]["column"] == "pressure_kPa"
 
 
 def test_files_that_no_reader_takes_are_named(tmp_path: Path) -> None:
@@ -170,22 +121,6 @@ def test_files_that_no_reader_takes_are_named(tmp_path: Path) -> None:
     (tmp_path / "run.npz").write_bytes(b"PK")
     remarks = start(tmp_path, tmp_path, search=lambda one, _: one).remarks
     assert [one for one in remarks if "run.npz: no reader takes .npz" in one]
-
-
-@pytest.mark.parametrize(
-    "head",
-    [
-        "time,pressure,bend\n(s),(V),(deg)\n",
-        "time,pressure [V],bend\n",
-        "time,Volts of pressure,bend\n",
-    ],
-)
-def test_a_title_that_says_volts_asks_for_a_calibration(tmp_path: Path, head: str) -> None:
-    volts = 2 + np.sin(T) * np.cos(3.1 * T)
-    write(tmp_path / "log.csv", (T, volts, np.tanh(volts)), head)
-    told = drafted(tmp_path).notes["data", "columns", "pressure"]
-    assert "calibration" in told.why
-    assert not told.sure
 
 
 def test_names_of_files_say_what_tests(tmp_path: Path) -> None:
@@ -203,29 +138,3 @@ def test_names_of_files_say_what_tests(tmp_path: Path) -> None:
         == asked.data["split"]
         == {"validate": {"files": ["validation_1.csv"]}}
     )
-
-
-@pytest.mark.parametrize(
-    ("title", "unit", "sure"),
-    [("Load (kg)", "kgf", True), ("Force (counts)", "N", False), ("Force (N)", "N", True)],
-)
-def test_a_force_is_in_the_unit_of_its_title(
-    tmp_path: Path, title: str, unit: str, sure: bool
-) -> None:
-    for kpa in (100, 200, 300, 400):
-        write(
-            tmp_path / f"test_{kpa}kPa.csv",
-            (STRAIN, force(kpa / 100, STRAIN)),
-            f"Contraction ratio,{title}\n",
-        )
-    draft = drafted(tmp_path)
-    assert draft.data["columns"]["force"]["unit"] == unit
-    assert draft.notes["data", "columns", "force"].sure == sure
-
-
-def test_a_wide_table_is_refused_with_what_to_do(tmp_path: Path) -> None:
-    columns = (STRAIN, *(force(bar, STRAIN) for bar in (1, 2, 3)))
-    write(tmp_path / "wide.csv", columns, "contraction,100 kPa,200 kPa,300 kPa\n")
-    with pytest.raises(DataError, match="wide table") as told:
-        start(tmp_path, tmp_path)
-    assert "a row for each value" in (told.value.remedy or "")

@@ -1,27 +1,18 @@
-"""Smooth friction of a velocity: Coulomb's sign and Stribeck's excess near standstill. They have no
-memory.
-"""
+"""What has no memory: the smooth sign of a velocity, Coulomb's friction; and saturation."""
 
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from mapmore_cli.modelling.expressions.operator import (
-    Arithmetic,
     Operator,
     Parameter,
     Recursion,
     Setting,
 )
 
-WIDTHS = (
-    0.001,
-    0.004,
-    0.016,
-    0.064,
-    0.25,
-)  # velocities that a search begins from, as fractions of the training range
+# velocities that a search begins from, as fractions of the training range
+WIDTHS = (0.001, 0.004, 0.016, 0.064, 0.25)
 FINEST, COARSEST = 1e-4, 4.0  # least and greatest of them: a jump, and a straight line
 
 
@@ -31,21 +22,10 @@ def coulomb(setting: Setting) -> Recursion:
     return Recursion(0, 0, lambda m, x: m.call("tanh", x / v), lambda x: math.tanh(x / v))
 
 
-def stribeck(setting: Setting) -> Recursion:
-    """Return `tanh(x/v) exp(-(x/fades)^2)`: friction that breaks away; both velocities as fractions
-    of the training range of x.
-    """
-    v, (low, high) = setting.width or 1.0, setting.limits
-    fades = setting.numbers[1] * (high - low) or 1.0
-
-    def following(m: Arithmetic, x: Any) -> Any:
-        return m.call("tanh", x / v) * m.call("exp", -((x / fades) ** 2))
-
-    return Recursion(0, 0, following, lambda x: math.tanh(x / v) * math.exp(-((x / fades) ** 2)))
-
-
-def _velocity(key: str, example: str) -> Parameter:
-    return Parameter(key, "1", example, between=lambda _step, _longest: (FINEST, COARSEST))
+def saturate(setting: Setting) -> Recursion:
+    """Return `s[k] = min(max(x[k], low), high)`; it has no memory."""
+    low, high = setting.limits
+    return Recursion(0, 0, lambda m, x: m.clip(x, low, high), lambda x: x)
 
 
 OPERATORS = (
@@ -55,20 +35,16 @@ OPERATORS = (
         "range, and found by training where not "
         "given.",
         recursion=coulomb,
-        parameters=(_velocity("v", "0.01"),),
+        parameters=(
+            Parameter("v", "1", "0.01", between=lambda _step, _longest: (FINEST, COARSEST)),
+        ),
         needs="range",
         starts=lambda _step, _longest: tuple((v,) for v in WIDTHS),
     ),
     Operator(
-        name="stribeck",
-        summary="Break-away friction `tanh(x/v) exp(-(x/fades)^2)` of the rates `of`, `v` and "
-        "`fades` as fractions of the training range; "
-        "found by training where not given.",
-        recursion=stribeck,
-        parameters=(_velocity("v", "0.01"), _velocity("fades", "0.1")),
+        name="saturate",
+        summary="The quantities `of`, held at the ends of their training range.",
+        recursion=saturate,
         needs="range",
-        starts=lambda _step, _longest: tuple(
-            (v, fades) for v in WIDTHS[:3] for fades in WIDTHS[1:4] if fades > v
-        ),
     ),
 )

@@ -1,7 +1,8 @@
-"""Backlash: friction, hysteresis."""
+"""Play and stop: backlash, and friction that sticks before it slips."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
@@ -12,17 +13,11 @@ from mapmore_cli.modelling.expressions.operator import Operator, Parameter, Recu
 WIDEST = 0.5  # half-width, as a fraction of the range, from which a play never follows
 
 WIDTHS = Parameter("widths", "1", "0.1", below=1.0, between=lambda _step, _longest: (1e-3, WIDEST))
-
-STARTS = (
-    (0.02,),
-    (0.05,),
-    (0.1,),
-    (0.2,),
-    (0.35,),
-)  # half-widths that a search begins from, as fractions of the range
+# half-widths that a search begins from, as fractions of the range
+STARTS = ((0.02,), (0.05,), (0.1,), (0.2,), (0.35,))
 
 
-def recursion(setting: Setting) -> Recursion:
+def play_recursion(setting: Setting) -> Recursion:
     """Return `w[k] = min(max(w[k-1], x[k] - width), x[k] + width)`, from `w[0] = x[0]`; `width` is
     half the slack.
 
@@ -30,6 +25,18 @@ def recursion(setting: Setting) -> Recursion:
     """
     width = setting.width
     return Recursion(1, 0, lambda m, w, x: m.clip(w, x - width, x + width), lambda x: x)
+
+
+def stop_recursion(setting: Setting) -> Recursion:
+    """Return `s[k] = min(width, max(-width, s[k-1] + x[k] - x[k-1]))`, from zero: what `play` does
+    not follow.
+
+    Sums of such operators are the Maxwell-slip model.
+    """
+    width = setting.width
+    return Recursion(
+        1, 1, lambda m, s, x, before: m.clip(s + (x - before), -width, width), lambda x: 0.0 * x
+    )
 
 
 def play(x: Array, width: float) -> Array:
@@ -60,17 +67,37 @@ def spread_widths(count: int, _step: float = 0.0, _longest: float = 0.0) -> tupl
     return tuple(round(WIDEST * (i + 1) / (count + 1), 4) for i in range(count))
 
 
-OPERATORS = (
-    Operator(
-        name="play",
-        summary="`play` operators (backlash) on the quantities `of`. `widths` are half the slack "
-        "as fractions of the training range; a "
-        "`count` of them is spread evenly; training finds one that is given by neither.",
-        recursion=recursion,
-        along=lambda x, setting: play(x, setting.width),
-        parameters=(WIDTHS,),
-        needs="range",
+def _with_widths(
+    name: str,
+    summary: str,
+    recursion: Callable[[Setting], Recursion],
+    along: Callable[[Array, Setting], Array],
+) -> Operator:
+    return Operator(
+        name,
+        f"{summary} as fractions of the training range; a `count` of them is spread evenly; "
+        "training finds one that is given by neither.",
+        recursion,
+        (WIDTHS,),
+        "range",
         starts=lambda _step, _longest: STARTS,
         spread=spread_widths,
+        along=along,
+    )
+
+
+OPERATORS = (
+    _with_widths(
+        "play",
+        "`play` operators (backlash) on the quantities `of`. `widths` are half the slack",
+        play_recursion,
+        lambda x, setting: play(x, setting.width),
+    ),
+    _with_widths(
+        "stop",
+        "`stop` operators (friction that sticks before it slips) on the quantities `of`. `widths` "
+        "are half the way until it slips,",
+        stop_recursion,
+        lambda x, setting: x - play(x, setting.width),
     ),
 )

@@ -14,9 +14,8 @@ from mapmore_cli.modelling.expressions.operator import (
     Setting,
 )
 
-STEEPEST = (
-    700.0  # largest exponent: beyond it, a state is as good as infinite, and the run has diverged
-)
+# largest exponent: beyond it, a state is as good as infinite, and the run has diverged
+STEEPEST = 700.0
 MOST = 1e4  # largest rate that training tries: the loop turns within 1e-4 of the range
 
 

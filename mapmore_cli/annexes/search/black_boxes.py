@@ -1,0 +1,68 @@
+"""The yardstick of a search: what a learner that knows nothing of muscles makes of the same
+samples.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from importlib.util import find_spec
+
+import numpy as np
+
+from mapmore_cli.domain.arrays import Array, BoolArray
+from mapmore_cli.domain.recording import Dataset
+from mapmore_cli.fitting.baselines import DELAYS, MOST_SAMPLES, even_share, features, learned
+from mapmore_cli.modelling.gaussian_process import smooth
+
+MOST_IN_A_FOLD = 1_500
+"""Training samples of a black box in each fold; half of those that it has as a competitor, where
+these are fewer.
+"""
+
+FEWEST = 100
+"""Training samples, below which no trees are fitted in folds: a step for every handful of samples
+says nothing of a smooth surface.
+"""
+
+MOST_INPUTS = 4
+"""Inputs, delays included, up to which a Gaussian process is fitted: it takes long with more."""
+
+Left = tuple[Array, BoolArray]
+"""Errors of a structure on the samples of a fold, (n,), and which of them it predicts."""
+
+
+def black_boxes(
+    dataset: Dataset,
+    folds: Sequence[Sequence[BoolArray]],
+    rows: Sequence[BoolArray],
+    inputs: Sequence[str],
+    past: bool,
+) -> dict[str, list[Left]]:
+    """Errors of each black box on the left-out samples of every fold, by its name; without
+    scikit-learn of a Gaussian process alone.
+
+    It learns from, and is asked for, some `rows` of every curve. With a `past` it gets delayed
+    inputs as well. The Gaussian process is that of `plan`: loading scikit-learn takes longer than
+    all structures of a small table.
+    """
+    if not inputs:
+        return {}
+    delays = DELAYS if past else (0,)
+    parts = list(zip(dataset.curves, rows, strict=True))
+    x = np.concatenate([features(curve, inputs, delays)[some] for curve, some in parts])
+    y = np.concatenate([curve.columns[dataset.target][some] for curve, some in parts])
+    names = ["gaussian_process"] if x.shape[1] <= MOST_INPUTS else []
+    if find_spec("sklearn") is not None and (len(x) >= FEWEST or not names):
+        # a network takes as long as the rest of a search
+        names.append("gradient_boosting" if len(x) >= FEWEST else "mlp")
+    errors: dict[str, list[Left]] = {name: [] for name in names}
+    for fold in folds:
+        out = np.concatenate([mask[some] for mask, some in zip(fold, rows, strict=True)])
+        rest = np.flatnonzero(~out)
+        for name in names:
+            learnt = even_share(rest, min(MOST_IN_A_FOLD, MOST_SAMPLES[name] // 2))
+            learner = smooth if name == "gaussian_process" else partial(learned, name)
+            missed = learner(x[learnt], y[learnt])(x[out]) - y[out]
+            errors[name].append((missed, np.isfinite(missed)))
+    return errors

@@ -1,0 +1,93 @@
+"""Gaussian processes with a Matérn 5/2 covariance, for small sets of points."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve, solve_triangular
+from scipy.optimize import Bounds, minimize
+
+from mapmore_cli.domain.arrays import Array
+
+LENGTHS, SIZE, NOISE = (0.1, 5.0), (0.3, 3.0), (1e-3, 0.5)
+"""Bounds of the lengths, of inputs in the unit square (few points say nothing of shorter ones); of
+the deviation of the process and of the noise, as parts of the root mean square of the values.
+"""
+
+
+@dataclass(frozen=True)
+class GaussianProcess:
+    """Points x (n, d) with values y (n,); lengths (d,); deviation of the process and of the noise,
+    in the unit of y.
+    """
+
+    x: Array
+    y: Array
+    lengths: Array
+    deviation: float
+    noise: float
+
+    @property
+    def covariance(self) -> Array:
+        """That of the values, (n, n)."""
+        return np.asarray(
+            self.deviation**2 * matern(self.x, self.x, self.lengths)
+            + self.noise**2 * np.eye(len(self.y))
+        )
+
+    def predict(self, at: Array) -> tuple[Array, Array]:
+        """Return mean and standard deviation of the process, without noise, at points (m, d): (m,)
+        each.
+        """
+        factor = np.linalg.cholesky(self.covariance)
+        half = solve_triangular(
+            factor, self.deviation**2 * matern(self.x, at, self.lengths), lower=True
+        )
+        mean = half.T @ solve_triangular(factor, self.y, lower=True)
+        return mean, np.sqrt(np.maximum(self.deviation**2 - np.sum(half**2, axis=0), 0.0))
+
+    def joined(self, x: Array, y: float) -> GaussianProcess:
+        """Return the process with one more point; nothing is fitted anew."""
+        return replace(self, x=np.vstack([self.x, x]), y=np.append(self.y, y))
+
+
+def matern(a: Array, b: Array, lengths: Array) -> Array:
+    """Return `(1 + r + r^2/3) exp(-r)`, r = sqrt(5) |(a - b)/lengths|, for points (n, d) and (m,
+    d): (n, m).
+    """
+    difference = (a[:, None, :] - b[None, :, :]) / lengths
+    r = math.sqrt(5) * np.sqrt(np.sum(difference**2, axis=2))
+    return np.asarray((1 + r + r**2 / 3) * np.exp(-r))
+
+
+def most_likely(x: Array, y: Array) -> GaussianProcess:
+    """Return the process of greatest marginal likelihood for points (n, d) in the unit square and
+    values (n,) about zero.
+    """
+    scale = float(np.sqrt(np.mean(y**2))) or 1.0
+
+    def made(q: Array) -> GaussianProcess:
+        return GaussianProcess(
+            x, y, np.exp(q[:-2]), scale * math.exp(q[-2]), scale * math.exp(q[-1])
+        )
+
+    def cost(q: Array) -> float:
+        factor = cho_factor(made(q).covariance, lower=True)
+        return float(0.5 * y @ cho_solve(factor, y) + np.sum(np.log(np.diag(factor[0]))))
+
+    d = x.shape[1]
+    bounds = Bounds(*np.log([LENGTHS] * d + [SIZE, NOISE]).T)
+    return made(minimize(cost, np.log([0.5] * d + [1.0, 0.05]), method="L-BFGS-B", bounds=bounds).x)
+
+
+def smooth(x: Array, y: Array) -> Callable[[Array], Array]:
+    """Fit a process to inputs (n, d) of any range and outputs (n,); what predicts (m,) from (m,
+    d).
+    """
+    low, middle = x.min(axis=0), y.mean()
+    width = np.where(np.ptp(x, axis=0) > 0, np.ptp(x, axis=0), 1.0)
+    process = most_likely((x - low) / width, y - middle)
+    return lambda at: process.predict((at - low) / width)[0] + middle
