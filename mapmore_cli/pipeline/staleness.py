@@ -311,7 +311,7 @@ def place_in_spec(key: str, stage: str) -> str:
     homes = (
         name
         for name, section in sections.items()
-        if isinstance(section, type) and key in section.__annotations__
+        if key in getattr(section, "__annotations__", {})
     )
     return f"{next(homes, stage)}.{key}"
 
