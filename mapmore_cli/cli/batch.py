@@ -111,7 +111,7 @@ def batch(
     alone = {name: result for name, result in ordered.items() if name not in taken}
     tables = [table for _, of_page in pages for table in of_page]
     if alone:
-        tables.append(_joint_table(alone))
+        tables += _joint_tables(alone)
     finished = [run for run in ordered.values() if not isinstance(run, BaseException)]
     lines = [line for run in finished for line in page_lines(run.run_dir)]
     lines += [f"campaign page: {path}" for path, _ in pages]
@@ -157,39 +157,18 @@ def _run_document(config: Path, name: str, result: Result) -> dict[str, Any]:
     return {**head, **run, **of_scores(result.table).document}
 
 
-def _joint_table(results: Mapping[str, Result]) -> Table:
-    """NRMSE of every run and model, beside what a publication reports for the held-out rows; one
-    row that says so for a failed run.
-    """
-    from mapmore_cli.reporting.table import Cell, Column, Table
+def _joint_tables(results: Mapping[str, Result]) -> list[Table]:
+    """NRMSE of every run and model, and what publications report beside it."""
+    from mapmore_cli.reporting.campaign import CampaignScores, models_table, published_table
 
-    rows: list[tuple[Cell, ...]] = []
-    for name, run in results.items():
-        if isinstance(run, BaseException):
-            rows.append((name, None, "failed", None, None))
-            continue
-        published = run.published.nrmse if run.published else {}
-        for score in sorted(
-            (s for s in run.table.scores if s.curve == "all"), key=lambda s: s.split != "validate"
-        ):
-            printed = published.get(score.model) if score.split == "validate" else None
-            rows.append(
-                (
-                    name,
-                    score.model,
-                    score.split,
-                    100 * score.nrmse,
-                    None if printed is None else 100 * printed,
-                )
-            )
-    columns = (
-        Column("run"),
-        Column("model"),
-        Column("data"),
-        Column("NRMSE", "%", ".2f"),
-        Column("published NRMSE", "%", ".3g"),
+    finished = {name: run for name, run in results.items() if not isinstance(run, BaseException)}
+    scores = CampaignScores(
+        {name: run.table.scores for name, run in finished.items()},
+        published={name: run.published for name, run in finished.items() if run.published},
+        failed=[name for name in results if name not in finished],
     )
-    return Table("batch", "NRMSE of every run, all curves pooled", columns, tuple(rows))
+    beside = published_table(scores)
+    return [models_table(scores), *([beside] if beside.rows else [])]
 
 
 def paper(

@@ -309,9 +309,7 @@ def place_in_spec(key: str, stage: str) -> str:
         return key
     # `levels` of fuse stands inside its own section, so the first home is the one
     homes = (
-        name
-        for name, section in sections.items()
-        if key in getattr(section, "__annotations__", {})
+        name for name, section in sections.items() if key in getattr(section, "__annotations__", {})
     )
     return f"{next(homes, stage)}.{key}"
 
