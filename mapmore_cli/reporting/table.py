@@ -181,14 +181,14 @@ _MARKUP = re.compile(
     r"|\](?=[(\[:])"  # the end of a link's or a picture's text
     r"|(?<=:)/(?=/)|(?<=www)\."  # addresses become links
     # headings, lists, quotations and rules
-    r"|^(?:>|[-+](?=\s|$)|[#=-]+(?=\s|$))|(?<=^\d)[.)](?=\s)"
+    r"|^(?:>|[-+](?=\s|$)|[#=-]+(?=\s|$))"
 )
 
 
 def markdown_text(text: str) -> str:
     """Return the text as Markdown that prints it, on one line, and does nothing else."""
     text = printable(" ".join(text.split())).replace("&", "&amp;").replace("<", "&lt;")
-    return _MARKUP.sub(r"\\\g<0>", text)
+    return re.sub(r"^(\d+)([.)])(?=\s|$)", r"\1\\\2", _MARKUP.sub(r"\\\g<0>", text))
 
 
 def to_markdown(table: Table, text: Callable[[str], str] = markdown_text) -> str:

@@ -239,7 +239,7 @@ def test_every_error_is_a_dot_in_the_line_of_its_run() -> None:
         )
     )
     assert names == ["a", "b"]
-    assert legend == ["mapmore", "Sárosi", REPEATABILITY]
+    assert legend == ["mapmore", "best of the others", REPEATABILITY]
     assert found == [("a", 0.5), ("a", 1.0), ("a", 4.0), ("b", 2.0), ("b", 3.0)]
 
 
@@ -254,12 +254,11 @@ def test_a_run_that_diverged_has_no_dot(error: float) -> None:
     assert dots(scores)[2] == [("a", 1.0), ("a", 2.0), ("b", 3.0)]
 
 
-def test_of_many_models_the_best_are_drawn() -> None:
-    models = {f"m{number}": 2.0 + number for number in range(12)}
-    legend = dots(
-        CampaignScores({"a": rows(mapmore=50, **models), "b": rows(mapmore=60, **models)})
-    )[1]
-    assert legend == ["mapmore", *(f"m{number}" for number in range(6))]
+def test_the_model_that_ratios_are_taken_to_has_its_dots() -> None:
+    runs = {"a": rows(mapmore=5, sarosi=4, flat=3), "b": rows(mapmore=6, sarosi=2)}
+    _, legend, found = dots(CampaignScores(runs, relative_to="sarosi"))
+    assert legend == ["mapmore", "Sárosi", "best of the others"]
+    assert [x for name, x in found if name == "a"] == [3, 4, 5]
 
 
 def test_there_is_nothing_to_compare_in_one_run() -> None:

@@ -23,8 +23,7 @@ from mapmore_cli.reporting.campaign import CampaignScores
 from mapmore_cli.reporting.figures import panels, style
 from mapmore_cli.reporting.figures.drawing import DOUBLE, Drawing, Grid, Panel
 from mapmore_cli.reporting.figures.panels import key
-from mapmore_cli.reporting.figures.style import ModelStyle
-from mapmore_cli.reporting.inputs import MOST_LINES, FigureStyle, varying_input
+from mapmore_cli.reporting.inputs import FigureStyle, varying_input
 
 MARK: dict[str, Any] = panels.DOT | {"markersize": 4}
 RING: dict[str, Any] = MARK | {"markersize": 9, "markerfacecolor": "none", "color": style.GREY}
@@ -206,78 +205,51 @@ FLOOR: dict[str, Any] = {
 
 
 def campaign_figures(scores: CampaignScores) -> list[Drawing]:
-    """Return a line of dots for each run, a dot for each model, on a logarithmic axis; none for a
-    single run.
-
-    Where most models are those of a few runs, a run's own model stands beside the best of its
-    others.
+    """Return a line of dots for each run on a logarithmic axis: the runs' own model, the one that
+    ratios are taken to, the best of a run's others, and repeated measurements; none for a single
+    run.
     """
-    runs = {
-        name: {model: 100 * row.nrmse for model, row in run.items() if row.nrmse > ROUNDING}
-        for name, run in scores.pooled.items()
-    }
-    shown, which = _best_on_the_whole(scores)
-    if scores.sparse:
-        shown, which = [scores.own, BEST_OTHER], f" {BEST_OTHER.capitalize()}: known afterwards."
-        for run in runs.values():
-            others = [run[name] for name in run if name not in (scores.own, REPEATABILITY)]
-            run[BEST_OTHER] = min(filter(np.isfinite, others), default=np.nan)
-    styles = style.model_styles(shown)
-    looks = {model: _dots_of(look) for model, look in styles.items()}
-    if any(REPEATABILITY in run for run in runs.values()):
-        looks[REPEATABILITY] = FLOOR
-    errors = {
-        model: np.array([run.get(model, np.nan) for run in runs.values()], dtype=float)
-        for model in looks
-    }
-    if len(runs) < 2 or not any(np.isfinite(errors[model]).any() for model in shown):
+    errors: dict[str, list[float]] = {scores.own: []}
+    if scores.relative_to not in (None, scores.own):
+        errors[str(scores.relative_to)] = []
+    errors |= {BEST_OTHER: [], REPEATABILITY: []}
+    for run in scores.pooled.values():
+        found = {model: row.nrmse for model, row in run.items() if row.nrmse > ROUNDING}
+        others = [x for model, x in found.items() if model not in (scores.own, REPEATABILITY)]
+        found[BEST_OTHER] = min(filter(np.isfinite, others), default=np.nan)
+        for model, values in errors.items():
+            values.append(100 * found.get(model, np.nan))
+    drawn = {model: np.array(x) for model, x in errors.items() if np.isfinite(x).any()}
+    runs = list(scores.pooled)
+    if len(runs) < 2 or not drawn.keys() - {REPEATABILITY}:
         return []
+    looks: dict[str, dict[str, Any]] = {}
+    for model, look in style.model_styles([*drawn]).items():
+        dots = {"marker": look.marker, "color": look.colour, "markersize": 4.0 + look.width}
+        looks[model] = {"linestyle": "none", "markeredgewidth": 0, **dots}
+    if REPEATABILITY in looks:
+        looks[REPEATABILITY] = FLOOR
+
+    def on(ax: Axes) -> None:
+        rows, across = np.arange(len(runs)), ax.get_yaxis_transform()
+        ax.hlines(rows, 0.0, 1.0, transform=across, colors=style.LIGHT, linewidth=0.4, zorder=0)
+        for model in reversed(drawn):  # the own dots over the others
+            known = np.isfinite(drawn[model])
+            ax.plot(drawn[model][known], rows[known], **looks[model])
+        panels.label_rows(ax, [panels.shortened(name, 40) for name in runs])
+        panels.plain_logarithm(ax.xaxis, (1.0, 2.0, 5.0))
+
     exact = [
         name
         for name, run in scores.pooled.items()
         if scores.own in run and run[scores.own].nrmse <= ROUNDING
     ]
-    left_out = (
-        f" Without a dot, since its error is but rounding: {scores.own} in {', '.join(exact)}."
-        if exact
-        else ""
-    )
-    caption = f"NRMSE of every run, further left is better.{which}{left_out}"
-    alt = "NRMSE of every run and model; the numbers are in the table below."
-
-    def on(ax: Axes) -> None:
-        rows, across = np.arange(len(runs)), ax.get_yaxis_transform()
-        ax.hlines(rows, 0.0, 1.0, transform=across, colors=style.LIGHT, linewidth=0.4, zorder=0)
-        for model in [*reversed(shown), *(looks.keys() - styles.keys())]:  # own over the others
-            known = np.isfinite(errors[model])
-            ax.plot(errors[model][known], rows[known], **looks[model])
-        panels.label_rows(ax, [panels.shortened(name, 40) for name in runs])
-        panels.plain_logarithm(ax.xaxis, (1.0, 2.0, 5.0))
-
+    caption = f"NRMSE of every run, further left is better. The {BEST_OTHER}: known afterwards."
+    if exact:
+        caption += f" Without a dot, since its error is but rounding: {scores.own} in "
+        caption += f"{', '.join(exact)}."
+    alt = "NRMSE of every run; the numbers are in the table below."
     panel = Panel("", on, "NRMSE (%)", ("",))
     handles = [key(model, **look) for model, look in looks.items()]
     grid = Grid(0.45 + 0.21 * len(runs), width=DOUBLE)
     return [Drawing("nrmse", caption, alt, (panel,), grid, handles)]
-
-
-def _best_on_the_whole(scores: CampaignScores) -> tuple[list[str], str]:
-    """Return the runs' own model and those of the others that are the nearest to the best, in the
-    order of the table; and a sentence about them.
-
-    Nearness is the geometric mean of the NRMSE over the runs that have it.
-    """
-    models = [model for model in scores.models if model != REPEATABILITY]
-    means = {}
-    for model in models:
-        errors = [run[model].nrmse for run in scores.pooled.values() if model in run]
-        sound = all(0 < error < np.inf for error in errors)
-        means[model] = float(np.mean(np.log(errors))) if sound else np.inf
-    others = sorted((model for model in models if model != scores.own), key=means.__getitem__)
-    best = {scores.own, *others[: MOST_LINES - 1]}
-    shown = [scores.own, *(model for model in models if model in best - {scores.own})]
-    return shown, panels.best_of(len(shown), len(models))
-
-
-def _dots_of(look: ModelStyle) -> dict[str, Any]:
-    size = {"markersize": 4.0 + look.width, "markeredgewidth": 0}
-    return {"linestyle": "none", "marker": look.marker, "color": look.colour, **size}

@@ -122,5 +122,4 @@ def _numbers(
         for split, by_model in bars.items()
     ]
     headings = ("model", "data", "NRMSE [%]", "published NRMSE [%]")
-    columns: dict[str, Values] = dict(zip(headings, zip(*rows, strict=True), strict=True))
-    return columns if published else dict(list(columns.items())[:-1])
+    return dict(zip(headings, zip(*rows, strict=True), strict=True))

@@ -87,17 +87,16 @@ def envelope(y: Array, limit: int) -> IntArray:
 
     All rows where there are no more than `limit`.
     """
-    n = len(y)
-    if n <= limit:
-        return np.arange(n)
-    size = -(-n // (limit // 2))
-    runs = -(-n // size)
-    padded = np.concatenate([y, np.full(runs * size - n, np.nan)]).reshape(runs, size)
-    missing = np.isnan(padded)
-    first = np.arange(runs) * size
-    lowest = first + np.argmin(np.where(missing, np.inf, padded), axis=1)
-    highest = first + np.argmax(np.where(missing, -np.inf, padded), axis=1)
-    return np.unique(np.concatenate([lowest, highest]))
+    if len(y) <= limit:
+        return np.arange(len(y))
+    rows = []
+    for run in np.array_split(np.arange(len(y)), limit // 2):
+        known = run[~np.isnan(y[run])]
+        if len(known):
+            rows += [known[np.argmin(y[known])], known[np.argmax(y[known])]]
+        else:
+            rows.append(run[0])  # a gap stays one
+    return np.unique(rows)
 
 
 def cloud(y: Array, limit: int) -> IntArray:
