@@ -299,12 +299,12 @@ def _of_model(model: Model) -> View:
     title = f"{model.name}: {model.output.name} [{model.output.unit}] from {inputs}"
     rows = [(one.id, one.text) for one in lines]
     table = Table.of("equations", title, ("piece", "equation"), rows)
-    view = _shown(model)
+    view = _view_of(model)
     document = {**view.document, "equations": lines}
     return View(document, (table, *view.tables), (*view.lines, *model.notes))
 
 
-def _shown(model: Model) -> View:
+def _view_of(model: Model) -> View:
     """Return a model with what its kind shows beside the equations; one that has nothing of its own
     to show is shown as it is stored.
     """
@@ -319,7 +319,7 @@ def _shown(model: Model) -> View:
             document = {
                 **picked(body, "level", "backbone", "cross_validation"),
                 "segments": [_segment(segment, segment) for segment in body.segments],
-                "weights": _weights(body),
+                "weights": _weights_document(body),
             }
             lines = (_fusion_line(body),)
         case Formula():
@@ -328,7 +328,7 @@ def _shown(model: Model) -> View:
             document = picked(body, "memory=model", "backbone")
             tables, lines = _memory_tables(body.model), (_memory_line(body.model),)
         case _ if kind.page is not None:
-            document, tables, lines = kind.page.show(model, _shown)
+            document, tables, lines = kind.page.show(model, _view_of)
         case _:
             document = asdict(body)  # type: ignore[call-overload]
     if ranges := getattr(body, "ranges", None):
@@ -337,7 +337,7 @@ def _shown(model: Model) -> View:
     return View({**head, **document}, tuple(tables), tuple(lines))
 
 
-def _weights(pieces: Pieces) -> dict[str, Any]:
+def _weights_document(pieces: Pieces) -> dict[str, Any]:
     """How pieces are joined, with the transition zone, start and end, at each inner boundary of
     every curve (M2 eq 10-11).
     """

@@ -22,17 +22,17 @@ from mapmore_cli.reporting.figures.drawing import (
     Values,
     compose,
     drawings,
-    rendered,
+    render_figure,
     to_bytes,
 )
 from mapmore_cli.reporting.figures.style import figure_style
 from mapmore_cli.reporting.inputs import ReportInputs
-from mapmore_cli.reporting.score_tables import verdict
+from mapmore_cli.reporting.score_tables import verdict_sentence
 from mapmore_cli.reporting.table import (
     Table,
-    csv_text,
     environment,
     number_text,
+    rows_to_csv,
     to_csv,
     to_latex,
 )
@@ -56,7 +56,9 @@ def render_page(
     template = environment().get_template("page.html")
     return template.render(
         inputs=inputs,
-        verdict=verdict(inputs.validation.scores, inputs.own, inputs.target, inputs.failed),
+        verdict=verdict_sentence(
+            inputs.validation.scores, inputs.own, inputs.target, inputs.failed
+        ),
         tables={table.name: table for table in tables},
         figures=figures,
     )
@@ -91,7 +93,7 @@ def write_report(
     for suffix, text_of in TABLE_FILES.items():
         for table in tables if suffix in formats else ():
             if suffix == "csv" or table.rows:  # a document does not want a table of nothing
-                _write(out / "tables" / f"{table.name}.{suffix}", text_of(table))
+                _write_file(out / "tables" / f"{table.name}.{suffix}", text_of(table))
     if set(formats) <= set(TABLE_FILES):
         return
     drawn = [
@@ -99,14 +101,14 @@ def write_report(
     ]
     sections: dict[str, list[RenderedFigure]] = {}
     for name, drawing in drawn if {"html", "svg"} & set(formats) else ():
-        figure = rendered(drawing, inputs.style)
+        figure = render_figure(drawing, inputs.style)
         if "csv" in formats:
             figure = _with_numbers(figure, drawing, out)
         if "svg" in formats:
-            _write(out / f"{figure.name}.svg", SVG_PROLOGUE + figure.svg)
+            _write_file(out / f"{figure.name}.svg", SVG_PROLOGUE + figure.svg)
         sections.setdefault(FIGURES[name], []).append(figure)
     if "html" in formats:
-        _write(out / "index.html", render_page(inputs, tables, sections))
+        _write_file(out / "index.html", render_page(inputs, tables, sections))
     if set(formats) & {"pdf", "png", "pgf"}:
         suffixes = sorted(set(formats) & {"pdf", "png", "pgf", "svg"})
         panels = [(drawing, panel) for _, drawing in drawn for panel in drawing.panels]
@@ -127,7 +129,7 @@ def _with_numbers(figure: RenderedFigure, drawing: Drawing, out: Path) -> Render
             columns.setdefault(heading, [math.nan] * before).extend(values)
         for column in columns.values():
             column += [math.nan] * (before + size - len(column))
-    _write(out / "numbers" / f"{drawing.name}.csv", data_csv(columns))
+    _write_file(out / "numbers" / f"{drawing.name}.csv", data_csv(columns))
     return replace(figure, numbers=f"numbers/{drawing.name}.csv")
 
 
@@ -151,7 +153,7 @@ def _write_panels(
             number += 1
             stem = f"{name}.{number}"
         taken.add(stem.lower())
-        _write(folder / f"{stem}.csv", data_csv(panel.data))
+        _write_file(folder / f"{stem}.csv", data_csv(panel.data))
         with figure_style(inputs.style):
             figure = compose(drawing, inputs.style, panel)
             for suffix in suffixes:
@@ -164,9 +166,9 @@ def data_csv(data: Mapping[str, Values]) -> str:
     empty field where there is no number.
     """
     columns = (np.asarray(values, dtype=object) for values in data.values())
-    return csv_text(data, zip(*(map(number_text, cells) for cells in columns), strict=True))
+    return rows_to_csv(data, zip(*(map(number_text, cells) for cells in columns), strict=True))
 
 
-def _write(path: Path, text: str) -> None:
+def _write_file(path: Path, text: str) -> None:
     path.parent.mkdir(exist_ok=True)
     path.write_text(text, encoding="utf-8", newline="\n")

@@ -137,7 +137,9 @@ EQUAL_WITHIN = 0.01
 """Relative difference of two errors below which neither model is called better."""
 
 
-def verdict(scores: Sequence[Score], own: str, target: Quantity, failed: Sequence[str] = ()) -> str:
+def verdict_sentence(
+    scores: Sequence[Score], own: str, target: Quantity, failed: Sequence[str] = ()
+) -> str:
     """Compare the pooled error of the model `own` with the best of the others, on held-out data
     where there are any.
 

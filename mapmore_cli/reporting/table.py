@@ -142,12 +142,12 @@ def to_csv(table: Table) -> str:
     """Comma-separated, units in the header, 12 significant digits, an empty field where there is no
     number.
     """
-    return csv_text(
+    return rows_to_csv(
         map(csv_cell, table.headings), ([number_text(cell) for cell in row] for row in table.rows)
     )
 
 
-def csv_text(headings: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
+def rows_to_csv(headings: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
     """Return headings and rows as comma-separated text, each line ended as on Unix."""
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows([headings, *rows])

@@ -72,13 +72,13 @@ class TestThinning:
 
     @given(st.integers(1, 500), st.integers(2, 20))
     def test_spread_has_both_ends(self, count, limit):
-        numbers = panels.spread(count, limit)
+        numbers = panels.evenly(count, limit)
         assert len(numbers) == min(count, limit)
         assert (numbers[0], numbers[-1]) == (0, count - 1)
 
     @given(st.text(max_size=60), st.integers(5, 40))
     def test_shortened_names_keep_both_ends(self, text, length):
-        short = panels.shortened(text, length)
+        short = panels.shorten(text, length)
         assert len(short) <= length
         if len(text) > length:
             assert text.startswith(short.split("…")[0])

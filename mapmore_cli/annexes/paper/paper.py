@@ -90,7 +90,7 @@ def judged(rule: Verdict, what: str, printed: Cell, ours: Cell) -> Compared:
     return Compared("bound", what, holds, ratio)
 
 
-def summary(compared: Sequence[Compared]) -> tuple[str, ...]:
+def summary_lines(compared: Sequence[Compared]) -> tuple[str, ...]:
     """Say of each kind how many agree, what was compared, and how closely."""
     groups: dict[tuple[str, str, float], list[Compared]] = {}
     for one in compared:
@@ -120,7 +120,7 @@ def beside(one: Comparison, tables: Path, runs: Runs) -> tuple[list[Table], list
     """Return the tables and the verdicts of a comparison; raises SpecError for a published table, a
     column or a row that is not there.
     """
-    printed = _printed(tables / one.published, one.where)
+    printed = _printed_rows(tables / one.published, one.where)
     columns: list[tuple[Column, Sequence[Cell]]] = [
         (Column(label), [row[label] for row in printed]) for label in one.labels
     ]
@@ -128,8 +128,8 @@ def beside(one: Comparison, tables: Path, runs: Runs) -> tuple[list[Table], list
     orders: list[Table] = []
     for number in one.numbers:
         wanted = one.ours.model_copy(update={"rows": {**one.ours.rows, **number.rows}})
-        theirs = [_value(number.printed, row) for row in printed]
-        ours = [_value(number.ours, row) for row in _paired(wanted, printed, runs)]
+        theirs = [_cell_value(number.printed, row) for row in printed]
+        ours = [_cell_value(number.ours, row) for row in _rows_beside(wanted, printed, runs)]
         columns.append((Column(f"{number.name}, printed", number.unit), theirs))
         columns.append((Column("ours", number.unit), ours))
         rule = number.verdict
@@ -157,7 +157,7 @@ def _rule_words(rule: Verdict) -> str:
     return "the same" if rule.same else f"{(rule.bound or '').replace('_', ' ')} the printed"
 
 
-def _printed(path: Path, where: Mapping[str, Sequence[str]]) -> list[dict[str, str]]:
+def _printed_rows(path: Path, where: Mapping[str, Sequence[str]]) -> list[dict[str, str]]:
     """Return the rows of a published table that are asked for, all texts."""
     try:
         with path.open(newline="", encoding="utf-8") as lines:
@@ -175,7 +175,7 @@ def _printed(path: Path, where: Mapping[str, Sequence[str]]) -> list[dict[str, s
     return kept
 
 
-def _paired(ours: Ours, printed: Sequence[Mapping[str, str]], runs: Runs) -> list[Row]:
+def _rows_beside(ours: Ours, printed: Sequence[Mapping[str, str]], runs: Runs) -> list[Row]:
     """Return a row of ours for each printed one: the total of those it asks for, or the next that
     no printed row has taken.
     """
@@ -200,7 +200,7 @@ def _paired(ours: Ours, printed: Sequence[Mapping[str, str]], runs: Runs) -> lis
     return pairs
 
 
-def _value(text: str, row: Mapping[str, Cell] | Mapping[str, str]) -> Cell:
+def _cell_value(text: str, row: Mapping[str, Cell] | Mapping[str, str]) -> Cell:
     """Return a column of a row, a number where it is one, or the value of an expression of its
     columns; SpecError where it is neither.
     """
@@ -264,7 +264,7 @@ def sentences_table(said: Sequence[Sentence], runs: Runs) -> tuple[Table, list[C
         rows = runs.rows(side.ours, {})
         if len(rows) != 1:
             raise SpecError(f"{side.value!r}: {len(rows)} rows of ours", "mend `ours.rows`")
-        return _float(_value(side.value, rows[0]))
+        return _float(_cell_value(side.value, rows[0]))
 
     rows, compared = list[tuple[Cell, ...]](), list[Compared]()
     for one in said:
@@ -386,7 +386,7 @@ class Result:
     @property
     def verdicts(self) -> tuple[str, ...]:
         """What was compared, how many agree and how closely, a line for each."""
-        return summary(self.compared)
+        return summary_lines(self.compared)
 
     @property
     def differs(self) -> bool:

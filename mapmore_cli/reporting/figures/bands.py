@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from mapmore_cli.modelling.validation.metrics import Band, bands
-from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel
-from mapmore_cli.reporting.figures.panels import key, plain_logarithm, shortened
+from mapmore_cli.reporting.figures.drawing import Drawing, Layout, Panel
+from mapmore_cli.reporting.figures.panels import key, plain_logarithm, shorten
 from mapmore_cli.reporting.figures.style import ModelStyle, model_styles
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.table import title_of
@@ -34,7 +34,7 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
         "", partial(draw_bands, sizes=sizes, looks=looks), label, (f"RMSE ({unit})",), data
     )
     handles = [
-        key(shortened(title_of(model), 24), marker=look.marker, markersize=3, **look.line)
+        key(shorten(title_of(model), 24), marker=look.marker, markersize=3, **look.line)
         for model, look in looks.items()
     ]
     caption = (
@@ -43,7 +43,7 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     )
     spoken = ", ".join(f"{title_of(model)} {sizes[0].rmse[model]:.3g}" for model in looks)
     alt = f"RMSE where little is measured, up to {sizes[0].high:.3g} {unit}: {spoken}."
-    return [Drawing("bands", caption, alt, (panel,), Grid(2.3), handles)]
+    return [Drawing("bands", caption, alt, (panel,), Layout(2.3), handles)]
 
 
 def draw_bands(ax: Axes, sizes: Sequence[Band], looks: Mapping[str, ModelStyle]) -> None:

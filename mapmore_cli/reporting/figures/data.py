@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.recording import Quantity
-from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel
+from mapmore_cli.reporting.figures.drawing import Drawing, Layout, Panel
 from mapmore_cli.reporting.figures.panels import draw_trace, places, some_of, two_lines
 from mapmore_cli.reporting.figures.style import BLUE
 from mapmore_cli.reporting.inputs import ReportInputs
@@ -52,7 +52,7 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     )
     names = ", ".join(list(panels[0].data)[1:])
     alt = f"Traces of {names} for {len(shown)} of {len(recordings)} recordings."
-    grid = Grid(0.3 + 0.95 * height, (1.0,) * height, len(shown), common_y="row")
+    grid = Layout(0.3 + 0.95 * height, (1.0,) * height, len(shown), common_y="row")
     return [Drawing("data", caption, alt, tuple(panels), grid)]
 
 

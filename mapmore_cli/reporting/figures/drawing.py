@@ -56,7 +56,7 @@ class Panel:
 
 
 @dataclass(frozen=True)
-class Grid:
+class Layout:
     """How the panels of a figure stand on a page.
 
     - `height`: inches of one row of panels.
@@ -90,7 +90,7 @@ class Drawing:
     caption: str
     alt: str
     panels: tuple[Panel, ...]
-    grid: Grid
+    grid: Layout
     legend: Sequence[Any] = ()
 
 
@@ -142,7 +142,7 @@ class RenderedFigure:
     numbers: str = ""
 
 
-def rendered(drawing: Drawing, style: FigureStyle | None = None) -> RenderedFigure:
+def render_figure(drawing: Drawing, style: FigureStyle | None = None) -> RenderedFigure:
     """All panels of a figure as one SVG."""
     with figure_style(style):
         figure = compose(drawing, style)
@@ -198,7 +198,7 @@ def compose(
     return figure
 
 
-def _fill(axes: Any, panel: Panel, grid: Grid, style: FigureStyle, columns: int) -> None:
+def _fill(axes: Any, panel: Panel, grid: Layout, style: FigureStyle, columns: int) -> None:
     """Draw a panel, with its x axis labelled below it."""
     top, bottom = axes[0], axes[-1]
     for ax in axes:

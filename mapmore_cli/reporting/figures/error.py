@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.reporting.figures import panels, style
-from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel
+from mapmore_cli.reporting.figures.drawing import Drawing, Layout, Panel
 from mapmore_cli.reporting.figures.style import ModelStyle
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.table import title_of
@@ -50,7 +50,7 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
         f"{panels.beyond_scale(inputs.far_off)}"
     )
     alt = f"{what} for {', '.join(map(title_of, inputs.shown))}."
-    grid = Grid(1.75, common_x=True, common_y="all")
+    grid = Layout(1.75, common_x=True, common_y="all")
     return [Drawing("error", caption, alt, tuple(drawn), grid)]
 
 

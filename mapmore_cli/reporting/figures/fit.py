@@ -19,7 +19,7 @@ from matplotlib.patches import Patch
 from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
 from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.reporting.figures import panels, style
-from mapmore_cli.reporting.figures.drawing import DOUBLE, Drawing, Grid, Panel, Values
+from mapmore_cli.reporting.figures.drawing import DOUBLE, Drawing, Layout, Panel, Values
 from mapmore_cli.reporting.figures.style import ModelStyle
 from mapmore_cli.reporting.inputs import MOST_LINES, ReportInputs
 from mapmore_cli.reporting.table import title_of
@@ -180,13 +180,13 @@ def curve_figures(inputs: ReportInputs, name: str, numbers: Sequence[int]) -> li
             inputs.axis_label(_axis(inputs)),
             labels,
             curve_data(inputs, curve),
-            panels.shortened(curve.title, 60 if inputs.timed else 34),
+            panels.shorten(curve.title, 60 if inputs.timed else 34),
         )
         for i, curve in zip(shown, curves, strict=True)
     )
-    grid = Grid(2.65, (2.0, 1.0), common_x=True, common_y="row")
+    grid = Layout(2.65, (2.0, 1.0), common_x=True, common_y="row")
     if inputs.timed:
-        grid = Grid(2.5, (2.0, 1.0), columns=1, width=DOUBLE)
+        grid = Layout(2.5, (2.0, 1.0), columns=1, width=DOUBLE)
     what = f"Measured and predicted {inputs.target.name}"
     which = "training" if name == "training" else "held-out"
     things = "recordings" if inputs.timed else "curves"
@@ -278,7 +278,7 @@ def curve_data(inputs: ReportInputs, curve: CurveFit) -> dict[str, Values]:
 def training_figures(inputs: ReportInputs) -> list[Drawing]:
     """One figure for the training curves, or for some of them where they are many."""
     numbers = [i for i, curve in enumerate(inputs.dataset.curves) if not curve.held_out.all()]
-    shown = [numbers[i] for i in panels.spread(len(numbers), MOST_CURVES)]
+    shown = [numbers[i] for i in panels.evenly(len(numbers), MOST_CURVES)]
     if not shown:
         return []
     curves = [curve_fit(inputs, number, training=True) for number in shown]
@@ -299,7 +299,7 @@ def training_figures(inputs: ReportInputs) -> list[Drawing]:
     )
     legend = [panels.key(inputs.own, color=own.colour, linewidth=own.width)]
     for curve, colour in zip(curves, style.level_colours(len(curves)), strict=True):
-        legend.append(panels.key(panels.shortened(curve.title, 24), color=colour, **panels.DOT))
+        legend.append(panels.key(panels.shorten(curve.title, 24), color=colour, **panels.DOT))
     caption = (
         f"The training curves with {inputs.own} above, its error (predicted minus measured) below."
         f"{panels.thinned([len(curve.x) for curve in curves])}"
@@ -307,7 +307,7 @@ def training_figures(inputs: ReportInputs) -> list[Drawing]:
     )
     spoken = ", ".join(curve.title for curve in curves)
     alt = f"Training curves {spoken}, with the predictions of {inputs.own} and their errors."
-    return [Drawing("fit_training", caption, alt, (panel,), Grid(2.95, (2.2, 1.0)), legend)]
+    return [Drawing("fit_training", caption, alt, (panel,), Layout(2.95, (2.2, 1.0)), legend)]
 
 
 def draw_training_curves(
@@ -351,7 +351,7 @@ def loop_figures(inputs: ReportInputs) -> list[Drawing]:
         panels.key("measured", color=style.BLACK),
         *(panels.key(model, color=look.colour) for model, look in styles.items()),
     ]
-    grid = Grid(2.3, columns=len(models), common_y="row")
+    grid = Layout(2.3, columns=len(models), common_y="row")
     return [Drawing("loops", caption, alt, loops, grid, legend)]
 
 
@@ -377,7 +377,7 @@ def _loop(inputs: ReportInputs, number: int, model: str, colour: str) -> Panel:
         panels.heading(target): measured[rows],
         f"{model} [{target.unit}]": predicted[rows],
     }
-    name, rival = panels.shortened(inputs.curve_label(curve), 22), title_of(model)
+    name, rival = panels.shorten(inputs.curve_label(curve), 22), title_of(model)
     labels = (inputs.axis_label(along), (inputs.axis_label(target),))
-    title = f"{name}: {panels.shortened(rival, 24)}"
+    title = f"{name}: {panels.shorten(rival, 24)}"
     return Panel(f"{curve.id} {model}", on, *labels, data, title)

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Patch
 
 from mapmore_cli.domain.scores import REPEATABILITY
-from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
+from mapmore_cli.reporting.figures.drawing import Drawing, Layout, Panel, Values
 from mapmore_cli.reporting.figures.panels import key, label_rows, two_lines, write_beside
 from mapmore_cli.reporting.figures.style import BLACK, GREY, ModelStyle, model_styles
 from mapmore_cli.reporting.inputs import ReportInputs
@@ -70,8 +70,8 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     )
     alt = f"NRMSE on {SPLITS[solid]} data: {spoken}."
     on = partial(draw_nrmse, bars=bars, published=published, floor=floor, styles=styles)
-    panel = Panel("", on, "NRMSE (%)", ("",), _numbers(bars, published))
-    grid = Grid(0.3 + 0.42 * len(inputs.models))
+    panel = Panel("", on, "NRMSE (%)", ("",), _bar_numbers(bars, published))
+    grid = Layout(0.3 + 0.42 * len(inputs.models))
     return [Drawing("nrmse", caption, alt, (panel,), grid, handles)]
 
 
@@ -113,7 +113,7 @@ def _bar_look(colour: str, solid: bool) -> dict[str, Any]:
     return {"facecolor": face, "edgecolor": colour, "hatch": hatch}
 
 
-def _numbers(
+def _bar_numbers(
     bars: Mapping[str, Mapping[str, float]], published: Mapping[str, float]
 ) -> dict[str, Values]:
     rows = [

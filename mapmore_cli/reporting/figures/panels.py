@@ -105,7 +105,7 @@ def cloud(y: Array, limit: int) -> IntArray:
     if len(rows) <= limit:
         return rows
     extremes = rows[[np.argmin(y[rows]), np.argmax(y[rows])]]
-    return np.union1d(rows[spread(len(rows), limit - 2)], extremes)
+    return np.union1d(rows[evenly(len(rows), limit - 2)], extremes)
 
 
 def band(x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
@@ -121,7 +121,7 @@ def band(x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
     return x_mean, y_mean, low, high
 
 
-def spread(count: int, limit: int) -> list[int]:
+def evenly(count: int, limit: int) -> list[int]:
     """At most `limit` of `count` numbers, evenly spread, the first and the last among them."""
     return sorted({int(i) for i in np.linspace(0, count - 1, min(count, limit)).round()})
 
@@ -176,7 +176,7 @@ def heading(quantity: Quantity) -> str:
     return f"{quantity.name} [{quantity.unit}]"
 
 
-def shortened(text: str, length: int) -> str:
+def shorten(text: str, length: int) -> str:
     """Return the text, its middle left out where it is longer than `length`."""
     if len(text) <= length:
         return text
@@ -185,10 +185,10 @@ def shortened(text: str, length: int) -> str:
 
 
 def two_lines(text: str, length: int) -> str:
-    """Return the text in two lines where it is longer than `length`; longer ones are shortened."""
+    """Return the text in two lines where it is longer than `length`; longer ones are shorten."""
     if len(text) <= length:
         return text
-    return textwrap.fill(shortened(text, 2 * length), length, max_lines=2, placeholder="…")
+    return textwrap.fill(shorten(text, 2 * length), length, max_lines=2, placeholder="…")
 
 
 # Captions, and what is left out
@@ -201,7 +201,7 @@ def places(inputs: ReportInputs, ids: Sequence[str], most: int = MOST_PANELS) ->
     """
     if inputs.asked:
         return [place for place, one in enumerate(ids) if one in inputs.asked]
-    return spread(len(ids), most)
+    return evenly(len(ids), most)
 
 
 def some_curves(inputs: ReportInputs, numbers: Sequence[int], most: int = MOST_PANELS) -> list[int]:

@@ -9,9 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm
 from matplotlib.ticker import MaxNLocator
 
-from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
-from mapmore_cli.reporting.figures.panels import DOTS, spread
-from mapmore_cli.reporting.figures.surface import pooled, two_inputs
+from mapmore_cli.reporting.figures.drawing import Drawing, Layout, Panel, Values
+from mapmore_cli.reporting.figures.panels import DOTS, evenly
+from mapmore_cli.reporting.figures.surface import pooled_columns, two_inputs
 from mapmore_cli.reporting.inputs import ReportInputs
 
 
@@ -23,13 +23,13 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     if pair is None:
         return []
     first, second = pair
-    x, y, z = pooled(inputs, [first.name, second.name, inputs.dataset.target])
+    x, y, z = pooled_columns(inputs, [first.name, second.name, inputs.dataset.target])
     error = np.concatenate(inputs.validation.predictions[inputs.own]) - z
     held = np.concatenate([curve.held_out for curve in inputs.dataset.curves])
     rows = np.flatnonzero(np.isfinite(error))
     if not len(rows):
         return []
-    rows = rows[spread(len(rows), 2 * DOTS)]
+    rows = rows[evenly(len(rows), 2 * DOTS)]
     x, y, error, held = x[rows], y[rows], error[rows], held[rows]
     largest = float(np.quantile(np.abs(error), 0.98)) or 1.0
     label = f"Predicted less measured ({inputs.target.unit or '–'})"
@@ -59,4 +59,4 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
         f"over {first.name} and {second.name}."
     )
     panel = Panel("", on, x_label, (y_label,), data)
-    return [Drawing("residual_map", caption, alt, (panel,), Grid(2.4))]
+    return [Drawing("residual_map", caption, alt, (panel,), Layout(2.4))]

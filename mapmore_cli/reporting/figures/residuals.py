@@ -20,7 +20,7 @@ from mapmore_cli.modelling.validation.residuals import (
     cross_correlation,
     means_over,
 )
-from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
+from mapmore_cli.reporting.figures.drawing import Drawing, Layout, Panel, Values
 from mapmore_cli.reporting.figures.panels import draw_dots, zero_line
 from mapmore_cli.reporting.figures.style import LIGHT, model_styles
 from mapmore_cli.reporting.inputs import ReportInputs
@@ -92,7 +92,7 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
         f"errors are noise. {_sentence(inputs, own)} {_inputs_sentence(inputs, words)}"
     )
     alt = f"Residual tests: {'; '.join([_sentence(inputs, own), *words])}."
-    return [Drawing("residuals", caption, alt, tuple(panels), Grid(1.9))]
+    return [Drawing("residuals", caption, alt, tuple(panels), Layout(1.9))]
 
 
 def _with_input(

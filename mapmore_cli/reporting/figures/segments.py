@@ -15,7 +15,7 @@ from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.pieces.definition import cell_weights, zones
 from mapmore_cli.modelling.pieces.segmentation import training_curves
 from mapmore_cli.reporting.figures import panels, style
-from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
+from mapmore_cli.reporting.figures.drawing import Drawing, Layout, Panel, Values
 from mapmore_cli.reporting.inputs import ReportInputs
 
 LOOKS = (
@@ -91,7 +91,7 @@ def _variable_figure(inputs: ReportInputs, fusion: Fusion, variable: int, name: 
             **{f"weight of segment {place}": one for place, one in enumerate(weights, start=1)},
         }
         on = partial(draw_segments, curve=curve, fusion=fusion)
-        drawn.append(Panel(curve.id, on, *labels, data, panels.shortened(curve.title, 34)))
+        drawn.append(Panel(curve.id, on, *labels, data, panels.shorten(curve.title, 34)))
     caption = (
         f"Training samples by segment of {name}, and the segments' weights within their curve "
         "below: boundaries as lines, transition zones shaded "
@@ -103,7 +103,7 @@ def _variable_figure(inputs: ReportInputs, fusion: Fusion, variable: int, name: 
         for curve in shown
     )
     stem = "segments" if variable == 0 else f"segments_{name}"
-    grid = Grid(2.2, (2.0, 0.8), common_y="row")
+    grid = Layout(2.2, (2.0, 0.8), common_y="row")
     return Drawing(stem, caption, f"Segments of {name}. {spoken}.", tuple(drawn), grid)
 
 
@@ -163,7 +163,7 @@ def level_figures(inputs: ReportInputs, pieces: Pieces) -> list[Drawing]:
             "backbone is carried."
         )
     panel = Panel("", on, inputs.axis_label(level), (inputs.axis_label(output),), data)
-    return [Drawing("segments_levels", caption, f"{what}.", (panel,), Grid(2.0))]
+    return [Drawing("segments_levels", caption, f"{what}.", (panel,), Layout(2.0))]
 
 
 def level_courses(inputs: ReportInputs, pieces: Pieces, x: Array) -> dict[float, Array]:

@@ -12,8 +12,8 @@ from matplotlib.ticker import MaxNLocator
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.modelling.kinds import outside_range, predict
-from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
-from mapmore_cli.reporting.figures.panels import DOTS, SOME_DOTS, spread
+from mapmore_cli.reporting.figures.drawing import Drawing, Layout, Panel, Values
+from mapmore_cli.reporting.figures.panels import DOTS, SOME_DOTS, evenly
 from mapmore_cli.reporting.inputs import ReportInputs
 
 CELLS = 60
@@ -28,13 +28,13 @@ def two_inputs(inputs: ReportInputs) -> tuple[Quantity, Quantity] | None:
     measured = all(name in curve.columns for curve in curves for name in names)
     if inputs.timed or len(names) != 2 or not measured:
         return None
-    if any(np.ptp(column) == 0 for column in pooled(inputs, names)):
+    if any(np.ptp(column) == 0 for column in pooled_columns(inputs, names)):
         return None
     first, second = sorted(inputs.model.inputs, key=lambda one: one.name == inputs.dataset.level)
     return first, second
 
 
-def pooled(inputs: ReportInputs, names: Sequence[str]) -> list[Array]:
+def pooled_columns(inputs: ReportInputs, names: Sequence[str]) -> list[Array]:
     """Return columns of all curves, (n,) each."""
     curves = inputs.dataset.curves
     return [np.concatenate([curve.columns[name] for curve in curves]) for name in names]
@@ -48,8 +48,8 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     if pair is None or inputs.dataset.target != inputs.model.output.name:
         return []
     first, second = pair
-    x, y, z = pooled(inputs, [first.name, second.name, inputs.dataset.target])
-    rows = spread(len(x), DOTS)
+    x, y, z = pooled_columns(inputs, [first.name, second.name, inputs.dataset.target])
+    rows = evenly(len(x), DOTS)
     ends = (np.linspace(values.min(), values.max(), CELLS) for values in (x, y))
     across, up = np.meshgrid(*ends)
     grid = {first.name: across.ravel(), second.name: up.ravel()}
@@ -79,4 +79,4 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     name, unit = inputs.target.name, inputs.target.unit
     alt = f"Contours of {name} from {low:.4g} to {high:.4g} {unit}."
     panel = Panel("", on, x_label, (y_label,), data)
-    return [Drawing("surface", caption, alt, (panel,), Grid(2.4))]
+    return [Drawing("surface", caption, alt, (panel,), Layout(2.4))]

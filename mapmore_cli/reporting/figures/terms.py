@@ -13,15 +13,15 @@ from matplotlib.axes import Axes
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.fits import SegmentFit
-from mapmore_cli.reporting.figures.drawing import DOUBLE, Drawing, Grid, Panel, Values
+from mapmore_cli.reporting.figures.drawing import DOUBLE, Drawing, Layout, Panel, Values
 from mapmore_cli.reporting.figures.panels import (
     DOT,
+    evenly,
     key,
     label_rows,
     plain_logarithm,
-    shortened,
+    shorten,
     some_of,
-    spread,
     write_beside,
 )
 from mapmore_cli.reporting.figures.style import GREY, LIGHT, model_styles
@@ -58,7 +58,7 @@ def whole_curves(fits: Sequence[SegmentFit], most: int) -> list[SegmentFit]:
     curves = list(dict.fromkeys(fit.curve for fit in fits))
     if len(fits) <= most:
         return list(fits)
-    chosen = {curves[i] for i in spread(len(curves), max(2, most * len(curves) // len(fits)))}
+    chosen = {curves[i] for i in evenly(len(curves), max(2, most * len(curves) // len(fits)))}
     return [fit for fit in fits if fit.curve in chosen]
 
 
@@ -93,7 +93,7 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     )
     on = partial(draw_terms, segments=segments, colour=own)
     panel = Panel("", on, "Sum of squares left unexplained (%)", ("",), data)
-    grid = Grid(0.3 + 0.17 * len(segments), width=DOUBLE)
+    grid = Layout(0.3 + 0.17 * len(segments), width=DOUBLE)
     return [Drawing("terms", caption, alt, (panel,), grid, handles)]
 
 
@@ -108,8 +108,8 @@ def draw_terms(ax: Axes, segments: Sequence[TermSteps], colour: str) -> None:
         ax.plot([*left, rival[-1]], [*rows, row], color=LIGHT, linewidth=0.8, zorder=1)
         ax.plot(rival, rows, zorder=2, **RUNNER_UP)
         ax.plot(left, rows, zorder=3, **DOT | {"markersize": 4, "color": colour})
-        write_beside(ax, row, shortened(one.terms, 40))
+        write_beside(ax, row, shorten(one.terms, 40))
     plain_logarithm(ax.xaxis)
     low, high = np.log10(ax.get_xlim())
     ax.set_xlim(10.0 ** np.floor(low), 10.0 ** np.ceil(high))
-    label_rows(ax, [shortened(one.segment, 40) for one in segments])
+    label_rows(ax, [shorten(one.segment, 40) for one in segments])
