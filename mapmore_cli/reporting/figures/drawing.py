@@ -254,7 +254,9 @@ class _Renderer(RendererPgf):
     def get_text_width_height_descent(self, s, prop, ismath):  # type: ignore[no-untyped-def]
         return super(RendererPgf, self).get_text_width_height_descent(s, prop, ismath)
 
-    def draw_text(self, gc, x, y, s, prop, angle, ismath=False, mtext=None):  # type: ignore[no-untyped-def]
+    def draw_text(  # type: ignore[no-untyped-def]
+        self, gc, x, y, s, prop, angle, ismath=False, mtext=None
+    ):
         super().draw_text(
             gc, x, y, tex_label(s) if ismath else tex_text(s), prop, angle, ismath, mtext
         )  # type: ignore[no-untyped-call]
