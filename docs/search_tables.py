@@ -18,7 +18,6 @@ import numpy as np
 from pages import DOCS, read_rows, run, scores, write_tables
 
 from mapmore_cli.annexes.search.searching import formula_beside
-from mapmore_cli.annexes.search.stage import SEARCH, read_search
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.domain.scores import BASELINES, OWN, SIMPLE, Score
 from mapmore_cli.reporting.score_tables import verdict_sentence
@@ -204,7 +203,8 @@ def row(name: str, runs: Path) -> tuple[Cell, ...]:
         *BARE,
         f"validate.against=[{', '.join(one.rivals)}]",
     )
-    search = read_search(files.folder / SEARCH)
+    search = files.search()
+    assert search is not None
     errors = {model: 100 * score.nrmse for model, score in scores(files).items()}
     box = min((model for model in BASELINES if model in errors), key=lambda model: errors[model])
     simple = min(
@@ -232,7 +232,8 @@ def says_so(files: RunFiles) -> bool:
     """Whether the first lines of the page of a study that names no competitors say that another
     model errs less: verdict or note.
     """
-    found = read_search(files.folder / SEARCH)
+    found = files.search()
+    assert found is not None
     rows: list[Score] = [
         one
         for one in files.validation().scores

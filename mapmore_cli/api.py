@@ -22,7 +22,6 @@ from typing import Any
 
 import numpy as np
 
-from mapmore_cli.annexes.campaigns.batch import Job, run_one
 from mapmore_cli.checking.findings import sentences
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import MapmoreError, SpecError
@@ -30,6 +29,7 @@ from mapmore_cli.domain.given import labels_of
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.scores import RUN_PAGE, ScoreTable
 from mapmore_cli.modelling.frols.estimator import FROLS
+from mapmore_cli.pipeline.jobs import Job, run_one
 from mapmore_cli.pipeline.notebooks import (
     LoadedModel,
     canonical_columns,

@@ -7,6 +7,9 @@ import sys
 from pathlib import Path
 
 import pytest
+import yaml
+
+from mapmore_cli.annexes.rig.simulate import write_example
 
 PROJECT = Path(__file__).resolve().parents[1]
 COMMANDS = {
@@ -18,16 +21,16 @@ COMMANDS = {
     "rig": ["simulate", "rig.yaml"],
 }
 KEYS = {
-    "motion": ("model: {type: state_space, input: pressure}", "state_space"),
-    "sums": ("model: {sum: [{formula: sarosi}, {formula: sarosi}]}", "sum"),
-    "search": ("model: {type: auto}", "search"),
+    "motion": ({"type": "state_space"}, "state_space"),
+    "sums": ({"type": "sum", "sum": [{"formula": "sarosi"}, {"formula": "none"}]}, "sum"),
+    "search": ({"type": "auto"}, "search"),
 }
 
 
 @pytest.fixture(scope="module")
-def example(tmp_path_factory, mapmore):
-    folder = tmp_path_factory.mktemp("example")
-    mapmore("example", folder, "-q", code=0)
+def example(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("example") / "example"
+    write_example(folder, lambda *_: None)
     return folder
 
 
@@ -61,10 +64,10 @@ def test_an_annex_can_be_removed(annex, example, tmp_path):
         assert f"`{COMMANDS[annex][0]}` is not installed" in missing.stderr
         assert COMMANDS[annex][0] in mapmore("--help").stdout
     else:
-        line, name = KEYS[annex]
-        text = (folder / "study.yaml").read_text()
-        kept = [one for one in text.splitlines() if not one.startswith(("segment", "dictionary"))]
-        (folder / "other.yaml").write_text("\n".join([*kept, line]) + "\n")
+        model, name = KEYS[annex]
+        spec = yaml.safe_load((folder / "study.yaml").read_text())
+        del spec["segment"], spec["dictionary"]
+        (folder / "other.yaml").write_text(yaml.safe_dump({**spec, "model": model}))
         missing = mapmore("run", "other.yaml", "-q")
         assert missing.returncode in (2, 3)
         assert f"`{name}` is not installed" in missing.stderr

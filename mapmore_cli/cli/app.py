@@ -17,28 +17,25 @@ import typer
 from typer.core import TyperGroup
 
 from mapmore_cli.cli import console
+from mapmore_cli.domain import plugins
 
 MODULES = {
     **dict.fromkeys(("ingest", "segment", "fit", "fuse", "validate", "report", "run"), "pipeline"),
-    **{
-        "batch": "batch",
-        "tune": "tune",
-        "plan": "tune",
-        "predict": "predict",
-        "adapt": "predict",
-        "invert": "predict",
-    },
-    **{
-        "freeze": "compare",
-        "compare": "compare",
-        "export": "files",
-        "figure": "files",
-        "paper": "batch",
-        "simulate": "files",
-    },
-    **{"show": "files", "init": "init", "example": "files", "check": "init", "schema": "files"},
+    **dict.fromkeys(("predict", "adapt", "invert"), "predict"),
+    **dict.fromkeys(("freeze", "compare"), "compare"),
+    **dict.fromkeys(("figure", "show", "schema"), "files"),
+    "check": "check",
 }
-"""The module of `cli/` that has the function of each command, which bears its name."""
+"""The module of `cli/` that has the function of each command, which bears its name. Others add
+themselves (`domain.plugins`).
+"""
+
+ORDER = (
+    *("ingest", "segment", "fit", "fuse", "validate", "report", "run", "batch", "tune", "plan"),
+    *("predict", "adapt", "invert", "freeze", "compare", "export", "figure", "paper", "simulate"),
+    *("show", "init", "example", "check", "schema"),
+)
+"""The order of the work, in which `--help` lists what there is."""
 
 AS_JSON = "mapmore.json"
 """Key of the context: whether the line asks for JSON, in which errors are then told too."""
@@ -55,15 +52,39 @@ class _Lazily(Mapping[str, Any]):
     def __getitem__(self, name: str) -> Any:
         if name not in self._built:
             alone = typer.Typer(add_completion=False, rich_markup_mode=None)
-            alone.command(name)(getattr(import_module(f"mapmore_cli.cli.{MODULES[name]}"), name))
+            try:
+                alone.command(name)(_function(name))
+            except plugins.NotInstalled as fault:
+                alone.command(name, context_settings=ANYTHING)(_absent(fault))
             self._built[name] = typer.main.get_command(alone)
         return self._built[name]
 
     def __iter__(self) -> Iterator[str]:
-        return iter(MODULES)
+        names = (*MODULES, *sorted(plugins.points("commands")))
+        return iter(sorted(names, key=lambda name: ORDER.index(name) if name in ORDER else 99))
 
     def __len__(self) -> int:
-        return len(MODULES)
+        return len(MODULES) + len(plugins.points("commands"))
+
+
+ANYTHING = {"ignore_unknown_options": True, "allow_extra_args": True}
+
+
+def _function(name: str) -> Any:
+    """Return the function of a command; raises NotInstalled."""
+    if name in MODULES:
+        return getattr(import_module(f"mapmore_cli.cli.{MODULES[name]}"), name)
+    return plugins.load("commands", name)
+
+
+def _absent(fault: plugins.NotInstalled) -> Any:
+    """Return a command that says why it is missing."""
+
+    def absent() -> None:
+        """Not installed."""
+        raise fault
+
+    return absent
 
 
 class Commands(TyperGroup):

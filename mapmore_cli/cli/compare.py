@@ -46,9 +46,9 @@ def compare(
 
     The first model is compared with each of the others, which come in the order of time.
     """
-    from mapmore_cli.annexes.campaigns.archive import find_model
     from mapmore_cli.cli.compared import of_comparisons
     from mapmore_cli.modelling.validation import comparison
+    from mapmore_cli.pipeline.archive import find_model
     from mapmore_cli.storage.artefacts import read_model
 
     if len(models) < 2:
@@ -116,6 +116,6 @@ def freeze(
 
     Its scores, spec and hashes go with it, to ARCHIVE/NAME@TAG, where no later run writes.
     """
-    from mapmore_cli.annexes.campaigns import archive as frozen
+    from mapmore_cli.pipeline import archive as frozen
 
     print(frozen.freeze(run if run.is_dir() else runs / run, tag, archive))

@@ -30,9 +30,9 @@ from mapmore_cli.domain.foreign import printable
 from mapmore_cli.storage.atomic import write_bytes, write_text
 
 if TYPE_CHECKING:
-    from mapmore_cli.annexes.campaigns.batch import Finished
     from mapmore_cli.domain.results import Plan
     from mapmore_cli.domain.scores import Tuning
+    from mapmore_cli.pipeline.jobs import Finished
     from mapmore_cli.reporting.figures.drawing import Drawing
     from mapmore_cli.reporting.table import Table
 

@@ -131,11 +131,11 @@ def _bring_up_to_date(
     """Do what is stale, print what the command is for, and then fail where the spec's limits are
     missed.
     """
-    from mapmore_cli.annexes.campaigns.batch import Finished
-    from mapmore_cli.annexes.search.stage import SEARCH, read_search
     from mapmore_cli.cli.compared import search_document
     from mapmore_cli.cli.views import of_scores, of_stage, page_lines
+    from mapmore_cli.pipeline.jobs import Finished
     from mapmore_cli.pipeline.runner import bring_up_to_date
+    from mapmore_cli.storage.run_folder import RunFiles
 
     started, warnings = time.perf_counter(), list[str]()
     until = "report" if command == "run" else command
@@ -172,8 +172,8 @@ def _bring_up_to_date(
         "run_dir": str(outcome.run_dir),
         "stages": outcome.stages,
     }
-    if "search" in outcome.stages:
-        head["search"] = search_document(read_search(outcome.run_dir / SEARCH))
+    if "search" in outcome.stages and (search := RunFiles(outcome.run_dir).search()):
+        head["search"] = search_document(search)
     if finished is None:
         console.print_view(of_stage(command, outcome.run_dir).under(head), as_json)
         return

@@ -15,7 +15,7 @@ from mapmore_cli.domain.foreign import printable
 if TYPE_CHECKING:
     from rich.progress import Progress
 
-    from mapmore_cli.annexes.planning.planning import Listeners
+    from mapmore_cli.pipeline.runner import Listeners
 
 PATIENCE = 1.0
 """Seconds that work may take before progress shows."""

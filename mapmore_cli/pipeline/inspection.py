@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from mapmore_cli.annexes.search.stage import SEARCH, read_search
 from mapmore_cli.checking.applied import issues_of, issues_without_curves
 from mapmore_cli.checking.findings import Cause, Issue, is_for_the_spec
 from mapmore_cli.domain.errors import DataError, MapmoreError, SpecError
@@ -17,6 +16,7 @@ from mapmore_cli.ingestion.files import IngestSlice, slice_of
 from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.pipeline.staleness import needed_runs, pipeline
 from mapmore_cli.spec.loader import LoadedSpec
+from mapmore_cli.storage.run_folder import RunFiles
 
 ORDER = ("error", "warning", "hint")
 
@@ -100,11 +100,11 @@ def inspect(
             for issue in found
             if issue.severity == "error"
         ]
-    if run_dir is not None and loaded.spec.model.type == AUTO and (run_dir / SEARCH).is_file():
+    search = RunFiles(run_dir).search() if run_dir and loaded.spec.model.type == AUTO else None
+    if search is not None:
         remedy = "its table of what was tried is on the page of the run"
         issues += [
-            Issue("hint", "structure", loaded.where("model"), note, remedy)
-            for note in read_search(run_dir / SEARCH).notes
+            Issue("hint", "structure", loaded.where("model"), note, remedy) for note in search.notes
         ]
     return _sorted(dataset, issues, read_by)
 

@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypedDict
 
 from mapmore_cli.checking import findings
 from mapmore_cli.domain.errors import DataError, MapmoreError, RunWarning, SpecError, WriteError
@@ -115,6 +115,14 @@ def explain(
         every = [stage.name for stage in pipeline()]
         reasons |= dict.fromkeys(every[1 : every.index(until) + 1], f"follows from {SEARCH_STAGE}")
     return list(reasons.items())
+
+
+class Listeners(TypedDict):
+    """What is told of the work, as `bring_up_to_date` takes it."""
+
+    progress: Progress
+    warn: Warn
+    on_stage: OnStage
 
 
 def bring_up_to_date(

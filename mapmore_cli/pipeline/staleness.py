@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic_core import to_jsonable_python
 
+from mapmore_cli.domain import plugins
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.fitting.stage import Need, Stage
 from mapmore_cli.modelling.selection import AUTO
@@ -39,9 +40,7 @@ def pipeline(searched: bool = False) -> tuple[Stage, ...]:
     known = (stages.SEGMENT, stages.FITTING, stages.FUSE, validate.STAGE, report.STAGE)
     if not searched:
         return (stages.INGEST, *known)
-    from mapmore_cli.annexes.search import stage as search
-
-    return (stages.INGEST, search.STAGE, *known)
+    return (stages.INGEST, plugins.load("stages", SEARCH_STAGE).STAGE, *known)
 
 
 @dataclass(frozen=True)
@@ -221,9 +220,8 @@ def as_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
     """
     if loaded.spec.model.type != AUTO:
         return loaded
-    from mapmore_cli.annexes.search.stage import with_found
-
-    return with_found(loaded, run_dir)
+    with_structure: LoadedSpec = plugins.load("stages", SEARCH_STAGE).with_found(loaded, run_dir)
+    return with_structure
 
 
 def _model_mark(run: Needed, given: Sequence[Stage] | None, runs: Path, rehash: bool) -> str:

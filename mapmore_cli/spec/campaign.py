@@ -10,21 +10,22 @@ the printed ones.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Annotated, Literal
 
 from annotated_types import Gt
 from pydantic import Field
 
 from mapmore_cli.domain.declared import Contradiction, Name
-from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.domain.errors import SpecError, UsageError
 from mapmore_cli.domain.scores import FIGURES
 from mapmore_cli.spec.diagnostics import Finding
-from mapmore_cli.spec.experiment import OtherSettings
+from mapmore_cli.spec.experiment import Competitor, OtherSettings
 from mapmore_cli.spec.fields import Section, SpecPath
-from mapmore_cli.spec.loader import Loaded, load_as
+from mapmore_cli.spec.loader import Loaded, load, load_as
 from mapmore_cli.spec.yaml_loader import as_overrides, read_source
 
 
@@ -278,3 +279,83 @@ def _findings(paper: Paper, folder: Path) -> Iterator[Finding]:
                     f"{name} does not hold {words!r}",
                     "name words that stand there",
                 )
+
+
+@dataclass(frozen=True)
+class Expanded:
+    """A campaign with the numbers of its runs among all jobs, and their names for messages.
+
+    A run is called by its own name, else by that of its spec, with its folder where another is
+    called alike.
+    """
+
+    campaign: Campaign
+    jobs: tuple[int, ...]
+    names: tuple[str, ...]
+
+
+def expanded(
+    configs: Sequence[Path], overrides: Sequence[str]
+) -> tuple[list[Expanded], list[Entry]]:
+    """Every campaign among the files, and every run to do: a spec stands for itself. `overrides`
+    come last.
+    """
+    campaigns: list[Expanded] = []
+    entries: list[Entry] = []
+    for config in configs:
+        if not is_campaign(config):
+            entries.append(Entry(config, tuple(overrides)))
+            continue
+        campaign, runs = load_campaign(config)
+        bases = [str(run.base or campaign.base) for run in campaign.runs]
+        short = [run.name or PurePosixPath(run.base or "").stem for run in campaign.runs]
+        uses = Counter(short)
+        names = tuple(
+            name if uses[name] == 1 else base for name, base in zip(short, bases, strict=True)
+        )
+        campaigns.append(
+            Expanded(campaign, tuple(range(len(entries), len(entries) + len(runs))), names)
+        )
+        entries += [Entry(entry.config, (*entry.overrides, *overrides), config) for entry in runs]
+    return campaigns, entries
+
+
+def run_names(entries: Sequence[Entry], campaigns: Sequence[Expanded]) -> list[str]:
+    """Return the name of every run; where its spec is wrong, which its own run will say, what it is
+    called in messages.
+
+    Raises UsageError where two of the runs, their variations and the campaigns have one name, which
+    would be the same folder.
+    """
+    called = {
+        number: name
+        for campaign in campaigns
+        for number, name in zip(campaign.jobs, campaign.names, strict=True)
+    }
+    names: list[str] = []
+    owners: dict[str, str] = {}
+
+    def claim(folder: str, owner: str) -> None:
+        alike = folder.lower()  # one folder, where capitals do not count in names of files
+        if alike in owners:
+            raise UsageError(
+                f"{owners[alike]} and {owner} have the same name, '{folder}'",
+                "give each a `name` of its own",
+            )
+        owners[alike] = owner
+
+    for one in campaigns:
+        claim(one.campaign.campaign, f"the campaign '{one.campaign.campaign}'")
+    for number, entry in enumerate(entries):
+        try:
+            spec = load(entry.config, entry.overrides).spec
+        except SpecError:
+            short = called.get(number, entry.config.stem)
+            names.append(str(entry.config) if short in names else short)
+            continue
+        claim(spec.name, str(entry.config))
+        for rival in spec.validation.against:
+            if isinstance(rival, Competitor) and rival.set is not None:
+                claim(f"{spec.name}.{rival.label}", f"{entry.config} as '{rival.label}'")
+        names.append(spec.name)
+    return names

@@ -20,6 +20,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, cast
 
 from mapmore_cli.domain.errors import WriteError
+from mapmore_cli.domain.results import Search
 from mapmore_cli.storage.atomic import (
     TEMPORARY,
     UNFINISHED,
@@ -98,10 +99,20 @@ class RunFiles:
         """Predictions and scores."""
         return cast("Validation", self._read("validation", VALIDATION))
 
+    def search(self) -> Search | None:
+        """Return what a search tried; None where there was none."""
+        from pydantic import TypeAdapter
+
+        path = self.folder / SEARCH
+        return TypeAdapter(Search).validate_json(path.read_bytes()) if path.is_file() else None
+
     def scores(self) -> ScoreTable:
         """Return the scores alone, without the predictions behind them."""
         return read_scores(self.folder / "scores.json")
 
+
+SEARCH = "search.json"
+"""The file of what a search tried."""
 
 ASIDE = ".old-"
 """How the name of a folder that makes way starts."""

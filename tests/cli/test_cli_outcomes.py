@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 from cli_samples import change_forces, hand_model, write_study
 
-from mapmore_cli.annexes.campaigns.batch import Job, run_one
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.modelling.validation.residuals import alarms
+from mapmore_cli.pipeline.jobs import Job, run_one
 
 
 def test_a_missed_limit_stands_in_the_document_of_a_run(tmp_path, mapmore):

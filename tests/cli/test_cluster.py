@@ -13,9 +13,9 @@ from subprocess import PIPE, Popen
 import pytest
 from cli_samples import wait_until, write_slow_study, write_study
 
-from mapmore_cli.annexes.campaigns.batch import Job, run_one
 from mapmore_cli.annexes.campaigns.cluster import Shared, _work, run_on_cluster
 from mapmore_cli.domain.errors import UsageError, WriteError
+from mapmore_cli.pipeline.jobs import Job, run_one
 from mapmore_cli.storage.run_record import tool_versions
 
 pytestmark = pytest.mark.skipif(

@@ -18,10 +18,10 @@ from unittest.mock import patch
 from driver import Fault, Target, changed_text, changed_tree, refused
 from specs import STATIC, write_data
 
-from mapmore_cli.annexes.campaigns.archive import find_model, freeze
 from mapmore_cli.cli.console import print_view
 from mapmore_cli.cli.views import of_file
 from mapmore_cli.domain.errors import MapmoreError
+from mapmore_cli.pipeline.archive import find_model, freeze
 from mapmore_cli.pipeline.runner import bring_up_to_date, explain
 from mapmore_cli.spec.loader import load
 from mapmore_cli.storage import artefacts

@@ -9,12 +9,11 @@ from dataclasses import replace
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import Any, TypedDict, Unpack
+from typing import Any, Unpack
 
 import numpy as np
 
 from mapmore_cli.annexes.planning import points as of_points
-from mapmore_cli.annexes.search.stage import SEARCH, read_search
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError, FitError, MapmoreError, SpecError, UsageError
 from mapmore_cli.domain.processors import shared_out
@@ -24,7 +23,6 @@ from mapmore_cli.domain.scores import Trial, Tuning
 from mapmore_cli.fitting.kinds import refit
 from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices
 from mapmore_cli.fitting.refitting import Folds, errors_of, folds_of, training_only
-from mapmore_cli.fitting.stage import Progress, Warn
 from mapmore_cli.ingestion.files import slice_of
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.kinds import parameters
@@ -33,7 +31,7 @@ from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.modelling.validation.significance import geometric_mean, simplest_of
 from mapmore_cli.pipeline.runner import (
     FOUND,
-    OnStage,
+    Listeners,
     bring_up_to_date,
 )
 from mapmore_cli.pipeline.staleness import SEARCH_STAGE, as_found
@@ -41,14 +39,6 @@ from mapmore_cli.spec.loader import LoadedSpec, load
 from mapmore_cli.spec.yaml_loader import as_overrides
 from mapmore_cli.storage.atomic import write_text
 from mapmore_cli.storage.run_folder import RunFiles
-
-
-class Listeners(TypedDict):
-    """What is told of the work, as `bring_up_to_date` takes it."""
-
-    progress: Progress
-    warn: Warn
-    on_stage: OnStage
 
 
 def tune(
@@ -171,7 +161,9 @@ def searched(
     write_text(
         path, as_found(loaded, outcome.run_dir).resolved_in(outcome.run_dir, given_only=True)
     )
-    return read_search(outcome.run_dir / SEARCH), path
+    search = RunFiles(outcome.run_dir).search()
+    assert search is not None
+    return search, path
 
 
 COMMITTEE = ("sarosi_hinged", "sarosi")

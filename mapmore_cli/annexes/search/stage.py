@@ -5,24 +5,19 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pydantic import TypeAdapter
 from pydantic_core import to_json
 
 from mapmore_cli.annexes.search.bench import Slice
 from mapmore_cli.annexes.search.searching import formula_beside, search, settings_of
-from mapmore_cli.domain.results import Search
 from mapmore_cli.fitting.stage import Stage, Workspace
 from mapmore_cli.modelling.expressions import parse
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.sections.data import Direction, Rate
 from mapmore_cli.storage.atomic import write_text
+from mapmore_cli.storage.run_folder import SEARCH, RunFiles
 
 if TYPE_CHECKING:
     from mapmore_cli.spec.loader import LoadedSpec
-
-
-SEARCH = "search.json"
-"""The file of what was tried, in the folder of a run."""
 
 
 def search_slice(spec: ExperimentSpec) -> Slice:
@@ -85,11 +80,6 @@ def run_search(part: Slice, workspace: Workspace) -> None:
 STAGE = Stage(name="search", revision=11, outputs=(SEARCH,), reads=search_slice, run=run_search)
 
 
-def read_search(path: Path) -> Search:
-    """Return what a search wrote."""
-    return TypeAdapter(Search).validate_json(path.read_bytes())
-
-
 def with_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
     """Return the spec with the structure that its search has found; as it is where nothing was
     found yet.
@@ -100,9 +90,9 @@ def with_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
     from mapmore_cli.spec.loader import load
     from mapmore_cli.spec.yaml_loader import as_overrides
 
-    if not (run_dir / SEARCH).is_file():
+    result = RunFiles(run_dir).search()
+    if result is None:
         return loaded
-    result = read_search(run_dir / SEARCH)
     rival = formula_beside(result)
     beside = {"validate.against": [rival]} if rival and not loaded.spec.validation.against else {}
     return load(loaded.path, (*loaded.overrides, *as_overrides({**settings_of(result), **beside})))

@@ -99,6 +99,8 @@ def drawings(name: str, inputs: ReportInputs) -> list[Drawing]:
 
     They come from `draw` in the module of that name, or of the plug-in.
     """
+    if name in plugins.missing("figures"):
+        return []
     added = name in plugins.points("figures")
     module = plugins.load("figures", name) if added else import_module(f"{__package__}.{name}")
     figures: list[Drawing] = module.draw(inputs)

@@ -1,6 +1,4 @@
-"""Many runs at once: `mapmore batch`, with one table of their scores; `mapmore paper`, beside
-published tables and figures.
-"""
+"""Many runs at once: `mapmore batch`, with one table of their scores."""
 
 from __future__ import annotations
 
@@ -15,10 +13,9 @@ import typer
 from mapmore_cli.cli import console
 from mapmore_cli.cli.progress import Reporter
 from mapmore_cli.domain.errors import LimitMissed, RunWarning, UsageError
-from mapmore_cli.storage.atomic import refusals_told, write_text
 
 if TYPE_CHECKING:
-    from mapmore_cli.annexes.campaigns.batch import Finished
+    from mapmore_cli.pipeline.jobs import Finished
 
     Result = Finished | BaseException
 
@@ -60,13 +57,14 @@ def batch(
     One that fails does not stop the rest; the exit code is the highest of all. A campaign gets a
     page of its own.
     """
-    from mapmore_cli.annexes.campaigns.batch import Job, run_one, stoppable
     from mapmore_cli.annexes.campaigns.cluster import run_on_cluster
-    from mapmore_cli.annexes.campaigns.page import expanded, run_names, scores_of, write_page
+    from mapmore_cli.annexes.campaigns.page import scores_of, write_page
     from mapmore_cli.cli.views import page_lines
     from mapmore_cli.domain import processors
+    from mapmore_cli.pipeline.jobs import Job, run_one, stoppable
     from mapmore_cli.pipeline.runner import Options
     from mapmore_cli.reporting.campaign import campaign_tables
+    from mapmore_cli.spec.campaign import expanded, run_names
     from mapmore_cli.storage.run_folder import refuse_foreign
     from mapmore_cli.storage.run_record import CAMPAIGN_RECORD
 
@@ -154,64 +152,3 @@ def _run_document(config: Path, name: str, result: Result) -> dict[str, Any]:
         "warnings": result.warnings,
     }
     return {**head, **run, **of_scores(result.table).document}
-
-
-def paper(
-    configs: Annotated[list[Path], typer.Argument(metavar="CONFIG...", help="Papers (YAML).")],
-    runs: console.Runs = console.RUNS,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out", "-o", metavar="FILE", help="The page; DIR/paper.html of the runs by default."
-        ),
-    ] = None,
-    as_json: console.AsJson = False,
-    quiet: console.Quiet = False,
-) -> None:
-    """Put published tables and figures beside ours.
-
-    Brings the runs of each paper up to date, judges by the rules of the file, and writes one page.
-    The exit code is the highest of the runs.
-    """
-    from mapmore_cli.annexes.paper.paper import (
-        compare_paper,
-        counts,
-        overview,
-        page,
-        verdicts_table,
-    )
-    from mapmore_cli.spec.campaign import load_paper
-
-    loaded = [load_paper(config) for config in configs]
-    with Reporter(quiet) as reporter:
-        ended = [compare_paper(one, runs, reporter.complain) for one in loaded]
-    compared = [result for result, _ in ended]
-    target = out or runs / "paper.html"
-    with refusals_told(target):
-        target.parent.mkdir(parents=True, exist_ok=True)
-        write_text(target, page(compared))
-    documents = [
-        {
-            "paper": one.loaded.spec.paper,
-            "counts": {
-                kind: {"agree": agree, "compared": every}
-                for kind, (agree, every) in counts(one.compared).items()
-            },
-            "items": [
-                {
-                    **console.picked(result.item, "id", "status", "place"),
-                    "verdicts": result.verdicts,
-                    "failed": result.failed or None,
-                }
-                for result in one.results
-            ],
-        }
-        for one in compared
-    ]
-    tables = (overview(compared), verdicts_table(compared))
-    console.print_view(
-        console.View({"papers": documents, "page": str(target)}, tables, (f"page: {target}",)),
-        as_json,
-    )
-    if code := max(code for _, code in ended):
-        raise typer.Exit(code)

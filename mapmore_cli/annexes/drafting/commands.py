@@ -1,6 +1,4 @@
-"""`mapmore init`: a first spec for recordings that nobody has described yet. `mapmore check`: is a
-spec right, and do its data fit?
-"""
+"""A first spec for recordings that nobody has described yet: `mapmore init`."""
 
 from __future__ import annotations
 
@@ -14,12 +12,11 @@ import typer
 
 from mapmore_cli.cli import console
 from mapmore_cli.cli.progress import Reporter
-from mapmore_cli.domain.errors import MapmoreError, SpecError, UsageError, WriteError
+from mapmore_cli.domain.errors import SpecError, UsageError, WriteError
 from mapmore_cli.storage.atomic import write_text
 
 if TYPE_CHECKING:
     from mapmore_cli.annexes.drafting.answers import Question
-    from mapmore_cli.pipeline.inspection import Inspection
 
 
 def init(
@@ -185,66 +182,3 @@ def _write(texts: dict[Path, str], force: bool) -> None:
             f"{told}: exists already",
             "say --force to replace it, or -o to write elsewhere; others were written",
         )
-
-
-def check(
-    config: Annotated[
-        Path, typer.Argument(metavar="CONFIG", help="Experiment spec or campaign (YAML).")
-    ],
-    overrides: console.Overrides = console.NONE,
-    confirm: Annotated[
-        bool,
-        typer.Option("--confirm", help="Take what is marked CHECK as right: remove the mark."),
-    ] = False,
-    runs: console.Runs = console.RUNS,
-    as_json: console.AsJson = False,
-    quiet: console.Quiet = False,
-) -> None:
-    """Check a spec and its data, or a campaign; compute nothing."""
-    from mapmore_cli.annexes.campaigns.page import expanded
-    from mapmore_cli.cli.compared import of_campaign, of_inspection
-    from mapmore_cli.pipeline.inspection import inspect
-    from mapmore_cli.spec.loader import LoadedSpec, confirmed, load
-
-    if confirm and load(config).spec.unconfirmed:
-        write_text(config, confirmed(config.read_text(encoding="utf-8")))
-    campaigns, entries = expanded([config], overrides)
-    with Reporter(quiet) as reporter:
-
-        def inspected(loaded: LoadedSpec, before: Inspection | None = None) -> Inspection:
-            return inspect(
-                loaded, runs / loaded.spec.name, reporter.progress, reporter.warn, before
-            )
-
-        if not campaigns:
-            loaded = load(entries[0].config, entries[0].overrides)
-            inspection = inspected(loaded)
-            console.print_view(
-                of_inspection(inspection, loaded.spec.unconfirmed).under(
-                    {"name": loaded.spec.name}
-                ),
-                as_json,
-            )
-            if inspection.verdict is not None:  # its issues stand in the document
-                print(console.message(inspection.verdict), file=sys.stderr)
-                raise typer.Exit(console.exit_code(inspection.verdict))
-            return
-        results: dict[str, Inspection | MapmoreError] = {}
-        before: Inspection | None = None
-        for number, (run, entry) in enumerate(zip(campaigns[0].names, entries, strict=True)):
-            reporter.progress("runs", number, len(entries))
-            try:
-                results[run] = before = inspected(load(entry.config, entry.overrides), before)
-            except MapmoreError as fault:
-                results[run] = fault
-    console.print_view(
-        of_campaign(results).under({"campaign": campaigns[0].campaign.campaign}), as_json
-    )
-    verdicts = [
-        result if isinstance(result, MapmoreError) else result.verdict
-        for result in results.values()
-    ]
-    if code := max(
-        (console.exit_code(verdict) for verdict in verdicts if verdict is not None), default=0
-    ):
-        raise typer.Exit(code)

@@ -1,0 +1,87 @@
+"""A model in another language: `mapmore export`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from mapmore_cli.cli import console
+from mapmore_cli.cli.progress import Reporter
+from mapmore_cli.domain.errors import UsageError
+from mapmore_cli.storage.atomic import refusals_told, write_bytes
+
+
+def export(
+    model_file: console.ModelFile,
+    to: Annotated[
+        Literal["c", "fmu", "csv", "tex", "py", "numpy", "table", "mujoco", "simulink"],
+        typer.Option(help="What to write; see above."),
+    ],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the files.")
+    ] = Path(),
+    pressure: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="MODEL", help="A model of the pressure that the force is a function of."
+        ),
+    ] = None,
+    single: Annotated[bool, typer.Option("--float", help="C in single precision.")] = False,
+    grid: Annotated[
+        str | None,
+        typer.Option(
+            metavar="AXES", help="Points of the table: pressure=0:600:25,strain=0:0.25:0.01."
+        ),
+    ] = None,
+    no_verify: Annotated[
+        bool,
+        typer.Option("--no-verify", help="Do not compare the code with `predict` on 100 points."),
+    ] = False,
+    quiet: console.Quiet = False,
+) -> None:
+    """Write a model in another language.
+
+    The files are called after the model.
+
+    `c` needs nothing but math.h: no allocation, no global state. `fmu` is for co-simulation by FMI
+    2.0. `py` is one Python file without any dependency, for single samples; `numpy` is a module for
+    arrays. `table` is the output on a grid with a mask of validity: CSV, MAT, and text for
+    Modelica's CombiTable2D. `mujoco` is C with an actuator callback, `simulink` C with a function
+    for C Caller blocks. `csv` is one lookup table, `tex` the equations.
+
+    With `--pressure`, a model of the force and one of the pressure become one actuator, in C or as
+    an FMU: from what the valve is told.
+
+    C, FMUs and modules are compared with `predict` on 100 points before they are written.
+    """
+    from mapmore_cli.annexes.exporting.exports import exported
+    from mapmore_cli.modelling import kinds
+    from mapmore_cli.storage.artefacts import read_model
+
+    if single and to != "c":
+        raise UsageError("--float is for C alone", "leave it out, or write --to c")
+    if (grid is not None and to not in ("csv", "table")) or (grid is None and to == "csv"):
+        raise UsageError(
+            "--grid goes with --to csv and --to table",
+            "as in: --to csv --grid pressure=0:600:25,strain=0:0.25:0.01",
+        )
+    if pressure is not None and to not in ("c", "fmu"):
+        raise UsageError(
+            "--pressure goes with --to c and --to fmu", "export both models one by one"
+        )
+    with Reporter(quiet) as reporter:
+        model = read_model(model_file, reporter.warn)
+        if pressure is not None:
+            actuator = kinds.named("sum").verb("actuator", of="joint")
+            model = actuator(model, read_model(pressure, reporter.warn))
+        files = exported(
+            model, to, single=single, grid=grid, verify=not no_verify, warn=reporter.warn
+        )
+        with refusals_told(output):
+            output.mkdir(parents=True, exist_ok=True)
+        for name, data in files.items():
+            write_bytes(output / name, data)
+            if not quiet:
+                typer.echo(str(output / name))

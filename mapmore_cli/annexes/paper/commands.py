@@ -1,0 +1,73 @@
+"""Published tables and figures beside ours: `mapmore paper`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from mapmore_cli.cli import console
+from mapmore_cli.cli.progress import Reporter
+from mapmore_cli.storage.atomic import refusals_told, write_text
+
+
+def paper(
+    configs: Annotated[list[Path], typer.Argument(metavar="CONFIG...", help="Papers (YAML).")],
+    runs: console.Runs = console.RUNS,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", "-o", metavar="FILE", help="The page; DIR/paper.html of the runs by default."
+        ),
+    ] = None,
+    as_json: console.AsJson = False,
+    quiet: console.Quiet = False,
+) -> None:
+    """Put published tables and figures beside ours.
+
+    Brings the runs of each paper up to date, judges by the rules of the file, and writes one page.
+    The exit code is the highest of the runs.
+    """
+    from mapmore_cli.annexes.paper.paper import (
+        compare_paper,
+        counts,
+        overview,
+        page,
+        verdicts_table,
+    )
+    from mapmore_cli.spec.campaign import load_paper
+
+    loaded = [load_paper(config) for config in configs]
+    with Reporter(quiet) as reporter:
+        ended = [compare_paper(one, runs, reporter.complain) for one in loaded]
+    compared = [result for result, _ in ended]
+    target = out or runs / "paper.html"
+    with refusals_told(target):
+        target.parent.mkdir(parents=True, exist_ok=True)
+        write_text(target, page(compared))
+    documents = [
+        {
+            "paper": one.loaded.spec.paper,
+            "counts": {
+                kind: {"agree": agree, "compared": every}
+                for kind, (agree, every) in counts(one.compared).items()
+            },
+            "items": [
+                {
+                    **console.picked(result.item, "id", "status", "place"),
+                    "verdicts": result.verdicts,
+                    "failed": result.failed or None,
+                }
+                for result in one.results
+            ],
+        }
+        for one in compared
+    ]
+    tables = (overview(compared), verdicts_table(compared))
+    console.print_view(
+        console.View({"papers": documents, "page": str(target)}, tables, (f"page: {target}",)),
+        as_json,
+    )
+    if code := max(code for _, code in ended):
+        raise typer.Exit(code)
