@@ -46,7 +46,6 @@ MODELS = ("linear", "inflate_deflate", "piecewise", "piecewise_inflate_deflate")
 TRIALS: Mapping[str, dict[str, object]] = {
     "least_squares": {},
     "swarm": {"solver": "swarm"},
-    "swarm_projected": {"solver": "swarm_projected"},
 }
 
 

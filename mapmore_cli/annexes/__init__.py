@@ -1,3 +1,1 @@
-"""Parts that a study can do without: each adds its commands, kinds and figures as a plug-in
-does.
-"""
+"""Parts that a study can do without. Each adds itself as a plug-in does."""

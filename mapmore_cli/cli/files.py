@@ -96,7 +96,7 @@ def schema(
     from mapmore_cli.modelling.literature import reference as formulas
     from mapmore_cli.spec.schema import json_schema
     from mapmore_cli.spec.schema import reference as keys
-    from mapmore_cli.storage.artefacts.schema import described
+    from mapmore_cli.storage.artefacts.reference import described
 
     if what == "json":
         console.print_document(json_schema())

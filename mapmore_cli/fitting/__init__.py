@@ -1,3 +1,1 @@
-"""From the sections of a spec to models: the makers of every kind, what is compared with them,
-folds and the search.
-"""
+"""From the sections of a spec to models, competitors and folds."""

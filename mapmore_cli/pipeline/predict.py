@@ -246,11 +246,11 @@ def _numbers_of(
     numbers by which rows are told.
     """
     if reading.turned_for is not None:
-        found = solve_for_input(model, columns, reading.turned_for)
+        turned = solve_for_input(model, columns, reading.turned_for)
         outside = (
-            outside_range(model, {**columns, reading.turned_for: found.values}) | ~found.solved
+            outside_range(model, {**columns, reading.turned_for: turned.values}) | ~turned.solved
         )
-        return found.values[:, None], outside, []
+        return turned.values[:, None], outside, []
     numbers = np.full((len(rows), 1 + len(extra.names(model))), np.nan)
     outside, diverged = np.zeros(len(rows), dtype=bool), list[int]()
     for part in between_gaps(columns["time"]) if reading.signals else [slice(None)]:

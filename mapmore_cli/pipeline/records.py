@@ -21,7 +21,7 @@ from mapmore_cli.modelling.kinds import fed_back, runs_over_time
 from mapmore_cli.modelling.signals.sampling import cut_after, find_gaps, typical_step
 from mapmore_cli.storage.tables import TableRequest, locate_columns
 from mapmore_cli.storage.tables.cells import CellReader, NotANumber, number_of
-from mapmore_cli.storage.tables.lines import records_of
+from mapmore_cli.storage.tables.lines import csv_records
 
 RECORDING = "recording"
 """The column that tells recordings apart, where a table has it."""
@@ -120,7 +120,7 @@ class Row(NamedTuple):
 
 def records(lines: Iterable[str], label: str) -> Iterator[Row]:
     """Yield records with their text: a quoted field may go on over several lines."""
-    for text, cells, line in records_of(lines, ",", label):
+    for text, cells, line in csv_records(lines, ",", label):
         bare = text.rstrip("\r\n")
         yield Row(bare, text[len(bare) :], cells, line)
 
@@ -171,10 +171,10 @@ class Sheet:
         """
         if there := next((name for name in added if name in self.names), None):
             raise DataError(f"{self.label}: already has a column {there}", "rename or remove it")
-        found = locate_columns(
+        located = locate_columns(
             TableRequest(self.label, tuple(wanted), header=True), self.names, len(self.names)
         )
-        return {str(name): place for name, place in found.items()}
+        return {str(name): place for name, place in located.items()}
 
     def is_blank(self, row: Row) -> bool:
         """Whether a record is a blank line, which in a table of one column is an empty field."""

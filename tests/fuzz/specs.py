@@ -151,7 +151,7 @@ MARKS = "{}[]:,-#&*!|>'\"%@` \n\t?\\0123456789abc<~é\x07"
 
 @cache
 def schema() -> dict[str, Any]:
-    return json.loads((PROJECT / "configs" / "experiment.schema.json").read_text())  # type: ignore[no-any-return]
+    return json.loads((PROJECT / "configs" / "experiment.schema.json").read_text())
 
 
 def value_of(rule: Any, chance: random.Random, depth: int = 0) -> Any:

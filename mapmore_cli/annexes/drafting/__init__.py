@@ -1,3 +1,1 @@
-"""A first spec for recordings that nobody has described yet: what `mapmore init` does, step by
-step.
-"""
+"""Draft a spec for a folder of recordings: `mapmore init`."""

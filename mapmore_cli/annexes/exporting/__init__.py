@@ -1,3 +1,1 @@
-"""Models in other languages: C, functional mock-up units, TeX, NumPy. Written from terms and
-weights, never from the fit.
-"""
+"""Write models in other languages: C, FMU, Python, LaTeX, tables."""

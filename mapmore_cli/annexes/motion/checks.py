@@ -69,5 +69,5 @@ def findings(spec: ExperimentSpec) -> Iterator[Finding]:
         yield Finding(
             "model.solver",
             what,
-            "use `swarm_projected` or `least_squares`",
+            "use `least_squares`",
         )

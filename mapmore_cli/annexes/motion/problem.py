@@ -74,7 +74,7 @@ class MotionSettings(Settings):
     dead_band: Annotated[float, Interval(ge=0), of_sibling("input")] = 0.0
     offset: bool = False
     load: str | None = None
-    solver: Literal["least_squares", "swarm", "swarm_projected"] = "least_squares"
+    solver: Literal["least_squares", "swarm"] = "least_squares"
     slowest: Seconds | None = None
     begin: Bounds | None = None
 

@@ -45,18 +45,6 @@ def of_poles(first: complex, second: complex) -> tuple[float, float]:
     return -(first * second).real, (first + second).real
 
 
-def of_oscillator(frequency: float, damping: float) -> tuple[float, float]:
-    """P1 and P2 whose poles are those of `x'' + 2 d w x' + w^2 x`, sampled; `frequency` `w/(2 pi)`
-    in cycles per sample.
-
-    They are `z = exp(w (-d +- sqrt(d^2 - 1)))`. Such poles never lie on the negative axis but at
-    the highest frequency, where P has some (`P1 > 0`): sampling has no oscillator for them.
-    """
-    w = 2.0 * math.pi * frequency
-    root = cmath.sqrt(damping * damping - 1.0)
-    return of_poles(cmath.exp(w * (-damping + root)), cmath.exp(w * (-damping - root)))
-
-
 def of_reflections(k1: float, k2: float, reach: float) -> tuple[float, float]:
     """P1 and P2 of two reflection coefficients (Levinson's recursion): `P1 = -k2 r^2`, `P2 = -k1 (1
     + k2) r`.

@@ -1,12 +1,11 @@
 """Ways to find a section's parameters, by name: least squares and particle swarms (P eq 11-12).
 
-All but the published swarm search the poles alone; the weights of the drives follow by projection.
+Least squares search the poles alone; the weights of the drives follow by projection.
 """
 
 from __future__ import annotations
 
 import cmath
-import math
 from collections.abc import Callable, Mapping
 
 import numpy as np
@@ -16,7 +15,6 @@ from mapmore_cli.annexes.motion.problem import Bounds, Found, MotionRecipe, Piec
 from mapmore_cli.annexes.motion.simulation import (
     angles,
     of_angles,
-    of_oscillator,
     of_poles,
     stable,
 )
@@ -126,8 +124,6 @@ def fly(
     return own[np.argmin(own_cost)], history
 
 
-SLOWEST, FASTEST = 1e-4, 0.5  # natural frequencies that are looked for, in cycles per sample
-LEAST_DAMPED, MOST_DAMPED = 0.02, 5.0  # damping ratios that are looked for
 WIDE = 4.0  # `|P3| = |gain| |1 - P1 - P2| < 4 |gain|` for stable sections
 
 
@@ -142,7 +138,7 @@ def swarm(problem: Problem, recipe: MotionRecipe) -> Found:
         raise SpecError(
             "`solver: swarm` looks for P1, P2 and P3 alone, which an offset, a load or "
             "bumpless switching are not",
-            "use `swarm_projected` or `least_squares`",
+            "use `least_squares`",
         )
     walls = _walls(Bounds(), problem)
     begin = None if recipe.begin is None else _walls(recipe.begin, problem)
@@ -154,7 +150,7 @@ def swarm(problem: Problem, recipe: MotionRecipe) -> Found:
     )
     p1, p2, p3 = best.tolist()
     if not stable(p1, p2):
-        raise FitError("the swarm found no stable section", "use `solver: swarm_projected`")
+        raise FitError("the swarm found no stable section", "use `solver: least_squares`")
     return Found(p1, p2, np.array([p3]), history[-1], problem.evaluations, np.array(history))
 
 
@@ -166,21 +162,6 @@ def _walls(box: Bounds, problem: Problem) -> Array:
     return np.transpose([box.p1, box.p2, box.p3 or (-widest, widest)])
 
 
-def swarm_projected(problem: Problem, recipe: MotionRecipe) -> Found:  # noqa: ARG001 (a solver's form)
-    """Return the best frequency and damping of all."""
-    walls = np.array([[math.log(SLOWEST), LEAST_DAMPED], [math.log(FASTEST), MOST_DAMPED]])
-
-    def poles(place: Array) -> tuple[float, float]:
-        return of_oscillator(math.exp(place[0]), float(place[1]))
-
-    best, history = fly(
-        lambda place: problem.rmse(*poles(place)),
-        walls,
-        problem.random,
-    )
-    return problem.found(*poles(best), history)
-
-
 SOLVERS: Mapping[str, Callable[[Problem, MotionRecipe], Found]] = {
-    solver.__name__: solver for solver in (least_squares, swarm, swarm_projected)
+    solver.__name__: solver for solver in (least_squares, swarm)
 }

@@ -1,3 +1,1 @@
-"""The structures that a search tries, and what it knows of the data before it does; which is taken
-is `choice`'s.
-"""
+"""Search the structure of a model: candidates declared as data, and one rule."""

@@ -26,7 +26,7 @@ from mapmore_cli.modelling.expressions import (
 )
 from mapmore_cli.modelling.expressions.syntax import Call, Condition, Power, Product, Sum
 from mapmore_cli.modelling.literature import piecewise
-from mapmore_cli.modelling.program.writing import Inputs, Writer, limit, multiplied, total
+from mapmore_cli.modelling.program.writing import Inputs, Writer, limit, product_as_written, total
 
 BLOCK = 2**18
 """Rows at a time: few enough to stay in the processor's cache, and enough for every region to have
@@ -170,7 +170,7 @@ def with_numbers(
         case Sum(terms):
             return total([with_numbers(term, numbers, names) for term in terms])
         case Product(factors):
-            return multiplied(*(with_numbers(factor, numbers, names) for factor in factors))
+            return product_as_written(*(with_numbers(factor, numbers, names) for factor in factors))
         case Power(base, exponent):
             return Power(with_numbers(base, numbers, names), exponent)
         case Call(function, argument):

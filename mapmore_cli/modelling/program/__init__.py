@@ -1,3 +1,1 @@
-"""A model as a program: statements that compute its output from one sample's inputs (an
-intermediate representation).
-"""
+"""A model as statements that compute its output from the inputs of one sample."""

@@ -1,3 +1,1 @@
-"""Pure functions of sampled signals: rates, repeated time stamps, levels, load cycles, strokes,
-gaps, plateaus, directions.
-"""
+"""Pure functions of sampled signals: rates, levels, load cycles, gaps, plateaus."""

@@ -1,3 +1,1 @@
-"""The sections of an experiment spec, a module each: what a YAML file may say there, with the
-defaults.
-"""
+"""The sections of a spec, a module each."""

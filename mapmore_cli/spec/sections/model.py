@@ -162,7 +162,7 @@ class ModelSettings(Settings):
       `switching: hard` runs every section on the whole input, `carried` passes the state on,
       `bumpless` also joins the sections and turns after `dead_band`. A run begins at `rest` or at
       `zero` (`start`). `mask` says whose direction parts the training samples. The
-      particles of `swarm` start at `begin`; `swarm_projected` searches frequency and damping.
+      particles of `swarm` start at `begin`.
       `slowest` is the longest time constant (a quarter of the longest training piece).
     """
 

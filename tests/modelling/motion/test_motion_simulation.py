@@ -20,7 +20,6 @@ from mapmore_cli.annexes.motion.simulation import (
     active,
     last_wavelength,
     motion_errors,
-    of_oscillator,
     of_reflections,
     radius,
     reflections,
@@ -143,16 +142,6 @@ def test_the_triangle_is_where_both_poles_are_within_the_circle(p1, p2):
     if abs(largest - 1) > 1e-9:
         assert stable(p1, p2) == (largest < 1)
     assert radius(p1, p2) == pytest.approx(largest, abs=1e-7)
-
-
-@given(st.floats(1e-4, 0.2), st.floats(0.02, 5.0))
-def test_an_oscillator_is_sampled(frequency, damping):
-    from scipy.linalg import expm
-
-    w = 2 * np.pi * frequency
-    sampled = np.linalg.eigvals(expm(np.array([[0.0, 1.0], [-w * w, -2 * damping * w]])))
-    p1, p2 = of_oscillator(frequency, damping)
-    assert (sampled.sum().real, -np.prod(sampled).real) == pytest.approx((p2, p1), abs=1e-7)
 
 
 def test_direction_is_literal_or_latched():

@@ -1,3 +1,1 @@
-"""One module for each formula of the literature; the module's name is the formula's, its `FORMULA`
-is the formula.
-"""
+"""One module for each formula of the literature, with its `FORMULA`."""
