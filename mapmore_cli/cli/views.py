@@ -472,7 +472,7 @@ def _weights(pieces: Pieces) -> dict[str, Any]:
     return {
         **picked(pieces.fusion, "transition", "z_s", "extrapolation"),
         "levels": [curve.level for curve in pieces.curves if curve.level is not None],
-        "shrink": pieces.fusion.shrink,
+        **picked(pieces.fusion, "between_levels=levels", "shrink"),
         "curves": curves,
     }
 
@@ -483,9 +483,8 @@ def _fusion_line(pieces: Pieces) -> str:
         f"{name}: {below} below, {above} above"
         for name, (below, above) in fusion.extrapolation.items()
     )
-    carried = (
-        f" Between levels: {fusion.shrink:.0%} of the residual midway." if fusion.shrink < 1 else ""
-    )
+    carried = f", {fusion.shrink:.0%} of the residual midway" if fusion.shrink < 1 else ""
     return (
-        f"Transition: {fusion.transition}, z_s = {fusion.z_s:g}.{carried} Extrapolation: {sides}."
+        f"Transition: {fusion.transition}, z_s = {fusion.z_s:g}. Between levels: {fusion.levels}"
+        f"{carried}. Extrapolation: {sides}."
     )

@@ -181,6 +181,8 @@ def level_figures(inputs: ReportInputs) -> list[Drawing]:
     pieces = inputs.model.pieces
     if pieces is None or pieces.level is None or len(pieces.curves) < 2:
         return []
+    if pieces.fusion.levels != "linear":  # the weights depend on the curves' values
+        return []
     levels = np.array([curve.level for curve in pieces.curves], dtype=np.float64)
     level = inputs.dataset.quantities[pieces.level]
     return [_weights(pieces, inputs, level, levels)]
