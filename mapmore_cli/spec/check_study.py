@@ -29,7 +29,7 @@ from mapmore_cli.spec.tree import Loc
 from mapmore_cli.spec.units import CANONICAL, check_unit, convert, default_unit, is_canonical
 
 if TYPE_CHECKING:
-    from mapmore_cli.modelling.literature import LiteratureModel
+    from mapmore_cli.modelling.literature import Formula
 
 STATIC_RUN = "add `needs: {static: my-static.yaml}`"
 MOTION = ("damping", "dynamic")
@@ -300,7 +300,7 @@ def of_kinds(spec: ExperimentSpec) -> Iterator[Finding]:
 # --------------------------------------------------------------------------------------------------
 
 
-def formula_called(spec: ExperimentSpec, name: str | None) -> LiteratureModel | None:
+def formula_called(spec: ExperimentSpec, name: str | None) -> Formula | None:
     """Return a formula of the literature, or of the spec's own; None for another name, or where it
     cannot be read.
     """
@@ -312,7 +312,7 @@ def formula_called(spec: ExperimentSpec, name: str | None) -> LiteratureModel | 
     return literature.get(name) if name in literature.names() else None
 
 
-def _defined(spec: ExperimentSpec, one: OwnFormula) -> LiteratureModel:
+def _defined(spec: ExperimentSpec, one: OwnFormula) -> Formula:
     units = {
         name: default_unit(name, spec.units) for name in (*spec.quantities, spec.target_quantity)
     }
@@ -363,9 +363,7 @@ def formulas(spec: ExperimentSpec) -> Iterator[Finding]:
             yield from _needs(spec, name, formula, loc)
 
 
-def _needs(
-    spec: ExperimentSpec, name: str, formula: LiteratureModel, loc: Loc
-) -> Iterator[Finding]:
+def _needs(spec: ExperimentSpec, name: str, formula: Formula, loc: Loc) -> Iterator[Finding]:
     is_own, is_backbone = loc[0] == "model", loc == ("model", "backbone")
     of_cycles = formula.fitted_to == literature.LOAD_CYCLES
     beside, muscle = "name it in `validate.against`", spec.muscle

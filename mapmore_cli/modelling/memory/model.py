@@ -20,9 +20,9 @@ from mapmore_cli.modelling.expressions.states import Measured
 from mapmore_cli.modelling.expressions.syntax import ONE, ZERO, Condition
 from mapmore_cli.modelling.literature.model import (
     backbone_values,
-    by_blocks,
     formula_equations,
     formula_value,
+    where_finite,
 )
 from mapmore_cli.modelling.memory.feedback import StateWriter, fed_back_states, parts_of_terms
 from mapmore_cli.modelling.memory.free_run import free_run, predict_one_step
@@ -99,7 +99,7 @@ def _base(model: Model, columns: Columns) -> Array:
     body = _memory_of(model)
     if body.backbone is None and not model.inputs:
         return np.zeros(len(next(iter(columns.values()))))
-    return by_blocks(
+    return where_finite(
         model.inputs, columns, lambda inputs, n: backbone_values(body.backbone, inputs, n)
     )
 
