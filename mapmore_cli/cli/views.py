@@ -353,7 +353,9 @@ def _weights_document(pieces: Pieces) -> dict[str, Any]:
         head = picked(curve, "id=curve", "level")
         curves.append({**head, "boundaries": boundaries, "zones": at})
     return {
-        **picked(pieces.fusion, "transition", "z_s", "extrapolation", "shrink"),
+        **picked(
+            pieces.fusion, "transition", "z_s", "extrapolation", "between_levels=levels", "shrink"
+        ),
         "levels": [curve.level for curve in pieces.curves if curve.level is not None],
         "curves": curves,
     }
@@ -365,11 +367,10 @@ def _fusion_line(pieces: Pieces) -> str:
         f"{name}: {below} below, {above} above"
         for name, (below, above) in fusion.extrapolation.items()
     )
-    carried = (
-        f" Between levels: {fusion.shrink:.0%} of the residual midway." if fusion.shrink < 1 else ""
-    )
+    carried = f", {fusion.shrink:.0%} of the residual midway" if fusion.shrink < 1 else ""
     return (
-        f"Transition: {fusion.transition}, z_s = {fusion.z_s:g}.{carried} Extrapolation: {sides}."
+        f"Transition: {fusion.transition}, z_s = {fusion.z_s:g}. Between levels: {fusion.levels}"
+        f"{carried}. Extrapolation: {sides}."
     )
 
 

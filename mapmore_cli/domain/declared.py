@@ -310,6 +310,9 @@ class Joining(Settings):
         Interval(ge=0, le=0.5),
         "half-width of a transition zone, as a fraction of the segment",
     ] = 0.25
+    levels: Annotated[
+        Literal["linear", "pchip"], "interpolation between curves, `linear` or `pchip`"
+    ] = "linear"
     hold: Annotated[Hold, "`samples` where segment functions are held beyond theirs, or `none`"] = (
         "samples"
     )

@@ -319,7 +319,6 @@ REMOVED = {
     "family.dead": "remove it: fittings are 7.5 mm long",
     "family.rate": "remove it: the prior is that of our muscles",
     "fuse.align": "use a `backbone`, as `sarosi_hinged`",
-    "fuse.levels": "remove it: curves are interpolated linearly",
     "fuse.limits": "remove it: extrapolation begins at each curve's ends",
     "fuse.shrink": "remove it: left-out training data choose the share",
     "match.within": "write the shift, as `shift: -40.2 s`",

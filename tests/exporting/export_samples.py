@@ -238,6 +238,9 @@ STATIC = {
         transition="linear", z_s=0.5, sides=("zero", "zero"), level_sides=("zero", "zero")
     ),
     "values": pieces(sides=(0.05, "saturate"), level_sides=(150.0, 480.0)),
+    "shape between levels": fused(
+        pieces(level_sides=("continue_linear", "saturate")), levels="pchip"
+    ),
     "straight beyond the levels": pieces(level_sides=("continue_linear", "saturate")),
     "straight on one side": pieces(sides=("saturate", "continue_linear")),
     "zero on one side": pieces(sides=("continue", "zero")),

@@ -276,7 +276,8 @@ OTHER_SLIPS = [
     (OPTIMAL, "report:", "model: {type: literature, name: sarosi}\nreport:",
         ["`optimal` places boundaries by fits of terms"]),
     # keys that there were, with what to do instead
-    (STATIC, FUSE, "fuse: {▸levels: pchip,", ["unknown key `levels` in `fuse`", "linearly"]),
+    (STATIC, FUSE, "fuse: {levels: ▸phcip,", ["did you mean `pchip`?"]),
+    (STATIC, FUSE, "fuse: {▸align: threshold,", ["unknown key `align` in `fuse`", "backbone"]),
     (STATIC, EVEN, "{method: optimal, count: 2, ▸grid: 8}", ["grid of 20 cells"]),
     (MOTION, "terms: [", "▸delays: {of: [pressure], times: [1 s]}\n  - terms: [",
         ["unknown key `delays`", "count samples"]),

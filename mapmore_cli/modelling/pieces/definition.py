@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import replace
 from functools import partial
+from itertools import pairwise
 from math import inf
 
 import numpy as np
@@ -20,7 +21,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.declared import Transition
 from mapmore_cli.domain.models import CurveFunction, Fusion, Pieces, SegmentFunction, Side
-from mapmore_cli.modelling.expressions import Expression, Name, Number, add, derivative, parse
+from mapmore_cli.modelling.expressions import Expression, Name, Number, add, call, derivative, parse
 from mapmore_cli.modelling.expressions.syntax import ONE, ZERO, Condition
 from mapmore_cli.modelling.program.statements import Program
 from mapmore_cli.modelling.program.values import INPUT, evaluator
@@ -56,7 +57,7 @@ def pieces_value(m: Writer, body: Pieces, inputs: Inputs) -> Expression:
     def curve_at(number: int) -> Expression:
         return m.use("value", functions[number], [*(inputs[name] for name in free), level])
 
-    return across_levels(m, level, levels, sides, body.fusion.shrink, curve_at)
+    return across_levels(m, level, levels, sides, body.fusion, curve_at)
 
 
 def across_levels(
@@ -64,32 +65,54 @@ def across_levels(
     level: Expression,
     levels: Sequence[float],
     sides: tuple[Side, Side],
-    shrink: float,
+    fusion: Fusion,
     curve_at: Callable[[int], Expression],
 ) -> Expression:
-    """Write the curves between their levels and beyond the outermost; `curve_at` writes one.
+    """Write the curves between their levels and beyond the outermost.
 
-    Between levels i and i + 1, at the place t between them, triangles: `(1 - t) f_i + t f_{i+1}`
-    (M1 figure 2). A share `g + (1 - g)(1 - 2t)^2` of it is carried, g = `shrink`. At a level its
-    own curve counts alone: another may have no value there.
+    Between levels i and i + 1, at the place t between them: with `linear` triangles, `(1 - t) f_i +
+    t f_{i+1}` (M1 figure 2); with `pchip` the cubic Hermite interpolant of slopes that keep the
+    shape of the curves' values (Fritsch and Butland 1984). A share `g + (1 - g)(1 - 2t)^2` of it is
+    carried, g = `shrink`. At a level its own curve counts alone: another may have no value there.
 
     Beyond the outermost level, `continue` and `saturate` hold its curve, `continue_linear` goes on
-    with the slope at that level, and `zero` lets the weight drop to zero (M2 figure 7d).
+    with the slope at that level, and `zero` lets the weight drop to zero (M2 figure 7d). `curve_at`
+    writes a curve, given its number.
     """
     last = len(levels) - 1
 
+    def counting(
+        i: int,
+    ) -> (
+        range
+    ):  # between levels i and i + 1: with `pchip`, slopes there depend on the curves beside them
+        reach = 0 if fusion.levels == "linear" else 1
+        return range(max(i - reach, 0), min(i + 1 + reach, last) + 1)
+
     def between(i: int) -> Expression:
-        t = m.let("t", (level - levels[i]) / (levels[i + 1] - levels[i]))
-        y = (1 - t) * curve_at(i) + t * curve_at(i + 1)
-        if shrink == 1.0:
+        width = levels[i + 1] - levels[i]
+        t = m.let("t", (level - levels[i]) / width)
+        f = {number: curve_at(number) for number in counting(i)}
+        if fusion.levels == "linear":
+            y = (1 - t) * f[i] + t * f[i + 1]
+        else:
+            left, right = (
+                m.let("slope", _slope(m, levels, f, number) * width) for number in (i, i + 1)
+            )
+            rest = m.let("rest", 1 - t)
+            y = (
+                f[i] * (1 + 2 * t) * rest**2
+                + left * t * rest**2
+                + f[i + 1] * t**2 * (3 - 2 * t)
+                - right * t**2 * rest
+            )
+        if fusion.shrink == 1.0:
             return y
-        return m.let("between", y) * (shrink + (1 - shrink) * (1 - 2 * t) ** 2)
+        return m.let("between", y) * (fusion.shrink + (1 - fusion.shrink) * (1 - 2 * t) ** 2)
 
     def straight(end: int) -> Expression:
-        i = min(end, last - 1)
-        f = {number: curve_at(number) for number in (i, i + 1)}
-        slope = m.let("delta", (f[i + 1] - f[i]) / (levels[i + 1] - levels[i]))
-        return f[end] + slope * (level - levels[end])
+        f = {number: curve_at(number) for number in counting(min(end, last - 1))}
+        return f[end] + _slope(m, levels, f, end) * (level - levels[end])
 
     def beyond(end: int, side: Side) -> Callable[[], Expression]:
         if side == "zero":
@@ -109,6 +132,65 @@ def across_levels(
         within = level < levels[i + 1] if i + 1 < last else level <= levels[last]
         cases.append((within, partial(between, i)))
     return m.choose("across", cases, above)
+
+
+def _slope(
+    m: Writer, levels: Sequence[float], f: Mapping[int, Expression], number: int
+) -> Expression:
+    """Write the slope across levels at one of them, from the values of the curves that count.
+
+    With two of them it is that of the line. Else, inside, the weighted harmonic mean of the
+    neighbouring differences, or zero where they differ in sign; at the ends, three-point
+    differences held back so that the outermost interval stays monotone.
+    """
+    h = [levels[j] - levels[i] for i, j in pairwise(f)]
+    delta = [
+        m.let("delta", (f[j] - f[i]) / width) for (i, j), width in zip(pairwise(f), h, strict=True)
+    ]
+    at = number - min(f)
+    if len(h) == 1:
+        return delta[0]
+    if at == 0:
+        return m.use("slope", _end_slope(m), [delta[0], delta[1], h[0], h[1]])
+    if at == len(h):
+        return m.use("slope", _end_slope(m), [delta[-1], delta[-2], h[-1], h[-2]])
+    return m.use("slope", _inner_slope(m), [delta[at - 1], delta[at], h[at - 1], h[at]])
+
+
+sign = partial(call, "sign")
+
+
+def _inner_slope(m: Writer) -> str:
+    names = ["before", "after", "h_before", "h_after"]
+    before, after, h_before, h_after = map(Name, names)
+
+    def mean() -> Expression:
+        w_before, w_after = (
+            m.let("w_before", h_before + 2 * h_after),
+            m.let("w_after", 2 * h_before + h_after),
+        )
+        return (w_before + w_after) * (before / (w_after * before + w_before * after)) * after
+
+    value = lambda: m.where(sign(before) * sign(after) > 0.0, mean, 0.0)  # noqa: E731 - short
+    return m.function(
+        "slope_inside", names, value, "slope at an inner level, which keeps the shape"
+    )
+
+
+def _end_slope(m: Writer) -> str:
+    names = ["delta", "delta_next", "h", "h_next"]
+    delta, delta_next, h, h_next = map(Name, names)
+
+    def held_back() -> Expression:
+        three = m.let("three", ((2 * h + h_next) * delta - h * delta_next) / (h + h_next))
+        kept = m.where(sign(three) * sign(delta) > 0.0, three, 0.0)
+        steepest = 3 * delta
+        held = m.where(call("abs", kept) > call("abs", steepest), steepest, kept)
+        return m.where(sign(delta) * sign(delta_next) > 0.0, kept, held)
+
+    return m.function(
+        "slope_at_end", names, held_back, "slope at an outermost level, which keeps the shape"
+    )
 
 
 def segment_value(

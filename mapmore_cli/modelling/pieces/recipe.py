@@ -125,7 +125,8 @@ class Fuse(Joining):
     """How pieces are joined (M2 eq 9-12).
 
     - Transition zones reach `z_s` of a segment's width to each side of a boundary.
-    - Curves are interpolated linearly between levels.
+    - Curves are interpolated between levels by triangles (`levels: linear`) or keeping their shape
+      (`pchip`).
     - `extrapolation` is a word, or a mapping from variable to word or `{below, above}`. The default
       is `continue` for one-term fits, else
       `saturate`. It begins at each curve's ends (M2 eq 12).

@@ -136,6 +136,8 @@ def level_figures(inputs: ReportInputs, pieces: Pieces) -> list[Drawing]:
     """One figure where there are levels to interpolate between."""
     if pieces.level is None or len(pieces.curves) < 2:
         return []
+    if pieces.fusion.levels != "linear":  # the weights depend on the curves' values
+        return []
     levels = np.array([curve.level for curve in pieces.curves], dtype=np.float64)
     level, along, output = (
         inputs.dataset.quantities[pieces.level],

@@ -55,7 +55,8 @@ def _number_fields(operator: Operator) -> dict[str, Any]:
     """Return the fields for the numbers of an operator with one parameter."""
     (one,) = operator.parameters
     bounds = Field(gt=one.above) if one.below == float("inf") else Field(gt=one.above, lt=one.below)
-    number: Any = Annotated[float, bounds, InUnit(lambda _, unit=one.unit: unit)]  # type: ignore[misc]
+    unit_of = InUnit(lambda _place: one.unit)
+    number: Any = Annotated[float, bounds, unit_of]
     fields: dict[str, Any] = {one.key: (Annotated[list[number], Field(min_length=1)] | None, None)}
     return {**fields, "count": (Count | None, None)} if operator.spread is not None else fields
 

@@ -44,7 +44,7 @@ def pieces(model, row):
     within = x if straight else min(max(x, at[0]), at[-1])
     f = {
         number: curve_value(model, model.body.curves[number], row)
-        for number in counting(at, within)
+        for number in counting(at, within, model.body.fusion.levels == "pchip")
     }
     if len(f) == 1:
         return next(iter(f.values()))
@@ -53,18 +53,28 @@ def pieces(model, row):
         left = min(int(np.searchsorted(at, x, side="right")) - 1, len(at) - 2)
         t = (x - at[left]) / (at[left + 1] - at[left])
         share = model.body.fusion.shrink + (1 - model.body.fusion.shrink) * (1 - 2 * t) ** 2
-    (i, a), (j, b) = f.items()
-    return share * (a + (b - a) * (within - at[i]) / (at[j] - at[i]))
+    return share * across(model, at, f, within)
 
 
-def counting(at, x):
+def counting(at, x, pchip):
     """Numbers of the curves that matter: the others may have no value there."""
     if x in at:
         return [int(np.flatnonzero(at == x)[0])]
-    if len(at) == 1:
-        return [0]
+    if pchip or len(at) == 1:
+        return range(len(at))
     left = min(max(int(np.searchsorted(at, x)) - 1, 0), len(at) - 2)
     return [left, left + 1]
+
+
+def across(model, at, f, x):
+    if model.body.fusion.levels == "linear":
+        (i, a), (j, b) = f.items()
+        return a + (b - a) * (x - at[i]) / (at[j] - at[i])
+    from scipy.interpolate import PchipInterpolator
+
+    interpolant = PchipInterpolator(at, [f[i] for i in range(len(at))])
+    inside = min(max(x, at[0]), at[-1])
+    return float(interpolant(inside) + interpolant.derivative()(inside) * (x - inside))
 
 
 def curve_value(model, curve, row):

@@ -128,6 +128,7 @@ ways = st.fixed_dictionaries(
     {
         "transition": st.sampled_from(["linear", "quadratic", "cubic"]),
         "z_s": st.one_of(st.sampled_from([0.0, 0.25, 0.5]), st.floats(0, 0.5)),
+        "levels": st.sampled_from(["linear", "pchip"]),
         "shrink": st.sampled_from([1.0, 0.0, 0.3]),
         "hold": st.sampled_from(["samples", "none"]),
     }
