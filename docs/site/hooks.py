@@ -113,7 +113,7 @@ def on_page_markdown(markdown: str, page: Any, **_rest: Any) -> str:
 
     from mapmore_cli.modelling.literature import reference as formulas
     from mapmore_cli.spec.schema import reference as keys
-    from mapmore_cli.storage.artefacts.schema import described
+    from mapmore_cli.storage.artefacts.reference import described
 
     made = {"keys": keys, "formulas": formulas, "files": described}
     return re.sub(

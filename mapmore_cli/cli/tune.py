@@ -131,7 +131,7 @@ def _values_of(over: Sequence[str]) -> dict[str, list[Any]]:
     UsageError for another form, or no value.
     """
     from mapmore_cli.spec.diagnostics import Mistake
-    from mapmore_cli.spec.tree import SourceText, plain
+    from mapmore_cli.spec.tree import SourceText, written
     from mapmore_cli.spec.yaml_loader import parse
 
     example = "write, for example, `--over fit.max_terms=2,4,8`"
@@ -140,7 +140,7 @@ def _values_of(over: Sequence[str]) -> dict[str, list[Any]]:
         key, _, listed = text.partition("=")
         problems: list[Mistake] = []
         try:
-            values = plain(
+            values = written(
                 parse(SourceText(f"--over {text}", Path(), f"[{listed}]", numbered=False), problems)
             )
         except SpecError as fault:

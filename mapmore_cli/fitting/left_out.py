@@ -25,7 +25,7 @@ from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices
 from mapmore_cli.fitting.refitting import FEWEST, left_out_of
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.pieces.cross_validation import BLOCKS, block, in_curve
-from mapmore_cli.modelling.validation.intervals import Training, summary
+from mapmore_cli.modelling.validation.intervals import left_out_summary
 from mapmore_cli.spec.loader import load
 from mapmore_cli.storage.run_folder import RunFiles
 
@@ -187,14 +187,14 @@ def residuals(
         if curve.level is not None and curve.training.any():
             recordings[curve.level] += len(curve.recordings)
     places = tuple(sorted(recordings))
-    training = Training(
-        places,
-        tuple(recordings[level] for level in places),
-        max(abs(low), abs(high)),
-        _training_error(dataset, model),
-        astray,
+    return replace(
+        left_out_summary(kind, count, errors),
+        places=places,
+        repeats=tuple(recordings[level] for level in places),
+        largest=max(abs(low), abs(high)),
+        residual=_training_error(dataset, model),
+        astray=astray,
     )
-    return summary(kind, count, errors, training)
 
 
 def _training_error(dataset: Dataset, model: Model) -> float:

@@ -21,7 +21,12 @@ from mapmore_cli.modelling.literature.own import is_family
 from mapmore_cli.modelling.memory.records import AtSample, numbered
 from mapmore_cli.modelling.program.model import slopes
 from mapmore_cli.modelling.signals.rates import with_signals
-from mapmore_cli.modelling.validation.intervals import checked, ends, half_widths_of, refusal
+from mapmore_cli.modelling.validation.intervals import (
+    ends,
+    half_widths_of,
+    interval_refusal,
+    intervals_of,
+)
 from mapmore_cli.pipeline.records import Reading, Row, Sheet, between_gaps, by_recording, reading_of
 
 CHUNK = 20_000
@@ -100,7 +105,10 @@ def predicted_lines(
     UsageError for an interval that there is none of, or a model that cannot be inverted for that
     input.
     """
-    if interval is not None and (why := refusal(checked(model, interval))) is not None:
+    if (
+        interval is not None
+        and (why := interval_refusal(intervals_of(model, interval))) is not None
+    ):
         warn(f"{model.name}: {why}")
     extra = Extra(interval, derivatives)
     table = Sheet(lines, label, _column_names(model), constants)

@@ -21,7 +21,7 @@ from mapmore_cli.modelling.kinds import fed_back, runs_over_time
 from mapmore_cli.modelling.signals.sampling import cut_after, find_gaps, typical_step
 from mapmore_cli.storage.tables import TableRequest, locate_columns
 from mapmore_cli.storage.tables.cells import CellReader, NotANumber, number_of
-from mapmore_cli.storage.tables.lines import records_of
+from mapmore_cli.storage.tables.lines import csv_records
 
 RECORDING = "recording"
 """The column that tells recordings apart, where a table has it."""
@@ -120,7 +120,7 @@ class Row(NamedTuple):
 
 def records(lines: Iterable[str], label: str) -> Iterator[Row]:
     """Yield records with their text: a quoted field may go on over several lines."""
-    for text, cells, line in records_of(lines, ",", label):
+    for text, cells, line in csv_records(lines, ",", label):
         bare = text.rstrip("\r\n")
         yield Row(bare, text[len(bare) :], cells, line)
 

@@ -175,10 +175,10 @@ def fuse(part: ModelChoices, workspace: Workspace) -> None:
         workspace.warn(note)
     if part.intervals:
         from mapmore_cli.fitting.left_out import residuals
-        from mapmore_cli.modelling.validation.intervals import refusal
+        from mapmore_cli.modelling.validation.intervals import interval_refusal
 
         left_out = residuals(part, dataset, workspace.needed, workspace.progress, model)
-        if (why := refusal(left_out)) is not None:
+        if (why := interval_refusal(left_out)) is not None:
             workspace.warn(f"validate.intervals: {why}")
         model = replace(model, left_out=left_out)
     write_model(workspace.out / MODEL, model, _provenance(part))

@@ -64,7 +64,7 @@ def unfinished_beside(path: Path, folder: bool = False) -> Iterator[Path]:
     while True:
         unfinished = path.with_name(f"{TEMPORARY}{token_hex(6)}-{path.name}")
         unfinished.mkdir(0o700) if folder else unfinished.touch(exist_ok=False)
-        handle = _held(unfinished)
+        handle = _locked(unfinished)
         if unfinished.exists():
             break
         _let_go(handle)  # another process took it for abandoned before it was held
@@ -88,14 +88,14 @@ def _clear_abandoned(path: Path) -> None:
             for entry in os.listdir(path.parent)  # noqa: PTH208
             if name.fullmatch(entry)
         ]:
-            if (handle := _held(left, patient=False)) is not None:
+            if (handle := _locked(left, patient=False)) is not None:
                 try:
                     remove(left)
                 finally:
                     os.close(handle)
 
 
-def _held(place: Path, patient: bool = True) -> int | None:
+def _locked(place: Path, patient: bool = True) -> int | None:
     """Hold a file or folder against other processes that ask for it; None where another one holds
     it, or the system has no such locks.
     """

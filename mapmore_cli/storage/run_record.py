@@ -168,7 +168,7 @@ _DAMAGE = (OSError, ValueError, TypeError, KeyError, AttributeError, OverflowErr
 """What reading a document of JSON that is none of ours may raise."""
 
 
-def _document(path: Path) -> Any:
+def _read_json(path: Path) -> Any:
     return json.loads(path.read_text(encoding="utf-8"))
 
 
@@ -187,7 +187,7 @@ def stale_stages(records: Mapping[str, StageRecord]) -> dict[str, str]:
 def load_origin(run_dir: Path) -> Origin | None:
     """Where a run comes from; None where that is not known."""
     try:
-        return _ORIGIN.validate_python(_document(run_dir / RUN_RECORD)["origin"])
+        return _ORIGIN.validate_python(_read_json(run_dir / RUN_RECORD)["origin"])
     except _DAMAGE:
         return None
 
@@ -200,7 +200,7 @@ def load_records(run_dir: Path, warn: Callable[[str], None]) -> dict[str, StageR
     """
     path = run_dir / RUN_RECORD
     try:
-        document = _document(path)
+        document = _read_json(path)
         stages = _STAGES.validate_python(document["stages"])
         version = str(document["format_version"])
     except FileNotFoundError:
@@ -232,7 +232,6 @@ def save_records(
     )
 
 
-DIGITS = 12
 COLUMNS = tuple(field.name for field in fields(Score))
 _SCORES = TypeAdapter(tuple[Score, ...])
 
@@ -245,13 +244,14 @@ def write_scores(folder: Path, table: ScoreTable, name: str) -> None:
     empty in the CSV. The same scores give the same bytes.
     """
     rows = [score_row(score) for score in table.scores]
-    document: dict[str, Any] = {
+    document = {
         "name": name,
         "target": next(iter(table.units), None),
         "units": dict(table.units),
         "scores": rows,
+        "failed": list(table.failed),
+        "warnings": list(table.warnings),
     }
-    document |= {"failed": list(table.failed), "warnings": list(table.warnings)}
     write_text(
         folder / "scores.json",
         json.dumps(document, indent=2, allow_nan=False, ensure_ascii=False) + "\n",
@@ -269,7 +269,7 @@ def write_scores(folder: Path, table: ScoreTable, name: str) -> None:
 def read_scores(path: Path) -> ScoreTable:
     """Return what `write_scores` wrote; raises DataError for a file that says something else."""
     try:
-        return scores_in(_document(path))
+        return scores_in(_read_json(path))
     except _DAMAGE as error:
         what = f"no table of scores: {type(error).__name__}: {error}"
         raise DataError(
@@ -295,17 +295,14 @@ def scores_in(document: Any) -> ScoreTable:
 
 
 def score_row(score: Score) -> Mapping[str, str | int | float | None]:
-    """Return a row of the table, by column in the order of `Score`."""
-    return {column: _rounded(getattr(score, column)) for column in COLUMNS}
-
-
-def _rounded(value: str | int | float) -> str | int | float | None:
-    """Return a float to 12 significant digits, without a negative zero; None where it is not
-    finite.
+    """Return a row of the table, by column in the order of `Score`: floats to 12 significant
+    digits, without a negative zero; None where they are not finite.
     """
-    if not isinstance(value, float):
-        return value
-    return float(f"{value:.{DIGITS}g}") + 0.0 if math.isfinite(value) else None
+    row = {column: getattr(score, column) for column in COLUMNS}
+    for column, value in row.items():
+        if isinstance(value, float):
+            row[column] = float(f"{value:.12g}") + 0.0 if math.isfinite(value) else None
+    return row
 
 
 def scores_beside(model: Path) -> tuple[Mapping[str, Any], ...]:
@@ -313,6 +310,6 @@ def scores_beside(model: Path) -> tuple[Mapping[str, Any], ...]:
     they cannot be read.
     """
     try:
-        return tuple(dict(row) for row in _document(model.parent / "scores.json")["scores"])
+        return tuple(dict(row) for row in _read_json(model.parent / "scores.json")["scores"])
     except _DAMAGE:
         return ()

@@ -21,8 +21,8 @@ import numpy as np
 from scipy.interpolate import RegularGridInterpolator
 from scipy.io import loadmat
 
-from mapmore_cli.annexes.exporting.dialect import names_of_inputs
 from mapmore_cli.annexes.exporting.exports import exported
+from mapmore_cli.annexes.exporting.templates import names_of_inputs
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.modelling.kinds import fed_back, outside_range, runs_over_time, simulate
 from mapmore_cli.modelling.program.model import program_of

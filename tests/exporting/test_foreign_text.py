@@ -17,7 +17,7 @@ from xml.sax.saxutils import escape
 
 import numpy as np
 import pytest
-from export_samples import FORMULAS, STATIC, WITH_MEMORY, formula
+from export_samples import WITH_MEMORY, formula
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -195,17 +195,3 @@ def test_code_that_is_not_the_model_is_not_written(to, monkeypatch):
     with pytest.raises(MapmoreError, match="is not the model, and is not written"):
         exported(model, to)
     assert exported(model, to, verify=False)
-
-
-@pytest.mark.parametrize(
-    "model",
-    [
-        WITH_MEMORY["fed back"],
-        WITH_MEMORY["motion, handed on"],
-        STATIC["one level"],
-        FORMULAS["reynolds"],
-    ],
-)
-@pytest.mark.parametrize("to", ["c", "py"])
-def test_models_of_every_kind_pass(model, to):
-    assert exported(model, to)

@@ -78,8 +78,6 @@ def test_a_table_has_the_points_of_its_grid():
 def test_a_grid_beyond_the_training_range_is_refused():
     with pytest.raises(UsageError, match="outside of the training range"):
         exported(pieces(), "csv", grid="pressure=0:500:100,strain=0.03:0.19:0.04")
-    with pytest.raises(UsageError, match="memory"):
-        exported(WITH_MEMORY["lags"], "csv", grid="pressure=0:500:100,strain=0.03:0.19:0.04")
 
 
 def test_equations_in_latex():
@@ -242,22 +240,17 @@ def test_mujoco_lifts_a_weight_with_the_muscle(model, tmp_path):
 
 
 def test_what_a_simulator_cannot_hold():
-    u = 300 + 100 * np.sin(np.arange(300.0) / 9) + 100 * np.sin(np.arange(300.0) / 4)
-    frame = {
-        "time": np.arange(300.0),
-        "pressure": u,
-        "force": np.convolve(u, [0.5, 0.3, 0.2])[:300],
-    }
-    memory = mm.fit(
-        frame,
-        dictionary=[{"lags": {"of": ["pressure"], "steps": [0, 1, 2], "order": 1}}],
-        fit={"max_terms": 3, "tolerance": 0},
-    ).model
-    for target in ("table", "mujoco", "simulink"):
-        with pytest.raises(UsageError):
+    memory = WITH_MEMORY["lags"]
+    for target in ("csv", "table", "mujoco", "simulink"):
+        with pytest.raises(UsageError, match=r"memory|force by pressure"):
             exported(memory, target)
-    code = {}
+
+
+def test_a_python_file_with_memory_goes_on_from_a_state():
+    memory, code = WITH_MEMORY["lags"], {}
+    columns = recording(memory, 60)
     exec(next(iter(exported(memory, "py").values())), code)
     state = code["reset"]()
-    found = [code["force"](value, state) for value in u]
-    np.testing.assert_allclose(found[2:], frame["force"][2:], atol=1e-9)
+    rows = zip(*(columns[quantity.name] for quantity in memory.inputs), strict=True)
+    found = np.array([code["force"](*row, state) for row in rows])
+    assert difference(found, predict(memory, columns)) < 1e-12

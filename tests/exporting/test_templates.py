@@ -21,7 +21,7 @@ import pytest
 from export_samples import FORMULAS, STATIC, WITH_MEMORY
 from jinja2 import Environment, nodes
 
-from mapmore_cli.annexes.exporting import dialect
+from mapmore_cli.annexes.exporting import templates
 from mapmore_cli.annexes.exporting.exports import exported
 from mapmore_cli.domain.errors import DataError, MapmoreError
 from mapmore_cli.domain.models import Formula
@@ -142,7 +142,8 @@ def files_of(model):
 
 
 C_TOKENS = re.compile(
-    r'(?P<none>/\*.*?\*/|\s+|\\\n)|(?P<text>"(?:[^"\\\n]|\\.)*")|(?P<word>[A-Za-z_]\w*)|(?P<other>\d[\w.+-]*|.)',
+    r'(?P<none>/\*.*?\*/|\s+|\\\n)|(?P<text>"(?:[^"\\\n]|\\.)*")|(?P<word>[A-Za-z_]\w*)'
+    r"|(?P<other>\d[\w.+-]*|.)",
     re.DOTALL,
 )
 
@@ -173,7 +174,7 @@ def structure(language, data):
     return None
 
 
-WRITTEN = {*tex_commands("".join(dialect.tex_text(chr(code)) for code in range(0x400)))}
+WRITTEN = {*tex_commands("".join(templates.tex_text(chr(code)) for code in range(0x400)))}
 
 
 def compiles(files, folder):
@@ -235,13 +236,13 @@ def test_names_of_a_program_are_identifiers():
     """`store` refuses such a model when it is read; here it is one that was never stored."""
     model = next(one for one in MODELS if len(one.inputs) == 2)
     with pytest.raises(DataError, match="cannot be a name in code"):
-        dialect.word('f"; import os #')
+        templates.word('f"; import os #')
     with pytest.raises(DataError, match="cannot be a name in code"):
-        dialect.code("int {};", "f(void) { abort(); } int g")
-    assert dialect.code("int {};", dialect.identifier(model.name)).startswith("int ")
+        templates.code("int {};", "f(void) { abort(); } int g")
+    assert templates.code("int {};", templates.identifier(model.name)).startswith("int ")
 
 
-SOURCES = Path(dialect.__file__).parent / "sources"
+SOURCES = Path(templates.__file__).parent / "sources"
 TEMPLATES = sorted(SOURCES.glob("*.jinja"))
 INSIDE = {
     "c": r"/\*.*?\*/",
@@ -260,26 +261,26 @@ def test_notes_stand_in_comments_alone(template):
     assert not re.search(r"\|\s*(note|unit)\b|map\(\"unit\"\)", bare)
     filters = {one.name for one in Environment().parse(template.read_text()).find_all(nodes.Filter)}
     assert filters <= {"note", "unit", "word", "listed", "map", "join", "upper", "length"}
-    assert template.name.split(".")[-2] in dialect.LITERALS
+    assert template.name.split(".")[-2] in templates.LITERALS
 
 
 def texts(language):
-    written = dialect.templates(language).from_string(
+    written = templates.templates(language).from_string(
         "{{ a }}|{{ b }}|{{ 'c' }}|{{ d }}|{{ [a, a] | listed }}"
     )
     for text in HOSTILE:
-        yield written.render(a=text, b=dialect.word("b"), d=1.5)
+        yield written.render(a=text, b=templates.word("b"), d=1.5)
 
 
-@pytest.mark.parametrize("language", dialect.LITERALS)
+@pytest.mark.parametrize("language", templates.LITERALS)
 def test_what_is_put_into_a_template_is_a_literal(language):
     for hostile, found in zip(HOSTILE, texts(language), strict=True):
-        literal = dialect.LITERALS[language](hostile)
-        assert found == f"{literal}|b|{dialect.LITERALS[language]('c')}|1.5|{literal}, {literal}"
+        literal = templates.LITERALS[language](hostile)
+        assert found == f"{literal}|b|{templates.LITERALS[language]('c')}|1.5|{literal}, {literal}"
     with pytest.raises(TypeError, match="not a text"):
-        dialect.templates(language).from_string("{{ a }}").render(a=None)
+        templates.templates(language).from_string("{{ a }}").render(a=None)
     with pytest.raises(TypeError, match="not a text"):
-        dialect.templates(language).from_string("{{ a }}").render()
+        templates.templates(language).from_string("{{ a }}").render()
 
 
 def test_strings_in_c_are_what_a_compiler_reads(tmp_path):
@@ -287,7 +288,7 @@ def test_strings_in_c_are_what_a_compiler_reads(tmp_path):
         pytest.skip("there is no C compiler here")
     text = "".join(map(chr, range(1, 0x180))) + "??/ %s \\ 7"
     code = (
-        f"#include <stdio.h>\nint main(void) {{ fputs({dialect.LITERALS['c'](text)}, stdout); "
+        f"#include <stdio.h>\nint main(void) {{ fputs({templates.LITERALS['c'](text)}, stdout); "
         f"return 0; }}\n"
     )
     (tmp_path / "s.c").write_text(code)

@@ -18,7 +18,8 @@ from mapmore_cli.domain.arrays import ASCENDING, FINITE
 from mapmore_cli.domain.declared import Label, QuantityName, TermName
 from mapmore_cli.domain.models import Body
 from mapmore_cli.modelling.kinds import kinds
-from mapmore_cli.storage.artefacts.schema import stored_fields, taken_apart, wrong_with
+from mapmore_cli.storage.artefacts.decoding import wrong_with
+from mapmore_cli.storage.artefacts.schema import stored_fields, taken_apart
 
 NAMES = st.text(
     st.characters(exclude_categories=["Cs", "Cc", "Cf", "Zl", "Zp"]), max_size=8

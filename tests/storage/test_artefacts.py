@@ -36,9 +36,9 @@ from mapmore_cli.domain.recording import Curve, Dataset, Quantity, Recording
 from mapmore_cli.domain.results import FitResult, PiecesFit, Validation
 from mapmore_cli.storage import artefacts
 from mapmore_cli.storage.artefacts.hdf5 import put_text
+from mapmore_cli.storage.artefacts.reference import described
 from mapmore_cli.storage.artefacts.schema import (
     SegmentationFile,
-    described,
     resolved,
     stored_fields,
     taken_apart,
@@ -308,9 +308,6 @@ def test_truncated_file_is_named(kind, written):
         assert caught.value.remedy
 
 
-SEGMENT = "body/segments/000"
-
-
 def changed(path, change):
     with h5py.File(path, "r+") as file:
         change(file)
@@ -343,28 +340,6 @@ def put(place, value=None, **stored):
 def write_document(file, text):
     del file["document"]
     put_text(file, "document", text, "changed")
-
-
-@pytest.mark.parametrize(
-    "damage",
-    [
-        put(f"{SEGMENT}/selection/theta"),
-        put(f"{SEGMENT}/selection/g", ["a", "b"]),
-        put(f"{SEGMENT}/selection/a", [1.0]),
-        put(f"{SEGMENT}/id", 3),
-        put(f"{SEGMENT}/id"),
-        put(f"{SEGMENT}/selection/sse", "much"),
-        put(f"{SEGMENT}/scaling", 1.0),
-        put(f"{SEGMENT}/cell", 1),
-        put(f"{SEGMENT}/selection/samples", True),
-        put(f"{SEGMENT}/selection/samples", 10**25),
-        put("colour", "red"),
-        lambda file: file.move(SEGMENT, "body/segments/001"),
-    ],
-)
-def test_damaged_content_is_a_data_error(damage, written):
-    with pytest.raises(DataError, match=r"fit\.h5"):
-        artefacts.read_fit(changed(written["fit"], damage))
 
 
 @pytest.mark.parametrize(

@@ -60,6 +60,11 @@ def model(tmp_path):
         (put("body/fusion/z_s", 0.75), "z_s, is not between 0 and 0.5"),
         (put("body/backbone/status", "fine"), "status, is none of converged"),
         (put(f"{SEGMENT}/theta"), "theta, is no array"),
+        (put(f"{SEGMENT}/id", 3), "id, is no str"),
+        (put(f"{SEGMENT}/id"), "id, is missing"),
+        (put(f"{SEGMENT}/samples", True), "samples, is no int"),
+        (put(f"{SEGMENT}/scaling", 1.0), "scaling, is no Scaling"),
+        (put("colour", "red"), "colour, is not known to this format"),
         (put(f"{SEGMENT}/scaling/slope", data=np.array([4.0], "<f4")), "slope, is no array"),
     ],
 )

@@ -12,20 +12,17 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
-from mapmore_cli.annexes.exporting.dialect import (
-    DOUBLE,
-    SINGLE,
+from mapmore_cli.annexes.exporting.c_statements import CStatements
+from mapmore_cli.annexes.exporting.dialect import DOUBLE, SINGLE, Dialect, Expressions
+from mapmore_cli.annexes.exporting.templates import (
     Code,
-    Dialect,
-    Expressions,
-    Statements,
     Wanted,
     code,
     identifier,
     lines_of_code,
     names_of_inputs,
-    renamed,
-    rendered,
+    renaming_notes,
+    rendered_template,
     word,
 )
 from mapmore_cli.annexes.exporting.verifying import (
@@ -35,7 +32,6 @@ from mapmore_cli.annexes.exporting.verifying import (
     verify_program,
 )
 from mapmore_cli.domain.errors import UsageError
-from mapmore_cli.domain.foreign import c_comment
 from mapmore_cli.domain.models import Model
 from mapmore_cli.modelling.inverse import (
     BISECTIONS,
@@ -52,8 +48,7 @@ from mapmore_cli.modelling.inverse import (
 )
 from mapmore_cli.modelling.kinds import OUTSIDE_TOLERANCE, runs_over_time
 from mapmore_cli.modelling.program.model import program_of, with_slopes
-from mapmore_cli.modelling.program.statements import Choose, Function, Limit, Program
-from mapmore_cli.modelling.program.writing import names_used_in
+from mapmore_cli.modelling.program.statements import Limit, Program
 
 MOST_INPUTS = 14
 """Bits of the returned number, one for every input and one more: an `int` may have 16."""
@@ -95,17 +90,26 @@ def c_source(model: Model, single: bool = False) -> CSource:
             f"{MOST_INPUTS}",
             "export its parts",
         )
-    return CSource(model, program_of(model), identifier(model.name), single)
+    name, real = identifier(model.name), word("float" if single else "double")
+    dialect = SINGLE if single else DOUBLE
+    return CSource(model, program_of(model), name, word(name.upper()), real, dialect)
 
 
 @dataclass(frozen=True)
 class CSource:
-    """A model as the text of its files; `code` is the model itself, or with its derivatives."""
+    """A model as the text of its files.
+
+    - `code`: the model itself, or with its derivatives.
+    - `name`, `prefix`: of its functions, and how the names of macros begin.
+    - `real`, `dialect`: the type of numbers, and how numbers and functions are written.
+    """
 
     model: Model
     code: Program
     name: Code
-    single: bool
+    prefix: Code
+    real: Code
+    dialect: Dialect
 
     @cached_property
     def files(self) -> dict[str, str]:
@@ -125,21 +129,6 @@ class CSource:
         """Whether it goes on from sample to sample."""
         return self.code.step is not None
 
-    @property
-    def dialect(self) -> Dialect:
-        """How numbers and functions are written."""
-        return SINGLE if self.single else DOUBLE
-
-    @property
-    def real(self) -> Code:
-        """The type of numbers."""
-        return word("float" if self.single else "double")
-
-    @property
-    def prefix(self) -> Code:
-        """How the names of macros begin."""
-        return word(self.name.upper())
-
     @cached_property
     def places(self) -> dict[str, Code]:
         """The macro for the place of every input, by its name."""
@@ -151,17 +140,15 @@ class CSource:
     @property
     def words(self) -> dict[str, object]:
         """What templates know of the model."""
-        words: dict[str, object] = {
-            name: getattr(self, name)
-            for name in ("model", "name", "prefix", "places", "real", "call")
-        }
-        own = {"step": self.code.step, "kept": self.code.kept, "number": self.dialect.number}
-        return {
-            **words,
-            **own,
+        names = ("model", "name", "prefix", "places", "real", "call")
+        single = self.dialect is SINGLE
+        return {name: getattr(self, name) for name in names} | {
+            "step": self.code.step,
+            "kept": self.code.kept,
+            "number": self.dialect.number,
             "memory": self.with_memory,
-            "single": self.single,
-            "f": Code("f" * self.single),
+            "single": single,
+            "f": Code("f" * single),
         }
 
     @property
@@ -171,12 +158,12 @@ class CSource:
             return self._head("step", code("{} *out", self.real), code("{}_state *s, ", self.name))
         return self._head("eval", code("{} *out", self.real))
 
-    def _head(self, function: str, results: Code, state: Code = Code()) -> Code:  # noqa: B008 - nothing changes it
+    def _head(self, function: str, results: Code, state: str = "") -> Code:
         return code(
             "int {}_{}({}const {} in[{}_INPUTS], {})",
             self.name,
             function,
-            state,
+            Code(state),
             self.real,
             self.prefix,
             results,
@@ -184,8 +171,8 @@ class CSource:
 
     def header(self) -> str:
         """Return the declarations, with names and units."""
-        return rendered(
-            "model.h", **self.words, renamed=renamed(names_of_inputs(self.model.inputs))
+        return rendered_template(
+            "model.h", **self.words, renamed=renaming_notes(names_of_inputs(self.model.inputs))
         )
 
     def source(self) -> str:
@@ -199,7 +186,7 @@ class CSource:
         measured = [f"{name}_measured" for name in self.code.kept.fed_back]
         columns = " ".join([*(quantity.name for quantity in self.model.inputs), *measured])
         given = code("{}_INPUTS + 1" if measured else "{}_INPUTS", self.prefix)
-        return rendered("main.c", **self.words, columns=columns, given=given)
+        return rendered_template("main.c", **self.words, columns=columns, given=given)
 
     def _file(self, header: Code, head: Code, results: Sequence[Code], **words: object) -> str:
         """Return a source file whose function `head` writes what the model comes to where `results`
@@ -231,10 +218,10 @@ class CSource:
             "results": results,
         }
         words |= {"functions": lines_of_code(functions), "statements": lines_of_code(lines)}
-        return rendered(
+        return rendered_template(
             "model.c",
             **words,
-            body=rendered("body.c", **words),
+            body=rendered_template("body.c", **words),
             tolerance=self.dialect.number(OUTSIDE_TOLERANCE),
         )
 
@@ -273,10 +260,10 @@ class CSource:
         if inverses:
             words["ends"] = max(inverse["ends"] for inverse in inverses) + 2 * DIVIDED
             words |= {"DIVIDED": DIVIDED, "SPLITS": SPLITS, "BISECTIONS": BISECTIONS}
-            coarser = COARSER if self.single else 1.0
+            coarser = COARSER if self.dialect is SINGLE else 1.0
             words |= {"STEEP": STEEP, "SAME": SAME * coarser, "REACHED": REACHED * coarser}
         name = code("{}_inverse", self.name)
-        header = rendered("inverse.h", **self.words, **words, head=head)
+        header = rendered_template("inverse.h", **self.words, **words, head=head)
         source = replace(self, code=with_slopes(self.code))
         return {
             f"{name}.h": header,
@@ -307,92 +294,6 @@ class CSource:
             }
 
 
-@dataclass
-class CStatements(Statements):
-    """Writes statements in C; `real` is the type of numbers."""
-
-    real: str = "double"
-
-    def function(self, function: Function) -> list[str]:
-        """Return a function that no other file sees; several results are written where the last
-        argument points.
-        """
-        several = len(function.body.results) > 1
-        parameters = [f"{self.real} {name}" for name in function.parameters] + [
-            f"{self.real} *results"
-        ] * several
-        lines, results = self.block(function.body, self.expressions())
-        used = names_used_in(function.body)
-        ignored = [f"(void){name};" for name in function.parameters if name not in used]
-        ends = (
-            [f"results[{i}] = {text};" for i, text in enumerate(results)]
-            if several
-            else [f"return {results[0]};"]
-        )
-        head = f"static {'void' if several else self.real} {function.name}({', '.join(parameters)})"
-        note = c_comment(function.note) if function.note else []
-        return [*note, head, "{", *indented([*ignored, *lines, *ends]), "}", ""]
-
-    def _used(self, names: Sequence[str], function: str, arguments: Sequence[str]) -> list[str]:
-        if len(names) == 1:
-            return [self.dialect.constant(names[0], f"{function}({', '.join(arguments)})")]
-        results = f"{names[0]}_all"
-        self.places.update({name: f"{results}[{i}]" for i, name in enumerate(names)})
-        return [
-            f"{self.real} {results}[{len(names)}];",
-            f"{function}({', '.join([*arguments, results])});",
-        ]
-
-    def _chosen(self, choice: Choose, expressions: Expressions) -> None:
-        conditions = [expressions.condition(condition) for condition, _ in choice.cases]
-        blocks = [block for _, block in choice.cases] + [choice.otherwise]
-        if len(choice.names) == 1 and not any(block.statements for block in blocks):
-            inner = [expressions.inner() for _ in blocks]
-            values = [own.text(block.results[0]) for own, block in zip(inner, blocks, strict=True)]
-            if not any(own.lines for own in inner):
-                text = (
-                    "".join(
-                        f"{condition} ? {value} : "
-                        for condition, value in zip(conditions, values, strict=False)
-                    )
-                    + values[-1]
-                )
-                expressions.lines.append(self.dialect.constant(choice.names[0], text))
-                return
-        lines = [f"{self.real} {name};" for name in choice.names]
-        openings = [f"if ({condition}) {{" for condition in conditions] + ["{"]
-        for i, (opening, block) in enumerate(zip(openings, blocks, strict=True)):
-            lines.append(f"}} else {opening}" if i else opening)
-            own, results = self.block(block, expressions.inner())
-            lines.extend(
-                indented(
-                    [
-                        *own,
-                        *(
-                            f"{name} = {text};"
-                            for name, text in zip(choice.names, results, strict=True)
-                        ),
-                    ]
-                )
-            )
-        expressions.lines.extend([*lines, "}"])
-
-    def _recalled(self, queue: str, steps: int) -> str:
-        size = self.program.kept.queues[queue]
-        return f"s->{queue}[(s->{queue}_at + {size - steps}) % {size}]"
-
-    def _kept(self, place: str, text: str) -> str:
-        return f"{place} = {text};"
-
-    def _queued(self, queue: str, text: str, size: int) -> list[str]:
-        return [f"{queue}[{queue}_at] = {text};", f"{queue}_at = ({queue}_at + 1) % {size};"]
-
-
-def indented(lines: Sequence[str]) -> list[str]:
-    """Lines one step to the right."""
-    return [f"    {line}" if line else line for line in lines]
-
-
 # Around the C of a model: an actuator of MuJoCo, and a function for Simulink's C Caller
 # -------------------------------------------------
 
@@ -418,7 +319,7 @@ def mujoco_files(model: Model, _wanted: Wanted) -> dict[str, str]:
             "MuJoCo counts in m and N", "run the study with `units: {strain: 1, force: N}`"
         )
     source = c_source(model)
-    text = rendered("mujoco.c", **source.words, pressure=inputs["pressure"])
+    text = rendered_template("mujoco.c", **source.words, pressure=inputs["pressure"])
     return {**source.files, f"{source.name}_mujoco.c": text}
 
 
@@ -438,5 +339,8 @@ def simulink_files(model: Model, _wanted: Wanted) -> dict[str, str]:
     words["parameters"] = [code("double {}", name) for name in names.values()]
     return {
         **source.files,
-        **{f"{source.name}_simulink.{end}": rendered(f"simulink.{end}", **words) for end in "hc"},
+        **{
+            f"{source.name}_simulink.{end}": rendered_template(f"simulink.{end}", **words)
+            for end in "hc"
+        },
     }

@@ -10,10 +10,10 @@ from collections.abc import Callable, Mapping
 from functools import partial
 
 from mapmore_cli.annexes.exporting.c_source import c_files, mujoco_files, simulink_files
-from mapmore_cli.annexes.exporting.dialect import Wanted, Warn
 from mapmore_cli.annexes.exporting.fmu import unit_file
 from mapmore_cli.annexes.exporting.python_module import module_file
 from mapmore_cli.annexes.exporting.table import lookup_table, table_files, tex_equations
+from mapmore_cli.annexes.exporting.templates import Wanted, Warn
 from mapmore_cli.domain.models import Model
 
 Exporter = Callable[[Model, Wanted], Mapping[str, str | bytes]]

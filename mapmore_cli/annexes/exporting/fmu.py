@@ -14,7 +14,7 @@ from uuid import UUID
 
 from mapmore_cli import __version__
 from mapmore_cli.annexes.exporting.c_source import CSource, c_source
-from mapmore_cli.annexes.exporting.dialect import Wanted, rendered, source
+from mapmore_cli.annexes.exporting.templates import Wanted, rendered_template, source
 from mapmore_cli.annexes.exporting.verifying import (
     CompilerMissing,
     built,
@@ -33,10 +33,6 @@ BITS = "outside_range"
 """The integer output: bit i for input i outside of its training range, and one more where a model
 with memory has no value.
 """
-
-
-OLDEST = (1980, 1, 1, 0, 0, 0)
-"""The date of every file in an archive, so that the same model gives the same bytes."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +78,7 @@ def unit_file(model: Model, wanted: Wanted) -> dict[str, bytes]:
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w") as archive:
         for name, data in files.items():
-            entry = zipfile.ZipInfo(name, OLDEST)
+            entry = zipfile.ZipInfo(name)  # of 1980: the same model gives the same bytes
             entry.compress_type = zipfile.ZIP_DEFLATED
             entry.create_system = 3  # Unix, wherever it is written
             entry.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
@@ -112,8 +108,8 @@ def fmu_sources(model: Model, tool: str) -> UnitSources:
         "variables": variables,
         "inputs": [one for one in variables if one.causality == "input"],
     }
-    texts["this-model.h"] = rendered("this-model.h", **words)
-    description = rendered("modelDescription.xml", **words, about=_about(written))
+    texts["this-model.h"] = rendered_template("this-model.h", **words)
+    description = rendered_template("modelDescription.xml", **words, about=_about(written))
     return UnitSources(name, description, texts, compiled)
 
 
@@ -148,7 +144,7 @@ def _variables(written: CSource) -> Iterator[Variable]:
     names = [*identifiers([*(one.name for one in given), model.output.name], [BITS]), BITS]
     changes = "discrete" if memory else "continuous"
     for quantity, name in zip(given, names, strict=False):
-        about, start = _described(written, quantity)
+        about, start = _range_and_start(written, quantity)
         if quantity in measured:
             about = (
                 "Measured output, which the model goes on from; counts as long as there is no value"
@@ -166,7 +162,7 @@ def _variables(written: CSource) -> Iterator[Variable]:
     yield Variable(BITS, summed, "output", "discrete", None)
 
 
-def _described(written: CSource, quantity: Quantity) -> tuple[str, float]:
+def _range_and_start(written: CSource, quantity: Quantity) -> tuple[str, float]:
     """Return what is said of an input, and its start: zero, or the end of its training range
     nearest to it, at the lowest level.
     """

@@ -11,20 +11,17 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
-from mapmore_cli.annexes.exporting.dialect import (
-    NUMPY,
+from mapmore_cli.annexes.exporting.dialect import NUMPY, SCALAR, Expressions, Statements
+from mapmore_cli.annexes.exporting.templates import (
     PYTHON,
-    SCALAR,
     Code,
-    Expressions,
-    Statements,
     Wanted,
     code,
     identifier,
     lines_of_code,
     names_of_inputs,
-    renamed,
-    rendered,
+    renaming_notes,
+    rendered_template,
     word,
 )
 from mapmore_cli.annexes.exporting.verifying import verify_module
@@ -65,7 +62,7 @@ def python_module(model: Model, plain: bool = False) -> tuple[str, str]:
         "model": model,
         "names": names,
         "plain": plain,
-        "renamed": renamed(names),
+        "renamed": renaming_notes(names),
         "tolerance": OUTSIDE_TOLERANCE,
     }
     words |= {"output": word(identifiers([model.output.name], taken)[0]), "kept": program.kept}
@@ -83,7 +80,7 @@ def python_module(model: Model, plain: bool = False) -> tuple[str, str]:
         slopes = PythonStatements(with_slopes(program), dialect, "s.")
         words["slope_functions"] = slopes.functions()
         words["slope_lines"], words["slopes"] = slopes.coded(slopes.program.body)
-    return f"{stem}.py", rendered("module.py", **words)
+    return f"{stem}.py", rendered_template("module.py", **words)
 
 
 class PythonStatements(Statements):
@@ -154,5 +151,5 @@ class PythonStatements(Statements):
     def _kept(self, place: str, text: str) -> str:
         return f"{place} = {text}"
 
-    def _queued(self, queue: str, text: str, size: int) -> list[str]:  # noqa: ARG002 - a list knows its length
+    def _queued(self, queue: str, text: str, size: int) -> list[str]:  # noqa: ARG002
         return [f"{queue} = [*{queue}[1:], {text}]"]

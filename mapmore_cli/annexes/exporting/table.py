@@ -12,14 +12,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mapmore_cli.annexes.exporting.dialect import (
+from mapmore_cli.annexes.exporting.templates import (
     Code,
     Wanted,
     code,
     identifier,
     names_of_inputs,
     note,
-    rendered,
+    rendered_template,
 )
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.errors import UsageError
@@ -106,7 +106,8 @@ def _on_grid(model: Model, text: str | None) -> Grid:
     names = [quantity.name for quantity in model.inputs]
     axes = {} if text is None else grid_axes(text, names)
     places = {
-        name: np.array(axes[name]) if name in axes else _spread(model, name) for name in names
+        name: np.array(axes[name]) if name in axes else _places_over_range(model, name)
+        for name in names
     }
     if math.prod(map(len, places.values())) > MOST:
         raise UsageError(
@@ -118,7 +119,7 @@ def _on_grid(model: Model, text: str | None) -> Grid:
     return Grid(places, points, predict(model, points), ~outside_range(model, points))
 
 
-def _spread(model: Model, name: str) -> Array:
+def _places_over_range(model: Model, name: str) -> Array:
     """Even places over the training range of an input, and the levels of the model among them."""
     limits = program_of(model).limits
     ends = [end for one in limits if one.inputs == {name} for end in (*one.low, *one.high)]
@@ -187,5 +188,5 @@ def tex_equations(model: Model, _wanted: Wanted) -> dict[str, str]:
     )
     # printed from names that are identifiers
     typeset = [(one.id, Code(one.latex)) for one in equations(model)]
-    text = rendered("equations.tex", about=f"{model.name}: {units}", equations=typeset)
+    text = rendered_template("equations.tex", about=f"{model.name}: {units}", equations=typeset)
     return {f"{identifier(model.name)}.tex": text}

@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mapmore_cli.annexes.exporting.dialect import rendered
+from mapmore_cli.annexes.exporting.templates import rendered_template
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.domain.models import Model
@@ -134,7 +134,7 @@ def verify_module(model: Model, text: str, each: bool = False) -> None:
     MapmoreError as `verify_program`.
     """
     memory, count = program_of(model).step is not None, len(model.inputs)
-    driver = rendered("verify.py", memory=memory, each=each, count=count)
+    driver = rendered_template("verify.py", memory=memory, each=each, count=count)
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         for name, code in (("exported.py", text), ("verify.py", driver)):
             (Path(folder) / name).write_text(code, encoding="utf-8")

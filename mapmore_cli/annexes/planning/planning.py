@@ -361,7 +361,7 @@ def formulas_of(
         if set(literature.get(name).inputs) != set(measured.names) or dataset.target != "force":
             continue
         try:
-            fit = fit_formula(name, dataset.curves, dataset.target, advice=False)
+            fit = fit_formula(name, dataset.curves, dataset.target)
         except (DataError, FitError):
             continue
         if not fit.failed:

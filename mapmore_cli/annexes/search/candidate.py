@@ -14,7 +14,7 @@ from typing import Any
 from mapmore_cli.annexes.search.situation import Situation
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.literature import TARGET
-from mapmore_cli.modelling.literature.formula import LiteratureModel
+from mapmore_cli.modelling.literature.formula import Formula
 
 MOST = ("inputs", "most_moving", "samples")
 """Conditions with an upper bound."""
@@ -155,7 +155,7 @@ def vocabulary(of: Situation, **more: Any) -> dict[str, Any]:
     }
 
 
-def _is_known(formula: LiteratureModel, of: Situation) -> bool:
+def _is_known(formula: Formula, of: Situation) -> bool:
     """Return whether the quantities of a formula are among the inputs, with no dimensions and fewer
     parameters than there are samples.
     """

@@ -30,6 +30,7 @@ from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import FitResult, Validation
 from mapmore_cli.modelling.soundness import unsound
+from mapmore_cli.storage.artefacts.decoding import Decoder
 from mapmore_cli.storage.artefacts.hdf5 import (
     RATIO,
     add_to_hash,
@@ -37,14 +38,13 @@ from mapmore_cli.storage.artefacts.hdf5 import (
     look_over,
     put_array,
     put_text,
+    root_text,
     steady,
     take_array,
     take_document,
-    word,
 )
 from mapmore_cli.storage.artefacts.schema import (
     TYPES,
-    Decoder,
     Invalid,
     SegmentationFile,
     Units,
@@ -114,7 +114,7 @@ class FileKind(Generic[T]):
         Raises DataError as the module says, for a checksum that does not match only where it may
         not be `unverified`.
         """
-        with _opened(path) as (file, kind, version):
+        with _opened_file(path) as (file, kind, version):
             if kind != self.name:
                 raise DataError(
                     f"{path}: is a {kind} file, not a {self.name} file",
@@ -150,7 +150,7 @@ class FileKind(Generic[T]):
             )
         if newer:
             return record, "is of a newer format: its checksum cannot be verified here"
-        return record, "" if word(file, CHECKSUM) == digest.hexdigest() else _ALTERED
+        return record, "" if root_text(file, CHECKSUM) == digest.hexdigest() else _ALTERED
 
 
 DATASET_FILE = FileKind("dataset", "ingest", Dataset)
@@ -169,7 +169,7 @@ KINDS: tuple[FileKind[Any], ...] = (
 
 def kind_of(path: Path) -> str:
     """`dataset`, `segmentation`, `fit`, `model` or `validation`; DataError for anything else."""
-    with _opened(path) as (_, kind, _version):
+    with _opened_file(path) as (_, kind, _version):
         return kind
 
 
@@ -205,7 +205,7 @@ def read_segmentation(path: Path, *warn_and_unverified: Any) -> tuple[SegmentedC
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[tuple[h5py.File, str, str]]:
+def _opened_file(path: Path) -> Iterator[tuple[h5py.File, str, str]]:
     """Open a file for reading, with its kind and version; what is invalid in it, and no file of
     ours, is a DataError.
     """
@@ -221,7 +221,7 @@ def _opened(path: Path) -> Iterator[tuple[h5py.File, str, str]]:
     kind: str | None = "file"
     try:
         with file:
-            kind, version = word(file, "kind"), word(file, "format_version")
+            kind, version = root_text(file, "kind"), root_text(file, "format_version")
             if version is None or kind not in {known.name for known in KINDS}:
                 raise DataError(f"{path}: is an HDF5 file, but not one of mapmore's", _GIVE_OURS)
             refuse_newer(path, version, FORMAT_VERSION)

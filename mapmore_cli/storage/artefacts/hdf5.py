@@ -107,7 +107,7 @@ def _mapped(dataset: h5py.Dataset) -> NDArray[Any]:
     return np.frombuffer(content, dataset.dtype, count, place).reshape(dataset.shape)
 
 
-def word(file: h5py.File, name: str) -> str | None:
+def root_text(file: h5py.File, name: str) -> str | None:
     """Return an attribute of the root that is one short text; None where it is absent or
     another.
     """
@@ -130,14 +130,18 @@ def take_document(file: h5py.File) -> tuple[str, Any]:
         if not text or found.dtype.itemsize > DOCUMENT:
             raise Invalid(where, f"is no text of at most {DOCUMENT // 10**6} MB")
         data = bytes(found[()])
+    no_number = dict[str, float]().__getitem__  # for NaN and infinity
     try:
         said = data.decode()
-        return said, json.loads(said, object_pairs_hook=_once, parse_constant={}.__getitem__)  # type: ignore[arg-type]  # no NaN
+        document = json.loads(
+            said, object_pairs_hook=_without_repeated_keys, parse_constant=no_number
+        )
+        return said, document
     except (ValueError, KeyError, RecursionError) as fault:
         raise Invalid(where, f"is no plain JSON ({str(fault)[:100]})") from fault
 
 
-def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+def _without_repeated_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found = dict(pairs)
     if len(found) < len(pairs):
         raise ValueError("a key stands twice")

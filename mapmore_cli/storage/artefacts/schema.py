@@ -22,15 +22,13 @@ from functools import cache
 from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
-from annotated_types import Interval
 
-from mapmore_cli.domain.declared import Checked, prose
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import Scaling, SegmentedCurve
 from mapmore_cli.domain.foreign import is_one_line
 from mapmore_cli.domain.models import Body, Model, Pieces
 from mapmore_cli.domain.recording import Dataset
-from mapmore_cli.domain.results import FitResult, Validation
+from mapmore_cli.domain.results import Validation
 from mapmore_cli.modelling.kinds import kinds
 
 ARRAY = "array"
@@ -47,16 +45,11 @@ WORDS = {str: "text", Literal: "text", types.NoneType: "null"}
 """What the reference calls types."""
 
 Letters = tuple[str, ...]
-Sizes = dict[str, int]
-"""Dimensions, and the lengths of those seen so far in an object."""
-
 Units = Mapping[str, str]
 """Units by the names of quantities."""
 
 Put = Callable[[str, Any, str, str], None]
 """Stores an array under its path, with its description and unit."""
-Take = Callable[[str, str, int], Any]
-"""Returns the array under a path, of a type and number of dimensions."""
 
 
 class Invalid(Exception):
@@ -140,14 +133,14 @@ def bodies(kind: Any) -> dict[str, type]:
     return {one.name: type_ for one in kinds() if (type_ := one.body if kind is Body else one.fit)}
 
 
-def _step(key: Any, place: int) -> str:
+def step_to(key: Any, place: int) -> str:
     """Return how a member is called in paths: its name, or its number where a name cannot be
     one.
     """
     return key if re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", str(key)) else f"{place:03d}"
 
 
-def _hints(own: Hint, count: int) -> Sequence[Any]:
+def hints_of_members(own: Hint, count: int) -> Sequence[Any]:
     """Return the hints of so many members of a mapping or a tuple."""
     each = own.inner[own.kind is Mapping]
     return (
@@ -220,20 +213,24 @@ def encoded(
     if isinstance(value, Mapping | tuple):
         parts = value if isinstance(value, Mapping) else dict(enumerate(value))
         document = {
-            _line(key): encoded(
+            _checked_line(key): encoded(
                 one,
                 part,
                 put,
                 units,
-                f"{path}/{_step(key, i)}",
+                f"{path}/{step_to(key, i)}",
                 (label[0], label[1].replace("*", str(key))),
             )
             for i, ((key, one), part) in enumerate(
-                zip(parts.items(), _hints(own, len(parts)), strict=True)
+                zip(parts.items(), hints_of_members(own, len(parts)), strict=True)
             )
         }
         return document if parts is value else list(document.values())
-    return str(value) if isinstance(value, float) and not math.isfinite(value) else _line(value)
+    return (
+        str(value)
+        if isinstance(value, float) and not math.isfinite(value)
+        else _checked_line(value)
+    )
 
 
 def _same(value: Any, default: Any) -> bool:
@@ -243,189 +240,8 @@ def _same(value: Any, default: Any) -> bool:
     )
 
 
-def _line(value: Any) -> Any:
+def _checked_line(value: Any) -> Any:
     if isinstance(value, str) and not is_one_line(value):
         what = f"the name {value!r} cannot be stored: it is not one line of valid text"
         raise DataError(what, "rename the file or column that it is of")
     return value
-
-
-# Reading ----------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Decoder:
-    """Puts a record together again; raises Invalid for what is not of its type.
-
-    Fields that the format does not know are passed over where `lenient`.
-    """
-
-    take: Take
-    lenient: bool = False
-
-    def value(self, node: Any, hint: Any, path: str, letters: Letters, sizes: Sizes) -> Any:
-        """Return the value of a type; `sizes` are lengths of dimensions seen so far in the
-        object.
-        """
-        own = taken_apart(hint)
-        letters = own.letters or letters
-        if own.kind is Union:
-            if node is None and types.NoneType in own.inner:
-                return None
-            fitting = (
-                one
-                for one in own.inner
-                if (taken_apart(one).kind in (str, Literal)) == isinstance(node, str)
-            )
-            return self.value(node, next(fitting, own.inner[0]), path, letters, sizes)
-        found = self._plain(node, own, path, letters, sizes)
-        for check in own.checks:
-            if wrong := wrong_with(found, check):
-                raise Invalid(path, wrong + (f": {found[:60]!r}" if isinstance(found, str) else ""))
-        return found
-
-    def _plain(self, node: Any, own: Hint, path: str, letters: Letters, sizes: Sizes) -> Any:
-        kind, many = own.kind, own.inner[1:] == (...,)
-        if path.count("/") > DEEPEST:
-            raise Invalid(path, f"lies more than {DEEPEST} fields deep")
-        if kind is np.ndarray and node == {ARRAY: path}:
-            return self._array(path, own.inner[0], letters, sizes)
-        if bodies(kind) and isinstance(node, dict):
-            word, inner = (
-                node.get("kind"),
-                {name: one for name, one in node.items() if name != "kind"},
-            )
-            if word not in (*bodies(kind),):
-                raise Invalid(
-                    path,
-                    f"is of the kind {str(word)[:60]!r}, which is none of "
-                    f"{', '.join(bodies(kind))}",
-                )
-            return self._record(inner, bodies(kind)[word], path, sizes)
-        if is_dataclass(kind) and isinstance(node, dict):
-            return self._record(node, kind, path, sizes)
-        if kind is tuple and isinstance(node, list) and (many or len(node) == len(own.inner)):
-            if many:
-                _compare(path, (len(node),), letters, sizes)
-            parts, hints = enumerate(node), _hints(own, len(node))
-            return tuple(
-                self.value(one, hints[i], f"{path}/{i:03d}", (), {**sizes}) for i, one in parts
-            )
-        if kind is Mapping and isinstance(node, dict):
-            parts = enumerate(node.items())
-            return {
-                self.value(key, own.inner[0], path, (), {}): self.value(
-                    one, own.inner[1], f"{path}/{_step(key, i)}", letters, sizes if letters else {}
-                )
-                for i, (key, one) in parts
-            }
-        return _scalar(node, own, path)
-
-    def _record(self, node: dict[str, Any], type_: Any, path: str, sizes: dict[str, int]) -> Any:
-        known = stored_fields(type_)
-        needed = {name for name, (_, default) in known.items() if default is MISSING}
-        for name in (needed - node.keys()) | (
-            set() if self.lenient else node.keys() - known.keys()
-        ):
-            raise Invalid(
-                f"{path}/{name[:60]}",
-                "is missing" if name in known else "is not known to this format",
-            )
-        given = {name: hint for name, (hint, _) in known.items() if name in node}
-        return type_(
-            **{
-                name: self.value(node[name], hint, f"{path}/{name}", (), sizes)
-                for name, hint in given.items()
-            }
-        )
-
-    def _array(self, path: str, number: Any, letters: Letters, sizes: Sizes) -> Any:
-        values = self.take(path, TYPES[number], max(1, len(letters))).astype(number, copy=False)
-        _compare(path, values.shape, letters, sizes)
-        values.setflags(write=False)  # several stages may be given the same
-        return values
-
-
-def _scalar(node: Any, own: Hint, path: str) -> Any:
-    if own.kind is Literal and node not in own.inner:
-        raise Invalid(path, f"is none of {', '.join(own.inner)}")
-    if own.kind is float and (type(node) is int or node in ("nan", "inf", "-inf")):
-        return float(node)
-    expected = {Literal: str, Any: types.NoneType}.get(own.kind, own.kind)
-    if type(node) is not expected:
-        raise Invalid(path, f"is no {expected.__name__}")  # type: ignore[attr-defined]
-    if expected is str and not is_one_line(node):
-        raise Invalid(path, f"has control characters or line breaks: {node[:60]!r}")
-    return node
-
-
-def _compare(path: str, shape: tuple[int, ...], letters: Letters, sizes: Sizes) -> None:
-    """Raise Invalid where a length is not that of others with the same letter."""
-    for length, letter in zip(shape, letters, strict=False):
-        name = letter.removesuffix(" or 0")
-        if (length or name == letter) and sizes.setdefault(name, length) != length:
-            raise Invalid(path, f"has {length} values, where others of ({name}) have {sizes[name]}")
-
-
-def wrong_with(value: Any, check: Any) -> str:
-    """Return what is wrong with a value by a mark of its type; nothing where no mark says so."""
-    if isinstance(check, Interval):
-        low, high = (
-            -math.inf if check.ge is None else check.ge,
-            math.inf if check.le is None else check.le,
-        )
-        check = Checked(f"is not between {low} and {high}", lambda value: low <= value <= high)
-    return "" if not isinstance(check, Checked) or check.holds(value) else check.words
-
-
-# The reference ----------------------------------------------------------------------------------
-
-
-def described() -> str:
-    """Return a section for every stored type, parts before wholes, for docs/file-format.md."""
-    head = "| name | stored as | unit | what it is |\n|---|---|---|---|\n"
-    sections: dict[str, str] = {}
-
-    def form(hint: Any) -> str:
-        """Return what a type is called; the sections of the types in it are written first."""
-        own = taken_apart(hint)
-        if own.kind is np.ndarray:
-            return f"`{own.inner[0].__name__}[{',' * (len(own.letters) - 1)}]`"
-        if found := bodies(own.kind):
-            return ", ".join(f"`{word}`: {form(type_)}" for word, type_ in found.items())
-        if is_dataclass(own.kind):
-            return section(own.kind)
-        if own.kind in (Union, tuple, Mapping):
-            head = {Union: "", tuple: "list of ", Mapping: "object of "}[own.kind]
-            return head + " or ".join(
-                dict.fromkeys(
-                    form(one) for one in own.inner[own.kind is Mapping :] if one is not ...
-                )
-            )
-        return f"`{WORDS.get(own.kind, own.kind.__name__)}`"
-
-    def section(type_: Any) -> str:
-        name = type_.__name__
-        link = f"[{name}](#{name.lower()})"
-        if name in sections:
-            return link
-        sections[name] = ""
-        rows = ""
-        for field, (hint, default) in stored_fields(type_).items():
-            own = taken_apart(hint)
-            unit, optional = (
-                f"`{own.unit}`" if own.unit else NO_UNIT,
-                "" if default is MISSING else " ?",
-            )
-            rows += (
-                f"| `{field}` | {form(hint)}{optional} | {unit} | {own.description or field} |\n"
-            )
-        del sections[name]
-        sections[name] = (
-            f"### {name}\n\n{prose(type_.__doc__).partition(chr(10))[0]}\n\n{head}{rows}\n"
-        )
-        return link
-
-    for root in (Dataset, SegmentationFile, FitResult, Model, Validation):
-        section(root)
-    return "".join(sections.values())

@@ -6,13 +6,12 @@ import csv
 import re
 import warnings
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from io import BufferedReader
 from itertools import chain, islice, product, repeat
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -37,17 +36,15 @@ from mapmore_cli.storage.tables.cells import (
 )
 from mapmore_cli.storage.tables.lines import (
     UNREADABLE,
+    csv_records,
     guess_encoding,
     is_zipped,
     open_lines,
-    records_of,
 )
 
 WHITESPACE = "whitespace"
 DELIMITERS = {"tab": "\t"}
 MARKS = {";": "a semicolon", "\t": "a tab"}
-
-LAST = 50  # lines of a file that tell how many digits its numbers have
 
 CHUNK = 8192
 """Lines held as text at one time; where one of them is out of order, all of them are read record by
@@ -107,7 +104,7 @@ def read_csv(path: Path, request: TableRequest) -> list[RawTable]:
 
 
 def _parse(lines: Iterator[str], raw: BufferedReader, request: TableRequest) -> RawTable:
-    zipped, last = is_zipped(raw), deque[str](maxlen=LAST)
+    zipped, last = is_zipped(raw), deque[str](maxlen=50)
     deque(islice(lines, request.skip_rows), maxlen=0)
     delimiter = DELIMITERS.get(request.delimiter, request.delimiter)
     split_at = None if delimiter == WHITESPACE else delimiter
@@ -118,7 +115,7 @@ def _parse(lines: Iterator[str], raw: BufferedReader, request: TableRequest) -> 
     layout = _layout(first[1], request, split_at)
     *_, (row, _) = [first, *islice(records, max(request.header - 1, 0))]
     leading = [] if request.header else [values_of_records([first], layout)]
-    blocks = chain(leading, _blocks(lines, row, layout, raw, last))
+    blocks = chain(leading, _blocks_of_lines(lines, row, layout, raw, last))
     begin = next(blocks, None)
     if begin is None:
         raise DataError(f"{request.label}: the file has a header but no data")
@@ -139,7 +136,7 @@ def _records(
     if delimiter is None:
         yield from ((number, line.split()) for number, line in enumerate(lines, start=row + 1))
         return
-    for _, record, number in records_of(lines, delimiter, label, row):
+    for _, record, number in csv_records(lines, delimiter, label, row):
         yield number, record if len(record) > 1 or (record and record[0].strip()) else []
 
 
@@ -159,7 +156,7 @@ def _layout(first: Sequence[str], request: TableRequest, delimiter: str | None) 
     )
 
 
-def _blocks(
+def _blocks_of_lines(
     lines: Iterator[str], row: int, layout: Layout, raw: BufferedReader, last: deque[str]
 ) -> Iterator[Array]:
     """Yield numbers and values of the lines after `row`, (n, 1 + columns), block by block; `last`
@@ -320,15 +317,21 @@ def peek_csv(path: Path, most: int) -> Iterable[Top]:
             lines = [line.rstrip("\r\n") for line in islice(taken, most)]
     if any("\0" in line for line in lines):
         raise DataError(f"{path.name}: is no text", "save the table as CSV")
-    told = {} if encoding == "utf-8" else {"encoding": encoding}
-    return [
-        Top(_cut(lines, character), reads, {**told, **delimiter, **decimal})
-        for (character, delimiter), (reads, decimal) in product(_DIALECTS, _NUMBERS)
-        if not (decimal and character == ",")
-    ]
+    tops = []
+    for delimiter, decimal in product((",", ";", "\t", "|", None), (".", ",")):
+        settings = {} if encoding == "utf-8" else {"encoding": encoding}
+        if delimiter != ",":
+            words = {"\t": "tab", None: WHITESPACE}
+            settings["delimiter"] = words.get(delimiter) or str(delimiter)
+        if decimal != ".":
+            settings["decimal"] = decimal
+        if delimiter != decimal:
+            reads = partial(holds_number, decimal=decimal)
+            tops.append(Top(_cut_lines(lines, delimiter), reads, settings))
+    return tops
 
 
-def _cut(lines: Sequence[str], delimiter: str | None) -> list[list[str]]:
+def _cut_lines(lines: Sequence[str], delimiter: str | None) -> list[list[str]]:
     """Lines cut at the delimiter, at any run of blanks where it is None; blank lines have no
     fields.
     """
@@ -341,19 +344,6 @@ def _cut(lines: Sequence[str], delimiter: str | None) -> list[list[str]]:
     except csv.Error:  # quotes that never close
         return []
 
-
-_DIALECTS: tuple[tuple[str | None, dict[str, Any]], ...] = (
-    (",", {}),
-    (";", {"delimiter": ";"}),
-    ("\t", {"delimiter": "tab"}),
-    ("|", {"delimiter": "|"}),
-    (None, {"delimiter": "whitespace"}),
-)
-_NUMBERS: tuple[tuple[Callable[[Any], bool], dict[str, Any]], ...] = (
-    (partial(holds_number, decimal="."), {}),
-    (partial(holds_number, decimal=","), {"decimal": ","}),
-)
-"""Dialects in the order of preference where several fit."""
 
 READER = Reader(
     "csv",

@@ -43,7 +43,6 @@ NUMBERS = "-bBhHiIf-d--qQ--BHI"
 
 CELL, STRUCT, OBJECT, TEXT, SPARSE, FUNCTION, OPAQUE = 1, 2, 3, 4, 5, 16, 17
 
-HEAD = 1 << 16  # bytes of a packed variable in which its name lies
 MOST_ELEMENTS = 100_000  # of a cell or struct array, which are looked at one by one
 
 
@@ -89,7 +88,7 @@ class _Version5:
         for kind, part in self.elements(content):
             if kind in (MATRIX, COMPRESSED) and part:
                 inside = self.elements(
-                    self.unpacked(part, HEAD)[8:] if kind == COMPRESSED else part
+                    self.unpacked(part, 1 << 16)[8:] if kind == COMPRESSED else part
                 )
                 if self.numbers(next(inside))[0] & 0xFF != OPAQUE:
                     next(inside)  # the size

@@ -20,7 +20,6 @@ from mapmore_cli.storage.tables.overview import tree_reader
 
 TAG = b"TDSm"
 LEAD_IN = 28  # bytes: tag, flags, version, length of the segment, offset of its data
-BIG_ENDIAN = 1 << 6
 
 
 @contextmanager
@@ -92,7 +91,7 @@ def _breaks_off(stream: BinaryIO) -> bool:
         lead_in = stream.read(LEAD_IN)
         if len(lead_in) < LEAD_IN or not lead_in.startswith(TAG):
             return position > 0  # a file that does not begin as TDMS is another kind of fault
-        order: Literal["big", "little"] = "big" if lead_in[4] & BIG_ENDIAN else "little"
+        order: Literal["big", "little"] = "big" if lead_in[4] >> 6 & 1 else "little"
         length = int.from_bytes(lead_in[12:20], order)  # 2^64 - 1 where LabVIEW crashed
         position += LEAD_IN + length
     return position > size

@@ -22,13 +22,10 @@ from mapmore_cli.storage.atomic import written
 from mapmore_cli.storage.tables import reading, refuse_bombs
 from mapmore_cli.storage.tables.cells import holds_number
 
-HEAD = 65536  # bytes by which the encoding is guessed
-
 LONGEST = 10_000_000
 """Characters of a line; a file of megabytes without a line end is no table."""
 
 TEXT_ERRORS = "surrogateescape"
-TOLD_EVERY = 4096  # lines
 
 UNREADABLE = (OSError, EOFError, zlib.error)
 """What opening, reading and unpacking raise."""
@@ -73,7 +70,7 @@ def lines_of(
     ):
         size = os.fstat(raw.fileno()).st_size if raw.seekable() else 0  # a pipe has none
         for number, line in enumerate(lines):
-            if number % TOLD_EVERY == 0 and size:
+            if number % 4096 == 0 and size:
                 told(raw.tell(), size)
             yield line
 
@@ -105,7 +102,7 @@ def bounded_lines(text: TextIO, label: str, packed: int | None = None) -> Iterat
 def guess_encoding(path: Path) -> str:
     """Return the encoding of a text file, plain or gzipped, as its beginning tells."""
     with path.open("rb") as raw:
-        return encoding_of(_unzipped(raw).read(HEAD))
+        return encoding_of(_unzipped(raw).read(65536))
 
 
 def encoding_of(head: bytes) -> str:
@@ -124,7 +121,7 @@ def encoding_of(head: bytes) -> str:
     return "latin-1"
 
 
-def records_of(
+def csv_records(
     lines: Iterable[str], delimiter: str, label: str, row: int = 0
 ) -> Iterator[tuple[str, list[str], int]]:
     """Yield the text of each record, its fields, and the number of its last line; `row` come

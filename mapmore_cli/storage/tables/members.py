@@ -27,9 +27,6 @@ from mapmore_cli.storage.tables.cells import DATES, CellReader, NotANumber
 Selection = tuple[int | slice, ...]
 """An index in brackets, `:` being a whole axis."""
 
-SAME_TIME = 0.01
-"""Of a step between samples: by so much may columns begin apart that belong together row by row."""
-
 EVERY = "[*]"
 _STEP = re.compile(r"(?P<separator>[./]?)(?:(?P<name>[^./\[\]]+)|\[(?P<index>[^\[\]]*)\])")
 
@@ -111,13 +108,13 @@ def parse_address(text: str) -> tuple[str | Selection, ...]:
                 "`group/dataset`.",
             )
         steps.append(
-            step["name"].strip() if step["name"] is not None else _selection(step["index"], text)
+            step["name"].strip() if step["name"] is not None else _parse_index(step["index"], text)
         )
         position = step.end()
     return tuple(steps)
 
 
-def _selection(inside: str, text: str) -> Selection:
+def _parse_index(inside: str, text: str) -> Selection:
     parts = [part.strip() for part in inside.split(",")]
     if not all(re.fullmatch(r":|\d+", part) for part in parts):
         raise DataError(
@@ -141,7 +138,7 @@ def tables(top: Member, request: TableRequest) -> list[RawTable]:
     label = f"{request.label}:{place}" if root else request.label
     base = _follow(top, parse_address(place), root, request.label)
     if place == root:
-        return [_table(base, request, label)]
+        return [_table_of_member(base, request, label)]
     if base.count is None and base.names:
         elements = [base]
     else:
@@ -153,7 +150,8 @@ def tables(top: Member, request: TableRequest) -> list[RawTable]:
         )
     kept = [i for i, one in enumerate(elements) if not base.names or _has_some(one, request)]
     recordings = [
-        _table(elements[i], request, f"{label}[{i}]", i) for i in kept or range(len(elements))
+        _table_of_member(elements[i], request, f"{label}[{i}]", i)
+        for i in kept or range(len(elements))
     ]
     if 0 < len(kept) < len(elements):
         left_out = (
@@ -180,7 +178,9 @@ def _has_some(element: Member, request: TableRequest) -> bool:
     return False
 
 
-def _table(base: Member, request: TableRequest, label: str, element: int | None = None) -> RawTable:
+def _table_of_member(
+    base: Member, request: TableRequest, label: str, element: int | None = None
+) -> RawTable:
     """Return the columns of a member; where records may be incomplete the shortest ends them."""
     noted: dict[SourceColumn, Noted] = {}
     columns: dict[SourceColumn, Array] = {}
@@ -213,7 +213,7 @@ def _refuse_other_clocks(noted: Mapping[SourceColumn, Noted], label: str) -> Non
             what = (
                 f"'{name}' was sampled every {first.step:.6g} s, '{column}' every {told.step:.6g} s"
             )
-        elif abs(later) > SAME_TIME * abs(told.step):
+        elif abs(later) > 0.01 * abs(told.step):
             what = f"'{column}' begins {later:.6g} s after '{name}'"
         else:
             continue
@@ -238,7 +238,7 @@ def _column(
     if isinstance(last, tuple) and member.is_array:
         selection = last
     else:
-        member = _step(member, last, address, label)
+        member = _step_into(member, last, address, label)
     if not member.is_array:
         raise DataError(
             f"{label}: '{address}' is {member.kind}, not an array of numbers", _further(member)
@@ -294,11 +294,11 @@ def as_numbers(values: Any, what: str, read: CellReader | None = None) -> Array:
 
 def _follow(top: Member, steps: Sequence[str | Selection], address: str, label: str) -> Member:
     for step in steps:
-        top = _step(top, step, address, label)
+        top = _step_into(top, step, address, label)
     return top
 
 
-def _step(here: Member, step: str | Selection, address: str, label: str) -> Member:
+def _step_into(here: Member, step: str | Selection, address: str, label: str) -> Member:
     if isinstance(step, str):
         if step in here.names:
             return here.member(step)

@@ -14,7 +14,7 @@ from reading import csv_table, refusal
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.readers import TableRequest
-from mapmore_cli.storage.readers.csv import DELIMITERS, Layout, values_of_lines, values_of_records
+from mapmore_cli.storage.readers.csv import Layout, values_of_lines, values_of_records
 
 PATIENT = settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 EXPECTED = np.array([[0.0, 1.5], [0.5, -2000.25], [1.0, np.nan]])
@@ -78,43 +78,6 @@ def test_empty_cells_are_missing_and_blank_lines_keep_the_count(tmp_path):
     raw = csv_table(tmp_path / "a", b"t,F\n\n1,2\n \n3,\n4, nan \n5,inf", "F")
     np.testing.assert_array_equal(raw.columns["F"], [2, np.nan, np.nan, np.inf])
     np.testing.assert_array_equal(raw.rows, [3, 5, 6, 7])
-
-
-@PATIENT
-@given(
-    values=st.lists(
-        st.tuples(st.floats(allow_infinity=False), st.floats(allow_infinity=False)),
-        min_size=1,
-        max_size=20,
-    ),
-    delimiter=st.sampled_from([",", ";", "|", "\t", ":", "whitespace", "tab"]),
-    decimal=st.sampled_from([".", ","]),
-    lines_before=st.tuples(st.integers(0, 3), st.integers(0, 3)),
-    end=st.sampled_from(["\n", "\r\n", "\r"]),
-    blank=st.integers(1, 4),
-    flags=st.tuples(st.booleans(), st.booleans(), st.booleans()),
-)
-def test_numbers_and_their_rows_survive_every_dress(
-    tmp_path, values, delimiter, decimal, lines_before, end, blank, flags
-):
-    (skipped, header), (quoted, bom, zipped) = lines_before, flags
-    dialect = {"delimiter": delimiter, "decimal": decimal, "skip_rows": skipped, "header": header}
-    mark = {"whitespace": "   ", **DELIMITERS}.get(delimiter, delimiter)
-    quote = '"' if (quoted and delimiter != "whitespace") or mark == decimal else ""
-
-    def cell(value):
-        return f"{quote}{value!r}{quote}".replace(".", decimal)
-
-    lines = ["anything at all"] * skipped + [mark.join(["x", " y ", "text"])] * header
-    lines += [mark.join([cell(x), cell(y), "hello"]) for x, y in values]
-    content = (end.join(lines) + blank * end).encode("utf-8-sig" if bom else "utf-8")
-    columns = ("y", 0) if header else (1, 0)
-    table = csv_table(
-        tmp_path / "dressed.csv", gzip.compress(content) if zipped else content, *columns, **dialect
-    )
-    np.testing.assert_array_equal(table.columns[0], [x for x, _ in values])
-    np.testing.assert_array_equal(table.columns[columns[0]], [y for _, y in values])
-    np.testing.assert_array_equal(table.rows, skipped + header + 1 + np.arange(len(values)))
 
 
 PLAIN = [

@@ -1,0 +1,189 @@
+"""Code as text, names in it, and the templates of files.
+
+A template takes `Code` and numbers as they stand. It writes every other text as a literal of its
+language.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from typing import Any
+from xml.sax.saxutils import quoteattr
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from mapmore_cli.domain.errors import DataError, UsageError
+from mapmore_cli.domain.foreign import WORDS, c_string, identifiers, plain, tex_text, xml_text
+from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.modelling.expressions.states import IDENTIFIER
+
+Warn = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """How a model is exported: numbers of `single` precision, the points of a `grid`, compared with
+    `predict` where it says `verify`; `warn` is told what could not be done.
+    """
+
+    single: bool
+    grid: str | None
+    verify: bool
+    warn: Warn
+
+
+class Code(str):
+    """A text that our own printers made, of words that are none of a stranger's."""
+
+    __slots__ = ()
+
+
+def word(text: str) -> Code:
+    """Return a text that is an identifier; raises DataError where it is none."""
+    if not IDENTIFIER.fullmatch(text):
+        what = f"the model calls something {plain(text)[:60]!r}, which cannot be a name in code"
+        raise DataError(what, "make the model anew with names of letters, digits and _")
+    return Code(text)
+
+
+def code(form: str, *parts: Code | str | float) -> Code:
+    """Return a form of ours with its braces filled: with code and numbers, and with texts that are
+    identifiers.
+    """
+    return Code(
+        form.format(
+            *(
+                word(one) if isinstance(one, str) and not isinstance(one, Code) else one
+                for one in parts
+            )
+        )
+    )
+
+
+RESERVED = frozenset(
+    [
+        *(word.lower() for word in WORDS),
+        "model",
+        "co_simulation",
+        "numpy",
+        "aux",
+        "con",
+        "nul",
+        "prn",
+    ]
+)
+"""Words of the languages, names of what lies around a model, and what Windows keeps for devices."""
+
+PYTHON = ("np", "float", "s", "finite", "_beyond", "state", "State", "step", "evaluate")
+"""Names in functions of a module that its inputs must not hide."""
+
+
+def identifier(name: str) -> Code:
+    """Return the name with `_` for what C does not allow; `model_` goes before a digit and before a
+    reserved word.
+
+    The same before `x` and `x_...`: `x_reset` is an input in C. Raises UsageError where there is no
+    letter and no digit in it.
+    """
+    # with what is added, compilers tell 63 letters apart
+    found = re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_")[:40].rstrip("_")
+    if not found:
+        raise UsageError(
+            f"the model is called `{name}`, which has no letter that C allows in a name",
+            "give the study another name",
+        )
+    first = found.lower().partition("_")[0]
+    return word(
+        f"model_{found}"
+        if first[0].isdigit() or first == "x" or found.lower() in RESERVED
+        else found
+    )
+
+
+def names_of_inputs(inputs: Sequence[Quantity], functions: Sequence[str] = ()) -> dict[str, str]:
+    """Return what each input is called in code beside some `functions`, by its name."""
+    names = [quantity.name for quantity in inputs]
+    return dict(
+        zip(
+            names,
+            identifiers(names, [*PYTHON, *functions, *(f"x_{name}" for name in names)]),
+            strict=True,
+        )
+    )
+
+
+def renaming_notes(names: Mapping[str, str]) -> list[str]:
+    """Return a line for each input that is called otherwise here."""
+    return [
+        f"The input {name} is called {other} here."
+        for name, other in names.items()
+        if name != other
+    ]
+
+
+LITERALS: Mapping[str, Callable[[str], str]] = {
+    **dict.fromkeys("ch", c_string),
+    "py": repr,
+    "tex": tex_text,
+    "xml": lambda text: quoteattr(xml_text(text)),
+}
+"""How a text is written in a language, by the ending of its files."""
+
+
+@cache
+def templates(language: str) -> Environment:
+    """Return the templates of `sources/`, for a language."""
+
+    def written(value: Any) -> Any:
+        if isinstance(value, Code | int | float):
+            return value
+        if isinstance(value, str):
+            return LITERALS[language](str(value))
+        raise TypeError(f"not a text, and no number: {value!r}")
+
+    loader = PackageLoader(__package__, "sources")
+    found = Environment(
+        loader=loader,
+        undefined=StrictUndefined,
+        finalize=written,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    found.keep_trailing_newline = True
+    found.filters |= {
+        "word": word,
+        "note": note,
+        "listed": lambda parts: Code(", ".join(str(written(one)) for one in parts)),
+    }
+    found.filters["unit"] = lambda quantity: note(f"{quantity.name} [{quantity.unit}]")
+    return found
+
+
+def note(text: str) -> Code:
+    """Return a text for the inside of a comment, which nothing in it can end; it belongs nowhere
+    else.
+    """
+    return Code(plain(text))
+
+
+def rendered_template(template: str, **words: object) -> Code:
+    """Return a file of `sources/` with the words put in."""
+    return Code(
+        templates(template.rpartition(".")[2]).get_template(f"{template}.jinja").render(words)
+    )
+
+
+def lines_of_code(lines: Iterable[str]) -> list[Code]:
+    """Return what `Statements` wrote, as code: its constructor has seen every name of the
+    program.
+    """
+    return list(map(Code, lines))
+
+
+def source(name: str) -> str:
+    """Return a file of `sources/` as it is."""
+    return files(__package__).joinpath("sources", name).read_text(encoding="utf-8")

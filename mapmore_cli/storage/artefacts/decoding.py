@@ -1,0 +1,163 @@
+"""Records put together again from a document and its arrays, checked by their type hints."""
+
+from __future__ import annotations
+
+import math
+import types
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, dataclass, is_dataclass
+from typing import Any, Literal, Union
+
+import numpy as np
+from annotated_types import Interval
+
+from mapmore_cli.domain.declared import Checked
+from mapmore_cli.domain.foreign import is_one_line
+from mapmore_cli.storage.artefacts.schema import (
+    ARRAY,
+    DEEPEST,
+    TYPES,
+    Hint,
+    Invalid,
+    Letters,
+    bodies,
+    hints_of_members,
+    step_to,
+    stored_fields,
+    taken_apart,
+)
+
+Sizes = dict[str, int]
+"""Dimensions, and the lengths of those seen so far in an object."""
+
+Take = Callable[[str, str, int], Any]
+"""Returns the array under a path, of a type and number of dimensions."""
+
+
+@dataclass(frozen=True)
+class Decoder:
+    """Puts a record together again; raises Invalid for what is not of its type.
+
+    Fields that the format does not know are passed over where `lenient`.
+    """
+
+    take: Take
+    lenient: bool = False
+
+    def value(self, node: Any, hint: Any, path: str, letters: Letters, sizes: Sizes) -> Any:
+        """Return the value of a type; `sizes` are lengths of dimensions seen so far in the
+        object.
+        """
+        own = taken_apart(hint)
+        letters = own.letters or letters
+        if own.kind is Union:
+            if node is None and types.NoneType in own.inner:
+                return None
+            fitting = (
+                one
+                for one in own.inner
+                if (taken_apart(one).kind in (str, Literal)) == isinstance(node, str)
+            )
+            return self.value(node, next(fitting, own.inner[0]), path, letters, sizes)
+        found = self._plain(node, own, path, letters, sizes)
+        for check in own.checks:
+            if wrong := wrong_with(found, check):
+                raise Invalid(path, wrong + (f": {found[:60]!r}" if isinstance(found, str) else ""))
+        return found
+
+    def _plain(self, node: Any, own: Hint, path: str, letters: Letters, sizes: Sizes) -> Any:
+        kind, many = own.kind, own.inner[1:] == (...,)
+        if path.count("/") > DEEPEST:
+            raise Invalid(path, f"lies more than {DEEPEST} fields deep")
+        if kind is np.ndarray and node == {ARRAY: path}:
+            return self._array(path, own.inner[0], letters, sizes)
+        if bodies(kind) and isinstance(node, dict):
+            word, inner = (
+                node.get("kind"),
+                {name: one for name, one in node.items() if name != "kind"},
+            )
+            if word not in (*bodies(kind),):
+                raise Invalid(
+                    path,
+                    f"is of the kind {str(word)[:60]!r}, which is none of "
+                    f"{', '.join(bodies(kind))}",
+                )
+            return self._record(inner, bodies(kind)[word], path, sizes)
+        if is_dataclass(kind) and isinstance(node, dict):
+            return self._record(node, kind, path, sizes)
+        if kind is tuple and isinstance(node, list) and (many or len(node) == len(own.inner)):
+            if many:
+                _compare_lengths(path, (len(node),), letters, sizes)
+            parts, hints = enumerate(node), hints_of_members(own, len(node))
+            return tuple(
+                self.value(one, hints[i], f"{path}/{i:03d}", (), {**sizes}) for i, one in parts
+            )
+        if kind is Mapping and isinstance(node, dict):
+            parts = enumerate(node.items())
+            return {
+                self.value(key, own.inner[0], path, (), {}): self.value(
+                    one,
+                    own.inner[1],
+                    f"{path}/{step_to(key, i)}",
+                    letters,
+                    sizes if letters else {},
+                )
+                for i, (key, one) in parts
+            }
+        return _plain_value(node, own, path)
+
+    def _record(self, node: dict[str, Any], type_: Any, path: str, sizes: dict[str, int]) -> Any:
+        known = stored_fields(type_)
+        needed = {name for name, (_, default) in known.items() if default is MISSING}
+        for name in (needed - node.keys()) | (
+            set() if self.lenient else node.keys() - known.keys()
+        ):
+            raise Invalid(
+                f"{path}/{name[:60]}",
+                "is missing" if name in known else "is not known to this format",
+            )
+        given = {name: hint for name, (hint, _) in known.items() if name in node}
+        return type_(
+            **{
+                name: self.value(node[name], hint, f"{path}/{name}", (), sizes)
+                for name, hint in given.items()
+            }
+        )
+
+    def _array(self, path: str, number: Any, letters: Letters, sizes: Sizes) -> Any:
+        values = self.take(path, TYPES[number], max(1, len(letters))).astype(number, copy=False)
+        _compare_lengths(path, values.shape, letters, sizes)
+        values.setflags(write=False)  # several stages may be given the same
+        return values
+
+
+def _plain_value(node: Any, own: Hint, path: str) -> Any:
+    if own.kind is Literal and node not in own.inner:
+        raise Invalid(path, f"is none of {', '.join(own.inner)}")
+    if own.kind is float and (type(node) is int or node in ("nan", "inf", "-inf")):
+        return float(node)
+    expected = {Literal: str, Any: types.NoneType}.get(own.kind, own.kind)
+    if type(node) is not expected:
+        raise Invalid(path, f"is no {expected.__name__}")  # type: ignore[attr-defined]
+    if expected is str and not is_one_line(node):
+        raise Invalid(path, f"has control characters or line breaks: {node[:60]!r}")
+    return node
+
+
+def _compare_lengths(path: str, shape: tuple[int, ...], letters: Letters, sizes: Sizes) -> None:
+    """Raise Invalid where a length is not that of others with the same letter."""
+    for length, letter in zip(shape, letters, strict=False):
+        name = letter.removesuffix(" or 0")
+        if (length or name == letter) and sizes.setdefault(name, length) != length:
+            raise Invalid(path, f"has {length} values, where others of ({name}) have {sizes[name]}")
+
+
+def wrong_with(value: Any, check: Any) -> str:
+    """Return what is wrong with a value by a mark of its type; nothing where no mark says so."""
+    if isinstance(check, Interval):
+        low, high = (
+            -math.inf if check.ge is None else check.ge,
+            math.inf if check.le is None else check.le,
+        )
+        check = Checked(f"is not between {low} and {high}", lambda value: low <= value <= high)
+    return "" if not isinstance(check, Checked) or check.holds(value) else check.words

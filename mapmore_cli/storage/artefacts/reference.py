@@ -1,0 +1,72 @@
+"""The reference of what is in result files, for docs/file-format.md."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import MISSING, is_dataclass
+from typing import Any, Union
+
+import numpy as np
+
+from mapmore_cli.domain.declared import prose
+from mapmore_cli.domain.models import Model
+from mapmore_cli.domain.recording import Dataset
+from mapmore_cli.domain.results import FitResult, Validation
+from mapmore_cli.storage.artefacts.schema import (
+    NO_UNIT,
+    WORDS,
+    SegmentationFile,
+    bodies,
+    stored_fields,
+    taken_apart,
+)
+
+
+def described() -> str:
+    """Return a section for every stored type, parts before wholes, for docs/file-format.md."""
+    head = "| name | stored as | unit | what it is |\n|---|---|---|---|\n"
+    sections: dict[str, str] = {}
+
+    def form(hint: Any) -> str:
+        """Return what a type is called; the sections of the types in it are written first."""
+        own = taken_apart(hint)
+        if own.kind is np.ndarray:
+            return f"`{own.inner[0].__name__}[{',' * (len(own.letters) - 1)}]`"
+        if found := bodies(own.kind):
+            return ", ".join(f"`{word}`: {form(type_)}" for word, type_ in found.items())
+        if is_dataclass(own.kind):
+            return section(own.kind)
+        if own.kind in (Union, tuple, Mapping):
+            head = {Union: "", tuple: "list of ", Mapping: "object of "}[own.kind]
+            return head + " or ".join(
+                dict.fromkeys(
+                    form(one) for one in own.inner[own.kind is Mapping :] if one is not ...
+                )
+            )
+        return f"`{WORDS.get(own.kind, own.kind.__name__)}`"
+
+    def section(type_: Any) -> str:
+        name = type_.__name__
+        link = f"[{name}](#{name.lower()})"
+        if name in sections:
+            return link
+        sections[name] = ""
+        rows = ""
+        for field, (hint, default) in stored_fields(type_).items():
+            own = taken_apart(hint)
+            unit, optional = (
+                f"`{own.unit}`" if own.unit else NO_UNIT,
+                "" if default is MISSING else " ?",
+            )
+            rows += (
+                f"| `{field}` | {form(hint)}{optional} | {unit} | {own.description or field} |\n"
+            )
+        del sections[name]
+        sections[name] = (
+            f"### {name}\n\n{prose(type_.__doc__).partition(chr(10))[0]}\n\n{head}{rows}\n"
+        )
+        return link
+
+    for root in (Dataset, SegmentationFile, FitResult, Model, Validation):
+        section(root)
+    return "".join(sections.values())
