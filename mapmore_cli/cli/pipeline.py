@@ -132,7 +132,6 @@ def _bring_up_to_date(
     missed.
     """
     from mapmore_cli.annexes.campaigns.batch import Finished
-    from mapmore_cli.annexes.search.stage import SEARCH, read_search
     from mapmore_cli.cli.compared import search_document
     from mapmore_cli.cli.views import of_scores, of_stage, page_lines
     from mapmore_cli.pipeline.runner import bring_up_to_date
@@ -173,6 +172,8 @@ def _bring_up_to_date(
         "stages": outcome.stages,
     }
     if "search" in outcome.stages:
+        from mapmore_cli.annexes.search.stage import SEARCH, read_search
+
         head["search"] = search_document(read_search(outcome.run_dir / SEARCH))
     if finished is None:
         console.print_view(of_stage(command, outcome.run_dir).under(head), as_json)

@@ -54,13 +54,13 @@ def write_pages(part: ReportSlice, workspace: Workspace) -> None:
     """Collect the results of the run and write the page, with what was tried where the structure
     was searched.
     """
-    from mapmore_cli.annexes.search.stage import SEARCH, read_search
     from mapmore_cli.reporting.report import write_report
 
-    inputs = replace(
-        collected(part, workspace.run_dir, workspace.spec_text),
-        search=read_search(workspace.run_dir / SEARCH) if workspace.searched else None,
-    )
+    inputs = collected(part, workspace.run_dir, workspace.spec_text)
+    if workspace.searched:
+        from mapmore_cli.annexes.search.stage import SEARCH, read_search
+
+        inputs = replace(inputs, search=read_search(workspace.run_dir / SEARCH))
     for warning in faults_of(inputs.style):
         workspace.warn(warning)
     write_report(inputs, workspace.out / "report", part.report.figures, part.report.formats)
