@@ -60,9 +60,7 @@ def fitted(name: str, length: float, runs: Path, own: bool = False) -> FormulaFi
         replace(c, held_out=np.full(c.size, (float(c.columns[OF][0]) == length) != own))
         for c in dataset.curves
     ]
-    return fit_formula(
-        name, [curve for curve in held if curve.training.any()], dataset.target, advice=False
-    )
+    return fit_formula(name, [curve for curve in held if curve.training.any()], dataset.target)
 
 
 def specimen(length: float, runs: Path) -> dict[str, Array]:
@@ -124,7 +122,7 @@ def adapt_table(runs: Path) -> Table:
             if len(numbers) > 1:
                 alone.append(
                     nrmse(
-                        literature.get("sarosi_hinged").fit(few, few["force"], advice=False),
+                        literature.get("sarosi_hinged").fit(few, few["force"]),
                         columns,
                         ~known,
                     )

@@ -101,10 +101,9 @@ def transcript(name: str, folder: Path) -> str:
         if (row["model"], row["split"], row["curve"]) == ("mapmore", "validate", "all")
     )
     open_ = len(result["unconfirmed"])
-    told = (
-        f"{asked} answers; run: NRMSE {100 * own['nrmse']:.2g} % held out, {open_} open "
-        f"guess{'es' if open_ != 1 else ''}."
-    )
+    answered = f"{asked} answer{'s' if asked != 1 else ''}"
+    questions = f"{open_} open question{'s' if open_ != 1 else ''}"
+    told = f"{answered}; run: NRMSE {100 * own['nrmse']:.2g} % held out, {questions}."
     return f"{told}\n\n$ mapmore init {name} --name asked -o asked.yaml\n{as_text(shown)}\n"
 
 

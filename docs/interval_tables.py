@@ -36,7 +36,7 @@ from mapmore_cli.modelling.validation.intervals import (
     few_levels,
     half_widths,
     half_widths_of,
-    refusal,
+    interval_refusal,
 )
 from mapmore_cli.reporting.table import Cell, Table
 
@@ -412,7 +412,9 @@ def _scale(known: Sequence[Case]) -> float:
 def scales(runs: Path) -> Mapping[str, Mapping[int, float]]:
     """c_K of all families but one, by that one; the last is of all."""
     known = [
-        one for one in cases(runs) if refusal(one.left_out) is None and one.left_out.curves < 7
+        one
+        for one in cases(runs)
+        if interval_refusal(one.left_out) is None and one.left_out.curves < 7
     ]
     families = dict.fromkeys(one.family for one in known)
     return {
@@ -443,7 +445,7 @@ def families(runs: Path) -> Table:
     rows: list[tuple[Cell, ...]] = []
     for name, curves in ((name, curves) for name in (*MUSCLES, *SETS) for curves in CURVES):
         every = [one for one in cases(runs) if (one.name, one.left_out.curves) == (name, curves)]
-        given = [one for one in every if refusal(one.left_out) is None]
+        given = [one for one in every if interval_refusal(one.left_out) is None]
         if given:
             inside, width = np.array([one.inside(scales(runs)[one.family]) for one in given]).T
             rows.append(

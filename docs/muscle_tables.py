@@ -17,8 +17,8 @@ from scipy.optimize import brentq, least_squares
 
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.modelling import literature
-from mapmore_cli.modelling.literature.identifiability import half_width
-from mapmore_cli.modelling.validation.metrics import uncentred
+from mapmore_cli.modelling.literature.linear import half_width
+from mapmore_cli.modelling.validation.metrics import uncentred_correlation
 from mapmore_cli.reporting.table import Cell, Table
 
 Predict = Callable[[Mapping[str, float], Columns], Array]
@@ -83,7 +83,11 @@ def rebuilt_table(_runs: Path) -> Table:
         ours = formula.predict(fit.parameters, columns)
         rmse = (round(rms(y - force), 6) for y in (as_printed, ours))
         pearson = float(np.corrcoef(as_printed, force)[0, 1])
-        found = uncentred(force, as_printed), pearson, uncentred(force, ours)
+        found = (
+            uncentred_correlation(force, as_printed),
+            pearson,
+            uncentred_correlation(force, ours),
+        )
         rows.append(
             (model, said["equation"], float(said["r"]), *found, *rmse, fit.status.replace("_", " "))
         )
@@ -106,7 +110,7 @@ def inert_table(_runs: Path) -> Table:
         said = next(row for row in printed("w_models.csv") if row["model"] == model)
         theirs = {**printed_parameters(model), "a_k": 0.0}
         predict = literature.get(model).of_muscle(WRIST).predict
-        as_printed = uncentred(force, predict(theirs, columns))
+        as_printed = uncentred_correlation(force, predict(theirs, columns))
         best = None
         if equation == "8":  # eq 9 with a_k inert has no minimum: its fit runs to a flat braid
 
@@ -118,7 +122,7 @@ def inert_table(_runs: Path) -> Table:
             found = least_squares(errors, [theirs["theta"], theirs["b_k"]], x_scale=[0.1, 1.0])
             best = (
                 f"theta {math.degrees(found.x[0]):.2f} deg, b_k {found.x[1]:.3f}, R "
-                f"{uncentred(force, found.fun + force):.4f}"
+                f"{uncentred_correlation(force, found.fun + force):.4f}"
             )
         words = ", ".join(
             f"{row['parameter']} {row['printed']}"

@@ -105,7 +105,7 @@ def muscle_behind(study: str, runs: Path, stiffness: float) -> Predict:
         for name in own[0]
     }
     formula = literature.get("muscle_like")
-    fit = formula.fit(columns, columns["force"], advice=False)
+    fit = formula.fit(columns, columns["force"])
     return lambda given: formula.predict(fit.parameters, given)
 
 

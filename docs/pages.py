@@ -43,7 +43,8 @@ def finished(entry: Entry, runs: Path) -> Finished:
 def campaign(name: str, runs: Path) -> CampaignScores:
     """Return the scores of a shipped campaign."""
     spec, entries = load_campaign(CONFIGS / "campaigns" / f"{name}.yaml")
-    return scores_of(spec, {run.name: run for run in (finished(entry, runs) for entry in entries)})
+    every = [finished(entry, runs) for entry in entries]
+    return scores_of({run.name: run for run in every}, spec)
 
 
 def shipped(config: str, *overrides: str) -> LoadedSpec:

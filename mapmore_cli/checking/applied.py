@@ -11,7 +11,6 @@ from mapmore_cli.checking.rules import (
     Rule,
     Subject,
     curves,
-    labels,
     odd_values,
     pairs,
     samples,
@@ -39,13 +38,13 @@ OF_RECORDINGS: tuple[Rule, ...] = (
         samples.clipped,
         samples.cycles_of_noise,
     ),
-    *(samples.force_never_pulls, samples.recorded_twice, labels.formulas_in_labels),
+    *(samples.force_never_pulls, samples.recorded_twice, units.formulas_in_labels),
     *(odd_values.spikes_in, odd_values.below_vacuum, pairs.computed_from, pairs.untold_difference),
 )
 """Rules that need the recordings alone, so that they can say why no curves could be made of them.
 """
 
-OF_CURVES: tuple[Rule, ...] = (curves.few_samples, curves.segments, curves.even_steps)
+OF_CURVES: tuple[Rule, ...] = (curves.few_samples, curves.short_segments, curves.even_steps)
 """Rules that need the curves."""
 
 OF_CHECK: tuple[Rule, ...] = (

@@ -27,7 +27,7 @@ WIDTH = 0.15  # of the pressure range, that a foot has at least
 BEND = 3.0  # times the slope of the foot, which the force must rise by beyond it
 
 
-def slack_foot(pressure: Array, strain: Array, force: Array) -> tuple[Array, Array] | None:
+def find_slack_foot(pressure: Array, strain: Array, force: Array) -> tuple[Array, Array] | None:
     """Return strains `(m,)` and threshold pressures `(m,)` of the slack foot of samples `(n,)` at
     many pressures; None where there is none.
 

@@ -5,7 +5,6 @@ published tables and figures.
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -20,7 +19,6 @@ from mapmore_cli.storage.atomic import refusals_told, write_text
 
 if TYPE_CHECKING:
     from mapmore_cli.annexes.campaigns.batch import Finished
-    from mapmore_cli.reporting.table import Table
 
     Result = Finished | BaseException
 
@@ -64,10 +62,11 @@ def batch(
     """
     from mapmore_cli.annexes.campaigns.batch import Job, run_one, stoppable
     from mapmore_cli.annexes.campaigns.cluster import run_on_cluster
-    from mapmore_cli.annexes.campaigns.page import expanded, run_names, write_page
+    from mapmore_cli.annexes.campaigns.page import expanded, run_names, scores_of, write_page
     from mapmore_cli.cli.views import page_lines
     from mapmore_cli.domain import processors
     from mapmore_cli.pipeline.runner import Options
+    from mapmore_cli.reporting.campaign import campaign_tables
     from mapmore_cli.storage.run_folder import refuse_foreign
     from mapmore_cli.storage.run_record import CAMPAIGN_RECORD
 
@@ -111,7 +110,7 @@ def batch(
     alone = {name: result for name, result in ordered.items() if name not in taken}
     tables = [table for _, of_page in pages for table in of_page]
     if alone:
-        tables.append(_joint_table(alone))
+        tables += campaign_tables(scores_of(alone))
     finished = [run for run in ordered.values() if not isinstance(run, BaseException)]
     lines = [line for run in finished for line in page_lines(run.run_dir)]
     lines += [f"campaign page: {path}" for path, _ in pages]
@@ -157,41 +156,6 @@ def _run_document(config: Path, name: str, result: Result) -> dict[str, Any]:
     return {**head, **run, **of_scores(result.table).document}
 
 
-def _joint_table(results: Mapping[str, Result]) -> Table:
-    """NRMSE of every run and model, beside what a publication reports for the held-out rows; one
-    row that says so for a failed run.
-    """
-    from mapmore_cli.reporting.table import Cell, Column, Table
-
-    rows: list[tuple[Cell, ...]] = []
-    for name, run in results.items():
-        if isinstance(run, BaseException):
-            rows.append((name, None, "failed", None, None))
-            continue
-        published = run.published.nrmse if run.published else {}
-        for score in sorted(
-            (s for s in run.table.scores if s.curve == "all"), key=lambda s: s.split != "validate"
-        ):
-            printed = published.get(score.model) if score.split == "validate" else None
-            rows.append(
-                (
-                    name,
-                    score.model,
-                    score.split,
-                    100 * score.nrmse,
-                    None if printed is None else 100 * printed,
-                )
-            )
-    columns = (
-        Column("run"),
-        Column("model"),
-        Column("data"),
-        Column("NRMSE", "%", ".2f"),
-        Column("published NRMSE", "%", ".3g"),
-    )
-    return Table("batch", "NRMSE of every run, all curves pooled", columns, tuple(rows))
-
-
 def paper(
     configs: Annotated[list[Path], typer.Argument(metavar="CONFIG...", help="Papers (YAML).")],
     runs: console.Runs = console.RUNS,
@@ -221,11 +185,11 @@ def paper(
     loaded = [load_paper(config) for config in configs]
     with Reporter(quiet) as reporter:
         ended = [compare_paper(one, runs, reporter.complain) for one in loaded]
-    found = [result for result, _ in ended]
+    compared = [result for result, _ in ended]
     target = out or runs / "paper.html"
     with refusals_told(target):
         target.parent.mkdir(parents=True, exist_ok=True)
-        write_text(target, page(found))
+        write_text(target, page(compared))
     documents = [
         {
             "paper": one.loaded.spec.paper,
@@ -242,9 +206,9 @@ def paper(
                 for result in one.results
             ],
         }
-        for one in found
+        for one in compared
     ]
-    tables = (overview(found), verdicts_table(found))
+    tables = (overview(compared), verdicts_table(compared))
     console.print_view(
         console.View({"papers": documents, "page": str(target)}, tables, (f"page: {target}",)),
         as_json,

@@ -160,12 +160,12 @@ def _bring_up_to_date(
                 f"{guesses} not confirmed: see `mapmore check {loaded.path}`, and `--confirm` "
                 "there where all are right"
             )
-        found = (
+        finished = (
             Finished.of(loaded, outcome, warnings, started)
             if command in ("validate", "run")
             else None
         )
-        for message in () if found is None else found.table.warnings:
+        for message in () if finished is None else finished.table.warnings:
             reporter.warn(message)
     head: dict[str, Any] = {
         "name": outcome.name,
@@ -174,17 +174,17 @@ def _bring_up_to_date(
     }
     if "search" in outcome.stages:
         head["search"] = search_document(read_search(outcome.run_dir / SEARCH))
-    if found is None:
+    if finished is None:
         console.print_view(of_stage(command, outcome.run_dir).under(head), as_json)
         return
-    scores = of_scores(found.table, found.published)
-    told = {"missed": found.missed, "warnings": found.warnings, "unconfirmed": questions}
+    scores = of_scores(finished.table, finished.published)
+    told = {"missed": finished.missed, "warnings": finished.warnings, "unconfirmed": questions}
     lines = page_lines(outcome.run_dir) if command == "run" else ()
     console.print_view(
         console.View({**head, **scores.document, **told}, scores.tables, lines), as_json
     )
-    console.write_ci_files(junit, summary, {found.name: found}, scores.tables)
-    if found.missed:
+    console.write_ci_files(junit, summary, {finished.name: finished}, scores.tables)
+    if finished.missed:
         raise LimitMissed(
-            "; ".join(found.missed), "the results are complete; see validate.require in the spec"
+            "; ".join(finished.missed), "the results are complete; see validate.require in the spec"
         )

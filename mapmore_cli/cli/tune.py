@@ -59,12 +59,12 @@ def tune(
     with Reporter(quiet) as reporter:
         loaded = load(config, overrides)
         if over:
-            found: Any = planning.tune(loaded, wanted, runs, **reporter.listeners)
-            view = compared.of_tuning(found)
+            result: Any = planning.tune(loaded, wanted, runs, **reporter.listeners)
+            view = compared.of_tuning(result)
         else:
-            found, spec = planning.searched(loaded, runs, budget, **reporter.listeners)
-            view = compared.of_search(found, str(spec))
-    console.write_results(output, view.tables[0], found)
+            result, spec = planning.searched(loaded, runs, budget, **reporter.listeners)
+            view = compared.of_search(result, str(spec))
+    console.write_results(output, view.tables[0], result)
     console.print_view(view, as_json)
 
 
@@ -113,7 +113,7 @@ def plan(
     console.refuse_endings(output)
     prices = _prices_of(cost)
     with Reporter(quiet) as reporter:
-        found = planning.plan(
+        result = planning.plan(
             load(config, overrides),
             runs,
             points=points,
@@ -121,8 +121,8 @@ def plan(
             prices=prices,
             **reporter.listeners,
         )
-    view = of_plan(found)
-    console.write_results(output, view.tables[0], found)
+    view = of_plan(result)
+    console.write_results(output, view.tables[0], result)
     console.print_view(view, as_json)
 
 
@@ -131,16 +131,16 @@ def _values_of(over: Sequence[str]) -> dict[str, list[Any]]:
     UsageError for another form, or no value.
     """
     from mapmore_cli.spec.diagnostics import Mistake
-    from mapmore_cli.spec.tree import SourceText, plain
+    from mapmore_cli.spec.tree import SourceText, written
     from mapmore_cli.spec.yaml_loader import parse
 
     example = "write, for example, `--over fit.max_terms=2,4,8`"
-    found: dict[str, list[Any]] = {}
+    values_of: dict[str, list[Any]] = {}
     for text in over:
         key, _, listed = text.partition("=")
         problems: list[Mistake] = []
         try:
-            values = plain(
+            values = written(
                 parse(SourceText(f"--over {text}", Path(), f"[{listed}]", numbered=False), problems)
             )
         except SpecError as fault:
@@ -152,29 +152,29 @@ def _values_of(over: Sequence[str]) -> dict[str, list[Any]]:
             or not isinstance(values, list)
         ):
             raise UsageError(f"--over {text}: not of the form KEY=V1,V2,...", example)
-        if key.strip() in found:
+        if key.strip() in values_of:
             raise UsageError(
                 f"--over {key.strip()} is given twice",
                 "name all its values at once, with commas between",
             )
-        found[key.strip()] = values
-    return found
+        values_of[key.strip()] = values
+    return values_of
 
 
 def _prices_of(text: str | None) -> dict[str, float]:
     """Return the price of each quantity, `pressure=1,strain=20`; raises UsageError for what is
     none.
     """
-    found: dict[str, float] = {}
+    prices: dict[str, float] = {}
     for part in text.split(",") if text else []:
         name, _, price = (piece.strip() for piece in part.partition("="))
         try:
-            found[name] = float(price)
+            prices[name] = float(price)
         except ValueError:
-            found[name] = -1.0
-        if not 0 < found[name] < float("inf"):
+            prices[name] = -1.0
+        if not 0 < prices[name] < float("inf"):
             raise UsageError(
                 f"--cost {part.strip()}: is no price",
                 "write, for example, `--cost pressure=1,strain=20`",
             )
-    return found
+    return prices

@@ -70,20 +70,12 @@ def before(schema: Any, function: Callable[[Any, Any], Any]) -> Any:
     return {"type": "function-before", "function": step, "schema": schema}
 
 
-class Misfit(ValueError):
-    """A value that is not what its key needs; shown at the value, with what would be right."""
-
-    def __init__(self, message: str, remedy: str | None = None) -> None:
-        super().__init__(message)
-        self.message, self.remedy = message, remedy
-
-
 class Contradiction(ValueError):
-    """Settings that do not fit each other; shown at the first key of `near` that the section has,
-    else at the section.
+    """Settings that do not fit each other, or a value that does not fit its key; shown at the first
+    key of `near` that the section has, else at the value.
     """
 
-    def __init__(self, message: str, remedy: str, *near: str) -> None:
+    def __init__(self, message: str, remedy: str | None, *near: str) -> None:
         super().__init__(message)
         self.message, self.remedy, self.near = message, remedy, near
 

@@ -22,7 +22,6 @@ from mapmore_cli.modelling.kinds import runs_over_time
 
 T = TypeVar("T", bound=np.ndarray[Any, Any])
 
-SEED = 0
 DELAYS = (0, 1, 2, 4, 8, 16, 32)
 """Samples by which inputs are delayed where the run's own model has a past."""
 
@@ -71,7 +70,7 @@ def features(curve: Curve, names: Sequence[str], delays: Sequence[int]) -> Array
     """Return the inputs of every sample and those before it in its recording, (n, features); the
     first stands for what came before.
     """
-    found = np.empty((curve.size, len(names) * len(delays)))
+    delayed = np.empty((curve.size, len(names) * len(delays)))
     for rows in curve.logs:
         places = np.arange(len(rows))
         columns = [
@@ -79,8 +78,8 @@ def features(curve: Curve, names: Sequence[str], delays: Sequence[int]) -> Array
             for name in names
             for delay in delays
         ]
-        found[rows] = np.column_stack(columns)
-    return found
+        delayed[rows] = np.column_stack(columns)
+    return delayed
 
 
 def even_share(values: T, most: int) -> T:
@@ -94,17 +93,17 @@ def even_share(values: T, most: int) -> T:
 
 def _width(values: Array) -> Array:
     """Return standard deviations; 1 where nothing varies."""
-    found = values.std(axis=0)
-    return np.where(found > 0, found, 1.0)
+    deviation = values.std(axis=0)
+    return np.where(deviation > 0, deviation, 1.0)
 
 
 def _learner_says(learner: Any, inputs: Array) -> Array:
     """Predictions (n,), NaN where an input is."""
-    found = np.full(len(inputs), np.nan)
+    said = np.full(len(inputs), np.nan)
     known = np.isfinite(inputs).all(axis=1)
     if known.any():
-        found[known] = learner.predict(inputs[known])
-    return found
+        said[known] = learner.predict(inputs[known])
+    return said
 
 
 def _learner(name: str, inputs: int) -> Any:
@@ -114,15 +113,15 @@ def _learner(name: str, inputs: int) -> Any:
         from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 
         kernel = ConstantKernel(1.0) * RBF(np.ones(inputs)) + WhiteKernel(1e-2)
-        return GaussianProcessRegressor(kernel, n_restarts_optimizer=1, random_state=SEED)
+        return GaussianProcessRegressor(kernel, n_restarts_optimizer=1, random_state=0)
     if name == "gradient_boosting":
         from sklearn.ensemble import HistGradientBoostingRegressor
 
         return HistGradientBoostingRegressor(
-            max_iter=300, min_samples_leaf=5, early_stopping=False, random_state=SEED
+            max_iter=300, min_samples_leaf=5, early_stopping=False, random_state=0
         )
     from sklearn.neural_network import MLPRegressor
 
     return MLPRegressor(
-        hidden_layer_sizes=(32, 32), solver="lbfgs", alpha=1e-3, max_iter=500, random_state=SEED
+        hidden_layer_sizes=(32, 32), solver="lbfgs", alpha=1e-3, max_iter=500, random_state=0
     )

@@ -127,7 +127,7 @@ class Contest:
         if name == "arx":
             said = simple.arx(self.dataset, self._inputs)
         elif name != "backbone":
-            said = simple.polynomial(simple.DEGREES[name], self.dataset, self._inputs)
+            said = simple.polynomial_fit(simple.DEGREES[name], self.dataset, self._inputs)
         elif self._backbone is not None:
             said = _formula_says(self._backbone, self.dataset.curves)
         return said or [np.full(curve.size, np.nan) for curve in self.dataset.curves]

@@ -22,18 +22,15 @@ from mapmore_cli.domain.scores import OWN
 from mapmore_cli.fitting.competitors import Contest, Forecasts
 from mapmore_cli.fitting.kinds import refit
 from mapmore_cli.fitting.kinds.choices import ModelChoices, model_choices
-from mapmore_cli.fitting.refitting import left_out_of
+from mapmore_cli.fitting.refitting import FEWEST, left_out_of
 from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.pieces.cross_validation import BLOCKS, block, in_curve
-from mapmore_cli.modelling.validation.intervals import Training, summary
+from mapmore_cli.modelling.validation.intervals import left_out_summary
 from mapmore_cli.spec.loader import load
 from mapmore_cli.storage.run_folder import RunFiles
 
 if TYPE_CHECKING:
     from mapmore_cli.fitting.stage import Progress
-
-LEAST_PARTS = 3
-"""With fewer levels or recordings, blocks of all of them are left out."""
 
 Said = dict[str, Forecasts]
 """What models say of every curve, by their names."""
@@ -190,14 +187,14 @@ def residuals(
         if curve.level is not None and curve.training.any():
             recordings[curve.level] += len(curve.recordings)
     places = tuple(sorted(recordings))
-    training = Training(
-        places,
-        tuple(recordings[level] for level in places),
-        max(abs(low), abs(high)),
-        _training_error(dataset, model),
-        astray,
+    return replace(
+        left_out_summary(kind, count, errors),
+        places=places,
+        repeats=tuple(recordings[level] for level in places),
+        largest=max(abs(low), abs(high)),
+        residual=_training_error(dataset, model),
+        astray=astray,
     )
-    return summary(kind, count, errors, training)
 
 
 def _training_error(dataset: Dataset, model: Model) -> float:
@@ -217,7 +214,7 @@ def parts_of(dataset: Dataset, choices: ModelChoices) -> tuple[LeftOutKind, int,
 
     They are the inner levels, since within its training range a new curve lies between two others;
     recordings where there are no levels; of a family, specimens; blocks of all recordings where
-    there are fewer than `LEAST_PARTS` of either. The samples of a plateau, which do not train, are
+    there are fewer than `FEWEST` of either. The samples of a plateau, which do not train, are
     a part of their level or recording, since they are predicted and scored.
     """
     if choices.model.family is not None:
@@ -227,7 +224,7 @@ def parts_of(dataset: Dataset, choices: ModelChoices) -> tuple[LeftOutKind, int,
     if level is not None:
         trains.sort(key=lambda curve: curve.level or 0.0)
     names = list(dict.fromkeys(_part_name(dataset, curve) for curve in trains))
-    if len(names) >= LEAST_PARTS:
+    if len(names) >= FEWEST:
         masks = {
             name: tuple(~curve.held_out & (_part_name(dataset, curve) == name) for curve in curves)
             for name in (names if level is None else names[1:-1])
@@ -246,7 +243,7 @@ def _specimens(dataset: Dataset, of: str) -> tuple[LeftOutKind, int, dict[str, M
     values = np.unique(
         np.concatenate([curve.columns[of][~curve.held_out] for curve in dataset.curves])
     )
-    if len(values) < LEAST_PARTS:
+    if len(values) < FEWEST:
         raise DataError(
             f"validate.intervals: each specimen is left out in turn, and {len(values)} "
             f"{'is' if len(values) == 1 else 'are'} too few",

@@ -19,9 +19,9 @@ from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.pieces.cross_validation import BLOCKS
 from mapmore_cli.modelling.validation.metrics import divisor
 
-FEWEST_INNER = 3
-"""Inner training levels from which on levels are left out; with fewer, blocks are: a standard error
-of one or two folds says nothing.
+FEWEST = 3
+"""Levels or recordings from which on they are left out; with fewer, blocks are: a standard error of
+one or two folds says nothing.
 """
 
 
@@ -74,8 +74,8 @@ def folds_of(
     scale = divisor(dataset, normaliser)
     level = dataset.level if by_level else level_of(choices.levels, choices.segment)
     levels = sorted({curve.level for curve in dataset.curves if curve.level is not None})
-    inner = levels[1:-1] if len(levels) >= FEWEST_INNER + 2 or not by_level else levels
-    if not choices.over_time and level is not None and len(inner) >= FEWEST_INNER:
+    inner = levels[1:-1] if len(levels) >= FEWEST + 2 or not by_level else levels
+    if not choices.over_time and level is not None and len(inner) >= FEWEST:
         folds = [
             tuple(curve.training & (curve.level == value) for curve in dataset.curves)
             for value in inner

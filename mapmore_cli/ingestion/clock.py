@@ -259,7 +259,7 @@ def _found_shift(
     """
     match = join.match
     assert match is not None
-    time, values = _in_order(first, match.first)
+    time, values = _ordered_signal(first, match.first)
     same_sign = units[match.first] == units[match.second]
     found = find_shift(
         time,
@@ -305,7 +305,7 @@ def _found_shift(
     )
 
 
-def _in_order(samples: Samples, name: str) -> tuple[Array, Array]:
+def _ordered_signal(samples: Samples, name: str) -> tuple[Array, Array]:
     """Stamps and values of the first log, without missing ones; of stamps that repeat the first."""
     time, values = samples.columns["time"], samples.columns[name]
     there = np.flatnonzero(np.isfinite(time) & np.isfinite(values))

@@ -154,7 +154,7 @@ class LevelSet:
 
 
 @dataclass(frozen=True)
-class Part:
+class LevelPart:
     """Samples of one recording at one level, `(n,)` each; `position` runs from 0 to 1 in the order
     of the log of that number.
 
@@ -194,19 +194,19 @@ def level_set(levels: Levels, recordings: Sequence[Recording]) -> LevelSet:
 
 def cut_by_level(
     logs: Sequence[Sequence[Recording]], levels: LevelSet | None
-) -> tuple[list[Recording], list[Part]]:
+) -> tuple[list[Recording], list[LevelPart]]:
     """Return the recordings without the samples that are at no level, and their parts, each in the
     order of the levels.
 
     A log is the pieces of one recording in order of time. Without levels every piece is one part.
     Raises DataError for a level that no sample is at.
     """
-    recordings, parts = list[Recording](), list[Part]()
+    recordings, parts = list[Recording](), list[LevelPart]()
     for number, log in enumerate(logs):
-        for recording, place in zip(log, _places(log), strict=True):
+        for recording, place in zip(log, _positions(log), strict=True):
             if levels is None:
                 recordings.append(recording)
-                parts.append(Part(recording, None, recording.columns, place, number))
+                parts.append(LevelPart(recording, None, recording.columns, place, number))
                 continue
             kept, level = _at_levels_only(recording, levels)
             recordings.append(kept)
@@ -216,7 +216,7 @@ def cut_by_level(
                     columns = {
                         name: chosen(values, mask) for name, values in recording.columns.items()
                     }
-                    parts.append(Part(kept, value, columns, chosen(place, mask), number))
+                    parts.append(LevelPart(kept, value, columns, chosen(place, mask), number))
     for level in [] if levels is None else levels.at:
         if not any(part.level == level for part in parts):
             assert levels is not None
@@ -242,7 +242,7 @@ def _at_levels_only(recording: Recording, levels: LevelSet) -> tuple[Recording, 
     return replace(recording, columns=columns, dropped=dropped), level
 
 
-def _places(log: Sequence[Recording]) -> Iterator[Array]:
+def _positions(log: Sequence[Recording]) -> Iterator[Array]:
     """Yield where each sample stands in its log, from 0 to 1 over all pieces."""
     whole, start = max(sum(piece.rows_kept for piece in log), 1), 0
 
@@ -254,7 +254,7 @@ def _places(log: Sequence[Recording]) -> Iterator[Array]:
         start += piece.rows_kept
 
 
-def join_branches(part: Part, cycles: Cycles, target: str) -> Part:
+def join_branches(part: LevelPart, cycles: Cycles, target: str) -> LevelPart:
     """Replace the load cycles of a part by their static and hysteresis components on common values
     of `cycles.over` (M1 IV.A).
 
@@ -276,13 +276,13 @@ def join_branches(part: Part, cycles: Cycles, target: str) -> Part:
         for name, x in part.columns.items()
         if name in columns
     }
-    return Part(
+    return LevelPart(
         part.recording, part.level, columns, np.linspace(0, 1, cycles.samples), part.log, measured
     )
 
 
 def joined_curves(
-    parts: Sequence[Part], held_out: Sequence[BoolArray], levels: LevelSet | None
+    parts: Sequence[LevelPart], held_out: Sequence[BoolArray], levels: LevelSet | None
 ) -> tuple[Curve, ...]:
     """Join the parts at one level, in the order of the levels; without levels every recording is a
     curve.
@@ -305,7 +305,7 @@ def joined_curves(
 
 
 def _joined_parts(
-    key: str, parts: Sequence[Part], masks: Sequence[BoolArray], nominal: str | None
+    key: str, parts: Sequence[LevelPart], masks: Sequence[BoolArray], nominal: str | None
 ) -> Curve:
     """Return the curve of some parts; the value of their level takes the place of what was measured
     of the quantity `nominal`.

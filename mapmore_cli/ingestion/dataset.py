@@ -18,8 +18,8 @@ from mapmore_cli.fitting.stage import Progress
 from mapmore_cli.ingestion.clock import clocked, with_joined
 from mapmore_cli.ingestion.curves import (
     PLATEAU,
+    LevelPart,
     LevelSet,
-    Part,
     cut_by_level,
     join_branches,
     joined_curves,
@@ -231,7 +231,7 @@ def _check_sizes(samples: Samples, units: Mapping[str, str]) -> None:
 
 
 def held_out(
-    parts: Sequence[Part], choice: Holdout | None, levels: LevelSet | None, folder: Path
+    parts: Sequence[LevelPart], choice: Holdout | None, levels: LevelSet | None, folder: Path
 ) -> list[BoolArray]:
     """Return for each part which of its samples are held out, (n,); where several conditions are
     given, all must hold.
@@ -255,7 +255,7 @@ def held_out(
 
 
 def _conditions(
-    parts: Sequence[Part], choice: Holdout, levels: LevelSet | None, folder: Path
+    parts: Sequence[LevelPart], choice: Holdout, levels: LevelSet | None, folder: Path
 ) -> Iterator[BoolArray]:
     """Yield for each condition which samples fulfil it, (n,) over all parts in a row."""
 
@@ -309,7 +309,7 @@ def _matching(
     return [any(matches(name, pattern) for pattern in patterns) for name in names]
 
 
-def _at_levels(parts: Sequence[Part], values: Sequence[float], levels: LevelSet) -> list[bool]:
+def _at_levels(parts: Sequence[LevelPart], values: Sequence[float], levels: LevelSet) -> list[bool]:
     held = [levels.named(value) for value in values]
     for value, level in zip(values, held, strict=True):
         if level is None:
@@ -320,7 +320,7 @@ def _at_levels(parts: Sequence[Part], values: Sequence[float], levels: LevelSet)
     return [part.level in held for part in parts]
 
 
-def _within(parts: Sequence[Part], name: str, choice: Sequence[float] | Between) -> BoolArray:
+def _within(parts: Sequence[LevelPart], name: str, choice: Sequence[float] | Between) -> BoolArray:
     """Hold out the samples whose quantity is in one of the intervals, or has one of the values, of
     which each has to be found somewhere.
     """
@@ -356,7 +356,7 @@ def _within(parts: Sequence[Part], name: str, choice: Sequence[float] | Between)
     return held
 
 
-def _last_cycles(parts: Sequence[Part], of: str, share: float) -> BoolArray:
+def _last_cycles(parts: Sequence[LevelPart], of: str, share: float) -> BoolArray:
     """Hold out the last cycles of each log, whose pieces and levels are taken together in the order
     of time.
     """
@@ -391,7 +391,7 @@ def meant_levels(choice: Holdout | None, levels: LevelSet | None) -> list[str]:
     ]
 
 
-def _levels_and_recordings(parts: Sequence[Part], levels: LevelSet | None) -> str:
+def _levels_and_recordings(parts: Sequence[LevelPart], levels: LevelSet | None) -> str:
     have = (
         ""
         if levels is None

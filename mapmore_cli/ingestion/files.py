@@ -107,7 +107,7 @@ def find_sources(entries: Entries, folder: Path, joins: Sequence[Join] = ()) -> 
                 f"files: {ids.count(name)} recordings have the id '{name}'",
                 "Give each an `id` of its own.",
             )
-    logs = [_paired(join, len(found), folder) for join in joins]
+    logs = [_logs_to_join(join, len(found), folder) for join in joins]
     return tuple(
         Source(
             log.path,
@@ -160,7 +160,7 @@ def _automatic(logs: Sequence[Log]) -> list[str]:
     ]
 
 
-def _paired(join: Join, count: int, folder: Path) -> list[Log]:
+def _logs_to_join(join: Join, count: int, folder: Path) -> list[Log]:
     """Return the log to join to each of `count` files: the same for all, or one for each, in
     order.
     """
@@ -218,7 +218,8 @@ def _matches(pattern: str, folder: Path) -> Iterator[Path]:
     """
     parts = PurePath(pattern).parts
     if "**" not in parts:
-        yield from (folder / name for name in glob.glob(pattern, root_dir=folder))  # noqa: PTH207 - Path.glob refuses ".."
+        names = glob.glob(pattern, root_dir=folder)  # noqa: PTH207 - Path.glob refuses ".."
+        yield from (folder / name for name in names)
         return
     head, rest = parts[: parts.index("**")], parts[parts.index("**") + 1 :]
     seen: set[tuple[int, int]] = set()

@@ -133,9 +133,9 @@ def summed(
     placed = dict(zip(scaling.variables, scaling.placement.split(","), strict=False))
     for name, (slope, intercept) in lines.items():
         if (slope, intercept) != (1.0, 0.0):
-            found = state(name)
-            fresh = "".join(re.findall("(?<![A-Za-z])[A-Za-z]", found.quantity)).lower() or "x"
-            fresh += str(found.steps) if isinstance(found, Lagged) else ""
+            of_state = state(name)
+            fresh = "".join(re.findall("(?<![A-Za-z])[A-Za-z]", of_state.quantity)).lower() or "x"
+            fresh += str(of_state.steps) if isinstance(of_state, Lagged) else ""
             while fresh in {*where, *scaling.variables, *FUNCTIONS}:
                 fresh += "_"
             bent = sum(

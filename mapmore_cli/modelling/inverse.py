@@ -96,7 +96,7 @@ def solve_for_input(model: Model, columns: Columns, name: str) -> SolvedInput:
     to the output: a strain that no force of the range makes has the force at the end of the range.
     NaN where a column is. Raises UsageError, DataError as `invert`.
     """
-    needed = [model.output.name, *(one for one in _inputs(model, name) if one != name)]
+    needed = [model.output.name, *(one for one in _input_names(model, name) if one != name)]
     known = np.flatnonzero(np.logical_and.reduce([np.isfinite(columns[one]) for one in needed]))
     given = {one: np.asarray(columns[one], dtype=np.float64)[known] for one in needed}
     lowest, rows, _, nearest = _solutions(model, given.pop(model.output.name), given, name)
@@ -114,9 +114,9 @@ def _solutions(
     model: Model, wanted: Array, given: Columns, name: str
 ) -> tuple[Array, IntArray, BoolArray, Array]:
     """Return `_Line.solutions` of all rows, made for some rows at a time."""
-    names, program = _inputs(model, name), program_of(model)
+    names, program = _input_names(model, name), program_of(model)
     slopes, value, ends = evaluator(with_slopes(program)), evaluator(program), knots(model, name)
-    found = []
+    parts = []
     for start in range(0, max(len(wanted), 1), CHUNK):
         part = slice(start, start + CHUNK)
         line = _Line(
@@ -127,13 +127,13 @@ def _solutions(
             wanted[part],
             {one: np.asarray(x, dtype=np.float64)[part] for one, x in given.items()},
         )
-        values, rows, *of_rows = line.solutions(line.with_turning_points(ends))
-        found.append((values, rows + start, *of_rows))
-    values, rows, flat, nearest = map(np.concatenate, zip(*found, strict=True))
+        values, rows, *of_rows = line.solutions(*line.edges(ends), float(np.ptp(ends)))
+        parts.append((values, rows + start, *of_rows))
+    values, rows, flat, nearest = map(np.concatenate, zip(*parts, strict=True))
     return values, rows, flat, nearest
 
 
-def _inputs(model: Model, name: str) -> list[str]:
+def _input_names(model: Model, name: str) -> list[str]:
     names = [quantity.name for quantity in model.inputs]
     if name not in names:
         raise UsageError(f"the model has no input '{name}'", f"it has {', '.join(names)}")
@@ -146,15 +146,15 @@ def knots(model: Model, name: str) -> Array:
 
     Raises UsageError where the range is not known, as of an input that a sum renames.
     """
-    found = np.unique(
+    places = np.unique(
         [place for place in program_of(model).knots.get(name, ()) if np.isfinite(place)]
     )
-    if len(found) < 2:
+    if len(places) < 2:
         raise UsageError(
             f"the training range of '{name}' is not known",
             "invert for an input that was varied in training",
         )
-    return found
+    return places
 
 
 def parts_between(knots: Array) -> int:
@@ -187,9 +187,9 @@ class _Line:
     def _columns(self, x: Array, rows: IntArray) -> dict[str, Array]:
         return {name: x if name == self.name else self.given[name][rows] for name in self.names}
 
-    def with_turning_points(self, knots: Array) -> Array:
-        """Return the ends of the monotone parts, (n, e), ascending in every row, with
-        repetitions.
+    def edges(self, knots: Array) -> tuple[Array, IntArray]:
+        """Return the ends of the monotone parts of every row, ascending, and their rows, (e,)
+        each.
         """
         n = len(self.wanted)
         inner = [
@@ -198,23 +198,15 @@ class _Line:
         ]
         places = np.concatenate([*inner, knots[-1:]])
         rows = np.repeat(np.arange(n), len(places) - 1)
-        turns, of = self._turning_points(
-            np.tile(places[:-1], n), np.tile(places[1:], n), rows, SPLITS
-        )
-        order = np.argsort(of, kind="stable")
-        counts = np.bincount(of, minlength=n)
-        more = np.full((n, counts.max(initial=0)), places[-1])
-        more[of[order], np.arange(len(of)) - np.repeat(np.cumsum(counts) - counts, counts)] = turns[
-            order
-        ]
-        beside = [
-            np.nextafter(knots[:-1], np.inf),
-            np.nextafter(knots[1:], -np.inf),
-        ]  # the map may jump at a knot
+        starts, ends = np.tile(places[:-1], n), np.tile(places[1:], n)
+        turns, of = self._turning_points(starts, ends, rows, SPLITS)
+        # the map may jump at a knot
+        beside = np.nextafter(knots[:-1], np.inf), np.nextafter(knots[1:], -np.inf)
         fixed = np.concatenate([places, *beside])
-        return np.sort(
-            np.concatenate([np.broadcast_to(fixed, (n, len(fixed))), more], axis=1), axis=1
-        )
+        x = np.concatenate([np.tile(fixed, n), turns])
+        rows = np.concatenate([np.repeat(np.arange(n), len(fixed)), of])
+        order = np.lexsort([x, rows])
+        return x[order], rows[order]
 
     def _turning_points(
         self, low: Array, high: Array, rows: IntArray, splits: int
@@ -236,7 +228,7 @@ class _Line:
                 value, right[turned], flat, slope_right[turned], high[turned] - at
             )
             middle[turned], closer[turned] = at, before | after
-        found, where = middle[turned | closer], rows[turned | closer]
+        turns, where = middle[turned | closer], rows[turned | closer]
         if splits == 0 or not closer.any():
             return middle[turned], rows[turned]
         halves = (
@@ -245,49 +237,41 @@ class _Line:
             np.tile(rows[closer], 2),
         )
         more, own = self._turning_points(*halves, splits - 1)
-        return np.concatenate([found, more]), np.concatenate([where, own])
+        return np.concatenate([turns, more]), np.concatenate([where, own])
 
-    def solutions(self, edges: Array) -> tuple[Array, IntArray, BoolArray, Array]:
-        """Return the solutions in monotone parts between `edges`, (n, e), and their rows, (m,)
-        each, ascending.
+    def solutions(
+        self, x: Array, rows: IntArray, span: float
+    ) -> tuple[Array, IntArray, BoolArray, Array]:
+        """Return the solutions in monotone parts between the edges `x` of the `rows`, (e,) each,
+        and their rows, (m,) each, ascending.
 
         Then of each row, (n,): whether they fill a range, and the edge whose output is nearest to
         the wanted one.
         """
-        n = len(edges)
-        row = np.broadcast_to(np.arange(n)[:, None], edges.shape)
-        missing = self.missing(edges.ravel(), row.ravel()).reshape(edges.shape)
-        nearest = edges[np.arange(n), np.argmin(np.abs(missing), axis=1)]
-        near = SAME * np.maximum(
-            np.ptp(missing, axis=1, keepdims=True), np.abs(self.wanted)[:, None]
-        )
-        hit, width = np.abs(missing) <= near, np.diff(edges, axis=1)
-        flat = (
-            hit[:, :-1] & hit[:, 1:] & (width > SAME * np.ptp(edges, axis=1, keepdims=True))
-        ).any(axis=1)
-        first = hit & ~np.concatenate([np.zeros((n, 1), dtype=np.bool_), hit[:, :-1]], axis=1)
-        crosses = (
-            (np.sign(missing[:, :-1]) * np.sign(missing[:, 1:]) < 0)
-            & ~hit[:, :-1]
-            & ~hit[:, 1:]
-            & (width > 0)
-        )
-        where = row[:, :-1][crosses]
+        n, missing = len(self.wanted), self.missing(x, rows)
+        starts = np.searchsorted(rows, np.arange(n))
+        nearest = x[np.lexsort([np.abs(missing), rows])[starts]]
+        outputs = np.maximum.reduceat(missing, starts) - np.minimum.reduceat(missing, starts)
+        near = SAME * np.maximum(outputs, np.abs(self.wanted))
+        hit = np.abs(missing) <= near[rows]
+        left, right = hit[:-1], hit[1:]
+        beside = rows[1:] == rows[:-1]
+        width = np.where(beside, np.diff(x), 0.0)
+        filled = left & right & (width > SAME * span)
+        flat = np.bincount(rows[1:][filled], minlength=n) > 0
+        first = hit & ~np.append(False, left & beside)
+        crosses = (np.sign(missing[:-1]) * np.sign(missing[1:]) < 0) & ~left & ~right & (width > 0)
+        where = rows[1:][crosses]
         crossed = _bisected(
-            lambda x, which: self.missing(x, where[which]),
-            edges[:, :-1][crosses],
-            edges[:, 1:][crosses],
+            lambda at, which: self.missing(at, where[which]), x[:-1][crosses], x[1:][crosses]
         )
         # where the map jumps across the wanted output, there is no solution
-        real = np.abs(self.missing(crossed, where)) <= np.maximum(
-            REACHED * np.abs(self.wanted[where]), near[where, 0]
-        )
-        values, rows = (
-            np.concatenate([edges[first], crossed[real]]),
-            np.concatenate([row[first], where[real]]),
-        )
-        order = np.lexsort([values, rows])
-        return values[order], rows[order], flat, nearest
+        reached = np.maximum(REACHED * np.abs(self.wanted[where]), near[where])
+        real = np.abs(self.missing(crossed, where)) <= reached
+        values = np.concatenate([x[first], crossed[real]])
+        of = np.concatenate([rows[first], where[real]])
+        order = np.lexsort([values, of])
+        return values[order], of[order], flat, nearest
 
 
 def may_turn_twice(

@@ -51,7 +51,7 @@ class Kind:
     stored one is refused (`soundness`).
 
     A kind that adds itself may have `checks.py`, with `findings(spec)`, what a spec may not say;
-    and `page.py`, with `show(model)`; of a kind with fits also
+    and `page.py`, with `show(model, show_other)`; of a kind with fits also
     `show_fit(fit)`, `tables(inputs)`, `TITLE` and `TABLES`.
     """
 
@@ -124,16 +124,16 @@ def simulate(model: Model, columns: Columns) -> Run:
     Raises KeyError where an input is missing; DataError where a free run has nothing to begin from,
     or samples are not at the model's time steps.
     """
-    found: Run = kind_of(model).verb("simulate")(model, columns)
-    return found
+    run: Run = kind_of(model).verb("simulate")(model, columns)
+    return run
 
 
 def outside_range(model: Model, columns: Columns) -> BoolArray:
     """Return True where an input lies beyond the training range, of any summand where the model is
     a sum, (n,).
     """
-    found: BoolArray = kind_of(model).verb("outside_range", _outside)(model, columns)
-    return found
+    outside: BoolArray = kind_of(model).verb("outside_range", _outside_limits)(model, columns)
+    return outside
 
 
 @contextmanager
@@ -159,22 +159,22 @@ def equations(
     Raises DataError where a coefficient is too large to be a number.
     """
     with numbers_in_reach(model):
-        found: tuple[Equation, ...] = kind_of(model).verb("equations")(model, units)
-    return found
+        rows: tuple[Equation, ...] = kind_of(model).verb("equations")(model, units)
+    return rows
 
 
 def parameters(model: Model) -> int:
     """Return the number of free parameters: coefficients of terms and parameters of formulas, in a
     sum of all parts.
     """
-    found: int = kind_of(model).verb("parameters")(model)
-    return found
+    count: int = kind_of(model).verb("parameters")(model)
+    return count
 
 
 def one_step_ahead(model: Model, columns: Columns) -> Array:
     """Prediction of every row from the measured past, (n,); NaN before there is history."""
-    found: Array = kind_of(model).verb("one_step", predict)(model, columns)
-    return found
+    predicted: Array = kind_of(model).verb("one_step", predict)(model, columns)
+    return predicted
 
 
 def runs_over_time(model: Model) -> bool:
@@ -184,8 +184,8 @@ def runs_over_time(model: Model) -> bool:
 
 def fed_back(model: Model) -> tuple[str, ...]:
     """Return the measured outputs that a run begins from, each once."""
-    found: tuple[str, ...] = kind_of(model).verb("fed_back", lambda _model: ())(model)
-    return found
+    outputs: tuple[str, ...] = kind_of(model).verb("fed_back", lambda _model: ())(model)
+    return outputs
 
 
 OUTSIDE_TOLERANCE = 1e-9
@@ -228,9 +228,10 @@ def limits(ranges: Sequence[CurveRange], level: str | None) -> Iterator[InputRan
             yield InputRange(name, level, levels, low, high)
 
 
-def _outside(model: Model, columns: Columns) -> BoolArray:
-    found = np.zeros(len(next(iter(columns.values()))), dtype=np.bool_)
-    for name, at, levels, *ends in limits(model.body.ranges, model.level):  # type: ignore[attr-defined]  # sums have another verb
+def _outside_limits(model: Model, columns: Columns) -> BoolArray:
+    outside = np.zeros(len(next(iter(columns.values()))), dtype=np.bool_)
+    ranges = model.body.ranges  # type: ignore[attr-defined]  # sums have another verb
+    for name, at, levels, *ends in limits(ranges, model.level):
         if name in columns:
             low, high = (
                 end[:1] if at is None else np.interp(columns[at], levels, end) for end in ends
@@ -238,5 +239,5 @@ def _outside(model: Model, columns: Columns) -> BoolArray:
             margin = OUTSIDE_TOLERANCE * np.maximum(
                 high - low, np.maximum(np.abs(low), np.abs(high))
             )
-            found |= (columns[name] < low - margin) | (columns[name] > high + margin)
-    return found
+            outside |= (columns[name] < low - margin) | (columns[name] > high + margin)
+    return outside

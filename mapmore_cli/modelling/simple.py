@@ -25,7 +25,7 @@ MOST_ROWS = 50_000  # training rows that a fit takes, an even share
 LARGEST = 1e3  # times the largest measured output, from which a free run has diverged
 
 
-def polynomial(degree: int, dataset: Dataset, names: Sequence[str]) -> list[Array] | None:
+def polynomial_fit(degree: int, dataset: Dataset, names: Sequence[str]) -> list[Array] | None:
     """Least-squares polynomial in the quantities `names`, of every curve: (n_c,) each.
 
     Inputs are scaled to [-1, 1] on the training samples; where these leave coefficients open, the
@@ -34,20 +34,20 @@ def polynomial(degree: int, dataset: Dataset, names: Sequence[str]) -> list[Arra
     """
     if not names:
         return None
-    training = [_table(curve, names)[curve.training] for curve in dataset.curves]
+    training = [_input_columns(curve, names)[curve.training] for curve in dataset.curves]
     x = np.concatenate(training)
     y = np.concatenate([curve.columns[dataset.target][curve.training] for curve in dataset.curves])
     known = np.isfinite(x).all(axis=1) & np.isfinite(y)
     x, y = x[known], y[known]
     order = np.lexsort([y, *x.T])  # the order of the rows must not change a digit
-    x, y = _share(x[order]), _share(y[order])
+    x, y = _even_rows(x[order]), _even_rows(y[order])
     if len(y) < comb(len(names) + degree, degree):
         return None
     low, high = x.min(axis=0), x.max(axis=0)
     middle, half = (low + high) / 2, np.where(high > low, (high - low) / 2, 1.0)
-    theta = np.linalg.lstsq(_monomials((x - middle) / half, degree), y, rcond=None)[0]
+    theta = np.linalg.lstsq(_monomial_columns((x - middle) / half, degree), y, rcond=None)[0]
     return [
-        _monomials((_table(curve, names) - middle) / half, degree) @ theta
+        _monomial_columns((_input_columns(curve, names) - middle) / half, degree) @ theta
         for curve in dataset.curves
     ]
 
@@ -62,22 +62,22 @@ def arx(dataset: Dataset, names: Sequence[str]) -> list[Array] | None:
     best, least = None, np.inf
     for order in ORDERS:
         if (theta := _one_step_fit(dataset, names, order)) is not None:
-            found = [_run(curve, dataset.target, names, order, theta) for curve in dataset.curves]
+            runs = [_run(curve, dataset.target, names, order, theta) for curve in dataset.curves]
             errors = [
                 (said - curve.columns[dataset.target])[curve.training]
-                for said, curve in zip(found, dataset.curves, strict=True)
+                for said, curve in zip(runs, dataset.curves, strict=True)
             ]
             error = float(np.sum(np.concatenate(errors) ** 2))
             if error < least:
-                best, least = found, error
+                best, least = runs, error
     return best
 
 
-def _table(curve: Curve, names: Sequence[str]) -> Array:
+def _input_columns(curve: Curve, names: Sequence[str]) -> Array:
     return np.column_stack([curve.columns[name] for name in names])
 
 
-def _share(rows: Array) -> Array:
+def _even_rows(rows: Array) -> Array:
     """At most `MOST_ROWS` rows, evenly spread."""
     return (
         rows
@@ -86,7 +86,7 @@ def _share(rows: Array) -> Array:
     )
 
 
-def _monomials(x: Array, degree: int) -> Array:
+def _monomial_columns(x: Array, degree: int) -> Array:
     """Every monomial of the columns of `x`, (n, m), of total degree up to `degree`."""
     places = (
         of
@@ -122,7 +122,7 @@ def _one_step_fit(dataset: Dataset, names: Sequence[str], order: int) -> Array |
             outputs.append(y[rows][train])
     P, y = np.concatenate(tables), np.concatenate(outputs)
     known = np.isfinite(P).all(axis=1) & np.isfinite(y)
-    P, y = _share(P[known]), _share(y[known])
+    P, y = _even_rows(P[known]), _even_rows(y[known])
     if len(y) < P.shape[1]:
         return None
     scale = np.abs(P).max(axis=0)
@@ -134,7 +134,7 @@ def _run(curve: Curve, target: str, names: Sequence[str], order: int, theta: Arr
     """Return the free run along every recording of a curve, (n,); NaN from where it diverges."""
     from scipy.signal import lfilter  # a fifth of the seconds of a run without any
 
-    y, found = curve.columns[target], np.full(curve.size, np.nan)
+    y, run = curve.columns[target], np.full(curve.size, np.nan)
     a, b = theta[1 : order + 1], theta[order + 1 :]
     for rows in curve.logs:
         inputs = [_past(curve.columns[name][rows], order, 0) for name in names]
@@ -146,5 +146,5 @@ def _run(curve: Curve, target: str, names: Sequence[str], order: int, theta: Arr
             values, _ = lfilter([1.0], np.concatenate([[1.0], -a]), drive, zi=past)
         far = ~(np.abs(values) <= LARGEST * np.abs(y[np.isfinite(y)]).max(initial=1e-300))
         values[np.maximum.accumulate(far)] = np.nan
-        found[rows] = values
-    return found
+        run[rows] = values
+    return run

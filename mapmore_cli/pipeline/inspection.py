@@ -15,8 +15,7 @@ from mapmore_cli.fitting.stage import Progress
 from mapmore_cli.ingestion.dataset import build_dataset
 from mapmore_cli.ingestion.files import IngestSlice, slice_of
 from mapmore_cli.modelling.selection import AUTO
-from mapmore_cli.pipeline.runner import pipeline
-from mapmore_cli.pipeline.staleness import needed_runs
+from mapmore_cli.pipeline.staleness import needed_runs, pipeline
 from mapmore_cli.spec.loader import LoadedSpec
 
 ORDER = ("error", "warning", "hint")

@@ -21,7 +21,12 @@ from mapmore_cli.modelling.literature.own import is_family
 from mapmore_cli.modelling.memory.records import AtSample, numbered
 from mapmore_cli.modelling.program.model import slopes
 from mapmore_cli.modelling.signals.rates import with_signals
-from mapmore_cli.modelling.validation.intervals import checked, ends, half_widths_of, refusal
+from mapmore_cli.modelling.validation.intervals import (
+    ends,
+    half_widths_of,
+    interval_refusal,
+    intervals_of,
+)
 from mapmore_cli.pipeline.records import Reading, Row, Sheet, between_gaps, by_recording, reading_of
 
 CHUNK = 20_000
@@ -100,7 +105,10 @@ def predicted_lines(
     UsageError for an interval that there is none of, or a model that cannot be inverted for that
     input.
     """
-    if interval is not None and (why := refusal(checked(model, interval))) is not None:
+    if (
+        interval is not None
+        and (why := interval_refusal(intervals_of(model, interval))) is not None
+    ):
         warn(f"{model.name}: {why}")
     extra = Extra(interval, derivatives)
     table = Sheet(lines, label, _column_names(model), constants)
@@ -246,11 +254,11 @@ def _numbers_of(
     numbers by which rows are told.
     """
     if reading.turned_for is not None:
-        found = solve_for_input(model, columns, reading.turned_for)
+        turned = solve_for_input(model, columns, reading.turned_for)
         outside = (
-            outside_range(model, {**columns, reading.turned_for: found.values}) | ~found.solved
+            outside_range(model, {**columns, reading.turned_for: turned.values}) | ~turned.solved
         )
-        return found.values[:, None], outside, []
+        return turned.values[:, None], outside, []
     numbers = np.full((len(rows), 1 + len(extra.names(model))), np.nan)
     outside, diverged = np.zeros(len(rows), dtype=bool), list[int]()
     for part in between_gaps(columns["time"]) if reading.signals else [slice(None)]:

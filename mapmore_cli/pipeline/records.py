@@ -171,10 +171,10 @@ class Sheet:
         """
         if there := next((name for name in added if name in self.names), None):
             raise DataError(f"{self.label}: already has a column {there}", "rename or remove it")
-        found = locate_columns(
+        located = locate_columns(
             TableRequest(self.label, tuple(wanted), header=True), self.names, len(self.names)
         )
-        return {str(name): place for name, place in found.items()}
+        return {str(name): place for name, place in located.items()}
 
     def is_blank(self, row: Row) -> bool:
         """Whether a record is a blank line, which in a table of one column is an empty field."""

@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,10 +20,12 @@ from mapmore_cli.domain.processors import one_blas_thread
 from mapmore_cli.fitting.stage import Progress, Stage, Warn, Workspace
 from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.pipeline.staleness import (
+    SEARCH_STAGE,
     Needed,
     StagePlan,
     as_found,
     known_records,
+    pipeline,
     plan_stages,
     plans_of,
     refuse_circle,
@@ -94,38 +95,6 @@ class Options:
 AS_USUAL = Options()
 
 
-def pipeline() -> tuple[Stage, ...]:
-    """Return the six stages in order; they are imported when they are first asked for."""
-    from mapmore_cli.pipeline import report, stages, validate
-
-    return (
-        stages.INGEST,
-        stages.SEGMENT,
-        stages.FITTING,
-        stages.FUSE,
-        validate.STAGE,
-        report.STAGE,
-    )
-
-
-SEARCH_STAGE = "search"
-"""The stage that finds the structure of a model; a spec that asks for none has no such stage."""
-FOLLOWS = f"follows from {SEARCH_STAGE}"
-
-
-def searches(loaded: LoadedSpec, until: str) -> bool:
-    """Whether the structure has to be found before the stage `until`."""
-    return loaded.spec.model.type == AUTO and until not in ("ingest", SEARCH_STAGE)
-
-
-def search_stages() -> tuple[Stage, ...]:
-    """Return what comes before the structure is known."""
-    from mapmore_cli.annexes.search import stage as search
-    from mapmore_cli.pipeline import stages
-
-    return stages.INGEST, search.STAGE
-
-
 def explain(
     loaded: LoadedSpec,
     runs: Path,
@@ -139,22 +108,13 @@ def explain(
     Nothing is written.
     """
     refuse_circle(loaded)
-    every, run_dir = stages or pipeline(), runs / loaded.spec.name
-    records = load_records(run_dir, warn)
-    how = (run_dir, records, options.rehash, options.force)
-    reasons: dict[str, str | None] = {}
-    if searches(loaded, until):
-        plans = plan_stages(search_stages(), SEARCH_STAGE, loaded, *how)
-        reasons = {plan.stage.name: plan.reason for plan in plans}
-        if any(reasons.values()):
-            later = [stage.name for stage in every][1:]
-            return [
-                *reasons.items(),
-                *((name, FOLLOWS) for name in later[: later.index(until) + 1]),
-            ]
-        loaded = as_found(loaded, run_dir)
-    plans = plan_stages(every, until, loaded, *how)
-    return list(({plan.stage.name: plan.reason for plan in plans} | reasons).items())
+    run_dir = runs / loaded.spec.name
+    how = (run_dir, load_records(run_dir, warn), options.rehash, options.force)
+    reasons = {plan.stage.name: plan.reason for plan in plan_stages(stages, until, loaded, *how)}
+    if until not in reasons:  # what a search finds is not known yet
+        every = [stage.name for stage in pipeline()]
+        reasons |= dict.fromkeys(every[1 : every.index(until) + 1], f"follows from {SEARCH_STAGE}")
+    return list(reasons.items())
 
 
 def bring_up_to_date(
@@ -181,29 +141,20 @@ def bring_up_to_date(
     refuse_circle(loaded)
     run_dir = runs / loaded.spec.name
     open_run_folder(run_dir)
-    every = stages or pipeline()
     run = _Run(
         loaded=loaded,
         run_dir=run_dir,
-        stages=every,
+        given=stages,
         origin=_origin(loaded, run_dir, options.campaign),
         options=options,
         progress=progress,
         warn=warn,
         on_stage=on_stage,
     )
-    plans: list[StagePlan] = []
-    if searches(loaded, until):
-        plans = replace(run, stages=search_stages()).brought(SEARCH_STAGE)
-        run = replace(
-            run,
-            loaded=as_found(loaded, run_dir),
-            searched=True,
-            renewed=plans[-1].reason is not None,
-            on_stage=lambda stage, reason: None if stage == "ingest" else on_stage(stage, reason),
-        )
-    known = [plan.stage.name for plan in plans]
-    plans += [plan for plan in run.brought(until) if plan.stage.name not in known]
+    plans = run.settled(until)
+    if plans is None:
+        with run_lock(run_dir, options.patient):
+            plans = run.settle(until)
     reasons = {plan.stage.name: plan.reason for plan in plans if plan.reason is not None}
     done = {
         plan.stage.name: "done" if plan.stage.name in reasons else "up-to-date" for plan in plans
@@ -249,51 +200,39 @@ def _from(run_dir: Path, path: Path) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class _Run:
-    """A run in its folder, and who is told of it.
-
-    `searched` says whether the structure in its spec was found by a search, `renewed` whether that
-    was just now.
+    """A run in its folder, and who is told of it; `given` are other stages than those of the
+    pipeline.
     """
 
     loaded: LoadedSpec
     run_dir: Path
-    stages: Sequence[Stage]
+    given: Sequence[Stage] | None
     origin: Origin
     options: Options
     progress: Progress
     warn: Warn
     on_stage: OnStage
-    searched: bool = False
-    renewed: bool = False
-
-    def brought(self, until: str) -> list[StagePlan]:
-        """Bring the stages up to `until` up to date; what was planned. Nothing is locked where
-        nothing is to be done: others may be reading the run.
-        """
-        plans = None if self.options.force else self.settled(until)
-        if plans is None:
-            with run_lock(self.run_dir, self.options.patient):
-                plans = self.settle(until)
-        return plans
 
     def settled(self, until: str) -> list[StagePlan] | None:
-        """Return the plans where nothing is to be done, seen without the lock of the run; None
-        where something may be.
+        """Return the plans where nothing is to be done, seen without the lock of the run, since
+        others may be reading it; None where something may be.
 
         Results are moved in whole and committed last, so what looks whole is. Where another process
         is at work, the lock decides.
         """
-        records = known_records(self.run_dir)
-        plans = self.planned(until, records)
+        records, runs = known_records(self.run_dir), self.run_dir.parent
+        plans = list(self.planned(until, records))
         whole = (
-            all(plan.reason is None for plan in plans)
-            and _refreshed(records, plans) == records
-            and all(self.known_findings(plan) is not None for plan in self.to_check(plans))
+            plans[-1].stage.name == until
+            and all(
+                plan.reason is None and plan.record == records[plan.stage.name] for plan in plans
+            )
+            and not any(self.checks(p, until) and self.known_findings(p) is None for p in plans)
             and load_origin(self.run_dir) == self.origin
-            and self.has_spec()
+            and not self.unwritten(until)
             and is_tidy(self.run_dir)
             and all(
-                other.is_kept(self.run_dir.parent) or self.is_current(other)
+                other.is_kept(runs) or self.is_current(other)
                 for plan in plans
                 for other in plan.needed
             )
@@ -304,47 +243,44 @@ class _Run:
             self.on_stage(plan.stage.name, None)
             for other in plan.needed:
                 self.bring(other)
-        for plan in self.to_check(plans):
-            self.tell(self.known_findings(plan) or ())
+            if self.checks(plan, until):
+                self.tell(self.known_findings(plan) or ())
         return plans
 
     def settle(self, until: str) -> list[StagePlan]:
         """Do all that is to be done; what was planned. The lock of the run is held."""
-        recover(self.run_dir, [output for stage in self.stages for output in stage.outputs])
+        stages = self.given or pipeline()
+        recover(self.run_dir, [output for stage in stages for output in stage.outputs])
         records = load_records(self.run_dir, self.warn)
-        plans = self.planned(until, records)
-        kept = _refreshed(records, plans)
-        if kept != records or load_origin(self.run_dir) != self.origin:
+        if self.loaded.spec.model.type != AUTO:
+            records.pop(SEARCH_STAGE, None)
+        if load_origin(self.run_dir) != self.origin:
             # a new run as well: from now on the folder is known as a run's
-            save_records(self.run_dir, self.loaded.spec.name, self.origin, kept)
-        for plan in plans:
+            save_records(self.run_dir, self.loaded.spec.name, self.origin, records)
+        plans, kept = list[StagePlan](), dict(records)
+        for plan in self.planned(until, records):
+            plans.append(plan)
             needed = {other.need.key: self.bring(other) for other in plan.needed}
             self.on_stage(plan.stage.name, plan.reason)
+            if plan.record is not None and plan.record != kept[plan.stage.name]:
+                kept[plan.stage.name] = plan.record
+                save_records(self.run_dir, self.loaded.spec.name, self.origin, kept)
             if plan.reason is not None:
                 try:
                     kept = self.make(plan, plan.reason, needed, kept)
                 except (SpecError, DataError) as fault:
                     self.add_findings(fault, plan.stage)
                     raise
-            if plan in self.to_check(plans):
+            if self.checks(plan, until):
                 self.apply_rules(plan)
-        if not self.has_spec():
-            for name, text in self._texts.items():
-                write_text(self.run_dir / name, text)
+        for path, text in self.unwritten(until).items():
+            write_text(path, text)
         return plans
 
-    def planned(self, until: str, records: Mapping[str, StageRecord]) -> list[StagePlan]:
-        """Return the plans; the page shows what was searched, so that it is made anew where that
-        was.
-        """
+    def planned(self, until: str, records: Mapping[str, StageRecord]) -> Iterator[StagePlan]:
+        """Yield the plans, each from the files as they are then."""
         how = (self.run_dir, records, self.options.rehash, self.options.force)
-        last = self.stages[-1].name
-        return [
-            replace(plan, reason=FOLLOWS)
-            if self.renewed and plan.stage.name == last and plan.reason is None
-            else plan
-            for plan in plan_stages(self.stages, until, self.loaded, *how)
-        ]
+        return plan_stages(self.given, until, self.loaded, *how)
 
     def make(
         self,
@@ -365,8 +301,8 @@ class _Run:
                 self.progress,
                 self.warn,
                 needed,
-                self.loaded.resolved,
-                self.searched,
+                as_found(self.loaded, self.run_dir).resolved,
+                self.loaded.spec.model.type == AUTO,
             )
             with one_blas_thread():
                 stage.run(plan.part, workspace)
@@ -384,11 +320,9 @@ class _Run:
             save_records(self.run_dir, self.loaded.spec.name, self.origin, committed)
         return committed
 
-    def to_check(self, plans: Sequence[StagePlan]) -> list[StagePlan]:
-        """Return the stage after which the rules are applied: ingest, but not where it is the last,
-        or its data were searched already.
-        """
-        return [] if self.searched else [plan for plan in plans[:-1] if plan.stage is pipeline()[0]]
+    def checks(self, plan: StagePlan, until: str) -> bool:
+        """Whether the rules are applied after a stage: ingest, where it is not the last."""
+        return plan.stage is pipeline()[0] and plan.stage.name != until
 
     def known_findings(self, ingest: StagePlan) -> tuple[findings.Issue, ...] | None:
         """Return what the rules found in these data; None where that is not known, or ends the run:
@@ -458,7 +392,7 @@ class _Run:
                         None if message in known else self.warn(RunWarning.of(name, message))
                     ),
                     on_stage=lambda stage, reason: self.on_stage(f"{name}: {stage}", reason),
-                    stages=self.stages,
+                    stages=self.given,
                 )
             except MapmoreError as error:
                 error.message = f"{name}: {error.message}"
@@ -470,40 +404,25 @@ class _Run:
         its folder.
         """
         run_dir = self.run_dir.parent / other.loaded.spec.name
-        plans = plans_of(other, self.stages, other.last, self.run_dir.parent)
+        plans = plans_of(other, self.given, other.last, self.run_dir.parent)
         return (
             all(plan.reason is None for plan in plans)
             and is_tidy(run_dir)
             and (run_dir / RESOLVED_SPEC).is_file()
         )
 
-    def has_spec(self) -> bool:
-        """Whether `experiment.yaml`, which runs again where it lies, is there already."""
-        paths = {self.run_dir / name: text for name, text in self._texts.items()}
-        return all(
-            path.is_file() and path.read_bytes() == text.encode() for path, text in paths.items()
-        )
-
-    @cached_property
-    def _texts(self) -> dict[str, str]:
-        """The specs that belong to the run; none where its structure is not known yet."""
-        if self.stages[-1].name == SEARCH_STAGE:
+    def unwritten(self, until: str) -> dict[Path, str]:
+        """Return the specs that belong to the run and are not there already, by their files: what
+        runs again where it lies, and what a search found.
+        """
+        if until == SEARCH_STAGE:
             return {}
-        texts = {RESOLVED_SPEC: self.loaded.resolved_in(self.run_dir)}
-        if self.searched:
-            texts[FOUND] = self.loaded.resolved_in(self.run_dir, given_only=True)
-        return texts
-
-
-def _refreshed(
-    records: Mapping[str, StageRecord], plans: Sequence[StagePlan]
-) -> dict[str, StageRecord]:
-    """Return the records with today's file times, where the contents are still the same: the next
-    run need not read them again.
-    """
-    current = {
-        plan.stage.name: replace(records[plan.stage.name], inputs=plan.inputs, outputs=plan.outputs)
-        for plan in plans
-        if plan.reason is None
-    }
-    return {**records, **current}
+        spec = as_found(self.loaded, self.run_dir)
+        texts = {self.run_dir / RESOLVED_SPEC: spec.resolved_in(self.run_dir)}
+        if spec is not self.loaded:
+            texts[self.run_dir / FOUND] = spec.resolved_in(self.run_dir, given_only=True)
+        return {
+            path: text
+            for path, text in texts.items()
+            if not path.is_file() or path.read_bytes() != text.encode()
+        }

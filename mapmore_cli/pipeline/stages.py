@@ -4,9 +4,10 @@ model that stands alone.
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
+
+from pydantic_core import to_json
 
 from mapmore_cli.fitting import kinds
 from mapmore_cli.fitting.kinds import Given
@@ -21,7 +22,6 @@ from mapmore_cli.fitting.stage import Need, Stage, Workspace
 from mapmore_cli.ingestion.files import IngestSlice, find_sources, slice_of
 from mapmore_cli.modelling.pieces.recipe import Cuts, Fuse
 from mapmore_cli.modelling.selection import AUTO, Fit
-from mapmore_cli.pipeline.staleness import plain
 from mapmore_cli.spec.experiment import ExperimentSpec
 from mapmore_cli.spec.sections.model import ModelChoice
 from mapmore_cli.storage.run_folder import DATASET, FIT, MODEL, SEGMENTATION, RunFiles
@@ -50,8 +50,8 @@ def ingest(part: IngestSlice, workspace: Workspace) -> None:
 
 def recordings(spec: ExperimentSpec, folder: Path) -> list[Path]:
     """Return the recordings that the spec names, and the logs that are joined to them."""
-    found = find_sources(spec.data.files, folder, spec.data.join)
-    return list(dict.fromkeys(log.path for source in found for log in (source, *source.joined)))
+    sources = find_sources(spec.data.files, folder, spec.data.join)
+    return list(dict.fromkeys(log.path for source in sources for log in (source, *source.joined)))
 
 
 def static_run(spec: ExperimentSpec) -> list[Need]:
@@ -175,10 +175,10 @@ def fuse(part: ModelChoices, workspace: Workspace) -> None:
         workspace.warn(note)
     if part.intervals:
         from mapmore_cli.fitting.left_out import residuals
-        from mapmore_cli.modelling.validation.intervals import refusal
+        from mapmore_cli.modelling.validation.intervals import interval_refusal
 
         left_out = residuals(part, dataset, workspace.needed, workspace.progress, model)
-        if (why := refusal(left_out)) is not None:
+        if (why := interval_refusal(left_out)) is not None:
             workspace.warn(f"validate.intervals: {why}")
         model = replace(model, left_out=left_out)
     write_model(workspace.out / MODEL, model, _provenance(part))
@@ -190,7 +190,7 @@ def _provenance(part: ModelChoices) -> dict[str, str]:
     """
     from mapmore_cli.storage.run_record import tool_versions
 
-    return {**tool_versions(), "spec": json.dumps(plain(part), indent=1)}
+    return {**tool_versions(), "spec": to_json(part, indent=1).decode()}
 
 
 FUSE = Stage(

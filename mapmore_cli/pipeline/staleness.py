@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any
 from pydantic_core import to_jsonable_python
 
 from mapmore_cli.domain.errors import DataError, SpecError
-from mapmore_cli.fitting.kinds.choices import summands
 from mapmore_cli.fitting.stage import Need, Stage
-from mapmore_cli.spec.experiment import ExperimentSpec
+from mapmore_cli.modelling.selection import AUTO
+from mapmore_cli.spec.experiment import Competitor, ExperimentSpec
 from mapmore_cli.storage.run_record import StageRecord, Stamp, load_records, take_stamp
 
 if TYPE_CHECKING:
@@ -25,6 +25,23 @@ if TYPE_CHECKING:
 
 MODEL_STAGE = "fuse"
 """The stage after which a run has the model that others read."""
+
+SEARCH_STAGE = "search"
+"""The stage that finds the structure of a model; a spec that asks for none has no such stage."""
+
+
+def pipeline(searched: bool = False) -> tuple[Stage, ...]:
+    """Return the six stages in order, where the structure is `searched` with that stage; they are
+    imported when they are first asked for.
+    """
+    from mapmore_cli.pipeline import report, stages, validate
+
+    known = (stages.SEGMENT, stages.FITTING, stages.FUSE, validate.STAGE, report.STAGE)
+    if not searched:
+        return (stages.INGEST, *known)
+    from mapmore_cli.annexes.search import stage as search
+
+    return (stages.INGEST, search.STAGE, *known)
 
 
 @dataclass(frozen=True)
@@ -70,18 +87,18 @@ def needed_runs(stage: Stage, loaded: LoadedSpec) -> tuple[Needed, ...]:
 
 def refuse_circle(loaded: LoadedSpec, heirs: tuple[Path, ...] = ()) -> None:
     """Raise SpecError where runs are built on each other in a circle; `heirs` are the specs that
-    led to this one.
+    led to this one. A run that is compared needs what its model is built on.
     """
     from mapmore_cli.spec.loader import load
 
-    chain = (*heirs, loaded.path.resolve())
-    needs = loaded.spec.needs
-    for path in dict.fromkeys((needs.static, needs.damping, *summands(loaded.spec))):
-        if path is None:
-            continue
+    spec, chain = loaded.spec, (*heirs, loaded.path.resolve())
+    paths = {spec.needs.static, spec.needs.damping, *(part.model for part in spec.model.sum or ())}
+    if not heirs:
+        paths |= {one.run for one in spec.validation.against if isinstance(one, Competitor)}
+    for path in sorted(path for path in paths if path is not None):
         other = loaded.folder / path
         if other.resolve() in chain:
-            circle = " -> ".join(spec.name for spec in (*chain, other))
+            circle = " -> ".join(one.name for one in (*chain, other))
             raise SpecError(
                 f"{loaded.path}: runs need each other in a circle: {circle}", "remove one of them"
             )
@@ -122,7 +139,8 @@ class StagePlan:
 
     `part` is the slice of the spec, `slice` the same as JSON values. `outputs` are the stamps of
     the committed files that still exist. `reason` says why the stage has to run, None where it is
-    up to date.
+    up to date; then `record` is its entry with today's file times, where the contents are still the
+    same: the next run need not read them again.
     """
 
     stage: Stage
@@ -134,10 +152,11 @@ class StagePlan:
     outputs: Mapping[str, Stamp]
     needed: tuple[Needed, ...] = ()
     reason: str | None = None
+    record: StageRecord | None = None
 
 
 def plan_stages(
-    stages: Sequence[Stage],
+    given: Sequence[Stage] | None,
     until: str,
     loaded: LoadedSpec,
     run_dir: Path,
@@ -145,18 +164,21 @@ def plan_stages(
     rehash: bool = False,
     force: bool = False,
 ) -> Iterator[StagePlan]:
-    """Yield the plan of every stage up to `until`, in order, from the files as they are now.
+    """Yield the plan of every stage up to `until`, in order, from the files as they are now;
+    `given` are other stages than those of the `pipeline`.
+
+    After a search the structure that it found is taken for the stages behind it. Where there is
+    none yet, these are not known, and it is the last.
 
     Raises DataError where a source is missing or cannot be read.
     """
     previous: StagePlan | None = None
-    for stage in stages:
+    for stage in given or pipeline(searched=loaded.spec.model.type == AUTO):
         known = records.get(stage.name)
         part = stage.reads(loaded.spec)
         needed = needed_runs(stage, loaded)
         chosen = plain(part) | {
-            f"run {run.need.key}": _model_mark(run, stages, run_dir.parent, rehash)
-            for run in needed
+            f"run {run.need.key}": _model_mark(run, given, run_dir.parent, rehash) for run in needed
         }
         before = previous.fingerprint if previous else ""
         inputs = _source_stamps(stage, loaded, known.inputs if known else {}, rehash)
@@ -172,40 +194,46 @@ def plan_stages(
         if len(reasons) > LONGEST_REASON:
             more = len(reasons) - LONGEST_REASON
             reasons = [*reasons[:LONGEST_REASON], f"and {more} more"]
-        previous = replace(plan, reason="; ".join(reasons) or None)
+        record = None
+        if known is not None and not reasons:
+            record = replace(known, inputs=inputs, outputs=outputs)
+        previous = replace(plan, reason="; ".join(reasons) or None, record=record)
         yield previous
         if stage.name == until:
             return
+        if stage.name == SEARCH_STAGE:
+            loaded = as_found(loaded, run_dir)
+            if loaded.spec.model.type == AUTO:
+                return
 
 
 def plans_of(
-    run: Needed, stages: Sequence[Stage], until: str, runs: Path, rehash: bool = False
+    run: Needed, given: Sequence[Stage] | None, until: str, runs: Path, rehash: bool = False
 ) -> list[StagePlan]:
     """Return the plans of another run in the folder `runs`."""
     run_dir = runs / run.loaded.spec.name
-    loaded = as_found(run.loaded, run_dir)
-    return list(plan_stages(stages, until, loaded, run_dir, known_records(run_dir), rehash))
+    return list(plan_stages(given, until, run.loaded, run_dir, known_records(run_dir), rehash))
 
 
 def as_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
     """Return the spec with the structure that the search of its run found; as it is where it asks
     for none, or none was found yet.
     """
-    if loaded.spec.model.type != "auto":
+    if loaded.spec.model.type != AUTO:
         return loaded
     from mapmore_cli.annexes.search.stage import with_found
 
     return with_found(loaded, run_dir)
 
 
-def _model_mark(run: Needed, stages: Sequence[Stage], runs: Path, rehash: bool) -> str:
+def _model_mark(run: Needed, given: Sequence[Stage] | None, runs: Path, rehash: bool) -> str:
     """Return the fingerprint of the model of another run, whether it exists yet or not; of a
     compared run, of the model that it has.
     """
     if run.is_kept(runs):
         mark = known_records(runs / run.loaded.spec.name)[MODEL_STAGE].fingerprint
     else:
-        mark = plans_of(run, stages, MODEL_STAGE, runs, rehash)[-1].fingerprint
+        mark = plans_of(run, given, MODEL_STAGE, runs, rehash)[-1].fingerprint
     return mark[:SHORT_MARK]
 
 
@@ -311,7 +339,7 @@ def place_in_spec(key: str, stage: str) -> str:
     homes = (
         name
         for name, section in sections.items()
-        if isinstance(section, type) and key in section.__annotations__
+        if key in getattr(section, "model_fields", getattr(section, "__dataclass_fields__", ()))
     )
     return f"{next(homes, stage)}.{key}"
 

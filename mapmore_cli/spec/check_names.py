@@ -12,8 +12,7 @@ from mapmore_cli.domain.recording import DIRECTION
 from mapmore_cli.modelling.expressions import ExpressionError, Operated, parse, state
 from mapmore_cli.modelling.expressions.states import Lagged, Measured, State
 from mapmore_cli.modelling.pieces.recipe import CutByDirection
-from mapmore_cli.modelling.selection import Fit
-from mapmore_cli.spec.diagnostics import Finding, did_you_mean, refused
+from mapmore_cli.spec.diagnostics import Finding, did_you_mean, refused, told
 from mapmore_cli.spec.experiment import ExperimentSpec, TargetColumn
 from mapmore_cli.spec.sections.data import Direction, Rate
 from mapmore_cli.spec.sections.dictionary import (
@@ -53,7 +52,7 @@ def unknown_quantity(
         )
 
 
-def names(spec: ExperimentSpec) -> Iterator[Finding]:
+def names_of_quantities(spec: ExperimentSpec) -> Iterator[Finding]:
     """Require that every quantity that is used is one of the study."""
     for loc, name in _uses(spec):
         if name is not None:
@@ -92,7 +91,7 @@ def _uses(spec: ExperimentSpec) -> Iterator[tuple[Loc, str | None]]:
         yield ("fuse", "extrapolation", name), name
 
 
-def derived(spec: ExperimentSpec) -> Iterator[Finding]:
+def derivations(spec: ExperimentSpec) -> Iterator[Finding]:
     """Check that derived quantities have names of their own, can be computed, and do not depend on
     themselves.
     """
@@ -292,9 +291,9 @@ def _partners(family: Products, loc: Loc) -> Iterator[Finding]:
     products will be called.
     """
     texts = [text for text in family.of if isinstance(text, str)]
-    names = [_canonical(text) for text in texts]
+    names = [_state_name(text) for text in texts]
     for place, partner in enumerate(family.partners or () if len(names) == len(family.of) else ()):
-        if _canonical(partner) not in names:
+        if _state_name(partner) not in names:
             remedy = f"add it to `of`: there are {', '.join(texts)}"
             yield Finding(
                 (*loc, "with", place),
@@ -303,7 +302,7 @@ def _partners(family: Products, loc: Loc) -> Iterator[Finding]:
             )
 
 
-def _canonical(text: str) -> str:
+def _state_name(text: str) -> str:
     """Return the name of a state, however it is written; what is none is reported elsewhere."""
     try:
         return state(text).name
@@ -320,134 +319,106 @@ def _word(name: str, text: str) -> int:
 # Memory
 # --------------------------------------------------------------------------------------------------
 
+OF_MEMORY = "remove it, or add terms with memory to the `dictionary`, as `lags`, `slow` or `play`"
 
-def times(spec: ExperimentSpec) -> Iterator[Finding]:
+
+def along_recordings(spec: ExperimentSpec) -> Iterator[Finding]:
     """Require the time, in seconds, of samples in their order beside their neighbours, where a
     model runs along recordings.
     """
     if not spec.runs_over_time:
         return
-    data = spec.data
-    who = "a state-space model"
-    where: Loc = ("model", "type")
+    data, hold_out = spec.data, spec.data.split.hold_out
+    who, where = "a state-space model", "model.type"
     if spec.has_memory:
         first = next(place for place, entry in enumerate(spec.dictionary) if remembers([entry]))
-        who, where = "a model with memory", ("dictionary", first)
-    if "time" not in data.quantities:
-        yield Finding(where, f"{who} needs the time", NO_TIME)
-    elif default_unit("time", spec.units) != "s":
-        yield Finding(
-            "units.time:", f"{who} goes by the time in s", "remove it: columns are converted"
-        )
-    if data.cycles is not None:
-        what = (
-            f"`cycles` puts samples in the order of `{data.cycles.over}`, and {who} goes by "
-            "the time"
-        )
-        yield Finding("data.cycles:", what, "remove `cycles`")
-    if data.split.hold_out is not None and data.split.hold_out.fraction is not None:
-        what = (
-            f"samples drawn at random are held out from between those that train, and {who} "
-            "runs along all of them"
-        )
-        remedy = "hold out the end of every recording, as `last: 0.25`, or whole `recordings`"
-        yield Finding("data.split.validate.fraction:", what, remedy)
+        who, where = "a model with memory", f"dictionary.{first}"
+    has_time = "time" in data.quantities
+    yield from told(
+        (not has_time, where, f"{who} needs the time", NO_TIME),
+        (
+            has_time and default_unit("time", spec.units) != "s",
+            "units.time:",
+            f"{who} goes by the time in s",
+            "remove it: columns are converted",
+        ),
+        (
+            data.cycles is not None,
+            "data.cycles:",
+            f"`cycles` takes samples out of the order of time, and {who} goes by the time",
+            "remove `cycles`",
+        ),
+        (
+            hold_out is not None and hold_out.fraction is not None,
+            "data.split.validate.fraction:",
+            f"{who} runs along all samples, and those drawn at random lie between those that train",
+            "hold out the end of every recording, as `last: 0.25`, or whole `recordings`",
+        ),
+    )
 
 
-def pieces(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Refuse to cut and to join where one model with memory takes the place of the pieces."""
+def idle(spec: ExperimentSpec) -> Iterator[Finding]:
+    """Require something for the settings of pieces, and for those of memory, to act on."""
+    fit, levels, target = spec.fit, spec.data.levels, spec.target_quantity
     if not spec.has_memory:
+        without = spec.model.type == "mapmore"
+        for key in ("margin", "ridge", "forward") if without else ():
+            what = f"`{key}` belongs to terms with memory, and there are none"
+            yield from told((key in fit.changed, f"fit.{key}:", what, OF_MEMORY))
+        words = (("scaling", "range"), ("stop", "free_run"), ("criterion", "free_run"))
+        for key, word in words if without else ():
+            what = f"`{key}: {word}` belongs to terms with memory, and there are none"
+            yield from told((getattr(fit, key) == word, f"fit.{key}", what, OF_MEMORY))
         return
     for name, cut in spec.segment.items():
-        if cut != "none":
-            remedy = f"remove it, and name `{name}` in the terms; or write `{name}: none`"
-            yield Finding(("segment", name), f"{ONE}: `{name}` cannot be cut", remedy, on_key=True)
-    levels = spec.data.levels
-    if levels is not None and levels.of not in spec.segment:
-        remedy = (
-            f"add `segment: {{{levels.of}: none}}`, and name `{levels.of}` in the terms where "
-            "it matters"
-        )
-        yield Finding(
-            "data.levels:", f"{ONE}: it is not interpolated between levels of `{levels.of}`", remedy
-        )
+        remedy = f"remove it, and name `{name}` in the terms; or write `{name}: none`"
+        what = f"{ONE}: `{name}` cannot be cut"
+        yield from told((cut != "none", f"segment.{name}:", what, remedy))
     for key in spec.fuse.changed:
         yield Finding(f"fuse.{key}:", f"{ONE}: there is nothing to join", f"remove `{key}`")
-
-
-def settings(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Require something for the settings of the fit to act on."""
-    if spec.has_memory:
-        yield from _with_memory(spec.fit)
-        yield from _in_free_run(spec)
-    elif spec.model.type == "mapmore" and not remembers(spec.dictionary):
-        remedy = (
-            "remove it, or add a family with memory to the `dictionary`, as `lags`, `slow` or "
-            "`play`"
-        )
-        for key in spec.fit.changed:
-            said = f"{key}: {getattr(spec.fit, key)}"
-            if key in ("margin", "ridge", "forward"):
-                yield Finding(
-                    f"fit.{key}:",
-                    f"`{key}` belongs to terms with memory, and there are none",
-                    remedy,
-                )
-            elif said in (
-                "scaling: range",
-                "stop: free_run",
-                "criterion: free_run",
-            ):
-                yield Finding(
-                    f"fit.{key}",
-                    f"`{said}` belongs to terms with memory, and there are none",
-                    remedy,
-                )
-
-
-def _with_memory(fit: Fit) -> Iterator[Finding]:
-    if fit.scaling not in ("none", "range"):
-        yield Finding(
-            "fit.scaling", f"`{fit.scaling}` scales segments, and {ONE}", "write `none`, or `range`"
-        )
-    if "margin" in fit.changed and fit.scaling != "range":
-        yield Finding(
+    held, forward = levels.of if levels is not None else "", fit.forward or fit.max_terms
+    yield from told(
+        (
+            levels is not None and held not in spec.segment,
+            "data.levels:",
+            f"{ONE}: it is not interpolated between levels of `{held}`",
+            f"add `segment: {{{held}: none}}`, and name `{held}` in the terms where it matters",
+        ),
+        (
+            fit.scaling not in ("none", "range"),
+            "fit.scaling",
+            f"`{fit.scaling}` scales segments, and {ONE}",
+            "write `none`, or `range`",
+        ),
+        (
+            "margin" in fit.changed and fit.scaling != "range",
             "fit.margin:",
             "`margin` clips states that are scaled",
             "add `scaling: range`, or remove it",
-        )
-    if fit.train_level != "all":
-        yield Finding(
+        ),
+        (
+            fit.train_level != "all",
             "fit.train_level:",
             f"{ONE}: it learns from all training levels",
             "remove it, or hold out the other levels by `split`",
-        )
-    if fit.forward is None:
-        return
-    if fit.ridge == 0.0:
-        yield Finding(
+        ),
+        (
+            fit.forward is not None and fit.ridge == 0.0,
             "fit.forward:",
             "terms are pruned only where there is a ridge",
             "add `ridge: auto`, or remove `forward`",
-        )
-    elif fit.forward < fit.max_terms:
-        remedy = (
-            f"write {fit.max_terms} or more, or remove it: three times `max_terms` are chosen then"
-        )
-        yield Finding(
+        ),
+        (
+            fit.ridge != 0.0 and forward < fit.max_terms,
             "fit.forward",
-            f"{fit.forward} terms cannot be pruned to `max_terms: {fit.max_terms}`",
-            remedy,
-        )
-
-
-def _in_free_run(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Refuse coefficients in free run where the output is not fed back: both runs are the same."""
-    target = spec.target_quantity
-    if spec.fit.criterion == "free_run" and not feeds_back(spec.dictionary, target):
-        yield Finding(
+            f"{forward} terms cannot be pruned to `max_terms: {fit.max_terms}`",
+            f"write {fit.max_terms} or more, or remove it",
+        ),
+        (
+            fit.criterion == "free_run" and not feeds_back(spec.dictionary, target),
             "fit.criterion:",
             f"nothing of the output {target} is fed back: its free run is its prediction one step "
             "ahead",
             f"remove `criterion`, or add delays, as `lags: {{of: [{target}], steps: [1, 2]}}`",
-        )
+        ),
+    )

@@ -19,7 +19,7 @@ from mapmore_cli.modelling.literature.own import formula_of
 from mapmore_cli.modelling.pieces.recipe import CutByDirection, Cuts
 from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.spec.check_names import DERIVED, OF_NOTHING, unknown_quantity
-from mapmore_cli.spec.diagnostics import Finding, did_you_mean, refused
+from mapmore_cli.spec.diagnostics import Finding, did_you_mean, refused, told
 from mapmore_cli.spec.experiment import Competitor, ExperimentSpec, TargetColumn
 from mapmore_cli.spec.sections.data import STEP_OF
 from mapmore_cli.spec.sections.dictionary import entries_of, texts_in
@@ -29,7 +29,7 @@ from mapmore_cli.spec.tree import Loc
 from mapmore_cli.spec.units import CANONICAL, check_unit, convert, default_unit, is_canonical
 
 if TYPE_CHECKING:
-    from mapmore_cli.modelling.literature import LiteratureModel
+    from mapmore_cli.modelling.literature import Formula
 
 STATIC_RUN = "add `needs: {static: my-static.yaml}`"
 MOTION = ("damping", "dynamic")
@@ -40,78 +40,78 @@ MOTION = ("damping", "dynamic")
 # --------------------------------------------------------------------------------------------------
 
 
-def segments(spec: ExperimentSpec) -> Iterator[Finding]:
+def segmented(spec: ExperimentSpec) -> Iterator[Finding]:
     """Check what each segmented quantity is cut by."""
     level = spec.data.levels.of if spec.data.levels else None
+    has_terms = spec.model.type == "mapmore" and bool(spec.dictionary)
     for name, cut in spec.segment.items():
-        loc = ("segment", name)
-        if name == spec.target_quantity:
-            yield Finding(loc, f"`{name}` is the target", f"{OF_NOTHING}: take it out", on_key=True)
-        if cut == "levels" and name != level:
-            yield Finding(
-                loc,
+        key, is_cut = f"segment.{name}:", isinstance(cut, Cuts)
+        tries_fits = isinstance(cut, Cuts) and cut.method == "optimal"
+        by_direction = isinstance(cut, CutByDirection)
+        yield from told(
+            (
+                name == spec.target_quantity,
+                key,
+                f"`{name}` is the target",
+                f"{OF_NOTHING}: take it out",
+            ),
+            (
+                cut == "levels" and name != level,
+                f"segment.{name}",
                 f"`{name}` has no levels",
                 f"add `levels: {{of: {name}}}` to `data`, or cut it by `method: even`",
-            )
-        if isinstance(cut, Cuts) and name == level:
-            remedy = (
-                f"remove it: `levels` segments `{name}` already; or write `{name}: none` to "
-                "pool all levels"
-            )
-            yield Finding(
-                loc, f"`{name}` is constant within a curve and cannot be cut", remedy, on_key=True
-            )
-        if (
-            isinstance(cut, Cuts)
-            and cut.method == "optimal"
-            and not (spec.model.type == "mapmore" and spec.dictionary)
-        ):
-            what = (
-                f"`optimal` places boundaries by fits of terms, and model `{spec.model.type}` "
-                "has none"
-            )
-            yield Finding(loc, what, "use another `method`, or remove it", on_key=True)
-        if isinstance(cut, CutByDirection) and name != DIRECTION:
-            yield Finding(
-                loc, f"`{name}` has no rise and fall", f"call it `{DIRECTION}`", on_key=True
-            )
-        if isinstance(cut, CutByDirection) and name in spec.data.quantities:
-            remedy = (
-                f"derive it or cut by it: remove `{name}` from `data`, or write `{name}: "
-                f"{{method: breakpoints, at: [0]}}` here"
-            )
-            yield Finding(loc, f"`{name}` is a quantity of the data already", remedy, on_key=True)
+            ),
+            (
+                is_cut and name == level,
+                key,
+                f"`{name}` is constant within a curve and cannot be cut",
+                f"remove it; or write `{name}: none` to pool all levels",
+            ),
+            (
+                tries_fits and not has_terms,
+                key,
+                f"`optimal` places boundaries by fits of terms, and `{spec.model.type}` has none",
+                "use another `method`, or remove it",
+            ),
+            (
+                by_direction and name != DIRECTION,
+                key,
+                f"`{name}` has no rise and fall",
+                f"call it `{DIRECTION}`",
+            ),
+            (
+                by_direction and name in spec.data.quantities,
+                key,
+                f"`{name}` is a quantity of the data already",
+                f"remove it there, or write `{name}: {{method: breakpoints, at: [0]}}` here",
+            ),
+        )
 
 
-def left_out(spec: ExperimentSpec) -> Iterator[Finding]:
+def leaving_out(spec: ExperimentSpec) -> Iterator[Finding]:
     """Require levels or groups that can be left out, and a model that can be fitted without
     them.
     """
-    for key, given, what, example, instead in (
-        (
-            "leave_one_level_out",
-            spec.data.levels,
-            "levels",
-            "levels",
-            "recordings, as `validate: {last: 0.5}`",
-        ),
-        (
-            "leave_one_group_out",
-            spec.data.groups,
-            "groups",
-            "groups: {of: specimen}",
-            "one, as `validate: {specimen: [2]}`",
-        ),
+    data, split = spec.data, spec.data.split
+    whole = spec.has_memory or spec.model.type == "sum"
+    for key, asked, given, what, example in (
+        ("leave_one_level_out", split.leave_one_level_out, data.levels, "levels", "{of: pressure}"),
+        ("leave_one_group_out", split.leave_one_group_out, data.groups, "groups", "{of: specimen}"),
     ):
-        if getattr(spec.data.split, key) and given is None:
-            yield Finding(
+        yield from told(
+            (
+                asked and given is None,
                 f"data.split.{key}:",
                 f"there are no {what} to leave out",
-                f"add `{example}` to `data`",
-            )
-        elif getattr(spec.data.split, key) and (spec.has_memory or spec.model.type == "sum"):
-            why = f"neither a model with memory nor a sum can be fitted without one of the {what}"
-            yield Finding(f"data.split.{key}:", why, f"hold out {instead}")
+                f"add `{what}: {example}` to `data`",
+            ),
+            (
+                asked and given is not None and whole,
+                f"data.split.{key}:",
+                f"neither a model with memory nor a sum can be fitted without one of the {what}",
+                "hold out recordings, as `validate: {last: 0.5}`",
+            ),
+        )
 
 
 def groups(spec: ExperimentSpec) -> Iterator[Finding]:
@@ -119,18 +119,26 @@ def groups(spec: ExperimentSpec) -> Iterator[Finding]:
     of = spec.data.groups
     if of is None:
         return
-    if of.of not in spec.data.quantities:
-        remedy = f"add it to `columns`, or `set: {{{of.of}: 1}}` beside the files"
-        yield Finding("data.groups.of", f"no recording has the quantity `{of.of}`", remedy)
-    if of.offset and spec.data.split.leave_one_group_out:
-        why = "the offset of a group that is left out is not known"
-        yield Finding("data.groups.offset:", why, "remove `offset` or `leave_one_group_out`")
-    if of.offset and spec.target in DERIVED:
-        yield Finding(
+    yield from told(
+        (
+            of.of not in spec.data.quantities,
+            "data.groups.of",
+            f"no recording has the quantity `{of.of}`",
+            f"add it to `columns`, or `set: {{{of.of}: 1}}` beside the files",
+        ),
+        (
+            of.offset and spec.data.split.leave_one_group_out,
+            "data.groups.offset:",
+            "the offset of a group that is left out is not known",
+            "remove `offset` or `leave_one_group_out`",
+        ),
+        (
+            of.offset and spec.target in DERIVED,
             "data.groups.offset:",
             f"the {spec.target} force is a difference, which no offset changes",
             "remove `offset`",
-        )
+        ),
+    )
 
 
 def after_cycles(spec: ExperimentSpec) -> Iterator[Finding]:
@@ -140,49 +148,34 @@ def after_cycles(spec: ExperimentSpec) -> Iterator[Finding]:
     cycles, hold_out = spec.data.cycles, spec.data.split.hold_out
     if cycles is None:
         return
-    uses: list[Loc] = [("segment", "time")] if "time" in spec.segment else []
-    uses += (
-        [("data", "split", "validate", "time")]
-        if hold_out is not None and "time" in hold_out.quantities
-        else []
-    )
+    uses: list[Loc | str] = ["segment.time:"] if "time" in spec.segment else []
+    if hold_out is not None and "time" in hold_out.quantities:
+        uses.append("data.split.validate.time:")
     for loc, _, family in entries_of(spec.dictionary):
         uses += [at for at, text, _ in texts_in(loc, family) if re.search(r"\btime\b", text)]
-    for loc in uses:
-        what = (
-            f"`cycles` puts samples in the order of `{cycles.over}`: they have no `time` any more"
-        )
-        yield Finding(
-            loc,
-            what,
-            f"name `{cycles.over}` or another quantity, or remove `cycles`",
-            on_key=loc[-1] == "time",
-        )
+    what = f"`cycles` puts samples in the order of `{cycles.over}`: they have no `time` any more"
+    for way in uses:
+        yield Finding(way, what, f"name `{cycles.over}`, or remove `cycles`")
 
 
 def chosen_levels(spec: ExperimentSpec) -> Iterator[Finding]:
     """Require that values of the level quantity that are held out, or train alone, are levels."""
     levels, hold_out, trains = spec.data.levels, spec.data.split.hold_out, spec.fit.train_level
     if levels is None:
-        if trains != "all":
-            yield Finding(
-                "fit.train_level:", "there are no levels to choose from", "add `levels` to `data`"
-            )
-        return
-    if isinstance(levels.at, str):
-        return
-    known = f"levels are {', '.join(f'{level:g}' for level in levels.at)}"
-    if not isinstance(trains, str) and trains not in levels.at:
-        yield Finding("fit.train_level", f"{trains:g} is no level of `{levels.of}`", known)
-    values = hold_out.quantities.get(levels.of) if hold_out is not None else None
-    reach = levels.within or (levels.spacing or 0) / 2
-    for i, value in enumerate(values if isinstance(values, list) else ()):
-        if min(abs(value - level) for level in levels.at) > reach:
-            yield Finding(
-                ("data", "split", "validate", levels.of, i),
-                f"{value:g} is no level of `{levels.of}`",
-                known,
-            )
+        what = "there are no levels to choose from"
+        yield from told((trains != "all", "fit.train_level:", what, "add `levels` to `data`"))
+    elif not isinstance(levels.at, str):
+        asked: list[tuple[Loc, float]] = []
+        if not isinstance(trains, str) and trains not in levels.at:
+            asked.append((("fit", "train_level"), trains))
+        values = hold_out.quantities.get(levels.of) if hold_out is not None else None
+        reach = levels.within or (levels.spacing or 0) / 2
+        for i, value in enumerate(values if isinstance(values, list) else ()):
+            if min(abs(value - level) for level in levels.at) > reach:
+                asked.append((("data", "split", "validate", levels.of, i), value))
+        known = f"levels are {', '.join(f'{level:g}' for level in levels.at)}"
+        for loc, value in asked:
+            yield Finding(loc, f"{value:g} is no level of `{levels.of}`", known)
 
 
 # Target and kind of model
@@ -193,46 +186,61 @@ def target(spec: ExperimentSpec) -> Iterator[Finding]:
     """Require what a target is made of: its quantity, load cycles, plateaus, the runs that it
     builds on.
     """
-    target, needs, plateau, have = (
+    quantity, needs, plateau, have = (
         spec.target_quantity,
         spec.needs,
         spec.data.plateau,
         spec.data.quantities,
     )
-    if not isinstance(spec.target, TargetColumn) and target not in have:
-        yield Finding(
+    missing = [f"`needs.{name}`" for name in ("static", "damping") if getattr(needs, name) is None]
+    low, high = plateau if isinstance(plateau, tuple) else (0.0, 1.0)
+    yield from told(
+        (
+            not isinstance(spec.target, TargetColumn) and quantity not in have,
             "target",
-            f"target `{spec.target}` needs the quantity `{target}`",
-            f"add `{target}` to `columns`",
-        )
-    if spec.target == "hysteresis" and spec.data.cycles is None:
-        yield Finding(
+            f"target `{spec.target}` needs the quantity `{quantity}`",
+            f"add `{quantity}` to `columns`",
+        ),
+        (
+            spec.target == "hysteresis" and spec.data.cycles is None,
             "target",
             "target `hysteresis` needs load cycles",
             "add `cycles: {over: strain}` to `data`",
-        )
-    if spec.target == "damping" and needs.static is None:
-        yield Finding("target", "target `damping` needs a static model", STATIC_RUN)
-    if spec.target == "damping" and plateau is None:
-        remedy = "add `plateau: auto` to `data`, or `plateau: [2 s, 3 s]`"
-        yield Finding("target", "target `damping` needs the plateau of each step response", remedy)
-    missing = [f"`needs.{name}`" for name in ("static", "damping") if getattr(needs, name) is None]
-    if spec.model.type == "sum" and spec.model.sum is None and missing:
-        remedy = "add `needs: {static: my-static.yaml, damping: my-damping.yaml}`"
-        yield Finding("target", f"the sum of two models needs {' and '.join(missing)}", remedy)
-    for name in ("time", STEP_OF) if plateau is not None else ():
-        if name not in have:
-            yield Finding(
+        ),
+        (
+            spec.target == "damping" and needs.static is None,
+            "target",
+            "target `damping` needs a static model",
+            STATIC_RUN,
+        ),
+        (
+            spec.target == "damping" and plateau is None,
+            "target",
+            "target `damping` needs the plateau of each step response",
+            "add `plateau: auto` to `data`, or `plateau: [2 s, 3 s]`",
+        ),
+        (
+            spec.model.type == "sum" and spec.model.sum is None and bool(missing),
+            "target",
+            f"the sum of two models needs {' and '.join(missing)}",
+            "add `needs: {static: my-static.yaml, damping: my-damping.yaml}`",
+        ),
+        *(
+            (
+                plateau is not None and name not in have,
                 "data.plateau:",
                 f"`plateau` needs the quantity `{name}`",
                 f"add `{name}` to `columns`",
             )
-    if isinstance(plateau, tuple) and plateau[0] >= plateau[1]:
-        yield Finding(
+            for name in ("time", STEP_OF)
+        ),
+        (
+            low >= high,
             "data.plateau",
-            f"the plateau runs from {plateau[0]:g} s to {plateau[1]:g} s",
+            f"the plateau runs from {low:g} s to {high:g} s",
             "put the earlier time first",
-        )
+        ),
+    )
 
 
 def kind(spec: ExperimentSpec) -> Iterator[Finding]:
@@ -240,30 +248,46 @@ def kind(spec: ExperimentSpec) -> Iterator[Finding]:
     scored as one of its inputs.
     """
     model, scored_as = spec.model, spec.validation.as_
-    if model.family is not None:
-        for name in ("pressure", "strain", model.family.of):
-            if name not in spec.data.quantities:
-                remedy = f"add `{name}` to `columns`, or `set` it beside the files"
-                yield Finding("model.family:", f"a family needs the quantity `{name}`", remedy)
-    if model.backbone == AUTO and spec.has_memory:
-        what = "`auto` chooses by left-out levels or blocks, and a model with memory has none"
-        yield Finding("model.backbone", what, "name a formula, as `sarosi`")
-    elif model.backbone == AUTO and any(
+    family = () if model.family is None else ("pressure", "strain", model.family.of)
+    tries_fits = any(
         isinstance(cut, Cuts) and cut.method == "optimal" for cut in spec.segment.values()
-    ):
-        what = "`auto` chooses for given segments, and `optimal` ones depend on the backbone"
-        yield Finding("model.backbone", what, "name a formula, as `sarosi`, or cut `even`")
-    if scored_as is not None and (
-        not isinstance(spec.target, TargetColumn) or scored_as == spec.target.column
-    ):
-        remedy = "set `target: {column: strain}`, or remove `as`"
-        yield Finding(
-            "validate.as", f"`{scored_as}` needs a model of another quantity to be inverted", remedy
-        )
-    elif scored_as is not None and (spec.has_memory or model.type != "mapmore"):
-        yield Finding(
-            "validate.as", "only a model of pieces can be inverted to be scored", "remove `as`"
-        )
+    )
+    is_own = not isinstance(spec.target, TargetColumn) or scored_as == spec.target.column
+    yield from told(
+        *(
+            (
+                name not in spec.data.quantities,
+                "model.family:",
+                f"a family needs the quantity `{name}`",
+                f"add `{name}` to `columns`, or `set` it beside the files",
+            )
+            for name in family
+        ),
+        (
+            model.backbone == AUTO and spec.has_memory,
+            "model.backbone",
+            "`auto` chooses by left-out levels or blocks, and a model with memory has none",
+            "name a formula, as `sarosi`",
+        ),
+        (
+            model.backbone == AUTO and tries_fits and not spec.has_memory,
+            "model.backbone",
+            "`auto` chooses for given segments, and `optimal` ones depend on the backbone",
+            "name a formula, as `sarosi`, or cut `even`",
+        ),
+        (
+            scored_as is not None and is_own,
+            "validate.as",
+            f"`{scored_as}` needs a model of another quantity to be inverted",
+            "set `target: {column: strain}`, or remove `as`",
+        ),
+        (
+            scored_as is not None and not is_own and (spec.has_memory or model.type != "mapmore"),
+            "validate.as",
+            "only a model of pieces can be inverted to be scored",
+            "remove `as`",
+        ),
+    )
 
 
 def of_kinds(spec: ExperimentSpec) -> Iterator[Finding]:
@@ -276,7 +300,7 @@ def of_kinds(spec: ExperimentSpec) -> Iterator[Finding]:
 # --------------------------------------------------------------------------------------------------
 
 
-def formula_called(spec: ExperimentSpec, name: str | None) -> LiteratureModel | None:
+def formula_called(spec: ExperimentSpec, name: str | None) -> Formula | None:
     """Return a formula of the literature, or of the spec's own; None for another name, or where it
     cannot be read.
     """
@@ -288,7 +312,7 @@ def formula_called(spec: ExperimentSpec, name: str | None) -> LiteratureModel | 
     return literature.get(name) if name in literature.names() else None
 
 
-def _defined(spec: ExperimentSpec, one: OwnFormula) -> LiteratureModel:
+def _defined(spec: ExperimentSpec, one: OwnFormula) -> Formula:
     units = {
         name: default_unit(name, spec.units) for name in (*spec.quantities, spec.target_quantity)
     }
@@ -339,85 +363,113 @@ def formulas(spec: ExperimentSpec) -> Iterator[Finding]:
             yield from _needs(spec, name, formula, loc)
 
 
-def _needs(
-    spec: ExperimentSpec, name: str, formula: LiteratureModel, loc: Loc
-) -> Iterator[Finding]:
-    if loc == ("model", "name") and not formula.inputs:
-        yield Finding(loc, f"`{name}` is no function of anything", "name it in `validate.against`")
-    for dimension in formula.dimensions:
-        if loc == ("model", "backbone"):
-            what = f"`{name}` has the {dimension} of the muscle, and is no backbone"
-            yield Finding(loc, what, f"use `type: literature` with `{name}`")
-        elif spec.muscle.lengths[dimension] is None:
-            yield Finding(
+def _needs(spec: ExperimentSpec, name: str, formula: Formula, loc: Loc) -> Iterator[Finding]:
+    is_own, is_backbone = loc[0] == "model", loc == ("model", "backbone")
+    of_cycles = formula.fitted_to == literature.LOAD_CYCLES
+    beside, muscle = "name it in `validate.against`", spec.muscle
+    yield from told(
+        (
+            loc == ("model", "name") and not formula.inputs,
+            loc,
+            f"`{name}` is no function of anything",
+            beside,
+        ),
+        *(
+            (
+                is_backbone or muscle.lengths[dimension] is None,
                 loc,
                 f"`{name}` needs the {dimension} of the muscle",
-                f"add `{dimension}: 10 mm` (your number) to `muscle`",
+                f"use `type: literature` with `{name}`"
+                if is_backbone
+                else f"add `{dimension}: 10 mm` (your number) to `muscle`",
             )
-    for missing in formula.inputs:
-        if missing not in spec.quantities:
-            remedy = f"add `{missing}` to `columns` or `derive`, or leave `{name}` out"
-            yield Finding(loc, f"`{name}` needs the quantity `{missing}`", remedy)
-    if formula.fitted_to != literature.LOAD_CYCLES:
-        return
-    if loc[0] == "model":
-        yield Finding(
+            for dimension in formula.dimensions
+        ),
+        *(
+            (
+                True,
+                loc,
+                f"`{name}` needs the quantity `{missing}`",
+                f"add `{missing}` to `columns` or `derive`, or leave `{name}` out",
+            )
+            for missing in formula.inputs
+            if missing not in spec.quantities
+        ),
+        (of_cycles and is_own, loc, f"`{name}` is fitted to load cycles, not to a target", beside),
+        (
+            of_cycles and not is_own and (spec.needs.static is None or spec.target not in MOTION),
             loc,
-            f"`{name}` is fitted to load cycles, not to a target",
-            "name it in `validate.against`",
-        )
-        return
-    if spec.needs.static is None or spec.target not in MOTION:
-        yield Finding(loc, f"`{name}` is fitted to the load cycles of a static run", STATIC_RUN)
-    if spec.muscle.length is None:
-        yield Finding(
-            loc, f"`{name}` needs the length of the muscle", "add `length: 88 mm` to `muscle`"
-        )
+            f"`{name}` is fitted to the load cycles of a static run",
+            STATIC_RUN,
+        ),
+        (
+            of_cycles and not is_own and muscle.length is None,
+            loc,
+            f"`{name}` needs the length of the muscle",
+            "add `length: 88 mm` to `muscle`",
+        ),
+    )
 
 
 def _other_rival(spec: ExperimentSpec, name: str, rival: Competitor, loc: Loc) -> Iterator[Finding]:
-    if name == "backbone" and spec.model.backbone is None:
-        yield Finding(
+    yield from told(
+        (
+            name == "backbone" and spec.model.backbone is None,
             loc,
             "the model has no backbone",
             "give it one, as `model: {backbone: sarosi}`, or leave this out",
-        )
-    if name == "arx" and not spec.runs_over_time:
-        yield Finding(loc, "`arx` runs along recordings, and the model does not", "leave it out")
-    if name in BASELINES and find_spec("sklearn") is None:
-        yield Finding(
+        ),
+        (
+            name == "arx" and not spec.runs_over_time,
+            loc,
+            "`arx` runs along recordings, and the model does not",
+            "leave it out",
+        ),
+        (
+            name in BASELINES and find_spec("sklearn") is None,
             loc,
             f"`{name}` needs scikit-learn, which is not installed",
             "install the extra: `pip install 'mapmore[baselines]'`",
-        )
-    if name in BASELINES and rival.method is not None:
-        yield Finding((*loc, "method"), f"`{name}` has no `method`", "remove it", on_key=True)
+        ),
+        (
+            name in BASELINES and rival.method is not None,
+            (*loc, "method"),
+            f"`{name}` has no `method`",
+            "remove it",
+        ),
+    )
 
 
 def competitors(spec: ExperimentSpec) -> Iterator[Finding]:
     """Require that formulas can be fitted in the way that is wanted, and competitors have names of
     their own and data to be fitted to.
     """
+    shown = [OWN, REPEATABILITY]
     for loc, rival in rivals_of(spec):
         formula = formula_called(spec, rival.model)
         if formula is not None and rival.starts is not None:
             yield from refused((*loc, "starts"), formula.starting_from, rival.starts)
-    shown = [OWN, REPEATABILITY]
-    for loc, rival in rivals_of(spec):
-        if rival.static is not None and spec.target not in MOTION:
-            yield Finding(
-                loc, f"target `{spec.target}` has no static and damping parts", "give one `model`"
-            )
-        elif rival.static is not None and spec.needs.static is None:
-            yield Finding(
-                loc, "a static formula is fitted to the data of the static run", STATIC_RUN
-            )
-        if rival.label in shown:
-            yield Finding(
+        composite = rival.static is not None
+        yield from told(
+            (
+                composite and spec.target not in MOTION,
+                loc,
+                f"target `{spec.target}` has no static and damping parts",
+                "give one `model`",
+            ),
+            (
+                composite and spec.target in MOTION and spec.needs.static is None,
+                loc,
+                "a static formula is fitted to the data of the static run",
+                STATIC_RUN,
+            ),
+            (
+                rival.label in shown,
                 loc,
                 f"two models of the scores are named `{rival.label}`",
                 "give this one a name: `{model: ..., as: NAME}`",
-            )
+            ),
+        )
         shown.append(rival.label)
 
 
@@ -491,7 +543,9 @@ def units(spec: ExperimentSpec) -> Iterator[Finding]:
     wrong = []
     for name, unit in spec.units.items():
         yield from unknown_quantity(name, known, ("units", name), on_key=True)
-        found = _unit(("units", name), unit, default_unit(name) if is_canonical(name) else unit)
+        found = _unit_findings(
+            ("units", name), unit, default_unit(name) if is_canonical(name) else unit
+        )
         wrong += [name] if found else []
         yield from found
     tables: list[tuple[Loc, Logs]] = [
@@ -501,10 +555,10 @@ def units(spec: ExperimentSpec) -> Iterator[Finding]:
     for loc, table in tables:
         for name, column in table.columns.items():
             if column.unit is not None and name not in wrong:
-                yield from _unit(
+                yield from _unit_findings(
                     (*loc, "columns", name, "unit"), column.unit, default_unit(name, spec.units)
                 )
 
 
-def _unit(loc: Loc, unit: str, wanted: str) -> list[Finding]:
+def _unit_findings(loc: Loc, unit: str, wanted: str) -> list[Finding]:
     return [*refused(loc, check_unit, unit)] or [*refused(loc, convert, 1.0, unit, wanted)]

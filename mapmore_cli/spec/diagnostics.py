@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from mapmore_cli.domain.declared import Contradiction, Misfit, shape
+from mapmore_cli.domain.declared import Contradiction, shape
 from mapmore_cli.domain.errors import MapmoreError, SpecError
 from mapmore_cli.spec.tree import Loc, Node, Position, nearest
 
@@ -46,7 +46,10 @@ class Finding:
     @property
     def loc(self) -> Loc:
         """Keys and list indices."""
-        return self.way.removesuffix(":").split(".") if isinstance(self.way, str) else self.way
+        if not isinstance(self.way, str):
+            return self.way
+        steps = self.way.removesuffix(":").split(".")
+        return [int(step) if step.isdecimal() else step for step in steps]
 
 
 def locate(finding: Finding, root: Node) -> Mistake:
@@ -61,12 +64,19 @@ def locate(finding: Finding, root: Node) -> Mistake:
     )
     at = node.start if on_key else node.at
     if finding.offset and isinstance(node.value, str):
-        written = _line(at)[at.column - 1 :]
+        written = _source_line(at)[at.column - 1 :]
         for quote in ("", '"', "'"):  # else the source spells the text differently
             if written.startswith(quote + node.value):
                 at = replace(at, column=at.column + len(quote) + finding.offset)
                 break
     return Mistake(at, finding.message, finding.remedy)
+
+
+def told(*rows: tuple[bool, Loc | str, str, str]) -> Iterator[Finding]:
+    """Yield the rows that apply: whether, the way, what is wrong, and what would be right."""
+    for applies, way, message, remedy in rows:
+        if applies:
+            yield Finding(way, message, remedy)
 
 
 def refused(way: Loc | str, attempt: Callable[..., object], *arguments: Any) -> Iterator[Finding]:
@@ -98,7 +108,7 @@ def raise_if_any(problems: Sequence[Mistake]) -> None:
         problems,
         key=lambda problem: (sources.index(problem.at.source), problem.at.line, problem.at.column),
     )
-    blocks = [_block(problem) for problem in dict.fromkeys(ordered)]
+    blocks = [_mistake_text(problem) for problem in dict.fromkeys(ordered)]
     if len(blocks) > _MOST:
         blocks = [
             *blocks[:_MOST],
@@ -111,11 +121,11 @@ def raise_if_any(problems: Sequence[Mistake]) -> None:
 
 def fail(at: Position, message: str, remedy: str | None = None) -> NoReturn:
     """Raise a SpecError about one mistake that makes further reading pointless."""
-    raise SpecError(_block(Mistake(at, message, remedy)))
+    raise SpecError(_mistake_text(Mistake(at, message, remedy)))
 
 
-def _block(problem: Mistake) -> str:
-    at, line = problem.at, _line(problem.at)
+def _mistake_text(problem: Mistake) -> str:
+    at, line = problem.at, _source_line(problem.at)
     lines = [f"{at}: {problem.message}"]
     if at.source.numbered and line.strip():
         start = max(0, at.column - 1 - _WIDEST // 2) if len(line) > _WIDEST else 0
@@ -126,7 +136,7 @@ def _block(problem: Mistake) -> str:
     return "\n".join(lines if problem.remedy is None else [*lines, f"  {problem.remedy}"])
 
 
-def _line(at: Position) -> str:
+def _source_line(at: Position) -> str:
     """Return the source line; cut as YAML counts lines, and not as `str.splitlines` does."""
     lines = re.split("\r\n|[\r\n\x85\u2028\u2029]", at.source.text)
     return lines[at.line - 1] if at.line <= len(lines) else ""
@@ -231,10 +241,9 @@ def _problem(details: ErrorDetails, root: Node, keys_at: KeysAt) -> Mistake:
             )
         case "value_error" if isinstance(clash := details["ctx"]["error"], Contradiction):
             beside = [node.child(key) for key in clash.near]
-            at = next((child.start for child in beside if child is not None), node.start)
+            otherwise = node.start if clash.near else node.at
+            at = next((child.start for child in beside if child is not None), otherwise)
             return Mistake(at, clash.message, clash.remedy)
-        case "value_error" if isinstance(misfit := details["ctx"]["error"], Misfit):
-            return Mistake(node.at, misfit.message, misfit.remedy)
         case "string_pattern_mismatch" if rest and rest[-1] == "[key]":
             message = f"{str(loc[-1])!r} cannot be the name of a quantity"
             return Mistake(node.start, message, "use letters, digits and `_`, as `step_pressure`")
@@ -245,7 +254,7 @@ def _problem(details: ErrorDetails, root: Node, keys_at: KeysAt) -> Mistake:
 
 def _of_value(details: ErrorDetails, value: object, name: str) -> Explained:
     context: dict[str, Any] = details.get("ctx", {})
-    kind, shown = details["type"], _shown(value)
+    kind, shown = details["type"], _value_in_words(value)
     if kind in _EXPECTED or kind == "union_tag_invalid":
         expected = _EXPECTED.get(kind) or " or ".join(
             re.findall(r"<([^>]*)>", context["expected_tags"])
@@ -343,7 +352,7 @@ def _dotted(loc: Loc) -> str:
     return "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in loc).lstrip(".")
 
 
-def _shown(value: object) -> str:
+def _value_in_words(value: object) -> str:
     """Return a value in a message: its kind, and itself where it is short."""
     if value is None:
         return "empty"

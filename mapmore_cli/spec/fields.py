@@ -23,7 +23,7 @@ from pydantic import (
     model_validator,
 )
 
-from mapmore_cli.domain.declared import InUnit, Misfit
+from mapmore_cli.domain.declared import Contradiction, InUnit
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.spec.tree import Node, Written, written
 from mapmore_cli.spec.units import CANONICAL, default_unit, parse_quantity, split_quantity
@@ -81,9 +81,9 @@ class Context:
     def of(cls, root: Node, partial: bool = False) -> Context:
         """Return what a spec says of its units and quantities, as far as it is well-formed."""
         spec = written(root)
-        data, units = _mapping(spec, "data"), _texts(_mapping(spec, "units"))
+        data, units = _mapping(spec, "data"), _only_texts(_mapping(spec, "units"))
         derived = _mapping(data, "derive")
-        rates = _texts({name: _mapping(derived, name).get("rate_of") for name in derived})
+        rates = _only_texts({name: _mapping(derived, name).get("rate_of") for name in derived})
         tables = [data, *_entries(data, "join")]
         names = {
             *CANONICAL,
@@ -113,7 +113,7 @@ class Context:
     def converted(self, given: Any, unit_of: Callable[[Place], str | None]) -> Any:
         """Return the number that a text with a unit stands for; any other value as it is.
 
-        Raises Misfit for a wrong unit. Where none is known, another key is wrong, and is reported.
+        Raises Contradiction for a wrong unit. Where none is known, another key is wrong, and told.
         """
         if not isinstance(given, Written) or not given.is_quantity:
             return given
@@ -121,7 +121,7 @@ class Context:
         try:
             return split_quantity(given)[0] if unit is None else parse_quantity(given, unit)
         except SpecError as error:
-            raise Misfit(error.message, error.remedy) from error
+            raise Contradiction(error.message, error.remedy) from error
 
 
 @dataclass(frozen=True)
@@ -167,7 +167,7 @@ class Place:
         return default_unit(quantity, self.context.units) if isinstance(quantity, str) else None
 
 
-def _texts(section: Mapping[str, Any]) -> dict[str, str]:
+def _only_texts(section: Mapping[str, Any]) -> dict[str, str]:
     return {name: str(text) for name, text in section.items() if isinstance(text, str)}
 
 
@@ -234,7 +234,7 @@ def read_path(given: Any, info: ValidationInfo, bare: bool) -> Any:
     try:
         path = expand(str(given.node.value))
     except ValueError as error:
-        raise Misfit(str(error), VARIABLES) from error
+        raise Contradiction(str(error), VARIABLES) from error
     return from_folder(path, given.node.at.source.folder, info.context.folder, bare)
 
 

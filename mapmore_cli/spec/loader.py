@@ -47,34 +47,25 @@ from mapmore_cli.spec.units import default_unit, has_dimension
 from mapmore_cli.spec.yaml_loader import VARIABLES, dump, escaped, expand, parse, read_source
 
 CHECKS = (
-    *(
-        check_names.names,
-        check_names.derived,
-        check_names.clocks,
-        check_names.terms,
-        check_names.times,
-        check_names.pieces,
-    ),
-    *(
-        check_names.settings,
-        check_study.segments,
-        check_study.left_out,
-        check_study.groups,
-        check_study.after_cycles,
-    ),
-    *(
-        check_study.chosen_levels,
-        check_study.target,
-        check_study.kind,
-        check_study.of_kinds,
-    ),
-    *(
-        check_study.formulas,
-        check_study.competitors,
-        check_study.own_formulas,
-        check_study.metrics,
-        check_study.units,
-    ),
+    check_names.names_of_quantities,
+    check_names.derivations,
+    check_names.clocks,
+    check_names.terms,
+    check_names.along_recordings,
+    check_names.idle,
+    check_study.segmented,
+    check_study.leaving_out,
+    check_study.groups,
+    check_study.after_cycles,
+    check_study.chosen_levels,
+    check_study.target,
+    check_study.kind,
+    check_study.of_kinds,
+    check_study.formulas,
+    check_study.competitors,
+    check_study.own_formulas,
+    check_study.metrics,
+    check_study.units,
 )
 
 
@@ -156,19 +147,19 @@ def load_as(
     path: Path, model: type[M], overrides: Sequence[str] = (), check: Check[M] = lambda _: ()
 ) -> Loaded[M]:
     """Read a spec of any kind; raises as `load` does."""
-    return _loaded(read_source(path), path, model, overrides, check)
+    return _validated(read_source(path), path, model, overrides, check)
 
 
 def load_text(text: str, name: str, folder: Path) -> LoadedSpec:
     """Return an experiment spec as YAML that no file holds; messages call it `name`, paths start at
     `folder`. Raises as `load`.
     """
-    return _loaded(
+    return _validated(
         SourceText(name, folder, text, numbered=False), folder / name, ExperimentSpec, (), findings
     )
 
 
-def _loaded(
+def _validated(
     source: SourceText, path: Path, model: type[M], overrides: Sequence[str], check: Check[M]
 ) -> Loaded[M]:
     """Return the spec in a text; raises all its mistakes at once, the later ones at a place being
@@ -184,7 +175,10 @@ def _loaded(
         later = [locate(finding, root) for finding in check(spec)]
     except ValidationError as error:
         keys_at = partial(_keys_at, given, context)
-        later = [*explain(error, root, keys_at), *_beyond(error, root, keys_at, model, check)]
+        later = [
+            *explain(error, root, keys_at),
+            *_further_mistakes(error, root, keys_at, model, check),
+        ]
     strays = stray_variables(root, context)
     problems += [Mistake(node.at, what, VARIABLES) for node, what in strays]
     known = {problem.at for problem in problems}
@@ -203,7 +197,7 @@ def _keys_at(given: Any, context: Context, loc: Loc) -> tuple[str, ...]:
     return context.keys_of(given)
 
 
-def _beyond(
+def _further_mistakes(
     error: ValidationError, root: Node, keys_at: KeysAt, model: type[M], check: Check[M]
 ) -> list[Mistake]:
     """Return what `check` finds in a spec without its parts of wrong form, so that all mistakes are

@@ -50,7 +50,7 @@ def json_schema() -> JsonSchemaValue:
         "properties": {"data": {"required": sections["Data"]["required"]}},
     }
     for name in {
-        *_inside(schema, sections, ("items", "prefixItems", "$defs", "default"))
+        *_sections_within(schema, sections, ("items", "prefixItems", "$defs", "default"))
     }:  # `extends` merges mappings, and no lists
         sections[name].pop("required", None)
     return {
@@ -61,13 +61,15 @@ def json_schema() -> JsonSchemaValue:
     }
 
 
-def _inside(schema: Any, sections: dict[str, Any], skipped: Sequence[str]) -> Iterator[str]:
+def _sections_within(
+    schema: Any, sections: dict[str, Any], skipped: Sequence[str]
+) -> Iterator[str]:
     """Yield the sections that a schema names, from top to bottom and however often, each followed
     by those inside it.
     """
     if isinstance(schema, list):
         for item in schema:
-            yield from _inside(item, sections, skipped)
+            yield from _sections_within(item, sections, skipped)
     elif isinstance(schema, dict):
         name = str(schema.get("$ref", "")).removeprefix("#/$defs/")
         if name in sections:
@@ -75,10 +77,10 @@ def _inside(schema: Any, sections: dict[str, Any], skipped: Sequence[str]) -> It
             others = {
                 key: value for key, value in sections.items() if key != name
             }  # families lie within products
-            yield from _inside(sections[name], others, skipped)
+            yield from _sections_within(sections[name], others, skipped)
         for key, value in schema.items():
             if key not in skipped:
-                yield from _inside(value, sections, skipped)
+                yield from _sections_within(value, sections, skipped)
 
 
 # The reference of the keys
@@ -90,8 +92,11 @@ def reference() -> str:
     pipeline, and the metrics of `require`.
     """
     schema = _whole_schema()
-    names = dict.fromkeys(_inside(schema, schema["$defs"], ("$defs", "default")))
-    sections = {"Top level": schema, **{_heading(name): schema["$defs"][name] for name in names}}
+    names = dict.fromkeys(_sections_within(schema, schema["$defs"], ("$defs", "default")))
+    sections = {
+        "Top level": schema,
+        **{_section_title(name): schema["$defs"][name] for name in names},
+    }
     tables = [
         _section(title, section) for title, section in sections.items() if "properties" in section
     ]
@@ -117,7 +122,7 @@ def _section(title: str, section: dict[str, Any]) -> str:
     required = section.get("required", [])
     keys = {key: value for key, value in section["properties"].items() if key != "schema_version"}
     rows = [
-        f"| `{key}` | {_values(value)} | {_default(value, key in required)} |"
+        f"| `{key}` | {_allowed(value)} | {_default(value, key in required)} |"
         for key, value in keys.items()
     ]
     return "\n".join(
@@ -134,25 +139,25 @@ def _section(title: str, section: dict[str, Any]) -> str:
     )
 
 
-def _values(value: dict[str, Any]) -> str:
+def _allowed(value: dict[str, Any]) -> str:
     """Return what may stand at a key, in one cell."""
     for several in ("anyOf", "oneOf"):
         if several in value:
             return " or ".join(
                 dict.fromkeys(
-                    text for part in value[several] if (text := _values(part)) != "nothing"
+                    text for part in value[several] if (text := _allowed(part)) != "nothing"
                 )
             )
     if "$ref" in value:
-        name = _heading(value["$ref"].rpartition("/")[2])
+        name = _section_title(value["$ref"].rpartition("/")[2])
         return f"[{name}](#{name.lower().replace(' ', '-')})"
     if "enum" in value or "const" in value:
         return " or ".join(f"`{word}`" for word in value.get("enum", [value.get("const")]))
     if value.get("type") == "array":
-        return f"list of {_values(value.get('items', {})) or 'values'}"
+        return f"list of {_allowed(value.get('items', {})) or 'values'}"
     if value.get("type") == "object":
         inner = value.get("additionalProperties")
-        return f"mapping to {_values(inner)}" if isinstance(inner, dict) else "mapping"
+        return f"mapping to {_allowed(inner)}" if isinstance(inner, dict) else "mapping"
     if value.get("type") == "string" and str(value.get("pattern", "")).startswith(r"^\s*[-+]?"):
         return "with unit"
     signs = {"minimum": "≥", "exclusiveMinimum": ">", "maximum": "≤", "exclusiveMaximum": "<"}
@@ -178,7 +183,7 @@ def _default(value: dict[str, Any], required: bool) -> str:
     )
 
 
-def _heading(name: str) -> str:
+def _section_title(name: str) -> str:
     """Return `DictionaryEntry` as words; a class whose name occurs twice begins with its module
     (`...__data__Rate`).
     """

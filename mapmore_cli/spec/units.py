@@ -131,7 +131,7 @@ def convert(values: float | Array, source_unit: str, target_unit: str) -> float 
     factor = _everyday_factor(source_unit, target_unit)
     if factor is not None:
         return values * factor
-    source, target = _parsed(source_unit), _parsed(target_unit)
+    source, target = _pint_unit(source_unit), _pint_unit(target_unit)
     if source.dimensionality != target.dimensionality:
         raise SpecError(
             f"unit {source_unit!r} ({_dimension(source_unit)}) cannot be converted to "
@@ -200,7 +200,7 @@ def parse_quantity(text: str, unit: str) -> float:
 def check_unit(unit: str) -> None:
     """Raise SpecError for a unit that nobody knows."""
     if unit not in _COMMON:
-        _parsed(unit)
+        _pint_unit(unit)
 
 
 def has_dimension(unit: str) -> bool:
@@ -211,7 +211,7 @@ def has_dimension(unit: str) -> bool:
     if everyday is not None:
         return everyday[0] != ("number",)
     try:
-        return not _parsed(unit).dimensionless
+        return not _pint_unit(unit).dimensionless
     except SpecError:
         return False
 
@@ -246,7 +246,7 @@ def base_units(unit: str) -> BaseUnits | None:
     powers.
     """
     try:
-        parsed = _parsed(unit)
+        parsed = _pint_unit(unit)
     except SpecError:
         return None
     zero, one = (_registry().Quantity(value, parsed).to_base_units() for value in (0.0, 1.0))
@@ -271,7 +271,7 @@ def _registry() -> Any:
 
 
 @functools.cache
-def _parsed(unit: str) -> Any:
+def _pint_unit(unit: str) -> Any:
     """Return a pint unit; `1` is dimensionless. The grammar is checked first, as pint would compute
     `m**9**9**9`.
     """
@@ -297,12 +297,12 @@ def _parsed(unit: str) -> Any:
 
 
 def _dimension(unit: str) -> str:
-    here = _parsed(unit).dimensionality
+    here = _pint_unit(unit).dimensionality
     return next(
         (
             words
             for known, words in _NAMED_DIMENSIONS.items()
-            if _parsed(known).dimensionality == here
+            if _pint_unit(known).dimensionality == here
         ),
         str(here),
     )

@@ -164,7 +164,7 @@ def expand(text: str) -> str:
     Raises ValueError for a variable that is not set and has no default, one that no spec may read,
     or something after `${` that is no variable.
     """
-    return _REFERENCE.sub(_value, text)
+    return _REFERENCE.sub(_variable_value, text)
 
 
 def variable_in(text: str) -> str | None:
@@ -181,7 +181,7 @@ def escaped(value: Any) -> Any:
     return value.replace("${", "$${") if isinstance(value, str) else value
 
 
-def _value(reference: re.Match[str]) -> str:
+def _variable_value(reference: re.Match[str]) -> str:
     if reference[0] == "$${":
         return "${"
     body = _BODY.fullmatch(reference[1])
@@ -276,16 +276,16 @@ def parse(source: SourceText, problems: list[Mistake]) -> Node:
 
     Raises SpecError for text that is no YAML, or nests or multiplies without end.
     """
-    root, found = (_remembered if len(source.text) < KEPT else _parsed)(source)
+    root, found = (_remembered if len(source.text) < KEPT else _tree_of)(source)
     problems += found
     return root
 
 
-def _parsed(source: SourceText) -> tuple[Node, tuple[Mistake, ...]]:
+def _tree_of(source: SourceText) -> tuple[Node, tuple[Mistake, ...]]:
     try:
         root = _composed(source.text)
     except (yaml.YAMLError, TooDeep) as error:
-        _refuse(error, source)
+        _explain_fault(error, source)
     except (
         ValueError,
         OverflowError,
@@ -313,7 +313,7 @@ def _parsed(source: SourceText) -> tuple[Node, tuple[Mistake, ...]]:
     return tree, tuple(problems)
 
 
-_remembered = lru_cache(maxsize=16)(_parsed)
+_remembered = lru_cache(maxsize=16)(_tree_of)
 """The same for a spec that many runs of a campaign, or many variations, begin with."""
 
 
@@ -355,7 +355,7 @@ class _Builder:
             return Node([self.node(item, depth + 1) for item in node.value], at, key_at)
         assert isinstance(node, yaml.ScalarNode)
         try:
-            return Node(_scalar(node.tag, node.value), at, key_at)
+            return Node(_scalar_value(node.tag, node.value), at, key_at)
         except ValueError as error:
             self.problems.append(Mistake(at, str(error), "write a plain value"))
             return Node(str(node.value), at, key_at)
@@ -384,7 +384,7 @@ class _Builder:
         return Position(self.source, node.start_mark.line + 1, node.start_mark.column + 1)
 
 
-def _scalar(tag: str, text: str) -> str | int | float | bool | None:
+def _scalar_value(tag: str, text: str) -> str | int | float | bool | None:
     """Return the value of a scalar; ValueError for a tag that is not of the core, or that the text
     does not fit (`!!int x`).
     """
@@ -412,7 +412,7 @@ def _at(source: SourceText, offset: int) -> Position:
     return Position(source, before.count("\n") + 1, len(before) - before.rfind("\n"))
 
 
-def _refuse(error: Exception, source: SourceText) -> NoReturn:
+def _explain_fault(error: Exception, source: SourceText) -> NoReturn:
     """Raise PyYAML's complaint in plainer words, with its place."""
     if isinstance(error, yaml.reader.ReaderError):
         at = _at(source, error.position)

@@ -106,7 +106,7 @@ def tool_versions() -> Mapping[str, str]:
 RUN_RECORD = "run.json"
 CAMPAIGN_RECORD = "campaign.json"
 """What tells the folder of a campaign's page from one of the user."""
-STAGES = ("ingest", "segment", "fit", "fuse", "validate", "report")
+STAGES = ("ingest", "search", "segment", "fit", "fuse", "validate", "report")
 """The stages in their order."""
 FORMAT_VERSION = "1.1"
 

@@ -117,7 +117,7 @@ def test_every_session_is_shown_and_has_at_most_six_answers() -> None:
     for name in SAID:
         told = (SESSIONS / f"{name}.txt").read_text(encoding="utf-8").partition("\n")[0]
         assert int(told.split()[0]) <= 6
-        assert told.endswith(" 0 open guesses.")
+        assert told.endswith(" 0 open questions.")
 
 
 def test_a_session_is_what_the_terminal_shows(measured_data: Path) -> None:

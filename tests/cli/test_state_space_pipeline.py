@@ -143,11 +143,7 @@ def test_predict_needs_no_measured_output_and_begins_anew_after_a_gap(finished, 
 def test_the_page_shows_sections_and_errors(finished):
     folder, _ = finished
     page = (folder / "report" / "index.html").read_text()
-    for words in (
-        "Models of motion",
-        "Errors over one wavelength",
-        "repeats that of full_stroke",
-    ):
+    for words in ("Models of motion", "Errors over one wavelength"):
         assert words in page
     rows = table(folder / "report" / "tables" / "sections.csv")
     assert [row["model"] for row in rows] == ["mapmore"] * 6 + ["one"] + ["joined"] * 3
@@ -255,8 +251,3 @@ def test_slips_in_the_spec_are_told_at_their_place(change, words, mapmore, tmp_p
 )
 def test_records_that_cannot_be_fitted_are_told_with_a_remedy(change, words, mapmore, tmp_path):
     assert len(refused(mapmore, tmp_path, change, 4, words).strip().splitlines()) >= 2
-
-
-def test_a_swarm_without_a_stable_particle_is_a_failed_fit(mapmore, tmp_path):
-    change = ("start: rest", "solver: swarm, begin: {p1: [0.9, 1.0], p2: [0.9, 2.0]}")
-    refused(mapmore, tmp_path, change, 5, "no stable section")

@@ -8,8 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 from ingest_samples import COLUMNS, Ingest, csv_text
 
 from mapmore_cli.domain.errors import DataError
@@ -155,32 +153,6 @@ def test_sample_time_stands_for_a_time_column(ingest: Ingest) -> None:
     text = csv_text(t=7, P=80, eps=0, F=[1, 2, np.nan, 4])
     got = ingest({"a.csv": text}, columns=columns, sample_time=0.01, missing="drop").recordings[0]
     np.testing.assert_allclose(got.columns["time"], [0, 0.01, 0.03])
-
-
-@settings(
-    deadline=None, max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
-@given(
-    steps=st.lists(st.sampled_from([-1.0, 0.0, 0.1, 0.1, 0.1, 2.0]), min_size=2, max_size=40),
-    holes=st.lists(st.booleans(), min_size=40, max_size=40),
-)
-def test_every_row_is_in_one_piece_or_counted(
-    ingest: Ingest, steps: list[float], holes: list[bool]
-) -> None:
-    t = np.cumsum(steps)
-    force = np.where(holes[: len(t)], np.nan, np.arange(len(t)))
-    try:
-        dataset = ingest(
-            {"a.csv": logged(*t, F=force)}, gaps=SPLIT, missing="drop", repeated_time="average"
-        )
-    except DataError:
-        assert np.isnan(force).all()
-        return
-    assert sum(r.rows_read for r in dataset.recordings) == len(t)
-    for recording in dataset.recordings:
-        assert recording.rows_kept + sum(recording.dropped.values()) == recording.rows_read
-        assert (np.diff(recording.columns["time"]) > 0).all()
-        assert (np.diff(recording.columns["time"]) <= 0.15).all()
 
 
 # Second logs

@@ -132,25 +132,7 @@ def test_two_logs_of_the_bellows_give_the_pressure_that_was_published(
     assert np.ptp(theirs["pressure"]) > 90
 
 
-def test_block_means_lose_nothing_of_the_slow_movement(measured_data: Path) -> None:
-    fine = coiled(measured_data, steps("Sample 1 Final 200", resample=None))
-    coarse = coiled(measured_data, steps("Sample 1 Final 200"))
-    for before, after in zip(fine.curves, coarse.curves, strict=True):
-        covered = before.columns["time"] < after.columns["time"][-1] + 0.005
-        assert (
-            abs(before.columns["pressure"][covered].mean() - after.columns["pressure"].mean()) < 1
-        )  # kPa, of 1700
-
-
 def test_clock_that_was_set_back_while_logging(measured_data: Path) -> None:
     dataset = coiled(measured_data, steps("Sample 2 Final 500"))
     assert "row 10001: the clock was set back, from 12.1459999 to 11.1669993 s" in dataset.notes[0]
     assert [r.rows_read for r in dataset.recordings] == [1000] * 13
-
-
-def test_datasheet(measured_data: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    dataset = shipped("festo/festo_datasheet.yaml", monkeypatch, measured_data)
-    assert "time" not in dataset.quantities
-    assert [curve.level for curve in dataset.curves] == [0, 100, 200, 300, 400, 500, 600]
-    assert [curve.level for curve in dataset.curves if curve.held_out.all()] == [200, 500]
-    assert sum(curve.size for curve in dataset.curves) == 58

@@ -15,7 +15,6 @@ from surfaces import QUANTITIES, recipe
 
 from mapmore_cli.domain.models import LeftOut, Model
 from mapmore_cli.domain.recording import Curve, Quantity
-from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.pieces.build import build
 from mapmore_cli.modelling.pieces.recipe import Cuts
 from mapmore_cli.modelling.validation.comparison import (
@@ -124,12 +123,6 @@ class TestCompare:
             False,
         )
         assert not any(term.moved for term in found.terms)
-
-    def test_the_same_ratio_by_hand(self):
-        a, b = muscle("a"), muscle("b", 1.02, scatter=0.01, seed=3)
-        points = [grid(a, b, place) for place in common_curves(a, b)]
-        first, second = (np.concatenate([predict(model, at) for at in points]) for model in (a, b))
-        assert compare(a, b).ratio == pytest.approx(first @ second / (first @ first), rel=1e-12)
 
     def test_a_certain_change_within_the_margin_is_of_no_interest(self):
         a, b = muscle("a"), muscle("b", 1.004, scatter=1e-5)

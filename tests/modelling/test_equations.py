@@ -117,28 +117,6 @@ def test_what_is_printed_is_the_model_within_its_stated_error(scaling, around):
     assert np.abs(read(found.text, columns) - predicted).max() <= STATED * np.ptp(predicted)
 
 
-def test_pieces_have_a_row_each_with_their_own_inputs():
-    model = built()
-    for segment, found in zip(model.body.segments, equations(model), strict=True):
-        low, high = segment.limits["strain"]
-        x = np.linspace(low, high, 20)
-        z = {
-            name: x * m + c
-            for name, m, c in zip(
-                segment.scaling.variables,
-                segment.scaling.slope,
-                segment.scaling.intercept,
-                strict=True,
-            )
-        }
-        exact = segment.scaling.y_intercept + segment.scaling.y_slope * sum(
-            theta * evaluate(parse(term), z, 20)
-            for theta, term in zip(segment.theta, segment.terms, strict=True)
-        )
-        assert np.abs(read(found.text, {"strain": x}) - exact).max() <= STATED * np.ptp(exact)
-        assert len(found.text) < 80
-
-
 def test_other_units_are_in_the_meanings():
     model = built()
     own, other = equations(model)[1], equations(model, {"strain": 0.01})[1]
@@ -169,14 +147,6 @@ def test_any_scaling_is_read_back(low, width, theta):
         t * evaluate(parse(term), {"x": z}, 50) for t, term in zip(theta, terms, strict=True)
     )
     assert np.abs(read(found.text, {"x": x}) - exact).max() <= STATED * np.ptp(exact) + 1e-9
-
-
-def test_a_constant_alone():
-    model = built(level=None, cuts={}, dictionary=("1",), max_terms=1)
-    (found,) = equations(model)
-    assert float(found.text) == pytest.approx(
-        model.body.segments[0].theta[0] * model.body.segments[0].scaling.y_slope, rel=STATED
-    )
 
 
 @pytest.mark.parametrize(

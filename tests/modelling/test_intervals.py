@@ -15,13 +15,12 @@ from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import CurveRange, Formula, LeftOut, Model
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.modelling.validation.intervals import (
-    Training,
     few_levels,
     half_widths,
     interval,
+    interval_refusal,
+    left_out_summary,
     many_curves,
-    refusal,
-    summary,
 )
 
 
@@ -33,7 +32,7 @@ def left_out(
     parts = {
         f"curve {i}": [b + noise * rng.standard_normal(samples)] for i, b in enumerate(offsets)
     }
-    return summary("recordings", curves or len(offsets), parts)
+    return left_out_summary("recordings", curves or len(offsets), parts)
 
 
 @pytest.mark.parametrize("curves", [3, 4, 7])
@@ -48,7 +47,7 @@ def test_heavy_tails_have_the_interval_of_their_quantiles() -> None:
     spikes = np.where(np.arange(1000) % 10 == 0, 100.0, 0.1) * np.where(
         np.arange(1000) % 20 < 10, 1, -1
     )
-    found = summary("levels", 40, {f"{i}": [spikes] for i in range(40)})
+    found = left_out_summary("levels", 40, {f"{i}": [spikes] for i in range(40)})
     assert many_curves(found, 0.95) == pytest.approx(100 * (1 + 1 / 40), rel=1e-9)
 
 
@@ -75,7 +74,7 @@ def test_curves_with_offsets_of_their_own_are_covered(curves: int) -> None:
     rng, inside = np.random.default_rng(curves), []
     for _ in range(150):
         offsets = 3 * rng.standard_normal(curves)
-        found = summary(
+        found = left_out_summary(
             "recordings",
             curves,
             {f"{i}": [b + rng.standard_normal(40)] for i, b in enumerate(offsets)},
@@ -88,7 +87,7 @@ def test_curves_with_offsets_of_their_own_are_covered(curves: int) -> None:
 @pytest.mark.parametrize("residuals", [[], [1.0, np.nan], [np.inf]])
 def test_a_part_without_a_prediction_is_refused_by_name(residuals: list[float]) -> None:
     with pytest.raises(FitError, match="without b, "):
-        summary("recordings", 3, {"a": [np.ones(3)], "b": [np.array(residuals)]})
+        left_out_summary("recordings", 3, {"a": [np.ones(3)], "b": [np.array(residuals)]})
 
 
 def line() -> Model:
@@ -127,11 +126,14 @@ def few(
     count: int, offset: float = 2.0, repeats: int = 1, residual: float = 0.5, astray: float = 0.0
 ) -> LeftOut:
     """`count` levels at 0, 100, ... with an error of `offset` at every inner one."""
-    training = Training(
-        tuple(100.0 * np.arange(count)), (repeats,) * count, 400.0, residual, astray
-    )
-    return summary(
-        "levels", count, {f"{i}": [np.full(20, offset)] for i in range(1, count - 1)}, training
+    parts = {f"{i}": [np.full(20, offset)] for i in range(1, count - 1)}
+    return replace(
+        left_out_summary("levels", count, parts),
+        places=tuple(100.0 * np.arange(count)),
+        repeats=(repeats,) * count,
+        largest=400.0,
+        residual=residual,
+        astray=astray,
     )
 
 
@@ -172,6 +174,6 @@ def test_from_seven_levels_on_curves_count() -> None:
 
 def test_a_model_that_goes_astray_without_a_level_has_no_interval() -> None:
     found = few(4, astray=0.6)
-    assert "60 % of their range" in (refusal(found) or "")
+    assert "60 % of their range" in (interval_refusal(found) or "")
     assert np.isnan(half_widths(found, np.array([50.0]), 0.95)).all()
-    assert refusal(few(4, astray=0.1)) is None
+    assert interval_refusal(few(4, astray=0.1)) is None

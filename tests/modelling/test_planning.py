@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from sklearn.gaussian_process import GaussianProcessRegressor, kernels
 
 from mapmore_cli.annexes.planning import points
-from mapmore_cli.modelling.gaussian_process import GaussianProcess, matern, most_likely
+from mapmore_cli.modelling.validation.gaussian_process import GaussianProcess, matern, most_likely
 
 
 def test_a_process_of_two_points_by_hand() -> None:
@@ -30,15 +30,15 @@ def test_a_fitted_process_agrees_with_scikit_learn() -> None:
     assert ours[1] == pytest.approx(deviation, abs=1e-6)
 
 
-def map_of(count: int = 9) -> points.Measured:
+def map_of(count: int = 9) -> points.MeasuredMap:
     x = np.random.default_rng(1).random((count, 2)) * [500.0, 0.25]
     x[:4] = [[0, 0], [500, 0], [0, 0.25], [500, 0.25]]
-    return points.Measured(
+    return points.MeasuredMap(
         ("pressure", "strain"), x, x[:, 0] * (1 - 3 * x[:, 1]) + 100 * np.sin(20 * x[:, 1])
     )
 
 
-def committee_of(measured: points.Measured) -> points.Committee:
+def committee_of(measured: points.MeasuredMap) -> points.Committee:
     places = measured.grid(13)
     plane = (measured.x[:, 0] * 0.7, places[:, 0] * 0.7)
     return points.Committee(
@@ -50,7 +50,7 @@ def committee_of(measured: points.Measured) -> points.Committee:
 @given(st.integers(6, 12))
 def test_points_differ_and_make_the_map_surer(count: int) -> None:
     committee = committee_of(map_of(count))
-    found, (before, after) = points.chosen(committee, ("pressure", "strain"), 5, {})
+    found, (before, after) = points.next_points(committee, ("pressure", "strain"), 5, {})
     assert len({tuple(one.at.values()) for one in found}) == 5
     assert (committee.deviation >= 0).all()
     assert after.mean() < before.mean()
@@ -59,8 +59,10 @@ def test_points_differ_and_make_the_map_surer(count: int) -> None:
 
 def test_a_dear_quantity_is_changed_seldom() -> None:
     names = ("pressure", "strain")
-    free, _ = points.chosen(committee_of(map_of()), names, 6, {})
-    dear, _ = points.chosen(committee_of(map_of()), names, 6, {"pressure": 1.0, "strain": 1000.0})
+    free, _ = points.next_points(committee_of(map_of()), names, 6, {})
+    dear, _ = points.next_points(
+        committee_of(map_of()), names, 6, {"pressure": 1.0, "strain": 1000.0}
+    )
     assert len({one.at["strain"] for one in dear}) < len({one.at["strain"] for one in free})
     assert dear[0].cost == 1001.0
     assert min(one.cost for one in dear) == 1.0
@@ -68,7 +70,7 @@ def test_a_dear_quantity_is_changed_seldom() -> None:
 
 def test_places_lie_within_what_was_measured() -> None:
     x = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.2, 0.2]])
-    grid = points.Measured(("a", "b"), x, x[:, 0]).grid(11)
+    grid = points.MeasuredMap(("a", "b"), x, x[:, 0]).grid(11)
     assert (grid.sum(axis=1) <= 1 + 1e-6).all()
     assert len(grid) == 66
 

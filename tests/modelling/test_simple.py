@@ -22,15 +22,16 @@ def test_a_polynomial_is_found_exactly(degree: int, inputs: int, seed: int) -> N
     truth = np.sum(x, axis=1) ** degree + 3.0
     held_out = np.arange(80) >= 60
     columns["y"] = np.where(held_out, 1e6, truth)
-    (found,) = simple.polynomial(degree, dataset_of(columns, held_out=held_out), names) or []
+    (found,) = simple.polynomial_fit(degree, dataset_of(columns, held_out=held_out), names) or []
     np.testing.assert_allclose(found, truth, rtol=1e-7, atol=1e-7)
 
 
 def test_too_few_samples_make_no_polynomial() -> None:
     assert (
-        simple.polynomial(3, dataset_of({"u": np.arange(3.0), "y": np.arange(3.0)}), ["u"]) is None
+        simple.polynomial_fit(3, dataset_of({"u": np.arange(3.0), "y": np.arange(3.0)}), ["u"])
+        is None
     )
-    assert simple.polynomial(1, dataset_of({"y": np.arange(3.0)}), []) is None
+    assert simple.polynomial_fit(1, dataset_of({"y": np.arange(3.0)}), []) is None
 
 
 @pytest.mark.parametrize("names", [["u"], []])

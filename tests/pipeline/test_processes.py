@@ -102,7 +102,7 @@ def test_an_up_to_date_run_loads_nothing_heavy(tmp_path: Path) -> None:
 
 PIPELINE = """
 import json, sys
-from mapmore_cli.pipeline.runner import pipeline
+from mapmore_cli.pipeline.staleness import pipeline
 
 names = [stage.name for stage in pipeline()]
 print(json.dumps([names, sorted({name.split(".")[0] for name in sys.modules})]))

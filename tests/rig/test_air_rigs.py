@@ -18,7 +18,7 @@ from scipy.interpolate import CubicSpline
 from mapmore_cli.annexes.rig.air import ATMOSPHERE, ClosedMuscle
 from mapmore_cli.annexes.rig.antagonists import Joint, driven, swung
 from mapmore_cli.annexes.rig.random_velocity import random_velocity
-from mapmore_cli.annexes.rig.sensors import clock, recording_generator
+from mapmore_cli.annexes.rig.sensors import recording_generator
 from mapmore_cli.annexes.rig.simulate import recording
 from mapmore_cli.annexes.rig.static_muscles import volume
 from mapmore_cli.annexes.rig.waveform import Waveform, waveform_response
@@ -85,16 +85,6 @@ def test_a_random_motion_is_what_its_columns_say():
     assert (
         np.corrcoef(drawn, found["pressure"])[0, 1] > 0.8
     )  # a muscle that is drawn out holds less
-
-
-def test_fewer_logged_samples_are_those_of_the_full_record():
-    changes = ("experiment.duration=8", "sensors.force.noise=0")
-    full, few = (
-        recording(spec("muscle-like/random_velocity_12cm", *changes, f"experiment.every={n}"), 3e5)
-        for n in (1, 40)
-    )
-    assert few["force"] == pytest.approx(full["force"][::40])
-    assert few["time"] == pytest.approx(full["time"][::40])
 
 
 def test_what_one_muscle_of_the_joint_gives_the_other_takes():
@@ -187,40 +177,6 @@ def hanging():
 @cache
 def response(load=0.0):
     return waveform_response(hanging(), Waveform("loaded", "sine", 0.0, 5.0, 0.5, 1, load=load))
-
-
-@given(
-    st.sampled_from(["sine", "triangle", "square"]),
-    st.floats(0, 4),
-    st.floats(0.1, 5),
-    st.sampled_from([0.25, 0.5, 1.0]),
-    st.integers(1, 4),
-)
-def test_a_command_repeats_within_its_bounds(shape, low, swing, frequency, wavelengths):
-    waveform = Waveform("any", shape, low, low + swing, frequency, wavelengths, rest_at=low)
-    u = waveform.command(clock(0.5 + wavelengths / frequency, 0.01) - 0.5)
-    assert u.min() == pytest.approx(low)
-    assert u.max() == pytest.approx(low + swing)
-    period = round(1 / frequency / 0.01)
-    np.testing.assert_allclose(
-        u[50 : 50 + (wavelengths - 1) * period],
-        u[50 + period : 50 + wavelengths * period],
-        atol=1e-9,
-    )
-    assert np.all(u[:50] == low)
-
-
-def test_shapes_begin_at_the_low_end_and_a_square_wave_at_the_high_one():
-    quarter = np.array([0.0, 0.25, 0.5, 0.75])
-    shares = {
-        shape: Waveform("any", shape, 0, 1, 1.0, 1).command(quarter).round(6).tolist()
-        for shape in ("sine", "triangle", "square")
-    }
-    assert shares == {
-        "sine": [0, 0.5, 1, 0.5],
-        "triangle": [0, 0.5, 1, 0.5],
-        "square": [1, 1, 0, 0],
-    }
 
 
 @pytest.mark.parametrize(("bar", "centimetres"), FREE.items())

@@ -5,16 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from spec_examples import DAMPING, FORMULA, GOOD, LOGS, MEASURED, MOTION, SHIPPED, STATIC, load_text
+from spec_examples import DAMPING, GOOD, LOGS, MEASURED, MOTION, SHIPPED, STATIC, load_text
 
 from mapmore_cli.fitting.kinds.choices import model_choices
 from mapmore_cli.fitting.kinds.dictionary import signals_of, units_of
-from mapmore_cli.fitting.kinds.pieces import cuts_of, recipe_of
+from mapmore_cli.fitting.kinds.pieces import recipe_of
 from mapmore_cli.modelling.pieces.recipe import BelowAbove, CutByDirection, Cuts
 from mapmore_cli.pipeline.stages import segment_slice
 from mapmore_cli.spec.experiment import Competitor
 from mapmore_cli.spec.fields import Section
-from mapmore_cli.spec.loader import load, load_as
+from mapmore_cli.spec.loader import load
 from mapmore_cli.spec.sections.data import Between, GapRule, Levels, Rate
 from mapmore_cli.spec.sections.logs import FileEntry, Keep
 
@@ -112,13 +112,6 @@ def test_the_resolved_text_loads_to_the_same_spec(tmp_path: Path, study: str | P
     assert isinstance(study, Path) or again.resolved == loaded.resolved
 
 
-def test_the_resolved_text_says_the_defaults(tmp_path: Path) -> None:
-    resolved = load_text(tmp_path, FORMULA).resolved
-    assert "z_s: 0.25" in resolved
-    assert "missing: error" in resolved
-    assert "null" not in resolved
-
-
 @pytest.mark.parametrize(
     ("old", "new"),
     [
@@ -200,24 +193,6 @@ def test_weights_between_step_pressures_go_by_the_pressure(tmp_path: Path) -> No
 BREAKPOINTS = "{method: breakpoints, at: [100 kPa, 2]}"
 
 
-@pytest.mark.parametrize(
-    ("base", "old", "cuts", "meant"),
-    [
-        (STATIC, EVEN, "{method: gradient, count: 3}", {"strain": Cuts("gradient", 3)}),
-        (
-            STATIC,
-            EVEN,
-            "{method: optimal, count: 2, min_samples: 4}",
-            {"strain": Cuts("optimal", 2, min_samples=4)},
-        ),
-    ],
-)
-def test_methods_with_their_settings(
-    base: str, old: str, cuts: str, meant: object, tmp_path: Path
-) -> None:
-    assert cuts_of(load_text(tmp_path, base.replace(old, cuts)).spec.segment) == meant
-
-
 def test_segments_depend_on_the_fit_only_where_boundaries_try_it(tmp_path: Path) -> None:
     """A change of `fit` must not cut the curves anew, unless boundaries are optimal for that
     fit.
@@ -239,9 +214,3 @@ class Regulator(Section):
 
     volume: float
     steps: list[int]
-
-
-def test_other_kinds_of_spec_load_with_the_same_care(tmp_path: Path) -> None:
-    path = tmp_path / "rig.yaml"
-    path.write_text("volume: 1e-3\n")
-    assert load_as(path, Regulator, ["steps=[2, 3]"]).spec == Regulator(volume=0.001, steps=[2, 3])

@@ -7,15 +7,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from spec_examples import FORMULA, STATIC, load_text, refusal
 
 from mapmore_cli.domain.errors import SpecError, UsageError
 from mapmore_cli.spec.experiment import Competitor
 from mapmore_cli.spec.loader import LoadedSpec, load
 from mapmore_cli.spec.tree import Loc
-from mapmore_cli.spec.yaml_loader import as_overrides, escaped, expand
+from mapmore_cli.spec.yaml_loader import as_overrides, expand
 
 # Environment
 # --------------------------------------------------------------------------------------------------
@@ -33,12 +31,6 @@ def test_variables_are_expanded(monkeypatch: pytest.MonkeyPatch) -> None:
         == "lab7/a b/lab7y"
     )
     assert expand("$LAB $ {LAB} $${MAPMORE_LAB} }") == "$LAB $ {LAB} ${MAPMORE_LAB} }"
-
-
-@settings(deadline=None)
-@given(st.text(st.sampled_from("$${{}:-A "), max_size=20))
-def test_escaped_text_stays_as_it_is(text: str) -> None:
-    assert expand(escaped(text)) == text
 
 
 @pytest.mark.parametrize(
@@ -315,11 +307,6 @@ def test_a_wrong_override_is_placed_at_itself(
 def test_an_override_of_another_form_is_wrong_usage(tmp_path: Path, override: str) -> None:
     with pytest.raises(UsageError, match="not of the form"):
         load_text(tmp_path, STATIC, [override])
-
-
-def test_overridden_paths_start_at_the_spec(family: Path) -> None:
-    assert load(family / "child" / "spec.yaml", ["data.files=[x.csv]"]).spec.data.files == ["x.csv"]
-    assert load(family / "child" / "spec.yaml", ["data.files.0=y.csv"]).spec.data.files == ["y.csv"]
 
 
 def test_settings_keep_their_texts_on_their_way(tmp_path: Path) -> None:

@@ -16,7 +16,6 @@ from mapmore_cli.storage.run_record import RUN_RECORD, load_records, take_stamp
 KEPT = (MODEL, "scores.json", "scores.csv", "experiment.yaml", RUN_RECORD)
 FROZEN = "frozen.json"
 TAG = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
-READ_ONLY = 0o444
 
 
 def freeze(run_dir: Path, tag: str, archive: Path) -> Path:
@@ -58,7 +57,7 @@ def freeze(run_dir: Path, tag: str, archive: Path) -> Path:
                 unfinished / FROZEN, json.dumps(document, indent=1, ensure_ascii=False) + "\n"
             )
             for file in (*KEPT, FROZEN):
-                (unfinished / file).chmod(READ_ONLY)
+                (unfinished / file).chmod(0o444)  # read-only
             sync_tree(unfinished)
             unfinished.chmod(0o755)
             unfinished.rename(place)
@@ -70,12 +69,12 @@ def _entry(path: Path, *keys: str) -> object:
     file.
     """
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        entry = json.loads(path.read_text(encoding="utf-8"))
         for key in keys:
-            found = found[key]
+            entry = entry[key]
     except (OSError, ValueError, TypeError, KeyError, IndexError, RecursionError):
         return None
-    return found
+    return entry
 
 
 def _check_finished(run_dir: Path) -> None:
@@ -105,18 +104,18 @@ def find_model(text: str, runs: Path, archive: Path) -> Path:
         return path
     tagged = sorted(archive.glob(f"[!.]*@{text}")) if TAG.fullmatch(text) else []
     places = [path, runs / text, archive / text, *tagged]
-    found = list(dict.fromkeys(place for place in places if (place / MODEL).is_file()))
-    if not found:
+    folders = list(dict.fromkeys(place for place in places if (place / MODEL).is_file()))
+    if not folders:
         raise DataError(
             f"{text}: there is no model of this name",
             f"name a model file, a run in {runs}, or a tag in {archive}",
         )
-    if len(found) > 1 and found[0].parent == archive:
-        names = ", ".join(place.name for place in found)
+    if len(folders) > 1 and folders[0].parent == archive:
+        names = ", ".join(place.name for place in folders)
         raise UsageError(
             f"{text}: several frozen models have this tag: {names}", "name one of them in full"
         )
-    model, record = found[0] / MODEL, found[0] / FROZEN
+    model, record = folders[0] / MODEL, folders[0] / FROZEN
     if record.is_file() and take_stamp(model).sha256 != _entry(record, "sha256", MODEL):
         raise DataError(
             f"{model}: is not the model that was frozen",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
@@ -114,12 +114,12 @@ def write_page(
     """
     from mapmore_cli.reporting.campaign import campaign_tables
     from mapmore_cli.reporting.figures.commands import campaign_figures
-    from mapmore_cli.reporting.figures.drawing import rendered
+    from mapmore_cli.reporting.figures.drawing import render_figure
     from mapmore_cli.reporting.report import render_campaign
 
-    scores = scores_of(campaign, results)
+    scores = scores_of(results, campaign)
     tables = campaign_tables(scores)
-    figures = [rendered(drawing) for drawing in campaign_figures(scores)]
+    figures = [render_figure(drawing) for drawing in campaign_figures(scores)]
     failed = {n: told(one) for n, one in results.items() if isinstance(one, BaseException)}
     pages = {
         name: f"../{one.name}/{RUN_PAGE}"
@@ -143,19 +143,27 @@ def write_page(
 
 
 def scores_of(
-    campaign: Campaign, results: Mapping[str, Finished | BaseException]
+    results: Mapping[str, Finished | BaseException], campaign: Campaign | None = None
 ) -> CampaignScores:
-    """Return what its tables are made of: the results of its runs by name, one for each."""
+    """Return what tables of several runs are made of: their results by name, of a campaign one for
+    each of its runs.
+    """
     from mapmore_cli.reporting.campaign import CampaignScores
 
-    variants = zip(campaign.runs, results.values(), strict=True)
-    finished = [(one, run) for one, run in variants if not isinstance(run, BaseException)]
-    return CampaignScores(
-        {run.name: run.table.scores for _, run in finished},
-        units={run.name: unit for _, run in finished for unit in run.table.units.values()},
-        published={run.name: run.published for _, run in finished if run.published is not None},
+    finished = {name: run for name, run in results.items() if not isinstance(run, BaseException)}
+    runs = finished.values()
+    scores = CampaignScores(
+        {run.name: run.table.scores for run in runs},
+        units={run.name: unit for run in runs for unit in run.table.units.values()},
+        published={run.name: run.published for run in runs if run.published is not None},
+        failed=tuple(name for name in results if name not in finished),
+    )
+    if campaign is None:
+        return scores
+    groups = dict(zip(results, (variant.group for variant in campaign.runs), strict=True))
+    return replace(
+        scores,
         relative_to=campaign.relative_to,
         best_of=campaign.best_of,
-        groups={run.name: one.group for one, run in finished if one.group is not None},
-        failed=tuple(name for name, run in results.items() if isinstance(run, BaseException)),
+        groups={run.name: group for name, run in finished.items() if (group := groups[name])},
     )

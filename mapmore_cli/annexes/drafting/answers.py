@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from mapmore_cli.annexes.drafting.columns import Table
+from mapmore_cli.annexes.drafting.columns import TitledColumns
 from mapmore_cli.annexes.drafting.draft import Column, Draft, NamedColumn, Note, range_of
 from mapmore_cli.annexes.drafting.groups import Group
 from mapmore_cli.domain.arrays import Array
@@ -163,7 +163,7 @@ def course(values: Sequence[Array]) -> str:
     return "".join(BLOCKS[int((len(BLOCKS) - 1) * share + 0.5)] for share in shares.tolist())
 
 
-def asked_columns(table: Table, ask: Ask) -> dict[str, NamedColumn]:
+def asked_columns(table: TitledColumns, ask: Ask) -> dict[str, NamedColumn]:
     """Ask which columns are used, and what they are."""
 
     def read(reply: str) -> dict[str, NamedColumn]:
@@ -177,7 +177,7 @@ def asked_columns(table: Table, ask: Ask) -> dict[str, NamedColumn]:
         return columns
 
     options = tuple(
-        Option(f"{column}", range_of(values), course(values))
+        Option(f"column {column}", range_of(values), course(values))
         for column, values in table.raw.items()
     )
     form = "NAME=COLUMN:UNIT of each that is used, as time=0:s,pressure=4:psi,angle=2"

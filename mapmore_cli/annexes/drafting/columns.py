@@ -25,7 +25,7 @@ _IN_BRACKETS = re.compile(r"[\[(]\s*([^\W\d_][^\])]*|%)\s*[\])]")
 
 
 @dataclass(frozen=True)
-class Table:
+class TitledColumns:
     """The columns of numbers of some files, the titles of those that have one, and the texts below
     these.
     """
@@ -52,7 +52,7 @@ def is_clock(values: Sequence[Array]) -> bool:
     return all(np.ptp(one) > 0 and np.mean(np.diff(one) < 0) <= MOST_GLITCHES for one in values)
 
 
-def named_by_titles(table: Table) -> dict[str, NamedColumn]:
+def named_by_titles(table: TitledColumns) -> dict[str, NamedColumn]:
     """Return the columns that move, by quantity where titles name one, else by their titles.
 
     Where several titles name one quantity, the one with a unit has its name, then the plainer; of
@@ -90,7 +90,7 @@ def _rank(label: ColumnTitle | None) -> tuple[bool, bool]:
     return label is None or label.unit is None, label is None or not label.plain
 
 
-def _without_copies(table: Table, columns: Sequence[Column]) -> list[Column]:
+def _without_copies(table: TitledColumns, columns: Sequence[Column]) -> list[Column]:
     """Return the columns that move, and of copies of one signal the best named; a title that names
     another quantity is believed.
     """
@@ -105,14 +105,14 @@ def _without_copies(table: Table, columns: Sequence[Column]) -> list[Column]:
     return [column for column in moving if column not in copies]
 
 
-def _kind(table: Table, column: Column) -> str:
+def _kind(table: TitledColumns, column: Column) -> str:
     """Return the quantity that a title names, one word for all positions; empty for none."""
     label = table.label(column)
     quantity = label.quantity if label is not None else ""
     return "position" if quantity in POSITIONS else quantity if quantity in _CALLED else ""
 
 
-def _telling(table: Table, column: Column) -> int:
+def _telling(table: TitledColumns, column: Column) -> int:
     label = table.label(column)
     return POSITIONS.index(label.quantity) if label and label.quantity in POSITIONS else 0
 
@@ -122,7 +122,7 @@ def _identifier(title: str, column: Column) -> str:
     return name if name[:1].isalpha() and name not in CANONICAL else f"column_{column}"
 
 
-def _by_title(quantity: str, column: Column, table: Table) -> NamedColumn:
+def _by_title(quantity: str, column: Column, table: TitledColumns) -> NamedColumn:
     """Return the column in the unit that its title or the line below it says."""
     label, reach = table.label(column), table.raw[column]
     bracketed = _IN_BRACKETS.search(
@@ -157,7 +157,9 @@ def _is_unit(text: str) -> bool:
     return bool(text)
 
 
-def named_by_person(told: Mapping[str, NamedColumn], table: Table) -> dict[str, NamedColumn]:
+def named_by_person(
+    told: Mapping[str, NamedColumn], table: TitledColumns
+) -> dict[str, NamedColumn]:
     """Return the columns that a person has named; DataError for one that holds no numbers.
 
     A unit that was not said is that of the title, else the model's.
@@ -201,7 +203,7 @@ def target_of(names: Sequence[str], is_driven: bool) -> str | None:
     return None
 
 
-def refuse_choice(table: Table, where: str) -> UsageError:
+def refuse_choice(table: TitledColumns, where: str) -> UsageError:
     """Return the error for columns of which nobody says what is to be predicted: it lists them."""
     lines = [
         f"  {column}  {table.titles.get(column, '') if isinstance(column, int) else ''} "

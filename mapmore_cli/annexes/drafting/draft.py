@@ -143,10 +143,10 @@ class Draft:
 
     def text(self) -> str:
         """Return the draft as YAML, with its notes."""
-        return "\n".join([HEAD, *_lines(self.spec, (), self.notes), TAIL, ""])
+        return "\n".join([HEAD, *_yaml_lines(self.spec, (), self.notes), TAIL, ""])
 
 
-def _lines(
+def _yaml_lines(
     value: Mapping[str, Any] | Sequence[Any], loc: Loc, notes: Mapping[Loc, Note]
 ) -> Iterator[str]:
     margin = "  " * len(loc)
@@ -175,7 +175,7 @@ def _lines(
         yield from (
             *_noted(line, notes.get(here)),
             *rest,
-            *(_lines(child, here, notes) if is_block else ()),
+            *(_yaml_lines(child, here, notes) if is_block else ()),
         )
 
 
@@ -236,7 +236,7 @@ def draft_page(draft: Draft) -> str:
         files=draft.files,
         drawn=len(next(iter(draft.raw.values()), ())),
         questions=[f"{'.'.join(map(str, loc))}: {note.why}" for loc, note in draft.open.items()],
-        columns=[_described(draft, column, used.get(column)) for column in draft.raw],
+        columns=[_column_row(draft, column, used.get(column)) for column in draft.raw],
         pairs=pairs,
         tried=[] if draft.found is None else _as_rows(draft.found),
         left_out="" if draft.found is None else draft.found.left_out,
@@ -246,7 +246,7 @@ def draft_page(draft: Draft) -> str:
     )
 
 
-def _described(draft: Draft, column: Column, name: str | None) -> dict[str, Any]:
+def _column_row(draft: Draft, column: Column, name: str | None) -> dict[str, Any]:
     values = draft.raw[column]
     note = draft.notes.get(("data", "columns", name or ""), Note(""))
     unit = draft.data["columns"][name].get("unit", "") if name else ""

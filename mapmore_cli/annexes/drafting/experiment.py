@@ -66,8 +66,9 @@ def find_held(
     levels = own if own is not None and len(levels) > len(own) else levels
     if len(levels) < 2:
         return None
-    at, within = _rounded(values, levels)
-    return Held(of, at, within, swept)
+    at, within = _neat_levels(values, levels)
+    reached = np.unique(match_levels(values, at, within or default_within(at)))
+    return Held(of, at[reached[reached >= 0]], within, swept)
 
 
 def _level_of_each(recordings: Sequence[Recording], name: str) -> Array | None:
@@ -92,7 +93,7 @@ def _travel(recordings: Sequence[Recording], name: str) -> float:
     return way / span if span else 0.0
 
 
-def _rounded(values: Array, levels: Array) -> tuple[Array, float | None]:
+def _neat_levels(values: Array, levels: Array) -> tuple[Array, float | None]:
     """Return the levels with as few digits as the scatter of their samples allows, and how near a
     sample has to be to its level: 249.9 +- 0.7 was meant to be 250. None where few samples lie
     between levels.
@@ -103,7 +104,7 @@ def _rounded(values: Array, levels: Array) -> tuple[Array, float | None]:
     scatter = [float(np.median(off[nearest == place])) for place in range(len(levels))]
     rounded = []
     for level, spread in zip(levels.tolist(), scatter, strict=True):
-        near = min(spread, 2 * TIGHT * half)
+        near = min(spread, TIGHT * half)
         shorter = (round(level, digits) + 0.0 for digits in range(-6, 7))
         rounded.append(next((one for one in shorter if abs(one - level) <= near), level))
     tight = max(2 * TIGHT * half, *(7 * spread for spread in scatter))
@@ -140,7 +141,7 @@ def with_experiment(
     draft = draft.with_section("target", "static" if target == "force" else {"column": target})
     samples = sum(one.rows_kept for one in recordings)
     if held is None and "time" in recordings[0].columns and samples >= FEWEST:
-        return _with_memory(draft.with_section("target", {"column": target}), recordings)
+        return _as_memory_study(draft.with_section("target", {"column": target}), recordings)
     if held is not None:
         draft = _with_levels(_with_static_samples(draft, recordings, held), recordings, held)
     draft = _with_split(draft, recordings)
@@ -155,7 +156,7 @@ def with_experiment(
     return draft.with_section("validate", {"against": formulas}) if formulas else draft
 
 
-def inner_levels(levels: Sequence[float]) -> list[float]:
+def levels_to_hold_out(levels: Sequence[float]) -> list[float]:
     """Return levels to hold out: every third of six or more, one of fewer; never the first or the
     last.
     """
@@ -205,7 +206,7 @@ def _with_split(draft: Draft, recordings: Sequence[Recording]) -> Draft:
     """
     levels = draft.data.get("levels")
     names = [one.id for one in recordings]
-    if levels is not None and (inner := inner_levels(levels["at"])):
+    if levels is not None and (inner := levels_to_hold_out(levels["at"])):
         return draft.with_data("split", {"validate": {levels["of"]: inner}}, "inner levels")
     if levels is None and len(names) > 2:
         return draft.with_data("split", {"validate": {"recordings": names[1:-1:3]}})
@@ -214,7 +215,7 @@ def _with_split(draft: Draft, recordings: Sequence[Recording]) -> Draft:
     return draft.with_data("split", {"validate": {"last": LAST}}, "the last of every recording")
 
 
-def _with_memory(draft: Draft, recordings: Sequence[Recording]) -> Draft:
+def _as_memory_study(draft: Draft, recordings: Sequence[Recording]) -> Draft:
     """Return the draft with even steps, and the end of every recording held out."""
     times = [one.columns["time"] for one in recordings if one.rows_kept > 1]
     usual = float(np.median(np.concatenate([np.diff(time) for time in times])))

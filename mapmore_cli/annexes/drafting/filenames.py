@@ -149,7 +149,7 @@ def held_in_names(
         return None
     (quantity,) = kinds
     usual = hold[1] if hold and hold[0] == quantity and hold[1] else default_unit(quantity)
-    return quantity, [_told(str(word), told[str(word)], quantity, usual) for word in conditions]
+    return quantity, [_told_by(str(word), told[str(word)], quantity, usual) for word in conditions]
 
 
 def _quantity_of(word: str, unit: str | None, hold: tuple[str, str] | None) -> str:
@@ -161,7 +161,7 @@ def _quantity_of(word: str, unit: str | None, hold: tuple[str, str] | None) -> s
     return "load" if unit in ("kgf", "gf") else _HELD_IN[str(unit)]
 
 
-def _told(word: str, number: tuple[float, str | None] | None, quantity: str, usual: str) -> Told:
+def _told_by(word: str, number: tuple[float, str | None] | None, quantity: str, usual: str) -> Told:
     if number is None:
         return Told(0.0, f"'{word}' has no number: taken as {quantity} 0")
     value, unit = number[0], number[1] or usual

@@ -99,7 +99,7 @@ def preview(path: Path, least: int = 2) -> Preview:
     if (width := max((len(row) for top in tops for row in top.rows), default=0)) > WIDEST:
         raise DataError(f"{path.name}: has {width} columns, more than {WIDEST}", remedy)
     tables = [
-        table for table in (_table(top, reader.name, least) for top in tops) if table is not None
+        table for table in (_table_in(top, reader.name, least) for top in tops) if table is not None
     ]
     if not tables:
         if any(
@@ -143,7 +143,7 @@ def _of_all_sheets(found: _Table, tables: Sequence[_Table], sheets: Sequence[str
     return replace(layout, settings=settings, sheets=() if is_every else alike, told=told)
 
 
-def _table(first_rows: Top, reader: str, least: int) -> _Table | None:
+def _table_in(first_rows: Top, reader: str, least: int) -> _Table | None:
     """Return the table that the last rows belong to; None where they are no numbers in enough
     columns.
 
@@ -151,15 +151,15 @@ def _table(first_rows: Top, reader: str, least: int) -> _Table | None:
     Rows right before it with as many cells are the header, what stands before these is skipped. The
     very last row may be cut off, or be a remark.
     """
-    whole, width = _body(first_rows.rows)
+    whole, width = _without_closing_lines(first_rows.rows)
     numeric = _numeric_columns(
         [row for row in whole[len(whole) // 2 :] if len(row) == width], first_rows.is_number
     )
     if len(numeric) < least:
         return None
-    blank = [not _filled(row) for row in whole]
+    blank = [not _nonempty(row) for row in whole]
     filled = [
-        _filled([row[place] for place in numeric])
+        _nonempty([row[place] for place in numeric])
         if len(row) == width or (reader == "xlsx" and len(row) > width)
         else []
         for row in whole
@@ -190,7 +190,7 @@ def _table(first_rows: Top, reader: str, least: int) -> _Table | None:
     )
     if first == len(whole) or first - top > MOST_HEADER_LINES:
         return None
-    counts = [len(_filled(row)) for row in whole[top:first]]
+    counts = [len(_nonempty(row)) for row in whole[top:first]]
     top += next(
         (place for place, count in enumerate(counts) if 2 * count > max(counts)), 0
     )  # names of a rig or a date stand in few cells
@@ -227,7 +227,7 @@ def _table(first_rows: Top, reader: str, least: int) -> _Table | None:
     if first_rows.addresses:
         layout = replace(layout, settings={**first_rows.settings}, addresses=first_rows.addresses)
     words = [
-        _filled([row[place] for row in whole[first:] if len(row) == width])
+        _nonempty([row[place] for row in whole[first:] if len(row) == width])
         for place in range(width)
         if place not in numeric
     ]
@@ -240,22 +240,22 @@ def _may_be_titles(row: Row, width: int, least: int) -> bool:
     `least`.
     """
     return len(row) == width or (
-        len(row) < width and len(row) >= least and len(_filled(row)) == len(row)
+        len(row) < width and len(row) >= least and len(_nonempty(row)) == len(row)
     )
 
 
-def _body(rows: Sequence[Row]) -> tuple[Sequence[Row], int]:
+def _without_closing_lines(rows: Sequence[Row]) -> tuple[Sequence[Row], int]:
     """Return the rows without the last one and without closing remarks, and the number of cells
     that most of the later ones have.
     """
     whole = rows[:-1] if len(rows) > 1 else rows
-    widths = Counter(len(row) for row in whole[len(whole) // 2 :] if _filled(row))
+    widths = Counter(len(row) for row in whole[len(whole) // 2 :] if _nonempty(row))
     width = widths.most_common(1)[0][0] if widths else 0
     end = next(
         (
             i
             for i in range(len(whole), 0, -1)
-            if len(whole[i - 1]) == width and _filled(whole[i - 1])
+            if len(whole[i - 1]) == width and _nonempty(whole[i - 1])
         ),
         0,
     )
@@ -264,11 +264,11 @@ def _body(rows: Sequence[Row]) -> tuple[Sequence[Row], int]:
 
 def _numeric_columns(rows: Sequence[Row], is_number: Callable[[Any], bool]) -> list[int]:
     """Return the columns of which most cells that are filled are numbers."""
-    columns = [_filled(cells) for cells in zip(*rows, strict=True)]
+    columns = [_nonempty(cells) for cells in zip(*rows, strict=True)]
     return [
         place for place, cells in enumerate(columns) if 2 * sum(map(is_number, cells)) > len(cells)
     ]
 
 
-def _filled(row: Row) -> list[Any]:
+def _nonempty(row: Row) -> list[Any]:
     return [cell for cell in row if cell is not None and str(cell).strip()]

@@ -61,7 +61,7 @@ def scored(loaded: LoadedSpec, dataset: Dataset) -> tuple[Score, Score | None]:
     return own_score, min(known, key=lambda row: row.rmse, default=None)
 
 
-def verdict(own: Score, plainer: Score | None) -> str:
+def score_in_words(own: Score, plainer: Score | None) -> str:
     """Return the error of a draft in words, and that of a plainer model that errs less."""
     where = "on held-out data" if own.split == "validate" else "on its own training data"
     if not np.isfinite([own.rmse, own.nrmse]).all():
@@ -79,28 +79,27 @@ def _per_cent(score: Score) -> str:
 def proven(
     draft: Draft, folder: Path, budget: float | None = None, progress: Progress = lambda *_: None
 ) -> Draft:
-    """Return the draft with the structure that a search finds, and what it scored; a straight line
-    through all samples where data are too few for the draft.
+    """Return the draft with the structure that a search finds, and what it scored. Where data are
+    too few for it, nothing is held out or at a level, and at last it is a straight line.
 
     The search takes `budget` seconds of computing time, by default `BUDGET`.
     Raises DataError where there is no model.
     """
     seconds = BUDGET if budget is None else budget
-    note = draft.notes.get(("target",), Note(""))
-    try:
-        made, told = _tried(draft, folder, seconds, progress)
-    except MapmoreError as fault:
-        line = draft.without("validate", *MODEL, *(f"data.{key}" for key in EXPERIMENT))
-        terms = [{"polynomial": {"of": _inputs_of(draft)[:1], "order": 1}}]
-        why = f"a straight line, as {' '.join(fault.message.split())[:160]}"
-        note = Note(why, sure=False)
+    before = draft.notes.get(("target",), Note(""))
+    bare = draft.without("validate", *MODEL, *(f"data.{key}" for key in EXPERIMENT))
+    line = [{"polynomial": {"of": _inputs_of(draft)[:1], "order": 1}}]
+    faults: list[str] = []
+    for candidate in (draft, bare, bare.with_section("dictionary", line)):
         try:
-            line = line.with_section("dictionary", terms)
-            made, told = _tried(line, folder, seconds, progress)
-        except MapmoreError:
-            raise DataError(f"{draft.name}: {fault.message}", "write the spec by hand") from fault
-    why = f"{note.why}; tried: {told}" if note.why else f"tried: {told}"
-    return made.noted(("target",), why, note.sure)
+            made, told = _tried(candidate, folder, seconds, progress)
+        except MapmoreError as fault:
+            faults.append(" ".join(fault.message.split()))
+            continue
+        simpler = f"made simpler, as {faults[0][:160]}" if faults else ""
+        why = "; ".join(filter(None, (before.why, simpler, f"tried: {told}")))
+        return made.noted(("target",), why, before.sure and not faults)
+    raise DataError(f"{draft.name}: {faults[0]}", "write the spec by hand")
 
 
 def _inputs_of(draft: Draft) -> list[str]:
@@ -115,13 +114,13 @@ def _tried(draft: Draft, folder: Path, budget: float, progress: Progress) -> tup
     """
     if "dictionary" not in draft.spec:
         model = {"type": AUTO, "budget": budget}
-        loaded, dataset = _checked({**draft.without("validate").spec, "model": model}, folder)
+        loaded, dataset = _inspected({**draft.without("validate").spec, "model": model}, folder)
         structure = search(dataset, search_slice(loaded.spec), progress, beside=False)
         draft = _with_structure(draft, structure)
-    return draft, verdict(*scored(*_checked(draft.spec, folder)))
+    return draft, score_in_words(*scored(*_inspected(draft.spec, folder)))
 
 
-def _checked(spec: dict[str, Any], folder: Path) -> tuple[LoadedSpec, Dataset]:
+def _inspected(spec: dict[str, Any], folder: Path) -> tuple[LoadedSpec, Dataset]:
     loaded = load_text(dump(spec), "draft.yaml", folder)
     inspection = inspect(loaded)
     if inspection.verdict is not None or inspection.dataset is None:

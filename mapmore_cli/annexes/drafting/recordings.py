@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from mapmore_cli.annexes.drafting.columns import Table, named_by_person, named_by_titles
+from mapmore_cli.annexes.drafting.columns import TitledColumns, named_by_person, named_by_titles
 from mapmore_cli.annexes.drafting.draft import Column, Draft, NamedColumn
 from mapmore_cli.annexes.drafting.groups import Group, patterns
 from mapmore_cli.checking.evidence import two_digits
@@ -81,7 +81,7 @@ def read_tolerantly(
         return draft, dataset
 
 
-def table_of(group: Group, folder: Path) -> Table:
+def table_of(group: Group, folder: Path) -> TitledColumns:
     """Return the columns of numbers of a few files of a group; columns of text and empty ones are
     missing.
 
@@ -92,12 +92,12 @@ def table_of(group: Group, folder: Path) -> Table:
     raw: dict[Column, list[Array]] = {}
     is_whole = False
     with suppress(DataError):
-        raw, is_whole = _columns(group, folder, layout.columns)
+        raw, is_whole = _read_columns(group, folder, layout.columns)
     if not is_whole:
         raw = {}
         for place, column in enumerate(layout.columns):
             try:
-                raw |= _columns(group, folder, (column,))[0]
+                raw |= _read_columns(group, folder, (column,))[0]
             except DataError as fault:
                 if isinstance(fault, NotANumber) and fault.known and place in layout.numeric:
                     raise
@@ -108,10 +108,10 @@ def table_of(group: Group, folder: Path) -> Table:
         dict(zip(layout.columns, texts, strict=False))
         for texts in (layout.titles or (), layout.below)
     )
-    return Table(titles, raw, below)
+    return TitledColumns(titles, raw, below)
 
 
-def _columns(
+def _read_columns(
     group: Group, folder: Path, columns: Sequence[Column]
 ) -> tuple[dict[Column, list[Array]], bool]:
     """Return the columns, and whether every sample has all of them."""
@@ -135,7 +135,7 @@ def _columns(
     return raw, not any(one.dropped.get("missing value") for one in dataset.recordings)
 
 
-def with_columns(draft: Draft, columns: Mapping[str, NamedColumn], table: Table) -> Draft:
+def with_columns(draft: Draft, columns: Mapping[str, NamedColumn], table: TitledColumns) -> Draft:
     """Return the draft with its columns, their units where the names are no canonical quantities,
     and a word on those that are not used.
     """

@@ -195,15 +195,15 @@ def start(
     if not drafts and open_choice is not None:
         raise open_choice
     if not drafts:
-        told = "\n  ".join(_shortened(remarks))
+        told = "\n  ".join(_first_remarks(remarks))
         raise DataError(
             f"{path}: no usable recording was found",
             told or "give a folder of recordings, as CSV files",
         )
-    return Start(tuple(drafts), tuple(_shortened(remarks)))
+    return Start(tuple(drafts), tuple(_first_remarks(remarks)))
 
 
-def _shortened(remarks: Sequence[str]) -> list[str]:
+def _first_remarks(remarks: Sequence[str]) -> list[str]:
     more = len(remarks) - MOST_REMARKS
     return [*remarks[:MOST_REMARKS], *([f"... and {more} more"] if more > 0 else [])]
 

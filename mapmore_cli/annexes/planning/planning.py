@@ -33,12 +33,10 @@ from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.modelling.validation.significance import geometric_mean, simplest_of
 from mapmore_cli.pipeline.runner import (
     FOUND,
-    SEARCH_STAGE,
     OnStage,
     bring_up_to_date,
-    search_stages,
 )
-from mapmore_cli.pipeline.staleness import as_found
+from mapmore_cli.pipeline.staleness import SEARCH_STAGE, as_found
 from mapmore_cli.spec.loader import LoadedSpec, load
 from mapmore_cli.spec.yaml_loader import as_overrides
 from mapmore_cli.storage.atomic import write_text
@@ -168,7 +166,7 @@ def searched(
     if budget is not None:
         asked["model.budget"] = budget
     loaded = load(loaded.path, (*loaded.overrides, *as_overrides(asked)))
-    outcome = bring_up_to_date(loaded, runs, SEARCH_STAGE, stages=search_stages(), **listeners)
+    outcome = bring_up_to_date(loaded, runs, SEARCH_STAGE, **listeners)
     path = outcome.run_dir / FOUND
     write_text(
         path, as_found(loaded, outcome.run_dir).resolved_in(outcome.run_dir, given_only=True)
@@ -296,7 +294,7 @@ def _of_levels(name: str, whole: Dataset, prices: Mapping[str, float]) -> Planne
             "measure its lowest and its highest value first",
         )
     order = np.argsort(-np.diff(places), kind="stable")
-    found = tuple(
+    middles = tuple(
         Candidate(
             {level: float(places[i : i + 2].mean())}, "between", gap=float(np.diff(places)[i])
         )
@@ -305,7 +303,7 @@ def _of_levels(name: str, whole: Dataset, prices: Mapping[str, float]) -> Planne
     low, high = places[order[0] : order[0] + 2]
     why = f"No gap between levels is wider than that from {low:g} to {high:g}. {EQUAL}"
     unknown = np.full(len(places), np.nan)
-    return found, Picture({level: places}, unknown, unknown, {level: places}), None, (why,)
+    return middles, Picture({level: places}, unknown, unknown, {level: places}), None, (why,)
 
 
 def _of_points(
@@ -338,7 +336,7 @@ def _of_points(
     formulas = formulas_of(dataset, measured, places)
 
     planned = of_points.Committee(measured, places, formulas)
-    found, halves = of_points.next_points(planned, names, count, prices)
+    next_ones, halves = of_points.next_points(planned, names, count, prices)
     notes = [MAP] if len(names) == 2 else []
     forecast = (
         None
@@ -346,7 +344,7 @@ def _of_points(
         else of_points.until(of_points.Committee(measured, places, formulas), wanted)
     )
     notes.append("Half widths are right on average; single ones miss by a factor of up to three.")
-    return found, of_points.picture(planned, measured, halves), forecast, tuple(notes)
+    return next_ones, of_points.picture(planned, measured, halves), forecast, tuple(notes)
 
 
 def formulas_of(
@@ -358,12 +356,12 @@ def formulas_of(
     A formula that leaves the measured values by their range, as one of few points does, is no
     member.
     """
-    found = {"none": (np.zeros(len(measured.y)), np.zeros(len(places)))}
+    said = {"none": (np.zeros(len(measured.y)), np.zeros(len(places)))}
     for name in COMMITTEE:
         if set(literature.get(name).inputs) != set(measured.names) or dataset.target != "force":
             continue
         try:
-            fit = fit_formula(name, dataset.curves, dataset.target, advice=False)
+            fit = fit_formula(name, dataset.curves, dataset.target)
         except (DataError, FitError):
             continue
         if not fit.failed:
@@ -372,5 +370,5 @@ def formulas_of(
                 literature.of(fit).predict(fit.parameters, inputs) for inputs in columns
             )
             if np.ptp(np.append(measured.y, at_places)) <= ASTRAY * np.ptp(measured.y):
-                found[name] = (at_measured, at_places)
-    return found
+                said[name] = (at_measured, at_places)
+    return said

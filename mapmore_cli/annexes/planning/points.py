@@ -19,7 +19,7 @@ from scipy.spatial import Delaunay, QhullError
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.results import Candidate, Picture, Until
-from mapmore_cli.modelling.gaussian_process import GaussianProcess, most_likely
+from mapmore_cli.modelling.validation.gaussian_process import GaussianProcess, most_likely
 from mapmore_cli.modelling.validation.intervals import NORMAL
 
 SLACK, LITTLE = (
@@ -144,7 +144,7 @@ def next_points(
     Worth is divided by cost. The first time that a quantity takes a value costs its price; at the
     least, a point costs the lowest price.
     """
-    before, places, found, numbers = (
+    before, places, next_ones, numbers = (
         committee.half,
         committee.places,
         list[Candidate](),
@@ -164,7 +164,7 @@ def next_points(
         error, half = float(committee.error[number]), float(committee.half[number])
         committee.add(number)
         at = dict(zip(names, places[number].tolist(), strict=True))
-        found.append(
+        next_ones.append(
             Candidate(
                 at,
                 "point",
@@ -175,7 +175,7 @@ def next_points(
                 float(cost[number]),
             )
         )
-    return tuple(found), (before, committee.half)
+    return tuple(next_ones), (before, committee.half)
 
 
 def until(committee: Committee, wanted: float) -> Until:

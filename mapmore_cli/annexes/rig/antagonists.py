@@ -16,7 +16,7 @@ from annotated_types import Len
 
 from mapmore_cli.annexes.rig.air import TOLERANCE, Air, ClosedMuscle, Regulator
 from mapmore_cli.annexes.rig.muscle import IN_KPA, Hysteresis, Pressure, Rubber
-from mapmore_cli.annexes.rig.random_velocity import Course, RestLength
+from mapmore_cli.annexes.rig.random_velocity import PressureCourse, RestLength
 from mapmore_cli.annexes.rig.sensors import clock, integrate, low_pass
 from mapmore_cli.annexes.rig.static_muscles import McKibben
 from mapmore_cli.domain.arrays import Array, Columns
@@ -56,7 +56,7 @@ class Antagonists(Settings):
     air: Air
     rubber: Rubber
     regulator: Regulator
-    course: Course | None = None  # of `random`
+    course: PressureCourse | None = None  # of `random`
     load_cell: Positive  # cut-off of the amplifiers, Hz
 
     def __post_init__(self) -> None:

@@ -60,7 +60,7 @@ class Response(NamedTuple):
     displacement: float  # dV/de at constant pressure, m3
 
 
-class Muscle(StaticMuscle, Protocol):
+class FilledMuscle(StaticMuscle, Protocol):
     """The same with its fluid."""
 
     @property
@@ -199,7 +199,7 @@ class MovingMuscle:
     (N), then the m stop operators.
     """
 
-    muscle: Muscle
+    muscle: FilledMuscle
     hysteresis: Hysteresis
     rubber: Rubber
 

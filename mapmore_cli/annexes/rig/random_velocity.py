@@ -36,7 +36,7 @@ class RestLength(Settings):
 
 
 @dataclass(frozen=True)
-class Course(Settings):
+class PressureCourse(Settings):
     """Smooth moves of a wanted pressure to random places, in random times."""
 
     between: Annotated[tuple[Pressure, Pressure], ListToo()]  # Pa
@@ -58,7 +58,7 @@ class Valves(Settings):
     """A regulator drives the pressure along random moves, which begin at the initial pressure."""
 
     regulator: Regulator
-    course: Course
+    course: PressureCourse
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ def random_velocity(
     soft = 0.0 if motion.tendon is None else 1.0 / (motion.tendon.stiffness * length)
     start = muscle.taut_strain(pressure, motion.taut)
     time = clock(motion.duration, motion.sample_time)
-    path = _path(start - soft * motion.taut, motion, length, time[-1], rng)
+    path = _random_path(start - soft * motion.taut, motion, length, time[-1], rng)
     if motion.tendon is None and motion.valves is None:
         moved = muscle.move(np.asarray(path(time)), pressure, motion.sample_time, motion.load_cell)
     else:
@@ -193,7 +193,7 @@ def _moved(
     )
 
 
-def _path(
+def _random_path(
     start: float, motion: RandomVelocity, length: float, end: float, rng: np.random.Generator
 ) -> CubicHermiteSpline:
     """Strain over time: cubic moves, at rest at both ends, between places drawn over the whole

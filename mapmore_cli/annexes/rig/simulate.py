@@ -31,7 +31,12 @@ from mapmore_cli.annexes.rig.muscle import Hysteresis
 from mapmore_cli.annexes.rig.random_velocity import RandomVelocity, random_velocity
 from mapmore_cli.annexes.rig.sensors import Sensor, measure, pressure_label, recording_generator
 from mapmore_cli.annexes.rig.static_muscles import McKibben, Peano
-from mapmore_cli.annexes.rig.step_response import Step, StepResponses, StepRig, step_response
+from mapmore_cli.annexes.rig.step_response import (
+    PressureStep,
+    StepResponses,
+    StepRig,
+    step_response,
+)
 from mapmore_cli.annexes.rig.water import WetMuscle
 from mapmore_cli.annexes.rig.waveform import Waveform, Waveforms, waveform_response
 from mapmore_cli.domain.arrays import Columns
@@ -124,7 +129,7 @@ class SimulationSpec(Section):
 # Recordings
 # --------------------------------------------------------------------------------------------------
 
-Cause = float | Step | Waveform | str
+Cause = float | PressureStep | Waveform | str
 """What tells one recording of a simulation from another: its pressure (Pa), its step or waveform,
 or a name.
 """
@@ -172,7 +177,7 @@ def label(cause: Cause) -> str:
     match cause:
         case Waveform(name=name) | str(name):
             return name
-        case Step(pressure=pressure) | pressure:
+        case PressureStep(pressure=pressure) | pressure:
             return pressure_label(pressure)
 
 
@@ -180,7 +185,7 @@ def recording(spec: SimulationSpec, cause: Cause) -> Columns:
     """Return readings, each `(n,)`, by the names and in the units of `COLUMNS`: those that the
     experiment measures.
     """
-    pressure = cause.pressure if isinstance(cause, Step) else cause
+    pressure = cause.pressure if isinstance(cause, PressureStep) else cause
     rng = recording_generator(
         spec.seed,
         f"pressure={pressure / KPA:g}"
@@ -224,7 +229,7 @@ def truth(spec: SimulationSpec, cause: Cause, rng: np.random.Generator) -> Colum
             return load_cycle(muscle, friction, cycle, pressure, rng)
         case ContractionTable() as table, _, float(pressure):
             return contraction_table(muscle, friction, table, pressure, rng)
-        case StepResponses(rig=rig) as setup, _, Step() as step:
+        case StepResponses(rig=rig) as setup, _, PressureStep() as step:
             return step_response(StepRig(WetMuscle(muscle, friction, rig.rubber, rig), setup), step)
         case Perturbations(rig=rig) as strokes, _, float(pressure):
             return perturbation(WetMuscle(muscle, friction, rig.rubber, rig), strokes, pressure)

@@ -47,7 +47,7 @@ class Bumper(Settings):
 
 
 @dataclass(frozen=True)
-class Step(Settings):
+class PressureStep(Settings):
     """One recording."""
 
     pressure: DrivingPressure  # of the supply, Pa
@@ -61,7 +61,9 @@ class StepResponses(Settings):
     """
 
     type: Literal["step_responses"]
-    steps: Annotated[Sequence[Step], Len(1), distinct(lambda step: pressure_label(step.pressure))]
+    steps: Annotated[
+        Sequence[PressureStep], Len(1), distinct(lambda step: pressure_label(step.pressure))
+    ]
     rest: Positive  # before the supply opens, s
     hold: Positive  # until the exhaust opens, s
     fall: Positive  # until the recording ends, s
@@ -141,7 +143,7 @@ class StepRig:
         )
 
 
-def step_response(rig: StepRig, step: Step, tolerance: float = TOLERANCE) -> Columns:
+def step_response(rig: StepRig, step: PressureStep, tolerance: float = TOLERANCE) -> Columns:
     """Truth of one recording, columns `(n,)` as those of `observe`."""
     states, bumper = rig.at_rest(), rig.setup.bumper
     touch = states[1] + (step.weight - bumper.pretension) / (

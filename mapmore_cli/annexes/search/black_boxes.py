@@ -13,7 +13,6 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.fitting.baselines import DELAYS, MOST_SAMPLES, even_share, features, learned
-from mapmore_cli.modelling.gaussian_process import smooth
 
 MOST_IN_A_FOLD = 1_500
 """Training samples of a black box in each fold; half of those that it has as a competitor, where
@@ -46,6 +45,8 @@ def black_boxes(
     inputs as well. The Gaussian process is that of `plan`: loading scikit-learn takes longer than
     all structures of a small table.
     """
+    from mapmore_cli.modelling.validation.gaussian_process import smooth
+
     if not inputs:
         return {}
     delays = DELAYS if past else (0,)

@@ -14,7 +14,7 @@ from typing import Any
 from mapmore_cli.annexes.search.situation import Situation
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.literature import TARGET
-from mapmore_cli.modelling.literature.formula import LiteratureModel
+from mapmore_cli.modelling.literature.formula import Formula
 
 MOST = ("inputs", "most_moving", "samples")
 """Conditions with an upper bound."""
@@ -155,7 +155,7 @@ def vocabulary(of: Situation, **more: Any) -> dict[str, Any]:
     }
 
 
-def _is_known(formula: LiteratureModel, of: Situation) -> bool:
+def _is_known(formula: Formula, of: Situation) -> bool:
     """Return whether the quantities of a formula are among the inputs, with no dimensions and fewer
     parameters than there are samples.
     """
@@ -182,7 +182,7 @@ def filled(part: Any, words: Mapping[str, Any]) -> Any:
             return (
                 words[part]
                 if part in words
-                else WORD.sub(lambda found: str(words.get(found[0], found[0])), part)
+                else WORD.sub(lambda word: str(words.get(word[0], word[0])), part)
             )
         case {"every": text}:
             loops = {name: filled(each, words) for name, each in part.items() if name != "every"}
@@ -191,8 +191,8 @@ def filled(part: Any, words: Mapping[str, Any]) -> Any:
                 for some in product(*loops.values())
             ]
         case Mapping():
-            found = {filled(key, words): filled(one, words) for key, one in part.items()}
-            return {key: one for key, one in found.items() if key == "of" or one != []}
+            entries = {filled(key, words): filled(one, words) for key, one in part.items()}
+            return {key: one for key, one in entries.items() if key == "of" or one != []}
         case list():
             return [each for one in part for each in _spliced(one, filled(one, words))]
     return part

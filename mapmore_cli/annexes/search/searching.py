@@ -91,8 +91,8 @@ def family(name: str) -> Mapping[str, Any]:
         .joinpath(f"families/{name}.yaml")
         .read_text(encoding="utf-8")
     )
-    found: Mapping[str, Any] = yaml.safe_load(text)
-    return found
+    document: Mapping[str, Any] = yaml.safe_load(text)
+    return document
 
 
 def search(
@@ -158,8 +158,8 @@ def search(
         (Tried(BLACK_BOX, name.replace("_", " "), {}), left) for name, left in boxes.items()
     ]
     most = None if situation.timed else max(MOST_PARAMETERS, comb(len(situation.inputs) + 3, 3))
-    found = _choose_structure(outcomes, bench, most)
-    return replace(found, cut=cut, notes=(*notes, *_notes_of(found, bench)))
+    result = _choose_structure(outcomes, bench, most)
+    return replace(result, cut=cut, notes=(*notes, *_notes_of(result, bench)))
 
 
 def _called(job: Callable[[], Any]) -> Any:
@@ -242,18 +242,18 @@ def _choose_structure(outcomes: Sequence[Outcome], bench: Bench, most: int | Non
     )
 
 
-def _notes_of(found: Search, bench: Bench) -> list[str]:
+def _notes_of(result: Search, bench: Bench) -> list[str]:
     """Return what a reader is told of the table: that more adds nothing, or that a black box errs
     clearly less.
     """
-    own, best, notes = found.found, found.tried[found.best], list[str]()
-    if own.family in PLAIN and found.chosen != found.best:
+    own, best, notes = result.found, result.tried[result.best], list[str]()
+    if own.family in PLAIN and result.chosen != result.best:
         notes.append(
             f"{own.words} is as good as structures with more parameters: {best.words} adds "
             "nothing that left-out data show"
         )
     asked = "parts" if bench.asks_parts else "error"
-    boxes = [one for one in found.tried if one.family == BLACK_BOX]
+    boxes = [one for one in result.tried if one.family == BLACK_BOX]
     if boxes:
         least = min(boxes, key=lambda one: getattr(one, asked))
         error, mine = getattr(least, asked), getattr(own, asked)
@@ -270,14 +270,14 @@ def _on_common_rows(predicted: Sequence[Sequence[Left]]) -> Array:
     """RMSE of every structure on every fold, on the rows that all structures predict, (s, f);
     infinite where a run diverged.
     """
-    found = np.empty((len(predicted), len(predicted[0])))
-    for fold in range(found.shape[1]):
+    rmse = np.empty((len(predicted), len(predicted[0])))
+    for fold in range(rmse.shape[1]):
         common = np.logical_and.reduce([one[fold][1] for one in predicted])
         for number, one in enumerate(predicted):
             squares = one[fold][0][common] ** 2
             error = float(np.sqrt(np.mean(squares))) if len(squares) else np.inf
-            found[number, fold] = error if np.isfinite(error) else np.inf
-    return found
+            rmse[number, fold] = error if np.isfinite(error) else np.inf
+    return rmse
 
 
 @dataclass(frozen=True)
@@ -398,20 +398,20 @@ def choices_of(sections: Mapping[str, Any], part: Slice) -> ModelChoices:
     )
 
 
-def settings_of(found: Search) -> dict[str, Any]:
+def settings_of(result: Search) -> dict[str, Any]:
     """Return the sections that were found, as settings on top of the spec."""
     empty = {"segment": {}, "dictionary": [], "model": {"type": "mapmore"}, "fit": {}}
-    return {**empty, **found.found.sections}
+    return {**empty, **result.found.sections}
 
 
-def formula_beside(found: Search) -> str | None:
+def formula_beside(result: Search) -> str | None:
     """Return the formula of the literature that erred least of those tried; None where none was, or
     where it is what was found.
     """
     formulas = [
         one
-        for one in found.tried
+        for one in result.tried
         if not one.failure and one.sections.get("model", {}).get("type") == "literature"
     ]
     best = min(formulas, key=lambda one: one.excess, default=None)
-    return None if best is None or best is found.found else str(best.sections["model"]["name"])
+    return None if best is None or best is result.found else str(best.sections["model"]["name"])

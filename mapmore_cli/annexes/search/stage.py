@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping
-from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-import numpy as np
+from pydantic import TypeAdapter
+from pydantic_core import to_json
 
 from mapmore_cli.annexes.search.bench import Slice
 from mapmore_cli.annexes.search.searching import formula_beside, search, settings_of
-from mapmore_cli.domain.results import Search, Tried
+from mapmore_cli.domain.results import Search
 from mapmore_cli.fitting.stage import Stage, Workspace
 from mapmore_cli.modelling.expressions import parse
 from mapmore_cli.spec.experiment import ExperimentSpec
@@ -76,45 +74,20 @@ def _sources(rule: str | Rate | Direction) -> set[str]:
 def run_search(part: Slice, workspace: Workspace) -> None:
     """Search, and write what was tried."""
     dataset = workspace.files.dataset()
-    found = search(dataset, part, workspace.progress)
-    for note in found.notes:
+    result = search(dataset, part, workspace.progress)
+    for note in result.notes:
         workspace.warn(note)
     write_text(
-        workspace.out / SEARCH,
-        json.dumps(_without_nan(asdict(found)), indent=1, ensure_ascii=False) + "\n",
+        workspace.out / SEARCH, to_json(result, indent=1, inf_nan_mode="strings").decode() + "\n"
     )
 
 
-STAGE = Stage(name="search", revision=10, outputs=(SEARCH,), reads=search_slice, run=run_search)
-
-
-def _without_nan(value: Any) -> Any:
-    """Numbers that JSON knows: null for NaN."""
-    if isinstance(value, Mapping):
-        return {key: _without_nan(one) for key, one in value.items()}
-    if isinstance(value, list | tuple):
-        return [_without_nan(one) for one in value]
-    return None if isinstance(value, float) and not np.isfinite(value) else value
+STAGE = Stage(name="search", revision=11, outputs=(SEARCH,), reads=search_slice, run=run_search)
 
 
 def read_search(path: Path) -> Search:
     """Return what a search wrote."""
-    document = json.loads(path.read_text(encoding="utf-8"))
-
-    def number(value: Any) -> Any:
-        return float("nan") if value is None else value
-
-    tried = tuple(
-        Tried(
-            **{
-                **one,
-                "errors": tuple(map(number, one["errors"])),
-                **{k: number(one[k]) for k in ("error", "parts", "excess", "spread")},
-            }
-        )
-        for one in document["tried"]
-    )
-    return Search(**{**document, "tried": tried, "notes": tuple(document["notes"])})
+    return TypeAdapter(Search).validate_json(path.read_bytes())
 
 
 def with_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
@@ -129,7 +102,7 @@ def with_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
 
     if not (run_dir / SEARCH).is_file():
         return loaded
-    found = read_search(run_dir / SEARCH)
-    rival = formula_beside(found)
+    result = read_search(run_dir / SEARCH)
+    rival = formula_beside(result)
     beside = {"validate.against": [rival]} if rival and not loaded.spec.validation.against else {}
-    return load(loaded.path, (*loaded.overrides, *as_overrides({**settings_of(found), **beside})))
+    return load(loaded.path, (*loaded.overrides, *as_overrides({**settings_of(result), **beside})))

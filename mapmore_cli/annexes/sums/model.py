@@ -29,7 +29,7 @@ from mapmore_cli.modelling.expressions import (
 from mapmore_cli.modelling.expressions.syntax import Condition
 from mapmore_cli.modelling.program.model import write as write_any
 from mapmore_cli.modelling.program.statements import NOTHING
-from mapmore_cli.modelling.program.writing import Inputs, Writer, multiplied, total
+from mapmore_cli.modelling.program.writing import Inputs, Writer, product_as_written, total
 
 
 def simulate(model: Model, columns: Columns) -> Run:
@@ -152,7 +152,7 @@ def write(m: Writer, model: Model, inputs: Inputs) -> Expression:
     values = []
     for part in _body(model).parts:
         value = _value(m, part, inputs)
-        values.append(value if part.sign == 1.0 else multiplied(Number(part.sign), value))
+        values.append(value if part.sign == 1.0 else product_as_written(Number(part.sign), value))
     return m.let("sum", total(values))
 
 

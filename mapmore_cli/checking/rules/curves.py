@@ -41,7 +41,7 @@ def few_samples(subject: Subject) -> Iterator[Issue]:
             )
 
 
-def segments(subject: Subject) -> Iterator[Issue]:
+def short_segments(subject: Subject) -> Iterator[Issue]:
     """Every segment needs more training samples than terms."""
     spec, dataset = subject.spec, subject.dataset
     fits_decide = any(
@@ -81,10 +81,10 @@ def beyond_training(subject: Subject) -> Iterator[Issue]:
     if hold_out is None:
         return
     chosen = {*([dataset.level] if dataset.level else ()), *hold_out.quantities}
-    for name in dict.fromkeys((*sorted(chosen), *_inputs(subject))):
+    for name in dict.fromkeys((*sorted(chosen), *_inputs_of_model(subject))):
         training, validation = (
-            _values(dataset, name, held_out=False),
-            _values(dataset, name, held_out=True),
+            _split_values(dataset, name, held_out=False),
+            _split_values(dataset, name, held_out=True),
         )
         if not training.size:
             continue
@@ -110,7 +110,7 @@ def beyond_training(subject: Subject) -> Iterator[Issue]:
             )
 
 
-def _inputs(subject: Subject) -> list[str]:
+def _inputs_of_model(subject: Subject) -> list[str]:
     """Return the measured quantities that the model is a function of, but the time; the target has
     its own past in a free run.
     """
@@ -127,7 +127,7 @@ def _inputs(subject: Subject) -> list[str]:
     return [name for name in subject.dataset.quantities if name in used & measured]
 
 
-def _values(dataset: Dataset, name: str, held_out: bool) -> Array:
+def _split_values(dataset: Dataset, name: str, held_out: bool) -> Array:
     """Return a quantity's samples on one side of the split; of the level quantity, the levels
     themselves.
     """

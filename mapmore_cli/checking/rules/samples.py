@@ -288,7 +288,9 @@ def slack_foot(subject: Subject) -> Iterator[Issue]:
         return
     if not subject.has("pressure", "strain", "force"):
         return
-    foot = evidence.slack_foot(*(subject.pooled(name) for name in ("pressure", "strain", "force")))
+    foot = evidence.find_slack_foot(
+        *(subject.pooled(name) for name in ("pressure", "strain", "force"))
+    )
     if foot is not None:
         low, high = foot[1].min(), foot[1].max()
         message = (

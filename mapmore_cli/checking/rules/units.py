@@ -1,4 +1,4 @@
-"""Rules about units: numbers of a size that no muscle has."""
+"""Rules about units, numbers of a size that no muscle has, and labels that cannot be set."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from mapmore_cli.checking.rules import Issue, Subject
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.spec.units import convert, default_unit
 from mapmore_cli.storage.readers import READERS
+from mapmore_cli.storage.tables.cells import shortened
 
 LARGEST_STRAIN = 1.5  # of any muscle
 LARGEST_PRESSURE = 5000.0  # kPa
@@ -196,3 +197,19 @@ def _declared(subject: Subject, name: str) -> str:
     """Return the unit that a quantity is read in."""
     column = subject.spec.data.columns.get(name)
     return (column.unit if column is not None else None) or subject.units[name]
+
+
+def formulas_in_labels(subject: Subject) -> Iterator[Issue]:
+    """Find labels with a formula that cannot be set."""
+    for quantity, label in subject.spec.report.style.labels.items():
+        if "$" not in label:
+            continue
+        from mapmore_cli.reporting.figures.style import wrong_formula
+
+        if fault := wrong_formula(label):
+            place = subject.where("report", "style", "labels", quantity)
+            message, remedy = (
+                f"report.style.labels.{quantity}: {shortened(label)!r} cannot be set ({fault})",
+                "mend the formula between the dollars, or remove the dollars",
+            )
+            yield Issue("error", "label", place, message, remedy)

@@ -62,10 +62,10 @@ def with_definitions(spec: ExperimentSpec) -> ExperimentSpec:
     units = units_of(spec)
     family = spec.model.family
     relative = None if family is None else family.definition(metres_of(units[family.of]))
-    found = {name: one.definition(units) for name, one in spec.own_formulas.items()}
+    definitions = {name: one.definition(units) for name, one in spec.own_formulas.items()}
 
     def put(name: str | None) -> str | None:
-        return name if name is None else found.get(name, name)
+        return name if name is None else definitions.get(name, name)
 
     def summed(parts: Sequence[Summand] | None) -> list[Summand] | None:
         return (
@@ -76,8 +76,8 @@ def with_definitions(spec: ExperimentSpec) -> ExperimentSpec:
         if isinstance(one, str):
             return (
                 one
-                if one not in found
-                else Competitor.model_validate({"model": found[one], "as": one})
+                if one not in definitions
+                else Competitor.model_validate({"model": definitions[one], "as": one})
             )
         changed = {key: put(getattr(one, key)) for key in ("model", "static", "damping")}
         return one.model_copy(update={**changed, "sum": summed(one.sum), "as_": one.label})

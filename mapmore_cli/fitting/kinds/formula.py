@@ -39,11 +39,11 @@ def fitted(name: str, part: ModelChoices, dataset: Dataset) -> FormulaFit:
 
     Raises FitError where it did not converge to anything usable: the model stands on it.
     """
-    found = fit_formula(name, dataset.curves, dataset.target, None, part.lengths)
-    if found.failed:
-        reasons = "; ".join(found.notes) or "no finite parameters were found"
+    formula_fit = fit_formula(name, dataset.curves, dataset.target, None, part.lengths)
+    if formula_fit.failed:
+        reasons = "; ".join(formula_fit.notes) or "no finite parameters were found"
         raise FitError(
-            f"the fit of {found.name} failed: {reasons}",
+            f"the fit of {formula_fit.name} failed: {reasons}",
             "take another formula, or build the model without one",
         )
-    return found
+    return formula_fit

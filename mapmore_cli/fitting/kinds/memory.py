@@ -39,10 +39,12 @@ def fit(part: ModelChoices, given: Given) -> FitResult:
         step=step,
     )
     recipe = replace(asked, dictionary=with_ranges(records, asked))
-    found = fit_with_memory(
+    memory_fit = fit_with_memory(
         records, recipe, lambda done, total: given.progress("models", done, total)
     )
-    return FitResult(found, backbone, () if found.identified is None else found.identified.notes)
+    return FitResult(
+        memory_fit, backbone, () if memory_fit.identified is None else memory_fit.identified.notes
+    )
 
 
 def build(part: ModelChoices, given: Given, result: FitResult) -> Model:

@@ -9,7 +9,6 @@ from mapmore_cli.modelling.expressions.evaluation import (
     dictionary_blocks,
     dictionary_matrix,
     evaluate,
-    stacked_matrices,
 )
 from mapmore_cli.modelling.expressions.parsing import candidate, parse
 from mapmore_cli.modelling.expressions.printing import to_latex, to_text
@@ -44,7 +43,6 @@ __all__ = [
     "multiply",
     "parse",
     "power",
-    "stacked_matrices",
     "state",
     "substitute",
     "to_latex",

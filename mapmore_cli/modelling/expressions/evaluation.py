@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import lru_cache
-from types import MappingProxyType
 
 import numpy as np
 
@@ -104,33 +103,10 @@ def dictionary_blocks(
         yield rows, block
 
 
-def stacked_matrices(
-    terms: Sequence[Expression], columns: Columns, parameters: Columns, n: int
-) -> Array:
-    """Regressors of several sets of parameters at once, `(s, n, M)`; values that are not finite are
-    left in.
-
-    `columns` are `(n,)` each, `parameters` `(s,)` each. Raises `DataError` where a column is absent
-    or of another length.
-    """
-    (sets,) = {len(values) for values in parameters.values()}
-    of_set = {name: values[:, None] for name, values in parameters.items()}
-    values = _needed(terms, columns, n, of_set)
-    stack = np.empty((sets, n, len(terms)))
-    with np.errstate(all="ignore"):
-        for place, value in enumerate(compiled(tuple(terms))(values)):
-            stack[:, :, place] = value
-    return stack
-
-
-def _needed(
-    terms: Sequence[Expression], columns: Columns, n: int, known: Columns = MappingProxyType({})
-) -> dict[str, Array]:
-    """Return what the terms are evaluated on: columns of n rows, and what is `known` in other
-    shapes.
-    """
-    needed = dict(known)
-    for name in sorted(frozenset[str]().union(*(term.names for term in terms)) - known.keys()):
+def _needed(terms: Sequence[Expression], columns: Columns, n: int) -> dict[str, Array]:
+    """Return the columns that the terms are evaluated on."""
+    needed: dict[str, Array] = {}
+    for name in sorted(frozenset[str]().union(*(term.names for term in terms))):
         if name not in columns:
             raise DataError(
                 f"there is no column `{name}`", f"there are: {', '.join(columns) or 'none'}"

@@ -16,7 +16,6 @@ from mapmore_cli.domain.fits import Selection
 from mapmore_cli.modelling.frols.moments import (
     Blocks,
     blocks_of_rows,
-    checked_blocks,
     divided,
     gram,
     safe_scale,
@@ -37,9 +36,8 @@ PIVOT_TOLERANCE = 1e-6
 # many digits
 RESIDUAL_TOLERANCE = 1e-9
 
-ROUNDING = 8 * float(
-    np.finfo(np.float64).eps
-)  # error of a product `p'y`, as a fraction of `|p| |y|`, whatever n is
+# error of a product `p'y`, as a fraction of `|p| |y|`, whatever n is
+ROUNDING = 8 * float(np.finfo(np.float64).eps)
 LEAST_DIGITS = 1e-6  # relative accuracy that an ERR must have to be reported
 BALANCE = 1e-12  # how far the sum of ERR may be from what the residual says
 
@@ -124,15 +122,11 @@ class GramRemainders(Remainders):
             raise DigitsLost
 
 
-SMALL = (
-    2**16
-)  # number of values up to which a dictionary counts as small: there digits come before speed
-LOST, LOST_OF_SMALL = (
-    1e-6,
-    1e-2,
-    # a candidate gets an explicit remainder when its downdated `q'q` has fallen to this fraction of
-    # `p'p`
-)
+# number of values up to which a dictionary counts as small: there digits come before speed
+SMALL = 2**16
+# a candidate gets an explicit remainder when its downdated `q'q` has fallen to this fraction of
+# `p'p`
+LOST, LOST_OF_SMALL = 1e-6, 1e-2
 # the products `y'q` are computed afresh when the residual sum of squares has fallen by this factor
 # since they last were
 RENEWED = 1e-2
@@ -285,9 +279,9 @@ def frols_streamed(
     the choice.
 
     Raises DataError where a value is not finite, with its column and its row counted over all
-    blocks; ValueError where the shapes do not fit, there is no row, or `max_terms` is below one.
+    blocks; ValueError where there is no row or no column, or `max_terms` is below one.
     """
-    return _by_gram(checked_blocks(blocks), Stopping(max_terms, tolerance, stop))
+    return _by_gram(blocks, Stopping(max_terms, tolerance, stop))
 
 
 def reads_once(n: int, M: int, terms: int) -> bool:

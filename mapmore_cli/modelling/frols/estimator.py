@@ -59,7 +59,7 @@ class FROLS:
 
         Raises ValueError for tables of another form, or values that are not finite.
         """
-        names, values = _column_names(X), _numeric_table(X)
+        names, values = _names_of_frame(X), _numeric_table(X)
         target = _target(y, len(values))
         if len(values) < 2:
             raise ValueError(
@@ -98,10 +98,13 @@ class FROLS:
     def predict(self, X: ArrayLike) -> Array:
         """Return the model at every row of `X`, (n,)."""
         self._check_fitted()
-        names = _column_names(X)
+        names = _names_of_frame(X)
         own = getattr(self, "feature_names_in_", None)
         if names is not None and own is not None and list(own) != names:
-            raise ValueError(_other_names(list(own), names))
+            raise ValueError(
+                "The feature names should match those that were passed during fit, "
+                f"{', '.join(own)}; they are {', '.join(names)}"
+            )
         values = _numeric_table(X)
         if values.shape[1] != self.n_features_in_:
             raise ValueError(
@@ -138,7 +141,7 @@ class FROLS:
         ]
         return (" + ".join(parts).replace("+ -", "- ") or "0",)
 
-    def get_params(self, deep: bool = True) -> dict[str, Any]:  # noqa: ARG002 - scikit-learn's protocol
+    def get_params(self, deep: bool = True) -> dict[str, Any]:  # noqa: ARG002
         """Return the parameters by name."""
         return {one.name: getattr(self, one.name) for one in fields(self)}
 
@@ -182,7 +185,7 @@ class FROLS:
             )
 
 
-def _column_names(X: Any) -> list[str] | None:
+def _names_of_frame(X: Any) -> list[str] | None:
     """Return the names of a frame's columns; None where there are none, or they are not all
     text.
     """
@@ -200,7 +203,7 @@ def _numeric_table(X: Any) -> Array:
             "Sparse data was passed for X, but dense data is required. Use '.toarray()' to "
             "convert to a dense numpy array."
         )
-    values = _numbers(X, "X")
+    values = _finite_numbers(X, "X")
     if values.ndim != 2:
         hint = (
             "Reshape your data: X.reshape(-1, 1) for one feature, X.reshape(1, -1) for one sample"
@@ -215,7 +218,7 @@ def _numeric_table(X: Any) -> Array:
 def _target(y: Any, rows: int) -> Array:
     if y is None:
         raise ValueError("requires y to be passed, but the target y is None")
-    values = _numbers(y, "y")
+    values = _finite_numbers(y, "y")
     if values.ndim == 2 and values.shape[1] == 1:
         kind = _of_sklearn("DataConversionWarning", UserWarning)
         warnings.warn(
@@ -244,7 +247,7 @@ def _no_unit(numbers: Array, unit: str) -> Array:
     raise ValueError(f"it has the unit {unit}, and no unit is known here: give plain numbers")
 
 
-def _numbers(values: Any, name: str) -> Array:
+def _finite_numbers(values: Any, name: str) -> Array:
     """Finite real numbers; raises `ValueError` for others."""
     try:
         found = Door(_no_unit).numbers(values, name)
@@ -256,22 +259,3 @@ def _numbers(values: Any, name: str) -> Array:
             "rows out."
         )
     return found
-
-
-def _other_names(own: list[str], given: list[str]) -> str:
-    """Return what scikit-learn says of frames whose columns differ."""
-    told = ["The feature names should match those that were passed during fit."]
-    unseen, missing = sorted({*given} - {*own}), sorted({*own} - {*given})
-    for words, names in (
-        ("unseen at fit time", unseen),
-        ("seen at fit time, yet now missing", missing),
-    ):
-        told += [f"Feature names {words}:", *(f"- {name}" for name in names)] if names else []
-    return (
-        "\n".join(
-            told
-            if unseen or missing
-            else [*told, "Feature names must be in the same order as they were in fit."]
-        )
-        + "\n"
-    )

@@ -33,32 +33,6 @@ def blocks_of_rows(P: Array, y: Array) -> Blocks:
     return blocks
 
 
-def checked_blocks(blocks: Blocks) -> Blocks:
-    """Return the blocks as arrays of double precision, cut to `BLOCK` rows.
-
-    Raises ValueError where a block's shape does not fit.
-    """
-
-    def passed() -> Iterator[tuple[Array, Array]]:
-        width = None
-        for P, y in blocks():
-            P, y = np.asarray(P, dtype=np.float64), np.asarray(y, dtype=np.float64)
-            if (
-                P.ndim != 2
-                or y.ndim != 1
-                or len(P) != len(y)
-                or P.shape[1] != (width or P.shape[1])
-            ):
-                raise ValueError(
-                    "a block must be P (b, M) and y (b,) with M as in the first; they are "
-                    f"{P.shape} and {y.shape}"
-                )
-            width = P.shape[1]
-            yield from blocks_of_rows(P, y)()
-
-    return passed
-
-
 def divided(blocks: Blocks, scale: Array) -> Blocks:
     """Return the blocks with each column of `Z` divided by its `scale`, (M+1,)."""
     if (scale == 1.0).all():
@@ -101,7 +75,7 @@ def _largest_values(blocks: Blocks, columns: IntArray) -> Array:
             raise DataError(
                 f"candidate {columns[place]} {at}", "drop or mend the sample, or leave the term out"
             )
-        np.maximum(largest, values.max(axis=0), out=largest)
+        np.maximum(largest, values.max(axis=0, initial=0.0), out=largest)
         start += len(y)
     return largest
 

@@ -193,12 +193,12 @@ def selected(
     best = k = len(steps)
     if k and stopping.criterion == "bic":
         best = least_bic(np.array([step.sse for step in steps]) / remainders.yy, samples)
-    return _in_order(
+    return _selection_of_steps(
         steps[:best], stopping.criterion if best < k else stop, remainders.yy, scale, samples
     )
 
 
-def _in_order(
+def _selection_of_steps(
     steps: Sequence[Iteration], stop: str, yy: float, scale: Array, samples: int
 ) -> Selection:
     k, M = len(steps), len(scale) - 1

@@ -6,7 +6,6 @@ nearly the same.
 
 from __future__ import annotations
 
-import difflib
 import pkgutil
 from dataclasses import replace
 from functools import cache
@@ -17,7 +16,7 @@ from mapmore_cli.domain.models import Formula as Body
 from mapmore_cli.modelling.expressions import to_text
 from mapmore_cli.modelling.kinds import Kind
 from mapmore_cli.modelling.literature import formulas
-from mapmore_cli.modelling.literature.formula import LOAD_CYCLES, TARGET, Formula, LiteratureModel
+from mapmore_cli.modelling.literature.formula import LOAD_CYCLES, TARGET, Formula
 from mapmore_cli.modelling.literature.own import formula_of, is_definition, is_family
 from mapmore_cli.modelling.literature.problem import Nonlinear
 
@@ -27,9 +26,7 @@ __all__ = [
     "LOAD_CYCLES",
     "TARGET",
     "Formula",
-    "LiteratureModel",
     "Nonlinear",
-    "UnknownFormula",
     "get",
     "names",
     "of",
@@ -37,34 +34,17 @@ __all__ = [
 ]
 
 
-class UnknownFormula(KeyError):
-    """No formula has this name; `suggestion` is the nearest name, or None."""
-
-    def __init__(self, name: str) -> None:
-        super().__init__(name)
-        self.name = name
-        self.suggestion = next(iter(difflib.get_close_matches(name, names(), n=1)), None)
-
-    def __str__(self) -> str:
-        hint = (
-            f"did you mean `{self.suggestion}`?"
-            if self.suggestion
-            else f"there are: {', '.join(names())}"
-        )
-        return f"there is no formula `{self.name}`; {hint}"
-
-
 @cache
-def _published() -> dict[str, LiteratureModel]:
+def _published() -> dict[str, Formula]:
     """Return the formulas of all files by name, in alphabetical order."""
-    found: dict[str, LiteratureModel] = {}
+    by_name: dict[str, Formula] = {}
     for file in pkgutil.iter_modules(formulas.__path__):
         module = import_module(f"{formulas.__name__}.{file.name}")
         for formula in getattr(module, "FORMULAS", None) or (module.FORMULA,):
-            found[formula.name] = replace(
+            by_name[formula.name] = replace(
                 formula, about=(formula.about or module.__doc__ or "").strip()
             )
-    return dict(sorted(found.items()))
+    return dict(sorted(by_name.items()))
 
 
 def names() -> tuple[str, ...]:
@@ -72,10 +52,8 @@ def names() -> tuple[str, ...]:
     return tuple(_published())
 
 
-def get(name: str) -> LiteratureModel:
-    """Return the formula called `name`, or defined by it; raises `UnknownFormula` with the nearest
-    name.
-    """
+def get(name: str) -> Formula:
+    """Return the formula called `name`, or defined by it; raises KeyError where there is none."""
     if is_family(name):
         from mapmore_cli.modelling.literature.family import family_of
 
@@ -83,11 +61,11 @@ def get(name: str) -> LiteratureModel:
     if is_definition(name):
         return formula_of(name)
     if name not in _published():
-        raise UnknownFormula(name)
+        raise KeyError(f"there is no formula `{name}`; there are: {', '.join(names())}")
     return _published()[name]
 
 
-def of(fit: FormulaFit) -> LiteratureModel:
+def of(fit: FormulaFit) -> Formula:
     """Return the formula that was fitted."""
     return get(fit.formula)
 
@@ -104,11 +82,12 @@ def reference() -> str:
         for word, title in COMPONENTS.items()
     }
     return "\n".join(
-        f"## {title}\n\n" + "\n".join(map(_described, found)) for title, found in sections.items()
+        f"## {title}\n\n" + "\n".join(map(_formula_section, of_component))
+        for title, of_component in sections.items()
     )
 
 
-def _described(formula: LiteratureModel) -> str:
+def _formula_section(formula: Formula) -> str:
     expression = getattr(formula, "expression", None)
     lines = [f"### {formula.name}\n", f"{formula.about}\n"]
     lines += [f"    {to_text(expression)}\n"] if expression is not None else []

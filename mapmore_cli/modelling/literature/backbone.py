@@ -39,22 +39,21 @@ def fit_formula(
     method: str | None = None,
     lengths: Mapping[str, float | None] = MappingProxyType({}),
     starts: str | None = None,
-    *,
-    advice: bool = True,
 ) -> FormulaFit:
     """Fit a formula to the training samples of all curves.
 
     `lengths` are the muscle's `length` and `diameter`, in m, for formulas that have one of them;
-    `starts` names published starting values. `advice` is about what to measure, for the reader of
-    the fit: folds have none.
+    `starts` names published starting values.
     """
     columns = pooled_training(curves)
-    key = _digest(columns, name, target, method, starts, advice, *sorted(lengths.items()))
+    key = _digest(columns, name, target, method, starts, *sorted(lengths.items()))
     if key not in _FITTED:
         formula = literature.get(name).of_muscle(lengths)
         if starts is not None:
             formula = formula.starting_from(starts)
-        _keep(key, formula.fit(columns, columns[target], method, advice=advice))
+        if len(_FITTED) == MOST_KEPT:
+            _FITTED.pop(next(iter(_FITTED)))
+        _FITTED[key] = formula.fit(columns, columns[target], method)
     return _FITTED[key]
 
 
@@ -65,17 +64,11 @@ formula of the same samples.
 """
 
 
-def _keep(key: bytes, fit: FormulaFit) -> None:
-    if len(_FITTED) == MOST_KEPT:
-        _FITTED.pop(next(iter(_FITTED)))
-    _FITTED[key] = fit
-
-
 def _digest(columns: Columns, *how: object) -> bytes:
-    found = sha256(repr(how).encode())
+    digest = sha256(repr(how).encode())
     for column, values in sorted(columns.items()):
-        found.update(column.encode() + np.ascontiguousarray(values).tobytes())
-    return found.digest()
+        digest.update(column.encode() + np.ascontiguousarray(values).tobytes())
+    return digest.digest()
 
 
 def residual_of(curve: Curve, target: str, backbone: FormulaFit | None) -> Curve:

@@ -24,7 +24,7 @@ from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.modelling.expressions import Expression, Name, Number, parse, substitute, to_text
-from mapmore_cli.modelling.literature.formula import Formula
+from mapmore_cli.modelling.literature.formula import Formula, with_numbers
 from mapmore_cli.modelling.literature.formulas.sarosi_hinged import COMPUTED, PRINTED
 from mapmore_cli.modelling.literature.formulas.sarosi_hinged import FORMULA as SHAPE
 from mapmore_cli.modelling.literature.own import FamilySettings, definition, formula_of
@@ -58,9 +58,9 @@ WITHIN = (0.3, 3.0)
 def family_of(text: str) -> Family:
     """Return the family of a definition; ValueError where it defines none."""
     try:
-        found = dict(json.loads(text)["family"])
-        metres = float(found.pop("metres"))
-        settings = FamilySettings(**found)
+        document = dict(json.loads(text)["family"])
+        metres = float(document.pop("metres"))
+        settings = FamilySettings(**document)
         if (
             not isinstance(parse(settings.of), Name)
             or not metres > 0
@@ -99,9 +99,7 @@ class Family(Formula):
     settings: FamilySettings = field(kw_only=True)
     metres: float = field(kw_only=True)
 
-    def fit(
-        self, columns: Columns, y: Array, method: str | None = None, *, advice: bool = True
-    ) -> FormulaFit:
+    def fit(self, columns: Columns, y: Array, method: str | None = None) -> FormulaFit:
         """Fit the scales of all specimens and their common function; standard errors are those of
         the function.
 
@@ -114,11 +112,11 @@ class Family(Formula):
                 f"a family of one: {of} is {which[0]:g} in all training data",
                 "add recordings of another specimen",
             )
-        ends = np.array([_ends(y[number == i]) for i in range(len(which))])
+        ends = np.array([_slack_and_largest(y[number == i]) for i in range(len(which))])
         zero, largest = ends.T
         a, b = self._law(which * self.metres, largest)
         normal = (y - zero[number]) / largest[number]
-        shape = SHAPE.fit(columns, normal, method, advice=advice)
+        shape = SHAPE.fit(columns, normal, method)
         parameters = {"zero": float(zero.mean()), "a": a, "b": b, **shape.parameters}
         residual = self.predict(parameters, columns) - y
         unknown = dict.fromkeys(("zero", "a", "b"), math.nan)
@@ -164,12 +162,10 @@ class Family(Formula):
     def equation(self, fit: FormulaFit) -> Expression:
         """Return the formula with its numbers, the hinge as a person would write it."""
         text = f"zero + ({_scale_text(self.settings, self.metres)})*({PRINTED})"
-        return substitute(
-            parse(text), {name: Number(value) for name, value in fit.parameters.items()}
-        )
+        return with_numbers(parse(text), fit.parameters)
 
 
-def _ends(y: Array) -> tuple[float, float]:
+def _slack_and_largest(y: Array) -> tuple[float, float]:
     """Force when slack, and the largest force beyond it."""
     low, high = np.quantile(y, [LOW, HIGH])
     zero = float(low) if abs(low) < SLACK * high else 0.0
@@ -209,23 +205,26 @@ def adapted(
         return {"zero": fit.parameters["zero"], "q_force": float(q[0]), "q_strain": float(q[1])}
 
     formula = formula_of(made)
-    found, errors = start, np.full(2, PRIOR)
+    scales, errors = start, np.full(2, PRIOR)
     residual = np.zeros(0)
     if len(target):
-        weight, scatter = _weights(columns["strain"]), SCATTER * float(np.abs(target).max() or 1.0)
+        weight, scatter = (
+            _root_weights(columns["strain"]),
+            SCATTER * float(np.abs(target).max() or 1.0),
+        )
 
         def cost(q: Array) -> Array:
             missed = weight * (formula.predict(parameters(q), columns) - target) / scatter
             return np.concatenate([missed, (q - 1.0) / PRIOR])
 
         solved = least_squares(cost, start, xtol=1e-12, ftol=1e-12)
-        found, residual = solved.x, formula.predict(parameters(solved.x), columns) - target
+        scales, residual = solved.x, formula.predict(parameters(solved.x), columns) - target
         jacobian = np.asarray(solved.jac)
         errors = np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))
     return replace(
         fit,
         name=f"{NAME}, adapted",
-        parameters=parameters(found),
+        parameters=parameters(scales),
         errors={"zero": math.nan, "q_force": float(errors[0]), "q_strain": float(errors[1])},
         method="least squares with priors",
         rank=2,
@@ -237,7 +236,7 @@ def adapted(
     )
 
 
-def _weights(strain: Array) -> Array:
+def _root_weights(strain: Array) -> Array:
     """Roots of the weights of samples, (n,): those of one strain err together, and count as one."""
     span = float(np.ptp(strain)) or 1.0
     _, number, counts = np.unique(

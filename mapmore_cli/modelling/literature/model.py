@@ -24,14 +24,8 @@ from mapmore_cli.modelling.expressions import (
     to_latex,
     to_text,
 )
-from mapmore_cli.modelling.expressions.syntax import Call, Condition, Power, Product, Sum
-from mapmore_cli.modelling.literature import piecewise
-from mapmore_cli.modelling.program.writing import Inputs, Writer, limit, multiplied, total
-
-BLOCK = 2**18
-"""Rows at a time: few enough to stay in the processor's cache, and enough for every region to have
-many.
-"""
+from mapmore_cli.modelling.literature.formula import with_numbers
+from mapmore_cli.modelling.program.writing import Inputs, Writer, limit
 
 DIGITS = 6
 """Digits of the printed numbers; model.h5 holds all of them."""
@@ -62,7 +56,7 @@ def simulate(model: Model, columns: Columns) -> Run:
     body = model.body
     assert isinstance(body, Formula)
     return Run(
-        by_blocks(model.inputs, columns, lambda inputs, n: backbone_values(body.fit, inputs, n))
+        where_finite(model.inputs, columns, lambda inputs, n: backbone_values(body.fit, inputs, n))
     )
 
 
@@ -101,27 +95,16 @@ def printed(name: str, expression: Expression) -> Equation:
     return Equation(name, to_text(expression, DIGITS), to_latex(expression, DIGITS))
 
 
-def by_blocks(
+def where_finite(
     inputs: Sequence[Quantity], columns: Columns, value: Callable[[dict[str, Array], int], Array]
 ) -> Array:
-    """Return a function of the inputs, block of rows by block; NaN where an input is not finite,
-    (n,).
-    """
-    given = {
-        quantity.name: np.asarray(columns[quantity.name], dtype=np.float64) for quantity in inputs
-    }
-    y = np.empty(len(next(iter(columns.values()))))
-    for start in range(0, len(y), BLOCK):
-        block = {name: x[start : start + BLOCK] for name, x in given.items()}
-        n = len(y[start : start + BLOCK])
-        finite = np.logical_and.reduce(
-            [np.ones(n, dtype=np.bool_), *(np.isfinite(x) for x in block.values())]
-        )
-        with np.errstate(
-            all="ignore"
-        ):  # a term may overflow far outside, and what follows from a NaN is replaced
-            y[start : start + BLOCK] = np.where(finite, value(block, n), np.nan)
-    return y
+    """Return a function of the inputs; NaN where an input is not finite, (n,)."""
+    given = {one.name: np.asarray(columns[one.name], dtype=np.float64) for one in inputs}
+    n = len(next(iter(columns.values())))
+    finite = np.logical_and.reduce([np.ones(n, dtype=np.bool_), *map(np.isfinite, given.values())])
+    # a term may overflow far outside, and what follows from a NaN is replaced
+    with np.errstate(all="ignore"):
+        return np.where(finite, value(given, n), np.nan)
 
 
 def write(m: Writer, model: Model, inputs: Inputs) -> Expression:
@@ -146,70 +129,10 @@ def formula_value(
             "fit it to other data, or choose another formula",
         )
     model = literature.of(fit)
-    match model:
-        case piecewise.PiecewiseFormula():
-            return _by_region(m, model, fit, inputs)
-        case literature.Formula():
-            return m.let("formula", with_numbers(model.expression, fit.parameters, inputs))
-    raise DataError(
-        f"{fit.name} searches for the free strain at every sample, which is no closed "
-        "expression: it cannot be exported",
-        "export the models that it is compared with, or a formula of the damping force itself",
-    )
-
-
-def with_numbers(
-    expression: Expression, numbers: Mapping[str, float], names: Mapping[str, Expression]
-) -> Expression:
-    """Put in numbers and other names as they stand; `substitute` would fold numbers, and round
-    otherwise than a prediction.
-    """
-    match expression:
-        case Name(name):
-            return Number(numbers[name]) if name in numbers else names[name]
-        case Sum(terms):
-            return total([with_numbers(term, numbers, names) for term in terms])
-        case Product(factors):
-            return multiplied(*(with_numbers(factor, numbers, names) for factor in factors))
-        case Power(base, exponent):
-            return Power(with_numbers(base, numbers, names), exponent)
-        case Call(function, argument):
-            return Call(function, with_numbers(argument, numbers, names))
-    return expression
-
-
-def _by_region(
-    m: Writer, model: piecewise.PiecewiseFormula, fit: FormulaFit, inputs: Mapping[str, Expression]
-) -> Expression:
-    """Write the local formula of the region that the sample lies in; zero in none."""
-    value: Expression = Number(0.0)
-    for region in reversed(model.regions):
-        own = {name: fit.parameters[region.parameter(name)] for name in model.local.parameters}
-        value = _where(
-            m, region.conditions, inputs, with_numbers(model.local.expression, own, inputs), value
+    if model.fitted_to == literature.LOAD_CYCLES:
+        raise DataError(
+            f"{fit.name} searches for the free strain at every sample, which is no closed "
+            "expression: it cannot be exported",
+            "export the models that it is compared with, or a formula of the damping force itself",
         )
-    return value
-
-
-def _where(
-    m: Writer,
-    conditions: Sequence[piecewise.Condition],
-    inputs: Mapping[str, Expression],
-    inside: Expression,
-    outside: Expression,
-) -> Expression:
-    """Write `inside` where all conditions hold, else `outside`."""
-    first, *rest = conditions
-    holds = Condition(inputs[first.quantity], first.comparison, Number(first.value))
-    return m.choose(
-        "region",
-        [
-            (
-                holds,
-                lambda: (
-                    _where(m, rest, inputs, inside, outside) if rest else m.let("local", inside)
-                ),
-            )
-        ],
-        outside,
-    )
+    return m.let("formula", substitute(with_numbers(model.expression, fit.parameters), inputs))

@@ -65,14 +65,14 @@ def definition(
     """Return the definition as canonical JSON: `bounds` are of every parameter, None where the
     formula is linear in it.
     """
-    found = {
+    document = {
         "name": name,
         "reference": reference,
         "text": text,
         "bounds": bounds,
         "units": units,
     }
-    return json.dumps(found, sort_keys=True)
+    return json.dumps(document, sort_keys=True)
 
 
 @lru_cache(maxsize=256)
@@ -85,22 +85,22 @@ def formula_of(text: str) -> Formula:
     if len(text) > LONGEST:
         raise ValueError(f"the definition has {len(text)} characters, more than {LONGEST}")
     try:
-        found = json.loads(text)
-        parameters = tuple(sorted(found["bounds"]))
-        expression = parse(str(found["text"]))
+        document = json.loads(text)
+        parameters = tuple(sorted(document["bounds"]))
+        expression = parse(str(document["text"]))
         return Formula(
-            name=str(found["name"]),
-            reference=str(found["reference"]),
+            name=str(document["name"]),
+            reference=str(document["reference"]),
             inputs=tuple(sorted(expression.names - {*parameters})),
             parameters=parameters,
-            text=str(found["text"]),
+            text=str(document["text"]),
             nonlinear=tuple(
                 Nonlinear(name, per=None, intervals=tuple(_intervals(*map(float, ends))))
-                for name, ends in sorted(found["bounds"].items())
+                for name, ends in sorted(document["bounds"].items())
                 if ends is not None
             ),
             start=RANDOM,
-            units={str(name): str(unit) for name, unit in found["units"].items()},
+            units={str(name): str(unit) for name, unit in document["units"].items()},
             definition=text,
         ).checked()
     except ExpressionError:

@@ -4,8 +4,7 @@ moves; and what its solution holds.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -13,17 +12,8 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.modelling.expressions import (
-    Expression,
-    Number,
-    dictionary_matrix,
-    evaluate,
-    stacked_matrices,
-    substitute,
-)
-from mapmore_cli.modelling.literature import linear
-
-SMOOTH = 0.01  # of a range: what bends over less is lost in means of neighbouring samples
+from mapmore_cli.modelling.expressions import Expression, NotFinite, dictionary_matrix, evaluate
+from mapmore_cli.modelling.literature.linear import parameter_errors
 
 
 @dataclass(frozen=True)
@@ -52,19 +42,6 @@ class Nonlinear:
         largest = float(np.abs(columns[quantity]).max()) or 1.0
         return largest if self.per else 1.0 / largest
 
-    @property
-    def shortest(self) -> float:
-        """The shortest part of the range of `per` or `of` over which the formula can bend; infinite
-        for an absolute value.
-        """
-        if self.per is not None:
-            return 1.0 / max(map(abs, self.bounds))
-        return (
-            min(abs(end) for interval in self.intervals for end in interval)
-            if self.of is not None
-            else math.inf
-        )
-
     def written(self, c: float) -> str:
         """Return a coordinate as a person would write the value."""
         return f"{c:g}" + (
@@ -73,7 +50,7 @@ class Nonlinear:
 
 
 @dataclass(frozen=True)
-class Problem:
+class LeastSquares:
     """Find `beta`, `c` that minimise `|Phi(c) beta + f0(c) - y|^2` over n rows.
 
     (Or the formula's own residual, where it is not such a product.)
@@ -86,6 +63,8 @@ class Problem:
     - `columns`, `y`: the inputs and the target, each `(n,)`.
     - `counts`: number of samples that each row stands for, `(n,)`; None where each is one.
     - `start`: a published value to start from for every parameter, where one is asked for.
+
+    Every residual and regressor is times the roots of the counts.
     """
 
     expression: Expression
@@ -97,81 +76,43 @@ class Problem:
     counts: Array | None = None
     start: Mapping[str, float] | None = None
 
-    def target(self, c: Array) -> Array:
-        """`y - f0(c)`, `(n,)`, times the roots of the counts, as every residual and regressor
-        is.
-        """
-        return np.asarray(self.each_target(c[None])[0])
-
-    @cached_property
-    def offset(self) -> Expression:
-        """`f0`, the part of the formula that no linear parameter multiplies."""
-        return substitute(self.expression, dict.fromkeys(self.linear, Number(0.0)))
-
     def residual(self, beta: Array, c: Array) -> Array:
         """Return formula minus target, `(n,)`; not finite where the formula overflows."""
-        return self._weights * (
-            evaluate(self.expression, self._with(self.values(beta, c)), len(self.y)) - self.y
-        )
+        values = {**self.columns, **self.values(beta, c)}
+        return self._weights * (evaluate(self.expression, values, len(self.y)) - self.y)
 
     def sse(self, beta: Array, c: Array) -> float:
         """Sum of squares of the residual."""
         residual = self.residual(beta, c)
         return float(residual @ residual)
 
-    def regressors(self, c: Array) -> Array:
-        """`Phi(c)`, `(n, m)`; raises `NotFinite` where it overflows."""
-        return self._matrix(self.linear, self.values(np.zeros(len(self.linear)), c))
-
-    def each_regressors(self, c: Array) -> Array:
-        """Phi at several places c, `(s, k)`: `(s, n, m)`, not finite where it overflows."""
-        return self._matrices(self.linear, self._each(np.zeros((len(c), len(self.linear))), c))
-
-    def each_target(self, c: Array) -> Array:
-        """`target` at several places, `(s, n)`."""
-        if self.offset == Number(0.0):
-            return np.broadcast_to(self._weights * self.y, (len(c), len(self.y)))
-        values = self._each(np.zeros((len(c), len(self.linear))), c)
-        return self._weights * (
-            self.y - stacked_matrices([self.offset], self.columns, values, len(self.y))[:, :, 0]
-        )
-
-    def each_slopes(self, beta: Array, c: Array) -> Array:
-        """Return derivative of the formula for c at several places `(beta, c)`: `(s, n, k)`, not
-        finite where it overflows.
+    def slopes(self, names: Sequence[str], beta: Array, c: Array) -> Array:
+        """Return derivatives of the formula for some parameters, `(n, p)`, those of nonlinear ones
+        for their coordinates; raises `NotFinite` where it overflows.
         """
-        return (
-            self._matrices(
-                tuple(parameter.name for parameter in self.nonlinear), self._each(beta, c)
-            )
-            / self.spans
-        )
+        values = {**self.columns, **self.values(beta, c)}
+        matrix = dictionary_matrix([self.gradient[name] for name in names], values, len(self.y))
+        return self._weights[:, None] * matrix / [self.spans.get(name, 1.0) for name in names]
 
-    def jacobian(self, beta: Array, c: Array) -> Array:
-        """Return derivative of the formula for `(beta, c)`, `(n, m + k)`; raises `NotFinite` where
-        it overflows.
+    def linear_at(self, c: Array) -> tuple[Array, Array]:
+        """Return the regressors `Phi(c)`, `(n, m)`, and the target `y - f0(c)`, `(n,)`; raises
+        `NotFinite` where the formula overflows.
         """
-        matrix = self._matrix(self.names, self.values(beta, c))
-        matrix[:, len(self.linear) :] /= self.spans
-        return matrix
+        nothing = np.zeros(len(self.linear))
+        target = -self.residual(nothing, c)
+        if not np.isfinite(target).all():
+            raise NotFinite("the formula", int(np.argmin(np.isfinite(target))), "at a trial")
+        return self.slopes(self.linear, nothing, c), target
 
-    def values(self, beta: Array, c: Array) -> dict[str, float]:
-        """Parameters by name, in the units of the data."""
-        return dict(zip(self.names, map(float, (*beta, *(c / self.spans))), strict=True))
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """The linear parameters, then the nonlinear ones."""
-        return (*self.linear, *(parameter.name for parameter in self.nonlinear))
+    def values(self, beta: Array, c: Array) -> dict[str, Array]:
+        """Parameters by name, in the units of the data, `()` each."""
+        spans = np.array([*self.spans.values()])
+        return dict(zip(self.gradient, map(np.asarray, (*beta, *(c / spans))), strict=True))
 
     @cached_property
-    def spans(self) -> Array:
-        """Coordinates of the value one of the nonlinear parameters, `(k,)`."""
-        return np.array([parameter.span(self.columns) for parameter in self.nonlinear])
-
-    def split(self, place: Array) -> tuple[Array, Array]:
-        """Return `beta` and `c` of a place, `(m + k,)`."""
-        return place[: len(self.linear)], place[len(self.linear) :]
+    def spans(self) -> dict[str, float]:
+        """Coordinate of the value one of every nonlinear parameter."""
+        return {parameter.name: parameter.span(self.columns) for parameter in self.nonlinear}
 
     @property
     def bounds(self) -> tuple[Array, Array]:
@@ -180,7 +121,7 @@ class Problem:
         return ends[:, 0], ends[:, 1]
 
     @cached_property
-    def at_levels(self) -> Problem:
+    def at_levels(self) -> LeastSquares:
         """A linear problem at the levels that were held, where these leave parameters undetermined;
         else the problem as it is.
 
@@ -188,90 +129,30 @@ class Problem:
         is fitted to the scatter explodes between the levels (1e-8 of scatter hid that
         `polynomial_5` has a rank of 18 with four pressures).
         """
+        if self.nonlinear:
+            return self
         held = replace(
             self, columns={name: nominal(column) for name, column in self.columns.items()}
         )
-        if self.nonlinear or all(
-            held.columns[name] is column for name, column in self.columns.items()
-        ):
-            return self
-        return (
-            held
-            if linear.standard_errors(held.regressors(np.empty(0)), 0.0)[1] < len(self.linear)
-            else self
-        )
+        _, rank, _ = parameter_errors(held.linear_at(np.empty(0))[0], 0.0)
+        return held if rank < len(self.linear) else self
 
-    def condensed(self) -> Problem:
+    def condensed(self) -> LeastSquares:
         """Return the problem over means of neighbouring samples, where there are many: quick, and
         nearly the same.
 
-        It stays as it is where the formula can bend within a hundredth of a range: a force that
+        It stays as it is with a parameter that is sought in shares `of` a quantity: a force that
         decays over the slowest rates shows in few samples, and which decay is best would be decided
         without them.
         """
-        if min((parameter.shortest for parameter in self.nonlinear), default=math.inf) < SMOOTH:
+        if any(parameter.of for parameter in self.nonlinear):
             return self
         columns, y, counts = condensed(self.columns, self.y)
-        return self if len(y) == len(self.y) else replace(self, columns=columns, y=y, counts=counts)
-
-    def _matrix(self, names: tuple[str, ...], values: Mapping[str, float]) -> Array:
-        return self._weights[:, None] * dictionary_matrix(
-            [self.gradient[name] for name in names], self._with(values), len(self.y)
-        )
-
-    def _matrices(self, names: tuple[str, ...], values: Mapping[str, Array]) -> Array:
-        return self._weights[:, None] * stacked_matrices(
-            [self.gradient[name] for name in names], self.columns, values, len(self.y)
-        )
-
-    def _each(self, beta: Array, c: Array) -> dict[str, Array]:
-        """Parameters of several places by name, `(s,)` each."""
-        return dict(zip(self.names, [*beta.T, *(c / self.spans).T], strict=True))
+        return replace(self, columns=columns, y=y, counts=counts)
 
     @cached_property
     def _weights(self) -> Array:
         return np.ones(len(self.y)) if self.counts is None else np.sqrt(self.counts)
-
-    def _with(self, values: Mapping[str, float]) -> Columns:
-        return {**self.columns, **{name: np.asarray(value) for name, value in values.items()}}
-
-
-@dataclass(frozen=True)
-class Solution:
-    """Linear parameters `beta`, `(m,)`, and coordinates `c`, `(k,)`, of a `Problem`; `status` and
-    `method` as in `FormulaFit`.
-    """
-
-    beta: Array
-    c: Array
-    status: str
-    method: str
-    notes: tuple[str, ...] = ()
-    rivals: tuple[
-        tuple[Array, Array], ...
-    ] = ()  # beta and c of other minima that are nearly as deep
-
-
-def failure(problem: Problem, method: str) -> Solution:
-    """Return the solution where the formula overflows from every start: NaN throughout."""
-    nothing = np.full(len(problem.linear), np.nan), np.full(len(problem.nonlinear), np.nan)
-    return Solution(*nothing, "failed", method, ("every start overflowed",))
-
-
-def at_limit(parameter: Nonlinear, limit: float) -> str:
-    """Return the note for a parameter that ends at the `limit` of its coordinate."""
-    return f"{parameter.name} runs to the limit of what is sought, {parameter.written(limit)}"
-
-
-FASTEST, SLOWEST = 1e-3, 10.0
-"""Bounds of a decay over the largest rate: below, it acts on the samples at rest alone; above, it
-is straight to within a twentieth.
-"""
-
-
-def decay(name: str) -> Nonlinear:
-    """Return the rate over which the force decays by 1/e, positive."""
-    return Nonlinear(name, per=None, intervals=((FASTEST, SLOWEST),), of="strain_rate")
 
 
 LIMIT = 4096

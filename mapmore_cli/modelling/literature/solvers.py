@@ -1,250 +1,286 @@
 """How a formula is fitted: by variable projection, by Levenberg and Marquardt's method, or by the
 simplex.
 
-Variable projection needs no starting values with one nonlinear parameter: for every coordinate c of
-it the linear parameters follow by least squares, so that `r(c) = Phi(c) Phi(c)^+ y - y` depends on
-one number alone. Its sum of squares is scanned over all that the parameter may be, and the valleys
-are refined: the deepest is taken, and those that are nearly as deep are its rivals. With several
-nonlinear parameters it goes from ten starts, as the other two methods do, which are there for
-parity with the papers.
+Variable projection leaves the nonlinear coordinates c alone: the linear parameters follow by least
+squares, so that `r(c) = Phi(c) Phi(c)^+ y - y`. With one coordinate it needs no starting values:
+the sum of squares is scanned over all that the parameter may be, and every valley is descended.
+With several it goes from ten starts, as the other two methods do, which are there for parity with
+the papers.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import cache, partial
-from typing import Any
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Literal
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.expressions import NotFinite
 from mapmore_cli.modelling.literature import linear
-from mapmore_cli.modelling.literature.descent import (
-    DISTINCT,
-    RIVAL,
-    SEED,
-    STARTS,
-    End,
-    descend,
-    draw,
-    lowest,
-    onto_bounds,
-    rivals,
-)
-from mapmore_cli.modelling.literature.problem import Problem, Solution, at_limit, failure
+from mapmore_cli.modelling.literature.problem import LeastSquares, Nonlinear
 
-METHOD = "variable projection"
-
-SCAN_POINTS = 24  # in each interval of the coordinate
-STACK = 2**18  # rows times places of the scan that are computed at once
-HALF_DIGITS = (
-    1e-4  # relative distance within which the lowest sum of squares surely places the minimum
-)
-DIGITS = 1e-13  # relative distance within which a place has all the digits that it can have
-# relative distance from the minimum of means to that of all samples, beyond which it is looked for
-# anew
-FAR = 1e-3
-WORTH_REFINING = 4.0  # times the lowest sum of squares of the scan, up to which a valley is refined
-FLAT = 1e-10  # relative change of the sum of squares over the whole scan
-ROUNDING = 1e-24  # of y'y: sums of squares below are rounding
+Bounds = tuple[Array | float, Array | float]
+System = Callable[[Array], tuple[Array, Array]]
+"""From a place, `(k,)`, to the residuals there, `(n,)`, and their derivatives, `(n, k)`; it may
+raise `NotFinite`.
+"""
 
 
-def variable_projection(problem: Problem) -> Solution:
-    """Solve `problem` by variable projection, over the whole interval of the nonlinear parameter
-    where there is one.
+@dataclass(frozen=True)
+class End:
+    """Where a descent ended, `(k,)`; half the sum of squares there; whether it had converged."""
 
-    The scan goes over means of neighbouring samples where there are many, and the deepest valley is
-    finished on all samples. The status is `converged` or `at_bound`; a parameter that the data do
-    not show is noted. With several parameters, it goes from several starts.
+    x: Array
+    cost: float
+    converged: bool
+
+    @property
+    def status(self) -> str:
+        """That of a fit which ends here."""
+        return "converged" if self.converged else "stopped_by_limit"
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Linear parameters `beta`, `(m,)`, and coordinates `c`, `(k,)`; `status` and `method` as in
+    `FormulaFit`.
+
+    `rivals` are beta and c of other minima that are nearly as deep.
     """
-    if len(problem.nonlinear) > 1:
-        return _project_several(problem)
-    if not problem.nonlinear:
-        straight = linear.solve(
-            problem.at_levels.regressors(np.empty(0)), problem.target(np.empty(0))
-        )
-        return Solution(straight.beta, np.empty(0), "converged", "linear least squares")
-    parameter, few = problem.nonlinear[0], problem.condensed()
-    grids = np.array([np.geomspace(*interval, SCAN_POINTS) for interval in parameter.intervals])
-    sse = _sse(few, grids.ravel()).reshape(grids.shape)
-    if float(np.ptp(sse)) <= FLAT * float(sse.min()) + ROUNDING * float(problem.y @ problem.y):
-        c = min(grids.flat, key=lambda c: abs(np.log(abs(c))))
-        arbitrary = f"{parameter.name} is arbitrary: every value fits these data equally well"
-        return Solution(
-            _projected_at(problem, c).beta, np.array([c]), "converged", METHOD, (arbitrary,)
-        )
-    places = _valleys(sse)
-    valleys = [_refine(few, grids[number], i) for number, i in places]
-    depths = _sse(few, np.array([c for c, _ in valleys]))
-    deepest = int(np.argmin(depths))
-    c, status = valleys[deepest]
-    if few is not problem and status == "converged":
-        number, i = places[deepest]
-        c = (
-            _zero(partial(_slope, problem), c - FAR * abs(c), c + FAR * abs(c))
-            or _refine(problem, grids[number], i)[0]
-        )
-    notes = (at_limit(parameter, c),) if status == "at_bound" else ()
-    least, by_depth = depths[deepest], np.argsort(depths, kind="stable")
-    near = [
-        valleys[other][0]
-        for other in by_depth
-        if (1 + DISTINCT) * least < depths[other] <= RIVAL * least
-    ]
-    (beta, at), *others = (
-        (_projected_at(problem, place).beta, np.array([place])) for place in (c, *near)
-    )
-    return Solution(beta, at, status, METHOD, notes, tuple(others))
+
+    beta: Array
+    c: Array
+    status: str
+    method: str
+    notes: tuple[str, ...] = ()
+    rivals: tuple[tuple[Array, Array], ...] = ()
 
 
-def _valleys(sse: Array) -> list[tuple[int, int]]:
-    """Rows and places of the scan that no neighbour lies below and that may come to be as deep as a
-    rival; the deepest first.
-    """
-    padded = np.pad(sse, ((0, 0), (1, 1)), constant_values=np.inf)
-    low = (sse <= padded[:, :-2]) & (sse <= padded[:, 2:]) & (sse <= WORTH_REFINING * sse.min())
-    places = [(int(row), int(place)) for row, place in np.argwhere(low)]
-    return sorted(places, key=lambda at: float(sse[at]))
+def failure(problem: LeastSquares, method: str) -> Solution:
+    """Return the solution where the formula overflows from every start: NaN throughout."""
+    nothing = np.full(len(problem.linear), np.nan), np.full(len(problem.nonlinear), np.nan)
+    return Solution(*nothing, "failed", method, ("every start overflowed",))
 
 
-def _refine(problem: Problem, grid: Array, i: int) -> tuple[float, str]:
-    """Return the lowest point of the valley around `grid[i]`, and the status of having got
-    there.
-    """
-    from scipy.optimize import minimize_scalar
-
-    lower, c, upper = (
-        float(grid[max(i - 1, 0)]),
-        float(grid[i]),
-        float(grid[min(i + 1, len(grid) - 1)]),
-    )
-    slope = cache(partial(_slope, problem))
-    outward = slope(c)
-    if (i == 0 and outward >= 0) or (i == len(grid) - 1 and outward <= 0):
-        return c, "at_bound"
-    found = _zero(slope, lower, c) if outward > 0 else _zero(slope, c, upper)
-    if found is None:
-        options: Any = {"xatol": 1e-8 * abs(c)}
-        c = float(
-            minimize_scalar(
-                lambda at: _sse(problem, np.array([at]))[0],
-                bounds=(lower, upper),
-                method="bounded",
-                options=options,
-            ).x
-        )
-        # A lowest value shows only half the digits of its place; the zero of the slope shows the
-        # rest, where it stands out of the rounding.
-        found = _zero(
-            slope, max(lower, c - HALF_DIGITS * abs(c)), min(upper, c + HALF_DIGITS * abs(c))
-        )
-    return c if found is None else found, "converged"
-
-
-def _zero(slope: Callable[[float], float], left: float, right: float) -> float | None:
-    """Return where a slope rises through zero between two places; None where it is not below zero
-    at one and above at the other.
-    """
-    from scipy.optimize import brentq
-
-    return (
-        float(brentq(slope, left, right, xtol=1e-300, rtol=DIGITS))
-        if slope(left) < 0 < slope(right)
-        else None
-    )
-
-
-def _sse(problem: Problem, places: Array) -> Array:
-    """Return sums of squares at several places of the coordinate, `(s,)`."""
-    parts = np.array_split(places[:, None], -(-len(places) * len(problem.y) // STACK))
-    return np.concatenate(
-        [
-            linear.least_sse(problem.each_regressors(part), problem.each_target(part))
-            for part in parts
-        ]
-    )
-
-
-def _slope(problem: Problem, c: float) -> float:
-    """Half of `d sse / dc`, exactly: with the residual outside of the regressors' space, `beta`
-    need not be differentiated.
-    """
-    projected, at = _projected_at(problem, c), np.array([[c]])
-    return float(problem.each_slopes(projected.beta[None], at)[0, :, 0] @ projected.residual)
-
-
-def _projected_at(problem: Problem, c: float) -> linear.LinearFit:
-    at = np.array([c])
-    return linear.solve(problem.regressors(at), problem.target(at))
-
-
-STARTS_TOLERANCE = 1e-12  # of the starts (W section III)
-FINAL_TOLERANCE = 1e-15
-
-
-def _project_several(problem: Problem) -> Solution:
-    """Solve from seeded starts, with the nonlinear parameters within the outermost ends of their
-    intervals.
-
-    The starts go over means of neighbouring samples where there are many; from the lowest end, the
-    search is finished on all samples. A note says how many starts agree, and one which parameter
-    ends at a bound. The status is `converged`, `at_bound`, `stopped_by_limit`, or `failed` where
-    every start overflowed.
-    """
-    ends = _descents(problem.condensed(), list(draw(problem.nonlinear)), STARTS_TOLERANCE)
-    if not ends:
-        return failure(problem, METHOD)
-    best, agreement = lowest(ends, STARTS)
-    finished = _descents(problem, [best.x], FINAL_TOLERANCE)
-    if not finished:
-        return failure(problem, METHOD)
-    end = finished[0]
-    c, touched = onto_bounds(end.x, problem.bounds)
-    limits = [at_limit(problem.nonlinear[i], c[i]) for i in touched]
-    status = "at_bound" if limits else end.status
-    others = [other.x for other in rivals(ends, best)]
-    places = np.array([c, *others])
-    betas = _projected(problem, places).beta
-    return Solution(
-        betas[0],
-        c,
-        status,
-        METHOD,
-        (agreement, *limits),
-        tuple(zip(betas[1:], others, strict=True)),
-    )
-
-
-def _descents(problem: Problem, starts: Sequence[Array], tolerance: float) -> list[End]:
-    """Return the nearest minima within the bounds, but for starts in which the formula
-    overflows.
-    """
-    unit = float(np.linalg.norm(problem.target(starts[0]))) or 1.0
-
-    def system(c: Array) -> tuple[Array, Array]:
-        """r and `dr/dc`, but for a part within the regressors' space, which has no share in the
-        gradient (Kaufman).
-        """
-        found = _projected(problem, c)
-        jacobian = problem.each_slopes(found.beta, c)
-        outside = jacobian - found.basis @ (found.basis.transpose(0, 2, 1) @ jacobian)
-        return found.residual / unit, outside / unit
-
-    return descend(system, starts, problem.bounds, tolerance)
-
-
-def _projected(problem: Problem, c: Array) -> linear.LinearFit:
-    return linear.solve_each(problem.each_regressors(c), problem.each_target(c))
-
-
-LEVENBERG_MARQUARDT = "levenberg_marquardt"
-MINPACK_TOLERANCE = 1e-15
+TOLERANCE = 1e-15  # relative, of steps and of what they gain
 EVALUATIONS = 400
 REFUSED = 1e100  # stands for an overflow, so that the step is not taken
 
 
-def levenberg_marquardt(problem: Problem) -> Solution:
+def descend(
+    system: System,
+    starts: Sequence[Array],
+    bounds: Bounds = (-np.inf, np.inf),
+    method: Literal["trf", "lm"] = "trf",
+) -> list[End]:
+    """Return the nearest minimum of `|r(x)|^2` from every start in which it is finite, in their
+    order, by SciPy's least squares.
+
+    `bounds` are the lowest and the highest coordinates, each `(k,)`; `lm` takes none.
+    """
+    from scipy.optimize import least_squares
+
+    known: dict[bytes, tuple[Array, Array] | None] = {}
+
+    def at(x: Array) -> tuple[Array, Array] | None:
+        """Both at once: SciPy asks for the derivatives where it has asked for the residuals."""
+        if x.tobytes() not in known:
+            known.clear()
+            known[x.tobytes()] = _finite(system, x)
+        return known[x.tobytes()]
+
+    def residual(x: Array) -> Array:
+        both = at(x)
+        return refused if both is None else both[0]
+
+    def slopes(x: Array) -> Array:
+        both = at(x)
+        assert both is not None
+        return both[1]
+
+    limits: Any = {"xtol": TOLERANCE, "ftol": TOLERANCE, "gtol": TOLERANCE, "max_nfev": EVALUATIONS}
+    ends = []
+    for start in starts:
+        x = np.clip(start, *bounds)
+        first = at(x)
+        if first is not None:
+            refused = np.full(len(first[0]), REFUSED)
+            end = least_squares(residual, x, slopes, bounds, method, x_scale="jac", **limits)
+            ends.append(End(end.x, float(end.cost), end.status > 0))
+    return ends
+
+
+def _finite(system: System, x: Array) -> tuple[Array, Array] | None:
+    try:
+        with np.errstate(all="ignore"):
+            both = system(x)
+    except NotFinite:
+        return None
+    return both if all(np.isfinite(part).all() for part in both) else None
+
+
+TOUCHING = 1e-6  # of the range of a coordinate (or absolute, where it has no end)
+
+
+def onto_bounds(x: Array, bounds: tuple[Array, Array]) -> tuple[Array, list[int]]:
+    """Return the coordinates `x`, `(k,)`, moved onto a bound where they all but touch it, and the
+    indices of those.
+    """
+    lower, upper = bounds
+    width = upper - lower
+    margin = TOUCHING * np.where(np.isfinite(width), width, 1.0)
+    moved = np.where(x - lower <= margin, lower, np.where(upper - x <= margin, upper, x))
+    return moved, [i for i in range(len(x)) if moved[i] in (lower[i], upper[i])]
+
+
+AGREEMENT = 1e-6  # relative difference between sums of squares that are called equal
+# times the least sum of squares (1.12 times the RMSE), up to which another minimum is told
+RIVAL = 1.25
+DISTINCT = 1e-3  # relative difference between sums of squares of minima that are called different
+
+
+def agreement(ends: Sequence[End], best: End, starts: int) -> str:
+    """Return the note on how many of so many starts came to the best end."""
+    agreeing = sum(end.cost <= (1 + AGREEMENT) * best.cost + 1e-20 for end in ends)
+    return f"{agreeing} of {starts} starts agree on the sum of squares"
+
+
+def rivals(ends: Sequence[End], best: End) -> list[End]:
+    """Return converged ends in other minima than the best that are nearly as deep, one of each, the
+    deepest first.
+    """
+    told = [best]
+    for end in sorted((end for end in ends if end.converged), key=_cost):
+        if (1 + DISTINCT) * told[-1].cost < end.cost <= RIVAL * best.cost:
+            told.append(end)
+    return told[1:]
+
+
+def _cost(end: End) -> float:
+    return end.cost
+
+
+STARTS = 10
+SEED = 20170714  # any fixed number: the same data give the same fit
+
+
+def drawn_starts(nonlinear: tuple[Nonlinear, ...]) -> Iterator[Array]:
+    """Return `STARTS` seeded places in the intervals, each `(k,)` and log-uniform in magnitude."""
+    rng = np.random.default_rng(SEED)
+    for _ in range(STARTS):
+        place = []
+        for parameter in nonlinear:
+            low, high = parameter.intervals[rng.integers(len(parameter.intervals))]
+            place.append(low * (high / low) ** rng.random())
+        yield np.array(place)
+
+
+METHOD = "variable projection"
+SCAN_POINTS = 24  # in each interval of the coordinate
+FLAT = 1e-10  # relative change of the sum of squares over the whole scan
+ROUNDING = 1e-24  # of y'y: sums of squares below are rounding
+
+
+def variable_projection(problem: LeastSquares) -> Solution:
+    """Solve `problem` by variable projection.
+
+    The search goes over means of neighbouring samples where there are many, and the lowest end is
+    finished on all samples. The status is `converged`, `at_bound`, `stopped_by_limit`, or `failed`
+    where every start overflows. Notes name a parameter that ends at a bound or that the data do not
+    show, and say how many starts agree.
+    """
+    if not problem.nonlinear:
+        straight = _projected(problem.at_levels, np.empty(0))
+        return Solution(straight.beta, np.empty(0), "converged", "linear least squares")
+    few = problem.condensed()
+    if len(problem.nonlinear) == 1:
+        searches = _valleys(few)
+        if not searches:
+            places = np.concatenate(_grids(problem))
+            c = places[[np.argmin(np.abs(np.log(np.abs(places))))]]
+            name = problem.nonlinear[0].name
+            note = f"{name} is arbitrary: every value fits these data equally well"
+            return Solution(_projected(problem, c).beta, c, "converged", METHOD, (note,))
+    else:
+        searches = [(problem.bounds, list(drawn_starts(problem.nonlinear)))]
+    ends = [
+        (end, bounds)
+        for bounds, starts in searches
+        for end in descend(partial(_projection, few), starts, bounds)
+    ]
+    best, bounds = min(ends, key=lambda pair: pair[0].cost, default=(None, problem.bounds))
+    finished = [] if best is None else descend(partial(_projection, problem), [best.x], bounds)
+    if best is None or not finished:
+        return failure(problem, METHOD)
+    c, touched = onto_bounds(finished[0].x, bounds)
+    reached = [end for end, _ in ends]
+    notes = [] if len(problem.nonlinear) == 1 else [agreement(reached, best, STARTS)]
+    for i in touched:
+        parameter = problem.nonlinear[i]
+        limit = parameter.written(c[i])
+        notes.append(f"{parameter.name} runs to the limit of what is sought, {limit}")
+    status = "at_bound" if touched else finished[0].status
+    others = tuple((_projected(problem, end.x).beta, end.x) for end in rivals(reached, best))
+    return Solution(_projected(problem, c).beta, c, status, METHOD, tuple(notes), others)
+
+
+def _valleys(problem: LeastSquares) -> list[tuple[tuple[Array, Array], list[Array]]]:
+    """Scan the only nonlinear parameter; return every interval with the places of least sums of
+    squares in it, nothing where all places are equally good.
+    """
+    grids = _grids(problem)
+    sse = np.array([[_projected_sse(problem, c) for c in grid] for grid in grids])
+    if np.ptp(sse) <= FLAT * sse.min() + ROUNDING * (problem.y @ problem.y):
+        return []
+    padded = np.pad(sse, ((0, 0), (1, 1)), constant_values=np.inf)
+    low = (sse <= padded[:, :-2]) & (sse <= padded[:, 2:])
+    return [
+        ((grid[:1], grid[-1:]), list(grid[own][:, None]))
+        for grid, own in zip(grids, low, strict=True)
+    ]
+
+
+def _grids(problem: LeastSquares) -> list[Array]:
+    """Return the places of the scan in every interval of the only nonlinear parameter."""
+    (parameter,) = problem.nonlinear
+    return [np.geomspace(*interval, SCAN_POINTS) for interval in parameter.intervals]
+
+
+def _projected_sse(problem: LeastSquares, c: float) -> float:
+    """Return the sum of squares at a place of the scan: with `[Phi y] = Q R`, only R is left to
+    solve.
+    """
+    try:
+        phi, target = problem.linear_at(np.array([c]))
+        triangle = np.asarray(np.linalg.qr(np.column_stack([phi, target]), mode="r"))
+        residual = linear.solve_linear(triangle[:, :-1], triangle[:, -1]).residual
+    except (NotFinite, np.linalg.LinAlgError):
+        return np.inf
+    return float(residual @ residual)
+
+
+def _projected(problem: LeastSquares, c: Array) -> linear.LinearFit:
+    return linear.solve_linear(*problem.linear_at(c))
+
+
+def _projection(problem: LeastSquares, c: Array) -> tuple[Array, Array]:
+    """r and `dr/dc`, but for a part within the regressors' space, which has no share in the
+    gradient (Kaufman); over the largest target, so that the unit is no matter.
+    """
+    unit = float(np.abs(problem.y).max()) or 1.0
+    best = _projected(problem, c)
+    slopes = problem.slopes([one.name for one in problem.nonlinear], best.beta, c)
+    outside = slopes - best.basis @ (best.basis.T @ slopes)
+    return best.residual / unit, outside / unit
+
+
+LEVENBERG_MARQUARDT = "levenberg_marquardt"
+
+
+def levenberg_marquardt(problem: LeastSquares) -> Solution:
     """Solve `problem` by MINPACK's Levenberg-Marquardt, all parameters at once and without bounds.
 
     The linear parameters start at zero, the nonlinear ones at seeded random places of their
@@ -252,70 +288,30 @@ def levenberg_marquardt(problem: Problem) -> Solution:
     a note says how many starts came to it. The status is `converged`, `stopped_by_limit`, or
     `failed` where every start overflowed.
     """
-    starts = list(_starts(problem))
-    ends = [end for start in starts if (end := _minpack(problem, start)) is not None]
-    if not ends:
-        return failure(problem, LEVENBERG_MARQUARDT)
-    best, agreement = lowest(ends, len(starts))
-    others = tuple(problem.split(end.x) for end in rivals(ends, best))
-    return Solution(
-        *problem.split(best.x),
-        best.status,
-        LEVENBERG_MARQUARDT,
-        (agreement,) if len(starts) > 1 else (),
-        others,
-    )
-
-
-def _starts(problem: Problem) -> Iterator[Array]:
-    """Places to descend from, `(m + k,)`: the published one where it is asked for, else seeded
-    ones.
-    """
-    zeros = np.zeros(len(problem.linear))
-    if problem.start is not None:
-        yield np.array([problem.start[name] for name in problem.names]) * np.concatenate(
-            [zeros + 1.0, problem.spans]
-        )
-        return
-    for place in draw(problem.nonlinear):
-        yield np.concatenate([zeros, place])
-
-
-def _minpack(problem: Problem, start: Array) -> End | None:
-    """Return the nearest minimum, of residuals over the largest target so that the unit is no
-    matter; None where the formula overflows.
-    """
-    from scipy.optimize import least_squares
-
+    names, m = list(problem.gradient), len(problem.linear)
     unit = float(np.abs(problem.y).max()) or 1.0
 
-    def residual(x: Array) -> Array:
-        values = problem.residual(*problem.split(x)) / unit
-        return np.where(np.isfinite(values), values, REFUSED)
+    def system(x: Array) -> tuple[Array, Array]:
+        at = x[:m], x[m:]
+        return problem.residual(*at) / unit, problem.slopes(names, *at) / unit
 
-    def jacobian(x: Array) -> Array:
-        return problem.jacobian(*problem.split(x)) / unit
-
-    limits: Any = {
-        "xtol": MINPACK_TOLERANCE,
-        "ftol": MINPACK_TOLERANCE,
-        "gtol": MINPACK_TOLERANCE,
-        "max_nfev": EVALUATIONS,
-    }
-    try:
-        found = least_squares(residual, start, jacobian, method="lm", x_scale="jac", **limits)
-    except NotFinite:
-        return None
-    return End(found.x, float(found.cost), found.status > 0) if found.cost < REFUSED else None
+    if problem.start is not None:
+        spans = [problem.spans.get(name, 1.0) for name in names]
+        starts = [np.array([problem.start[name] for name in names]) * spans]
+    else:
+        places = drawn_starts(problem.nonlinear) if problem.nonlinear else [np.empty(0)]
+        starts = [np.concatenate([np.zeros(m), place]) for place in places]
+    return _best_solution(
+        problem, descend(system, starts, method="lm"), len(starts), LEVENBERG_MARQUARDT
+    )
 
 
 SIMPLEX = "simplex"
 FMINSEARCH = 1e-4  # of coordinates and of the sum of squares, fminsearch's
-OVERFLOW = 1e300  # stands for an overflow
 PER_PARAMETER = 200  # evaluations, fminsearch's
 
 
-def simplex(problem: Problem) -> Solution:
+def simplex(problem: LeastSquares) -> Solution:
     """Solve `problem` by ten descents of a simplex over all parameters at once, with the settings
     of `fminsearch`.
 
@@ -330,23 +326,19 @@ def simplex(problem: Problem) -> Solution:
     few, m = problem.condensed(), len(problem.linear)
     rng = np.random.default_rng(SEED)
     ends: list[End] = []
-    for place in list(draw(problem.nonlinear)) if problem.nonlinear else [np.empty(0)] * STARTS:
+    for place in drawn_starts(problem.nonlinear):
         try:
-            lengths = np.linalg.norm(few.regressors(place), axis=0)
+            regressors, target = few.linear_at(place)
         except NotFinite:
             continue
-        units = np.concatenate(
-            [
-                np.linalg.norm(few.target(place)) / np.where(lengths > 0.0, lengths, 1.0),
-                np.ones(len(place)),
-            ]
-        )
+        lengths = np.linalg.norm(regressors, axis=0) / (np.linalg.norm(target) or 1.0)
+        units = np.append(1 / np.where(lengths > 0.0, lengths, 1.0), np.ones(len(place)))
 
         def cost(x: Array, units: Array = units) -> float:
-            value = few.sse(*few.split(x * units))
-            return value if np.isfinite(value) else OVERFLOW
+            at = x * units
+            return float(np.nan_to_num(few.sse(at[:m], at[m:]), nan=REFUSED, posinf=REFUSED))
 
-        start = np.concatenate([rng.uniform(-1.0, 1.0, m), place])
+        start = np.append(rng.uniform(-1.0, 1.0, m), place)
         options: Any = {
             "xatol": FMINSEARCH,
             "fatol": FMINSEARCH * cost(0.0 * start),
@@ -354,12 +346,21 @@ def simplex(problem: Problem) -> Solution:
         }
         end = minimize(cost, start, method="Nelder-Mead", options=options)
         ends.append(End(end.x * units, float(end.fun), bool(end.success)))
+    return _best_solution(problem, ends, STARTS, SIMPLEX)
+
+
+def _best_solution(
+    problem: LeastSquares, ends: Sequence[End], starts: int, method: str
+) -> Solution:
+    """Return the lowest of the ends of all parameters at once, with its rivals."""
     if not ends:
-        return failure(problem, SIMPLEX)
-    best, agreement = lowest(ends, STARTS)
-    return Solution(*problem.split(best.x), best.status, SIMPLEX, (agreement,))
+        return failure(problem, method)
+    m, best = len(problem.linear), min(ends, key=_cost)
+    notes = (agreement(ends, best, starts),) if starts > 1 else ()
+    others = tuple((end.x[:m], end.x[m:]) for end in rivals(ends, best))
+    return Solution(best.x[:m], best.x[m:], best.status, method, notes, others)
 
 
-METHODS: Mapping[str, Callable[[Problem], Solution]] = {
+METHODS: Mapping[str, Callable[[LeastSquares], Solution]] = {
     one.__name__: one for one in (variable_projection, levenberg_marquardt, simplex)
 }

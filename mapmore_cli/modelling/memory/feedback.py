@@ -30,7 +30,7 @@ from mapmore_cli.modelling.memory.states import setting_of
 from mapmore_cli.modelling.program.model import functions_with_slopes, with_slopes_by
 from mapmore_cli.modelling.program.statements import Block, Recall
 from mapmore_cli.modelling.program.values import Run, ready_for_columns, ready_for_one_sample
-from mapmore_cli.modelling.program.writing import Inputs, Writer, multiplied, total
+from mapmore_cli.modelling.program.writing import Inputs, Writer, product_as_written, total
 
 
 class StateWriter:
@@ -49,6 +49,7 @@ class StateWriter:
         self.m, self.states, self.output, self.inputs, self.seen = m, states, output, inputs, seen
         self.known: dict[State, Expression] = {}
         self.queues: dict[State, str] = {}
+        self.recalls: dict[tuple[str, int], Recall] = {}
         self.rules: dict[str, Callable[..., Any]] = {}
 
     def scaled(self, name: str) -> Expression:
@@ -92,10 +93,11 @@ class StateWriter:
         if source not in self.queues:
             self.queues[source] = self.m.fresh("queue")
         queue, sizes = self.queues[source], self.m.kept.queues
-        sizes[queue] = max(sizes.get(queue, 0), steps)
-        name = self.m.fresh("past")
-        self.m.statements.append(Recall(name, queue, steps))
-        return Name(name)
+        if (queue, steps) not in self.recalls:
+            sizes[queue] = max(sizes.get(queue, 0), steps)
+            self.recalls[queue, steps] = Recall(self.m.fresh("past"), queue, steps)
+            self.m.statements.append(self.recalls[queue, steps])
+        return Name(self.recalls[queue, steps].name)
 
     def _operated(self, one: Operated) -> Expression:
         """Write an operator from past values; it rests up to the first sample on which its source
@@ -152,13 +154,13 @@ class Parts(NamedTuple):
     ) -> Expression:
         """Write `base + sum_g weight_g own_g`, the states called as `names` says."""
         fed = [
-            multiplied(weight, m.let("own", substitute(own, names)))
+            product_as_written(weight, m.let("own", substitute(own, names)))
             for own, weight in zip(self.owns, weights, strict=True)
         ]
         return m.let("output", total([base, *fed]))
 
 
-def taken_apart(terms: Sequence[str], fed_back: Container[str]) -> Parts:
+def parts_of_terms(terms: Sequence[str], fed_back: Container[str]) -> Parts:
     """Return terms taken apart; raises DataError as `parted` does."""
     both = [parted(parse(text), fed_back) for text in terms]
     owns = list(dict.fromkeys(own for own, _ in both if own != ONE))
@@ -182,7 +184,7 @@ class Feedback:
         self.states, self.output = states, output
         lags = fed_back_states(states, output)
         self.names, self.longest = tuple(lags), max(lags.values(), default=0)
-        self.parts = taken_apart(terms, lags)
+        self.parts = parts_of_terms(terms, lags)
         self.weights = [f"weight_{group}" for group in range(len(self.parts.owns))]
         m = Writer()
         writer = StateWriter(m, states, output, {})
@@ -192,11 +194,7 @@ class Feedback:
         pushed = writer.pushed(value)
         self.queues = list(writer.queues)
         places = {queue: place for place, queue in enumerate(pushed)}
-        self.recalls = {
-            one.name: (places[one.queue], one.steps)
-            for one in m.statements
-            if isinstance(one, Recall)
-        }
+        self.recalls = {one.name: (places[one.queue], one.steps) for one in writer.recalls.values()}
         self.depth = max((steps for _, steps in self.recalls.values()), default=0)
         own = tuple(one for one in m.statements if not isinstance(one, Recall))
         self.block, self.functions = Block(own, tuple(pushed.values())), tuple(m.functions.values())

@@ -22,8 +22,6 @@ from mapmore_cli.modelling.memory.simulation import (
 from mapmore_cli.modelling.memory.states import evaluate_states, memory_inputs
 from mapmore_cli.modelling.signals.sampling import UNEVEN
 
-FEW = 2  # samples up to which a longer step is taken for a gap
-
 
 def predict_one_step(model: MemoryModel, columns: Columns) -> Array:
     """Prediction of every sample from the measured past, (n,); NaN before there is history. Memory
@@ -59,11 +57,11 @@ def free_run(model: MemoryModel, columns: Columns) -> Run:
     values, diverged = _nothing(columns), list[int]()
     for rows, piece in _uninterrupted_rows(model, columns):
         with numbered(rows):
-            course = ReadyPiece(feedback, piece)
-            refuse_unknown_beginning(course)
-        simulated = course.run(model.theta, model.constant, bounds_of(model.limits)).output
-        end = course.start + len(simulated)
-        values[rows[course.start : end]] = simulated
+            ready = ReadyPiece(feedback, piece)
+            refuse_unknown_beginning(ready)
+        simulated = ready.run(model.theta, model.constant, bounds_of(model.limits)).output
+        end = ready.start + len(simulated)
+        values[rows[ready.start : end]] = simulated
         diverged += rows[end : end + 1].tolist()
     return Run(values, tuple(diverged))
 
@@ -99,14 +97,13 @@ def _uninterrupted_rows(model: MemoryModel, columns: Columns) -> Iterator[tuple[
 
 
 def _refuse_other_steps(time: Array, step: float) -> None:
-    """Refuse a record with longer steps than the model's, which would be all gaps."""
-    usual, longest = (
-        float(np.median(np.diff(time))) if len(time) > FEW else step,
-        step * (1 + UNEVEN),
-    )
-    if usual > longest:
+    """Refuse a record with longer steps than the model's, which would be all gaps; a longer step
+    between two samples is taken for a gap.
+    """
+    distances, longest = np.diff(time), step * (1 + UNEVEN)
+    if len(distances) > 1 and (usual := float(np.median(distances))) > longest:
         raise AtSample(
-            int(np.argmax(np.diff(time) > longest)) + 1,
+            int(np.argmax(distances > longest)) + 1,
             f"{usual:.6g} s after the one before, as most are; the model was trained on steps "
             f"of {step:.6g} s: its memory counts samples",
             f"bring the recording onto even steps of {step:.6g} s",

@@ -20,16 +20,16 @@ from mapmore_cli.modelling.expressions.states import Measured
 from mapmore_cli.modelling.expressions.syntax import ONE, ZERO, Condition
 from mapmore_cli.modelling.literature.model import (
     backbone_values,
-    by_blocks,
     formula_equations,
     formula_value,
+    where_finite,
 )
-from mapmore_cli.modelling.memory.feedback import StateWriter, fed_back_states, taken_apart
+from mapmore_cli.modelling.memory.feedback import StateWriter, fed_back_states, parts_of_terms
 from mapmore_cli.modelling.memory.free_run import free_run, predict_one_step
 from mapmore_cli.modelling.memory.simulation import bounds_of
 from mapmore_cli.modelling.memory.states import memory_inputs
 from mapmore_cli.modelling.program.statements import NOTHING, Queue
-from mapmore_cli.modelling.program.writing import Inputs, Writer, limit, multiplied, total
+from mapmore_cli.modelling.program.writing import Inputs, Writer, limit, product_as_written, total
 
 
 def build(
@@ -99,7 +99,7 @@ def _base(model: Model, columns: Columns) -> Array:
     body = _memory_of(model)
     if body.backbone is None and not model.inputs:
         return np.zeros(len(next(iter(columns.values()))))
-    return by_blocks(
+    return where_finite(
         model.inputs, columns, lambda inputs, n: backbone_values(body.backbone, inputs, n)
     )
 
@@ -153,14 +153,14 @@ def _sum_of_terms(m: Writer, model: MemoryModel, names: Mapping[str, Expression]
     """Write `constant + sum_j theta_j D_j`, the terms of inputs first, as a free run adds them
     up.
     """
-    parts = taken_apart(model.terms, fed_back_states(model.states, model.output))
+    parts = parts_of_terms(model.terms, fed_back_states(model.states, model.output))
     sums: dict[int, list[Expression]] = {group: [] for group in range(len(parts.owns))}
     sums[-1] = [Number(model.constant)]
     for inputs, theta, group in zip(
         parts.inputs, model.theta.tolist(), parts.groups.tolist(), strict=True
     ):
         driven = m.let("driven", substitute(inputs, names))
-        sums[group].append(multiplied(Number(theta), driven))
+        sums[group].append(product_as_written(Number(theta), driven))
     base = m.let("base", total(sums.pop(-1)))
     return parts.summed(m, base, [m.let("weight", total(own)) for own in sums.values()], names)
 

@@ -30,17 +30,17 @@ DAMPING, MOST_DAMPING = 1e-3, 1e8
 NUDGE = 1e-5
 
 
-def sensitivities(course: ReadyPiece, run: Trajectory, theta: Array) -> Array:
+def sensitivities(piece: ReadyPiece, run: Trajectory, theta: Array) -> Array:
     """Return the derivatives of the outputs of a run by theta and by the constant, (n, k + 1); not
     finite where the run is unstable.
     """
-    feedback, n, q = course.feedback, len(run.begins), len(course.history)
-    inputs, groups = course.inputs[:n], feedback.parts.groups
+    feedback, n, q = piece.feedback, len(run.begins), len(piece.history)
+    inputs, groups = piece.inputs[:n], feedback.parts.groups
     phi = np.ones((n, len(theta) + 1))
     phi[:, :-1] = inputs
     if not feedback.weights:
         return phi
-    known = course.recalled(run)
+    known = piece.recalled(run)
     for group, name in enumerate(feedback.weights):
         known[name] = inputs[:, groups == group] @ theta[groups == group]
     with np.errstate(all="ignore"):
@@ -51,16 +51,16 @@ def sensitivities(course: ReadyPiece, run: Trajectory, theta: Array) -> Array:
         phi[:, :-1][:, groups == group] *= slopes[0, len(feedback.recalls) + group][:, None]
     right = np.zeros((n * q, phi.shape[1]), order="F")
     right[::q] = phi
-    solution, _ = dtbtrs(_band(course, run, slopes), right, uplo="L", diag="U", overwrite_b=1)
+    solution, _ = dtbtrs(_band(piece, run, slopes), right, uplo="L", diag="U", overwrite_b=1)
     return np.asarray(solution[::q])
 
 
-def _band(course: ReadyPiece, run: Trajectory, slopes: Array) -> Array:
+def _band(piece: ReadyPiece, run: Trajectory, slopes: Array) -> Array:
     """`I - d(values)/d(past values)` by its diagonals; what lies before the beginning of a stretch
     is measured, and does not move.
     """
     q, _, n = slopes.shape
-    recalls, rows = list(course.feedback.recalls.values()), np.arange(n)
+    recalls, rows = list(piece.feedback.recalls.values()), np.arange(n)
     matrix = np.zeros((max(steps for _, steps in recalls) * q + q, n * q))
     matrix[0] = 1.0
     for place, (column, steps) in enumerate(recalls):
@@ -120,7 +120,7 @@ class Coefficients:
 class FreeRunProblem:
     """Simulation error of one set of terms on training samples.
 
-    - `courses`: the pieces, of the operators' numbers (m,).
+    - `pieces`: the pieces, of the operators' numbers (m,).
     - `counted`: (n,) the samples of each piece that count.
     - `bounds`: least and greatest output of a run.
     - `ridge`: (k,) penalty of each squared coefficient.
@@ -128,7 +128,7 @@ class FreeRunProblem:
     - `between`: (2, k + 1 + m) least and greatest place of a point.
     """
 
-    courses: Callable[[Array], tuple[ReadyPiece, ...]]
+    pieces: Callable[[Array], tuple[ReadyPiece, ...]]
     counted: tuple[BoolArray, ...]
     bounds: tuple[float, float]
     ridge: Array
@@ -143,9 +143,9 @@ class FreeRunProblem:
     def at(self, point: Coefficients, horizon: int | None = None) -> Coefficients:
         """Return the point with its runs and its error."""
         runs: list[Trajectory] = []
-        for course in self.courses(point.numbers):
-            runs.append(course.run(point.theta, point.constant, self.bounds, horizon))
-            if len(runs[-1].begins) < course.size:
+        for piece in self.pieces(point.numbers):
+            runs.append(piece.run(point.theta, point.constant, self.bounds, horizon))
+            if len(runs[-1].begins) < piece.size:
                 return replace(point, error=np.inf, runs=())
         point = replace(point, runs=tuple(runs))
         error = np.sum(self.errors(point) ** 2) + self.ridge @ point.theta**2
@@ -155,9 +155,9 @@ class FreeRunProblem:
         """Return measured less simulated output of all samples that count, (n,)."""
         return np.concatenate(
             [
-                (course.measured[course.start :] - run.output)[rows]
-                for course, run, rows in zip(
-                    self.courses(point.numbers), point.runs, self.counted, strict=True
+                (piece.measured[piece.start :] - run.output)[rows]
+                for piece, run, rows in zip(
+                    self.pieces(point.numbers), point.runs, self.counted, strict=True
                 )
             ]
         )
@@ -167,9 +167,9 @@ class FreeRunProblem:
         point's runs, by all of its vector.
         """
         by_theta = [
-            sensitivities(course, run, point.theta)[rows]
-            for course, run, rows in zip(
-                self.courses(point.numbers), point.runs, self.counted, strict=True
+            sensitivities(piece, run, point.theta)[rows]
+            for piece, run, rows in zip(
+                self.pieces(point.numbers), point.runs, self.counted, strict=True
             )
         ]
         by_numbers = [
@@ -213,7 +213,7 @@ def refine(problem: FreeRunProblem, start: Coefficients) -> Coefficients:
     """Return coefficients of least error in free run, searched from `start`; of infinite error
     where no run on the way stays finite.
     """
-    fed_back = any(course.feedback.weights for course in problem.courses(start.numbers))
+    fed_back = any(piece.feedback.weights for piece in problem.pieces(start.numbers))
     point, last, horizon = start, 0, FIRST if fed_back else problem.longest
     while True:
         whole = horizon >= problem.longest

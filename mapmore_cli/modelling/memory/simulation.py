@@ -27,7 +27,7 @@ DIVERGED = 100.0
 class Trajectory:
     """A run, and where in it the run began anew.
 
-    - `values`: (q, n) the output, and what else the model recalls; fewer samples than the course
+    - `values`: (q, n) the output, and what else the model recalls; fewer samples than the piece
       has where the run left all bounds.
     - `begins`: (n,) the sample at which the stretch of each sample began.
     """
@@ -159,16 +159,16 @@ class ReadyPiece:
         return columns
 
 
-def refuse_unknown_beginning(course: ReadyPiece) -> None:
+def refuse_unknown_beginning(piece: ReadyPiece) -> None:
     """Raise AtSample where a measured output that the run begins with is missing."""
-    first = course.start - course.feedback.longest
-    known = np.isfinite(course.measured[first : course.start])
-    if course.size and not known.all():
-        output = course.feedback.output
+    first = piece.start - piece.feedback.longest
+    known = np.isfinite(piece.measured[first : piece.start])
+    if piece.size and not known.all():
+        output = piece.feedback.output
         raise AtSample(
             first + int(np.argmin(known)),
             f"{output} is missing where a free run begins: the model goes on from measured outputs",
-            f"give the column {output} with values in the first {course.start} samples of "
+            f"give the column {output} with values in the first {piece.start} samples of "
             "every recording, and after every gap",
         )
 

@@ -269,10 +269,10 @@ class TrainingData:
             feedback = Feedback(terms, states, self.recipe.target)
             return [ReadyPiece(feedback, columns) for columns, _ in parts]
 
-        courses = made_ready([self.dictionary[i] for i in chosen], self._states_of(chosen))
+        pieces = made_ready([self.dictionary[i] for i in chosen], self._states_of(chosen))
         rows = [
             mask[one.start :] & np.isfinite(one.measured[one.start :])
-            for one, (_, mask) in zip(courses, parts, strict=True)
+            for one, (_, mask) in zip(pieces, parts, strict=True)
         ]
         places = [place for place, own in enumerate(rows) if own.any()]
         if not places:
@@ -281,8 +281,8 @@ class TrainingData:
                 "use fewer steps of delay, or longer recordings",
             )
         for place in places:
-            refuse_unknown_beginning(courses[place])
-        ready = tuple(courses[place] for place in places)
+            refuse_unknown_beginning(pieces[place])
+        ready = tuple(pieces[place] for place in places)
         open_terms = [self.recipe.dictionary[i] for i in chosen] if search else []
         numbers = left_open(self.records, open_terms, self.recipe.step)
 

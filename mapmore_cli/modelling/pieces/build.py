@@ -7,7 +7,6 @@ calls them in one go.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -40,7 +39,7 @@ from mapmore_cli.modelling.expressions.ranged import placed
 from mapmore_cli.modelling.frols import TIE_TOLERANCE, frols, frols_streamed, reads_once
 from mapmore_cli.modelling.literature.backbone import residual_of
 from mapmore_cli.modelling.pieces.recipe import Recipe
-from mapmore_cli.modelling.pieces.segmentation import samples_of, segment_curve, training_curves
+from mapmore_cli.modelling.pieces.segmentation import samples_at, segment_curve, training_curves
 
 # share of the segment whose mean stands for an end of the trend, so that the anchor does not hang
 # on one noisy sample
@@ -97,7 +96,7 @@ def _span(width: ArrayLike) -> Array:
     return np.where(np.asarray(width) > 0, width, 1.0)
 
 
-def scaled(scaling: Scaling, columns: Columns) -> dict[str, Array]:
+def scaled_inputs(scaling: Scaling, columns: Columns) -> dict[str, Array]:
     """Return independent variables in scaled coordinates, `z = slope x + intercept` (M2 eq 8)."""
     return {
         name: columns[name] * m + c
@@ -105,7 +104,7 @@ def scaled(scaling: Scaling, columns: Columns) -> dict[str, Array]:
     }
 
 
-def names_in(terms: Iterable[Expression]) -> tuple[str, ...]:
+def quantities_in(terms: Iterable[Expression]) -> tuple[str, ...]:
     """Return the quantities that occur in some terms, in the order of their names."""
     return tuple(sorted(frozenset[str]().union(*(term.names for term in terms))))
 
@@ -126,8 +125,8 @@ def segment(
         if len(rows) <= recipe.fit.max_terms:
             return float("inf")
         trial = Segment(f"{curve.id}/trial", curve.id, (), rows)
-        found = fit_segment(trial, samples_of(fitted[curve.id], rows), terms, recipe)
-        return found.selection.sse * found.scaling.y_slope**2
+        trial_fit = fit_segment(trial, samples_at(fitted[curve.id], rows), terms, recipe)
+        return trial_fit.selection.sse * trial_fit.scaling.y_slope**2
 
     return tuple(segment_curve(curve, recipe.cuts, recipe.target, cost) for curve in training)
 
@@ -153,7 +152,7 @@ def fit(
     for segmented in segmentation:
         for one in segmented.segments:
             fits.append(
-                fit_segment(one, samples_of(fitted[segmented.curve], one.rows), terms, recipe)
+                fit_segment(one, samples_at(fitted[segmented.curve], one.rows), terms, recipe)
             )
             tick()
     return tuple(fits)
@@ -176,19 +175,19 @@ def fit_segment(
         )
         what = f"segment {segment.id}: {n} training sample(s), too few for {most} term(s)"
         raise DataError(what, f"{ways}, or set fit.max_terms below {max(2, n)}")
-    variables = names_in(terms)
+    variables = quantities_in(terms)
     X = np.column_stack([samples[name] for name in variables]) if variables else np.empty((n, 0))
     y = samples[recipe.target]
     order = np.lexsort((y, *X.T[::-1]))
     X, y = X[order], y[order]
     best: SegmentFit | None = None
     for scaling in placements(recipe.fit.scaling, X, y, variables):
-        z = scaled(scaling, dict(zip(variables, X.T, strict=True)))
+        z = scaled_inputs(scaling, dict(zip(variables, X.T, strict=True)))
         x = X * scaling.slope + scaling.intercept
         ends = zip(variables, x.min(axis=0).tolist(), x.max(axis=0).tolist(), strict=True)
         written = placed(recipe.dictionary, tuple(ends))
         try:
-            selection = _selection(
+            selection = _selected_terms(
                 terms if written == recipe.dictionary else list(map(parse, written)),
                 z,
                 (y - scaling.y_intercept) / scaling.y_slope,
@@ -206,7 +205,7 @@ def fit_segment(
     return best
 
 
-def _selection(terms: Sequence[Expression], z: Columns, y: Array, recipe: Recipe) -> Selection:
+def _selected_terms(terms: Sequence[Expression], z: Columns, y: Array, recipe: Recipe) -> Selection:
     """FROLS on the dictionary, which is never there as a whole where it need not be read more than
     once or twice.
     """
@@ -230,12 +229,11 @@ def fuse(
 ) -> Model:
     """Join the segment functions; curves come in the order of their levels.
 
-    Where the recipe leaves it open how far a residual is carried between levels, all of it is: see
-    `cross_validation`.
+    All of a residual is carried between levels; `cross_validation` says how much of it is kept.
     """
     backbone, level = result.backbone, recipe.level
     needed = {
-        *names_in(map(candidate, recipe.dictionary)),
+        *quantities_in(map(candidate, recipe.dictionary)),
         *recipe.cuts,
         *(() if backbone is None else literature.of(backbone).inputs),
     }
@@ -245,7 +243,7 @@ def fuse(
     for s in sorted(segmentation, key=lambda s: (s.level is not None, s.level)):
         curve, rows = training[s.curve], {one.id: one.rows for one in s.segments}
         segments = tuple(
-            _function(f, samples_of(curve, rows[f.id]), s.variables)
+            _segment_function(f, samples_at(curve, rows[f.id]), s.variables)
             for f in result.segments
             if f.curve == s.curve
         )
@@ -289,23 +287,9 @@ def build(
     )
 
 
-def multiplied(segments: Sequence[SegmentFunction], share: float) -> tuple[SegmentFunction, ...]:
-    """Segment functions times a number, which their scalings hold."""
-    scalings = [
-        replace(
-            one.scaling,
-            y_slope=share * one.scaling.y_slope,
-            y_intercept=share * one.scaling.y_intercept,
-        )
-        for one in segments
-    ]
-    return tuple(
-        replace(segment, scaling=scaling)
-        for segment, scaling in zip(segments, scalings, strict=True)
-    )
-
-
-def _function(fit: SegmentFit, samples: Columns, variables: Sequence[str]) -> SegmentFunction:
+def _segment_function(
+    fit: SegmentFit, samples: Columns, variables: Sequence[str]
+) -> SegmentFunction:
     limits = {name: (float(samples[name].min()), float(samples[name].max())) for name in variables}
     return taken(
         SegmentFunction,

@@ -8,16 +8,17 @@ share g that left-out blocks support.
 
 A backbone is chosen among every static formula of the study's inputs, and none. Each inner level
 (of one surface: each inner block along every input) is left out in turn, and everything is done
-anew without it: formula, cuts, terms, and then the share of the residual that serves best.
-Outermost ones are no part of the choice, for there a model extrapolates; their error is told beside
-it. With three training levels or fewer the choice would be chance (on measured muscles it took
-Sárosi's formula where the hinged one has a tenth of its error). There `FEW` is taken, which keeps
-to the plain formula where data have no slack foot.
+anew without it: formula, cuts, terms, and then the share of the residual that serves best. The
+outermost ones are no part of the choice, for there a model extrapolates. With three training levels
+or fewer the choice would be chance (on measured muscles it took Sárosi's formula where the hinged
+one has a tenth of its error). There `FEW` is taken, which keeps to the plain formula where data
+have no slack foot.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -25,12 +26,12 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.errors import FitError, MapmoreError
-from mapmore_cli.domain.models import FoldError, Model, Pieces
+from mapmore_cli.domain.models import FoldError, Model, Pieces, SegmentFunction
 from mapmore_cli.domain.recording import Curve, Quantity
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.expressions import candidate
 from mapmore_cli.modelling.literature.backbone import fit_formula, pooled
-from mapmore_cli.modelling.pieces.build import build, multiplied, names_in
+from mapmore_cli.modelling.pieces.build import build, quantities_in
 from mapmore_cli.modelling.pieces.model import simulate
 from mapmore_cli.modelling.pieces.recipe import Cuts, Recipe
 
@@ -48,7 +49,7 @@ Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)
-class LeftOut:
+class LeftOutErrors:
     """Every training sample that was left out of some fold, (n,) each: as measured, and as the
     fold's model without it says.
 
@@ -81,32 +82,32 @@ def leave_out(
     backbone: str | None,
     folds: Folds,
     progress: Progress = lambda _done, _total: None,
-) -> LeftOut:
+) -> LeftOutErrors:
     """Predictions of left-out training data by models of the rest, backbone included.
 
     Raises FitError where the backbone cannot be fitted without some of the data.
     """
-    found = []
+    parts = []
     for left_out in folds:
-        found.append(of_fold(curves, left_out, recipe, quantities, backbone))
-        progress(len(found), len(folds))
-    return together(found)
+        parts.append(_of_fold(curves, left_out, recipe, quantities, backbone))
+        progress(len(parts), len(folds))
+    measured, alone, residual = map(np.concatenate, zip(*parts, strict=True))
+    return LeftOutErrors(measured, alone, residual, len(folds))
 
 
-def of_fold(
+def _of_fold(
     curves: Sequence[Curve],
     left_out: Sequence[BoolArray],
     recipe: Recipe,
     quantities: Mapping[str, Quantity],
     backbone: str | None,
-) -> LeftOut:
-    """Return what a model of the rest says of one fold; raises FitError where the backbone cannot
-    be fitted without it.
-    """
-    training = _rest(curves, left_out)
-    formula = (
-        None if backbone is None else fit_formula(backbone, training, recipe.target, advice=False)
-    )
+) -> tuple[Array, Array, Array]:
+    """Return the target of one fold, what the backbone of the rest says of it, and the pieces."""
+    training = [
+        replace(curve, held_out=curve.held_out | out)
+        for curve, out in zip(curves, left_out, strict=True)
+    ]
+    formula = None if backbone is None else fit_formula(backbone, training, recipe.target)
     if formula is not None and formula.failed:
         raise FitError(
             f"the fit of {formula.name} failed without some of the data", "take another backbone"
@@ -119,17 +120,11 @@ def of_fold(
         if formula is None
         else literature.of(formula).predict(formula.parameters, rows)
     )
-    return LeftOut(measured, alone, simulate(model, rows).values - alone, 1)
-
-
-def _rest(curves: Sequence[Curve], left_out: Sequence[BoolArray]) -> list[Curve]:
-    return [replace(c, held_out=c.held_out | out) for c, out in zip(curves, left_out, strict=True)]
+    return measured, alone, simulate(model, rows).values - alone
 
 
 def _of_fewer_samples(recipe: Recipe) -> Recipe:
-    """Return the recipe with all of the residual, which joins segments that lack samples only since
-    some are left out.
-    """
+    """Return the recipe that joins segments which lack samples only since some are left out."""
     cuts, least = dict(recipe.cuts), recipe.fit.max_terms + 1
     for name, cut in recipe.cuts.items():
         if isinstance(cut, Cuts) and cut.joins:
@@ -137,16 +132,7 @@ def _of_fewer_samples(recipe: Recipe) -> Recipe:
     return replace(recipe, cuts=cuts)
 
 
-def together(parts: Sequence[LeftOut]) -> LeftOut:
-    """Several folds as one."""
-    measured, alone, residual = (
-        np.concatenate([getattr(part, name) for part in parts])
-        for name in ("measured", "backbone", "residual")
-    )
-    return LeftOut(measured, alone, residual, sum(part.folds for part in parts))
-
-
-def inner_levels(curves: Sequence[Curve], recipe: Recipe) -> int:
+def inner_level_count(curves: Sequence[Curve], recipe: Recipe) -> int:
     """How many curves have a level between two others of the training data."""
     return (
         0
@@ -165,17 +151,10 @@ def inner_folds(curves: Sequence[Curve], recipe: Recipe) -> Folds:
       curves have some. A single curve, as
       a table, has inner blocks along every input of the surface.
     """
-    return [fold for along in _along(curves, recipe) for fold in along[1:-1]]
+    return [fold for along in _folds_along(curves, recipe) for fold in along[1:-1]]
 
 
-def outer_folds(curves: Sequence[Curve], recipe: Recipe) -> Folds:
-    """Return the lowest and the highest level or block in place of the inner ones: there a model
-    extrapolates.
-    """
-    return [fold for along in _along(curves, recipe) for fold in (along[0], along[-1])]
-
-
-def _along(curves: Sequence[Curve], recipe: Recipe) -> list[Folds]:
+def _folds_along(curves: Sequence[Curve], recipe: Recipe) -> list[Folds]:
     """Return the folds along every quantity that has at least three, in ascending order."""
     numbers = [number for number, curve in enumerate(curves) if curve.training.any()]
     levels = [
@@ -185,17 +164,17 @@ def _along(curves: Sequence[Curve], recipe: Recipe) -> list[Folds]:
     if recipe.level is not None and len(levels) > 2:
         return [levels]
     if len(levels) == 1:
-        inputs = {*names_in(map(candidate, recipe.dictionary)), *recipe.cuts} - {
+        inputs = {*quantities_in(map(candidate, recipe.dictionary)), *recipe.cuts} - {
             recipe.level,
             recipe.pooled,
         }
-        found = [_blocks(curves, name) for name in sorted(inputs)]
+        every_way = [_blocks_along(curves, name) for name in sorted(inputs)]
     else:
         along = in_curve(curves, tuple(recipe.cuts), recipe.target, recipe.level)
         every = [tuple(block(curve, along, number) for curve in curves) for number in range(BLOCKS)]
-        found = [[fold for fold in every if any(out.any() for out in fold)]]
-    found += [levels] if recipe.pooled is not None else []
-    return [folds for folds in found if len(folds) > 2]
+        every_way = [[fold for fold in every if any(out.any() for out in fold)]]
+    every_way += [levels] if recipe.pooled is not None else []
+    return [folds for folds in every_way if len(folds) > 2]
 
 
 def in_curve(
@@ -223,7 +202,7 @@ def block(curve: Curve, along: str, number: int) -> BoolArray:
     return out
 
 
-def _blocks(curves: Sequence[Curve], name: str) -> Folds:
+def _blocks_along(curves: Sequence[Curve], name: str) -> Folds:
     """At most five contiguous blocks along a variable, which part no samples of one value."""
     values = np.unique(np.concatenate([curve.columns[name][curve.training] for curve in curves]))
     ends = [(part[0], part[-1]) for part in np.array_split(values, min(BLOCKS, len(values)))]
@@ -260,82 +239,67 @@ def with_trusted_residual(
         return model
     left_out = leave_out(curves, recipe, quantities, body.backbone.formula, folds, progress)
     share, without, whole = left_out.share, left_out.rmse(0.0), left_out.rmse(1.0)
-    both = f"{without:.4g} {unit} without it, {whole:.4g} {unit} with all of it"
-    part = f", {left_out.rmse(share):.4g} {unit} with that share"
-    shares, notes = {BACKBONE: 0.0, RESIDUAL: 1.0}, [*model.notes]
-    if inner_levels(curves, recipe):
+    errors = (
+        f"on {left_out.folds} left-out part(s) it errs by {without:.4g} {unit} alone, by "
+        f"{whole:.4g} {unit} with all of the residual, by {left_out.rmse(share):.4g} {unit} with "
+        "that share"
+    )
+    shares, note = {BACKBONE: 0.0, RESIDUAL: 1.0}, ""
+    if inner_level_count(curves, recipe):
         shares[SHRUNKEN] = share
         body = replace(body, fusion=replace(body.fusion, shrink=share))
-        carried = f"midway between levels, {share:.0%} of the residual on {name} is carried"
-        notes.append(f"{carried}: on {left_out.folds} left-out inner level(s), {both}{part}")
+        note = f"midway between levels, {share:.0%} of the residual on {name} is carried: {errors}"
     elif body.level is None and share > 0:
         shares[SHRUNKEN] = share
-        body = replace(
-            body,
-            curves=tuple(
-                replace(curve, segments=multiplied(curve.segments, share)) for curve in body.curves
-            ),
-        )
-        part = "" if share == 1.0 else part
-        notes.append(
-            f"{share:.0%} of the residual on {name} counts: on {left_out.folds} left-out "
-            f"inner blocks, {both}{part}"
-        )
+        body = _times(body, share)
+        note = f"{share:.0%} of the residual on {name} counts: {errors}"
     elif body.level is None or not whole < without:
-        body = replace(body, curves=tuple(replace(curve, segments=()) for curve in body.curves))
-        errors = (
-            f"{without:.4g} {unit}, with the residual {whole:.4g} {unit} ({left_out.folds} folds)"
-        )
-        notes.append(f"cross-validation keeps {name} alone: {errors}")
+        body = _times(body, 0.0)
+        note = f"cross-validation keeps {name} alone: {errors}"
     elif len(body.curves) == 2:
         body = replace(body, fusion=replace(body.fusion, shrink=0.0))
-        notes.append(
+        note = (
             f"two levels: midway between them {name} stands alone, since no inner level says "
             "how its residual runs there"
         )
-    found = tuple(
+    tried = tuple(
         FoldError(choice, left_out.rmse(share), left_out.folds) for choice, share in shares.items()
     )
-    return replace(model, body=replace(body, cross_validation=found), notes=tuple(notes))
+    body = replace(body, cross_validation=tried)
+    return replace(model, body=body, notes=(*model.notes, note) if note else model.notes)
 
 
-FEW, FEWEST_FOLDS = (
-    "sarosi_hinged",
-    2,
-)  # the formula that is taken where there are fewer folds than the fewest that choose
-# of the least error, within which the formula with fewer parameters is taken. Wider margins lost on
-# measured muscles
+def _times(body: Pieces, share: float) -> Pieces:
+    """Return the pieces times a number, which their scalings hold; without segments for zero."""
+
+    def multiplied(segment: SegmentFunction) -> SegmentFunction:
+        y_slope, y_intercept = segment.scaling.y_slope, segment.scaling.y_intercept
+        return replace(
+            segment,
+            scaling=replace(
+                segment.scaling, y_slope=share * y_slope, y_intercept=share * y_intercept
+            ),
+        )
+
+    curves = (
+        replace(curve, segments=tuple(map(multiplied, curve.segments)) if share else ())
+        for curve in body.curves
+    )
+    return replace(body, curves=tuple(curves))
+
+
+FEW, FEWEST_FOLDS = "sarosi_hinged", 2
+"""The formula that is taken where there are fewer folds than the fewest that choose."""
+
 MARGIN = 0.02
+"""Of the least error, within which the formula with fewer parameters is taken. Wider margins lost
+on measured muscles.
+"""
+
 SAMPLES = 300  # of every curve that the choice is made on, an even share in the order of the curve
-TOLD = 4  # candidates that are told with their errors
 
 
-@dataclass(frozen=True)
-class Candidate:
-    """A formula (None: no backbone) with its fused model's RMSE on left-out inner levels, and the
-    share of the residual that it is for.
-
-    Where not all folds were tried, since the first ones tell enough, the RMSE is what it comes to
-    at least.
-    """
-
-    name: str | None
-    rmse: float
-    share: float
-    tried: bool = True
-
-    @property
-    def parameters(self) -> int:
-        """Number of the formula's parameters."""
-        return 0 if self.name is None else len(literature.get(self.name).parameters)
-
-    @property
-    def label(self) -> str:
-        """The name as told."""
-        return self.name or "no backbone"
-
-
-class Choice(NamedTuple):
+class BackboneChoice(NamedTuple):
     """The formula that was chosen, None for no backbone, and on what grounds."""
 
     name: str | None
@@ -347,75 +311,64 @@ def choose_backbone(
     recipe: Recipe,
     quantities: Mapping[str, Quantity],
     progress: Progress = lambda _done, _total: None,
-) -> Choice:
-    """Choose among `candidates` by left-out inner levels of the training data."""
-    names = candidates(curves, recipe.target)
+) -> BackboneChoice:
+    """Choose among the `possible_backbones` by left-out inner levels of the training data."""
+    names = possible_backbones(curves, recipe.target)
     part = "block" if recipe.level is None else "level"
-    folds = (
-        len(inner_folds(curves, recipe)) if recipe.level is None else inner_levels(curves, recipe)
-    )
-    if folds < FEWEST_FOLDS:
+    folds = inner_folds(curves, recipe)
+    count = len(folds) if recipe.level is None else inner_level_count(curves, recipe)
+    if count < FEWEST_FOLDS:
         taken = FEW if FEW in names else None
-        why = (
-            f"{folds} inner training {part}(s) are too few to choose a backbone by; "
-            f"{taken or 'none'} is taken"
-        )
-        return Choice(taken, f"{why}, as wherever they are" if taken else why)
+        note = f"{count} inner training {part}(s) are too few to choose a backbone by; "
+        return BackboneChoice(taken, f"{note}{taken or 'none'} is taken")
     thinned = [thin(curve, next(iter(recipe.cuts), None)) for curve in curves]
-    found = _raced(names, thinned, recipe, quantities, progress)
-    if not found:
-        return Choice(
+    folds = inner_folds(thinned, recipe)
+    errors: dict[str | None, float] = {}
+    for number, name in enumerate(names, start=1):
+        with suppress(MapmoreError):  # which cannot be fitted without some of the data
+            left_out = leave_out(thinned, recipe, quantities, name, folds)
+            errors[name] = left_out.rmse(1.0 if name is None else left_out.share)
+        progress(number, len(names))
+    errors = {name: error for name, error in errors.items() if np.isfinite(error)}
+    if not errors:
+        return BackboneChoice(
             None, "no backbone: no formula could be fitted without a level, nor pieces alone"
         )
-    ranked, unit = sorted(found, key=lambda one: one.rmse), quantities[recipe.target].unit
-    tried = [one for one in ranked if one.tried]
-    best, chosen = tried[0], simplest(tried)
-    others = [one for one in ranked if one is not chosen][:TOLD]
-    beside = ", ".join(
-        f"{one.label} {'' if one.tried else 'over '}{one.rmse:.4g}" for one in others
-    )
-    simpler = (
-        ""
-        if chosen is best
-        else f"; it has fewer parameters than {best.label}, and errs within {MARGIN:.0%} of it"
-    )
-    try:
-        outermost = leave_out(
-            thinned, recipe, quantities, chosen.name, outer_folds(thinned, recipe)
-        ).rmse(chosen.share)
-        beyond = f". With an outermost {part} left out it errs by {outermost:.4g} {unit}"
-    except MapmoreError:  # it cannot be fitted without
-        beyond = ""
+    chosen = simplest_backbone(errors)
+    unit = quantities[recipe.target].unit
+    others = sorted(errors.keys() - {chosen}, key=lambda name: errors[name])
+    beside = ", ".join(f"{name or 'none'} {errors[name]:.4g}" for name in others)
     note = (
-        f"backbone {chosen.label} is chosen: with each of {folds} inner training {part}s left "
-        "out in turn, the fused model errs by "
-        f"{chosen.rmse:.4g} {unit} ({beside}){simpler}{beyond}"
+        f"backbone {chosen or 'none'} is chosen, with the fewest parameters within {MARGIN:.0%} of "
+        f"the least error: with each of {count} inner training {part}s left out in turn, the fused "
+        f"model errs by {errors[chosen]:.4g} {unit} ({beside})"
     )
-    return Choice(chosen.name, note)
+    return BackboneChoice(chosen, note)
 
 
-def candidates(curves: Sequence[Curve], target: str) -> tuple[str | None, ...]:
+def possible_backbones(curves: Sequence[Curve], target: str) -> tuple[str | None, ...]:
     """None, and every static formula that is fitted to the target and finds its inputs in the
     curves.
     """
     known = {name for name in curves[0].columns if name != target}
-    formulas = [literature.get(name) for name in literature.names()]
     usable = [
-        one
-        for one in formulas
-        if one.component == "static" and one.fitted_to == literature.TARGET and not one.dimensions
+        one.name
+        for one in map(literature.get, literature.names())
+        if one.component == "static" and not one.dimensions and known.issuperset(one.inputs)
     ]
-    return (None, *(one.name for one in usable if one.inputs and known.issuperset(one.inputs)))
+    return None, *usable
 
 
-def simplest(found: Sequence[Candidate]) -> Candidate:
-    """Return the candidate with the fewest parameters of those within the margin of the least
-    error, the better one of equals.
+def simplest_backbone(errors: Mapping[str | None, float]) -> str | None:
+    """Return the formula with the fewest parameters of those within the margin of the least error,
+    the better one of equals.
     """
-    near = (1 + MARGIN) * min(one.rmse for one in found)
-    return min(
-        (one for one in found if one.rmse <= near), key=lambda one: (one.parameters, one.rmse)
-    )
+    near = [name for name, error in errors.items() if error <= (1 + MARGIN) * min(errors.values())]
+
+    def size(name: str | None) -> tuple[int, float]:
+        return len(literature.get(name).parameters) if name else 0, errors[name]
+
+    return min(near, key=size)
 
 
 def thin(curve: Curve, along: str | None) -> Curve:
@@ -434,50 +387,3 @@ def thin(curve: Curve, along: str | None) -> Curve:
         at_rest=None,
         origin=None,
     )
-
-
-def _raced(
-    names: Sequence[str | None],
-    curves: Sequence[Curve],
-    recipe: Recipe,
-    quantities: Mapping[str, Quantity],
-    progress: Progress,
-) -> list[Candidate]:
-    """Return the candidates that can be fitted, each on as many folds as its choice depends on.
-
-    A sum of squares only grows from fold to fold, whatever the share. So the candidate that errs
-    least so far is tried on one more fold, until all that are left have gone beyond the margin of
-    the best one.
-    """
-    folds = inner_folds(curves, recipe)
-    samples = sum(int(out.sum()) for fold in folds for out in fold)
-    said: dict[str | None, list[LeftOut]] = {name: [] for name in names}
-
-    def tried(name: str | None) -> Candidate | None:
-        """Return the candidate on one more fold, as if those to come added no error; None where it
-        cannot be fitted without one.
-        """
-        own = said[name]
-        try:
-            own.append(of_fold(curves, folds[len(own)], recipe, quantities, name))
-        except MapmoreError:
-            return None
-        left_out = together(own)
-        share = 1.0 if name is None else left_out.share
-        rmse = left_out.rmse(share) * float(np.sqrt(len(left_out.measured) / samples))
-        return Candidate(name, rmse, share, len(own) == len(folds)) if np.isfinite(rmse) else None
-
-    found = {name: candidate for name in names if (candidate := tried(name)) is not None}
-    while found:
-        best = min((one.rmse for one in found.values() if one.tried), default=np.inf)
-        left = [one for one in found.values() if not one.tried and one.rmse <= (1 + MARGIN) * best]
-        progress(max(len(said[name]) for name in found), len(folds))
-        if not left:
-            break
-        name = min(left, key=lambda one: one.rmse).name
-        further = tried(name)
-        if further is None:
-            del found[name]
-        else:
-            found[name] = further
-    return list(found.values())

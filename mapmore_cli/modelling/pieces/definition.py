@@ -49,7 +49,7 @@ def pieces_value(m: Writer, body: Pieces, inputs: Inputs) -> Expression:
     m.knot(body.level, *levels)
     level = m.choose(
         "level",
-        _held(inputs[body.level], (levels[0], levels[-1]), sides, words=("saturate",)),
+        _held_places(inputs[body.level], (levels[0], levels[-1]), sides, words=("saturate",)),
         inputs[body.level],
     )
 
@@ -171,7 +171,9 @@ def _curve_function(m: Writer, curve: CurveFunction, body: Pieces, free: Sequenc
             {name: Name(m.fresh(f"at_{name}")) for name in some} for some in (names, straight)
         )
         beyond = {
-            name: _beyond(asked[name], limits[name], fusion.extrapolation[name], "continue_linear")
+            name: _beyond_with(
+                asked[name], limits[name], fusion.extrapolation[name], "continue_linear"
+            )
             for name in straight
         }
         parameters = [name.name for name in (*held.values(), *asked.values())]
@@ -185,13 +187,15 @@ def _curve_function(m: Writer, curve: CurveFunction, body: Pieces, free: Sequenc
     def inside() -> Expression:
         held = {
             name: m.choose(
-                f"held_{name}", _held(x[name], limits[name], fusion.extrapolation[name]), x[name]
+                f"held_{name}",
+                _held_places(x[name], limits[name], fusion.extrapolation[name]),
+                x[name],
             )
             for name in free
         }
         arguments = [*({**x, **held}.values()), *(x[name] for name in straight)]
         along = [held[name] for name in body.variables]
-        return joined(
+        return fused_value(
             m,
             along,
             curve.boundaries,
@@ -202,7 +206,7 @@ def _curve_function(m: Writer, curve: CurveFunction, body: Pieces, free: Sequenc
     nothing = [
         (beyond, ZERO)
         for name in free
-        for beyond, _ in _beyond(x[name], limits[name], fusion.extrapolation[name], "zero")
+        for beyond, _ in _beyond_with(x[name], limits[name], fusion.extrapolation[name], "zero")
     ]
     parameters = [name.name for name in x.values()]
     return m.function(
@@ -213,7 +217,7 @@ def _curve_function(m: Writer, curve: CurveFunction, body: Pieces, free: Sequenc
     )
 
 
-def joined(
+def fused_value(
     m: Writer,
     x: Sequence[Expression],
     boundaries: Sequence[Array],
@@ -229,7 +233,7 @@ def joined(
     """
     if not boundaries:
         return of_cell(cell)
-    along = partial(joined, m, x[1:], boundaries[1:], fusion, of_cell)
+    along = partial(fused_value, m, x[1:], boundaries[1:], fusion, of_cell)
     cases: list[tuple[Condition, Callable[[], Expression]]] = []
 
     def in_zone(i: int, start: float, end: float) -> Expression:
@@ -261,7 +265,7 @@ def zones(boundaries: Array, z_s: float) -> tuple[Array, Array]:
     return inner - z_s * widths[:-1], inner + z_s * widths[1:]
 
 
-def _ends(
+def _side_conditions(
     x: Expression, limits: tuple[float, float], sides: tuple[Side, Side]
 ) -> tuple[tuple[Condition, Side, float], ...]:
     """Return for both sides where an input is beyond its limit, what happens there, and the
@@ -270,7 +274,7 @@ def _ends(
     return ((x < limits[0], sides[0], limits[0]), (x > limits[1], sides[1], limits[1]))
 
 
-def _held(
+def _held_places(
     x: Expression,
     limits: tuple[float, float],
     sides: tuple[Side, Side],
@@ -281,16 +285,20 @@ def _held(
     """
     held = [
         (beyond, side if isinstance(side, float) else end if side in words else None)
-        for beyond, side, end in _ends(x, limits, sides)
+        for beyond, side, end in _side_conditions(x, limits, sides)
     ]
     return [(beyond, Number(float(place))) for beyond, place in held if place is not None]
 
 
-def _beyond(
+def _beyond_with(
     x: Expression, limits: tuple[float, float], sides: tuple[Side, Side], word: str
 ) -> list[tuple[Condition, Expression]]:
     """Return the sides that have the word: where x is beyond that limit, and how far."""
-    return [(beyond, x - end) for beyond, side, end in _ends(x, limits, sides) if side == word]
+    return [
+        (beyond, x - end)
+        for beyond, side, end in _side_conditions(x, limits, sides)
+        if side == word
+    ]
 
 
 def _reached(
@@ -355,7 +363,7 @@ def cell_weights(x: Array, boundaries: Array, transition: Transition, z_s: float
         of_cell: Callable[[tuple[int, ...]], Expression] = lambda cell: (  # noqa: E731
             ONE if cell == (place,) else ZERO
         )
-        value = joined(
+        value = fused_value(
             m,
             [Name(f"{INPUT}x")],
             [boundaries],

@@ -31,15 +31,15 @@ USES = {
 """Keys of each method; the first is needed."""
 
 CELLS = 20
-"""Equal cells of the grid on which `optimal` puts boundaries."""
+"""Cells of the grid of `optimal`."""
 
 
 @dataclass(frozen=True)
 class Cuts(Settings):
     """How one variable is cut into segments.
 
-    - `even` needs `count`; `breakpoints` needs the inner boundaries, `at`. Neighbours are joined
-      until each holds `min_samples`.
+    - `even` needs `count`; `breakpoints` needs the inner boundaries, `at`. Neighbours along
+      the variable are joined until each holds `min_samples`.
     - `gradient` puts boundaries where the slope of the target changes most, a tenth of each curve's
       range apart.
     - `optimal` puts them where the fits leave the least, on a grid of 20 equal cells with

@@ -15,43 +15,37 @@ from mapmore_cli.domain.recording import DIRECTION, Curve, united
 from mapmore_cli.modelling.pieces.recipe import CELLS, Cut, CutByDirection, Cuts
 from mapmore_cli.modelling.signals.rates import STEPS, running_median
 
-WINDOW = 0.1  # of the curve's range: boundaries lie so far apart
-# of the window: two grid points exactly so far apart are far enough, whatever the unit
-ROUNDING = 1e-9
+WINDOW = 0.1  # of the curve's range: over which slopes are taken, and how far apart bends lie
+ROUNDING = 1e-9  # of the window: two grid points exactly so far apart are far enough
 # in a segment: where a curve has a gap its course is made up, and a bend there must not become a
 # segment of its own
 FEWEST_SAMPLES = 5
 
 
-def gradient_boundaries(x: Array, y: Array, cut: Cuts) -> Array:
+def gradient_boundaries(x: Array, y: Array, count: int) -> Array:
     """Return the `count - 1` inner boundaries at the largest peaks of |change of slope| of samples
     in any order, (n,), ascending.
 
-    No boundary lies nearer than a tenth of the range to another one or to an end, or leaves a
+    No boundary lies nearer than the window to another one or to an end of the range, or leaves a
     segment with hardly any sample; there are fewer where the curve has fewer such peaks.
     """
+    from scipy.signal import find_peaks
+
     low, high = float(x.min()), float(x.max())
     window = WINDOW * (high - low)
-    separation = window * (1 - ROUNDING)
+    apart = window * (1 - ROUNDING)
     at, change = slope_change(x, y, window)
-    height = np.where((at >= low + separation) & (at <= high - separation), np.abs(change), 0.0)
-    padded = np.concatenate([[0.0], height, [0.0]])
-    peaks = np.flatnonzero(
-        (height > padded[:-2]) & (height >= padded[2:])
-    )  # the first place of a plateau
-    chosen: list[float] = []
+    height = np.where((at >= low + apart) & (at <= high - apart), np.abs(change), 0.0)
+    peaks, _ = find_peaks(height)
+    boundaries: list[float] = []
     for peak in at[peaks[np.argsort(-height[peaks], kind="stable")]].tolist():
-        if len(chosen) == cut.segments - 1:
-            break
-        filled = (
-            np.bincount(
-                np.searchsorted(sorted([*chosen, peak]), x), minlength=len(chosen) + 2
-            ).min()
-            >= FEWEST_SAMPLES
-        )
-        if filled and all(abs(peak - other) >= separation for other in chosen):
-            chosen.append(peak)
-    return np.sort(np.array(chosen))
+        more = sorted([*boundaries, peak])
+        sizes = np.bincount(np.searchsorted(more, x), minlength=len(more) + 1)
+        if sizes.min() >= FEWEST_SAMPLES and all(
+            abs(peak - other) >= apart for other in boundaries
+        ):
+            boundaries.append(peak)
+    return np.sort(np.array(boundaries[: count - 1]))
 
 
 def slope_change(x: Array, y: Array, window: float) -> tuple[Array, Array]:
@@ -125,13 +119,10 @@ def optimal_partition(
     return tuple(reversed(places))
 
 
-def samples_of(curve: Curve, rows: IntArray) -> dict[str, Array]:
+def samples_at(curve: Curve, rows: IntArray) -> dict[str, Array]:
     """Columns of a curve at the given rows."""
     return {name: column[rows] for name, column in curve.columns.items()}
 
-
-Cell = tuple[int, ...]
-"""1-based place of a segment along each segmented variable."""
 
 IntervalCost = Callable[[Curve, IntArray], float]
 """What the fit of a segment function leaves on some rows of a curve: its sum of squared errors, in
@@ -160,13 +151,13 @@ def cut_points(
         return np.array([low, high])
     match cut.method:
         case "even":
-            return joined(np.linspace(low, high, cut.segments + 1), x, cut.least)
+            return joined_segments(np.linspace(low, high, cut.segments + 1), x, cut.least)
         case "breakpoints":
-            return joined(
+            return joined_segments(
                 np.array([low, *(b for b in cut.at or () if low < b < high), high]), x, cut.least
             )
         case "gradient":
-            return np.array([low, *gradient_boundaries(x, y, cut), high])
+            return np.array([low, *gradient_boundaries(x, y, cut.segments), high])
         case "optimal":
             order = np.lexsort((y, x))
             thinned = rows[order[:: -(-len(rows) // MOST_SAMPLES)]]
@@ -175,61 +166,22 @@ def cut_points(
             )
 
 
-def joined(boundaries: Array, x: Array, least: int) -> Array:
+def joined_segments(boundaries: Array, x: Array, least: int) -> Array:
     """Return the boundaries of one variable without those that must go for every segment to hold
-    `least` samples (`joined_cells`).
+    `least` samples.
+
+    The segment with the fewest is joined to the neighbour that has fewest, the left one of equals,
+    until none has too few: a curve may be sparse somewhere.
     """
-    masks = list(
-        joined_cells(
-            {(i,): inside for i, inside in enumerate(_members(x, boundaries))}, least, [True]
-        ).values()
-    )
-    return boundaries[[True, *(one is not other for one, other in pairwise(masks)), True]]
-
-
-def joined_cells(
-    cells: Mapping[Cell, BoolArray], least: int, across: Sequence[bool]
-) -> dict[Cell, BoolArray]:
-    """Return the samples of every cell, `(n,)` masks, with those of the cells joined to it: `least`
-    at least, or all that can be reached.
-
-    Points of a table need not fill a grid: a muscle that is hardly inflated reaches no large
-    strain. The group of cells with the fewest samples is joined to the neighbour that has fewest,
-    the first of equals, until none has too few. Cells of one group have one mask, and one segment
-    function. Cells are neighbours along the variables that are joined `across`: not in another
-    direction of motion.
-    """
-    groups: list[list[Cell]] = [[cell] for cell in cells]
-    done: list[list[Cell]] = []
-
-    def samples(group: list[Cell]) -> BoolArray:
-        return np.asarray(np.logical_or.reduce([cells[cell] for cell in group]))
-
-    def count(group: list[Cell]) -> int:
-        return int(samples(group).sum())
-
-    while groups:
-        fewest = min(groups, key=count)
-        if count(fewest) >= least:
+    kept = boundaries.tolist()
+    while len(kept) > 2:
+        counts = [int(rows.sum()) for rows in _members(x, kept)]
+        i = int(np.argmin(counts))
+        if counts[i] >= least:
             break
-        groups.remove(fewest)
-        others = [group for group in (*groups, *done) if _touch(group, fewest, across)]
-        if others:
-            min(others, key=count).extend(fewest)
-        else:
-            done.append(fewest)
-    of_cell: dict[Cell, BoolArray] = {}
-    for group in (*groups, *done):
-        of_cell |= dict.fromkeys(group, samples(group))
-    return {cell: of_cell[cell] for cell in cells}
-
-
-def _touch(group: Sequence[Cell], other: Sequence[Cell], across: Sequence[bool]) -> bool:
-    """Return True where a cell of one group lies beside one of the other."""
-    steps = (
-        [abs(a - b) for a, b in zip(one, two, strict=True)] for one, two in product(group, other)
-    )
-    return any(sum(step) == 1 and across[step.index(1)] for step in steps)
+        to_left = i == len(counts) - 1 or (i > 0 and counts[i - 1] <= counts[i + 1])
+        del kept[i if to_left else i + 1]
+    return np.array(kept)
 
 
 def _optimal_points(
@@ -298,14 +250,12 @@ def segment_curve(
 ) -> SegmentedCurve:
     """Cut one curve's training samples over its own range: a grid of cells, one segment each.
 
-    A sample on a boundary belongs to both segments, since segments include both ends. Cells of
-    several variables that hold fewer than `min_samples` are joined to their neighbours
-    (`joined_cells`).
+    A sample on a boundary belongs to both segments, since segments include both ends.
 
     Raises DataError where a segment holds no sample, or the curve has too few for the cut.
     """
     rows = np.flatnonzero(curve.training)
-    values = samples_of(curve, rows)
+    values = samples_at(curve, rows)
     boundaries = {
         name: cut_points(curve, rows, name, target, cut, cost) for name, cut in cuts.items()
     }
@@ -315,13 +265,6 @@ def segment_curve(
         tuple(i for i, _ in places): np.logical_and.reduce([every, *(own for _, own in places)])
         for places in product(*inside)
     }
-    if len(cuts) > 1:
-        least = max(
-            (cut.least for cut in cuts.values() if isinstance(cut, Cuts) and cut.joins), default=0
-        )
-        masks = joined_cells(
-            masks, least, [not isinstance(cut, CutByDirection) for cut in cuts.values()]
-        )
     segments = [
         Segment(segment_id(curve.id, tuple(cuts), cell), curve.id, cell, rows[mask])
         for cell, mask in masks.items()
@@ -358,5 +301,5 @@ def segment_id(curve: str, variables: Sequence[str], cell: Sequence[int]) -> str
     return f"{curve}/" + (";".join(f"{name}:{place}" for name, place in places.items()) or "all")
 
 
-def _members(x: Array, boundaries: Array) -> list[BoolArray]:
+def _members(x: Array, boundaries: Sequence[float] | Array) -> list[BoolArray]:
     return [(x >= low) & (x <= high) for low, high in pairwise(boundaries)]

@@ -118,7 +118,7 @@ class _Compiler:
         raise TypeError(f"not a statement of a model without memory: {statement!r}")
 
     def _choice(self, choice: Choose, known: Known) -> Step:
-        conditions = [_compared(condition, known) for condition, _ in choice.cases]
+        conditions = [_ready_condition(condition, known) for condition, _ in choice.cases]
         if all(
             not one.statements and all(isinstance(result, Name | Number) for result in one.results)
             for one in choice.blocks
@@ -186,7 +186,7 @@ class _SampleCompiler(_Compiler):
         return step
 
     def _choice(self, choice: Choose, known: Known) -> Step:
-        conditions = [_compared(condition, known) for condition, _ in choice.cases]
+        conditions = [_ready_condition(condition, known) for condition, _ in choice.cases]
         *sides, otherwise = map(self.block, choice.blocks)
         cases, names = list(zip(conditions, sides, strict=True)), choice.names
 
@@ -201,7 +201,7 @@ class _SampleCompiler(_Compiler):
         return step
 
 
-def _compared(condition: Condition, known: Known) -> Test:
+def _ready_condition(condition: Condition, known: Known) -> Test:
     compare, left, right = (
         COMPARE[condition.comparison],
         part_of(condition.left, known),

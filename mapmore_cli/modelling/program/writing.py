@@ -169,7 +169,7 @@ def total(terms: Sequence[Expression]) -> Expression:
     return terms[0] if len(terms) == 1 else Sum(tuple(terms))
 
 
-def multiplied(*factors: Expression) -> Expression:
+def product_as_written(*factors: Expression) -> Expression:
     """Return the product from left to right, as it stands."""
     kept = tuple(factor for factor in factors if factor != ONE) or (ONE,)
     return Product(kept) if len(kept) > 1 else kept[0]

@@ -52,12 +52,7 @@ def split_cycles(over: Array, columns: Columns, samples: int) -> Branches:
 
     Raises DataError where there is no full cycle, or too few samples on a branch.
     """
-    turns = (
-        turning_points(over, SWING * float(np.ptp(over)))
-        if len(over)
-        else np.zeros(0, dtype=np.int64)
-    )
-    runs = _trimmed_runs(over, turns)
+    runs = _trimmed_runs(over)
     for direction, name in ((1, "contraction"), (-1, "extension")):
         if not runs[direction]:
             raise DataError(f"there is no full load cycle: the {name} branch is missing")
@@ -125,25 +120,24 @@ def bin_means(over: Array, columns: Columns, edges: Array) -> tuple[Array, dict[
     return means(over), {name: means(values) for name, values in columns.items()}
 
 
-def _trimmed_runs(over: Array, turns: IntArray) -> Mapping[int, list[IntArray]]:
+def _trimmed_runs(over: Array) -> Mapping[int, list[IntArray]]:
     """Rows of each run between turning points, by direction (1 rising, -1 falling), without the
     rests at its ends.
     """
+    runs: dict[int, list[IntArray]] = {1: [], -1: []}
+    if not len(over):
+        return runs
+    span = float(np.ptp(over))
     bends = np.diff(over, 2)  # steady movement leaves them at zero, and noise does not
     noise = 1.4826 * float(np.median(np.abs(bends))) / math.sqrt(6.0) if len(bends) else 0.0
-    tolerance = min(2 * noise, TRIM * float(np.ptp(over))) if len(over) else 0.0
-    runs: dict[int, list[IntArray]] = {1: [], -1: []}
-    for begin, end in pairwise(turns):
+    tolerance = min(2 * noise, TRIM * span)
+    for begin, end in pairwise(turning_points(over, SWING * span)):
         direction = 1 if over[end] > over[begin] else -1
         travelled = direction * (over[begin : end + 1] - over[begin])
         first = int(np.flatnonzero(travelled <= tolerance)[-1])
         last = first + int(np.flatnonzero(travelled[first:] >= travelled[-1] - tolerance)[0])
         runs[direction].append(np.arange(begin + first, begin + last + 1))
     return runs
-
-
-WHOLE_SWING = 0.4  # of the range: a smaller rise or fall is part of a cycle
-REST = 0.05  # of the range: within this of the low before it, a cycle has not begun
 
 
 def cycle_starts(x: Array) -> IntArray:
@@ -154,12 +148,12 @@ def cycle_starts(x: Array) -> IntArray:
     value since the cycle before, so the level of rest may drift.
     """
     span = float(np.ptp(x)) if len(x) else 0.0
-    turns = turning_points(x, WHOLE_SWING * span)
+    turns = turning_points(x, 0.4 * span)
     starts = []
     for before, after in pairwise(turns.tolist()):
         if x[after] > x[before]:
             rising = x[before : after + 1]
-            starts.append(before + int(np.flatnonzero(rising <= x[before] + REST * span)[-1]))
+            starts.append(before + int(np.flatnonzero(rising <= x[before] + 0.05 * span)[-1]))
     return np.array(starts, dtype=np.int64)
 
 

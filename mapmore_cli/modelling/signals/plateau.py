@@ -14,9 +14,6 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve
 
 BINS = 128
-DENSE = 2.0  # times the density of evenly spread samples
-STEADY = 0.05  # relative range below which there is a single level
-TAIL = 0.001  # fraction of samples at each end that may be glitches
 
 
 def find_levels(values: Array) -> Array:
@@ -32,14 +29,13 @@ def find_levels(values: Array) -> Array:
 
     Empty where nothing dwells, as in a steady sweep.
     """
-    low, high = np.quantile(values, [TAIL, 1 - TAIL], method="closest_observation")
-    if high - low <= max(
-        STEADY * max(abs(low), abs(high)), BINS * np.finfo(float).tiny
-    ):  # bins below that have no width
+    low, high = np.quantile(values, [0.001, 0.999], method="closest_observation")
+    # bins below the smallest number have no width
+    if high - low <= max(0.05 * max(abs(low), abs(high)), BINS * np.finfo(float).tiny):
         return np.array([_representative(values)])
     counts, edges = np.histogram(values, bins=BINS, range=(low, high))
     density = np.maximum(counts, np.convolve(counts, np.ones(3) / 3, mode="same"))
-    dense = np.flatnonzero((density > DENSE * len(values) / BINS) & (counts > 0))
+    dense = np.flatnonzero((density > 2 * len(values) / BINS) & (counts > 0))
     runs = np.split(dense, np.flatnonzero(np.diff(dense) > 2) + 1)
     members = [
         values[(values >= edges[run[0]]) & (values <= edges[run[-1] + 1])]
@@ -75,9 +71,8 @@ def match_levels(values: Array, levels: Array, within: float) -> IntArray:
     return np.where(np.abs(values - levels[nearest]) <= reach, nearest, -1)
 
 
-BAND = (
-    0.05  # a signal has settled where it stays within this share of its span around its final value
-)
+# a signal has settled where it stays within this share of its span around its final value
+BAND = 0.05
 RISEN = 0.9  # share of its span at which the pressure has risen
 NOISE_SPANS = 20  # a pressure whose span is less than this many times its noise never rises
 # least duration of a plateau as a share of the rise before it: the top of a triangle is none

@@ -123,24 +123,18 @@ def _peak(
     top = int(np.argmax(size))
     if size[top] == 0:
         return None
-    rises_on = (
-        not 0 < top < len(r) - 1 or r[top - 1] == 0.0 or r[top + 1] == 0.0
-    )  # the edge of what is looked at is no peak
-    before, after = (
-        np.flatnonzero(np.diff(side) > 0) for side in (size[top::-1], size[top:])
-    )  # where the peak ends on either side
+    # the edge of what is looked at is no peak
+    rises_on = not 0 < top < len(r) - 1 or r[top - 1] == 0.0 or r[top + 1] == 0.0
+    # where the peak ends on either side
+    before, after = (np.flatnonzero(np.diff(side) > 0) for side in (size[top::-1], size[top:]))
     below = top - int(before[0]) if len(before) else 0
     above = top + int(after[0]) if len(after) else len(size) - 1
     outside = size.copy()
     outside[below : above + 1] = 0.0
     rival = int(np.argmax(outside))
-    best, independent = (
-        min(float(size[top]), 1 - 1e-12),
-        max(float(overlap[top]) / (2 * width), 4.0),
-    )
-    sigmas = (
-        math.atanh(best) * math.sqrt(independent - 3) if independent > 3 and not rises_on else 0.0
-    )
+    best = min(float(size[top]), 1 - 1e-12)
+    independent = max(float(overlap[top]) / (2 * width), 4.0)
+    sigmas = 0.0 if rises_on else math.atanh(best) * math.sqrt(independent - 3)
     place = top + _vertex(size, top)
     error = _standard_error(u, v, int(lags[top]), best)
     next_best = float(outside[rival])

@@ -15,9 +15,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.arrays import Array, Ranges
 from mapmore_cli.domain.models import CurveRange, Model, Pieces, SegmentFunction
-from mapmore_cli.modelling.kinds import predict
+from mapmore_cli.modelling.kinds import limits, predict
 from mapmore_cli.modelling.validation.intervals import half_widths
 from mapmore_cli.modelling.validation.significance import sign_permutation, weighted_mean
 
@@ -168,7 +168,7 @@ def compare(before: Model, after: Model, margin: float = MARGIN) -> Comparison:
         np.array([getattr(curve, name) for curve in curves]) for name in ("ratio", "weight")
     )
     shares = weights / weights.sum()
-    found = weighted_mean(ratios, weights, CONFIDENCE)
+    factor = weighted_mean(ratios, weights, CONFIDENCE)
     between = _of_interpolation(before, after, curves, shares)
     return Comparison(
         before=before.name,
@@ -178,13 +178,13 @@ def compare(before: Model, after: Model, margin: float = MARGIN) -> Comparison:
             replace(curve, weight=share)
             for curve, share in zip(curves, shares.tolist(), strict=True)
         ),
-        ratio=found.value,
-        interval=found.interval,
+        ratio=factor.value,
+        interval=factor.interval,
         narrow=weighted_mean(ratios, weights, EQUIVALENCE).interval,
         p=weighted_mean(ratios - 1, weights, CONFIDENCE).p,
         p_permutation=sign_permutation(weights * (ratios - 1)),
         margin=margin,
-        resolution=max((found.interval[1] - found.interval[0]) / 2, between),
+        resolution=max((factor.interval[1] - factor.interval[0]) / 2, between),
         terms=term_changes(before, after),
     )
 
@@ -225,32 +225,32 @@ def common_curves(before: Model, after: Model) -> list[Place]:
         )
     if before.level is None:
         names = {one.curve for one in second}
-        found = [Place(one.curve, None) for one in first if one.curve in names]
+        places = [Place(one.curve, None) for one in first if one.curve in names]
     else:
-        own, others = _levels(first), _levels(second)
+        own, others = _levels_of(first), _levels_of(second)
         near = SAME_LEVEL * float(min(np.concatenate([np.diff(own), np.diff(others), [math.inf]])))
         pairs = product(zip(first, own, strict=True), others)
-        found = [
+        places = [
             Place(one.curve, (level + other) / 2)
             for (one, level), other in pairs
             if abs(level - other) <= near
         ]
-        if len(found) < FEWEST_CURVES:
-            found = min((_inside(first, others), _inside(second, own)), key=len)
-    if len(found) < FEWEST_CURVES:
+        if len(places) < FEWEST_CURVES:
+            places = min((_places_inside(first, others), _places_inside(second, own)), key=len)
+    if len(places) < FEWEST_CURVES:
         raise ValueError(
-            f"{before.name} and {after.name} have {len(found)} curves in common; a comparison "
+            f"{before.name} and {after.name} have {len(places)} curves in common; a comparison "
             f"needs at least {FEWEST_CURVES}"
         )
-    return found
+    return places
 
 
-def _levels(ranges: Sequence[CurveRange]) -> list[float]:
+def _levels_of(ranges: Sequence[CurveRange]) -> list[float]:
     return [one.level for one in ranges if one.level is not None]
 
 
-def _inside(ranges: Sequence[CurveRange], levels: Sequence[float]) -> list[Place]:
-    own = zip(ranges, _levels(ranges), strict=True)
+def _places_inside(ranges: Sequence[CurveRange], levels: Sequence[float]) -> list[Place]:
+    own = zip(ranges, _levels_of(ranges), strict=True)
     return [
         Place(one.curve, level, True) for one, level in own if min(levels) <= level <= max(levels)
     ]
@@ -271,13 +271,10 @@ def grid(before: Model, after: Model, place: Place) -> dict[str, Array]:
 
     Raises ValueError where the ranges do not overlap.
     """
-    limits = {
-        name: (_limits(before, place, name), _limits(after, place, name))
-        for name in (q.name for q in before.inputs)
-    }
+    first, second = (_limits_at(model, place) for model in (before, after))
     ends = {
-        name: (max(a[0], b[0]), min(a[1], b[1]))
-        for name, (a, b) in limits.items()
+        name: (max(low, second[name][0]), min(high, second[name][1]))
+        for name, (low, high) in first.items()
         if name != before.level
     }
     for name, (low, high) in ends.items():
@@ -298,16 +295,19 @@ def grid(before: Model, after: Model, place: Place) -> dict[str, Array]:
     return {name: points[:, number] for number, name in enumerate(axes)}
 
 
-def _limits(model: Model, place: Place, name: str) -> tuple[float, float]:
-    """Training range of an input at a place, interpolated between the curves."""
+def _limits_at(model: Model, place: Place) -> Ranges:
+    """Training range of every input at a place, interpolated between the curves."""
     ranges = _ranges(model)
     if place.level is None:
-        return next(one.limits[name] for one in ranges if one.curve == place.curve)
-    low, high = (
-        float(np.interp(place.level, _levels(ranges), [one.limits[name][end] for one in ranges]))
-        for end in (0, 1)
-    )
-    return low, high
+        return next(one.limits for one in ranges if one.curve == place.curve)
+    return {
+        one.name: (
+            float(np.interp(place.level, one.levels, one.low)),
+            float(np.interp(place.level, one.levels, one.high)),
+        )
+        for one in limits(ranges, model.level)
+        if one.at is not None
+    }
 
 
 def _change(before: Model, after: Model, place: Place) -> CurveChange:

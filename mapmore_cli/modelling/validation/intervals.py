@@ -29,7 +29,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -58,27 +57,8 @@ is not to be trusted between levels.
 """
 
 
-@dataclass(frozen=True)
-class Training:
-    """What the rule for few levels needs of the training data.
-
-    `places` (K,) are the levels, `repeats` (K,) how many recordings have each; `largest` is the
-    largest |target|, `residual` the root mean square residual of the model, `astray` how far
-    left-out predictions lie beyond the training target, as a share of its range.
-    """
-
-    places: tuple[float, ...]
-    repeats: tuple[int, ...]
-    largest: float
-    residual: float
-    astray: float
-
-
-def summary(
-    kind: LeftOutKind,
-    curves: int,
-    residuals: Mapping[str, Sequence[Array]],
-    training: Training | None = None,
+def left_out_summary(
+    kind: LeftOutKind, curves: int, residuals: Mapping[str, Sequence[Array]]
 ) -> LeftOut:
     """Return what intervals need of the residuals (measured minus predicted) of each left-out part,
     where so many `curves` train.
@@ -102,11 +82,10 @@ def summary(
         offset=np.array([r.mean() for r in parts]),
         scatter=np.array([r.std() for r in parts]),
         sizes=np.array([np.quantile(np.abs(r), SHARES) for r in parts]),
-        **({} if training is None else vars(training)),
     )
 
 
-def refusal(left_out: LeftOut) -> str | None:
+def interval_refusal(left_out: LeftOut) -> str | None:
     """Say why there is no interval; None where there is one."""
     beyond = (
         f"the model lies beyond the measured values by {100 * left_out.astray:.0f} % of their range"
@@ -125,7 +104,7 @@ def half_widths(left_out: LeftOut, at: Array, level: float) -> Array:
     `at` (n,) is the level quantity of each sample; it has no effect but with few levels. NaN where
     intervals are refused.
     """
-    if refusal(left_out) is not None:
+    if interval_refusal(left_out) is not None:
         return np.full(len(at), np.nan)
     if (
         left_out.kind == "levels"
@@ -182,7 +161,7 @@ def half_widths_of(model: Model, columns: Columns, level: float) -> Array:
     """Return half of the width of a model's intervals at every row, (n,); NaN where they are
     refused. Raises as `checked`.
     """
-    left_out = checked(model, level)
+    left_out = intervals_of(model, level)
     at = (
         np.full(len(next(iter(columns.values()))), np.nan)
         if model.level is None
@@ -191,7 +170,7 @@ def half_widths_of(model: Model, columns: Columns, level: float) -> Array:
     return half_widths(left_out, at, level)
 
 
-def checked(model: Model, level: float) -> LeftOut:
+def intervals_of(model: Model, level: float) -> LeftOut:
     """Return what intervals are made of.
 
     Raises UsageError for a level that is not between 0 and 1; DataError for a model that holds no

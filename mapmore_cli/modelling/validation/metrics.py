@@ -51,10 +51,10 @@ def score(
     split: str,
     curve: str,
     measured: Array,
-    found: Forecast,
+    forecast: Forecast,
     scale: Normaliser,
 ) -> Score:
-    """One row of the score table over n pooled samples, `measured` (n,) and as a model has `found`
+    """One row of the score table over n pooled samples, `measured` (n,) and as a model forecasts
     them.
 
     `RMSE = sqrt(mean (y - yhat)^2)`, `NRMSE = RMSE / scale` (M2 eq 13), `R^2 = 1 - SSE / sum (y -
@@ -64,12 +64,12 @@ def score(
     Samples that are not `ready` are the history that a model with memory goes on from: they count
     in no number but the spread of the RRSE, as it is usual.
     """
-    known, predicted = found.ready, found.values
+    known, predicted = forecast.ready, forecast.values
     y, error = measured[known], (predicted - measured)[known]
     unit = _unit_of(error, y)
     spread, squares = float(np.sum(((y - y.mean()) / unit) ** 2)), (error / unit) ** 2
     rmse, worst = unit * float(np.sqrt(np.mean(squares))), float(np.abs(error).max())
-    width = np.full(len(y), np.nan) if found.half is None else found.half[known]
+    width = np.full(len(y), np.nan) if forecast.half is None else forecast.half[known]
     given = np.isfinite(width)
     return Score(
         model=model,
@@ -86,9 +86,9 @@ def score(
         r2=1 - float(np.sum(squares)) / spread if spread > 0 else math.nan,
         rrse=relative(error, measured),
         rrse_one_step=math.nan
-        if found.one_step is None
-        else relative((found.one_step - measured)[known], measured),
-        r_uncentred=uncentred(y, predicted[known]),
+        if forecast.one_step is None
+        else relative((forecast.one_step - measured)[known], measured),
+        r_uncentred=uncentred_correlation(y, predicted[known]),
         interval_coverage=float(np.mean(np.abs(error[given]) <= width[given]))
         if given.any()
         else math.nan,
@@ -97,7 +97,7 @@ def score(
     )
 
 
-def uncentred(measured: Array, predicted: Array) -> float:
+def uncentred_correlation(measured: Array, predicted: Array) -> float:
     """`sum y yhat / sqrt(sum y^2 sum yhat^2)`: W's correlation index, not Pearson's; NaN where
     either is zero throughout.
     """
@@ -130,7 +130,7 @@ values have the narrower ones.
 
 
 @dataclass(frozen=True)
-class Band:
+class ErrorBand:
     """Samples whose absolute value lies between `low` and `high`; the RMSE is by model, NaN where
     it has no prediction there.
     """
@@ -141,7 +141,7 @@ class Band:
     rmse: Mapping[str, float]
 
 
-def bands(dataset: Dataset, predictions: Mapping[str, tuple[Array, ...]]) -> tuple[Band, ...]:
+def bands(dataset: Dataset, predictions: Mapping[str, tuple[Array, ...]]) -> tuple[ErrorBand, ...]:
     """RMSE of every model in each band, over the held-out samples where there are any, else the
     training samples.
 
@@ -158,7 +158,7 @@ def bands(dataset: Dataset, predictions: Mapping[str, tuple[Array, ...]]) -> tup
     size = np.abs(measured)
     edges = np.array(EDGES) * float(size.max(initial=0.0))
     inside = np.digitize(size, edges[1:-1], right=True)
-    found = []
+    told = []
     for number, (low, high) in enumerate(pairwise(edges)):
         rows = inside == number
         if rows.any():
@@ -167,8 +167,8 @@ def bands(dataset: Dataset, predictions: Mapping[str, tuple[Array, ...]]) -> tup
                 model: float(np.sqrt(np.mean(error**2))) if len(error) else math.nan
                 for model, error in known.items()
             }
-            found.append(Band(float(low), float(high), int(rows.sum()), rmse))
-    return tuple(found)
+            told.append(ErrorBand(float(low), float(high), int(rows.sum()), rmse))
+    return tuple(told)
 
 
 SPLITS = (
@@ -193,12 +193,12 @@ def on_common_rows(forecasts: Mapping[str, Sequence[Forecast]]) -> dict[str, tup
     would else be scored on fewer rows.
     """
     common = [
-        np.logical_and.reduce([found.ready for found in curve])
+        np.logical_and.reduce([forecast.ready for forecast in curve])
         for curve in zip(*forecasts.values(), strict=True)
     ]
     return {
-        name: tuple(replace(one, ready=ready) for one, ready in zip(found, common, strict=True))
-        for name, found in forecasts.items()
+        name: tuple(replace(one, ready=ready) for one, ready in zip(own, common, strict=True))
+        for name, own in forecasts.items()
     }
 
 
@@ -224,11 +224,11 @@ def score_rows(
     def column(name: str) -> Array:
         return np.concatenate([curve.columns[name] for curve in curves])
 
-    measured, found = column(dataset.target), _joined(forecasts)
+    measured, whole = column(dataset.target), _concatenated(forecasts)
     held_out = np.concatenate([curve.held_out for curve in curves])
     every = np.split(np.arange(len(measured)), np.cumsum([curve.size for curve in curves])[:-1])
     for split, held in SPLITS:
-        wanted = (held_out == held) & (found.ready if partial else True)
+        wanted = (held_out == held) & (whole.ready if partial else True)
         of_curves = [rows[wanted[rows]] for rows in every]
         parts = [
             ("all", of_curves),
@@ -248,12 +248,12 @@ def score_rows(
                 for value in np.unique(of[wanted])
             ]
         for name, some in parts:
-            predicted = [rows for rows in some if found.ready[rows].any()]
+            predicted = [rows for rows in some if whole.ready[rows].any()]
             if predicted:
                 rows = np.concatenate(predicted)
                 others = (
                     None if column is None else column[rows]
-                    for column in (found.one_step, found.half)
+                    for column in (whole.one_step, whole.half)
                 )
                 yield score(
                     model,
@@ -261,12 +261,12 @@ def score_rows(
                     split,
                     name,
                     measured[rows],
-                    Forecast(found.values[rows], found.ready[rows], *others),
+                    Forecast(whole.values[rows], whole.ready[rows], *others),
                     scale,
                 )
 
 
-def _joined(forecasts: Sequence[Forecast]) -> Forecast:
+def _concatenated(forecasts: Sequence[Forecast]) -> Forecast:
     """Return the forecasts of several curves as one; what one of them lacks, the whole lacks."""
 
     def whole(name: str) -> Any:

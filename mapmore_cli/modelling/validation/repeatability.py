@@ -11,8 +11,10 @@ cycle, all that its places have and training did not leave is `change`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,8 +27,7 @@ from mapmore_cli.modelling.signals.cycles import SWING, bin_means, cycle_starts,
 BINS = 200
 
 
-@dataclass(frozen=True)
-class _Branch:
+class _Branch(NamedTuple):
     """Samples of one recording in one direction, at one set of values of what was held; places
     along the input and `means` there.
     """
@@ -52,21 +53,28 @@ def repeats(
     None where nothing repeats: with no or several varying inputs, or where the recordings of the
     samples are unknown.
     """
-    spans = {
-        name: [
-            np.ptp(curve.columns[name][rows]) for curve in curves for _, rows in _recordings(curve)
-        ]
+    along = [
+        name
         for name in inputs
-    }
-    along = [name for name in inputs if any(span > 0 for span in spans[name])]
+        if any(
+            np.ptp(curve.columns[name][rows]) > 0
+            for curve in curves
+            for _, rows in _recordings(curve)
+        )
+    ]
     if len(along) != 1:
         return None
     held = [name for name in inputs if name != along[0]]
-    found = tuple(_of_curve(curve, target, along[0], held, logs) for curve in curves)
-    return found if any(np.isfinite(values).any() for values in found) else None
+    means = tuple(
+        _means_of_others(
+            list(_branches(curve, target, along[0], held, logs)), curve.columns[along[0]]
+        )
+        for curve in curves
+    )
+    return means if any(np.isfinite(values).any() for values in means) else None
 
 
-def rising(values: Array) -> BoolArray:
+def rising_samples(values: Array) -> BoolArray:
     """Return True where `values` `(n,)`, in order of time, rise; reversals smaller than a tenth of
     their range do not count.
     """
@@ -84,38 +92,36 @@ def _recordings(curve: Curve) -> Iterator[tuple[str, IntArray]]:
             yield name, np.flatnonzero(curve.origin == number)
 
 
-def _of_curve(
+def _branches(
     curve: Curve, target: str, along: str, held: Sequence[str], logs: Mapping[str, str]
-) -> Array:
+) -> Iterator[_Branch]:
+    """Yield every recording of a curve in each of its directions."""
     x, y = curve.columns[along], curve.columns[target]
     edges = np.linspace(x.min(), x.max(), BINS + 1)
-    branches = []
     for name, rows in _recordings(curve):
-        up, at = (
-            rising(x[rows]),
-            tuple(float(curve.columns[quantity][rows[0]]) for quantity in held),
-        )
+        up = rising_samples(x[rows])
+        at = tuple(float(curve.columns[quantity][rows[0]]) for quantity in held)
         for direction in (True, False):
             members = rows[up == direction]
             if len(members):
                 places, means = bin_means(x[members], {"y": y[members]}, edges)
-                branches.append(
-                    _Branch(logs[name], (direction, *at), members, (places, means["y"]))
-                )
-    found = np.full(curve.size, np.nan)
-    for branch in branches:
+                yield _Branch(logs[name], (direction, *at), members, (places, means["y"]))
+
+
+def _means_of_others(branches: Sequence[_Branch], x: Array) -> Array:
+    """Return the mean of the branches of one kind but another log, at the samples of each, (n,)."""
+    means = np.full(len(x), np.nan)
+    for one in branches:
         others = [
-            other for other in branches if other.kind == branch.kind and other.log != branch.log
+            np.interp(x[one.rows], *other.means, left=np.nan, right=np.nan)
+            for other in branches
+            if other.kind == one.kind and other.log != one.log
         ]
-        values = np.array(
-            [np.interp(x[branch.rows], *other.means, left=np.nan, right=np.nan) for other in others]
-        )
-        known = np.isfinite(values)
-        count, total = known.sum(axis=0), np.where(known, values, 0.0).sum(axis=0)
-        found[branch.rows] = np.divide(
-            total, count, out=np.full(len(branch.rows), np.nan), where=count > 0
-        )
-    return found
+        known = np.isfinite(others)
+        count = known.sum(axis=0)
+        total = np.where(known, others, 0.0).sum(axis=0)
+        means[one.rows] = np.where(count > 0, total / np.maximum(count, 1), np.nan)
+    return means
 
 
 # root mean square difference of two cycles' courses, as a part of the range, up to which one
@@ -137,12 +143,12 @@ def repeated_cycles(
     """
     if any(curve.level is not None for curve in curves):
         return None
-    found = [np.full(curve.size, np.nan) for curve in curves]
+    again = [np.full(curve.size, np.nan) for curve in curves]
     for pieces, x, y, held_out in _by_log(curves, logs, driven, target):
         ends = np.cumsum([curves[number].size for number in pieces])[:-1]
         for number, values in zip(pieces, np.split(_again(x, y, held_out), ends), strict=True):
-            found[number] = values
-    return tuple(found) if any(np.isfinite(values).any() for values in found) else None
+            again[number] = values
+    return tuple(again) if any(np.isfinite(values).any() for values in again) else None
 
 
 def _by_log(
@@ -207,18 +213,10 @@ WORTH = 0.02  # of the largest target, from which a floor is worth a word
 def floors(x: Sequence[Array], y: Sequence[Array]) -> list[float]:
     """Return the `monotone_floor` of every curve y(x) as a part of the largest target of all;
     nothing where none is worth a word.
-
-    Samples that all lie near some monotone curve need no nearest one: that takes a solver, which
-    takes long to load.
     """
     largest = max(float(np.abs(values).max()) for values in y)
-    if all(
-        _least_error(*curve, _between_extremes) <= WORTH * largest
-        for curve in zip(x, y, strict=True)
-    ):
-        return []
-    found = [monotone_floor(*curve) / largest for curve in zip(x, y, strict=True)]
-    return found if max(found) > WORTH else []
+    shares = [monotone_floor(*curve) / largest for curve in zip(x, y, strict=True)]
+    return shares if max(shares) > WORTH else []
 
 
 def monotone_floor(x: Array, y: Array) -> float:
@@ -230,28 +228,13 @@ def monotone_floor(x: Array, y: Array) -> float:
     """
     from scipy.optimize import isotonic_regression
 
-    return _least_error(
-        x, y, lambda means, counts: np.asarray(isotonic_regression(means, weights=counts).x)
-    )
-
-
-def _least_error(x: Array, y: Array, rising: Callable[[Array, IntArray], Array]) -> float:
-    """Return the RMSE of a rising or of a falling curve through the mean targets at each x,
-    whichever is nearer.
-    """
     _, inverse, counts = np.unique(x, return_inverse=True, return_counts=True)
     means = np.bincount(inverse, y) / counts
-    curves = rising(means, counts), rising(means[::-1], counts[::-1])[::-1]
-    return min(float(np.sqrt(np.mean((y - curve[inverse]) ** 2))) for curve in curves)
-
-
-def _between_extremes(means: Array, _counts: IntArray) -> Array:
-    """Return some rising curve near the means: halfway between the highest so far and the lowest
-    from there on.
-    """
-    return np.asarray(
-        0.5 * (np.maximum.accumulate(means) + np.minimum.accumulate(means[::-1])[::-1])
+    curves = (
+        np.asarray(isotonic_regression(means, weights=counts, increasing=way).x)
+        for way in (True, False)
     )
+    return min(float(np.sqrt(np.mean((y - curve[inverse]) ** 2))) for curve in curves)
 
 
 PLACES = 20  # parts of a stroke at which cycles are compared
@@ -295,64 +278,50 @@ def error_parts(
     for pieces, x, y, held in _by_log(curves, logs, driven, target):
         cycle = np.searchsorted(cycle_starts(x), np.arange(len(x)), side="right") - 1
         error = np.concatenate([predicted[number] for number in pieces]) - y
-        columns.append((held, error, np.where(cycle < 0, -1, cycle + count), _places(x)))
+        columns.append((held, error, np.where(cycle < 0, -1, cycle + count), _stroke_places(x)))
         count += int(cycle.max(initial=-1)) + 1
-    held_out, *samples = (np.concatenate(parts) for parts in zip(*columns, strict=True))
-    trained = _means(*_left(~held_out, *samples)[:2])
-    found: list[ErrorParts] = []
-    for split, rows in (("train", ~held_out), ("validate", held_out)):
-        left = _left(rows, *samples)
-        if len(left[-1]) > (0 if found else 1):
-            found.append(_of_split(split, trained, *left))
-    return tuple(found)
+    held_out, error, cycle, place = (np.concatenate(parts) for parts in zip(*columns, strict=True))
+    known = np.isfinite(error) & (cycle >= 0)
+    parts: list[ErrorParts] = []
+    trained = np.zeros(2 * PLACES)
+    for split, later in (("train", False), ("validate", True)):
+        rows = np.flatnonzero(known & (held_out == later))
+        _, of_cycle, counts = np.unique(cycle[rows], return_inverse=True, return_counts=True)
+        if len(rows):
+            rows = rows[(counts >= WHOLE * np.median(counts))[of_cycle]]
+        offsets, of_cycle = _group_means(error[rows], cycle[rows])
+        left = error[rows] - offsets[of_cycle]
+        at_places = np.zeros(2 * PLACES)
+        means, _ = _group_means(left, place[rows])
+        at_places[np.unique(place[rows])] = means
+        trained = trained if later else at_places
+        if len(offsets) > (0 if parts else 1):
+            repeated, again = at_places[place[rows]], trained[place[rows]]
+            rms = _rms_of_parts(offsets[of_cycle], left, repeated, again)
+            parts.append(ErrorParts(split, len(rows), rms, offsets))
+    return tuple(parts)
 
 
-def _places(x: Array) -> IntArray:
+def _stroke_places(x: Array) -> IntArray:
     """(n,) where a sample lies on its stroke: a part of the range, and whether x rises."""
     low, high = float(x.min()), float(x.max())
     part = np.clip((PLACES * (x - low) / (high - low or 1.0)).astype(np.int64), 0, PLACES - 1)
-    return np.asarray(part + PLACES * rising(x))
+    return np.asarray(part + PLACES * rising_samples(x))
 
 
-def _left(
-    rows: BoolArray, error: Array, cycle: IntArray, place: IntArray
-) -> tuple[Array, IntArray, Array, Array]:
-    """Errors less the mean of their cycle, their places, that mean, each (n,); and the mean of
-    every cycle.
+def _group_means(values: Array, groups: IntArray) -> tuple[Array, IntArray]:
+    """Return the mean of each group, and the number of the group of every value."""
+    _, number, counts = np.unique(groups, return_inverse=True, return_counts=True)
+    return np.bincount(number, values) / counts, number
+
+
+def _rms_of_parts(drift: Array, left: Array, repeated: Array, known: Array) -> dict[str, float]:
+    """Return the root mean square of each part, given what is `repeated` at the places of the
+    samples, and what is `known` from training.
     """
-    rows = rows & np.isfinite(error) & (cycle >= 0)
-    counts = np.bincount(cycle[rows], minlength=int(cycle.max(initial=0)) + 1)
-    rows &= (counts >= WHOLE * (np.median(counts[counts > 0]) if counts.any() else 1))[
-        np.maximum(cycle, 0)
-    ]
-    cycles, of_cycle = np.unique(cycle[rows], return_inverse=True)
-    offsets = _means(error[rows], of_cycle)[: len(cycles)]
-    return error[rows] - offsets[of_cycle], place[rows], offsets[of_cycle], offsets
-
-
-def _of_split(
-    split: str, trained: Array, left: Array, place: IntArray, drift: Array, offsets: Array
-) -> ErrorParts:
-    repeated, known = _means(left, place)[place], trained[place]
     power = float(known @ known)
     again = float(np.clip(repeated @ known / power, 0.0, 1.0)) if power > 0 else 0.0
-    shape = again**2 * np.mean(known**2)
-    squares = (
-        np.mean(drift**2),
-        max(np.mean(repeated**2) - shape, 0.0),
-        shape,
-        np.mean((left - repeated) ** 2),
-    )
-    return ErrorParts(
-        split,
-        len(left),
-        dict(zip(PARTS, np.sqrt(np.array(squares)).tolist(), strict=True)),
-        offsets,
-    )
-
-
-def _means(values: Array, groups: IntArray) -> Array:
-    """Mean of each group, (2 `PLACES`,) or more; zero of an empty one."""
-    counts = np.bincount(groups, minlength=2 * PLACES)
-    sums = np.bincount(groups, values, minlength=2 * PLACES)
-    return np.asarray(np.divide(sums, counts, out=np.zeros(len(counts)), where=counts > 0))
+    shape = again**2 * float(np.mean(known**2))
+    change = max(float(np.mean(repeated**2)) - shape, 0.0)
+    squares = (float(np.mean(drift**2)), change, shape, float(np.mean((left - repeated) ** 2)))
+    return {part: math.sqrt(square) for part, square in zip(PARTS, squares, strict=True)}

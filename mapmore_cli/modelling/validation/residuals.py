@@ -76,9 +76,9 @@ def autocorrelation(residuals: Sequence[Array]) -> Correlation:
     There is one array of `residuals` a piece, NaN where there is none. Bounds are `1.96/sqrt(n)`
     for n residuals in all pieces.
     """
-    found = cross_correlation(residuals, residuals)
-    half = len(found.lags) // 2
-    return Correlation(found.lags[half:], found.values[half:], found.bound)
+    both_ways = cross_correlation(residuals, residuals)
+    half = len(both_ways.lags) // 2
+    return Correlation(both_ways.lags[half:], both_ways.values[half:], both_ways.bound)
 
 
 def cross_correlation(residuals: Sequence[Array], inputs: Sequence[Array]) -> Correlation:
@@ -144,18 +144,33 @@ def alarms(
 
     `predictions` are the model's, for every curve of the dataset.
     """
-    found = [
-        told
+    told = [
+        sentence
         for row in scores
         if row.model == OWN and row.curve == "all"
-        for told in _of_scores(row)
+        for sentence in _of_scores(row)
     ]
-    return (
-        *found,
-        *_without_inputs(model, dataset),
-        *_bare(model, dataset.curves, predictions),
-        *_beyond(model, dataset.curves),
+    others = {model.output.name, dataset.target, "time"}
+    if {*dataset.quantities} - others and not {one.name for one in model.inputs} - others:
+        told.append(
+            "no input was selected: the model only goes on from its own past, or is one number"
+        )
+    told += _bare(model, dataset.curves, predictions)
+    outside = np.concatenate(
+        [outside_range(model, curve.columns)[curve.held_out] for curve in dataset.curves]
     )
+    every, count = len(outside), int(outside.sum())
+    if count == every > 0:
+        told.append(
+            "all held-out samples lie outside of the training range: every score of theirs is "
+            "of extrapolation"
+        )
+    elif count > MOSTLY * every:
+        told.append(
+            f"{count} of {every} held-out samples lie outside of the training range: their "
+            "scores are mostly of extrapolation"
+        )
+    return tuple(told)
 
 
 def _of_scores(row: Score) -> Iterator[str]:
@@ -172,13 +187,6 @@ def _of_scores(row: Score) -> Iterator[str]:
             f"the largest error on the {where} is {row.max_abs_error_fs:.3g} times the full "
             f"scale ({row.normaliser_name})"
         )
-
-
-def _without_inputs(model: Model, dataset: Dataset) -> Iterator[str]:
-    """Tell of a model that nothing drives, although there was something to drive it."""
-    others = {model.output.name, dataset.target, "time"}
-    if {*dataset.quantities} - others and not {quantity.name for quantity in model.inputs} - others:
-        yield "no input was selected: the model only goes on from its own past, or is one number"
 
 
 def _bare(model: Model, curves: Sequence[Curve], predictions: Sequence[Array]) -> Iterator[str]:
@@ -202,23 +210,3 @@ def _bare(model: Model, curves: Sequence[Curve], predictions: Sequence[Array]) -
         said, alone, rtol=SAME, atol=SAME * float(np.abs(alone).max(initial=0.0)), equal_nan=True
     ):
         yield f"{same}, on every sample: its pieces add nothing"
-
-
-def _beyond(model: Model, curves: Sequence[Curve]) -> Iterator[str]:
-    """Held-out samples that no training sample surrounds."""
-    masks = [
-        outside_range(model, curve.columns)[curve.held_out]
-        for curve in curves
-        if curve.held_out.any()
-    ]
-    every, outside = sum(map(len, masks)), sum(int(mask.sum()) for mask in masks)
-    if outside == every > 0:
-        yield (
-            "all held-out samples lie outside of the training range: every score of theirs is "
-            "of extrapolation"
-        )
-    elif outside > MOSTLY * every:
-        yield (
-            f"{outside} of {every} held-out samples lie outside of the training range: their "
-            "scores are mostly of extrapolation"
-        )

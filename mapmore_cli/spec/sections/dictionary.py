@@ -46,12 +46,12 @@ def _forms() -> Iterator[tuple[str, type[OperatorFamily]]]:
             __base__=OperatorFamily,
             __doc__=f"States that an operator makes of the quantities `of`.\n\n{told}",
             __module__=__name__,
-            **_numbers(families()[keys[0]][0]) if shape else {},
+            **_number_fields(families()[keys[0]][0]) if shape else {},
         )
         yield from ((key, form) for key in keys)
 
 
-def _numbers(operator: Operator) -> dict[str, Any]:
+def _number_fields(operator: Operator) -> dict[str, Any]:
     """Return the fields for the numbers of an operator with one parameter."""
     (one,) = operator.parameters
     bounds = Field(gt=one.above) if one.below == float("inf") else Field(gt=one.above, lt=one.below)

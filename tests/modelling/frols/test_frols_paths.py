@@ -90,33 +90,10 @@ def test_every_form_makes_the_same_selection(seed, kind, n, M, noise, tolerance,
         assert ours.runner_up.tolist() == reference.runner_up.tolist(), form
         assert (np.isnan(ours.err_all) == np.isnan(reference.err_all)).all()
         np.testing.assert_allclose(ours.err, reference.err, rtol=1e-6, atol=1e-20)
+        assert (ours.samples, ours.yy) == (n, pytest.approx(reference.yy))
         np.testing.assert_allclose(ours.err_all, reference.err_all, rtol=1e-6, atol=1e-12)
         assert ours.sse == pytest.approx(reference.sse, rel=1e-4, abs=1e-22 * reference.yy)
         assert ours.err.sum() <= 1 + 1e-12
-
-
-@pytest.mark.parametrize("form", FORMS)
-def test_all_numbers_agree_on_an_ordinary_dictionary(form):
-    rng = np.random.default_rng(6)
-    P = rng.normal(size=(300, 8)) * 10.0 ** rng.uniform(-3, 3, 8) + 1
-    y = P @ rng.normal(size=8) + rng.normal(size=300)
-    ours, reference = fit_by(form, P, y, 5), fit_by("basis", P, y, 5)
-    for name in (
-        "g",
-        "err",
-        "theta",
-        "theta_error",
-        "a",
-        "g_all",
-        "err_all",
-        "condition",
-        "sse",
-        "yy",
-    ):
-        np.testing.assert_allclose(
-            getattr(ours, name), getattr(reference, name), rtol=1e-8, atol=1e-12, err_msg=name
-        )
-    assert ours.samples == 300
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -252,26 +229,10 @@ def test_memory_does_not_grow_with_the_record():
     assert frols_streamed(blocks(40), 3).samples == 200_000
 
 
-def test_other_number_types_are_taken_as_doubles():
-    P, y = np.arange(24).reshape(8, 3) % 7, np.arange(8)
-    ours, reference = frols_streamed(Record(P, y, [3]), 2), frols(P, y, 2)
-    np.testing.assert_allclose(ours.theta, reference.theta)
-
-
 @pytest.mark.parametrize(
-    "blocks",
-    [
-        pytest.param([], id="no block"),
-        pytest.param([(np.empty((0, 3)), np.empty(0))], id="no row"),
-        pytest.param([(np.empty((4, 0)), np.ones(4))], id="no column"),
-        pytest.param([(np.ones((4, 3)), np.ones(5))], id="lengths differ"),
-        pytest.param(
-            [(np.ones((4, 3)), np.ones(4)), (np.ones((4, 2)), np.ones(4))], id="columns differ"
-        ),
-        pytest.param([(np.ones(4), np.ones(4))], id="not a matrix"),
-    ],
+    "blocks", [[], [(np.empty((0, 3)), np.empty(0))], [(np.empty((4, 0)), np.ones(4))]]
 )
-def test_blocks_that_do_not_fit(blocks):
+def test_blocks_without_a_row_or_a_column_are_refused(blocks):
     with pytest.raises(ValueError, match="must be"):
         frols_streamed(lambda: blocks, 2)
 

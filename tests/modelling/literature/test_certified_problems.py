@@ -71,19 +71,6 @@ def test_the_page_states_what_is_promised() -> None:
     assert all(row.endswith(f"| {' | '.join(map(str, PROMISED))} |") for row in rows)
 
 
-def digits_table() -> list[str]:
-    """What this machine reaches, a line for each problem."""
-    rows = []
-    for problem in PROBLEMS:
-        fits = [fitted(problem, start) for start in STARTS]
-        told = [
-            " / ".join(map(str, problem.digits(fit))) if fit.status == "converged" else "stopped"
-            for fit in fits
-        ]
-        rows.append(f"| {problem.name} | {problem.level.lower()} | {' | '.join(told)} |")
-    return rows
-
-
 def test_wampler_polynomials_have_their_certified_digits() -> None:
     """Wampler1 and Wampler2: exact polynomials of order five on 0..20 (coefficients one, and powers
     of a tenth).
@@ -96,7 +83,3 @@ def test_wampler_polynomials_have_their_certified_digits() -> None:
         )
         fit = formula.fit({"x": x}, np.polynomial.polynomial.polyval(x, base ** np.arange(6)))
         assert min(digits(fit.parameters[f"b{i}"], base**i) for i in range(6)) > least
-
-
-if __name__ == "__main__":
-    print(*digits_table(), sep="\n")

@@ -68,23 +68,15 @@ def test_row_order_does_not_change_a_digit(name: str, method: str | None) -> Non
 
 
 @every
-def test_the_equations_are_the_prediction(name: str) -> None:
+def test_the_equation_is_the_prediction(name: str) -> None:
     columns, y = training(name, 1, 300)
     fit = get(name).fit(columns, y)
+    (equation,) = get(name).equations(fit).values()
+    assert equation.names <= {*get(name).inputs}
     predicted = get(name).predict(fit.parameters, columns)
-    covered = np.zeros(len(y), dtype=int)
-    for label, equation in get(name).equations(fit).items():
-        rows = np.ones(len(y), dtype=bool)
-        for condition in label.split(": ")[1].split(", ") if ": " in label else ():
-            quantity, comparison, value = condition.split()
-            rows &= {"<": np.less, ">": np.greater, "<=": np.less_equal}[comparison](
-                columns[quantity], float(value)
-            )
-        covered += rows
-        assert equation.names <= {*get(name).inputs}
-        own = {quantity: column[rows] for quantity, column in columns.items()}
-        np.testing.assert_allclose(evaluate(equation, own), predicted[rows], rtol=1e-9, atol=1e-9)
-    assert (covered == 1).all()
+    np.testing.assert_allclose(
+        evaluate(equation, columns, len(y)), predicted, rtol=1e-9, atol=1e-9 * np.abs(y).max()
+    )
 
 
 @settings(deadline=None, max_examples=60)

@@ -67,23 +67,6 @@ def test_both_branches_are_recovered_from_mean_and_half_width(formula) -> None:
     ]
 
 
-def test_each_branch_is_the_fit_of_sarosi_to_it() -> None:
-    columns = cycles()
-    columns["force"] = columns["force"] + np.random.default_rng(0).standard_normal(180)
-    fit = LOSS.fit_cycles(columns, LENGTH)
-    both = [
-        get("sarosi").fit(columns, columns["force"] + side * columns["hysteresis"])
-        for side in (1.0, -1.0)
-    ]
-    for branch, alone in zip("ul", both, strict=True):
-        assert [fit.parameters[f"a{branch}{i}"] for i in range(1, 7)] == list(
-            alone.parameters.values()
-        )
-        assert [fit.errors[f"a{branch}{i}"] for i in range(1, 7)] == list(alone.errors.values())
-    assert fit.sse == both[0].sse + both[1].sse
-    assert fit.condition == max(alone.condition for alone in both)
-
-
 @pytest.mark.parametrize("pressure", [20.0, 80.0, 143.7, 350.0, 500.0])
 def test_zeta_is_the_lost_share_of_the_energy_by_quadrature(pressure: float) -> None:
     free = brentq(lambda strain: force(UPPER, pressure, strain), STRAIN_MIN, 0.5, xtol=1e-15)
@@ -95,70 +78,19 @@ def test_zeta_is_the_lost_share_of_the_energy_by_quadrature(pressure: float) -> 
     assert zeta(PLANTED, np.array([pressure])) == pytest.approx([(up - low) / up], rel=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("formula", "per_length"), [(LOSS, LENGTH), (PRINTED, 1.0)], ids=["with length", "printed"]
-)
-def test_the_force_follows_from_stiffness_and_mass(formula, per_length: float) -> None:
-    """k_t by central differences of the force over the length; the mass hangs on the muscle, in
-    N.
-    """
-    columns = motion(1, rows=50)
-    P, strain, step = columns["pressure"], columns["strain"], 1e-6
-    stiffness = (force(UPPER, P, strain + step) - force(UPPER, P, strain - step)) / (
-        2 * step * LENGTH
-    )
-    critical = 2 * np.sqrt(np.abs(stiffness) * columns["load"] / 9.81)
-    expected = -zeta(PLANTED, P) * critical * per_length * columns["strain_rate"]
-    np.testing.assert_allclose(formula.predict(PLANTED, columns), expected, rtol=1e-7)
-
-
-def test_rows_do_not_depend_on_each_other() -> None:
-    """A table may be predicted in blocks of any size."""
-    columns = motion(2, rows=300)
-    whole = LOSS.predict(PLANTED, columns)
-    alone = [
-        LOSS.predict(PLANTED, {name: column[i : i + 1] for name, column in columns.items()})[0]
-        for i in range(300)
-    ]
-    np.testing.assert_array_equal(whole, alone)
-
-
 def test_where_the_muscle_is_slack_zeta_is_one_as_just_above() -> None:
-    """And a note says up to which pressure that is."""
     threshold = brentq(lambda pressure: force(UPPER, pressure, STRAIN_MIN), 0.0, 80.0, xtol=1e-14)
     around = threshold + np.array([-5.0, -1e-3, -1e-9, 1e-9, 1e-3])
     np.testing.assert_array_equal(zeta(PLANTED, around), 1.0)
     above = zeta(PLANTED, np.linspace(threshold, 350.0, 2000))
     assert np.abs(np.diff(above)).max() < 0.03
     notes = LOSS.fit_cycles(cycles(), LENGTH).notes
-    assert noted_pressures(notes, "zeta is taken as 1") == pytest.approx((0.0, threshold), abs=0.4)
     lowest, highest = noted_pressures(notes, "zeta is limited to")
-    assert lowest == pytest.approx(threshold, abs=0.4)
+    assert lowest == 0.0
     assert zeta(PLANTED, np.array([highest - 0.4, highest + 0.4])).tolist() == [
         1.0,
         pytest.approx(0.96, abs=0.04),
     ]
-
-
-def test_a_curve_that_never_falls_to_zero_is_told() -> None:
-    """Force is least where the upper curve turns up again, or at a strain of one, and there the
-    stroke is taken to end.
-    """
-    fit = LOSS.fit_cycles(cycles(au6=-100.0, al6=-99.0, au4=0.5, al4=0.5), LENGTH)
-    pressure = 300.0
-    own = {**UPPER, "a4": 0.5, "a6": -100.0}, {**LOWER, "a4": 0.5, "a6": -99.0}
-    strains = np.linspace(STRAIN_MIN, 1.0, 100_001)
-    from_pressure = brentq(lambda pressure: force(own[0], pressure, strains).min(), 10.0, 100.0)
-    assert noted_pressures(fit.notes, "does not fall to zero") == pytest.approx(
-        (from_pressure, 350.0), abs=0.4
-    )
-    end = strains[np.argmin(force(own[0], pressure, strains))]
-    assert 0.1 < end < 0.5
-    up, low = (
-        quad(lambda strain, b=branch: force(b, pressure, strain), STRAIN_MIN, end)[0]
-        for branch in own
-    )
-    assert zeta(fit.parameters, np.array([pressure])) == pytest.approx([(up - low) / up], rel=1e-4)
 
 
 @given(
@@ -170,19 +102,19 @@ def test_the_stroke_ends_at_the_first_zero_whatever_the_shape(
     a: float, b: float, c: float, curvature: float, start: float
 ) -> None:
     curve = ForceCurve(np.array([a]), np.array([b]), np.array([c]), curvature)
-    ends, slack, endless = curve.stroke(start)
+    ends = curve.end_of_stroke(start)
     strains = np.linspace(start, 1.0, 4001)
     values = a * np.exp(curvature * strains) + b * strains + c
     end, scale = (
         float(ends[0]),
         abs(a) * max(np.exp(curvature * start), np.exp(curvature)) + abs(b) + abs(c),
     )
-    assert bool(slack[0]) == (values[0] <= 0.0)
-    assert not (slack & endless).any()
-    if slack[0]:
+    if values[0] <= 0.0:
         assert end == start
-    elif endless[0]:
-        assert values.min() > -1e-12 * scale
+    elif values.min() > -1e-12 * scale:  # it pulls at every strain
+        assert end == 1.0 or values[np.abs(strains - end).argmin()] == pytest.approx(
+            values.min(), abs=1e-3 * scale
+        )
     else:
         slope = abs(a * curvature * np.exp(curvature * end) + b)
         assert abs(float(curve(ends)[0])) <= 1e-14 * slope + 1e-12 * scale + 1e-300
@@ -194,25 +126,6 @@ def test_a_curve_that_overflows_beyond_the_strains_tested_is_no_reason_to_raise(
     steep = PLANTED | {"au3": 2500.0, "al3": 2500.0}
     assert np.isfinite(zeta(steep, np.array([-1.0, 0.0, 50.0, 350.0]))).all()
     assert np.isfinite(zeta(PLANTED | {"au3": -2500.0}, np.array([-1.0, 0.0, 50.0, 350.0]))).all()
-
-
-@given(
-    *[st.floats(-100, 100)] * 3,
-    st.floats(-60, 60),
-    st.floats(-0.05, 0.3),
-    st.one_of(st.just(0.0), st.floats(1e-9, 0.7)),
-)
-def test_the_mean_force_is_that_of_quadrature(
-    a: float, b: float, c: float, curvature: float, start: float, width: float
-) -> None:
-    curve = ForceCurve(np.array([a]), np.array([b]), np.array([c]), curvature)
-    mean = float(curve.mean(start, np.array([start + width]))[0])
-    by_place, _ = quad(
-        lambda t: float(curve(np.array([start + t * width]))[0]), 0.0, 1.0, epsrel=1e-12
-    )
-    assert mean == pytest.approx(
-        by_place, rel=1e-8, abs=1e-9 * (1 + abs(a) * np.exp(abs(curvature) * (abs(start) + width)))
-    )
 
 
 def test_crossed_branches_give_no_negative_damping() -> None:

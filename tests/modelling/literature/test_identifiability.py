@@ -1,117 +1,32 @@
-"""Parameters that the data do not show are named with what would; other minima that they hardly
-tell apart.
-"""
+"""Parameters that the data do not show are named; other minima that they hardly tell apart."""
 
 from __future__ import annotations
-
-import re
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from literature_cases import MUSCLE_LIKE, TABLE_I, grid
+from literature_cases import MUSCLE_LIKE, TABLE_I
 from scipy.stats import t as student
 
-from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling import literature
-from mapmore_cli.modelling.literature import Formula, Nonlinear, get
-from mapmore_cli.modelling.literature.identifiability import half_width
+from mapmore_cli.modelling.literature import get
+from mapmore_cli.modelling.literature.linear import half_width
 from mapmore_cli.modelling.literature.problem import nominal
 
-LINE = Formula("line", "-", ("x", "z"), ("a", "b", "c"), "a + b*x + c*z")
 
-
-def named(notes: tuple[str, ...]) -> dict[str, str]:
-    """What to measure, by parameter."""
-    found = [
-        re.fullmatch(r"(.+) (?:is|are) not identified \(.*\): measure (.+)", note) for note in notes
-    ]
-    return {name: match[2] for match in found if match for name in match[1].split(", ")}
-
-
-def table(rows: int = 40) -> tuple[dict[str, Array], Array]:
-    rng = np.random.default_rng(0)
-    columns = {"x": rng.uniform(1, 2, rows), "z": np.full(rows, 3.0)}
-    return columns, 1.0 + 2.0 * columns["x"] + 0.5 * columns["z"] + 0.01 * rng.standard_normal(rows)
-
-
-def test_an_input_that_never_moved_is_what_to_move() -> None:
-    columns, y = table()
-    fit = LINE.fit(columns, y)
-    assert fit.status == "rank_deficient"
-    told = named(fit.notes)
-    assert set(told) == {"a", "c"}
-    assert all(re.fullmatch(r"at z (above|below) 3", where) for where in told.values())
-    moved = {**columns, "z": np.where(np.arange(40) < 20, 3.0, 4.0)}
-    assert (
-        named(
-            LINE.fit(
-                moved, 1.0 + 2.0 * moved["x"] + 0.5 * moved["z"] + 0.01 * np.sin(np.arange(40.0))
-            ).notes
-        )
-        == {}
-    )
-
-
-def test_a_well_measured_formula_has_no_such_note() -> None:
-    columns = grid(np.linspace(100, 600, 6), np.linspace(0, 0.2, 9))
-    truth = {"area": 1.0, "theta": 0.5}
-    fit = get("tondu_lopez").fit(
-        columns, get("tondu_lopez").predict(truth, columns) + np.cos(np.arange(54.0))
-    )
-    assert named(fit.notes) == {}
-
-
-def test_damping_is_not_seen_in_a_record_at_rest_and_motion_shows_it() -> None:
+@pytest.mark.parametrize(("fastest", "seen"), [(1e-4, False), (0.5, True)])
+def test_damping_is_not_seen_in_a_record_at_rest_and_motion_shows_it(fastest, seen) -> None:
     rng = np.random.default_rng(1)
     columns = {
         "pressure": rng.uniform(200, 600, 400),
         "length": rng.uniform(0, 0.03, 400),
-        "velocity": rng.uniform(-1e-4, 1e-4, 400),
+        "velocity": rng.uniform(-fastest, fastest, 400),
     }
     truth = dict(zip(MUSCLE_LIKE, TABLE_I["16 cm"], strict=True))
-    fit = get("muscle_like").fit(
-        columns, get("muscle_like").predict(truth, columns) + rng.standard_normal(400)
-    )
-    assert named(fit.notes)["b0"].startswith("at velocity ")
-    moving = {**columns, "velocity": rng.uniform(-0.5, 0.5, 400)}
-    again = get("muscle_like").fit(
-        moving, get("muscle_like").predict(truth, moving) + rng.standard_normal(400)
-    )
-    assert "b0" not in named(again.notes)
-
-
-def test_few_levels_ask_for_more_of_them() -> None:
-    """A parabola over two levels of x is told by a third."""
-    parabola = Formula("parabola", "-", ("x",), ("a", "b", "c"), "a + b*x + c*x^2")
-    fit = parabola.fit(
-        {"x": np.repeat([1.0, 2.0], 20)}, np.repeat([1.0, 3.0], 20) + 0.01 * np.sin(np.arange(40.0))
-    )
-    assert set(named(fit.notes)) == {"a", "b", "c"}
-    assert all(
-        where.startswith("at ") and " x " in f" {where} " for where in named(fit.notes).values()
-    )
-
-
-def test_the_measurement_named_for_a_parameter_takes_most_from_its_error() -> None:
-    """Two inputs could be carried further: the decay shows at small x alone, and the note says
-    so.
-    """
-    decay = Formula(
-        "decay",
-        "-",
-        ("x", "z"),
-        ("a", "b", "k"),
-        "a*exp(-k*x) + b*z",
-        (Nonlinear("k", "x", ((1e-2, 50.0),)),),
-    )
-    rng = np.random.default_rng(2)
-    columns = {"x": rng.uniform(3.0, 4.0, 60), "z": rng.uniform(0.0, 1.0, 60)}
-    fit = decay.fit(
-        columns, 50.0 * np.exp(-2.0 * columns["x"]) + columns["z"] + 0.05 * rng.standard_normal(60)
-    )
-    assert named(fit.notes)["a"] == f"at x below {columns['x'].min():.3g}"
+    force = get("muscle_like").predict(truth, columns) + rng.standard_normal(400)
+    notes = get("muscle_like").fit(columns, force).notes
+    assert any("not identified" in note and "b0" in note for note in notes) != seen
 
 
 @pytest.mark.parametrize("freedom", [1, 5, 84])

@@ -105,20 +105,6 @@ def test_the_simplex_comes_near_but_its_starts_do_not_agree() -> None:
     assert "of 10 starts agree" in fit.notes[0]
 
 
-def test_the_competitor_is_every_monomial_up_to_the_third_degree() -> None:
-    formula = get("polynomial_3")
-    assert len(formula.parameters) == 20
-    columns = motion(3, 300)
-    truth = {
-        name: float(i + 1) / 10 ** (2 * int(name[1])) for i, name in enumerate(formula.parameters)
-    }
-    fit = formula.fit(columns, formula.predict(truth, columns))
-    assert fit.method == "linear least squares"
-    assert dict(fit.parameters) == pytest.approx(truth, rel=1e-4)
-    one = {"pressure": np.array([2.0]), "length": np.array([3.0]), "velocity": np.array([5.0])}
-    assert formula.predict({**dict.fromkeys(formula.parameters, 0.0), "a201": 1.0}, one)[0] == 20.0
-
-
 def test_the_equation_is_printed_with_the_parameters_of_table_i() -> None:
     columns = motion(4)
     fit = get("muscle_like").fit(columns, force(TABLE_I["16 cm"], columns))

@@ -39,7 +39,3 @@ def test_the_same_data_are_fitted_once(monkeypatch: pytest.MonkeyPatch) -> None:
     shifted = {**whole.columns, "force": np.nextafter(whole.columns["force"], np.inf)}
     backbone.fit_formula("polynomial_2", [replace(whole, columns=shifted)], "force")
     assert len(fits) == 4
-    monkeypatch.setattr(backbone, "MOST_KEPT", 4)
-    backbone.fit_formula("polynomial_5", [replace(whole, columns=shifted)], "force")
-    assert backbone.fit_formula("polynomial_2", [curve()], "force") == first
-    assert len(fits) == 6

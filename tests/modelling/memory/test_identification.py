@@ -14,7 +14,6 @@ from mapmore_cli.modelling.expressions.operator import FLOATS, Setting, along
 from mapmore_cli.modelling.expressions.operators import OPERATORS
 from mapmore_cli.modelling.memory.fitting import fit_with_memory
 from mapmore_cli.modelling.memory.free_run import free_run
-from mapmore_cli.modelling.memory.training import left_open
 
 
 @pytest.mark.parametrize("rates", [(2.0, 8.0), (0.0, 3.0), (5.0, 0.0), (-1.4, 9.0), (30.0, 30.0)])
@@ -87,22 +86,6 @@ def test_a_hysteretic_oscillator_is_found_again(operator, numbers):
     assert np.abs(free_run(fit.model, {"u": u, "y": y}).values[2:] - y[2:]).max() < 1e-3 * np.ptp(y)
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("operator", ["wen", "dahl"])
-def test_hysteretic_oscillators_of_other_numbers_are_found_again_in_nine_of_ten(operator):
-    """Within 1 %, from generic bounds; each seed draws the numbers and the record."""
-    found = []
-    for seed in range(10):
-        numbers = np.exp(
-            np.random.default_rng(100 + seed).uniform(
-                np.log(2.0), np.log(20.0), len(OPERATORS[operator].parameters)
-            )
-        )
-        _, _, fit = identified_again(operator, tuple(numbers.tolist()), seed)
-        found.append(fit.identified.numbers.tolist() == pytest.approx(numbers.tolist(), rel=0.01))
-    assert sum(found) >= 9, found
-
-
 @pytest.mark.parametrize("nested", [False, True])
 @pytest.mark.parametrize("seed", range(10))
 def test_a_slow_state_and_a_play_are_found_again(seed, nested):
@@ -149,17 +132,6 @@ def test_a_number_at_its_bound_is_told():
     assert "p of wen(y[k-1]) = 0 lies at a bound" in fit.identified.notes[0]
 
 
-def test_what_is_left_open_is_inside_other_states_too():
-    found = left_open(
-        [record(x=np.zeros(1000))],
-        ["x*slow(wen(y[k-1]))[k-1]", "play(x, 0.1)", "slow(wen(y[k-1]))"],
-        STEP,
-    )
-    assert [one.name for one in found.states] == ["wen(y[k-1])", "slow(wen(y[k-1]))"]
-    (text,) = found.filled(["x*slow(wen(y[k-1]))[k-1]"], (1.0, 2.0, 0.5))
-    assert state("slow(wen(y[k-1], 1, 2), 0.5)[k-1]").name in text
-
-
 def random_runs(count, seed):
     """Free runs of random models of random fed-back operators under random inputs, some of them
     unstable.
@@ -184,7 +156,7 @@ def random_runs(count, seed):
 
 
 @pytest.mark.parametrize(
-    ("count", "seed"), [(300, 7), pytest.param(100_000, 8, marks=pytest.mark.long)]
+    ("count", "seed"), [(300, 7), pytest.param(20_000, 8, marks=pytest.mark.long)]
 )
 def test_no_random_model_diverges_untold(count, seed):
     """What is not finite begins where the run says that it diverged, and nowhere else."""

@@ -9,7 +9,7 @@ import re
 
 import numpy as np
 import pytest
-from memory_samples import recipe_of, record, rmse, rrse, texts
+from memory_samples import recipe_of, record, rrse, texts
 
 from mapmore_cli.modelling.expressions.families import lags
 from mapmore_cli.modelling.memory.fitting import fit_with_memory
@@ -83,12 +83,3 @@ def test_the_motor_generator_beside_the_peer(generator, peer):
         pytest.approx(theirs["rrse_free"], rel=1e-4),
         pytest.approx(theirs["rrse_one"], rel=1e-4),
     )
-
-
-def test_the_motor_generator_in_the_published_setting(generator):
-    x, y = (values[::100] for values in generator)
-    fit = fit_with_memory([record(x=x[100:350], y=y[100:350])], narx(8, steps=3))
-    run = free_run(fit.model, {"x": x, "y": y})
-    assert (
-        rmse(y, run.values) < 185
-    )  # 177.66 published for another algorithm with 7 terms; 179.0 here

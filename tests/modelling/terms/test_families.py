@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import math
-
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mapmore_cli.domain.errors import DataError
@@ -18,20 +16,6 @@ from mapmore_cli.modelling.expressions.families import (
 )
 from mapmore_cli.modelling.expressions.operators.lags import spread_times
 from mapmore_cli.modelling.expressions.operators.play import spread_widths
-
-
-@settings(deadline=None)
-@given(st.integers(1, 4), st.integers(0, 5), st.booleans())
-def test_number_and_degrees_of_monomials(count, order, constant):
-    names = ["strain", "pressure", "strain_rate", "pressure_rate"][:count]
-    found = [to_text(term) for term in products(names, order, constant=constant)]
-    assert len(found) == math.comb(count + order, order) - (not constant)
-    assert len(set(found)) == len(found)
-    degrees = [
-        sum(int(factor.partition("^")[2] or factor != "1") for factor in text.split("*"))
-        for text in found
-    ]
-    assert degrees == sorted(degrees)
 
 
 def test_monomials_are_written_as_a_person_would():

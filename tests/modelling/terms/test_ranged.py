@@ -14,7 +14,7 @@ from surfaces import QUANTITIES, recipe
 from mapmore_cli.fitting.kinds.dictionary import terms_of
 from mapmore_cli.modelling.expressions import derivative, dictionary_matrix, evaluate, parse
 from mapmore_cli.modelling.expressions.ranged import placed
-from mapmore_cli.modelling.pieces.build import build, scaled
+from mapmore_cli.modelling.pieces.build import build, scaled_inputs
 from mapmore_cli.modelling.pieces.recipe import Cuts
 from mapmore_cli.spec.sections.dictionary import DictionaryEntry
 
@@ -151,7 +151,7 @@ def test_other_units_select_the_same_terms(scaling):
 
 
 def evaluate_segment(segment, columns):
-    z = scaled(segment.scaling, columns)
+    z = scaled_inputs(segment.scaling, columns)
     P = dictionary_matrix([parse(text) for text in segment.terms], z, len(columns["strain"]))
     return segment.scaling.y_slope * (P @ segment.theta) + segment.scaling.y_intercept
 

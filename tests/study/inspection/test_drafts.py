@@ -227,7 +227,7 @@ def test_what_fails_its_own_run_is_made_simpler(tmp_path: Path) -> None:
     simpler = proven(
         draft.with_section("segment", {"strain": {"method": "even", "count": 2}}), tmp_path
     )
-    assert "a straight line, as" in simpler.text()
+    assert "made simpler, as" in simpler.text()
     bring_up_to_date(loaded(simpler, tmp_path), tmp_path / "runs", until="validate")
 
 

@@ -14,7 +14,7 @@ from recorded import drafted, drafts, write
 
 from mapmore_cli.annexes.drafting.answers import Answers
 from mapmore_cli.annexes.drafting.draft import Draft, NamedColumn
-from mapmore_cli.annexes.drafting.proof import verdict
+from mapmore_cli.annexes.drafting.proof import score_in_words
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.scores import Score
@@ -218,4 +218,4 @@ def score(rmse: float, model: str = "mapmore", r2: float = 0.5) -> Score:
 def test_a_plainer_model_that_errs_less_is_told(
     own: Score, plainer: Score | None, told: str
 ) -> None:
-    assert verdict(own, plainer) == told
+    assert score_in_words(own, plainer) == told

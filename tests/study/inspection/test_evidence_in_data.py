@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mapmore_cli.annexes.drafting.experiment import find_held, goes_in_cycles, inner_levels
+from mapmore_cli.annexes.drafting.experiment import find_held, goes_in_cycles, levels_to_hold_out
 from mapmore_cli.checking.evidence import (
+    find_slack_foot,
     neighbourhood,
     same_signals,
     set_in_steps,
     settling,
-    slack_foot,
     spikes,
 )
 from mapmore_cli.domain.arrays import Array
@@ -35,7 +35,7 @@ def samples(force, seed: int = 1):
 @settings(deadline=None, max_examples=30)
 @given(start=st.floats(100, 150), slope=st.floats(1000, 2500))
 def test_the_threshold_of_a_slack_muscle_is_found(start: float, slope: float) -> None:
-    foot = slack_foot(*samples(lambda p, e: 0.8 * np.maximum(p - start - slope * e, 0)))
+    foot = find_slack_foot(*samples(lambda p, e: 0.8 * np.maximum(p - start - slope * e, 0)))
     bins = (
         590 / 24 + 0.05 * 480 / 0.8
     )  # the width of a bin, and the pressure that makes the force leave the band
@@ -55,14 +55,14 @@ def test_the_threshold_of_a_slack_muscle_is_found(start: float, slope: float) ->
     ],
 )
 def test_no_foot_where_there_is_none(force) -> None:
-    assert slack_foot(*samples(force)) is None
+    assert find_slack_foot(*samples(force)) is None
 
 
 def test_no_foot_can_be_seen_at_a_few_held_pressures() -> None:
     pressure, strain = (
         grid.ravel() for grid in np.meshgrid([100.0, 250, 400, 600], np.linspace(0, 0.2, 100))
     )
-    assert slack_foot(pressure, strain, np.maximum(pressure - 2000 * strain - 100, 0)) is None
+    assert find_slack_foot(pressure, strain, np.maximum(pressure - 2000 * strain - 100, 0)) is None
 
 
 def recording(**columns) -> Recording:
@@ -179,7 +179,7 @@ def test_one_signal_in_two_units_is_found_and_a_loop_is_none() -> None:
 @settings(deadline=None)
 @given(st.lists(st.floats(0, 1e3), unique=True, max_size=20).map(sorted))
 def test_held_out_levels_are_inner_ones(levels: list[float]) -> None:
-    inner = inner_levels(levels)
+    inner = levels_to_hold_out(levels)
     assert set(inner) <= set(levels[1:-1])
     assert bool(inner) == (len(levels) >= 3)
     assert len(levels) - len(inner) >= min(len(levels), 2)

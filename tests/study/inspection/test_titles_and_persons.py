@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from recorded import drafted, write
 
 from mapmore_cli.annexes.drafting.answers import Answers, read_columns, read_hold
-from mapmore_cli.annexes.drafting.columns import Table, named_by_titles, target_of
+from mapmore_cli.annexes.drafting.columns import TitledColumns, named_by_titles, target_of
 from mapmore_cli.annexes.drafting.draft import NamedColumn
 from mapmore_cli.annexes.drafting.filenames import held_in_names, number_in, read_names, words_of
 from mapmore_cli.annexes.drafting.groups import Group
@@ -75,7 +75,7 @@ def test_any_name_of_a_column_or_a_file_can_be_read(name: str) -> None:
 def test_columns_are_called_by_their_titles(titles: str, names: str) -> None:
     places = list(enumerate(titles.split(",")))
     raw = {place: [T if not place else WAVES[place]] for place, _ in places}
-    told = named_by_titles(Table(dict(places), raw))
+    told = named_by_titles(TitledColumns(dict(places), raw))
     assert (
         " ".join(f"{name}:{one.unit}{'' if one.sure else '?'}" for name, one in told.items())
         == names
@@ -86,7 +86,7 @@ def test_columns_are_called_by_their_titles(titles: str, names: str) -> None:
 def test_copies_constants_and_counters_are_left_out() -> None:
     columns = {"F raw (V)": 3 * WAVES[0], "F [N]": 2 - WAVES[0], "x": WAVES[1], "n": np.arange(400)}
     raw = {name: [values] for name, values in {**columns, "T": 21 + 0 * T}.items()}
-    told = named_by_titles(Table({name: name for name in raw}, raw))
+    told = named_by_titles(TitledColumns({name: name for name in raw}, raw))
     assert {name: one.column for name, one in told.items()} == {
         "force": "F [N]",
         "displacement": "x",

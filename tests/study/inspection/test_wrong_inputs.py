@@ -39,9 +39,6 @@ UNITS = ("kPa", "bar", "psi", "mbar")
 SENSORS = {"volts of force": "force", "counts of force": "force", "volts of pressure": "pressure"}
 
 
-MUSCLES = ("S{n}_{bar}bar", "muscle{letter}_pull_{bar}")  # names of files of two specimens
-
-
 @dataclass(frozen=True)
 class Rig:
     """What stands in the files of a rig: the names of its columns in their order, their titles or
@@ -59,17 +56,14 @@ class Rig:
         return self.order[column if isinstance(column, int) else (self.titles or []).index(column)]
 
     def save(self, folder: Path) -> None:
-        """Write a file for each pressure and specimen."""
-        for specimen in range(2 if self.words in MUSCLES else 1):
-            for bar in (1, 2, 3, 4):
-                columns = measured(bar, self.seed + 100 * specimen)
-                columns |= {
-                    name: convert(columns[name], "kPa", self.unit)
-                    for name in ("pressure", "command")
-                }
-                head = "\t".join(self.titles) + "\n" if self.titles else None
-                name = self.words.format(bar=bar, n=specimen + 1, letter="AB"[specimen])
-                write(folder / f"{name}.txt", [columns[name] for name in self.order], head, "\t")
+        """Write a file for each pressure."""
+        for bar in (1, 2, 3, 4):
+            columns = measured(bar, self.seed)
+            for name in ("pressure", "command"):
+                columns[name] = convert(columns[name], "kPa", self.unit)
+            head = "\t".join(self.titles) + "\n" if self.titles else None
+            name = self.words.format(bar=bar)
+            write(folder / f"{name}.txt", [columns[name] for name in self.order], head, "\t")
 
 
 @st.composite
@@ -89,7 +83,7 @@ def rigs(draw: st.DrawFn) -> Rig:
         [*order],
         unit,
         titles,
-        draw(st.sampled_from(["Circle_{bar}bar", "run{bar}", *MUSCLES])),
+        draw(st.sampled_from(["Circle_{bar}bar", "run{bar}"])),
         draw(st.integers(0, 9)),
     )
 
@@ -144,14 +138,3 @@ def holds_true(draft: Draft, rig: Rig, folder: Path) -> None:
     assert len(spec.spec.unconfirmed) == draft.text().count("# CHECK: ")
     found = inspect(spec)
     assert "same-signal" not in [issue.id for issue in found.issues]
-    assert found.dataset is not None
-    if rig.words in MUSCLES:
-        assert (
-            len(
-                {
-                    Path(recording.source).name.split("_")[0]
-                    for recording in found.dataset.recordings
-                }
-            )
-            == 1
-        ), draft.text()

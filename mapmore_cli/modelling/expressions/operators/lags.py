@@ -18,11 +18,7 @@ from mapmore_cli.modelling.expressions.operator import (
     linear,
 )
 
-# spread time constants lie between so many samples and this fraction of the longest piece
-QUICKEST, SLOWEST = 10, 0.25
 BEYOND = 100.0  # times the longest piece: what is slower than that is a drift at a constant rate
-STARTING = 6  # time constants that a search begins from
-FARTHEST = 60.0  # half-widths of distance from rest beyond which creep is as quick as it gets
 
 
 def slow(setting: Setting) -> Recursion:
@@ -35,8 +31,8 @@ def spread_times(count: int, step: float, longest: float) -> tuple[float, ...]:
     """Return `count` time constants, s, in even ratios from ten samples of `step` seconds to a
     quarter of the `longest` piece, s.
     """
-    quickest = QUICKEST * step
-    times = np.geomspace(quickest, max(SLOWEST * longest, quickest), count)
+    quickest = 10 * step
+    times = np.geomspace(quickest, max(0.25 * longest, quickest), count)
     return tuple(dict.fromkeys(float(f"{time:.3g}") for time in times))
 
 
@@ -52,7 +48,8 @@ def creep(setting: Setting) -> Recursion:
     keeps = math.exp(-setting.step / tau)
 
     def following(m: Arithmetic, s: Any, x: Any) -> Any:
-        left = keeps * m.call("tanh", m.clip((x - s) / (2 * width), -FARTHEST, FARTHEST))
+        # sixty half-widths from rest, creep is as quick as it gets
+        left = keeps * m.call("tanh", m.clip((x - s) / (2 * width), -60.0, 60.0))
         return x - width * (m.call("log1p", left) - m.call("log1p", -left))
 
     return Recursion(1, 0, following, lambda x: x)
@@ -86,9 +83,7 @@ OPERATORS = (
                 "tau", "s", "50 ms", between=lambda step, longest: (0.5 * step, BEYOND * longest)
             ),
         ),
-        starts=lambda step, longest: tuple(
-            (tau,) for tau in spread_times(STARTING, step, 4 * longest)
-        ),
+        starts=lambda step, longest: tuple((tau,) for tau in spread_times(6, step, 4 * longest)),
         spread=spread_times,
     ),
     Operator(

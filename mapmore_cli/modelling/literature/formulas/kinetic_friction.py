@@ -1,7 +1,12 @@
 """Kinetic friction that decays with speed, after Tondu and after Peternel."""
 
 from mapmore_cli.modelling.literature.formula import Formula
-from mapmore_cli.modelling.literature.problem import decay
+from mapmore_cli.modelling.literature.problem import Nonlinear
+
+DECAY = (1e-3, 10.0)
+"""Bounds of a decay over the largest rate: below, it acts on the samples at rest alone; above, it
+is straight to within a twentieth.
+"""
 
 
 def friction(
@@ -17,7 +22,7 @@ def friction(
         inputs=("strain_rate",),
         parameters=parameters,
         text=f"sign(strain_rate)*({text})",
-        nonlinear=(decay(parameters[-1]),),
+        nonlinear=(Nonlinear(parameters[-1], per=None, intervals=(DECAY,), of="strain_rate"),),
         component="damping",
         about=about,
     )

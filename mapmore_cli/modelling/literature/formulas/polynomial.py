@@ -7,7 +7,7 @@ from mapmore_cli.modelling.literature.formula import Formula
 Powers = tuple[tuple[int, ...], ...]
 
 
-def polynomial(
+def polynomial_formula(
     order: int,
     reference: str,
     of: tuple[str, ...],
@@ -35,7 +35,7 @@ def polynomial(
 
 
 FORMULAS = (
-    polynomial(
+    polynomial_formula(
         2,
         "M2 eq 15",
         ("strain", "pressure"),
@@ -43,7 +43,7 @@ FORMULAS = (
         "Second-order polynomial of pressure and strain, without a square of the pressure; "
         "`a21` multiplies `strain^2*pressure^1`.",
     ),
-    polynomial(
+    polynomial_formula(
         3,
         "H section I, its reference 19",
         ("pressure", "length", "velocity"),
@@ -55,7 +55,7 @@ Sharbafi et al.'s dynamic model, which H compares itself with (its reference 19)
 those of `muscle_like`.""",
         "dynamic",
     ),
-    polynomial(
+    polynomial_formula(
         5,
         "M1 section II",
         ("strain", "pressure"),

@@ -1,5 +1,7 @@
 """Sárosi's empirical static force of a McKibben muscle."""
 
+from dataclasses import replace
+
 from mapmore_cli.modelling.literature.formula import Formula
 from mapmore_cli.modelling.literature.problem import Nonlinear
 
@@ -7,7 +9,7 @@ from mapmore_cli.modelling.literature.problem import Nonlinear
 # either sign. Published fits lie at
 # a3*max|strain| of about -8 (W). Nearer to zero the exponential cannot be told from the linear
 # terms, and a1, a2 grow without bound.
-CURVATURE = Nonlinear("a3", per="strain", intervals=((-50.0, -1e-3), (1e-3, 50.0)))
+CURVATURE = ((-50.0, -1e-3), (1e-3, 50.0))
 
 STARTS = {
     "published": {
@@ -31,13 +33,22 @@ STARTS = {
 strain in per cent (`published` has them for a fraction), but W's strain is a fraction (`printed`
 has the numbers as they stand)."""
 
-FORMULA = Formula(
-    name="sarosi",
-    title="Sárosi",
-    reference="M1 eq 1 = M2 eq 14 = W eq 12",
-    inputs=("pressure", "strain"),
-    parameters=("a1", "a2", "a3", "a4", "a5", "a6"),
-    text="(a1*pressure + a2)*exp(a3*strain) + a4*strain*pressure + a5*pressure + a6",
-    nonlinear=(CURVATURE,),
-    published_starts=STARTS,
-)
+
+def sarosi(letter: str) -> Formula:
+    """Return the formula whose parameters are called by a letter and a number from 1 to 6."""
+    names = tuple(f"{letter}{number}" for number in range(1, 7))
+    a1, a2, a3, a4, a5, a6 = names
+    return Formula(
+        name="sarosi",
+        title="Sárosi",
+        reference="M1 eq 1 = M2 eq 14 = W eq 12",
+        inputs=("pressure", "strain"),
+        parameters=names,
+        text=(
+            f"({a1}*pressure + {a2})*exp({a3}*strain) + {a4}*strain*pressure + {a5}*pressure + {a6}"
+        ),
+        nonlinear=(Nonlinear(a3, per="strain", intervals=CURVATURE),),
+    )
+
+
+FORMULA = replace(sarosi("a"), published_starts=STARTS)

@@ -16,27 +16,23 @@ prior of a3 is a decay over a strain of 1/33).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Columns
-from mapmore_cli.domain.fits import FormulaFit, Optimum
-from mapmore_cli.modelling.expressions import Expression, Number, parse, substitute
+from mapmore_cli.domain.fits import FormulaFit
+from mapmore_cli.modelling.expressions import Expression, parse
 from mapmore_cli.modelling.literature import hinge
-from mapmore_cli.modelling.literature.formula import Formula
-from mapmore_cli.modelling.literature.formulas.sarosi import FORMULA as PLAIN
+from mapmore_cli.modelling.literature.formula import Formula, with_numbers
+from mapmore_cli.modelling.literature.formulas.sarosi import sarosi
 
 GOOD_ENOUGH = 0.01  # RMSE/max|F| below which better is no longer a reason for a larger share
 
-HIGH = PLAIN.text
-LOW = "b0 + b1*pressure + b2*strain"
-PLAIN_NAMES = {name: name.replace("a", "s") for name in PLAIN.parameters}
-PLAIN_TEXT = "(s1*pressure + s2)*exp(s3*strain) + s4*strain*pressure + s5*pressure + s6"
-PRINTED = f"share*({LOW} + w*log(1 + exp(({HIGH} - ({LOW}))/w))) + (1 - share)*({PLAIN_TEXT})"
+PLAIN = sarosi("s")
+HIGH, LOW = sarosi("a").text, "b0 + b1*pressure + b2*strain"
+PRINTED = f"share*({LOW} + w*log(1 + exp(({HIGH} - ({LOW}))/w))) + (1 - share)*({PLAIN.text})"
 COMPUTED = (  # the same, but cannot overflow: ln(1 + exp(z)) = (z + |z|)/2 + ln(1 + exp(-|z|))
     f"share*(({HIGH} + {LOW} + abs({HIGH} - ({LOW})))/2 + w*log(1 + exp(-abs({HIGH} - "
-    f"({LOW}))/w))) + (1 - share)*({PLAIN_TEXT})"
+    f"({LOW}))/w))) + (1 - share)*({PLAIN.text})"
 )
 
 
@@ -45,38 +41,20 @@ class SarosiHinged(Formula):
     computed in.
     """
 
-    def fit(
-        self,
-        columns: Columns,
-        y: Array,
-        method: str | None = None,
-        *,
-        advice: bool = True,  # noqa: ARG002
-    ) -> FormulaFit:
-        """Penalised least-squares fit of the hinged part (`hinge.fit`), blended with the plain
+    def fit(self, columns: Columns, y: Array, method: str | None = None) -> FormulaFit:
+        """Penalised least-squares fit of the hinged part (`fit_hinge`), blended with the plain
         formula.
 
         `method` is that of the plain formula. Standard errors are those of the two parts, the
         share's is unknown; status and condition are those of the part with the larger share. Raises
         as `Formula.fit`.
         """
-        problem = self._problem(columns, y)
-        ordered = problem.columns, problem.y
-        return self._blended(
-            hinge.fit(*ordered), PLAIN.fit(*ordered, method, advice=False), *ordered
-        )
-
-    def _blended(
-        self, hinged: FormulaFit, plain: FormulaFit, columns: Columns, y: Array
-    ) -> FormulaFit:
-        """Return the blend; the parameters of a plain formula that has no share are zero."""
+        problem = self.problem(columns, y)
+        columns, y = problem.columns, problem.y
+        hinged, plain = hinge.fit_hinge(columns, y), PLAIN.fit(columns, y, method)
         usable, largest = plain.status == "converged", float(np.abs(y).max()) or 1.0
-        own = {name: value if usable else 0.0 for name, value in plain.parameters.items()}
-        parameters = {
-            **hinged.parameters,
-            "share": 1.0,
-            **{PLAIN_NAMES[name]: value for name, value in own.items()},
-        }
+        own = plain.parameters if usable else dict.fromkeys(PLAIN.parameters, 0.0)
+        parameters = {**hinged.parameters, "share": 1.0, **own}
         alone = self.predict(parameters, columns), PLAIN.predict(plain.parameters, columns)
         scatter = [float(np.sqrt(np.mean((predicted - y) ** 2))) / largest for predicted in alone]
         if usable:
@@ -95,14 +73,9 @@ class SarosiHinged(Formula):
                 f"plain fit is {plain.status}"
             )
 
-        def told(values: Mapping[str, float]) -> Optimum:
-            residual = self.predict(values, columns) - y
-            return Optimum(values, float(residual @ residual))
-
+        residual = self.predict(parameters, columns) - y
         unknown = float("nan")
-        errors = {
-            PLAIN_NAMES[name]: value if usable else unknown for name, value in plain.errors.items()
-        }
+        errors = plain.errors if usable else dict.fromkeys(PLAIN.parameters, unknown)
         main = hinged if share > 0.5 else plain
         return FormulaFit(
             name=self.name,
@@ -112,19 +85,16 @@ class SarosiHinged(Formula):
             method=hinged.method,
             rank=hinged.rank + (plain.rank + 1 if share < 1.0 else 0),
             condition=main.condition,
-            sse=told(parameters).sse,
+            sse=float(residual @ residual),
             samples=len(y),
             notes=(hinged.notes[0], f"blend: {blend}", *hinged.notes[1:]),
-            rivals=tuple(told({**parameters, **rival.parameters}) for rival in hinged.rivals),
         )
 
     def equation(self, fit: FormulaFit) -> Expression:
         """Return the formula as a person would write it; where `hi - lo` is beyond 700 w it
         overflows, which `predict` does not.
         """
-        return substitute(
-            parse(PRINTED), {name: Number(value) for name, value in fit.parameters.items()}
-        )
+        return with_numbers(parse(PRINTED), fit.parameters)
 
 
 FORMULA = SarosiHinged(
@@ -132,6 +102,6 @@ FORMULA = SarosiHinged(
     title="Sárosi, hinged",
     reference="ours, on M1 eq 1",
     inputs=("pressure", "strain"),
-    parameters=(*hinge.NAMES, "share", *PLAIN_NAMES.values()),
+    parameters=(*hinge.NAMES, "share", *PLAIN.parameters),
     text=COMPUTED,
 )

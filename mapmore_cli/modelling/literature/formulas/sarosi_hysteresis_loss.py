@@ -7,29 +7,26 @@ is integrated exactly.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray, Columns
+from mapmore_cli.domain.arrays import Array, Columns
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.modelling.expressions import (
     Expression,
     Name,
-    Number,
     derivative,
     evaluate,
-    multiply,
     parse,
-    power,
     substitute,
 )
-from mapmore_cli.modelling.literature.formula import LOAD_CYCLES, LiteratureModel, merged, renamed
-from mapmore_cli.modelling.literature.formulas.sarosi import FORMULA as SAROSI
+from mapmore_cli.modelling.literature.formula import LOAD_CYCLES, Formula, with_numbers
+from mapmore_cli.modelling.literature.formulas.sarosi import sarosi
 from mapmore_cli.modelling.literature.problem import finite, needed
 
 SHORTEST = 1.0  # strain of a muscle without length, where the search for the free strain ends
@@ -60,12 +57,11 @@ class ForceCurve:
         )
 
     @np.errstate(all="ignore")
-    def stroke(self, start: float) -> tuple[Array, BoolArray, BoolArray]:
-        """Return the strain at which the force first falls to zero from `start` on, and where it is
-        slack, and endless, `(n,)` each.
+    def end_of_stroke(self, start: float) -> Array:
+        """Return the strain at which the force first falls to zero from `start` on, `(n,)`.
 
-        Slack it does not pull, even at `start`, which is the end then; endless it pulls at every
-        strain, and the end is where the curve turns up again, or `SHORTEST`.
+        It is `start` where the curve does not pull even there. Where it pulls at every strain, it
+        is where the curve turns up again, or `SHORTEST`.
         """
         turns = (self.A > 0.0) & (self.A * self.c * self.B < 0.0)
         turning = (
@@ -75,25 +71,22 @@ class ForceCurve:
             np.full_like(self.A, start),
             np.where(turns, np.clip(turning, start, SHORTEST), SHORTEST),
         )
-        slack, endless = self(low) <= 0.0, self(high) > 0.0
+        slack = self(low) <= 0.0
         for _ in range(BISECTIONS):
             middle = (low + high) / 2
             pulls = self(middle) > 0.0
             low, high = np.where(pulls, middle, low), np.where(pulls, high, middle)
-        return np.where(slack, start, low), slack, endless & ~slack
+        return np.where(slack, start, low)
 
 
-UPPER, LOWER = "u", "l"
-PARAMETERS = (
-    *(f"a{branch}{i}" for branch in (UPPER, LOWER) for i in range(1, 7)),
-    "length",
-    "strain_min",
-)
-NOTED_PRESSURES = 1001  # from zero to the highest of the load cycles
+UPPER, LOWER = sarosi("au"), sarosi("al")
+PARAMETERS = (*UPPER.parameters, *LOWER.parameters, "length", "strain_min")
+SEVERITY = ("converged", "at_bound", "stopped_by_limit", "rank_deficient", "failed")
+"""The statuses of `FormulaFit`, the better ones first."""
 
 
 @dataclass(frozen=True)
-class HysteresisLoss(LiteratureModel):
+class HysteresisLoss(Formula):
     """A share `zeta(P)` of critical damping, with the stiffness of the upper branch and the mass
     that hangs on the muscle.
 
@@ -108,8 +101,6 @@ class HysteresisLoss(LiteratureModel):
     where the curve never falls to zero, the stroke ends where it turns up again, or at a strain of
     one.
     """
-
-    text: str
 
     fitted_to: ClassVar[str] = LOAD_CYCLES
 
@@ -129,9 +120,9 @@ class HysteresisLoss(LiteratureModel):
           each.
         - `length`: length of the muscle at rest, m.
 
-        Status and condition are those of the worse branch; ranks and sums of squares add up. Notes
-        say at which pressures zeta had to be limited, or there is no free strain. Length and least
-        strain are given, so that they have no standard error.
+        Status and condition are those of the worse branch; ranks and sums of squares add up. A note
+        says at which pressures zeta had to be limited. Length and least strain are given, so that
+        they have no standard error.
 
         Raises DataError for a column that is absent or not finite, too few samples, or a length
         that is not positive.
@@ -147,23 +138,29 @@ class HysteresisLoss(LiteratureModel):
         }
         force, hysteresis = columns["force"], columns["hysteresis"]
         upper, lower = (
-            SAROSI.fit(columns, force + hysteresis),
-            SAROSI.fit(columns, force - hysteresis),
-        )
-        both = merged(
-            self.name,
-            {
-                "upper curve": renamed(upper, partial(_of, UPPER)),
-                "lower curve": renamed(lower, partial(_of, LOWER)),
-            },
+            UPPER.fit(columns, force + hysteresis),
+            LOWER.fit(columns, force - hysteresis),
         )
         given = {"length": length, "strain_min": float(columns["strain"].min())}
-        parameters = {**both.parameters, **given}
+        parameters = {**upper.parameters, **lower.parameters, **given}
+        notes = [f"upper curve: {note}" for note in upper.notes]
+        notes += [f"lower curve: {note}" for note in lower.notes]
+        pressure = np.linspace(0.0, float(columns["pressure"].max()), 1001)
+        share = lehr(parameters, pressure)
+        if (limited := (share < 0.0) | (share > 1.0)).any():
+            low, high = pressure[limited].min(), pressure[limited].max()
+            notes.append(f"zeta is limited to [0, 1] between {low:.3g} and {high:.3g} kPa")
         return replace(
-            both,
+            max(upper, lower, key=lambda fit: SEVERITY.index(fit.status)),
+            name=self.name,
             parameters=parameters,
-            errors={**both.errors, **dict.fromkeys(given, float("nan"))},
-            notes=(*both.notes, *_notes(parameters, float(columns["pressure"].max()))),
+            errors={**upper.errors, **lower.errors, **dict.fromkeys(given, float("nan"))},
+            rank=upper.rank + lower.rank,
+            condition=max(upper.condition, lower.condition),
+            sse=upper.sse + lower.sse,
+            samples=upper.samples + lower.samples,
+            notes=tuple(notes),
+            rivals=(),
         )
 
     def predict(self, parameters: Mapping[str, float], columns: Columns) -> Array:
@@ -177,86 +174,42 @@ class HysteresisLoss(LiteratureModel):
         """Return the damping force with `zeta` as a name, and the two curves from which zeta
         follows.
         """
-        numbers = {name: Number(value) for name, value in fit.parameters.items()}
-        curves = {"upper": _branch(UPPER), "lower": _branch(LOWER)}
         return {
-            self.name: substitute(self.expression, numbers),
-            **{
-                f"{self.name}: {name} curve": substitute(curve, numbers)
-                for name, curve in curves.items()
-            },
+            self.name: self.equation(fit),
+            f"{self.name}: upper curve": with_numbers(UPPER.expression, fit.parameters),
+            f"{self.name}: lower curve": with_numbers(LOWER.expression, fit.parameters),
         }
 
     @cached_property
     def expression(self) -> Expression:
         """`text` with the stiffness written out."""
-        stiffness = multiply(derivative(_branch(UPPER), "strain"), power(Name("length"), -1))
-        return substitute(parse(self.text), {"stiffness": stiffness})
+        stiffness = derivative(UPPER.expression, "strain")
+        return substitute(parse(self.text), {"stiffness": stiffness / Name("length")})
 
 
 @np.errstate(all="ignore")
-def lehr(parameters: Mapping[str, float], pressure: Array) -> tuple[Array, BoolArray, BoolArray]:
-    """`zeta = (U_u - U_l)/U_u` (M2 eq 21) at each `pressure`, and where the upper curve is slack,
-    and endless, `(n,)` each.
+def lehr(parameters: Mapping[str, float], pressure: Array) -> Array:
+    """`zeta = (U_u - U_l)/U_u` (M2 eq 21) at each `pressure`, `(n,)`.
 
     It is not limited to [0, 1]: towards a slack muscle the energy U_u of the stroke vanishes, and
     there zeta is infinite, as where U_u overflows.
     """
-    upper, lower = (_curve(parameters, branch, pressure) for branch in (UPPER, LOWER))
+    upper, lower = (_curve(parameters, branch, pressure) for branch in ("au", "al"))
     start = parameters["strain_min"]
-    end, slack, endless = upper.stroke(start)
+    end = upper.end_of_stroke(start)
     whole, kept = upper.mean(start, end), lower.mean(start, end)
-    return (
-        np.where((whole > 0.0) & (whole < np.inf), (whole - kept) / whole, np.inf),
-        slack,
-        endless,
-    )
+    return np.where((whole > 0.0) & (whole < np.inf), (whole - kept) / whole, np.inf)
 
 
 def zeta(parameters: Mapping[str, float], pressure: Array) -> Array:
     """Lehr's damping coefficient (M2 eq 21) at each `pressure`, `(n,)`, between 0 and 1."""
-    return np.clip(lehr(parameters, pressure)[0], 0.0, 1.0)
+    return np.clip(lehr(parameters, pressure), 0.0, 1.0)
 
 
 def _curve(parameters: Mapping[str, float], branch: str, pressure: Array) -> ForceCurve:
-    """Sárosi's force with the parameters `a{branch}1` ... `a{branch}6` at each `pressure`,
-    `(n,)`.
-    """
-    a1, a2, a3, a4, a5, a6 = (parameters[f"a{branch}{i}"] for i in range(1, 7))
+    """Sárosi's force with the parameters of a branch, `au1` ... `au6`, at each `pressure`."""
+    a1, a2, a3, a4, a5, a6 = (parameters[f"{branch}{i}"] for i in range(1, 7))
     return ForceCurve(a1 * pressure + a2, a4 * pressure, a5 * pressure + a6, a3)
-
-
-def _branch(branch: str) -> Expression:
-    """Sárosi's formula with the parameters of one branch."""
-    return substitute(
-        SAROSI.expression, {name: Name(_of(branch, name)) for name in SAROSI.parameters}
-    )
-
-
-def _of(branch: str, parameter: str) -> str:
-    return parameter.replace("a", f"a{branch}")
-
-
-def _notes(parameters: Mapping[str, float], highest: float) -> Iterator[str]:
-    pressure = np.linspace(0.0, highest, NOTED_PRESSURES)
-    share, slack, endless = lehr(parameters, pressure)
-
-    def between(rows: BoolArray) -> str:
-        return f"between {pressure[rows].min():.3g} and {pressure[rows].max():.3g} kPa"
-
-    if slack.any():
-        yield (
-            f"the upper curve does not pull {between(slack)}: there is no free strain, and "
-            "zeta is taken as 1"
-        )
-    if endless.any():
-        yield (
-            f"the upper curve does not fall to zero {between(endless)}: the stroke is taken "
-            "to end where it turns up, or at 1"
-        )
-    limited = ~slack & ((share < 0.0) | (share > 1.0))
-    if limited.any():
-        yield f"zeta is limited to [0, 1] {between(limited)}"
 
 
 def _loss(name: str, title: str, reference: str, text: str, about: str) -> HysteresisLoss:

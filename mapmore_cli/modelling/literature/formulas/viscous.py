@@ -2,13 +2,43 @@
 by pressure.
 """
 
-from mapmore_cli.modelling.literature.formula import Formula
-from mapmore_cli.modelling.literature.piecewise import DIRECTIONS, Condition, Region, by_region
+from collections.abc import Mapping
+from dataclasses import replace
 
-PRESSURES = (
-    Region("low", (Condition("pressure", "<=", 200.0),)),
-    Region("high", (Condition("pressure", ">", 200.0),)),
-)
+from mapmore_cli.modelling.literature.formula import Formula
+
+DIRECTIONS = {
+    "rise": "direction*(direction + 1)/2",
+    "fall": "direction*(direction - 1)/2",
+}
+"""One where the pressure rises or falls (`direction` +1 and -1, M2 eq 16), zero elsewhere: where it
+is 0 the muscle has not moved yet, which is neither.
+"""
+
+PRESSURES = {
+    "low": "(1 + sign(sign(200 - pressure) + 0.5))/2",
+    "high": "(1 + sign(sign(pressure - 200) - 0.5))/2",
+}
+"""One up to 200 kPa, and one above."""
+
+
+def by_region(local: Formula, regions: Mapping[str, str]) -> Formula:
+    """Return a formula with parameters of its own in each region, as `B0_rise` for `B0`, and zero
+    outside of all; `regions` are one inside and zero outside.
+    """
+    terms = []
+    for region, inside in regions.items():
+        own = local.text
+        for name in local.parameters:
+            own = own.replace(name, f"{name}_{region}")
+        terms.append(f"{inside}*{own}")
+    quantities = ("pressure", "strain_rate", "direction")
+    return replace(
+        local,
+        inputs=tuple(name for name in quantities if any(name in term for term in terms)),
+        parameters=tuple(f"{name}_{region}" for region in regions for name in local.parameters),
+        text=" + ".join(terms),
+    )
 
 
 def viscous(
@@ -32,6 +62,16 @@ CAO = (
     "each (Cao et al.). The pressure must be in kPa."
 )
 FORMULAS = (
+    Formula(
+        name="none",
+        title="none",
+        reference="M2 section 5.3",
+        inputs=(),
+        parameters=(),
+        text="0",
+        component="damping",
+        about="No damping at all: what every damping model must beat.",
+    ),
     viscous(
         "linear_viscous",
         "Linear viscous",
@@ -49,6 +89,10 @@ FORMULAS = (
         viscous(
             "cao", "Cao", "M2 section 2.2 and table 1", ("B0", "B1"), "(B0 + B1*pressure)", CAO
         ),
-        tuple(direction & pressure for direction in DIRECTIONS for pressure in PRESSURES),
+        {
+            f"{direction}_{pressure}": f"{moving}*{pressed}"
+            for direction, moving in DIRECTIONS.items()
+            for pressure, pressed in PRESSURES.items()
+        },
     ),
 )

@@ -1,0 +1,70 @@
+"""The core holds without any annex: a study runs, and a part that is missing is named."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+PROJECT = Path(__file__).resolve().parents[1]
+COMMANDS = {
+    "drafting": ["init", "."],
+    "planning": ["tune", "study.yaml"],
+    "campaigns": ["batch", "study.yaml"],
+    "paper": ["paper", "study.yaml"],
+    "exporting": ["export", "model.h5", "--to", "c"],
+    "rig": ["simulate", "rig.yaml"],
+}
+KEYS = {
+    "motion": ("model: {type: state_space, input: pressure}", "state_space"),
+    "sums": ("model: {sum: [{formula: sarosi}, {formula: sarosi}]}", "sum"),
+    "search": ("model: {type: auto}", "search"),
+}
+
+
+@pytest.fixture(scope="module")
+def example(tmp_path_factory, mapmore):
+    folder = tmp_path_factory.mktemp("example")
+    mapmore("example", folder, "-q", code=0)
+    return folder
+
+
+def without(annex, folder):
+    """Return how `mapmore` runs where a copy of the package lacks an annex."""
+    copy = folder / "lacking" / "mapmore_cli"
+    shutil.copytree(PROJECT / "mapmore_cli", copy, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.rmtree(copy / "annexes" / annex)
+    environment = {**os.environ, "PYTHONPATH": str(copy.parent)}
+
+    def run(*args):
+        command = [sys.executable, "-m", "mapmore_cli", *args]
+        return subprocess.run(
+            command, cwd=folder, env=environment, capture_output=True, text=True, timeout=120
+        )
+
+    return run
+
+
+@pytest.mark.parametrize("annex", [*COMMANDS, *KEYS])
+def test_an_annex_can_be_removed(annex, example, tmp_path):
+    folder = tmp_path / "study"
+    shutil.copytree(example, folder)
+    mapmore = without(annex, folder)
+    finished = mapmore("run", "study.yaml", "-q")
+    assert finished.returncode == 0, finished.stderr
+    assert (folder / "runs" / "example" / "report" / "index.html").is_file()
+    if annex in COMMANDS:
+        missing = mapmore(*COMMANDS[annex])
+        assert missing.returncode == 2
+        assert f"`{COMMANDS[annex][0]}` is not installed" in missing.stderr
+        assert COMMANDS[annex][0] in mapmore("--help").stdout
+    else:
+        line, name = KEYS[annex]
+        text = (folder / "study.yaml").read_text()
+        kept = [one for one in text.splitlines() if not one.startswith(("segment", "dictionary"))]
+        (folder / "other.yaml").write_text("\n".join([*kept, line]) + "\n")
+        missing = mapmore("run", "other.yaml", "-q")
+        assert missing.returncode in (2, 3)
+        assert f"`{name}` is not installed" in missing.stderr
