@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import types
 from collections.abc import Mapping
 from dataclasses import MISSING, is_dataclass
-from typing import Any, Union
+from typing import Any, Literal, Union
 
 import numpy as np
 
@@ -14,12 +15,14 @@ from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import FitResult, Validation
 from mapmore_cli.storage.artefacts.schema import (
     NO_UNIT,
-    WORDS,
     SegmentationFile,
     bodies,
     stored_fields,
     taken_apart,
 )
+
+WORDS = {str: "text", Literal: "text", types.NoneType: "null"}
+"""What the reference calls types."""
 
 
 def described() -> str:

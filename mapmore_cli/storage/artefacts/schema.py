@@ -19,7 +19,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from functools import cache
-from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, NamedTuple, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -41,9 +41,6 @@ DEEPEST = 60
 """Fields within fields: ten sums of sums."""
 
 NO_UNIT = "-"
-WORDS = {str: "text", Literal: "text", types.NoneType: "null"}
-"""What the reference calls types."""
-
 Letters = tuple[str, ...]
 Units = Mapping[str, str]
 """Units by the names of quantities."""
