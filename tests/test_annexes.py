@@ -67,7 +67,9 @@ def test_an_annex_can_be_removed(annex, example, tmp_path):
         model, name = KEYS[annex]
         spec = yaml.safe_load((folder / "study.yaml").read_text())
         del spec["segment"], spec["dictionary"]
-        (folder / "other.yaml").write_text(yaml.safe_dump({**spec, "model": model}))
+        (folder / "other.yaml").write_text(
+            yaml.safe_dump({**spec, "name": "other", "model": model})
+        )
         missing = mapmore("run", "other.yaml", "-q")
         assert missing.returncode in (2, 3)
         assert f"`{name}` is not installed" in missing.stderr
