@@ -194,7 +194,7 @@ def drawn(runs: Path, names: Sequence[str] = tuple(LINES)) -> dict[str, str]:
 
 def write(runs: Path, folder: Path | None = None) -> None:
     """Every figure with its numbers; as PDF too where a folder is named."""
-    from mapmore_cli.reporting.figures.drawing import SVG_PROLOGUE, WRITERS
+    from mapmore_cli.reporting.figures.drawing import SVG_PROLOGUE, to_bytes
     from mapmore_cli.reporting.figures.style import figure_style
 
     for name, svg in drawn(runs).items():
@@ -213,7 +213,7 @@ def write(runs: Path, folder: Path | None = None) -> None:
             folder.mkdir(parents=True, exist_ok=True)
             with figure_style():
                 (folder / f"muscle-like-{name}.pdf").write_bytes(
-                    WRITERS["pdf"](figure(lines), name, CAPTIONS[name])
+                    to_bytes(figure(lines), "pdf", name, CAPTIONS[name])
                 )
 
 

@@ -21,7 +21,7 @@ from mapmore_cli.annexes.search.searching import formula_beside
 from mapmore_cli.annexes.search.stage import SEARCH, read_search
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.domain.scores import BASELINES, OWN, SIMPLE, Score
-from mapmore_cli.reporting.score_tables import verdict
+from mapmore_cli.reporting.score_tables import verdict_sentence
 from mapmore_cli.reporting.table import Cell, Table
 from mapmore_cli.storage.run_folder import RunFiles
 
@@ -238,7 +238,7 @@ def says_so(files: RunFiles) -> bool:
         for one in files.validation().scores
         if one.model in {OWN, *SIMPLE, formula_beside(found)}
     ]
-    return "is worse" in verdict(rows, OWN, Quantity(rows[0].target, "")) or any(
+    return "is worse" in verdict_sentence(rows, OWN, Quantity(rows[0].target, "")) or any(
         "errs" in note for note in found.notes
     )
 

@@ -11,7 +11,7 @@ import os
 import sys
 import traceback
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -145,21 +145,21 @@ def print_view(view: View, as_json: bool) -> None:
 
 def print_document(document: Mapping[str, Any]) -> None:
     """Print one JSON document; NaN and infinities, which JSON does not have, become null."""
-    print(json.dumps(_plain(document), indent=2, allow_nan=False))
+    print(json.dumps(_as_json(document), indent=2, allow_nan=False))
 
 
-def _plain(value: Any) -> Any:
-    """Rebuild a document from what JSON knows: arrays and tuples become lists, non-finite numbers
-    None.
+def _as_json(value: Any) -> Any:
+    """Rebuild a document from what JSON knows: records become objects, arrays and tuples lists,
+    non-finite numbers None.
     """
+    if is_dataclass(value):
+        value = {one.name: getattr(value, one.name) for one in fields(value)}
     if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if hasattr(
-        value, "tolist"
-    ):  # NumPy arrays and scalars, without importing NumPy for documents that have none
-        return _plain(value.tolist())
+        return {str(key): _as_json(item) for key, item in value.items()}
+    if hasattr(value, "tolist"):  # of NumPy, which is not imported for documents without arrays
+        return _as_json(value.tolist())
     if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
+        return [_as_json(item) for item in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
@@ -197,13 +197,13 @@ def write_results(paths: Sequence[Path], table: Table, found: Tuning | Plan) -> 
 
 def write_figure(path: Path, drawing: Drawing) -> None:
     """Write a figure in the format that the ending says."""
-    from mapmore_cli.reporting.figures.drawing import WRITERS, compose
+    from mapmore_cli.reporting.figures.drawing import compose, to_bytes
     from mapmore_cli.reporting.figures.style import figure_style
 
     with figure_style():
         write_bytes(
             path,
-            WRITERS[path.suffix.removeprefix(".")](compose(drawing), drawing.name, drawing.alt),
+            to_bytes(compose(drawing), path.suffix.removeprefix("."), drawing.name, drawing.alt),
         )
 
 

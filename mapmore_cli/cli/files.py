@@ -199,10 +199,6 @@ def figure(
         Path | None,
         typer.Option(metavar="FILE", help="Also write what the panel was drawn from (CSV)."),
     ] = None,
-    models: Annotated[
-        str | None,
-        typer.Option(metavar="A,B", help="Competitors to draw, as sarosi,plane; else all."),
-    ] = None,
     looks: Annotated[
         list[str],
         typer.Option(
@@ -232,9 +228,8 @@ def figure(
     if data is not None and curve is None:
         raise UsageError("--data needs one panel", "name it with --curve")
     with Reporter(quiet) as reporter:
-        wanted = [one.strip() for one in (models or "").split(",") if one.strip()]
         drawn, numbers = drawn_figure(
-            run if run.is_dir() else runs / run, name, curve, suffix, reporter.warn, looks, wanted
+            run if run.is_dir() else runs / run, name, curve, suffix, reporter.warn, looks
         )
     write_bytes(out, drawn)
     if data is not None and numbers is not None:

@@ -120,7 +120,7 @@ def predict(
             )
         else:
             assert table is not None
-            lines, label = _opened(
+            lines, label = _open_table(
                 table,
                 lambda read, size: reporter.progress(
                     "MB read", read // MEGABYTE, -(-size // MEGABYTE)
@@ -139,7 +139,7 @@ def predict(
         _write_lines(added, output)
 
 
-def _opened(
+def _open_table(
     table: Path, told: Callable[[int, int], None] = lambda _read, _size: None
 ) -> tuple[Iterator[str], str]:
     """Return the lines of a table or of stdin, and what messages call it."""
@@ -224,7 +224,7 @@ def invert(
 
     with Reporter(quiet) as reporter:
         _write_lines(
-            inverted_lines(read_model(model_file, reporter.warn), *_opened(table), name, rule),
+            inverted_lines(read_model(model_file, reporter.warn), *_open_table(table), name, rule),
             output,
         )
 
@@ -263,7 +263,7 @@ def adapt(
     with Reporter(quiet) as reporter:
         family = read_model(model_file, reporter.warn)
         dimension_of(family)
-        lines, label = (None, "") if table is None else _opened(table)
+        lines, label = (None, "") if table is None else _open_table(table)
         model = adapt(family, lines, label, _constants_of(family, given))
     write_model(output, model)
     fit = model.backbone

@@ -15,28 +15,24 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.models import Formula, Memory, Pieces
 from mapmore_cli.domain.scores import RUN_PAGE
 from mapmore_cli.modelling.kinds import page_of
-from mapmore_cli.reporting.memory_tables import (
-    identified_table,
-    sizes_table,
-    states_table,
-)
+from mapmore_cli.reporting import memory_tables
 from mapmore_cli.reporting.score_tables import curve_scores_table, score_table
-from mapmore_cli.reporting.table import Column, Table
-from mapmore_cli.reporting.tables import levels_table, recordings_table, rival_minima, terms_table
+from mapmore_cli.reporting.table import Cell, Table
+from mapmore_cli.reporting.tables import (
+    FROM_TO,
+    levels_table,
+    recordings_table,
+    rival_minima,
+    segment_ends,
+    terms_table,
+)
 from mapmore_cli.storage import artefacts
 from mapmore_cli.storage.run_folder import RESULTS
 from mapmore_cli.storage.run_record import load_records, score_row, scores_in, stale_stages
 
 if TYPE_CHECKING:
-    from mapmore_cli.domain.fits import (
-        FormulaFit,
-        MemoryFit,
-        MemoryModel,
-        SegmentedCurve,
-        SegmentFit,
-        Selection,
-    )
-    from mapmore_cli.domain.models import CurveRange, Model, SegmentFunction
+    from mapmore_cli.domain.fits import FormulaFit, MemoryModel, SegmentedCurve, SegmentFit
+    from mapmore_cli.domain.models import Model, SegmentFunction
     from mapmore_cli.domain.recording import Dataset
     from mapmore_cli.domain.results import FitResult, Validation
     from mapmore_cli.domain.scores import Published, ScoreTable
@@ -65,9 +61,8 @@ def of_stage(stage: str, run_dir: Path) -> View:
     """Return what a stage found."""
     if stage in RESULTS:
         return _of_hdf5(run_dir / RESULTS[stage])
-    files = tuple(
-        str(path) for path in sorted((run_dir / RUN_PAGE).parent.rglob("*")) if path.is_file()
-    )
+    paths = sorted((run_dir / RUN_PAGE).parent.rglob("*"))
+    files = tuple(str(path) for path in paths if path.is_file())
     return View({"files": files}, lines=page_lines(run_dir) or files)
 
 
@@ -80,25 +75,21 @@ def _of_run(run_dir: Path) -> View:
             "name a folder that `mapmore run` wrote, as runs/NAME",
         )
     run, stale = _of_json(record), _stale(run_dir)
-    document = {**run.document, "stale": list(stale)}
+    document, lines = {**run.document, "stale": list(stale)}, tuple(stale.values())
     if not (run_dir / RESULTS["validate"]).is_file():
-        return replace(run, document=document, lines=tuple(stale.values()))
+        return View(document, run.tables, lines)
     scores = of_stage("validate", run_dir)
-    return View(
-        {**document, **scores.document},
-        (*run.tables, *scores.tables[:1]),
-        (*stale.values(), *page_lines(run_dir)),
-    )
+    tables = (*run.tables, *scores.tables[:1])
+    return View({**document, **scores.document}, tables, (*lines, *page_lines(run_dir)))
 
 
 def _stale(run_dir: Path) -> dict[str, str]:
     """Stages of a run whose results are older than what they were made from, each with a line that
     says so.
     """
-    found = stale_stages(load_records(run_dir, lambda _message: None))
     return {
         name: f"{name} is out of date: {before} was done again since; run the spec to renew it"
-        for name, before in found.items()
+        for name, before in stale_stages(load_records(run_dir, lambda _message: None)).items()
     }
 
 
@@ -113,14 +104,8 @@ def _of_hdf5(
 ) -> View:
     kind = artefacts.kind_of(path)
     record = getattr(artefacts, f"read_{kind}")(path, warn, unverified)
-    shown: dict[str, Callable[[Any], View]] = {
-        "dataset": of_dataset,
-        "segmentation": _of_segmentation,
-        "fit": _of_fit,
-    }
-    shown |= {"model": _of_model, "validation": _of_validation}
     try:
-        return shown[kind](record)
+        return VIEWS[kind](record)
     except (ArithmeticError, LookupError, TypeError, ValueError) as fault:
         raise DataError(
             f"{path}: holds values that do not fit each other ({type(fault).__name__}: {fault})",
@@ -130,38 +115,26 @@ def _of_hdf5(
 
 def _of_json(path: Path) -> View:
     """`scores.json` or `run.json`, as they are; the table has what fits on a screen."""
+    remedy = "give a file that mapmore wrote"
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as fault:
-        raise DataError(
-            f"{path}: cannot be read ({fault})", "give a file that mapmore wrote"
-        ) from fault
-    if isinstance(document, dict) and _are_stages(document.get("stages")):
-        rows = tuple(
-            (name, entry.get("seconds"), entry.get("why"))
-            for name, entry in document["stages"].items()
-        )
-        columns = (Column("stage"), Column("took", "s", ".2f"), Column("why it ran"))
-        return View(document, (Table("stages", "Stages", columns, rows),))
+        raise DataError(f"{path}: cannot be read ({fault})", remedy) from fault
     try:
-        found = scores_in(document)
+        if "stages" not in document:
+            return View(document, of_scores(scores_in(document)).tables)
+        columns = ("stage", "took [s] .2f", "why it ran")
+        rows = [
+            (str(name), _seconds(entry.get("seconds")), str(entry.get("why") or ""))
+            for name, entry in document["stages"].items()
+        ]
     except (ValueError, TypeError, KeyError, AttributeError, OverflowError) as fault:
-        raise DataError(
-            f"{path}: is neither a scores.json nor a run.json", "give a file that mapmore wrote"
-        ) from fault
-    return View(document, of_scores(found).tables)
+        raise DataError(f"{path}: is neither a scores.json nor a run.json", remedy) from fault
+    return View(document, (Table.of("stages", "Stages", columns, rows),))
 
 
-def _are_stages(entries: Any) -> bool:
-    """Whether something is the stages of a `run.json`, as far as the table of stages takes from
-    them.
-    """
-    return isinstance(entries, dict) and all(
-        isinstance(entry, dict)
-        and isinstance(entry.get("seconds"), float | int | None)
-        and isinstance(entry.get("why"), str | None)
-        for entry in entries.values()
-    )
+def _seconds(value: Any) -> float | None:
+    return None if value is None else float(value)
 
 
 # Scores
@@ -173,28 +146,19 @@ def of_scores(table: ScoreTable, published: Published | None = None) -> View:
     what a publication reports.
     """
     rows = [score_row(score) for score in table.scores]
-    return View(
-        {"scores": rows, "units": table.units},
-        (score_table(table.scores, table.units, published, table.failed),),
-    )
+    pooled = score_table(table.scores, table.units, published, table.failed)
+    return View({"scores": rows, "units": table.units}, (pooled,))
 
 
 def _of_validation(validation: Validation) -> View:
     """Return the scores pooled and by curve, and the formulas that were fitted as competitors."""
     pooled = of_scores(validation.table)
-    formulas = {name: asdict(formula) for name, formula in validation.formulas.items()}
     lines = [f"warning: {warning}" for warning in validation.warnings]
-    lines += [
-        told
-        for name, formula in validation.formulas.items()
-        for told in rival_minima(name, formula)
-    ]
+    for name, formula in validation.formulas.items():
+        lines += rival_minima(name, formula)
+    more = picked(validation, "formulas", "warnings")
     tables = (*pooled.tables, curve_scores_table(validation.scores, validation.units))
-    return View(
-        {**pooled.document, "formulas": formulas, "warnings": validation.warnings},
-        tables,
-        tuple(lines),
-    )
+    return View({**pooled.document, **more}, tables, tuple(lines))
 
 
 # Data
@@ -203,66 +167,40 @@ def _of_validation(validation: Validation) -> View:
 
 def of_dataset(dataset: Dataset) -> View:
     """Rows kept and dropped of every recording; the curves with what trains and what validates."""
+    curves = [
+        {
+            **picked(curve, "id", "level", "recordings"),
+            "train": int(curve.training.sum()),
+            "validate": int(curve.held_out.sum()),
+        }
+        for curve in dataset.curves
+    ]
+    keys = ("id", "source", "rows_read", "rows_kept", "dropped")
     document = {
-        **picked(dataset, "target", "level"),
+        **picked(dataset, "target", "level", "notes"),
         "units": {name: quantity.unit for name, quantity in dataset.quantities.items()},
-        "recordings": [
-            picked(one, "id", "source", "rows_read", "rows_kept", "dropped")
-            for one in dataset.recordings
-        ],
-        "curves": [
-            {
-                **picked(curve, "id", "level"),
-                "train": int(curve.training.sum()),
-                "validate": int(curve.held_out.sum()),
-                "recordings": curve.recordings,
-            }
-            for curve in dataset.curves
-        ],
-        "notes": dataset.notes,
+        "recordings": [picked(one, *keys) for one in dataset.recordings],
+        "curves": curves,
     }
     return View(document, (recordings_table(dataset), levels_table(dataset)), dataset.notes)
 
 
 def _of_segmentation(curves: Sequence[SegmentedCurve]) -> View:
     """Where every segment lies, and how many samples it has."""
-    document = {
-        "curves": [
-            {
-                "id": curve.curve,
-                "level": curve.level,
-                "boundaries": dict(zip(curve.variables, curve.boundaries, strict=True)),
-                "limits": curve.limits,
-                "segments": [
-                    {"id": segment.id, "cell": segment.cell, "n": len(segment.rows)}
-                    for segment in curve.segments
-                ],
-            }
-            for curve in curves
-        ]
-    }
-    variables = tuple(dict.fromkeys(name for curve in curves for name in curve.variables))
-    columns = (
-        Column("segment"),
-        Column("samples"),
-        *(Column(f"{name} {end}") for name in variables for end in ("from", "to")),
-    )
-    rows = []
+    names = list(dict.fromkeys(name for curve in curves for name in curve.variables))
+    columns = ("segment", "samples", *(f"{name} {end}" for name in names for end in FROM_TO))
+    documents: list[dict[str, Any]] = []
+    rows: list[tuple[Cell, ...]] = []
     for curve in curves:
-        for segment in curve.segments:
-            cuts = zip(curve.variables, segment.cell, curve.boundaries, strict=True)
-            ends = {
-                name: (float(locations[place - 1]), float(locations[place]))
-                for name, place, locations in cuts
-            }
-            rows.append(
-                (
-                    segment.id,
-                    len(segment.rows),
-                    *(end for name in variables for end in ends.get(name, (None, None))),
-                )
-            )
-    return View(document, (Table("segments", "Segments", columns, tuple(rows)),))
+        segments = [
+            {**picked(segment, "id", "cell"), "n": len(segment.rows)} for segment in curve.segments
+        ]
+        boundaries = dict(zip(curve.variables, curve.boundaries, strict=True))
+        head = picked(curve, "id=curve", "level", "limits")
+        documents.append({**head, "boundaries": boundaries, "segments": segments})
+        rows += [(one.id, len(one.rows), *segment_ends(curve, one)) for one in curve.segments]
+    table = Table.of("segments", "Segments", columns, rows)
+    return View({"curves": documents}, (table,))
 
 
 # Fits
@@ -273,38 +211,36 @@ def _of_fit(result: FitResult) -> View:
     """Return the segments, or the model with memory, with their terms in the order of selection;
     theta is in scaled coordinates.
     """
-    page = page_of(result.body)
-    own, own_tables = page.show_fit(result.body) if page else ({}, ())
-    document = {
+    memory, tables, page = result.memory, list[Table](), page_of(result.body)
+    document: dict[str, Any] = {
         "segments": [_segment(fit, fit.selection) for fit in result.pieces],
-        "memory": _memory_fit(result.memory),
-        "backbone": _formula(result.formula),
-        "notes": result.notes,
-        **own,
+        "memory": None,
+        **picked(result, "backbone=formula", "notes"),
     }
-    tables = [terms_table(result)] if result.pieces else []
-    if (fit := result.memory) is not None:
-        tables += [identified_table(fit)] if fit.identified is not None else []
-        tables += [sizes_table(fit)] if fit.held_out is not None else []
-        tables += _memory_tables(fit.model)
-    tables += own_tables
+    if result.pieces:
+        tables.append(terms_table(result))
+    if memory is not None:
+        document["memory"] = {
+            **asdict(memory.model),
+            **picked(memory, "ridge", "held_out", "identified"),
+            "forward": [memory.candidates[place] for place in memory.forward],
+        }
+        found = (
+            memory_tables.identified_table(memory),
+            memory_tables.sizes_table(memory),
+        )
+        tables += [table for table in found if table.rows] + _memory_tables(memory.model)
+    if page is not None:
+        own, own_tables = page.show_fit(result.body)
+        document |= own
+        tables += own_tables
     return View(document, tuple(tables), (*_formula_lines(result.formula), *result.notes))
 
 
-def _segment(
-    named: SegmentFit | SegmentFunction, found: Selection | SegmentFunction
-) -> dict[str, Any]:
+def _segment(named: SegmentFit | SegmentFunction, numbers: Any) -> dict[str, Any]:
     """One segment function; theta is in scaled coordinates."""
-    head = {**picked(named, "id", "terms"), **picked(found, "theta", "theta_error", "g", "err")}
-    return {
-        **head,
-        "scaling": asdict(named.scaling),
-        **picked(found, "samples", "stop", "condition"),
-    }
-
-
-def _formula(formula: FormulaFit | None) -> dict[str, Any] | None:
-    return None if formula is None else asdict(formula)
+    keys = ("theta", "theta_error", "g", "err", "samples", "stop", "condition")
+    return {**picked(named, "id", "terms", "scaling"), **picked(numbers, *keys)}
 
 
 def _formula_lines(formula: FormulaFit | None) -> tuple[str, ...]:
@@ -322,50 +258,28 @@ def _formula_lines(formula: FormulaFit | None) -> tuple[str, ...]:
     return (own, *rival_minima(formula.name, formula))
 
 
-def _memory_fit(fit: MemoryFit | None) -> dict[str, Any] | None:
-    """Return the model as it is stored, with how its terms were found."""
-    if fit is None:
-        return None
-    return {
-        **asdict(fit.model),
-        "ridge": fit.ridge,
-        "forward": [fit.candidates[place] for place in fit.forward],
-        "held_out": fit.held_out,
-        "identified": None if fit.identified is None else asdict(fit.identified),
-    }
-
-
-def _memory_tables(memory: MemoryModel) -> tuple[Table, ...]:
+def _memory_tables(memory: MemoryModel) -> list[Table]:
     """Coefficients with standard errors, and the numbers behind the states where there are any."""
-    columns = (
-        Column("term"),
-        Column("coefficient", "", "#.6g"),
-        Column("standard error", "", ".3g"),
-    )
-    rows = tuple(zip(memory.terms, memory.theta.tolist(), memory.theta_error.tolist(), strict=True))
-    constant = (("(constant)", memory.constant, None),) if memory.constant else ()
-    scaled = (
-        "Coefficients of scaled states."
-        if memory.states.scaled
-        else "Coefficients in physical units."
-    )
-    title = f"Coefficients of {memory.output}"
-    coefficients = Table("coefficients", title, columns, (*constant, *rows), (scaled,))
-    states = states_table(memory.states)
-    return (coefficients, states) if states.rows else (coefficients,)
+    columns = ("term", "coefficient #.6g", "standard error .3g")
+    numbers = (memory.theta.tolist(), memory.theta_error.tolist())
+    rows: list[tuple[str, float, float | None]] = []
+    if memory.constant:
+        rows.append(("(constant)", memory.constant, None))
+    rows += zip(memory.terms, *numbers, strict=True)
+    where = "of scaled states" if memory.states.scaled else "in physical units"
+    title, note = f"Coefficients of {memory.output}", f"Coefficients {where}."
+    states = memory_tables.states_table(memory.states)
+    coefficients = Table.of("coefficients", title, columns, rows, note)
+    return [coefficients, states] if states.rows else [coefficients]
 
 
 def _memory_line(memory: MemoryModel) -> str:
     """How the model is run."""
     from mapmore_cli.modelling.memory.feedback import fed_back_states
 
-    steps = sorted(fed_back_states(memory.states, memory.output).values())
-    first = (
-        f"the first {steps[-1]} measured samples"
-        if steps and steps[-1] > 1
-        else "the first measured sample"
-    )
-    start = f"from {first} of {memory.output}" if steps else f"without measured {memory.output}"
+    most = max(fed_back_states(memory.states, memory.output).values(), default=0)
+    first = f"the first {most} measured samples" if most > 1 else "the first measured sample"
+    start = f"from {first} of {memory.output}" if most else f"without measured {memory.output}"
     return f"Runs free {start}, at steps of {memory.states.step:.6g} s."
 
 
@@ -379,81 +293,51 @@ def _of_model(model: Model) -> View:
     """
     from mapmore_cli.modelling.kinds import equations
 
-    found = equations(model)
-    inputs = (
-        ", ".join(f"{quantity.name} [{quantity.unit}]" for quantity in model.inputs)
-        or "its own past"
-    )
+    lines = equations(model)
+    names = [f"{quantity.name} [{quantity.unit}]" for quantity in model.inputs]
+    inputs = ", ".join(names) or "its own past"
     title = f"{model.name}: {model.output.name} [{model.output.unit}] from {inputs}"
-    table = Table(
-        "equations",
-        title,
-        (Column("piece"), Column("equation")),
-        tuple((one.id, one.text) for one in found),
-    )
-    shown = shown_model(model)
-    document = {**document_of(model, shown), "equations": [asdict(one) for one in found]}
-    return View(document, (table, *shown.tables), (*shown.lines, *model.notes))
+    rows = [(one.id, one.text) for one in lines]
+    table = Table.of("equations", title, ("piece", "equation"), rows)
+    view = _view_of(model)
+    document = {**view.document, "equations": lines}
+    return View(document, (table, *view.tables), (*view.lines, *model.notes))
 
 
-def document_of(model: Model, shown: View) -> dict[str, Any]:
-    """Return a model as JSON: what all have in common, and what its kind shows."""
-    head = {
-        "name": model.name,
-        "output": asdict(model.output),
-        "inputs": [asdict(quantity) for quantity in model.inputs],
-    }
-    return {**head, **shown.document, "notes": model.notes}
-
-
-def shown_model(model: Model) -> View:
-    """Return what a kind shows beside the equations; one that has nothing of its own to show is
-    shown as it is stored.
+def _view_of(model: Model) -> View:
+    """Return a model with what its kind shows beside the equations; one that has nothing of its own
+    to show is shown as it is stored.
     """
     from mapmore_cli.modelling.kinds import kind_of
 
+    kind, body = kind_of(model), model.body
     document: dict[str, Any]
-    tables: tuple[Table, ...] = ()
-    lines: tuple[str, ...] = ()
-    match model.body:
-        case Pieces() as body:
+    tables: Sequence[Table] = ()
+    lines: Sequence[str] = ()
+    match body:
+        case Pieces():
             document = {
-                "level": body.level,
+                **picked(body, "level", "backbone", "cross_validation"),
                 "segments": [_segment(segment, segment) for segment in body.segments],
-                "backbone": _formula(body.backbone),
-                "cross_validation": [asdict(error) for error in body.cross_validation],
-                "weights": _weights(body),
-                "limits": limits_document(body.ranges),
+                "weights": _weights_document(body),
             }
             lines = (_fusion_line(body),)
-        case Formula() as body:
-            document = {
-                "level": body.level,
-                "formula": _formula(body.fit),
-                "limits": limits_document(body.ranges),
-            }
-            lines = _formula_lines(body.fit)
-        case Memory() as body:
-            document = {
-                "memory": asdict(body.model),
-                "backbone": _formula(body.backbone),
-                "limits": limits_document(body.ranges),
-            }
+        case Formula():
+            document, lines = picked(body, "level", "formula=fit"), _formula_lines(body.fit)
+        case Memory():
+            document = picked(body, "memory=model", "backbone")
             tables, lines = _memory_tables(body.model), (_memory_line(body.model),)
-        case body:
-            page = kind_of(model).page
-            document = {} if page else asdict(body)  # type: ignore[call-overload]
-            if page is not None:
-                document, tables, lines = page.show(model)
-    return View({"kind": kind_of(model).name, **document}, tables, lines)
+        case _ if kind.page is not None:
+            document, tables, lines = kind.page.show(model, _view_of)
+        case _:
+            document = asdict(body)  # type: ignore[call-overload]
+    if ranges := getattr(body, "ranges", None):
+        document["limits"] = {one.curve: one.limits for one in ranges}
+    head = {"kind": kind.name, **picked(model, "name", "output", "inputs", "notes")}
+    return View({**head, **document}, tuple(tables), tuple(lines))
 
 
-def limits_document(ranges: tuple[CurveRange, ...]) -> dict[str, Any]:
-    """Return the training range of every input, by curve."""
-    return {one.curve: one.limits for one in ranges}
-
-
-def _weights(pieces: Pieces) -> dict[str, Any]:
+def _weights_document(pieces: Pieces) -> dict[str, Any]:
     """How pieces are joined, with the transition zone, start and end, at each inner boundary of
     every curve (M2 eq 10-11).
     """
@@ -466,13 +350,11 @@ def _weights(pieces: Pieces) -> dict[str, Any]:
             name: [list(zone) for zone in zip(*zones(ends, pieces.fusion.z_s), strict=True)]
             for name, ends in boundaries.items()
         }
-        curves.append(
-            {"id": curve.curve, "level": curve.level, "boundaries": boundaries, "zones": at}
-        )
+        head = picked(curve, "id=curve", "level")
+        curves.append({**head, "boundaries": boundaries, "zones": at})
     return {
-        **picked(pieces.fusion, "transition", "z_s", "extrapolation"),
+        **picked(pieces.fusion, "transition", "z_s", "extrapolation", "shrink"),
         "levels": [curve.level for curve in pieces.curves if curve.level is not None],
-        "shrink": pieces.fusion.shrink,
         "curves": curves,
     }
 
@@ -489,3 +371,13 @@ def _fusion_line(pieces: Pieces) -> str:
     return (
         f"Transition: {fusion.transition}, z_s = {fusion.z_s:g}.{carried} Extrapolation: {sides}."
     )
+
+
+VIEWS: dict[str, Callable[[Any], View]] = {
+    "dataset": of_dataset,
+    "segmentation": _of_segmentation,
+    "fit": _of_fit,
+    "model": _of_model,
+    "validation": _of_validation,
+}
+"""What a file shows, by its kind."""

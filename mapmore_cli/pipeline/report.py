@@ -145,19 +145,17 @@ def drawn_figure(
     suffix: str,
     warn: Callable[[str], None],
     looks: Sequence[str] = (),
-    models: Sequence[str] = (),
 ) -> tuple[bytes, str | None]:
     """Draw a figure of a run as a file: all of it, or the panel of one curve (or model) as wide as
     the spec says, with its numbers as CSV.
 
     - `warn`: is told of a font that this machine does not have.
     - `looks`: values that replace those of the run's spec, as `report.style.width=120 mm`.
-    - `models`: the competitors that are drawn beside the run's own model; all where none is named.
 
     Raises DataError where the folder holds no finished run; UsageError where there is no such panel
-    or model (the message names those that there are), or `looks` are about anything else.
+    (the message names those that there are), or `looks` are about anything else.
     """
-    from mapmore_cli.reporting.figures.drawing import WRITERS, compose, drawings, panel_of
+    from mapmore_cli.reporting.figures.drawing import compose, drawings, panel_of, to_bytes
     from mapmore_cli.reporting.figures.style import figure_style
     from mapmore_cli.reporting.report import data_csv
     from mapmore_cli.spec.loader import load
@@ -175,7 +173,6 @@ def drawn_figure(
     inputs = collected(report_slice(load(run_dir / "experiment.yaml", looks).spec), run_dir)
     for warning in faults_of(inputs.style):
         warn(warning)
-    inputs = inputs.beside(models) if models else inputs
     with figure_style(inputs.style):
         drawing, panel = (
             (next(iter(drawings(name, inputs)), None), None)
@@ -184,7 +181,7 @@ def drawn_figure(
         )
         if drawing is None:
             raise UsageError(f"{run_dir}: has nothing to draw as {name!r}", "choose another figure")
-        written = WRITERS[suffix](compose(drawing, inputs.style, panel), drawing.name, drawing.alt)
+        written = to_bytes(compose(drawing, inputs.style, panel), suffix, drawing.name, drawing.alt)
         return written, None if panel is None else data_csv(panel.data)
 
 
@@ -209,4 +206,4 @@ def _in_units(model: Model, units: Mapping[str, str]) -> dict[str, tuple[Equatio
     return {", ".join(words): model_equations(model, factors)} if factors else {}
 
 
-STAGE = Stage(name="report", revision=6, outputs=("report",), reads=report_slice, run=write_pages)
+STAGE = Stage(name="report", revision=7, outputs=("report",), reads=report_slice, run=write_pages)

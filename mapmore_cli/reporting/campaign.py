@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from statistics import median
 
@@ -64,11 +64,8 @@ class CampaignScores:
     @property
     def normalisers(self) -> str:
         """What errors are divided by."""
-        return " and ".join(
-            dict.fromkeys(
-                score.normaliser_name for run in self.pooled.values() for score in run.values()
-            )
-        )
+        rows = [score for run in self.pooled.values() for score in run.values()]
+        return " and ".join(dict.fromkeys(score.normaliser_name for score in rows))
 
 
 def campaign_tables(scores: CampaignScores) -> tuple[Table, ...]:
@@ -76,8 +73,7 @@ def campaign_tables(scores: CampaignScores) -> tuple[Table, ...]:
     are listed one after the other.
     """
     first = models_table if scores.sparse else nrmse_table
-    made = (table(scores) for table in (first, hindsight_table, published_table, order_table))
-    return tuple(table for table in made if table.rows)
+    return tuple(table for table in (first(scores), published_table(scores)) if table.rows)
 
 
 def nrmse_table(scores: CampaignScores) -> Table:
@@ -89,33 +85,26 @@ def nrmse_table(scores: CampaignScores) -> Table:
     `relative_to`, over the runs that have both; and in how many runs it lies below the best of
     `best_of`.
     """
-    pooled, models = scores.pooled, scores.models
+    models = scores.models
     rows: list[tuple[Cell, ...]] = [
         (name, *(100 * run[model].nrmse if model in run else None for model in models))
-        for name, run in pooled.items()
+        for name, run in scores.pooled.items()
     ]
-    rows += [
-        (name, *("failed" if place == 0 else None for place in range(len(models))))
-        for name in scores.failed
-    ]
+    rows += [(name, *["failed", *[None] * len(models)][: len(models)]) for name in scores.failed]
     notes = [f"NRMSE in per cent, all curves pooled; normalised by {scores.normalisers}."]
-    rows += _summaries(scores)
+    closing: list[tuple[str, Mapping[str, Cell]]] = _summaries(scores)
     if scores.relative_to in models:
-        rows += _ratios(list(pooled.values()), models, scores.relative_to)
+        closing += _ratios(scores, scores.relative_to)
         notes.append(
             f"Ratios are of RMSE to that of {scores.relative_to}; a ratio below one is better."
         )
     if set(scores.best_of) & set(models):
-        rows.append(
-            (
-                "below the best formula",
-                *(_wins(pooled.values(), model, scores.best_of) for model in models),
-            )
-        )
+        closing.append(("below the best formula", _wins(scores)))
         notes.append(
             f"The best formula of {', '.join(scores.best_of)}: which of them it is in a run, "
             "one knows afterwards only."
         )
+    rows += [(name, *map(cells.get, models)) for name, cells in closing]
     columns: Columns = ("run", *(Column(model, "", ".3g") for model in models))
     return Table.of("nrmse", "NRMSE of every run and model", columns, rows, *notes)
 
@@ -124,28 +113,20 @@ def models_table(scores: CampaignScores) -> Table:
     """Return validation NRMSE of every model of every run, a row each: the run's own model first,
     then from the least error up.
     """
+
+    def place(score: Score) -> tuple[bool, bool, float]:
+        return score.model != scores.own, score.model == REPEATABILITY, _error_of(score)
+
     rows: list[tuple[Cell, ...]] = []
     for name, run in scores.pooled.items():
         own = run.get(scores.own)
-        for score in sorted(
-            run.values(),
-            key=lambda score: (
-                score.model != scores.own,
-                score.model == REPEATABILITY,
-                _error_of(score),
-            ),
-        ):
+        for score in sorted(run.values(), key=place):
             ratio = _ratio(score, own) if own is not None and score is not own else None
             rows.append((name, score.model, 100 * score.nrmse, ratio))
     rows += [(name, scores.own, "failed", None) for name in scores.failed]
     columns = ("run", MODEL, "NRMSE [%] .3g", Column(f"RMSE in ratio to {scores.own}", "", ".3g"))
-    return Table.of(
-        "models",
-        "NRMSE of every run and model",
-        columns,
-        rows,
-        f"All curves pooled; normalised by {scores.normalisers}.",
-    )
+    note = f"All curves pooled; normalised by {scores.normalisers}."
+    return Table.of("models", "NRMSE of every run and model", columns, rows, note)
 
 
 def _error_of(score: Score) -> float:
@@ -153,50 +134,44 @@ def _error_of(score: Score) -> float:
     return math.inf if math.isnan(score.nrmse) else score.nrmse
 
 
-def _summaries(scores: CampaignScores) -> list[tuple[Cell, ...]]:
-    """Median and worst NRMSE of each group."""
-    rows: list[tuple[Cell, ...]] = []
+def _summaries(scores: CampaignScores) -> list[tuple[str, Mapping[str, Cell]]]:
+    """Median and worst NRMSE of each group, by model."""
+    rows: list[tuple[str, Mapping[str, Cell]]] = []
     for group in dict.fromkeys(scores.groups.values()):
-        runs = [run for name, run in scores.pooled.items() if scores.groups.get(name) == group]
-        errors = [
-            [100 * _error_of(run[model]) for run in runs if model in run] for model in scores.models
-        ]
-        rows.append(
-            (f"{group}: median", *(median(of_model) if of_model else None for of_model in errors))
-        )
-        rows.append((f"{group}: worst", *(max(of_model, default=None) for of_model in errors)))
+        errors: dict[str, list[float]] = {}
+        for name, run in scores.pooled.items():
+            for model, score in run.items() if scores.groups.get(name) == group else ():
+                errors.setdefault(model, []).append(100 * _error_of(score))
+        for word, of in (("median", median), ("worst", max)):
+            rows.append((f"{group}: {word}", {model: of(x) for model, x in errors.items()}))
     return rows
 
 
-def _ratios(
-    runs: Sequence[Pooled], models: Sequence[str], relative_to: str
-) -> list[tuple[Cell, ...]]:
-    compared = {
-        m: [_ratio(run[m], run[relative_to]) for run in runs if m in run and relative_to in run]
-        for m in models
-    }
-    ratios = {m: [ratio for ratio in found if ratio is not None] for m, found in compared.items()}
-    ratios[REPEATABILITY] = []  # the floor wins nothing
-    means = {
-        m: math.exp(sum(map(math.log, r)) / len(r)) if r and min(r) > 0 else None
-        for m, r in ratios.items()
-    }
-    ties = {m: sum(r == 1 for r in ratios[m]) if m != relative_to else 0 for m in models}
-    return [
-        ("ratio, geometric mean", *(means[m] for m in models)),
-        ("ratio, worst", *(max(ratios[m], default=None) for m in models)),
-        (
-            "runs better",
-            *(_of(sum(r < 1 for r in ratios[m]), len(ratios[m]), ties[m]) for m in models),
-        ),
-    ]
+def _ratios(scores: CampaignScores, relative_to: str) -> list[tuple[str, Mapping[str, Cell]]]:
+    """Return rows about each model's RMSE in ratio to that of one, over the runs that have both."""
+    means: dict[str, Cell] = {}
+    worst: dict[str, Cell] = {}
+    better: dict[str, Cell] = {}
+    for model in scores.models:
+        if model == REPEATABILITY:  # the floor wins nothing
+            continue
+        pairs = [(run.get(model), run.get(relative_to)) for run in scores.pooled.values()]
+        ratios = [_ratio(one, other) for one, other in pairs if one and other]
+        known = [ratio for ratio in ratios if ratio is not None]
+        if known:
+            worst[model] = max(known)
+            ties = known.count(1.0) if model != relative_to else 0
+            better[model] = _won(sum(ratio < 1 for ratio in known), len(known), ties)
+        if known and min(known) > 0:
+            means[model] = math.exp(sum(map(math.log, known)) / len(known))
+    return [("ratio, geometric mean", means), ("ratio, worst", worst), ("runs better", better)]
 
 
-def _of(won: int, count: int, tied: int) -> str | None:
+def _won(won: int, count: int, tied: int) -> str:
     """`3 of 5, 1 tied`: runs in which a model is strictly better, and in which it is exactly as
     good.
     """
-    return f"{won} of {count}{f', {tied} tied' if tied else ''}" if count else None
+    return f"{won} of {count}{f', {tied} tied' if tied else ''}"
 
 
 def _ratio(score: Score, other: Score) -> float | None:
@@ -208,70 +183,22 @@ def _ratio(score: Score, other: Score) -> float | None:
     return math.inf if math.isnan(score.rmse) else score.rmse / other.rmse
 
 
-def _wins(runs: Iterable[Pooled], model: str, best_of: Sequence[str]) -> str | None:
-    """In how many runs a model lies below the best of others, and in how many it is exactly as
-    good.
+def _wins(scores: CampaignScores) -> dict[str, Cell]:
+    """In how many runs each model lies below the best of `best_of`, and in how many it is exactly
+    as good.
     """
-    others = [name for name in best_of if name != model]
-    compared = [(run[model].rmse, _best(run, others)) for run in runs if model in run]
-    won = sum(best is None or rmse < best.rmse for rmse, best in compared)
-    tied = sum(best is not None and rmse == best.rmse for rmse, best in compared)
-    return _of(won, len(compared), tied) if model != REPEATABILITY else None
-
-
-def hindsight_table(scores: CampaignScores) -> Table:
-    """Who wins where, and how near to repeated measurements: the least error of all models, of
-    `best_of`, and of the runs' own model.
-    """
-    rows: list[tuple[Cell, ...]] = []
-    for name, run in scores.pooled.items():
-        least = _best(run, [model for model in scores.models if model != REPEATABILITY])
-        formula, own, floor = (
-            _best(run, scores.best_of),
-            run.get(scores.own),
-            run.get(REPEATABILITY),
-        )
-        if least is None or formula is None or own is None:
-            continue
-        ratios = (_ratio(own, formula), _ratio(own, floor) if floor else None)
-        first, second = (
-            _tied(run, least),
-            _tied({m: run[m] for m in scores.best_of if m in run}, formula),
-        )
-        rows.append(
-            (name, first, 100 * least.nrmse, second, 100 * formula.nrmse, 100 * own.nrmse, *ratios)
-        )
-    columns: Columns = (
-        *(
-            "run",
-            "least of all",
-            "NRMSE [%] .3g",
-            "least of the formulas",
-            "NRMSE [%] .3g",
-            Column(scores.own, "%", ".3g"),
-        ),
-        *("ratio to that formula .3g", "ratio to repeatability .3g"),
-    )
-    note = (
-        f"The formulas are {', '.join(scores.best_of)}; the least is picked afterwards, which "
-        "nobody can do beforehand."
-    )
-    return Table.of("hindsight", "Who is best where", columns, rows, note)
-
-
-def _best(run: Pooled, models: Sequence[str]) -> Score | None:
-    usable = [run[model] for model in models if model in run and math.isfinite(run[model].rmse)]
-    return min(usable, key=lambda score: score.rmse, default=None)
-
-
-def _tied(run: Pooled, best: Score) -> str:
-    """Return the best model, with those that are exactly as good."""
-    others = [
-        m
-        for m, score in run.items()
-        if score.rmse == best.rmse and m not in (best.model, REPEATABILITY)
-    ]
-    return f"{best.model} (tied with {', '.join(others)})" if others else best.model
+    cells: dict[str, Cell] = {}
+    for model in scores.models:
+        runs = [run for run in scores.pooled.values() if model in run]
+        won = tied = 0
+        for run in runs:
+            others = [run[name].rmse for name in scores.best_of if name in run and name != model]
+            least = min(filter(math.isfinite, others), default=math.inf)
+            won += run[model].rmse < least
+            tied += run[model].rmse == least
+        if model != REPEATABILITY:
+            cells[model] = _won(won, len(runs), tied)
+    return cells
 
 
 def published_table(scores: CampaignScores) -> Table:
@@ -279,75 +206,20 @@ def published_table(scores: CampaignScores) -> Table:
     numbers; columns without any are left out.
     """
     rows: list[tuple[Cell, ...]] = []
-    for name, run in scores.pooled.items():
-        paper = scores.published.get(name, Published(""))
-        for model, score in run.items():
+    for name, paper in scores.published.items():
+        for model, score in scores.pooled.get(name, {}).items():
             rmse, nrmse = paper.shown_rmse(model), paper.nrmse.get(model)
             if score.split == "validate" and (rmse, nrmse) != (None, None):
-                printed = 100 * nrmse if nrmse is not None else None
-                rows.append(
-                    (
-                        name,
-                        model,
-                        score.rmse,
-                        rmse,
-                        100 * score.nrmse,
-                        printed,
-                        _to_published(score, paper),
-                    )
-                )
+                percent = None if nrmse is None else 100 * nrmse
+                rows.append((name, model, score.rmse, rmse, 100 * score.nrmse, percent))
     units = {scores.units.get(str(row[0]), "") for row in rows}
     unit = units.pop() if len(units) == 1 else ""
     columns = (
-        *(
-            "run",
-            MODEL,
-            f"RMSE [{unit}] .3g",
-            f"published RMSE [{unit}] .3g",
-            "NRMSE [%] .3g",
-            "published NRMSE [%] .3g",
-        ),
-        "ours to published .2f",
+        *("run", MODEL, f"RMSE [{unit}] .3g", f"published RMSE [{unit}] .3g"),
+        *("NRMSE [%] .3g", "published NRMSE [%] .3g"),
     )
     filled = [j for j in range(len(columns)) if any(row[j] is not None for row in rows)]
     sources = dict.fromkeys(f"Published: {paper.source}." for paper in scores.published.values())
     kept = ([row[j] for j in filled] for row in rows)
-    return Table.of(
-        "published", "Beside the published numbers", [columns[j] for j in filled], kept, *sources
-    )
-
-
-def _to_published(score: Score, paper: Published) -> float | None:
-    """Our error in ratio to the published one; None beside a lower bound."""
-    if score.model in paper.nrmse:
-        return score.nrmse / paper.nrmse[score.model]
-    return score.rmse / paper.rmse[score.model] if score.model in paper.rmse else None
-
-
-def order_table(scores: CampaignScores) -> Table:
-    """Whether the models of a run come in the order that a publication has them in, from the least
-    error up.
-
-    Lower bounds stand at their bound, so that they only tell an order where it is clear.
-    """
-    rows: list[tuple[Cell, ...]] = []
-    for name, run in scores.pooled.items():
-        paper = scores.published.get(name, Published(""))
-        printed = paper.nrmse or {**paper.rmse, **paper.rmse_at_least}
-        ours = {
-            model: run[model].rmse
-            for model in printed
-            if model in run and run[model].split == "validate"
-        }
-        if len(ours) > 1:
-            theirs, mine = (sorted(ours, key=errors.__getitem__) for errors in (printed, ours))
-            rows.append(
-                (
-                    name,
-                    " < ".join(theirs),
-                    " < ".join(mine),
-                    "agrees" if theirs == mine else "differs",
-                )
-            )
-    title = "Order of the models by their error, as published and here"
-    return Table.of("order", title, ("run", "as published", "here", "order"), rows)
+    heads = [columns[j] for j in filled]
+    return Table.of("published", "Beside the published numbers", heads, kept, *sources)

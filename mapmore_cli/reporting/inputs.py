@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array
-from mapmore_cli.domain.errors import UsageError
+from mapmore_cli.domain.arrays import Array, Ranges
 from mapmore_cli.domain.fits import SegmentedCurve
 from mapmore_cli.domain.models import Equation, LeftOut, Model
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
 from mapmore_cli.domain.results import FitResult, Search, Validation
-from mapmore_cli.domain.scores import REPEATABILITY, SIMPLE, Published, deciding
+from mapmore_cli.domain.scores import SIMPLE, Published, deciding
 from mapmore_cli.modelling.kinds import outside_range, page_of, runs_over_time
 from mapmore_cli.modelling.validation.intervals import ends, half_widths_of
 
@@ -125,37 +124,19 @@ class ReportInputs:
         """Name of the run's own model."""
         return self.models[0]
 
-    def beside(self, names: Sequence[str]) -> ReportInputs:
-        """Return the inputs with these models beside the run's own, in this order. Raises
-        UsageError for one that the run has not.
-        """
-        for name in names:
-            if name not in self.models:
-                raise UsageError(
-                    f"the run compares no model called {name!r}",
-                    f"choose of {', '.join(self.models[1:])}",
-                )
-        kept = dict.fromkeys((self.own, *names))
-        scores = tuple(
-            row for row in self.validation.scores if row.model in kept or row.model == REPEATABILITY
-        )
-        predictions = {name: self.validation.predictions[name] for name in kept}
-        return replace(
-            self, validation=replace(self.validation, predictions=predictions, scores=scores)
-        )
-
     @property
     def lines(self) -> tuple[str, ...]:
-        """The models that figures draw lines of: those shown, or the run's own and the best of the
-        others where they are too many.
+        """The models that figures draw lines of."""
+        return self.best(MOST_LINES)
+
+    def best(self, most: int) -> tuple[str, ...]:
+        """Return the models that figures show, or the run's own and the best of the others where
+        they are more than so many.
         """
-        if len(self.shown) <= MOST_LINES:
-            return self.shown
         errors = self.pooled_errors
-        best = sorted(self.shown[1:], key=lambda model: errors.get(model, math.inf))[
-            : MOST_LINES - 1
-        ]
-        return (self.own, *(model for model in self.shown if model in best))
+        others = sorted(self.shown[1:], key=lambda model: errors.get(model, math.inf))
+        kept = {self.own, *others[: most - 1]}
+        return tuple(model for model in self.shown if model in kept)
 
     @property
     def shown(self) -> tuple[str, ...]:
@@ -210,6 +191,16 @@ class ReportInputs:
         return runs_over_time(self.model)
 
     @property
+    def timed(self) -> bool:
+        """True where curves are drawn over time."""
+        return self.has_memory or self.over_time
+
+    @property
+    def holds_out(self) -> bool:
+        """True where some samples are held out."""
+        return any(curve.held_out.any() for curve in self.dataset.curves)
+
+    @property
     def left_out(self) -> LeftOut | None:
         """What intervals are made of; None where there are none, or where the model is shown as one
         of another quantity than its output.
@@ -262,46 +253,19 @@ class ReportInputs:
 
     @property
     def along(self) -> Quantity:
-        """The quantity of the model that varies within a curve: the first segmented one, else the
-        input of which a curve covers most.
-
-        Of a model without inputs, any measured quantity.
+        """The quantity of the model that varies within a curve; of a model without inputs, any
+        measured quantity.
         """
-        inputs = [quantity.name for quantity in self.model.inputs]
-        measured = [
-            name for name in self.dataset.quantities if name not in ("time", self.dataset.target)
+        curves = [curve.columns for curve in self.dataset.curves if curve.size]
+        ranges = [
+            {name: (float(x.min()), float(x.max())) for name, x in columns.items()}
+            for columns in curves
         ]
-        free = (
-            [name for name in inputs if name != self.model.level]
-            or inputs
-            or measured
-            or [self.dataset.target]
-        )
-        pieces = self.model.pieces
-        name = (
-            pieces.variables[0]
-            if pieces is not None and pieces.variables
-            else max(free, key=self._covered)
+        measured = (name for name in self.dataset.quantities if name != "time")
+        name = varying_input(self.model, ranges) or min(
+            measured, key=lambda name: name == self.dataset.target
         )
         return self.dataset.quantities[name]
-
-    def _covered(self, name: str) -> float:
-        """How much of the range of a quantity one curve covers, in the mean: little of what is
-        held, if not quite, within each.
-        """
-        columns = [
-            curve.columns[name]
-            for curve in self.dataset.curves
-            if curve.size and name in curve.columns
-        ]
-        if not columns:
-            return 0.0
-        whole = float(np.ptp([end for column in columns for end in (column.min(), column.max())]))
-        return (
-            round(float(np.mean([np.ptp(column) for column in columns])) / whole, 2)
-            if whole > 0
-            else 0.0
-        )
 
     @property
     def all_notes(self) -> tuple[str, ...]:
@@ -331,3 +295,24 @@ class ReportInputs:
             return curve.id
         unit = self.dataset.unit(level)
         return f"{level} {curve.level:.4g}" if unit == "1" else f"{curve.level:.4g} {unit}"
+
+
+def varying_input(model: Model, ranges: Sequence[Ranges]) -> str:
+    """Return the first segmented variable, else the input of which a curve covers most; empty of a
+    model without inputs.
+
+    `ranges` are those of each curve. What is held, if not quite, covers little of its range over
+    all curves.
+    """
+    pieces = model.pieces
+    if pieces is not None and pieces.variables:
+        return pieces.variables[0]
+
+    def covered(name: str) -> float:
+        ends = np.array([one[name] for one in ranges if name in one])
+        whole = float(np.ptp(ends)) if len(ends) else 0.0
+        return round(float(np.mean(np.ptp(ends, axis=1))) / whole, 2) if whole > 0 else 0.0
+
+    names = [quantity.name for quantity in model.inputs]
+    free = [name for name in names if name != model.level] or names
+    return max(free, key=covered, default="")

@@ -8,11 +8,11 @@ import csv
 import io
 import math
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
-from html import escape
-from typing import TYPE_CHECKING, Literal
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any, Literal
 
 from mapmore_cli.domain.foreign import csv_cell, printable, tex_comment, tex_text
 from mapmore_cli.domain.scores import BASELINES, SIMPLE
@@ -24,10 +24,7 @@ Cell = str | int | float | None
 """What stands in a table; None (and NaN) is a number that there is not."""
 
 MISSING = "–"
-LONG_TEXT = 24
 EQUATION = r"{{\raggedright\strut ${}$\strut\par}}"
-EQUATIONS = 0.75
-"""What of a page's width LaTeX gives to equations."""
 
 WRITTEN = re.compile(r"(.*?)(?: \[(.*?)\])?(?: (#?\.\d+\w))?", re.DOTALL)
 
@@ -120,8 +117,23 @@ class Table:
         )
 
 
+def is_missing(cell: Cell) -> bool:
+    """Whether there is no number."""
+    return cell is None or (isinstance(cell, float) and math.isnan(cell))
+
+
+def cells_of(record: object, columns: Mapping[str, str]) -> tuple[Any, ...]:
+    """Return attributes of a record by the headings of their columns: `{"weight [%]": "weight"}`.
+    A share becomes per cent where the heading says so.
+    """
+    numbers = attrgetter(*columns.values())(record)
+    return tuple(
+        100 * x if "[%" in heading else x for heading, x in zip(columns, numbers, strict=True)
+    )
+
+
 def _show(cell: Cell, column: Column) -> str:
-    if cell is None or (isinstance(cell, float) and math.isnan(cell)):
+    if is_missing(cell):
         return MISSING
     return format(cell, column.spec).removesuffix(".") if isinstance(cell, float) else str(cell)
 
@@ -130,12 +142,12 @@ def to_csv(table: Table) -> str:
     """Comma-separated, units in the header, 12 significant digits, an empty field where there is no
     number.
     """
-    return csv_text(
+    return rows_to_csv(
         map(csv_cell, table.headings), ([number_text(cell) for cell in row] for row in table.rows)
     )
 
 
-def csv_text(headings: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
+def rows_to_csv(headings: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
     """Return headings and rows as comma-separated text, each line ended as on Unix."""
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows([headings, *rows])
@@ -144,31 +156,23 @@ def csv_text(headings: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
 
 def number_text(cell: Cell) -> str:
     """Return a cell for CSV: numbers with 12 significant digits, nothing where there is none."""
-    if cell is None or (isinstance(cell, float) and math.isnan(cell)):
+    if is_missing(cell):
         return ""
-    return (
-        format(cell, ".12g")
-        if isinstance(cell, float)
-        else csv_cell(cell)
-        if isinstance(cell, str)
-        else str(cell)
-    )
+    if isinstance(cell, str):
+        return csv_cell(cell)
+    return format(cell, ".12g") if isinstance(cell, float) else str(cell)
 
 
 def to_text(table: Table) -> str:
     """Plain text with aligned columns, title above and notes below."""
-    lines = [table.headings, *table.shown]
-    widths = [max(len(line[j]) for line in lines) for j in range(len(table.columns))]
-    rule = tuple("-" * width for width in widths)
-    sides = [str.rjust if number else str.ljust for number in table.numeric]
-    body = [
-        [pad(text, width) for pad, text, width in zip(sides, line, widths, strict=True)]
-        for line in (lines[0], rule, *lines[1:])
-    ]
-    return (
-        "\n".join([table.title, "", *("  ".join(line).rstrip() for line in body), *table.notes])
-        + "\n"
-    )
+    columns = list(zip(table.headings, *table.shown, strict=True))
+    aligned = []
+    for cells, number in zip(columns, table.numeric, strict=True):
+        width = max(map(len, cells))
+        head, *others = (cell.rjust(width) if number else cell.ljust(width) for cell in cells)
+        aligned.append([head, "-" * width, *others])
+    lines = ["  ".join(line).rstrip() for line in zip(*aligned, strict=True)]
+    return "\n".join([table.title, "", *lines, *table.notes]) + "\n"
 
 
 _MARKUP = re.compile(
@@ -177,14 +181,14 @@ _MARKUP = re.compile(
     r"|\](?=[(\[:])"  # the end of a link's or a picture's text
     r"|(?<=:)/(?=/)|(?<=www)\."  # addresses become links
     # headings, lists, quotations and rules
-    r"|^(?:>|[-+](?=\s|$)|[#=-]+(?=\s|$))|(?<=^\d)[.)](?=\s)"
+    r"|^(?:>|[-+](?=\s|$)|[#=-]+(?=\s|$))"
 )
 
 
 def markdown_text(text: str) -> str:
     """Return the text as Markdown that prints it, on one line, and does nothing else."""
     text = printable(" ".join(text.split())).replace("&", "&amp;").replace("<", "&lt;")
-    return _MARKUP.sub(r"\\\g<0>", text)
+    return re.sub(r"^(\d+)([.)])(?=\s|$)", r"\1\\\2", _MARKUP.sub(r"\\\g<0>", text))
 
 
 def to_markdown(table: Table, text: Callable[[str], str] = markdown_text) -> str:
@@ -206,25 +210,20 @@ def to_latex(table: Table) -> str:
     """Return a `tabular` with booktabs rules, title and notes as comments, equations set; it needs
     `\\usepackage{booktabs}`.
     """
-    kept = [(j, column) for j, column in enumerate(table.columns) if column.form != "text"]
-    sources = sum(column.form == "source" for _, column in kept)
-    equation = rf"p{{{EQUATIONS / max(sources, 1):.3g}\linewidth}}"
-    align = "".join(
-        equation if column.form == "source" else "r" if table.numeric[j] else "l"
-        for j, column in kept
-    )
+    kept = [j for j, column in enumerate(table.columns) if column.form != "text"]
+    sources = [j for j in kept if table.columns[j].form == "source"]
+    equation = rf"p{{{0.75 / max(len(sources), 1):.3g}\linewidth}}"  # of the page's width
+    numbers = ["r" if number else "l" for number in table.numeric]
+    align = "".join(equation if j in sources else numbers[j] for j in kept)
     head = [
-        column.heading.replace("latex", "equation") if column.form == "source" else column.heading
-        for _, column in kept
+        heading.replace("latex", "equation") if j in sources else heading
+        for j, heading in enumerate(table.headings)
     ]
     rows = [
-        [
-            EQUATION.format(line[j]) if column.form == "source" else tex_text(line[j])
-            for j, column in kept
-        ]
+        [EQUATION.format(line[j]) if j in sources else tex_text(line[j]) for j in kept]
         for line in table.shown
     ]
-    lines = [" & ".join(line) + r" \\" for line in (map(tex_text, head), *rows)]
+    lines = [" & ".join(line) + r" \\" for line in ([tex_text(head[j]) for j in kept], *rows)]
     frame = [
         *tex_comment(table.title, *table.notes),
         rf"\begin{{tabular}}{{{align}}}",
@@ -235,56 +234,13 @@ def to_latex(table: Table) -> str:
     return "\n".join([*frame, *lines[1:], r"\bottomrule", r"\end{tabular}"]) + "\n"
 
 
-def to_html(table: Table, spoken: Callable[[str], str] = str) -> str:
+def to_html(table: Table) -> str:
     """Return a `<table>` with its title as caption; the first cell of a row is the row's heading.
 
-    `spoken` gives the names of models, and those among the headings, as people write them.
+    Names of models, and those among the headings, stand as people write them.
     """
-    kinds = [' class="number"' if number else "" for number in table.numeric]
-    head = "".join(
-        f'<th scope="col"{kind}>{_html_heading(column, spoken)}</th>'
-        for column, kind in zip(table.columns, kinds, strict=True)
-    )
-    said = [spoken if column.form == "model" else str for column in table.columns]
-    body = "\n".join(
-        _html_row(tuple(say(text) for say, text in zip(said, line, strict=True)), kinds)
-        for line in table.shown
-    )
-    return (
-        f"<table>\n<caption>{escape(table.title)}</caption>\n<thead><tr>{head}</tr></thead>\n"
-        f"<tbody>\n{body}\n</tbody>\n</table>"
-    )
+    return environment().get_template("table.html").render(table=table, title_of=title_of).strip()
 
-
-def _html_heading(column: Column, spoken: Callable[[str], str]) -> str:
-    """Return the heading, which may break after an underscore and before its unit, but not within
-    that.
-    """
-    unit = column.heading.removeprefix(column.name).strip()
-    return escape(spoken(column.name)).replace("_", "_<wbr>") + (
-        f' <span class="unit">{escape(unit)}</span>' if unit else ""
-    )
-
-
-def _html_row(line: Sequence[str], kinds: Sequence[str]) -> str:
-    cells = [f'<th scope="row"{kinds[0]}>{_html_text(line[0])}</th>']
-    long = [
-        kind or (' class="long"' if len(text) > LONG_TEXT else "")
-        for text, kind in zip(line, kinds, strict=True)
-    ]
-    cells += [
-        f"<td{kind}>{_html_text(text)}</td>" for text, kind in zip(line[1:], long[1:], strict=True)
-    ]
-    return f"<tr>{''.join(cells)}</tr>"
-
-
-def _html_text(text: str) -> str:
-    """Return the text; a long path may break after its slashes."""
-    return escape(text).replace("/", "/<wbr>") if len(text) > LONG_TEXT else escape(text)
-
-
-SCREEN_SCALE = 1.35
-"""Figures are made for paper; a screen is read from further away."""
 
 OTHERS = {**BASELINES, **SIMPLE}
 
@@ -322,6 +278,6 @@ def environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    templates.filters["table"] = lambda table: Markup(to_html(table, title_of))
+    templates.filters["table"] = lambda table: Markup(to_html(table))
     templates.filters["svg"] = lambda figure: Markup(figure.svg)
     return templates

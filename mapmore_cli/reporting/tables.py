@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from mapmore_cli.domain.fits import FormulaFit, SegmentFit
+from mapmore_cli.domain.fits import FormulaFit, Segment, SegmentedCurve, SegmentFit
 from mapmore_cli.domain.models import Equation, FoldError
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import FitResult
@@ -18,53 +18,43 @@ from mapmore_cli.modelling.validation.repeatability import floors
 from mapmore_cli.reporting import memory_tables
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.score_tables import curve_scores_table, score_table, search_table
-from mapmore_cli.reporting.table import Cell, Column, Columns, Table
+from mapmore_cli.reporting.table import Cell, Column, Columns, Table, cells_of
 
 
 def all_tables(inputs: ReportInputs) -> tuple[Table, ...]:
     """Every table of the report, in the order of the page."""
     scores, units, unit = inputs.validation.scores, inputs.validation.units, inputs.target.unit
     memory, pieces = inputs.fit.memory, inputs.model.pieces
-    found = [
+    tables = [
         score_table(scores, units, inputs.published, inputs.failed),
         recordings_table(inputs.dataset),
-        levels_table(
-            inputs.dataset, None if inputs.over_time or inputs.has_memory else inputs.in_curve.name
-        ),
+        levels_table(inputs.dataset, None if inputs.timed else inputs.in_curve.name),
         curve_scores_table(scores, units),
-        memory_tables.error_parts_table(inputs),
         bands_table(bands(inputs.dataset, inputs.validation.predictions), unit),
         segments_table(inputs),
         terms_table(inputs.fit),
         coefficients_table(inputs),
         equations_table(inputs.equations, inputs.other_equations),
         formulas_table(inputs),
+        folds_table(pieces.cross_validation if pieces else (), unit),
     ]
-    found += [] if inputs.search is None else [search_table(inputs.search)]
-    found.append(folds_table(pieces.cross_validation if pieces else (), unit))
-    found += [table for page in inputs.pages for table in page.tables(inputs)]
+    if inputs.search is not None:
+        tables.append(search_table(inputs.search))
+    for page in inputs.pages:
+        tables += page.tables(inputs)
     if memory is not None:
-        found += [
-            memory_tables.states_table(memory.model.states),
-            memory_tables.sizes_table(memory),
-            memory_tables.identified_table(memory),
-        ]
-    return tuple(found)
+        tables.append(memory_tables.states_table(memory.model.states))
+        tables.append(memory_tables.sizes_table(memory))
+        tables.append(memory_tables.identified_table(memory))
+    return tuple(tables)
 
 
-def bands_table(found: Sequence[ErrorBand], unit: str) -> Table:
+def bands_table(sizes: Sequence[ErrorBand], unit: str) -> Table:
     """Return a row for each band, a column for each model."""
-    models = list(found[0].rmse) if found else []
-    columns: Columns = (
-        f"from [{unit}]",
-        f"to [{unit}]",
-        "samples",
-        *(Column(model, unit, ".3g") for model in models),
-    )
-    rows = (
-        (band.low, band.high, band.samples, *(band.rmse[model] for model in models))
-        for band in found
-    )
+    models = list(sizes[0].rmse) if sizes else []
+    errors = [Column(model, unit, ".3g") for model in models]
+    columns: Columns = (f"from [{unit}]", f"to [{unit}]", "samples", *errors)
+    rows = ((band.low, band.high, band.samples, *map(band.rmse.get, models)) for band in sizes)
     note = (
         "RMSE of the samples whose absolute value lies in the band, of held-out data where "
         "there are any."
@@ -74,38 +64,22 @@ def bands_table(found: Sequence[ErrorBand], unit: str) -> Table:
 
 def recordings_table(dataset: Dataset) -> Table:
     """Rows read, kept and dropped by reason, of every file."""
-    reasons = tuple(
-        dict.fromkeys(reason for recording in dataset.recordings for reason in recording.dropped)
+    reasons = list(dict.fromkeys(reason for one in dataset.recordings for reason in one.dropped))
+    columns = ("recording", "file", "read", "kept")
+    dropped = [Column(f"dropped: {reason}") for reason in reasons]
+    rows: list[tuple[Cell, ...]] = []
+    uneven = []
+    for one in dataset.recordings:
+        counts = [one.dropped.get(reason, 0) for reason in reasons]
+        rows.append((one.id, one.source, one.rows_read, one.rows_kept, *counts))
+        if one.rows_read != one.rows_kept + sum(counts):
+            uneven.append(one.id)
+    note = (
+        "Resampled, so that kept and dropped rows do not add up to those read: "
+        f"{', '.join(uneven)}."
     )
-    columns: Columns = (
-        "recording",
-        "file",
-        "read",
-        "kept",
-        *(Column(f"dropped: {reason}") for reason in reasons),
-    )
-    rows: list[tuple[Cell, ...]] = [
-        (
-            one.id,
-            one.source,
-            one.rows_read,
-            one.rows_kept,
-            *(one.dropped.get(reason, 0) for reason in reasons),
-        )
-        for one in dataset.recordings
-    ]
-    uneven = [
-        r.id for r in dataset.recordings if r.rows_read != r.rows_kept + sum(r.dropped.values())
-    ]
-    notes = (
-        (
-            "Resampled, so that kept and dropped rows do not add up to those read: "
-            f"{', '.join(uneven)}.",
-        )
-        if uneven
-        else ()
-    )
-    return Table.of("recordings", "Rows of every recording", columns, rows, *notes)
+    title = "Rows of every recording"
+    return Table.of("recordings", title, (*columns, *dropped), rows, *([note] if uneven else []))
 
 
 SINGLE_VALUED_NOTE = (
@@ -121,24 +95,18 @@ def levels_table(dataset: Dataset, along: str | None = None) -> Table:
     `along` is the quantity over which a static model has one value: where curves are not
     single-valued, it says by how much.
     """
-    columns = [
-        "curve",
-        f"level [{dataset.unit(dataset.level)}] .6g" if dataset.level else "level",
-        "train",
-        "validate",
-        "recordings",
-    ]
+    level = f"level [{dataset.unit(dataset.level)}] .6g" if dataset.level else "level"
+    columns = ["curve", level, "train", "validate", "recordings"]
     rows: list[tuple[Cell, ...]] = []
     for curve in dataset.curves:
         held_out = int(np.count_nonzero(curve.held_out))
-        rows.append(
-            (curve.id, curve.level, curve.size - held_out, held_out, ", ".join(curve.recordings))
-        )
-    notes: tuple[str, ...] = ()
+        counts = (curve.size - held_out, held_out)
+        rows.append((curve.id, curve.level, *counts, ", ".join(curve.recordings)))
+    notes: list[str] = []
     if lowest := _single_valued(dataset, along):
         columns.append("single-valued [%] .2g")
         rows = [(*row, 100 * floor) for row, floor in zip(rows, lowest, strict=True)]
-        notes = (SINGLE_VALUED_NOTE.format(along=along, target=dataset.target),)
+        notes.append(SINGLE_VALUED_NOTE.format(along=along, target=dataset.target))
     title = f"Samples of every curve{f', levels of {dataset.level}' if dataset.level else ''}"
     return Table.of("levels", title, columns, rows, *notes)
 
@@ -167,43 +135,33 @@ def segments_table(inputs: ReportInputs) -> Table:
     RMSE, before fusion).
     """
     places = {
-        s.id: [
-            float(end)
-            for b, c in zip(curve.boundaries, s.cell, strict=True)
-            for end in b[c - 1 : c + 1]
-        ]
+        segment.id: segment_ends(curve, segment)
         for curve in inputs.segmentation
-        for s in curve.segments
+        for segment in curve.segments
     }
     variables = inputs.segmentation[0].variables if inputs.segmentation else ()
-    bounds = (
-        Column(f"{v} {end}", inputs.dataset.unit(v)) for v in variables for end in ("from", "to")
-    )
-    columns: Columns = (
-        "segment",
-        "samples",
-        *bounds,
-        f"RMSE [{inputs.target.unit}]",
-        "scaling",
-        "origin",
-        "condition .3g",
-    )
+    ends = [Column(f"{v} {end}", inputs.dataset.unit(v)) for v in variables for end in FROM_TO]
+    last = {
+        "scaling": "scaling.rule",
+        "origin": "scaling.placement",
+        "condition .3g": "selection.condition",
+    }
     rows: list[tuple[Cell, ...]] = []
     for fit in inputs.fit.segments:
-        chosen, scaling = fit.selection, fit.scaling
-        rmse = math.sqrt(max(chosen.sse, 0.0) / chosen.samples) * abs(scaling.y_slope)
-        rows.append(
-            (
-                fit.id,
-                chosen.samples,
-                *places[fit.id],
-                rmse,
-                scaling.rule,
-                scaling.placement,
-                chosen.condition,
-            )
-        )
+        n, sse, slope = fit.selection.samples, fit.selection.sse, fit.scaling.y_slope
+        rmse = math.sqrt(max(sse, 0.0) / n) * abs(slope)
+        rows.append((fit.id, n, *places[fit.id], rmse, *cells_of(fit, last)))
+    columns: Columns = ("segment", "samples", *ends, f"RMSE [{inputs.target.unit}]", *last)
     return Table.of("segments", "Segments", columns, rows)
+
+
+FROM_TO = ("from", "to")
+
+
+def segment_ends(curve: SegmentedCurve, segment: Segment) -> list[float]:
+    """Return where a segment begins and ends along each variable of its curve."""
+    cuts = zip(curve.boundaries, segment.cell, strict=True)
+    return [float(end) for places, cell in cuts for end in places[cell - 1 : cell + 1]]
 
 
 def terms_table(fit: FitResult) -> Table:
@@ -211,16 +169,8 @@ def terms_table(fit: FitResult) -> Table:
     over it.
     """
     columns = (
-        *(
-            "segment",
-            "step",
-            "term",
-            "ERR [%] .4f",
-            "sum of ERR [%] .4f",
-            "runner-up",
-            "its ERR [%] .4f",
-        ),
-        *("margin [%] .4f", "tied", "stop"),
+        *("segment", "step", "term", "ERR [%] .4f", "sum of ERR [%] .4f", "runner-up"),
+        *("its ERR [%] .4f", "margin [%] .4f", "tied", "stop"),
     )
     notes = [
         "ERR: share of the segment's uncentred sum of squares, in scaled coordinates, that a "
@@ -231,35 +181,22 @@ def terms_table(fit: FitResult) -> Table:
             "Tied: other candidates whose ERR was the same within 1e-9; the first of the "
             "dictionary was taken."
         )
-    return Table.of(
-        "terms",
-        "Selected terms",
-        columns,
-        (row for piece in fit.pieces for row in _term_rows(piece)),
-        *notes,
-    )
+    rows = (row for piece in fit.pieces for row in _term_rows(piece))
+    return Table.of("terms", "Selected terms", columns, rows, *notes)
 
 
 def _term_rows(segment: SegmentFit) -> Iterator[tuple[Cell, ...]]:
     chosen = segment.selection
     running = np.cumsum(chosen.err)
     for step, term in enumerate(segment.terms):
-        second = int(chosen.runner_up[step])
-        rival, rival_err = (
-            (segment.candidates[second], float(chosen.err_all[step, second]))
-            if second >= 0
-            else (None, math.nan)
-        )
-        own = float(chosen.err[step])
+        own, second = float(chosen.err[step]), int(chosen.runner_up[step])
+        rival, rival_err = None, math.nan
+        if second >= 0:
+            rival, rival_err = segment.candidates[second], float(chosen.err_all[step, second])
         stop = chosen.stop if step == len(segment.terms) - 1 else None
-        shares = (
-            100 * own,
-            100 * float(running[step]),
-            rival,
-            100 * rival_err,
-            100 * (own - rival_err),
-        )
-        yield segment.id, step + 1, term, *shares, int(chosen.tied[step]) or None, stop
+        ours = (term, 100 * own, 100 * float(running[step]))
+        theirs = (rival, 100 * rival_err, 100 * (own - rival_err))
+        yield segment.id, step + 1, *ours, *theirs, int(chosen.tied[step]) or None, stop
 
 
 def coefficients_table(inputs: ReportInputs) -> Table:
@@ -268,14 +205,8 @@ def coefficients_table(inputs: ReportInputs) -> Table:
     """
     unit = inputs.target.unit
     columns = (
-        "segment",
-        "term",
-        "theta",
-        "± 95 % .3g",
-        "lower",
-        "upper",
-        f"theta × y_slope [{unit}]",
-        f"± 95 % [{unit}] .3g",
+        *("segment", "term", "theta", "± 95 % .3g", "lower", "upper"),
+        *(f"theta × y_slope [{unit}]", f"± 95 % [{unit}] .3g"),
     )
     rows: list[tuple[Cell, ...]] = []
     for segment in inputs.fit.pieces:
@@ -284,25 +215,10 @@ def coefficients_table(inputs: ReportInputs) -> Table:
             segment.terms, chosen.theta.tolist(), chosen.theta_error.tolist(), strict=True
         ):
             width = half_width(error, chosen.samples - len(chosen.theta))
-            rows.append(
-                (
-                    segment.id,
-                    term,
-                    theta,
-                    width,
-                    theta - width,
-                    theta + width,
-                    theta * slope,
-                    width * abs(slope),
-                )
-            )
-    return Table.of(
-        "coefficients",
-        "Coefficients with 95 % confidence intervals",
-        columns,
-        rows,
-        INDEPENDENCE_CAVEAT,
-    )
+            scaled = (theta, width, theta - width, theta + width)
+            rows.append((segment.id, term, *scaled, theta * slope, width * abs(slope)))
+    title = "Coefficients with 95 % confidence intervals"
+    return Table.of("coefficients", title, columns, rows, INDEPENDENCE_CAVEAT)
 
 
 def equations_table(
@@ -311,16 +227,15 @@ def equations_table(
     """Return the model in physical units, and in `others`, as text and as LaTeX source: a column
     for each.
     """
-    texts = (
-        Column(name, form="text") for name in ("equation", *(f"with {units}" for units in others))
-    )
-    sources = (
+    with_units = [f"with {units}" for units in others]
+    texts = [Column(name, form="text") for name in ("equation", *with_units)]
+    sources = [
         Column(name, form="source")
-        for name in ("latex", *(f"latex with {units}" for units in others))
-    )
-    alike = zip(equations, *others.values(), strict=True)
+        for name in ("latex", *(f"latex {words}" for words in with_units))
+    ]
     rows = (
-        (same[0].id, *(one.text for one in same), *(one.latex for one in same)) for same in alike
+        (same[0].id, *(one.text for one in same), *(one.latex for one in same))
+        for same in zip(equations, *others.values(), strict=True)
     )
     return Table.of("equations", "Equations in physical units", ("id", *texts, *sources), rows)
 
@@ -329,34 +244,21 @@ def formulas_table(inputs: ReportInputs) -> Table:
     """Parameters ± standard error of every fitted formula; a failed fit has one row, and no
     number.
     """
-    own = inputs.fit.formula
-    fitted = (
-        [(own.name, "backbone" if inputs.has_pieces else "own model", own)]
-        if own is not None
-        else []
-    )
-    fitted += [
-        (name, "competitor", formula) for name, formula in inputs.validation.formulas.items()
-    ]
+    own, formulas = inputs.fit.formula, inputs.validation.formulas
+    fitted = [(name, "competitor", formula) for name, formula in formulas.items()]
+    if own is not None:
+        fitted.insert(0, (own.name, "backbone" if inputs.has_pieces else "own model", own))
     columns = (
-        *(
-            Column("formula", form="model"),
-            "role",
-            "status",
-            "parameter",
-            "value #.6g",
-            "unit",
-            "standard error .3g",
-        ),
+        Column("formula", form="model"),
+        *("role", "status", "parameter", "value #.6g", "unit", "standard error .3g"),
         *("95 %, from .4g", "to .4g", "method", "rank", "condition .3g", "samples"),
     )
     rows = [row for name, role, formula in fitted for row in _formula_rows(name, role, formula)]
     notes = [INDEPENDENCE_CAVEAT] if rows else []
     notes += same_models([(name, formula) for name, _, formula in fitted])
-    notes += [
-        f"{name} ({role}): {note}" for name, role, formula in fitted for note in formula.notes
-    ]
-    notes += [told for name, _, formula in fitted for told in rival_minima(name, formula)]
+    for name, role, formula in fitted:
+        notes += [f"{name} ({role}): {note}" for note in formula.notes]
+        notes += rival_minima(name, formula)
     return Table.of("formulas", "Parameters of the fitted formulas", columns, rows, *notes)
 
 
@@ -366,10 +268,11 @@ def _formula_rows(name: str, role: str, formula: FormulaFit) -> Iterator[tuple[C
         yield *head, *[None] * 6, formula.method, None, None, formula.samples
         return
     units = units_of_parameters(formula)
+    tail = (formula.method, formula.rank, formula.condition, formula.samples)
     for key, value in formula.parameters.items():
-        reach = half_width(formula.errors.get(key, math.nan), formula.samples - formula.rank)
-        number = (key, value, units.get(key), formula.errors.get(key), value - reach, value + reach)
-        yield *head, *number, formula.method, formula.rank, formula.condition, formula.samples
+        error = formula.errors.get(key, math.nan)
+        reach = half_width(error, formula.samples - formula.rank)
+        yield *head, key, value, units.get(key), error, value - reach, value + reach, *tail
 
 
 def same_models(fitted: Sequence[tuple[str, FormulaFit]]) -> tuple[str, ...]:
@@ -408,9 +311,5 @@ def folds_table(choices: Sequence[FoldError], unit: str) -> Table:
     best = min((choice.rmse for choice in choices), default=math.nan)
     columns = ("choice", f"RMSE of left-out samples [{unit}]", "folds", "least error")
     rows = ((c.choice, c.rmse, c.folds, "yes" if c.rmse == best else "no") for c in choices)
-    return Table.of(
-        "cross_validation",
-        "Is the residual worth its segments? Errors on left-out training data",
-        columns,
-        rows,
-    )
+    title = "Is the residual worth its segments? Errors on left-out training data"
+    return Table.of("cross_validation", title, columns, rows)

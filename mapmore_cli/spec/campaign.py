@@ -272,7 +272,7 @@ def _findings(paper: Paper, folder: Path) -> Iterator[Finding]:
                     f"there is no {file}",
                     "places start at the paper's `root`",
                 )
-            elif words and words not in file.read_text(encoding="utf-8"):
+            elif words and words not in " ".join(file.read_text(encoding="utf-8").split()):
                 yield Finding(
                     ("items", k, "place", j),
                     f"{name} does not hold {words!r}",

@@ -28,16 +28,6 @@ def test_the_page_says_what_a_gaussian_process_gets(tmp_path: Path, mapmore) -> 
         assert 100 * scores[name]["nrmse"] == pytest.approx(printed[name], rel=0.02)
 
 
-def test_what_is_said_of_a_gaussian_process() -> None:
-    rows = page_table("baselines", DOCS / "baselines.md")
-    festo, pgm = (rows[name] for name in ("festo_10mm_10cm_pressure", "pgm_force"))
-    said = (
-        f"({festo['gaussian_process']} % where `mapmore` has {festo['mapmore']}, "
-        f"{pgm['gaussian_process']} where it has {pgm['mapmore']})"
-    )
-    assert said in (DOCS / "baselines.md").read_text(encoding="utf-8")
-
-
 @pytest.mark.parametrize("study", ["m1/peano-m1-static", "m1/peano-m1-hysteresis"])
 def test_polynomials_beside_the_studies_of_papers(study: str, tmp_path: Path) -> None:
     """One that pieces win and one that they lose; every study has its row, and the note counts

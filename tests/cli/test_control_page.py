@@ -15,12 +15,3 @@ def test_the_page_has_the_errors_of_the_loop(feed: str, tmp_path: Path) -> None:
     assert [row["RMSE"], row["largest error"]] == pytest.approx(
         control_tables.errors(feed, tmp_path), rel=0.01
     )
-
-
-def test_an_inverse_fed_forward_follows_better_than_the_loop_alone() -> None:
-    rows = {
-        name: numbers(row)["RMSE"]
-        for name, row in page_table("tracking", DOCS / "control.md").items()
-    }
-    assert list(rows) == list(control_tables.FEEDS)
-    assert max(rows[name] for name in rows if name != "nothing") < 0.5 * rows["nothing"]

@@ -34,7 +34,8 @@ from mapmore_cli.storage.tables.lines import lines_of, replaced
 
 
 def read(path: Path, *columns: str, **keys: object) -> object:
-    return READERS["csv"].read(path, TableRequest(path.name, columns, **keys))  # type: ignore[arg-type]
+    request = TableRequest(path.name, columns, **keys)  # type: ignore[arg-type]
+    return READERS["csv"].read(path, request)
 
 
 ROWS = [f"{i / 100},150,{i}" for i in range(40)]

@@ -5,9 +5,7 @@ again.
 from __future__ import annotations
 
 import json
-import math
 from pathlib import Path
-from statistics import median
 from typing import Any
 
 import pytest
@@ -15,7 +13,6 @@ from cli_samples import held_out
 from page_tables import MEMORY, numbers, page_table
 from test_shipped_studies import CONFIGS, NRMSE
 
-from mapmore_cli.modelling.validation.repeatability import PARTS
 from mapmore_cli.spec.campaign import Campaign, Entry, load_campaign
 from mapmore_cli.storage.artefacts import read_fit, read_model
 
@@ -62,79 +59,6 @@ def nrmse(mapmore, entry: Entry, runs: Path) -> float:
         code=0,
     )
     return float(100 * held_out(json.loads(result.stdout))["mapmore"]["nrmse"])
-
-
-@pytest.mark.parametrize("group", ["steps", "loops"])
-def test_one_setting_keeps_the_limits_on_both_sets(group: str) -> None:
-    """At most 12 terms: 4 % in the median, 10 % at worst; below every competitor in the median."""
-    table = page_table("coiled", MEMORY)
-    typical, worst = numbers(table[f"{group}: median"]), numbers(table[f"{group}: worst"])
-    assert typical["mapmore"] <= 4
-    assert worst["mapmore"] <= 10
-    assert all(
-        typical["mapmore"] < told
-        for model, told in typical.items()
-        if model not in ("mapmore", "repeatability")
-    )
-
-
-def test_the_parts_of_held_out_errors_add_up_and_drift_or_change_limits_most() -> None:
-    rows = page_table("coiled_parts", MEMORY)
-    shipped = {
-        name: numbers(row)["shipped"]
-        for name, row in page_table("coiled_models", MEMORY).items()
-        if ":" not in name
-    }
-    limits = [row["limited by"] for row in rows.values()]
-    for name, row in rows.items():
-        parts = {part: numbers(row)[part] for part in PARTS}
-        assert math.hypot(*parts.values()) == pytest.approx(numbers(row)["NRMSE"], rel=DIGITS)
-        assert (row["limited by"], shipped[name]) == (
-            max(parts, key=parts.__getitem__),
-            pytest.approx(numbers(row)["NRMSE"], rel=0.05),
-        )
-    most = sum(limit in ("drift", "change") for limit in limits)
-    assert f"the largest part in {most} of {len(rows)} records" in MEMORY.read_text(
-        encoding="utf-8"
-    )
-
-
-def test_what_is_said_of_slower_states_stands_in_the_table() -> None:
-    rows = {name: numbers(row) for name, row in page_table("coiled_models", MEMORY).items()}
-    for group in ("steps", "loops"):
-        of = [row["creep"] for name, row in rows.items() if name.startswith(f"{group}-")]
-        assert (rows[f"{group}: median"]["creep"], rows[f"{group}: worst"]["creep"]) == (
-            pytest.approx(median(of), rel=DIGITS),
-            max(of),
-        )
-    steps, loops, worst = (
-        rows[name]["creep"] for name in ("steps: median", "loops: median", "steps: worst")
-    )
-    assert f"to {steps} (steps) and {loops} % (loops), with {worst} % at worst" in MEMORY.read_text(
-        encoding="utf-8"
-    )
-
-
-def test_what_is_said_of_jumps_stands_in_the_table() -> None:
-    rows = [numbers(row) for row in page_table("uncut", MEMORY).values()]
-    (uncut, cut) = (sorted(row[name] for row in rows) for name in ("uncut", "cut"))
-    said = (
-        f"out of four records. With them the error is {uncut[0]} to {uncut[-1]} %, without "
-        f"{cut[0]} to {cut[-1]}."
-    )
-    assert (len(rows), said in MEMORY.read_text(encoding="utf-8")) == (4, True)
-
-
-def test_what_is_said_of_other_loads_stands_in_the_table() -> None:
-    text = MEMORY.read_text(encoding="utf-8")
-    between, beyond = (
-        numbers(page_table("coiled_loads", MEMORY)[f"{where}: median"])
-        for where in ("between", "beyond")
-    )
-    assert (
-        f"{between['mapmore']} % in the median with it, {between['without_load']} without." in text
-    )
-    assert f"Beyond them it does: {beyond['mapmore']} and {beyond['without_load']}." in text
 
 
 def test_the_campaign_has_every_record_and_one_fragment() -> None:
@@ -211,16 +135,6 @@ def test_inner_reversals_are_shown_as_they_run() -> None:
         assert errors == pytest.approx(
             {model: 100 * told for model, told in NRMSE[name].items()}, rel=0.01
         )
-        assert all(errors["mapmore"] < told for model, told in errors.items() if model != "mapmore")
-    own, loops, plays = (
-        [table[name][model] for name in REVERSALS]
-        for model in ("mapmore", "rise_and_fall", "prandtl_ishlinskii")
-    )
-    said = (
-        "errs by {} % (McKibben) and {} % (Peano), `rise_and_fall` by {} and {}, "
-        "`prandtl_ishlinskii` by {} and {}."
-    )
-    assert said.format(*own, *loops, *plays) in MEMORY.read_text(encoding="utf-8")
 
 
 STUDIES = Path(__file__).parents[2] / "configs" / "identification"
@@ -294,45 +208,3 @@ def test_the_oscillator_trained_on_little_runs_as_the_page_says(
     ]
     rows = scores(mapmore, STUDIES / "bouc_wen.yaml", *settings, "--runs", tmp_path)
     assert rows["mapmore", "validate"]["rrse"] == pytest.approx(told, rel=5e-3)
-
-
-def test_stops_of_the_fed_back_output_help_and_those_of_the_input_do_not() -> None:
-    errors = {
-        name: numbers(row)["RRSE, free run"] for name, row in page_table("bouc_wen", MEMORY).items()
-    }
-    assert errors["linear_stops"] < 0.9 * errors["linear"]
-    assert errors["cubic_stops"] < 0.95 * errors["cubic"]
-    assert errors["mapmore"] < 0.2 * errors["cubic_stops"]
-    assert errors["linear_input_stops"] > 0.9 * errors["linear"]
-    text = MEMORY.read_text(encoding="utf-8")
-    assert (
-        "{:.4f} with `wen_stiffening`, {:.4f} with `wen`, {:.4f} for".format(
-            *(errors[name] for name in ("mapmore", "wen", "linear"))
-        )
-        in text
-    )
-    assert (
-        f"the linear model ({errors['linear_stops']:.4f}), stops of the input do not "
-        f"({errors['linear_input_stops']:.4f})" in text
-    )
-
-
-@pytest.mark.parametrize(
-    "record", ["mr_damper", pytest.param("antagonist_pam", marks=pytest.mark.long)]
-)
-def test_friction_explains_what_the_page_says(
-    record: str, tmp_path: Path, mapmore, measured_data: Path
-) -> None:
-    told = numbers(page_table("friction", MEMORY.with_name("benchmarks.md"))[record])["NRMSE"]
-    rows = scores(
-        mapmore, STUDIES / f"{record}.yaml", "--set", "validate.against=[]", "--runs", tmp_path
-    )
-    assert 100 * rows["mapmore", "validate"]["nrmse"] == pytest.approx(told, abs=0.02)
-
-
-def test_the_page_has_the_oscillator_within_its_target() -> None:
-    rows = {
-        name: numbers(row)["RMSE"]
-        for name, row in page_table("benchmarks", MEMORY.with_name("benchmarks.md")).items()
-    }
-    assert rows["Bouc-Wen"] < 2e-5

@@ -399,6 +399,7 @@ def test_show_tells_the_resonance(tmp_path, mapmore, document):
     file = tmp_path / "runs/ringing/fit.h5"
     shown = document("show", file)["memory"]
     hertz, damping = shown["states"]["resonances"]["pressure"]
+    assert len(shown["terms"]) == 2
     text = mapmore("show", file).stdout
     assert "oscillator it drives" in text
     assert f"{damping:.4g}"[:4] in text

@@ -199,7 +199,7 @@ def test_a_file_that_is_not_there() -> None:
     ],
 )
 def test_a_damaged_definition_is_refused(text: str) -> None:
-    with pytest.raises(ValueError):  # noqa: PT011 - whatever it is, the reader of a model file tells it
+    with pytest.raises(ValueError):  # noqa: PT011 - the reader tells it
         formula_of(text)
 
 

@@ -1,11 +1,16 @@
-"""The tables of pages that are files of their own."""
+"""Tables of pages that are files of their own, and sentences that tell their cells."""
 
 from __future__ import annotations
 
+import math
 import re
+from pathlib import Path
+from statistics import fmean
+from typing import Any
 
 import pytest
-from page_tables import block_of
+import yaml
+from page_tables import block_of, numbers, page_table
 from pages import BLOCK, DOCS, in_full, read_rows
 
 from mapmore_cli.spec.loader import load
@@ -60,3 +65,74 @@ def test_the_documentation_is_short() -> None:
     )
     evidence = [match[4] for page in pages for match in BLOCK.finditer(page)]
     assert max(len(re.findall(r"^\|", block, re.MULTILINE)) - 2 for block in evidence) <= ROWS
+
+
+def of_file(name: str) -> Any:
+    """The rows of a file beside this one, by page."""
+    return yaml.safe_load(Path(__file__).with_name(name).read_text(encoding="utf-8"))
+
+
+SENTENCES = [(page, one) for page, rows in of_file("sentences.yaml").items() for one in rows]
+
+
+def told(cell: Any, page: Path) -> str:
+    """The text of a cell, or of what is taken over a column."""
+    if isinstance(cell, list):
+        table, row, column = cell
+        return page_table(table, page)[row][column]
+    ((way, place),) = cell.items()
+    if way == "percent_above_one":
+        return str(100 * (float(told(place, page)) - 1))
+    table, column = place
+    cells = [row[column] for row in page_table(table, page).values() if numbers(row).get(column)]
+    return sorted(cells, key=float)[0 if way == "least" else -1]
+
+
+@pytest.mark.parametrize(
+    ("page", "sentence"), SENTENCES, ids=[f"{page}: {one['says']}" for page, one in SENTENCES]
+)
+def test_sentences_say_what_stands_in_the_tables(page: str, sentence: dict[str, Any]) -> None:
+    template, path = sentence["says"], DOCS / f"{page}.md"
+    cells = [told(cell, path) for cell in sentence["of"]]
+    values = [float(cell) for cell in cells] if "{:" in template else cells
+    text = " ".join(path.read_text(encoding="utf-8").split())
+    assert template.format(*values) in text
+
+
+CLAIMS = [(page, claim) for page, claims in of_file("claims.yaml").items() for claim in claims]
+TAKEN = {"least": min, "greatest": max, "mean": fmean}
+
+
+def number_of(cell: Any, page: Path) -> float:
+    """A number of a table, or what is taken over a column or a row."""
+    if isinstance(cell, list):
+        table, row, column = cell
+        return numbers(page_table(table, page)[row])[column]
+    if not isinstance(cell, dict):
+        return float(cell)
+    if "row" in cell:
+        table, row = cell["row"]
+        return min(
+            x for key, x in numbers(page_table(table, page)[row]).items() if key not in cell["but"]
+        )
+    table, column = cell["column"]
+    rows = {
+        name: numbers(row)
+        for name, row in page_table(table, page).items()
+        if name != cell.get("but")
+    }
+    return TAKEN[cell["over"]](
+        [
+            row[column]
+            for name, row in rows.items()
+            if column in row and name.startswith(cell.get("of", ""))
+        ]
+    )
+
+
+@pytest.mark.parametrize(("page", "claim"), CLAIMS, ids=str)
+def test_tables_keep_what_pages_claim(page: str, claim: dict[str, Any]) -> None:
+    path = DOCS / f"{page}.md"
+    number, times = number_of(claim["number"], path), claim.get("times", 1)
+    assert number >= times * number_of(claim.get("least", -math.inf), path)
+    assert number <= times * number_of(claim.get("most", math.inf), path)

@@ -14,7 +14,7 @@ from cli_samples import edit, write_study
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mapmore_cli.annexes.paper.paper import Compared, counts, judged, summary
+from mapmore_cli.annexes.paper.paper import Compared, counts, judged, summary_lines
 from mapmore_cli.spec.campaign import Verdict, load_campaign, load_paper
 from mapmore_cli.spec.loader import load
 
@@ -249,7 +249,7 @@ def test_kinds_are_counted_apart():
         Compared("order", "RMSE", False, 0.4),
     ]
     assert counts(found) == {"size": (1, 2), "order": (0, 1)}
-    assert summary(found) == (
+    assert summary_lines(found) == (
         "RMSE: 1 of 2 sizes within a factor of 2 (ours are 0.7 to 3 of the printed)",
         "order by RMSE: 0 of 1 as printed (mean tau 0.40)",
     )

@@ -42,28 +42,6 @@ def test_what_is_said_of_stopping() -> None:
     assert said.format(*stopped) in PAGE.read_text(encoding="utf-8")
 
 
-def test_what_is_said_of_maps() -> None:
-    rows = rows_of("maps", PAGE)
-    errors = np.array([[float(cell) for cell in row[2:]] for row in rows]).reshape(6, 4, 4)
-    plan = np.exp(np.log(errors[:, :, 0] / errors[:, :, 1]).mean(axis=1))
-    by_map = dict(zip(dict.fromkeys(row[0] for row in rows), plan, strict=True))
-    assert max(by_map["pgm"], by_map["datasheet"]) < 0.85
-    assert all(
-        0.9 < ratio < 1.1 for name, ratio in by_map.items() if name not in ("pgm", "datasheet")
-    )
-    said = np.array(
-        re.findall(
-            r"\d\.\d\d",
-            PAGE.read_text(encoding="utf-8").split("Ratio to equal distances, median")[1],
-        ),
-        dtype=float,
-    )
-    plan_said, random_said, oracle_said = said[:12].reshape(3, 4)
-    assert np.exp(np.log(plan_said).mean()) == pytest.approx(5 / 6, abs=0.02)
-    assert random_said.min() > 1
-    assert 0.65 < oracle_said.min() < oracle_said.max() < 0.81
-
-
 def test_a_campaign_by_equal_distances_is_made_anew(tmp_path: Path, measured_data: Path) -> None:
     name = "datasheet, pressures"
     choices, dataset = planning_tables.study(name, tmp_path)

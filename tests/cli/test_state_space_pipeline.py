@@ -143,10 +143,7 @@ def test_predict_needs_no_measured_output_and_begins_anew_after_a_gap(finished, 
 def test_the_page_shows_sections_and_errors(finished):
     folder, _ = finished
     page = (folder / "report" / "index.html").read_text()
-    for words in (
-        "Models of motion",
-        "Errors over one wavelength",
-    ):
+    for words in ("Models of motion", "Errors over one wavelength"):
         assert words in page
     rows = table(folder / "report" / "tables" / "sections.csv")
     assert [row["model"] for row in rows] == ["mapmore"] * 6 + ["one"] + ["joined"] * 3

@@ -10,15 +10,12 @@ from itertools import combinations
 import numpy as np
 import pytest
 from matplotlib.backend_bases import RendererBase
-from report_builder import build, legend_of, surface
+from report_builder import build, legend_of, of_pieces, surface
 
 from mapmore_cli.domain.scores import FIGURES, REPEATABILITY
+from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.reporting.figures.drawing import POINTS, compose, drawings
-from mapmore_cli.reporting.figures.segments import (
-    draw_levels,
-    level_figures,
-    level_weights,
-)
+from mapmore_cli.reporting.figures.segments import level_figures
 from mapmore_cli.reporting.figures.style import figure_style, model_styles
 from mapmore_cli.reporting.inputs import MOST_LINES
 from mapmore_cli.reporting.score_tables import score_table
@@ -189,23 +186,35 @@ def test_panels_are_of_one_size_and_their_labels_in_line(inputs):
 LEVELS = np.array([80.0, 150.0, 350.0])
 
 
-def test_triangles_peak_at_the_levels(ax, inputs):
-    draw_levels(ax, LEVELS, *level_weights(inputs.model.body, LEVELS))
-    for line, level in zip(ax.lines[::2], LEVELS, strict=True):
-        x, weight = line.get_data()
-        assert weight[x == level] == pytest.approx([1.0])
-    assert ax.lines[0].get_xdata().max() > 350
+def courses_of(inputs, **fusion):
+    """The figure of the model over the levels, drawn by a model that is joined otherwise."""
+    body = inputs.model.body
+    model = of_pieces(inputs.model, fusion=replace(body.fusion, **fusion))
+    (drawing,) = level_figures(replace(inputs, model=model), model.body)
+    return model, drawing
 
 
-def test_a_number_beyond_the_levels_is_not_drawn(ax, inputs):
-    fusion = replace(
-        inputs.model.body.fusion,
-        extrapolation={"pressure": (100.0, "saturate"), "strain": ("continue", "continue")},
-    )
-    draw_levels(ax, LEVELS, *level_weights(replace(inputs.model.body, fusion=fusion), LEVELS))
-    assert ax.lines[0].get_xdata().min() == 80
+def test_a_number_beyond_the_levels_is_not_drawn(inputs):
+    for below, first in (("saturate", 58.4), (100.0, 80.0)):
+        sides = {"pressure": (below, "saturate"), "strain": ("continue", "continue")}
+        _, drawing = courses_of(inputs, extrapolation=sides)
+        assert min(drawing.panels[0].data["pressure [kPa]"]) == pytest.approx(first)
+
+
+def test_courses_are_the_models_predictions_within_the_range_of_all_curves(inputs):
+    model, drawing = courses_of(inputs)
+    (panel,) = drawing.panels
+    (_, x), *courses = panel.data.items()
+    shortest = min(curve.limits["strain"][1] for curve in model.body.curves)
+    lines = compose(drawing).axes[0].lines
+    assert len(lines) == 2 * len(courses)
+    for (heading, y), dots in zip(courses, lines[1::2], strict=True):
+        place = float(heading.split()[3])
+        assert 0 < place < shortest
+        at = {"pressure": x, "strain": np.full(len(x), place)}
+        np.testing.assert_allclose(y, predict(model, at), rtol=1e-4)
+        np.testing.assert_array_equal(dots.get_data(), (LEVELS, y[np.isin(x, LEVELS)]))
 
 
 def test_one_level_has_no_way_to_draw(alone):
-    assert level_figures(alone) == []
     assert [drawing.name for drawing in drawings("segments", alone)] == ["segments"]

@@ -144,8 +144,8 @@ def test_the_states_tell_what_training_found(driven):
 
 def test_the_page_has_it_all(driven):
     page = render_page(driven, all_tables(driven), {})
-    assert "its terms have memory" in page
-    assert "States with memory" in page
+    for words in ("its terms have memory", "States with memory"):
+        assert words in page
 
 
 def test_the_error_of_every_number_of_terms_is_told():

@@ -24,7 +24,6 @@ from mapmore_cli.domain.scores import FIGURES
 from mapmore_cli.reporting.figures import data
 from mapmore_cli.reporting.figures.drawing import (
     DOTS_PER_INCH,
-    WRITERS,
     compose,
     drawings,
     panel_of,
@@ -81,14 +80,14 @@ SCRIPT = """
 import hashlib, sys
 sys.path.insert(0, sys.argv[1])
 from report_builder import build
-from mapmore_cli.reporting.figures.drawing import WRITERS, compose, drawings
+from mapmore_cli.reporting.figures.drawing import compose, drawings, to_bytes
 from mapmore_cli.reporting.figures.style import figure_style
 inputs = build()
 (drawing,) = drawings("nrmse", inputs)
 with figure_style():
-    for suffix, written in WRITERS.items():
-        print(suffix, hashlib.sha256(written(compose(drawing, inputs.style, drawing.panels[0]),
-            "nrmse", drawing.alt)).hexdigest())
+    for suffix in ("svg", "pdf", "png", "pgf"):
+        figure = compose(drawing, inputs.style, drawing.panels[0])
+        print(suffix, hashlib.sha256(to_bytes(figure, suffix, "nrmse", drawing.alt)).hexdigest())
 """
 
 
@@ -102,7 +101,7 @@ def hashes(**environment: str) -> str:
 def test_another_process_on_another_day_writes_the_same_bytes():
     later = {"PYTHONHASHSEED": "77", "SOURCE_DATE_EPOCH": "1234567890", "TZ": "Asia/Tokyo"}
     now = hashes()
-    assert len(now.splitlines()) == len(WRITERS)
+    assert len(now.splitlines()) == 4
     assert hashes(**later) == now
 
 

@@ -12,7 +12,7 @@ from mapmore_cli.domain.models import FoldError
 from mapmore_cli.domain.recording import Dataset, Quantity, Recording
 from mapmore_cli.domain.results import PiecesFit
 from mapmore_cli.domain.scores import Published, Score
-from mapmore_cli.reporting.score_tables import score_table, verdict
+from mapmore_cli.reporting.score_tables import score_table, verdict_sentence
 from mapmore_cli.reporting.table import Table
 from mapmore_cli.reporting.tables import levels_table, recordings_table, same_models, terms_table
 
@@ -335,10 +335,10 @@ VERDICTS = {
 
 @pytest.mark.parametrize(("scores", "said"), VERDICTS.values(), ids=VERDICTS)
 def test_the_verdict(scores, said):
-    assert verdict(scores, "mapmore", Quantity("force", "N")).endswith(said)
+    assert verdict_sentence(scores, "mapmore", Quantity("force", "N")).endswith(said)
 
 
 def test_the_verdict_where_every_competitor_failed():
-    assert verdict([OWN], "mapmore", Quantity("force", "N"), ("sarosi",)).endswith(
+    assert verdict_sentence([OWN], "mapmore", Quantity("force", "N"), ("sarosi",)).endswith(
         "no competitor gave a prediction to compare with."
     )

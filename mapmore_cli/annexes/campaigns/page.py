@@ -114,12 +114,12 @@ def write_page(
     """
     from mapmore_cli.reporting.campaign import campaign_tables
     from mapmore_cli.reporting.figures.commands import campaign_figures
-    from mapmore_cli.reporting.figures.drawing import rendered
+    from mapmore_cli.reporting.figures.drawing import render_figure
     from mapmore_cli.reporting.report import render_campaign
 
     scores = scores_of(results, campaign)
     tables = campaign_tables(scores)
-    figures = [rendered(drawing) for drawing in campaign_figures(scores)]
+    figures = [render_figure(drawing) for drawing in campaign_figures(scores)]
     failed = {n: told(one) for n, one in results.items() if isinstance(one, BaseException)}
     pages = {
         name: f"../{one.name}/{RUN_PAGE}"

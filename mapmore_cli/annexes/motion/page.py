@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
@@ -19,21 +19,19 @@ TABLES = ("waveforms", "sections")
 """Heading of the tables on a page, and their order."""
 
 
-def show(model: Model) -> tuple[dict[str, Any], tuple[Table, ...], tuple[str, ...]]:
+def show(
+    model: Model, _show_other: Any
+) -> tuple[dict[str, Any], tuple[Table, ...], tuple[str, ...]]:
     """Return what `mapmore show` has of a model: a document, tables, and lines."""
-    from mapmore_cli.cli.views import limits_document
-
     body = model.body
     assert isinstance(body, StateSpace)
-    document = {"motion": _document(body.motion), "limits": limits_document(body.ranges)}
-    return document, (), (_line(body.motion),)
+    return {"motion": _document(body.motion)}, (), (_line(body.motion),)
 
 
 def show_fit(fit: MotionFit) -> tuple[dict[str, Any], tuple[Table, ...]]:
     """Return what `mapmore show` has of a fit."""
-    searches = {"solver": fit.solver, "searches": [asdict(search) for search in fit.searches]}
-    document = {"motion": {**_document(fit.model), **searches}}
-    return document, (sections_table({"mapmore": fit}, ""),)
+    document = {**_document(fit.model), "solver": fit.solver, "searches": fit.searches}
+    return {"motion": document}, (sections_table({"mapmore": fit}, ""),)
 
 
 def tables(inputs: ReportInputs) -> list[Table]:
@@ -49,13 +47,10 @@ def _document(motion: Motion) -> dict[str, Any]:
     """Return the model as it is stored, with the poles (real and imaginary parts) and the gain of
     every section.
     """
-    derived = (
-        {"poles": [[pole.real, pole.imag] for pole in section.poles], "gain": section.gain}
-        for section in motion.sections
-    )
-    sections = [
-        {**asdict(section), **more} for section, more in zip(motion.sections, derived, strict=True)
-    ]
+    sections = []
+    for section in motion.sections:
+        poles = [[pole.real, pole.imag] for pole in section.poles]
+        sections.append({**asdict(section), "poles": poles, "gain": section.gain})
     return {**asdict(motion), "sections": sections}
 
 
@@ -83,21 +78,29 @@ def sections_table(fits: Mapping[str, MotionFit], unit: str) -> Table:
         MODEL,
         *("section", "input", "P1 #.6g", "P2 #.6g", "P3 #.6g"),
         *(Column(f"weight of {text}", "", "#.6g") for text in drives),
-        *(
-            "largest pole .3f",
-            f"steady output at its upper end [{unit}] .4g",
-            f"RMSE of the search [{unit}] .3g",
-            "samples",
-        ),
-        *("solver", "iterations", "simulations"),
+        *("largest pole .3f", f"steady output at its upper end [{unit}] .4g"),
+        *(f"RMSE of the search [{unit}] .3g", "samples", "solver", "iterations", "simulations"),
     )
-    rows = (row for name, fit in fits.items() for row in _section_rows(name, fit, drives))
+    rows: list[tuple[Cell, ...]] = []
+    for name, fit in fits.items():
+        motion, solver = fit.model, fit.solver.replace("_", " ")
+        for section, search in zip(motion.sections, fit.searches, strict=True):
+            weights = dict(zip(motion.drives, section.weights.tolist(), strict=True))
+            constant = float(section.weights[1]) if len(section.weights) > 1 else 0.0
+            end = [*motion.boundaries, motion.limits[1]][section.place - 1]
+            # without load
+            steady = (section.p3 * end + constant) / (1.0 - section.p1 - section.p2)
+            parameters = (section.p1, section.p2, section.p3, *map(weights.get, drives))
+            poles = (section.radius, steady, search.rmse, search.samples)
+            steps = (solver, len(search.history) - 1, search.evaluations)
+            place = extent(motion.boundaries, section.place)
+            rows.append((name, section.id, place, *parameters, *poles, *steps))
     notes = [
         "x1[k+1] = x2[k], x2[k+1] = P1 x1[k] + P2 x2[k] + P3 u[k] + ..., the output is x1. "
         "Stable sections have poles below 1.",
         *(
             f"Samples are {step:.6g} s apart."
-            for step in {fit.model.step: None for fit in fits.values()}
+            for step in dict.fromkeys(fit.model.step for fit in fits.values())
         ),
     ]
     if any(fit.model.switching != HARD for fit in fits.values()):
@@ -108,61 +111,32 @@ def sections_table(fits: Mapping[str, MotionFit], unit: str) -> Table:
     return Table.of("sections", "Sections of the models of motion", columns, rows, *notes)
 
 
-def _section_rows(name: str, fit: MotionFit, drives: tuple[str, ...]) -> Iterator[tuple[Cell, ...]]:
-    motion, solver = fit.model, fit.solver.replace("_", " ")
-    for section, search in zip(motion.sections, fit.searches, strict=True):
-        weights = dict(zip(motion.drives, section.weights.tolist(), strict=True))
-        constant = float(section.weights[1]) if len(section.weights) > 1 else 0.0
-        end = [*motion.boundaries, motion.limits[1]][section.place - 1]
-        steady = (section.p3 * end + constant) / (1.0 - section.p1 - section.p2)  # without load
-        parameters = (section.p1, section.p2, section.p3, *(weights.get(text) for text in drives))
-        found = (search.rmse, search.samples, solver, len(search.history) - 1, search.evaluations)
-        yield (
-            name,
-            section.id,
-            extent(motion.boundaries, section.place),
-            *parameters,
-            section.radius,
-            steady,
-            *found,
-        )
-
-
 def waveforms_table(inputs: ReportInputs, motion: Motion) -> Table:
     """Errors of displacement and velocity over the last wavelength of every held-out recording, as
     P table 3 has them.
     """
     unit = inputs.target.unit
+    held_out = [
+        (number, curve.recordings[log], samples)
+        for number, curve in enumerate(inputs.dataset.curves)
+        for log, samples in enumerate(curve.logs)
+        if curve.held_out[samples].all()
+    ]
     rows: list[tuple[Cell, ...]] = []
-    for number, curve in enumerate(inputs.dataset.curves):
-        for log, samples in enumerate(curve.logs):
-            if not curve.held_out[samples].all():
-                continue
-            u, measured = (
-                curve.columns[name][samples] for name in (motion.input, inputs.dataset.target)
-            )
-            for model in inputs.models:
-                predicted = inputs.validation.predictions[model][number][samples]
-                if np.isfinite(predicted).all() and len(samples) > 1:
-                    e = motion_errors(measured, predicted, u, motion.step)
-                    numbers = (
-                        e.displacement_rmse,
-                        e.velocity_rmse,
-                        e.max_displacement,
-                        e.max_velocity,
-                        e.transient,
-                        e.samples,
-                    )
-                    rows.append((curve.recordings[log], model, *numbers))
-    columns = (
-        *(
-            "recording",
-            MODEL,
-            f"RMSE [{unit}] .4g",
-            f"velocity RMSE [{unit}/s] .4g",
-            f"max error [{unit}] .4g",
-        ),
-        *(f"max velocity error [{unit}/s] .4g", f"max error before [{unit}] .4g", "samples"),
+    for number, recording, samples in held_out:
+        columns = inputs.dataset.curves[number].columns
+        u, measured = (columns[name][samples] for name in (motion.input, inputs.dataset.target))
+        for model, predictions in inputs.validation.predictions.items():
+            predicted = predictions[number][samples]
+            if np.isfinite(predicted).all() and len(samples) > 1:
+                e = motion_errors(measured, predicted, u, motion.step)
+                rms = (e.displacement_rmse, e.velocity_rmse)
+                largest = (e.max_displacement, e.max_velocity, e.transient, e.samples)
+                rows.append((recording, model, *rms, *largest))
+    heads = (
+        *("recording", MODEL, f"RMSE [{unit}] .4g", f"velocity RMSE [{unit}/s] .4g"),
+        *(f"max error [{unit}] .4g", f"max velocity error [{unit}/s] .4g"),
+        *(f"max error before [{unit}] .4g", "samples"),
     )
     note = (
         "Over the last wavelength of the input, so many samples; where it does not repeat "
@@ -170,4 +144,4 @@ def waveforms_table(inputs: ReportInputs, motion: Motion) -> Table:
         "wavelengths before, with the transient at the beginning. Velocities are central "
         "differences."
     )
-    return Table.of("waveforms", "Errors over one wavelength", columns, rows, note)
+    return Table.of("waveforms", "Errors over one wavelength", heads, rows, note)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import csv
 import math
 import re
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -30,7 +31,6 @@ from mapmore_cli.spec.campaign import (
     Comparison,
     Item,
     LoadedPaper,
-    Number,
     Ours,
     Sentence,
     Side,
@@ -38,11 +38,19 @@ from mapmore_cli.spec.campaign import (
 )
 from mapmore_cli.spec.loader import load
 from mapmore_cli.storage.run_folder import RunFiles
+from mapmore_cli.storage.run_record import score_row
 
 Row = Mapping[str, Cell]
 
-KINDS = ("value", "size", "order", "bound", "word", "sentence")
-WORD = {True: "agrees", False: "differs"}
+WORDS = {
+    "value": "{what}: {count} values within {rule:g} (off by {span})",
+    "size": "{what}: {count} sizes within a factor of {rule:g} (ours are {span} of the printed)",
+    "order": "order by {what}: {count} as printed (mean tau {mean:.2f})",
+    "bound": "{what}: {count} beyond the printed bound (ours are {span} of it)",
+    "word": "{what}: {count} are the same",
+    "sentence": "sentences of the text: {count} hold",
+}
+"""What is said of comparisons, by kind."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +65,12 @@ class Compared:
     what: str
     holds: bool
     closeness: float = math.nan
-    rule: float = math.nan
+    rule: float = 0.0
+
+    @property
+    def word(self) -> str:
+        """The verdict in a table."""
+        return "agrees" if self.holds else "differs"
 
 
 def judged(rule: Verdict, what: str, printed: Cell, ours: Cell) -> Compared:
@@ -67,104 +80,76 @@ def judged(rule: Verdict, what: str, printed: Cell, ours: Cell) -> Compared:
     if rule.same:
         return Compared("word", what, str(printed) == str(ours))
     theirs, mine = _float(printed), _float(ours)
-    ratio = mine / theirs if theirs else math.nan
     if rule.within is not None:
-        return Compared(
-            "value", what, abs(mine - theirs) <= rule.within, abs(mine - theirs), rule.within
-        )
+        distance = abs(mine - theirs)
+        return Compared("value", what, distance <= rule.within, distance, rule.within)
+    ratio = mine / theirs if theirs else math.nan
     if rule.factor is not None:
         return Compared("size", what, 1 / rule.factor <= ratio <= rule.factor, ratio, rule.factor)
-    return Compared(
-        "bound", what, mine >= theirs if rule.bound == "at_least" else mine <= theirs, ratio
-    )
+    holds = mine >= theirs if rule.bound == "at_least" else mine <= theirs
+    return Compared("bound", what, holds, ratio)
 
 
-def summary(found: Sequence[Compared]) -> tuple[str, ...]:
+def summary_lines(compared: Sequence[Compared]) -> tuple[str, ...]:
     """Say of each kind how many agree, what was compared, and how closely."""
     groups: dict[tuple[str, str, float], list[Compared]] = {}
-    for one in found:
-        groups.setdefault(
-            (one.kind, one.what, -1.0 if math.isnan(one.rule) else one.rule), []
-        ).append(one)
-    return tuple(_told(kind, what, rule, group) for (kind, what, rule), group in groups.items())
+    for one in compared:
+        groups.setdefault((one.kind, one.what, one.rule), []).append(one)
+    lines = []
+    for (kind, what, rule), group in groups.items():
+        count = f"{sum(one.holds for one in group)} of {len(group)}"
+        close = [one.closeness for one in group if math.isfinite(one.closeness)] or [math.nan]
+        span = " to ".join(dict.fromkeys(f"{end:.3g}" for end in (min(close), max(close))))
+        words = WORDS[kind]
+        if kind not in ("word", "sentence") and math.isnan(close[0]):
+            words = "{what}: {count} agree"
+        mean = sum(close) / len(close)
+        lines.append(words.format(what=what, count=count, rule=rule, span=span, mean=mean))
+    return tuple(lines)
 
 
-def _told(kind: str, what: str, rule: float, group: Sequence[Compared]) -> str:
-    count = f"{sum(one.holds for one in group)} of {len(group)}"
-    close = [one.closeness for one in group if math.isfinite(one.closeness)]
-    if kind == "sentence":
-        return f"sentences of the text: {count} hold"
-    if kind == "word":
-        return f"{what}: {count} are the same"
-    if not close:
-        return f"{what}: {count} agree"
-    low, high = f"{min(close):.3g}", f"{max(close):.3g}"
-    span = low if low == high else f"{low} to {high}"
-    match kind:
-        case "value":
-            return f"{what}: {count} values within {rule:g} (off by {span})"
-        case "size":
-            return (
-                f"{what}: {count} sizes within a factor of {rule:g} (ours are {span} of the "
-                "printed)"
-            )
-        case "order":
-            return f"order by {what}: {count} as printed (mean tau {sum(close) / len(close):.2f})"
-        case _:
-            return f"{what}: {count} beyond the printed bound (ours are {span} of it)"
-
-
-def counts(found: Sequence[Compared]) -> dict[str, tuple[int, int]]:
+def counts(compared: Sequence[Compared]) -> dict[str, tuple[int, int]]:
     """How many agree, and how many were compared, by kind."""
-    kinds = dict.fromkeys(one.kind for one in found)
-    return {
-        kind: (sum(o.holds for o in found if o.kind == kind), sum(o.kind == kind for o in found))
-        for kind in kinds
-    }
+    groups: dict[str, list[bool]] = {}
+    for one in compared:
+        groups.setdefault(one.kind, []).append(one.holds)
+    return {kind: (sum(holds), len(holds)) for kind, holds in groups.items()}
 
 
 def beside(one: Comparison, tables: Path, runs: Runs) -> tuple[list[Table], list[Compared]]:
     """Return the tables and the verdicts of a comparison; raises SpecError for a published table, a
     column or a row that is not there.
     """
-    printed = _printed(tables / one.published, one.where)
-    columns = [Column(label) for label in one.labels]
-    shown: list[list[Cell]] = [[row[label] for label in one.labels] for row in printed]
-    found: list[Compared] = []
+    printed = _printed_rows(tables / one.published, one.where)
+    columns: list[tuple[Column, Sequence[Cell]]] = [
+        (Column(label), [row[label] for row in printed]) for label in one.labels
+    ]
+    compared: list[Compared] = []
     orders: list[Table] = []
     for number in one.numbers:
-        ours = _paired(
-            one.ours.model_copy(update={"rows": {**one.ours.rows, **number.rows}}), printed, runs
-        )
-        cells = [
-            (_value(number.printed, p), _value(number.ours, o))
-            for p, o in zip(printed, ours, strict=True)
-        ]
-        columns += [Column(f"{number.name}, printed", number.unit), Column("ours", number.unit)]
-        for row, pair in zip(shown, cells, strict=True):
-            row += pair
-        if number.verdict is None:
+        wanted = one.ours.model_copy(update={"rows": {**one.ours.rows, **number.rows}})
+        theirs = [_cell_value(number.printed, row) for row in printed]
+        ours = [_cell_value(number.ours, row) for row in _rows_beside(wanted, printed, runs)]
+        columns.append((Column(f"{number.name}, printed", number.unit), theirs))
+        columns.append((Column("ours", number.unit), ours))
+        rule = number.verdict
+        if rule is None:
             continue
-        if number.verdict.order is not None:
-            table, verdicts = _ordered(number, number.verdict.order, one.labels, printed, cells)
+        pairs = list(zip(theirs, ours, strict=True))
+        if rule.order is not None:
+            table, verdicts = _ordered(number.name, rule.order, one.labels, printed, pairs)
             orders.append(table)
         else:
-            verdicts = [judged(number.verdict, number.name, *pair) for pair in cells]
-            columns.append(Column(_heading(number.verdict)))
-            for row, verdict in zip(shown, verdicts, strict=True):
-                row.append(WORD[verdict.holds])
-        found += verdicts
-    table = Table(
-        Path(one.published).stem,
-        one.title,
-        tuple(columns),
-        tuple(map(tuple, shown)),
-        tuple(one.notes),
-    )
-    return [table, *orders], found
+            verdicts = [judged(rule, number.name, *pair) for pair in pairs]
+            columns.append((Column(_rule_words(rule)), [verdict.word for verdict in verdicts]))
+        compared += verdicts
+    heads, cells = zip(*columns, strict=True)
+    rows = zip(*cells, strict=True)
+    table = Table.of(Path(one.published).stem, one.title, heads, rows, *one.notes)
+    return [table, *orders], compared
 
 
-def _heading(rule: Verdict) -> str:
+def _rule_words(rule: Verdict) -> str:
     if rule.within is not None:
         return f"within {rule.within:g}"
     if rule.factor is not None:
@@ -172,7 +157,7 @@ def _heading(rule: Verdict) -> str:
     return "the same" if rule.same else f"{(rule.bound or '').replace('_', ' ')} the printed"
 
 
-def _printed(path: Path, where: Mapping[str, Sequence[str]]) -> list[dict[str, str]]:
+def _printed_rows(path: Path, where: Mapping[str, Sequence[str]]) -> list[dict[str, str]]:
     """Return the rows of a published table that are asked for, all texts."""
     try:
         with path.open(newline="", encoding="utf-8") as lines:
@@ -190,33 +175,32 @@ def _printed(path: Path, where: Mapping[str, Sequence[str]]) -> list[dict[str, s
     return kept
 
 
-def _paired(ours: Ours, printed: Sequence[Mapping[str, str]], runs: Runs) -> list[Row]:
+def _rows_beside(ours: Ours, printed: Sequence[Mapping[str, str]], runs: Runs) -> list[Row]:
     """Return a row of ours for each printed one: the total of those it asks for, or the next that
     no printed row has taken.
     """
-    taken: dict[str, int] = {}
-    found: list[Row] = []
+    taken: Counter[str] = Counter()
+    pairs: list[Row] = []
     for row in printed:
         rows = runs.rows(ours, row)
         key = repr(rows)
-        turn = 0 if ours.total else taken.get(key, 0)
-        taken[key] = turn + 1
+        turn = 0 if ours.total else taken[key]
+        taken[key] += 1
         if turn >= len(rows):
             raise SpecError(
                 f"table {ours.table!r}: {len(rows)} rows of ours for the printed row "
                 f"{', '.join(row.values())}",
                 "mend `rows`",
             )
-        numbers = [name for name, cell in rows[0].items() if isinstance(cell, int | float)]
-        found.append(
-            {name: sum(_float(one[name]) for one in rows) for name in numbers}
-            if ours.total
-            else rows[turn]
-        )
-    return found
+        pair = rows[turn]
+        if ours.total:
+            numbers = [name for name, cell in pair.items() if isinstance(cell, int | float)]
+            pair = {name: sum(_float(one[name]) for one in rows) for name in numbers}
+        pairs.append(pair)
+    return pairs
 
 
-def _value(text: str, row: Mapping[str, Cell] | Mapping[str, str]) -> Cell:
+def _cell_value(text: str, row: Mapping[str, Cell] | Mapping[str, str]) -> Cell:
     """Return a column of a row, a number where it is one, or the value of an expression of its
     columns; SpecError where it is neither.
     """
@@ -240,61 +224,58 @@ def _value(text: str, row: Mapping[str, Cell] | Mapping[str, str]) -> Cell:
 
 
 def _ordered(
-    number: Number,
+    what: str,
     groups: Sequence[str],
     labels: Sequence[str],
     printed: Sequence[Mapping[str, str]],
-    cells: Sequence[tuple[Cell, Cell]],
+    pairs: Sequence[tuple[Cell, Cell]],
 ) -> tuple[Table, list[Compared]]:
     """Return the orders within each group, least first, and whether their ranks are the same; an
     order of one is none.
     """
-    members: dict[tuple[str, ...], list[int]] = {}
-    for k, row in enumerate(printed):
-        members.setdefault(tuple(row[name] for name in groups), []).append(k)
-    rest = [label for label in labels if label not in groups]
-    rows, found = list[tuple[Cell, ...]](), list[Compared]()
-    for group, places in members.items():
-        pairs = np.array([[_float(cells[k][side]) for k in places] for side in (0, 1)])
-        names = [" ".join(printed[k][label] for label in rest) for k in places]
-        tau = float(kendalltau(*pairs).statistic)
-        found.append(Compared("order", number.name, tau > 1 - 1e-9, tau))
-        texts = [" < ".join(names[k] for k in np.argsort(side, kind="stable")) for side in pairs]
-        rows.append((", ".join(group), *texts, tau, WORD[found[-1].holds]))
-    heads = (
-        Column(", ".join(groups)),
-        Column("printed"),
-        Column("ours"),
-        Column("Kendall's tau", "", ".2f"),
-        Column("order"),
-    )
-    return Table("order", f"Order by {number.name}, least first", heads, tuple(rows)), found
+    members: dict[str, list[tuple[str, float, float]]] = {}
+    for row, (theirs, ours) in zip(printed, pairs, strict=True):
+        name = " ".join(row[label] for label in labels if label not in groups)
+        group = ", ".join(row[label] for label in groups)
+        members.setdefault(group, []).append((name, _float(theirs), _float(ours)))
+    rows, compared = list[tuple[Cell, ...]](), list[Compared]()
+    for group, ranked in members.items():
+        numbers = np.array([sides for _, *sides in ranked])
+        tau = float(kendalltau(*numbers.T).statistic)
+        verdict = Compared("order", what, tau > 1 - 1e-9, tau)
+        orders = np.argsort(numbers, axis=0, kind="stable").T
+        texts = [" < ".join(ranked[i][0] for i in order) for order in orders]
+        rows.append((group, *texts, tau, verdict.word))
+        compared.append(verdict)
+    columns = (Column(", ".join(groups)), "printed", "ours", "Kendall's tau .2f", "order")
+    return Table.of("order", f"Order by {what}, least first", columns, rows), compared
 
 
 def _float(cell: Cell) -> float:
     return float(cell) if isinstance(cell, int | float) else math.nan
 
 
-def sentences(said: Sequence[Sentence], runs: Runs) -> tuple[Table, list[Compared]]:
+def sentences_table(said: Sequence[Sentence], runs: Runs) -> tuple[Table, list[Compared]]:
     """Return sentences of the paper beside the numbers that speak to them."""
 
-    def number(side: Side) -> float:
+    def number(side: Side | float) -> float:
+        if not isinstance(side, Side):
+            return side
         rows = runs.rows(side.ours, {})
         if len(rows) != 1:
             raise SpecError(f"{side.value!r}: {len(rows)} rows of ours", "mend `ours.rows`")
-        return _float(_value(side.value, rows[0]))
+        return _float(_cell_value(side.value, rows[0]))
 
-    rows, found = list[tuple[Cell, ...]](), list[Compared]()
+    rows, compared = list[tuple[Cell, ...]](), list[Compared]()
     for one in said:
-        left, right = (
-            number(one.left),
-            number(one.right) if isinstance(one.right, Side) else one.right,
+        left, right = number(one.left), number(one.right)
+        verdict = Compared(
+            "sentence", "sentences", left < right if one.relation == "<" else left > right
         )
-        holds = left < right if one.relation == "<" else left > right
-        found.append(Compared("sentence", "sentences", holds))
-        rows.append((one.says, f"{left:.4g} {one.relation} {right:.4g}", WORD[holds]))
-    heads = (Column("in the paper"), Column("here it would be"), Column("verdict"))
-    return Table("sentences", "What the text says", heads, tuple(rows)), found
+        rows.append((one.says, f"{left:.4g} {one.relation} {right:.4g}", verdict.word))
+        compared.append(verdict)
+    columns = ("in the paper", "here it would be", "verdict")
+    return Table.of("sentences", "What the text says", columns, rows), compared
 
 
 @dataclass
@@ -317,15 +298,17 @@ class Runs:
         Raises SpecError for a table or a column that the run does not have, or a `{column}` that
         the printed row does not have.
         """
-        path = self.folder / _filled(ours.run, printed)
+        spec = _with_cells(ours.run, printed)
+        path = self.folder / spec
         if path not in self._tables:
-            self._tables[path] = _tables(self.run_dir(_filled(ours.run, printed)))
-        found = self._tables[path]
-        if ours.table not in found:
+            self._tables[path] = _tables(self.run_dir(spec))
+        tables = self._tables[path]
+        if ours.table not in tables:
             raise SpecError(
-                f"{path.name}: its run has no table {ours.table!r}", f"there are {', '.join(found)}"
+                f"{path.name}: its run has no table {ours.table!r}",
+                f"there are {', '.join(tables)}",
             )
-        table = found[ours.table]
+        table = tables[ours.table]
         names = [
             re.sub(r"[^A-Za-z0-9]+", "_", column.name).strip("_") for column in table.columns
         ]  # as expressions write them
@@ -334,12 +317,12 @@ class Runs:
                 f"{path.name}: table {ours.table!r} has no column {unknown[0]!r}",
                 f"there are {', '.join(names)}",
             )
-        wanted = {name: _filled(text, printed) for name, text in ours.rows.items()}
+        wanted = {name: _with_cells(text, printed) for name, text in ours.rows.items()}
         rows = [dict(zip(names, row, strict=True)) for row in table.rows]
         return [row for row in rows if all(str(row[name]) == text for name, text in wanted.items())]
 
 
-def _filled(text: str, printed: Mapping[str, str]) -> str:
+def _with_cells(text: str, printed: Mapping[str, str]) -> str:
     try:
         return text.format_map(printed)
     except (KeyError, ValueError, IndexError, AttributeError) as fault:
@@ -354,11 +337,9 @@ def _tables(run_dir: Path) -> dict[str, Table]:
     have, and `curves` what was measured.
     """
     shown = all_tables(collected(report_slice(load(run_dir / "experiment.yaml").spec), run_dir))
-    names = [one.name for one in fields(Score)]
-    rows = tuple(
-        tuple(getattr(row, name) for name in names) for row in RunFiles(run_dir).scores().scores
-    )
-    scores = Table("scores", "Scores", tuple(map(Column, names)), rows)
+    rows = [score_row(row) for row in RunFiles(run_dir).scores().scores]
+    cells = (tuple(row.values()) for row in rows)
+    scores = Table.of("scores", "Scores", [one.name for one in fields(Score)], cells)
     return {**{table.name: table for table in shown}, "scores": scores, "curves": _curves(run_dir)}
 
 
@@ -369,24 +350,15 @@ def _curves(run_dir: Path) -> Table:
     names = ("curve", "quantity", "lowest", "highest", "mean", "seconds", "wavelength", "repeats")
     rows: list[tuple[Cell, ...]] = []
     for curve in RunFiles(run_dir).dataset().curves:
-        time = curve.columns.get("time")
-        step = (
-            float(np.median(np.diff(time))) if time is not None and len(time) > 1 else float("nan")
-        )
+        steps = np.diff(curve.columns.get("time", np.empty(0)))
+        step = float(np.median(steps)) if len(steps) else math.nan
         for name, values in curve.columns.items():
             last = values[-last_wavelength(values) :]
-            wave = step * len(last)
-            numbers = (
-                float(last.min()),
-                float(last.max()),
-                float(last.mean()),
-                step * (len(values) - 1),
-                wave,
-            )
-            rows.append(
-                (curve.id, name, *numbers, numbers[3] // wave if wave > 0 else float("nan"))
-            )
-    return Table("curves", "Curves", tuple(map(Column, names)), tuple(rows))
+            ends = (float(last.min()), float(last.max()), float(last.mean()))
+            seconds, wave = step * (len(values) - 1), step * len(last)
+            repeats = seconds // wave if wave > 0 else math.nan
+            rows.append((curve.id, name, *ends, seconds, wave, repeats))
+    return Table.of("curves", "Curves", names, rows)
 
 
 # The page
@@ -414,7 +386,7 @@ class Result:
     @property
     def verdicts(self) -> tuple[str, ...]:
         """What was compared, how many agree and how closely, a line for each."""
-        return summary(self.compared)
+        return summary_lines(self.compared)
 
     @property
     def differs(self) -> bool:
@@ -435,9 +407,9 @@ class PaperResult:
     results: tuple[Result, ...]
 
     @property
-    def compared(self) -> tuple[Compared, ...]:
+    def compared(self) -> list[Compared]:
         """All comparisons of the paper."""
-        return tuple(one for result in self.results for one in result.compared)
+        return [one for result in self.results for one in result.compared]
 
 
 def compare_paper(
@@ -447,56 +419,49 @@ def compare_paper(
     exit code of those that failed.
     """
     of = Runs(runs, loaded.folder)
-    found, code = [], 0
+    results, code = [], 0
     for item in loaded.spec.items:
         try:
-            found.append(_result(item, loaded, of, tell))
+            results.append(_result(item, loaded, of, tell))
         except (MapmoreError, OSError) as fault:
             code = max(code, fault.exit_code if isinstance(fault, MapmoreError) else 4)
             tell(f"{loaded.spec.paper}, {item.id}: {told(fault)}")
-            found.append(Result(item, failed=told(fault)))
-    return PaperResult(loaded, tuple(found)), code
+            results.append(Result(item, failed=told(fault)))
+    return PaperResult(loaded, tuple(results)), code
 
 
 def _result(item: Item, loaded: LoadedPaper, runs: Runs, tell: Callable[[str], None]) -> Result:
-    found = Result(item)
+    result = Result(item)
     for one in item.compare:
         tables, verdicts = beside(one, loaded.folder / loaded.spec.tables, runs)
-        found.tables += tables
-        found.compared += verdicts
+        result.tables += tables
+        result.compared += verdicts
     if item.sentences:
-        table, verdicts = sentences(item.sentences, runs)
-        found.tables.append(table)
-        found.compared += verdicts
-    for drawn in item.figures:
-        svg = drawn_figure(runs.run_dir(drawn.run), drawn.figure, drawn.panel, "svg", tell)[
-            0
-        ].decode()
-        found.figures.append(Shown(svg[svg.index("<svg") :], drawn.caption))
-    return found
+        table, verdicts = sentences_table(item.sentences, runs)
+        result.tables.append(table)
+        result.compared += verdicts
+    for figure in item.figures:
+        folder = runs.run_dir(figure.run)
+        data, _ = drawn_figure(folder, figure.figure, figure.panel, "svg", tell)
+        svg = data.decode()
+        result.figures.append(Shown(svg[svg.index("<svg") :], figure.caption))
+    return result
 
 
 def overview(papers: Sequence[PaperResult]) -> Table:
     """Tabulate what was compared in each paper, kinds apart: agreeing of compared."""
-    rows = []
+    rows: list[tuple[Cell, ...]] = []
     for paper in papers:
-        found = counts(paper.compared)
-        cells = (
-            f"{found[kind][0]} of {found[kind][1]}" if kind in found else None for kind in KINDS
-        )
+        agreeing = {kind: f"{a} of {n}" for kind, (a, n) in counts(paper.compared).items()}
         status = [result.item.status for result in paper.results]
+        cells = map(agreeing.get, WORDS)
         rows.append((paper.loaded.spec.paper, len(status), status.count("absent"), *cells))
-    columns = (
-        Column("paper"),
-        Column("items"),
-        Column("absent"),
-        *(Column(f"{kind}s that agree") for kind in KINDS),
-    )
+    columns = ("paper", "items", "absent", *(f"{kind}s that agree" for kind in WORDS))
     note = (
         "A size agrees within a factor, a value within a distance, an order where all ranks "
         "are the same: they are not added up."
     )
-    return Table("papers", "What was compared", columns, tuple(rows), (note,))
+    return Table.of("papers", "What was compared", columns, rows, note)
 
 
 def _items_table(paper: PaperResult) -> Table:
@@ -504,42 +469,30 @@ def _items_table(paper: PaperResult) -> Table:
     out.
     """
     name = paper.loaded.spec.paper
-    rows = tuple(
-        (
-            one.item.id,
-            one.item.title,
-            one.item.status,
-            ", ".join(one.item.place),
-            one.failed or "; ".join(one.verdicts) or None,
-        )
-        for one in paper.results
-    )
-    heads = (Column("item"), Column("what"), Column("status"), Column("place"), Column("compared"))
-    return Table(f"items_{name}", f"{name}: every equation, table and figure", heads, rows)
+    rows: list[tuple[Cell, ...]] = []
+    for one in paper.results:
+        head = (one.item.id, one.item.title, one.item.status, ", ".join(one.item.place))
+        rows.append((*head, one.failed or "; ".join(one.verdicts) or None))
+    columns = ("item", "what", "status", "place", "compared")
+    title = f"{name}: every equation, table and figure"
+    return Table.of(f"items_{name}", title, columns, rows)
 
 
 def verdicts_table(papers: Sequence[PaperResult]) -> Table:
     """Tabulate what was compared in each item, and how closely it agrees; a row for each kind and
     quantity.
     """
-    rows = tuple(
-        (paper.loaded.spec.paper, result.item.id, line)
-        for paper in papers
-        for result in paper.results
-        for line in (
-            (f"failed: {result.failed.splitlines()[0]}",) if result.failed else result.verdicts
-        )
-    )
-    return Table(
-        "verdicts", "How closely", (Column("paper"), Column("item"), Column("what agrees")), rows
-    )
+    rows: list[tuple[Cell, ...]] = []
+    for paper in papers:
+        for result in paper.results:
+            failed = result.failed.partition("\n")[0]
+            lines = [f"failed: {failed}"] if failed else result.verdicts
+            rows += [(paper.loaded.spec.paper, result.item.id, line) for line in lines]
+    return Table.of("verdicts", "How closely", ("paper", "item", "what agrees"), rows)
 
 
 def page(papers: Sequence[PaperResult]) -> str:
     """Return the page as HTML, one file that loads nothing."""
     template = environment().get_template("paper.html")
-    return template.render(
-        version=__version__,
-        overview=overview(papers),
-        papers=[(paper, _items_table(paper)) for paper in papers],
-    )
+    items = [(paper, _items_table(paper)) for paper in papers]
+    return template.render(version=__version__, overview=overview(papers), papers=items)

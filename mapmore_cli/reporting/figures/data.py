@@ -2,100 +2,63 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from functools import partial
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from mapmore_cli.domain.arrays import Array
-from mapmore_cli.domain.recording import Quantity, Recording
-from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
-from mapmore_cli.reporting.figures.style import (
-    BLUE,
-    envelope,
-    places,
-    some_of,
-    two_lines,
-    width_for,
-)
-from mapmore_cli.reporting.inputs import FigureStyle, ReportInputs
+from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.reporting.figures.drawing import Drawing, Layout, Panel
+from mapmore_cli.reporting.figures.panels import draw_trace, places, some_of, two_lines
+from mapmore_cli.reporting.figures.style import BLUE
+from mapmore_cli.reporting.inputs import ReportInputs
 
 MOST_RECORDINGS = 5
-POINTS_A_TRACE = 1500
-TIME = Quantity("time", "s")
-
-
-@dataclass(frozen=True)
-class Trace:
-    """One quantity over time, or over the sample number where no time was recorded."""
-
-    x: Array
-    y: Array
-    x_label: str
-    y_label: str
-
-
-def traces(
-    recording: Recording, quantities: Mapping[str, Quantity], style: FigureStyle
-) -> list[Trace]:
-    """Return the recording's quantities in the order of its columns, time itself left out."""
-    time = recording.columns.get(TIME.name)
-    x = np.arange(recording.rows_kept, dtype=float) if time is None else time
-    x_label = "Sample (–)" if time is None else style.axis_label(quantities.get(TIME.name, TIME))
-    return [
-        Trace(x, y, x_label, style.axis_label(quantities.get(name, Quantity(name, ""))))
-        for name, y in recording.columns.items()
-        if name != TIME.name
-    ]
-
-
-def draw_trace(ax: Axes, trace: Trace) -> None:
-    """Draw the trace as one line, its peaks kept."""
-    rows = envelope(trace.y, POINTS_A_TRACE)
-    ax.plot(trace.x[rows], trace.y[rows], color=BLUE, linewidth=0.7)
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
-    """One panel a recording, an axis for each quantity."""
+    """One panel a recording, an axis for each quantity, over time or over the number of the sample
+    where no time was recorded.
+    """
     recordings = [recording for recording in inputs.dataset.recordings if recording.rows_kept]
     shown = [recordings[i] for i in places(inputs, [one.id for one in recordings], MOST_RECORDINGS)]
-    found = [traces(recording, inputs.dataset.quantities, inputs.style) for recording in shown]
-    height = max((len(of_one) for of_one in found), default=0)
+    height = max((len(one.columns.keys() - {"time"}) for one in shown), default=0)
     if height == 0:
         return []
-    length = 18 if len(shown) > 2 else 40
-    panels = tuple(
-        _panel(recording, of_one, height, length)
-        for recording, of_one in zip(shown, found, strict=True)
-    )
-    grid = Grid(
-        len(shown), width_for(len(shown)), 0.3 + 0.95 * height, (1.0,) * height, common_y="row"
-    )
-    names = ", ".join(trace.y_label for trace in found[0])
-    left_out = some_of(len(shown), len(recordings), "recordings")
-    thinned = (
+    panels = []
+    for recording in shown:
+        columns = {
+            inputs.axis_label(inputs.dataset.quantities.get(name, Quantity(name, ""))): values
+            for name, values in recording.columns.items()
+            if name != "time"
+        }
+        x, x_label = np.arange(recording.rows_kept, dtype=float), "Sample (–)"
+        if "time" in recording.columns:
+            time = inputs.dataset.quantities.get("time", Quantity("time", "s"))
+            x, x_label = recording.columns["time"], inputs.axis_label(time)
+        # the axes are low: the unit goes below
+        labels = ["\n".join(label.rsplit(" ", 1)) for label in columns]
+        labels += [""] * (height - len(columns))
+        title = two_lines(recording.id, 18 if len(shown) > 2 else 40)
+        on, data = partial(draw_columns, x=x, columns=columns), {x_label: x, **columns}
+        panels.append(Panel(recording.id, on, x_label, tuple(labels), data, title))
+    caption = (
+        "The kept samples of every quantity."
+        f"{some_of(len(shown), len(recordings), 'recordings')}"
         " Long records are thinned for drawing to the lowest and highest sample of each short run."
     )
-    caption = f"The kept samples of every quantity.{left_out}{thinned}"
+    names = ", ".join(list(panels[0].data)[1:])
     alt = f"Traces of {names} for {len(shown)} of {len(recordings)} recordings."
-    return [Drawing("data", caption, alt, panels, grid)]
+    grid = Layout(0.3 + 0.95 * height, (1.0,) * height, len(shown), common_y="row")
+    return [Drawing("data", caption, alt, tuple(panels), grid)]
 
 
-def _panel(recording: Recording, found: Sequence[Trace], height: int, length: int) -> Panel:
-    def on(axes: Sequence[Axes]) -> None:
-        for ax, trace in zip(axes, found, strict=False):
-            draw_trace(ax, trace)
-            ax.xaxis.set_major_locator(MaxNLocator(4))
-            ax.yaxis.set_major_locator(MaxNLocator(4))
-
-    below = [
-        "\n".join(trace.y_label.rsplit(" ", 1)) for trace in found
-    ]  # the axes are low: the unit goes below
-    labels = (*below, *[""] * (height - len(found)))
-    x_label = found[-1].x_label if found else ""
-    data: dict[str, Values] = (
-        {x_label: found[0].x, **{trace.y_label: trace.y for trace in found}} if found else {}
-    )
-    return Panel(recording.id, on, x_label, labels, data, two_lines(recording.id, length))
+def draw_columns(*axes: Axes, x: Array, columns: Mapping[str, Array]) -> None:
+    """Draw each column as one line in axes of its own, its peaks kept."""
+    for ax, values in zip(axes, columns.values(), strict=False):
+        draw_trace(ax, x, values, color=BLUE, linewidth=0.7)
+        ax.xaxis.set_major_locator(MaxNLocator(4))
+        ax.yaxis.set_major_locator(MaxNLocator(4))

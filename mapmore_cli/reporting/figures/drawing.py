@@ -8,14 +8,13 @@ import io
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from html import escape
 from importlib import import_module
 from typing import Any, Literal
 
 import numpy as np
 from matplotlib import rc_context
-from matplotlib.axes import Axes
 from matplotlib.backends.backend_pgf import RendererPgf
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
@@ -23,15 +22,15 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from mapmore_cli.domain import plugins
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.foreign import tex_label, tex_text, xml_text
-from mapmore_cli.reporting.figures.style import figure_style, small
+from mapmore_cli.reporting.figures.style import figure_style
 from mapmore_cli.reporting.inputs import SINGLE, FigureStyle, ReportInputs
 from mapmore_cli.reporting.table import title_of
 
 POINTS = 72
 """Points an inch. Figures have as many dots an inch, so that what is measured are points."""
 
-LEGEND_ROOM, TITLE_ROOM = 0.45, 0.2
-"""Inches above the panels, with a legend and without one."""
+DOUBLE = 7.16
+"""Width of two columns of a journal page, inches."""
 
 Values = Sequence[Any] | np.ndarray
 
@@ -43,35 +42,36 @@ class Panel:
 
     - `key`: what tells it from the others of its figure, as a curve or a model; empty where it is
       the only one.
-    - `draw`: draws on the given axes, from top to bottom.
-    - `data`: the numbers that are drawn, by heading with unit, each `(n,)`.
-    - `y_limits`: what each of the axes has to show, where that is not all that is drawn.
+    - `draw`: draws on the axes that it is given, from top to bottom.
+    - `data`: the numbers that are drawn, by heading with unit, each `(n,)`; nothing where they are
+      not written beside the figure.
     """
 
     key: str
-    draw: Callable[[Sequence[Axes]], None]
+    draw: Callable[..., None]
     x_label: str
     y_labels: tuple[str, ...]
-    data: Mapping[str, Values]
+    data: Mapping[str, Values] = field(default_factory=dict)
     title: str = ""
-    y_limits: tuple[tuple[float, float], ...] = ()
 
 
 @dataclass(frozen=True)
-class Grid:
+class Layout:
     """How the panels of a figure stand on a page.
 
-    - `columns`: panels side by side.
-    - `width`, `height`: inches of the whole figure, and of one row of panels.
+    - `height`: inches of one row of panels.
     - `stack`: relative heights of the axes of a panel, from top to bottom.
+    - `columns`: panels side by side; by default up to three.
+    - `width`: inches of the whole figure; by default one column of a journal page for one panel,
+      else two.
     - `common_x`, `common_y`: whether all panels have one x axis (else each its own); whether those
       of a row, or all, have one y axis.
     """
 
-    columns: int = 1
-    width: float = SINGLE
     height: float = 2.2
     stack: tuple[float, ...] = (1.0,)
+    columns: int = 0
+    width: float = 0.0
     common_x: bool = False
     common_y: Literal["none", "row", "all"] = "none"
 
@@ -90,8 +90,8 @@ class Drawing:
     caption: str
     alt: str
     panels: tuple[Panel, ...]
-    grid: Grid
-    legend: tuple[Any, ...] = ()
+    grid: Layout
+    legend: Sequence[Any] = ()
 
 
 def drawings(name: str, inputs: ReportInputs) -> list[Drawing]:
@@ -113,23 +113,15 @@ def panel_of(name: str, inputs: ReportInputs, words: str) -> tuple[Drawing, Pane
 
     Raises UsageError where there is no such panel; the message names those that there are.
     """
-    ids = inputs.ids_of(words)
-    for looked_in, keys in ((inputs, {words, *ids}), (replace(inputs, asked=ids), ids)):
-        for drawing in drawings(name, looked_in) if keys else ():
+    ids, dataset = inputs.ids_of(words), inputs.dataset
+    every = [curve.id for curve in dataset.curves] + [one.id for one in dataset.recordings]
+    known: dict[str, None] = {}
+    for asked in (inputs.asked, ids, frozenset(every)):
+        for drawing in drawings(name, replace(inputs, asked=asked)):
             for panel in drawing.panels:
-                if panel.key in keys:
+                if panel.key in {words, *ids}:
                     return drawing, panel
-    every = frozenset(
-        [
-            *(curve.id for curve in inputs.dataset.curves),
-            *(recording.id for recording in inputs.dataset.recordings),
-        ]
-    )
-    known = dict.fromkeys(
-        panel.key
-        for drawing in drawings(name, replace(inputs, asked=every))
-        for panel in drawing.panels
-    )
+                known[panel.key] = None
     names = ", ".join(filter(None, known))
     raise UsageError(
         f"no panel of this figure is called {words!r}",
@@ -150,7 +142,7 @@ class RenderedFigure:
     numbers: str = ""
 
 
-def rendered(drawing: Drawing, style: FigureStyle | None = None) -> RenderedFigure:
+def render_figure(drawing: Drawing, style: FigureStyle | None = None) -> RenderedFigure:
     """All panels of a figure as one SVG."""
     with figure_style(style):
         figure = compose(drawing, style)
@@ -168,56 +160,37 @@ def compose(
     """All panels of a figure in the grid of a page; or one `panel` alone, with the legend of the
     figure, as wide as the style says.
     """
-    style = style or FigureStyle()
-    panels, columns, width = (
-        (drawing.panels, drawing.grid.columns, drawing.grid.width)
-        if panel is None
-        else ((panel,), 1, style.width)
-    )
-    grid, stack = drawing.grid, len(drawing.grid.stack)
+    style, grid, stack = style or FigureStyle(), drawing.grid, len(drawing.grid.stack)
+    panels = drawing.panels if panel is None else (panel,)
+    columns = min(grid.columns or (2 if len(panels) == 4 else 3), len(panels))
+    width = grid.width or (SINGLE if len(panels) == 1 else DOUBLE)
+    width = width if panel is None else style.width
     rows = math.ceil(len(panels) / columns)
-    room = LEGEND_ROOM if drawing.legend else TITLE_ROOM
+    room = 0.45 if drawing.legend else 0.2  # above the panels
     figure = Figure(figsize=(width, room + rows * grid.height), dpi=POINTS)
-    shared: Any = {"none": False, "row": "row", "all": True}[grid.common_y]
     every = figure.subplots(
         stack * rows,
         columns,
         height_ratios=[*grid.stack] * rows,
         sharex=grid.common_x,
-        sharey=shared,
+        sharey=grid.common_y,
         squeeze=False,
     )
-    places = [
-        list(every[row * stack : (row + 1) * stack, column])
-        for row in range(rows)
-        for column in range(columns)
-    ]
-    for number, axes in enumerate(places):
-        if number < len(panels):
-            _fill(
-                axes,
-                panels[number],
-                grid,
-                style,
-                first=number % columns == 0 or grid.common_y == "none",
-                columns=columns,
-            )
-        else:
+    for number in range(rows * columns):
+        row, column = divmod(number, columns)
+        axes = every[row * stack : (row + 1) * stack, column]
+        if number >= len(panels):
             for ax in axes:
                 ax.remove()
-    _hold(
-        panels,
-        places,
-        columns if grid.common_y == "row" else len(panels) if grid.common_y == "all" else 1,
-    )
+            continue
+        _fill(axes, panels[number], grid, style, columns)
+        if column == 0 or grid.common_y == "none":
+            for ax, label in zip(axes, panels[number].y_labels, strict=True):
+                ax.set_ylabel(label, parse_math=style.is_own_label(label))
     if drawing.legend:
         labels = [title_of(str(handle.get_label())) for handle in drawing.legend]
-        figure.legend(
-            list(drawing.legend),
-            labels,
-            loc="outside upper left",
-            ncols=_legend_columns(labels, width),
-        )
+        ncols = _legend_columns(labels, width, style.size)
+        figure.legend(list(drawing.legend), labels, loc="outside upper left", ncols=ncols)
     figure.align_ylabels()
     ConstrainedLayoutEngine().execute(
         figure
@@ -225,49 +198,26 @@ def compose(
     return figure
 
 
-def _fill(
-    axes: Sequence[Axes], panel: Panel, grid: Grid, style: FigureStyle, *, first: bool, columns: int
-) -> None:
-    """Draw a panel; the y axes are labelled at the left of a row, the x axis below every panel."""
+def _fill(axes: Any, panel: Panel, grid: Layout, style: FigureStyle, columns: int) -> None:
+    """Draw a panel, with its x axis labelled below it."""
     top, bottom = axes[0], axes[-1]
-    for ax in axes[1:]:
-        if not grid.common_x:
-            ax.sharex(top)
     for ax in axes:
+        if ax is not top and not grid.common_x:
+            ax.sharex(top)
         ax.tick_params(labelbottom=ax is bottom)
     bottom.locator_params(axis="x", nbins=5 if columns < 2 else 4)
-    panel.draw(axes)
-    if panel.title:
-        top.set_title(title_of(panel.title))
+    panel.draw(*axes)
+    top.set_title(title_of(panel.title))
     bottom.set_xlabel(panel.x_label, parse_math=style.is_own_label(panel.x_label))
-    for ax, label in zip(axes, panel.y_labels, strict=True):
-        if first:
-            ax.set_ylabel(label, parse_math=style.is_own_label(label))
 
 
-def _hold(panels: Sequence[Panel], places: Sequence[Sequence[Axes]], together: int) -> None:
-    """Let the y axes show what their panels have to show: `together` panels in a row have their
-    axes in common.
-    """
-    for start in range(0, len(panels), together):
-        group = panels[start : start + together]
-        for place in range(min(len(panel.y_limits) for panel in group)):
-            low, high = (
-                pick(panel.y_limits[place][end] for panel in group)
-                for end, pick in ((0, min), (1, max))
-            )
-            margin = 0.06 * (high - low)
-            places[start][place].set_ylim(low - margin, high + margin)
-
-
-def _legend_columns(labels: Sequence[str], width: float) -> int:
+def _legend_columns(labels: Sequence[str], width: float, size: float) -> int:
     """As many entries side by side as fit, by the length of the longest, and rows of nearly one
     length.
 
     A letter is about half as wide as high.
     """
-    size = small() / 72
-    longest = max(len(label) for label in labels) * 0.55 * size + 4.2 * size
+    longest = (max(map(len, labels)) * 0.55 + 4.2) * (size - 1) / POINTS
     rows = math.ceil(len(labels) / max(1, int(width / longest)))
     return math.ceil(len(labels) / rows)
 
@@ -296,28 +246,6 @@ def to_svg(figure: Figure, name: str, alt: str) -> str:
     return svg.replace("<svg ", f'<svg role="img" aria-label="{escape(xml_text(alt))}" ', 1)
 
 
-def _pdf_file(figure: Figure, _name: str, alt: str) -> bytes:
-    """Write a PDF: fonts are embedded as outlines that journals take (Type 42); neither a date nor
-    the name of a program is written.
-    """
-    found = io.BytesIO()
-    with rc_context({"pdf.fonttype": 42}):
-        figure.savefig(
-            found,
-            format="pdf",
-            metadata={"CreationDate": None, "Creator": None, "Producer": None, "Title": alt},
-        )
-    return found.getvalue()
-
-
-def _png_file(figure: Figure, _name: str, alt: str) -> bytes:
-    found = io.BytesIO()
-    figure.savefig(
-        found, format="png", dpi=DOTS_PER_INCH, metadata={"Software": None, "Description": alt}
-    )
-    return found.getvalue()
-
-
 class _Renderer(RendererPgf):
     """Needs no TeX: letters are measured by the fonts of the other formats. Names are escaped, so
     that TeX obeys none of them.
@@ -326,7 +254,9 @@ class _Renderer(RendererPgf):
     def get_text_width_height_descent(self, s, prop, ismath):  # type: ignore[no-untyped-def]
         return super(RendererPgf, self).get_text_width_height_descent(s, prop, ismath)
 
-    def draw_text(self, gc, x, y, s, prop, angle, ismath=False, mtext=None):  # type: ignore[no-untyped-def]
+    def draw_text(  # type: ignore[no-untyped-def]
+        self, gc, x, y, s, prop, angle, ismath=False, mtext=None
+    ):
         super().draw_text(
             gc, x, y, tex_label(s) if ismath else tex_text(s), prop, angle, ismath, mtext
         )  # type: ignore[no-untyped-call]
@@ -349,12 +279,22 @@ def to_pgf(figure: Figure) -> str:
     return text.getvalue()
 
 
-WRITERS: Mapping[str, Callable[[Figure, str, str], bytes]] = {
-    "svg": lambda figure, name, alt: (SVG_PROLOGUE + to_svg(figure, name, alt)).encode(),
-    "pdf": _pdf_file,
-    "png": _png_file,
-    "pgf": lambda figure, _name, _alt: to_pgf(figure).encode(),
-}
-"""The bytes of a figure with its name and its description, by format; to be called within
-`figure_style`.
-"""
+def to_bytes(figure: Figure, suffix: str, name: str, alt: str) -> bytes:
+    """Return a figure with its name and its description as a file that ends in `suffix`, within
+    `figure_style`.
+
+    Neither a date nor the name of a program is written. The fonts of a PDF are embedded as outlines
+    that journals take (Type 42).
+    """
+    if suffix == "svg":
+        return (SVG_PROLOGUE + to_svg(figure, name, alt)).encode()
+    if suffix == "pgf":
+        return to_pgf(figure).encode()
+    unsaid = dict.fromkeys(("CreationDate", "Creator", "Producer"))
+    metadata: dict[str, Any] = (
+        {**unsaid, "Title": alt} if suffix == "pdf" else {"Software": None, "Description": alt}
+    )
+    file = io.BytesIO()
+    with rc_context({"pdf.fonttype": 42}):
+        figure.savefig(file, format=suffix, dpi=DOTS_PER_INCH, metadata=metadata)
+    return file.getvalue()

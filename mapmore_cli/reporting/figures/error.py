@@ -2,151 +2,68 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from matplotlib.axes import Axes
 
-from mapmore_cli.domain.arrays import Array
-from mapmore_cli.reporting.figures import style
-from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
+from mapmore_cli.domain.arrays import Array, BoolArray
+from mapmore_cli.reporting.figures import panels, style
+from mapmore_cli.reporting.figures.drawing import Drawing, Layout, Panel
 from mapmore_cli.reporting.figures.style import ModelStyle
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.table import title_of
 
-DOTS = 600
-"""In a panel by itself; half as many where panels stand side by side, which are smaller."""
 
-
-@dataclass(frozen=True)
-class ModelErrors:
-    """Predicted minus measured over the measured value, for one model: training and held-out
-    samples, each sorted by the measured value.
-    """
-
-    model: str
-    train: tuple[Array, Array]
-    held_out: tuple[Array, Array]
-
-    @property
-    def failed(self) -> bool:
-        """True where the model gave no prediction at all."""
-        return not np.isfinite(np.concatenate([self.train[1], self.held_out[1]])).any()
-
-
-def model_errors(inputs: ReportInputs) -> list[ModelErrors]:
-    """All samples of the dataset, pooled, one panel a model."""
-    curves = inputs.dataset.curves
+def draw(inputs: ReportInputs) -> list[Drawing]:
+    """One panel a model, all with the same axes: all samples pooled."""
+    curves, unit = inputs.dataset.curves, inputs.target.unit
     measured = np.concatenate([curve.columns[inputs.dataset.target] for curve in curves])
     held_out = np.concatenate([curve.held_out for curve in curves])
     order = np.argsort(measured, kind="stable")
-    train, validate = order[~held_out[order]], order[held_out[order]]
-    panels = []
+    x, held_out = measured[order], held_out[order]
+    styles = style.model_styles([*inputs.lines, *inputs.models], inputs.style.palette)
+    drawn = []
     for model in inputs.shown:
-        error = np.concatenate(inputs.validation.predictions[model]) - measured
-        panels.append(
-            ModelErrors(
-                model, (measured[train], error[train]), (measured[validate], error[validate])
-            )
+        error = (np.concatenate(inputs.validation.predictions[model]) - measured)[order]
+        words = "" if np.isfinite(error).any() else "failed"
+        if model in inputs.far_off:
+            words = f"beyond the scale: up to {np.nanmax(np.abs(error)):.3g} {unit}"
+        data = {
+            f"measured {inputs.target.name} [{unit}]": x,
+            f"error [{unit}]": error,
+            "data": np.where(held_out, "validate", "train"),
+        }
+        on = partial(
+            draw_errors, x=x, error=error, held_out=held_out, look=styles[model], words=words
         )
-    return panels
-
-
-def draw_errors(ax: Axes, panel: ModelErrors, look: ModelStyle, dots: int = DOTS) -> None:
-    """Draw training samples as pale dots under the held-out ones in the model's colour; both
-    thinned so that the extremes remain.
-    """
-    style.zero_line(ax)
-    for (measured, error), colour, size in (
-        (panel.train, style.LIGHT, 1.6),
-        (panel.held_out, look.colour, 2.2),
-    ):
-        if np.isfinite(error).any():
-            rows = style.cloud(measured, error, dots)
-            ax.plot(
-                measured[rows],
-                error[rows],
-                linestyle="none",
-                marker=look.marker,
-                markersize=size,
-                markeredgewidth=0,
-                color=colour,
-            )
-    if panel.failed:
-        ax.text(0.5, 0.6, "failed", transform=ax.transAxes, ha="center")
-
-
-def _tell_beyond(ax: Axes, panel: ModelErrors, unit: str) -> None:
-    """Write how large the errors are that the panel does not show."""
-    largest = np.nanmax(np.abs(np.concatenate([panel.train[1], panel.held_out[1]])))
-    words = f"beyond the scale: up to {largest:.3g} {unit}"
-    ax.text(0.98, 0.98, words, transform=ax.transAxes, ha="right", va="top", fontsize=style.small())
-
-
-def draw(inputs: ReportInputs) -> list[Drawing]:
-    """One panel a model, all with the same axes."""
-    found, styles = (
-        model_errors(inputs),
-        style.model_styles([*inputs.lines, *inputs.models], inputs.style.palette),
-    )
-    near = [
-        error
-        for one in found
-        if one.model not in inputs.far_off
-        for _, error in (one.train, one.held_out)
-    ]
-    limits = (style.extent(near),) if inputs.far_off else ()
-    most = DOTS if len(found) == 1 else DOTS // 2
-    panels = tuple(_panel(inputs, one, styles[one.model], limits, most) for one in found)
-    grid = Grid(
-        style.columns_for(len(panels)),
-        style.width_for(len(panels)),
-        1.75,
-        common_x=True,
-        common_y="all",
-    )
-    held_out = any(len(one.held_out[0]) for one in found)
+        labels = (inputs.axis_label(inputs.target, "measured"), (f"Error ({unit})",))
+        drawn.append(Panel(model, on, *labels, data, model))
     dots = (
         "pale dots are training samples, coloured ones were held out"
-        if held_out
+        if held_out.any()
         else "all samples are training samples"
     )
-    thinned = max(len(measured) for measured, _ in (found[0].train, found[0].held_out)) > most
     what = f"Error (predicted minus measured) over the measured {inputs.target.name}"
-    models = ", ".join(title_of(one.model) for one in found)
     caption = (
-        f"{what}, all curves pooled; "
-        f"{dots}.{style.SOME_DOTS if thinned else ''}{style.beyond_scale(inputs.far_off)}"
+        f"{what}, all curves pooled; {dots}.{panels.SOME_DOTS if len(x) > panels.DOTS else ''}"
+        f"{panels.beyond_scale(inputs.far_off)}"
     )
-    return [Drawing("error", caption, f"{what} for {models}.", panels, grid)]
+    alt = f"{what} for {', '.join(map(title_of, inputs.shown))}."
+    grid = Layout(1.75, common_x=True, common_y="all")
+    return [Drawing("error", caption, alt, tuple(drawn), grid)]
 
 
-def _panel(
-    inputs: ReportInputs,
-    errors: ModelErrors,
-    look: ModelStyle,
-    limits: tuple[tuple[float, float], ...],
-    most: int,
-) -> Panel:
-    def on(axes: Sequence[Axes]) -> None:
-        draw_errors(axes[0], errors, look, most)
-        if errors.model in inputs.far_off:
-            _tell_beyond(axes[0], errors, inputs.target.unit)
+def draw_errors(
+    ax: Axes, x: Array, error: Array, held_out: BoolArray, look: ModelStyle, words: str
+) -> None:
+    """Draw training samples as pale dots under the held-out ones in the model's colour.
 
-    (x_train, y_train), (x_held, y_held) = errors.train, errors.held_out
-    unit = inputs.target.unit
-    data: dict[str, Values] = {
-        f"measured {inputs.target.name} [{unit}]": np.concatenate([x_train, x_held]),
-        f"error [{unit}]": np.concatenate([y_train, y_held]),
-        "data": ["train"] * len(x_train) + ["validate"] * len(x_held),
-    }
-    return Panel(
-        errors.model,
-        on,
-        inputs.axis_label(inputs.target, "measured"),
-        (f"Error ({unit})",),
-        data,
-        errors.model,
-        limits,
-    )
+    `words` say why the axes show no dots, or not all of them.
+    """
+    panels.zero_line(ax)
+    for rows, colour, size in ((~held_out, style.LIGHT, 1.6), (held_out, look.colour, 2.2)):
+        dots = {"color": colour, "markersize": size, "marker": look.marker}
+        panels.draw_dots(ax, x[rows], error[rows], 2 * panels.DOTS, sets_scale=not words, **dots)
+    if words:
+        ax.text(0.98, 0.98, words, transform=ax.transAxes, ha="right", va="top")

@@ -1,51 +1,57 @@
-"""Measured and predicted: over time for recordings of motion, as loops for a model with memory,
-else over the in-curve quantity.
+"""Measured and predicted: over time for recordings of motion and models with memory, with loops for
+these, else over the in-curve quantity.
 
-Curves stand as in M2's figures 9 and 10: held-out ones with what the models predict above and their
-errors below, training curves in one panel with the run's own model.
+Curves stand as in M2's figures 9, 10, 12, 13 and 15: what the models predict above and their errors
+below. Training curves of a static model share one panel.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from mapmore_cli.domain.arrays import Array, BoolArray
-from mapmore_cli.reporting.figures import style
-from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
-from mapmore_cli.reporting.figures.motion import loop_figures, motion_figures
+from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
+from mapmore_cli.domain.recording import Curve, Quantity
+from mapmore_cli.reporting.figures import panels, style
+from mapmore_cli.reporting.figures.drawing import DOUBLE, Drawing, Layout, Panel, Values
 from mapmore_cli.reporting.figures.style import ModelStyle
-from mapmore_cli.reporting.inputs import ReportInputs
+from mapmore_cli.reporting.inputs import MOST_LINES, ReportInputs
 from mapmore_cli.reporting.table import title_of
 
-MOST_PANELS, MOST_SPANS, MOST_CURVES = 9, 6, 10
-LABEL_ROOM, LABEL_HEIGHT = 0.24, 0.06
-"""What the name of a curve takes of the width and of the height of the panel."""
+MOST_TIMED, MOST_LOOPS, MOST_SPANS, MOST_CURVES = 5, 3, 6, 10
+"""Models over time; recordings and models of loops; grey regions of a curve; training curves."""
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
     """Return the figures of the fit that suit the study."""
-    if inputs.has_memory:
-        return [*loop_figures(inputs), *motion_figures(inputs)]
-    return (
-        motion_figures(inputs)
-        if inputs.over_time
-        else [*held_out_figures(inputs), *training_figures(inputs)]
-    )
+    curves = inputs.dataset.curves
+    held_out = [
+        i for i, curve in enumerate(curves) if curve.held_out.any() or curve.id in inputs.asked
+    ]
+    if not inputs.timed:
+        return [*curve_figures(inputs, "fit", held_out), *training_figures(inputs)]
+    others = [i for i in range(len(curves)) if i not in held_out]
+    return [
+        *(loop_figures(inputs) if inputs.has_memory else []),
+        *curve_figures(inputs, "fit", held_out),
+        *curve_figures(inputs, "training", others),
+    ]
 
 
 @dataclass(frozen=True)
 class CurveFit:
-    """One curve in the order of the in-curve quantity: measured `y` over `x`, and every model's
-    prediction, each `(n,)`.
+    """Samples of one curve in the order in which they are drawn, each `(n,)`: measured `y` over
+    `x`, and every model's prediction.
 
-    `interval` are the ends of the intervals of the run's `own` model, where it has some.
+    - `interval`: the ends of the intervals of the run's own model, the first, where it has some.
+    - `pieces`: the rows of its recordings, where it is drawn over time; else empty.
+    - `shaded`: the ranges of `x` that are grey: plateaus, or what was held out of a training curve.
     """
 
     title: str
@@ -53,176 +59,200 @@ class CurveFit:
     y: Array
     held_out: BoolArray
     predictions: Mapping[str, Array]
-    own: str
-    interval: tuple[Array, Array] | None = None
+    interval: tuple[Array, Array] | None
+    pieces: Sequence[IntArray]
+    shaded: Sequence[tuple[float, float]]
 
     def predicted(self, model: str) -> bool:
         """Return False where the model gave no prediction, because its fit failed."""
         return bool(np.isfinite(self.predictions[model]).any())
 
 
-def curve_fit(inputs: ReportInputs, number: int, rows: BoolArray | None = None) -> CurveFit:
-    """Curve `number` of the dataset, or only some of its rows."""
+def curve_fit(inputs: ReportInputs, number: int, training: bool = False) -> CurveFit:
+    """Curve `number` of the dataset with the models that lines are drawn of, or only its training
+    samples with the run's own.
+    """
     curve = inputs.dataset.curves[number]
-    x = curve.columns[inputs.in_curve.name]
-    order = np.argsort(x, kind="stable")
-    if rows is not None:
-        order = order[rows[order]]
-    predictions = {
-        model: inputs.validation.predictions[model][number][order] for model in inputs.lines
-    }
-    y, ends = curve.columns[inputs.dataset.target], inputs.interval(number)
-    interval = None if ends is None else (ends[0][order], ends[1][order])
+    x = curve.columns[_axis(inputs).name]
+    rows = np.arange(curve.size) if inputs.timed else np.argsort(x, kind="stable")
+    models = inputs.best(MOST_TIMED if inputs.timed else MOST_LINES)
+    if training:
+        rows, models = rows[~curve.held_out[rows]], models[:1]
+    ends = inputs.interval(number)
     return CurveFit(
         inputs.curve_label(curve),
-        x[order],
-        y[order],
-        curve.held_out[order],
-        predictions,
-        inputs.own,
-        interval,
+        x[rows],
+        curve.columns[inputs.dataset.target][rows],
+        curve.held_out[rows],
+        {model: inputs.validation.predictions[model][number][rows] for model in models},
+        None if ends is None else (ends[0][rows], ends[1][rows]),
+        curve.logs if inputs.timed else (),
+        _plateaus(curve) if inputs.timed else held_out_spans(x[rows], curve.held_out[rows]),
     )
+
+
+def _axis(inputs: ReportInputs) -> Quantity:
+    """Return what curves are drawn over."""
+    time = inputs.dataset.quantities.get("time", Quantity("time", "s"))
+    return time if inputs.timed else inputs.in_curve
 
 
 def held_out_spans(x: Array, held_out: BoolArray) -> list[tuple[float, float]]:
     """Return runs of held-out samples along sorted `x` as (start, end), each reaching halfway to
-    the neighbouring training samples.
+    the neighbouring training samples; none of scattered samples, or where none trains.
     """
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], held_out, [False]]).astype(int)))
+    edges = np.flatnonzero(np.diff(held_out, prepend=False, append=False)).reshape(-1, 2)
+    if held_out.all() or len(edges) > MOST_SPANS:
+        return []
     middle = np.concatenate([x[:1], (x[1:] + x[:-1]) / 2, x[-1:]])
-    return [(float(middle[start]), float(middle[end])) for start, end in edges.reshape(-1, 2)]
+    return [(float(middle[start]), float(middle[end])) for start, end in edges]
 
 
-def draw_fit(ax: Axes, curve: CurveFit, styles: Mapping[str, ModelStyle]) -> None:
-    """Draw measured samples as dots, filled where held out, and every model as a line. A model
-    without prediction draws nothing.
+def _plateaus(curve: Curve) -> list[tuple[float, float]]:
+    at_rest = np.zeros(curve.size, dtype=bool) if curve.at_rest is None else curve.at_rest
+    times = [curve.columns["time"][rows[at_rest[rows]]] for rows in curve.logs]
+    return [(float(resting[0]), float(resting[-1])) for resting in times if len(resting)]
+
+
+def draw_fit(
+    top: Axes,
+    bottom: Axes,
+    curve: CurveFit,
+    styles: Mapping[str, ModelStyle],
+    far_off: Sequence[str] = (),
+) -> None:
+    """Draw measured samples and every model as a line above, predicted minus measured below.
+
+    Over time, measured samples are a line; else dots, filled where held out. A model without
+    prediction draws nothing, and the axes do not grow for one that is far off.
     """
-    for rows, face, edge in (
-        (~curve.held_out, "none", style.GREY),
+    panels.zero_line(bottom)
+    for start, end in curve.shaded:
+        for ax in (top, bottom):
+            ax.axvspan(start, end, color=style.SHADE, zorder=-1, linewidth=0)
+    _draw_measured(top, curve)
+    draw_line = panels.draw_trace if curve.pieces else panels.draw_band
+    for rows in curve.pieces or [np.arange(len(curve.x))]:
+        x, y = curve.x[rows], curve.y[rows]
+        for model, values in curve.predictions.items():
+            if curve.predicted(model):
+                look: dict[str, Any] = {**styles[model].line, "sets_scale": model not in far_off}
+                draw_line(top, x, values[rows], label=model, **look)
+                draw_line(bottom, x, values[rows] - y, label=model, **look)
+        if curve.interval is not None:
+            own, values = next(iter(curve.predictions.items()))
+            low, high = (end[rows] for end in curve.interval)
+            panels.shade_between(top, x, (low, high), styles[own].colour)
+            below, above = low - values[rows], high - values[rows]
+            panels.shade_between(bottom, x, (below, above), styles[own].colour)
+
+
+def _draw_measured(ax: Axes, curve: CurveFit) -> None:
+    for rows, colour, face in (
+        (~curve.held_out, style.GREY, "none"),
         (curve.held_out, style.BLACK, style.BLACK),
     ):
-        if rows.any():
-            dots = np.flatnonzero(rows)[
-                style.cloud(curve.x[rows], curve.y[rows], style.DOTS_A_CURVE)
-            ]
-            look: dict[str, Any] = {
-                "markersize": 2.2,
-                "markeredgewidth": 0.5,
-                "markerfacecolor": face,
-                "markeredgecolor": edge,
-            }
-            ax.plot(curve.x[dots], curve.y[dots], zorder=2, **style.DOT | look)
-    if curve.interval is not None:
-        style.draw_interval(ax, curve.x, curve.interval, styles[curve.own].colour)
-    _draw_models(ax, curve, curve.predictions, styles)
+        look: dict[str, Any] = {"color": colour, "zorder": 2}
+        if rows.any() and not curve.pieces:
+            look |= {"markersize": 2.2, "markeredgewidth": 0.5, "markerfacecolor": face}
+            panels.draw_dots(ax, curve.x[rows], curve.y[rows], **look)
+        for piece in curve.pieces if rows.any() else ():
+            measured = np.where(rows, curve.y, np.nan)[piece]
+            panels.draw_trace(ax, curve.x[piece], measured, linewidth=0.9, **look)
 
 
-def draw_error(ax: Axes, curve: CurveFit, styles: Mapping[str, ModelStyle]) -> None:
-    """Draw predicted minus measured, one line a model."""
-    style.zero_line(ax)
-    if curve.interval is not None:
-        low, high = (end - curve.predictions[curve.own] for end in curve.interval)
-        style.draw_interval(ax, curve.x, (low, high), styles[curve.own].colour)
-    _draw_models(
-        ax, curve, {model: values - curve.y for model, values in curve.predictions.items()}, styles
-    )
-
-
-def _draw_models(
-    ax: Axes, curve: CurveFit, lines: Mapping[str, Array], styles: Mapping[str, ModelStyle]
-) -> None:
-    for model, values in lines.items():
-        if curve.predicted(model):
-            style.draw_band(ax, curve.x, values, label=model, **styles[model].line)
-
-
-def mark_held_out(ax: Axes, curve: CurveFit) -> None:
-    """Shade the held-out regions of a curve that has training samples too; scattered ones are told
-    by their dots alone.
+def curve_figures(inputs: ReportInputs, name: str, numbers: Sequence[int]) -> list[Drawing]:
+    """One pair of axes a curve of these numbers: what is predicted above, the errors below; no
+    figure where there is none.
     """
-    spans = held_out_spans(curve.x, curve.held_out)
-    if not curve.held_out.all() and len(spans) <= MOST_SPANS:
-        for start, end in spans:
-            ax.axvspan(start, end, color="#f0f0f0", zorder=-1, linewidth=0)
-
-
-def held_out_figures(inputs: ReportInputs) -> list[Drawing]:
-    """One pair of axes a curve that has held-out samples, or was asked for; no figure where there
-    is none.
-    """
-    numbers = [
-        i
-        for i, curve in enumerate(inputs.dataset.curves)
-        if curve.held_out.any() or curve.id in inputs.asked
-    ]
-    shown = style.some_curves(inputs, numbers, MOST_PANELS)
+    shown = panels.some_curves(inputs, numbers)
     if not shown:
         return []
     curves = [curve_fit(inputs, number) for number in shown]
-    styles = style.model_styles(inputs.lines, inputs.style.palette)
-    far_off = [model for model in inputs.far_off if model in inputs.lines]
-    panels = tuple(
-        _panel(inputs, inputs.dataset.curves[i].id, curve, styles, far_off)
+    styles = style.model_styles([*curves[0].predictions], inputs.style.palette)
+    far_off = [model for model in inputs.far_off if model in styles]
+    unit = inputs.target.unit
+    labels = (inputs.axis_label(inputs.target), f"Error ({unit})")
+    figure = tuple(
+        Panel(
+            inputs.dataset.curves[i].id,
+            partial(draw_fit, curve=curve, styles=styles, far_off=far_off),
+            inputs.axis_label(_axis(inputs)),
+            labels,
+            curve_data(inputs, curve),
+            panels.shorten(curve.title, 60 if inputs.timed else 34),
+        )
         for i, curve in zip(shown, curves, strict=True)
     )
-    grid = Grid(
-        style.columns_for(len(panels)),
-        style.width_for(len(panels)),
-        2.65,
-        (2.0, 1.0),
-        common_x=True,
-        common_y="row",
-    )
-    mixed = any(not curve.held_out.all() for curve in curves)
+    grid = Layout(2.65, (2.0, 1.0), common_x=True, common_y="row")
+    if inputs.timed:
+        grid = Layout(2.5, (2.0, 1.0), columns=1, width=DOUBLE)
     what = f"Measured and predicted {inputs.target.name}"
-    marked = (
-        " Filled dots and grey bands mark held-out samples, open dots training samples."
-        if mixed
-        else ""
-    )
-    left_out = style.some_of(
-        len(curves), len(numbers), "curves with held-out samples"
-    ) + style.best_of(len(styles), len(inputs.models))
-    thinned = style.thinned([len(curve.x) for curve in curves])
-    drawn = f"{thinned}{left_out}{style.beyond_scale(far_off)}"
+    which = "training" if name == "training" else "held-out"
+    things = "recordings" if inputs.timed else "curves"
     caption = (
-        f"{what} of the held-out curves above, predicted minus measured "
-        f"below.{marked}{style.interval_words(inputs)}{drawn}"
+        f"{what} of the {which} {things}{' over time' if inputs.timed else ''}, predicted minus "
+        f"measured below.{_marks(inputs, curves)}{panels.interval_words(inputs)}"
+        f"{'' if inputs.timed else panels.thinned([len(curve.x) for curve in curves])}"
+        f"{panels.some_of(len(shown), len(numbers), f'{which} {things}')}"
+        f"{panels.best_of(len(styles), len(inputs.models))}{panels.beyond_scale(far_off)}"
     )
-    alt = f"{what} over {inputs.in_curve.name}: {_worst_errors(curves)}."
-    return [Drawing("fit", caption, alt, panels, grid, tuple(_legend(curves, styles, mixed)))]
+    alt = f"{what} over {_axis(inputs).name}, {which} {things}: {_worst_errors(curves)}."
+    return [Drawing(name, caption, alt, figure, grid, _legend(inputs, curves, styles))]
 
 
-def _panel(
-    inputs: ReportInputs,
-    name: str,
-    curve: CurveFit,
-    styles: Mapping[str, ModelStyle],
-    far_off: Sequence[str],
-) -> Panel:
-    """One curve; where models are far off, its axes show what was measured and the others."""
-
-    def on(axes: Sequence[Axes]) -> None:
-        for ax, draw in zip(axes, (draw_fit, draw_error), strict=True):
-            mark_held_out(ax, curve)
-            draw(ax, curve, styles)
-
-    near = [values for model, values in curve.predictions.items() if model not in far_off]
-    limits = (
-        (style.extent([curve.y, *near]), style.extent([values - curve.y for values in near]))
-        if far_off
-        else ()
+def _marks(inputs: ReportInputs, curves: Sequence[CurveFit]) -> str:
+    """Return what a caption says of filled dots, grey lines and grey backgrounds."""
+    mixed = any(curve.held_out.any() and not curve.held_out.all() for curve in curves)
+    if not inputs.timed:
+        words = " Filled dots and grey bands mark held-out samples, open dots training samples."
+        return words if mixed else ""
+    plateau = " The plateau is grey: it is scored, and trains nothing."
+    return (plateau if inputs.over_time else "") + (
+        " The measured line is grey where samples train." if mixed else ""
     )
-    labels = (inputs.axis_label(inputs.target), f"Error ({inputs.target.unit})")
-    return Panel(
-        name,
-        on,
-        inputs.axis_label(inputs.in_curve),
-        labels,
-        curve_data(inputs, curve),
-        style.shortened(curve.title, 34),
-        limits,
-    )
+
+
+def _legend(
+    inputs: ReportInputs, curves: Sequence[CurveFit], styles: Mapping[str, ModelStyle]
+) -> list[Any]:
+    held_out = any(curve.held_out.any() for curve in curves)
+    training = not all(curve.held_out.all() for curve in curves)
+    shape = {"linewidth": 0.9} if inputs.timed else panels.DOT
+    face = {} if inputs.timed else {"markerfacecolor": "none"}
+    handles: list[Any] = []
+    if held_out:
+        label = "held out" if training else "measured"
+        handles.append(panels.key(label, color=style.BLACK, **shape))
+    if training:
+        handles.append(panels.key("training", color=style.GREY, **shape, **face))
+    for model, look in styles.items():
+        if any(curve.predicted(model) for curve in curves):
+            handles.append(panels.key(model, **look.line))
+        else:
+            cross = look.line | {"linestyle": "none", "marker": "x"}
+            handles.append(panels.key(f"{title_of(model)} (failed)", **cross))
+    if curves[0].interval is not None:
+        handles.append(panels.interval_key(next(iter(styles.values())).colour))
+    if inputs.over_time:
+        handles.append(Patch(color=style.SHADE, label="plateau"))
+    return handles
+
+
+def _worst_errors(curves: Sequence[CurveFit]) -> str:
+    """Return the largest error of each model, on held-out samples where a curve has some."""
+    words = []
+    for model in curves[0].predictions:
+        errors = np.concatenate(
+            [
+                (curve.predictions[model] - curve.y)[curve.held_out | ~curve.held_out.any()]
+                for curve in curves
+            ]
+        )
+        known = np.abs(errors[np.isfinite(errors)])
+        largest = f"largest error {known.max():.3g}" if len(known) else "no prediction"
+        words.append(f"{title_of(model)}: {largest}")
+    return ", ".join(words)
 
 
 def curve_data(inputs: ReportInputs, curve: CurveFit) -> dict[str, Values]:
@@ -230,153 +260,124 @@ def curve_data(inputs: ReportInputs, curve: CurveFit) -> dict[str, Values]:
     predicts.
     """
     unit = inputs.target.unit
-    data: dict[str, Values] = {
-        style.heading(inputs.in_curve): curve.x,
-        style.heading(inputs.target): curve.y,
+    low, high = curve.interval or ((), ())
+    ends = {f"{inputs.own} low [{unit}]": low, f"{inputs.own} high [{unit}]": high}
+    return {
+        panels.heading(_axis(inputs)): curve.x,
+        panels.heading(inputs.target): curve.y,
+        "data": np.where(curve.held_out, "validate", "train"),
+        **{f"{model} [{unit}]": values for model, values in curve.predictions.items()},
+        **(ends if curve.interval else {}),
     }
-    data["data"] = np.where(curve.held_out, "validate", "train")
-    data |= {f"{model} [{unit}]": values for model, values in curve.predictions.items()}
-    ends = {} if curve.interval is None else dict(zip(("low", "high"), curve.interval, strict=True))
-    return {**data, **{f"{inputs.own} {end} [{unit}]": values for end, values in ends.items()}}
 
 
-def _legend(
-    curves: Sequence[CurveFit], styles: Mapping[str, ModelStyle], mixed: bool
-) -> list[Line2D | Patch]:
-    handles: list[Line2D | Patch] = []
-    if any(curve.held_out.any() for curve in curves):
-        handles.append(
-            style.key("held out" if mixed else "measured", color=style.BLACK, **style.DOT)
-        )
-    if mixed:
-        handles.append(
-            style.key("training", markerfacecolor="none", markeredgecolor=style.GREY, **style.DOT)
-        )
-    for model, look in styles.items():
-        failed = not any(curve.predicted(model) for curve in curves)
-        cross: dict[str, Any] = {"linestyle": "none", "marker": "x"} if failed else {}
-        handles.append(
-            style.key(f"{title_of(model)} (failed)" if failed else model, **look.line | cross)
-        )
-    if any(curve.interval is not None for curve in curves):
-        handles.append(style.interval_key(styles[curves[0].own].colour))
-    return handles
-
-
-def _worst_errors(curves: Sequence[CurveFit]) -> str:
-    scored = [
-        (curve, curve.held_out if curve.held_out.any() else ~curve.held_out) for curve in curves
-    ]
-
-    def worst(model: str) -> str:
-        errors = np.concatenate(
-            [np.abs(curve.predictions[model] - curve.y)[rows] for curve, rows in scored]
-        )
-        return (
-            f"largest error {np.nanmax(errors):.3g}"
-            if np.isfinite(errors).any()
-            else "no prediction"
-        )
-
-    return ", ".join(f"{title_of(model)}: {worst(model)}" for model in curves[0].predictions)
-
-
-def training_curve_fits(inputs: ReportInputs) -> list[CurveFit]:
-    """Return the training samples of every curve that has some."""
-    curves = inputs.dataset.curves
-    return [
-        curve_fit(inputs, i, ~curve.held_out)
-        for i, curve in enumerate(curves)
-        if not curve.held_out.all()
-    ]
-
-
-def draw_training_curves(
-    top: Axes, bottom: Axes, curves: Sequence[CurveFit], model: str, own_colour: str
-) -> None:
-    """Draw measured samples coloured by curve with the model's lines over them, and the errors in
-    the same colours.
-    """
-    style.zero_line(bottom)
-    for curve, colour in zip(curves, style.level_colours(len(curves)), strict=True):
-        dots = style.cloud(curve.x, curve.y, style.DOTS_A_CURVE)
-        top.plot(
-            curve.x[dots],
-            curve.y[dots],
-            color=colour,
-            **style.DOT | {"markersize": 2.0, "markeredgewidth": 0},
-        )
-        if curve.predicted(model):
-            predicted = curve.predictions[model]
-            style.draw_band(top, curve.x, predicted, own_colour, linewidth=1.1, zorder=3)
-            style.draw_band(bottom, curve.x, predicted - curve.y, colour, linewidth=0.8)
-
-
-def label_curves(ax: Axes, curves: Sequence[CurveFit]) -> None:
-    """Write the names of the curves beside that end at which they lie further apart; a name that
-    would cover another is left out.
-    """
-    colours = style.level_colours(len(curves))
-    left, right = (np.array([curve.y[end] for curve in curves]) for end in (0, -1))
-    at_left = bool(np.ptp(left) >= np.ptp(right))
-    end, ends = (0, left) if at_left else (-1, right)
-    low, high = ax.get_xlim()
-    room = LABEL_ROOM * (high - low)
-    ax.set_xlim(low - room if at_left else low, high if at_left else high + room)
-    apart, last = LABEL_HEIGHT * np.ptp(ax.get_ylim()), -np.inf
-    for i in np.argsort(ends, kind="stable"):
-        if ends[i] - last >= apart:
-            last = ends[i]
-            place, offset = (float(curves[i].x[end]), float(ends[i])), (-4 if at_left else 4, 0)
-            look = {
-                "ha": "right" if at_left else "left",
-                "va": "center",
-                "fontsize": style.small(),
-                "color": colours[i],
-            }
-            ax.annotate(
-                style.shortened(curves[i].title, 14),
-                place,
-                offset,
-                textcoords="offset points",
-                annotation_clip=False,
-                **look,
-            )
+# Training curves of a static model
+# --------------------------------------------------------------------------------------------------
 
 
 def training_figures(inputs: ReportInputs) -> list[Drawing]:
     """One figure for the training curves, or for some of them where they are many."""
-    every = training_curve_fits(inputs)
-    curves = [every[i] for i in style.spread(len(every), MOST_CURVES)]
-    if not curves:
+    numbers = [i for i, curve in enumerate(inputs.dataset.curves) if not curve.held_out.all()]
+    shown = [numbers[i] for i in panels.evenly(len(numbers), MOST_CURVES)]
+    if not shown:
         return []
-    look = style.model_styles([inputs.own], inputs.style.palette)[inputs.own]
-
-    def on(axes: Sequence[Axes]) -> None:
-        draw_training_curves(axes[0], axes[1], curves, inputs.own, look.colour)
-        label_curves(axes[0], curves)
-
-    data: dict[str, Values] = {
-        "curve": [curve.title for curve in curves for _ in curve.x],
-        style.heading(inputs.in_curve): np.concatenate([curve.x for curve in curves]),
-        style.heading(inputs.target): np.concatenate([curve.y for curve in curves]),
-        f"{inputs.own} [{inputs.target.unit}]": np.concatenate(
-            [curve.predictions[inputs.own] for curve in curves]
-        ),
-    }
-    labels = (inputs.axis_label(inputs.target), f"Error ({inputs.target.unit})")
-    panel = Panel("", on, inputs.axis_label(inputs.in_curve), labels, data)
-    legend = (
-        style.key("measured", color=style.GREY, **style.DOT),
-        style.key(inputs.own, color=look.colour, linewidth=look.width),
+    curves = [curve_fit(inputs, number, training=True) for number in shown]
+    own, unit = (
+        style.model_styles([inputs.own], inputs.style.palette)[inputs.own],
+        inputs.target.unit,
     )
+    columns = [curve_data(inputs, curve) for curve in curves]
+    data: dict[str, Values] = {"curve": [curve.title for curve in curves for _ in curve.x]}
+    for name in columns[0]:
+        data[name] = np.concatenate([column[name] for column in columns])
+    panel = Panel(
+        "",
+        partial(draw_training_curves, curves=curves, own_colour=own.colour),
+        inputs.axis_label(inputs.in_curve),
+        (inputs.axis_label(inputs.target), f"Error ({unit})"),
+        data,
+    )
+    legend = [panels.key(inputs.own, color=own.colour, linewidth=own.width)]
+    for curve, colour in zip(curves, style.level_colours(len(curves)), strict=True):
+        legend.append(panels.key(panels.shorten(curve.title, 24), color=colour, **panels.DOT))
     caption = (
         f"The training curves with {inputs.own} above, its error (predicted minus measured) below."
-        f"{style.thinned([len(curve.x) for curve in curves])}"
-        f"{style.some_of(len(curves), len(every), 'training curves')}"
+        f"{panels.thinned([len(curve.x) for curve in curves])}"
+        f"{panels.some_of(len(curves), len(numbers), 'training curves')}"
     )
     spoken = ", ".join(curve.title for curve in curves)
     alt = f"Training curves {spoken}, with the predictions of {inputs.own} and their errors."
-    return [
-        Drawing("fit_training", caption, alt, (panel,), Grid(height=2.95, stack=(2.2, 1.0)), legend)
+    return [Drawing("fit_training", caption, alt, (panel,), Layout(2.95, (2.2, 1.0)), legend)]
+
+
+def draw_training_curves(
+    top: Axes, bottom: Axes, curves: Sequence[CurveFit], own_colour: str
+) -> None:
+    """Draw measured samples coloured by curve with the model's lines over them, and the errors in
+    the same colours.
+    """
+    panels.zero_line(bottom)
+    for curve, colour in zip(curves, style.level_colours(len(curves)), strict=True):
+        panels.draw_dots(top, curve.x, curve.y, color=colour, markersize=2.0)
+        for model, predicted in curve.predictions.items():
+            if curve.predicted(model):
+                panels.draw_band(top, curve.x, predicted, color=own_colour, zorder=3)
+                panels.draw_band(bottom, curve.x, predicted - curve.y, color=colour, linewidth=0.8)
+
+
+# Loops of a model with memory
+# --------------------------------------------------------------------------------------------------
+
+
+def loop_figures(inputs: ReportInputs) -> list[Drawing]:
+    """Draw a row of panels for each held-out recording: the run's own model over the measured
+    loops, and its best competitors.
+    """
+    numbers = [i for i, curve in enumerate(inputs.dataset.curves) if curve.held_out.any()]
+    shown = panels.some_curves(inputs, numbers, MOST_LOOPS)
+    if not shown:
+        return []
+    models = inputs.best(MOST_LOOPS)
+    styles = style.model_styles(models, inputs.style.palette)
+    loops = tuple(_loop(inputs, i, model, styles[model].colour) for i in shown for model in models)
+    what = f"Measured and predicted {inputs.target.name} over {inputs.in_curve.name}"
+    caption = (
+        f"{what} along the held-out samples, in the order of time."
+        f"{panels.best_of(len(models), len(inputs.models))}"
+        f"{panels.some_of(len(shown), len(numbers), 'recordings with held-out samples')}"
+    )
+    alt = f"{what}, held-out samples in the order of time."
+    legend = [
+        panels.key("measured", color=style.BLACK),
+        *(panels.key(model, color=look.colour) for model, look in styles.items()),
     ]
+    grid = Layout(2.3, columns=len(models), common_y="row")
+    return [Drawing("loops", caption, alt, loops, grid, legend)]
+
+
+def _loop(inputs: ReportInputs, number: int, model: str, colour: str) -> Panel:
+    curve, along, target = inputs.dataset.curves[number], inputs.in_curve, inputs.target
+    x, measured = curve.columns[along.name], curve.columns[inputs.dataset.target]
+    predicted = inputs.validation.predictions[model][number]
+    pieces: list[IntArray] = []
+    for rows in curve.logs:  # each run of held-out samples is a path of its own
+        held = rows[curve.held_out[rows]]
+        pieces += np.split(held, np.flatnonzero(np.diff(held) > 1) + 1)
+
+    def on(ax: Axes) -> None:
+        for piece in pieces:
+            for y, ink, width in ((measured, style.BLACK, 0.9), (predicted, colour, 1.6)):
+                bends = [panels.envelope(values[piece], 2 * panels.DOTS) for values in (x, y)]
+                path = piece[np.union1d(*bends)]
+                ax.plot(x[path], y[path], color=ink, linewidth=width)
+
+    rows = np.concatenate(pieces)
+    data: dict[str, Values] = {
+        panels.heading(along): x[rows],
+        panels.heading(target): measured[rows],
+        f"{model} [{target.unit}]": predicted[rows],
+    }
+    name, rival = panels.shorten(inputs.curve_label(curve), 22), title_of(model)
+    labels = (inputs.axis_label(along), (inputs.axis_label(target),))
+    title = f"{name}: {panels.shorten(rival, 24)}"
+    return Panel(f"{curve.id} {model}", on, *labels, data, title)

@@ -3,26 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 from matplotlib.axes import Axes
-from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from mapmore_cli.domain.scores import REPEATABILITY, Score
-from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
-from mapmore_cli.reporting.figures.style import (
-    BLACK,
-    GREY,
-    ModelStyle,
-    key,
-    label_rows,
-    model_styles,
-    two_lines,
-    write_beside,
-)
+from mapmore_cli.domain.scores import REPEATABILITY
+from mapmore_cli.reporting.figures.drawing import Drawing, Layout, Panel, Values
+from mapmore_cli.reporting.figures.panels import key, label_rows, two_lines, write_beside
+from mapmore_cli.reporting.figures.style import BLACK, GREY, ModelStyle, model_styles
 from mapmore_cli.reporting.inputs import ReportInputs
 from mapmore_cli.reporting.score_tables import full_scale
 from mapmore_cli.reporting.table import title_of
@@ -39,157 +30,96 @@ DIAMOND: dict[str, Any] = {
 FLOOR: dict[str, Any] = {"color": GREY, "linestyle": (0, (3, 2)), "linewidth": 0.9}
 
 
-@dataclass(frozen=True)
-class NrmseBars:
-    """NRMSE in per cent by model and then by split, absent for a failed model; published values by
-    model.
-
-    `floor` is what repeated measurements differ by, by split, where they were repeated.
-    """
-
-    values: Mapping[str, Mapping[str, float]]
-    published: Mapping[str, float]
-    floor: Mapping[str, float]
-
-    @property
-    def splits(self) -> tuple[str, ...]:
-        """The splits that have scores, held-out data first."""
-        return tuple(
-            split for split in SPLITS if any(split in by_split for by_split in self.values.values())
-        )
-
-
-def nrmse_bars(
-    models: Sequence[str], scores: Sequence[Score], published: Mapping[str, float]
-) -> NrmseBars:
-    """Pooled scores of the models in their order."""
-    values = {
-        model: {
-            s.split: 100 * s.nrmse
-            for s in scores
-            if s.model == model and s.curve == "all" and math.isfinite(s.nrmse)
-        }
-        for model in (*models, REPEATABILITY)
+def draw(inputs: ReportInputs) -> list[Drawing]:
+    """One figure for all models: their pooled scores in per cent, and published ones."""
+    pooled = [s for s in inputs.validation.scores if s.curve == "all"]
+    found = {(s.model, s.split): 100 * s.nrmse for s in pooled if math.isfinite(s.nrmse)}
+    present = {split for model, split in found if model != REPEATABILITY}
+    bars = {
+        split: {model: found.get((model, split), math.nan) for model in inputs.models}
+        for split in SPLITS
+        if split in present
     }
-    floor = values.pop(REPEATABILITY)
-    held_out = any(
-        "validate" in by_split for by_split in values.values()
-    )  # published numbers are of such data alone
-    return NrmseBars(
-        values,
-        {model: 100 * published[model] for model in models if held_out and model in published},
-        floor,
+    if not bars:
+        return []
+    paper, solid = inputs.published, next(iter(bars))
+    published = {}
+    if paper is not None and solid == "validate":  # published numbers are of such data alone
+        published = {m: 100 * paper.nrmse[m] for m in inputs.models if m in paper.nrmse}
+    floor = found.get((REPEATABILITY, solid), math.nan)
+    styles = model_styles([*inputs.lines, *inputs.models], inputs.style.palette)
+    handles: list[Any] = [
+        Patch(label=SPLITS[split], **_bar_look(BLACK, split == solid)) for split in bars
+    ]
+    caption = (
+        "Normalised root mean square error of all curves pooled. "
+        f"{full_scale(pooled, inputs.target.unit)}"
     )
+    if math.isfinite(floor):
+        handles.append(key(f"repeatability {floor:.2f}", **FLOOR))
+        caption += (
+            " The dashed line is what repeated measurements differ by, to be held against the "
+            "solid bars."
+        )
+    if paper is not None and published:
+        handles.insert(len(bars), key("published", **DIAMOND))
+        caption += f" Diamonds: {paper.source}."
+    spoken = ", ".join(
+        f"{title_of(model)} {'failed' if math.isnan(value) else f'{value:.2f} %'}"
+        for model, value in bars[solid].items()
+    )
+    alt = f"NRMSE on {SPLITS[solid]} data: {spoken}."
+    on = partial(draw_nrmse, bars=bars, published=published, floor=floor, styles=styles)
+    panel = Panel("", on, "NRMSE (%)", ("",), _bar_numbers(bars, published))
+    grid = Layout(0.3 + 0.42 * len(inputs.models))
+    return [Drawing("nrmse", caption, alt, (panel,), grid, handles)]
 
 
-def draw_nrmse(ax: Axes, bars: NrmseBars, styles: Mapping[str, ModelStyle]) -> None:
+def draw_nrmse(
+    ax: Axes,
+    bars: Mapping[str, Mapping[str, float]],
+    published: Mapping[str, float],
+    floor: float,
+    styles: Mapping[str, ModelStyle],
+) -> None:
     """Draw a pair of bars a model, solid for held-out and hatched for training data, values at the
     right, published ones as diamonds.
 
-    A dashed line marks what repeated measurements differ by, of the data that the solid bars are
-    about.
+    - `bars`: errors by split, then by model; NaN for a failed model, which has no bar.
+    - `floor`: what repeated measurements differ by, a dashed line; NaN where there are none.
     """
-    first = -(len(bars.splits) - 1) / 2 * BAR
-    for place, (model, by_split) in enumerate(bars.values.items()):
-        for j, split in enumerate(bars.splits):
-            at, solid = place + first + j * BAR, j == 0
-            published = (
-                f" (published {bars.published[model]:.3g})"
-                if solid and model in bars.published
-                else ""
-            )
-            write_beside(
-                ax, at, (f"{by_split[split]:.2f}" if split in by_split else "failed") + published, 5
-            )
-            if split in by_split:
-                look = _bar_look(styles[model].colour, solid)
-                ax.barh(at, by_split[split], BAR * 0.9, linewidth=0.8, **look)
-    if bars.splits[0] in bars.floor:
-        ax.axvline(bars.floor[bars.splits[0]], zorder=4, **FLOOR)
-    places = {model: place for place, model in enumerate(bars.values)}
-    if bars.published:
-        ax.plot(
-            [*bars.published.values()],
-            [places[model] + first for model in bars.published],
-            zorder=5,
-            clip_on=False,
-            **DIAMOND,
-        )
-    label_rows(ax, [two_lines(title_of(model), 18) for model in places], 0.45, 0.55)
+    models = list(next(iter(bars.values())))
+    first = -(len(bars) - 1) / 2 * BAR
+    for j, by_model in enumerate(bars.values()):
+        for place, (model, value) in enumerate(by_model.items()):
+            text = "failed" if math.isnan(value) else f"{value:.2f}"
+            if j == 0 and model in published:
+                text += f" (published {published[model]:.3g})"
+            write_beside(ax, place + first + j * BAR, text)
+            if not math.isnan(value):
+                look = _bar_look(styles[model].colour, j == 0)
+                ax.barh(place + first + j * BAR, value, BAR * 0.9, linewidth=0.8, **look)
+    if math.isfinite(floor):
+        ax.axvline(floor, zorder=4, **FLOOR)
+    if published:
+        rows = [models.index(model) + first for model in published]
+        ax.plot([*published.values()], rows, zorder=5, clip_on=False, **DIAMOND)
+    label_rows(ax, [two_lines(title_of(model), 18) for model in models])
     ax.set_xlim(left=0)
 
 
 def _bar_look(colour: str, solid: bool) -> dict[str, Any]:
-    return {
-        "facecolor": colour if solid else "white",
-        "edgecolor": colour,
-        "hatch": None if solid else "////",
-    }
+    face, hatch = (colour, None) if solid else ("white", "////")
+    return {"facecolor": face, "edgecolor": colour, "hatch": hatch}
 
 
-def draw(inputs: ReportInputs) -> list[Drawing]:
-    """One figure for all models."""
-    bars = nrmse_bars(
-        inputs.models, inputs.validation.scores, inputs.published.nrmse if inputs.published else {}
-    )
-    if not bars.splits:
-        return []
-    styles = model_styles([*inputs.lines, *inputs.models], inputs.style.palette)
-    panel = Panel(
-        "", lambda axes: draw_nrmse(axes[0], bars, styles), "NRMSE (%)", ("",), _data(bars)
-    )
-    handles: list[Patch | Line2D] = [
-        Patch(label=SPLITS[split], **_bar_look(BLACK, j == 0))
-        for j, split in enumerate(bars.splits)
-    ]
-    if bars.published:
-        handles.append(key("published", **DIAMOND))
-    shown = bars.splits[0]
-    if shown in bars.floor:
-        handles.append(key(f"repeatability {bars.floor[shown]:.2f}", **FLOOR))
-    source = f" Diamonds: {inputs.published.source}." if inputs.published and bars.published else ""
-    floor = (
-        " The dashed line is what repeated measurements differ by, to be held against the "
-        "solid bars."
-        if shown in bars.floor
-        else ""
-    )
-    normaliser = full_scale(
-        [s for s in inputs.validation.scores if s.curve == "all"], inputs.target.unit
-    )
-    caption = f"Normalised root mean square error of all curves pooled. {normaliser}{floor}{source}"
-    results = {
-        model: f"{by_split[shown]:.2f} %" if shown in by_split else "failed"
-        for model, by_split in bars.values.items()
-    }
-    spoken = ", ".join(f"{title_of(model)} {result}" for model, result in results.items())
-    grid = Grid(height=0.3 + 0.42 * len(bars.values))
-    return [
-        Drawing(
-            "nrmse",
-            caption,
-            f"NRMSE on {SPLITS[shown]} data: {spoken}.",
-            (panel,),
-            grid,
-            tuple(handles),
-        )
-    ]
-
-
-def _data(bars: NrmseBars) -> dict[str, Values]:
+def _bar_numbers(
+    bars: Mapping[str, Mapping[str, float]], published: Mapping[str, float]
+) -> dict[str, Values]:
     rows = [
-        (model, split, by_split.get(split, math.nan))
-        for model, by_split in bars.values.items()
-        for split in bars.splits
+        (model, split, by_model[model], published.get(model, "") if split == "validate" else "")
+        for model in next(iter(bars.values()))
+        for split, by_model in bars.items()
     ]
-    models, splits, errors = zip(*rows, strict=True)
-    published = [
-        str(bars.published[model]) if split == "validate" and model in bars.published else ""
-        for model, split, _ in rows
-    ]
-    return {
-        "model": models,
-        "data": splits,
-        "NRMSE [%]": errors,
-        **({"published NRMSE [%]": published} if bars.published else {}),
-    }
+    headings = ("model", "data", "NRMSE [%]", "published NRMSE [%]")
+    return dict(zip(headings, zip(*rows, strict=True), strict=True))

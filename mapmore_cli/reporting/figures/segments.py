@@ -1,23 +1,21 @@
-"""Segments with the weights that join them, as M2's figures 5 and 6; and the way between the
-training levels.
-"""
+"""Segments with their weights, as in M2's figures 5 and 6; and the model over the levels."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from matplotlib.axes import Axes
 
 from mapmore_cli.domain.arrays import Array, IntArray
-from mapmore_cli.domain.declared import Transition
 from mapmore_cli.domain.models import Fusion, Pieces
-from mapmore_cli.domain.recording import DIRECTION, Quantity
-from mapmore_cli.modelling.pieces.definition import cell_weights, weight_of, zones
+from mapmore_cli.domain.recording import DIRECTION
+from mapmore_cli.modelling.kinds import predict
+from mapmore_cli.modelling.pieces.definition import cell_weights, zones
 from mapmore_cli.modelling.pieces.segmentation import training_curves
-from mapmore_cli.reporting.figures import style
-from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
+from mapmore_cli.reporting.figures import panels, style
+from mapmore_cli.reporting.figures.drawing import Drawing, Layout, Panel, Values
 from mapmore_cli.reporting.inputs import ReportInputs
 
 LOOKS = (
@@ -27,7 +25,20 @@ LOOKS = (
     (style.PURPLE, "D", ":"),
 )
 """Colour, marker and line of the segments, in turn."""
-MOST_CURVES, DOTS_A_SEGMENT, GRID = 6, 30, 401
+GRID = 401
+
+
+def draw(inputs: ReportInputs) -> list[Drawing]:
+    """One figure a segmented variable, and one of the model over the levels."""
+    pieces = inputs.model.pieces
+    if pieces is None or not pieces.segments:
+        return []
+    cut = [
+        _variable_figure(inputs, pieces.fusion, j, name)
+        for j, name in enumerate(pieces.variables)
+        if name != DIRECTION
+    ]
+    return [*cut, *level_figures(inputs, pieces)]
 
 
 @dataclass(frozen=True)
@@ -50,203 +61,135 @@ def segment_curves(inputs: ReportInputs, variable: int) -> list[SegmentCurve]:
     """Return the segmented curves along variable number `variable`; held-out samples are left
     out.
     """
-    curves = {
-        curve.id: curve
-        for curve in training_curves(inputs.dataset.curves, by_level=inputs.model.level is not None)
-    }
-    panels = []
+    training = training_curves(inputs.dataset.curves, by_level=inputs.model.level is not None)
+    curves = {curve.id: curve for curve in training}
+    made = []
     for segmented in inputs.segmentation:
         curve = curves[segmented.curve]
-        train = ~curve.held_out
         cell = np.zeros(curve.size, dtype=np.int64)
         for segment in segmented.segments:
             cell[segment.rows] = segment.cell[variable]
-        x, y = (
-            curve.columns[segmented.variables[variable]][train],
-            curve.columns[inputs.fitted][train],
-        )
-        title = inputs.curve_label(curve)
-        panels.append(
-            SegmentCurve(segmented.curve, title, x, y, cell[train], segmented.boundaries[variable])
-        )
-    return panels
-
-
-def draw_segments(ax: Axes, curve: SegmentCurve) -> None:
-    """Draw the samples, coloured and marked by segment."""
-    for place in range(1, len(curve.boundaries)):
-        rows = np.flatnonzero(curve.cell == place)
-        rows = rows[style.cloud(curve.x[rows], curve.y[rows], DOTS_A_SEGMENT)]
-        colour, marker, _ = LOOKS[(place - 1) % len(LOOKS)]
-        ax.plot(
-            curve.x[rows],
-            curve.y[rows],
-            color=colour,
-            marker=marker,
-            linestyle="none",
-            markersize=2.8,
-            markeredgewidth=0,
-        )
-
-
-def draw_weights(ax: Axes, curve: SegmentCurve, transition: Transition, z_s: float) -> None:
-    """Draw the weight of every segment along the variable, where it has any."""
-    x = np.union1d(
-        np.linspace(curve.boundaries[0], curve.boundaries[-1], GRID),
-        np.concatenate(zones(curve.boundaries, z_s)),
-    )
-    for place, weight in enumerate(cell_weights(x, curve.boundaries, transition, z_s).T, start=1):
-        colour, _, line = LOOKS[(place - 1) % len(LOOKS)]
-        ax.plot(
-            x, np.where(weight > 0, weight, np.nan), color=colour, linestyle=line, linewidth=1.2
-        )
-    ax.set_yticks([0, 0.5, 1])
-
-
-def draw_zones(ax: Axes, boundaries: Array, z_s: float) -> None:
-    """Draw boundaries as vertical lines, transition zones shaded (M2 eq 10 and 11)."""
-    for start, end in zip(*zones(boundaries, z_s), strict=True):
-        ax.axvspan(start, end, color="#ececec", linewidth=0, zorder=-1)
-    for boundary in boundaries:
-        ax.axvline(boundary, color=style.GREY, linewidth=0.5, zorder=0)
-
-
-def draw(inputs: ReportInputs) -> list[Drawing]:
-    """One figure a segmented variable, and one of the way between the levels."""
-    pieces = inputs.model.pieces
-    if pieces is None or not pieces.segments:
-        return []
-    cut = [
-        _variable_figure(inputs, pieces.fusion, j, name)
-        for j, name in enumerate(pieces.variables)
-        if name != DIRECTION
-    ]
-    return [*cut, *level_figures(inputs)]
+        names = (segmented.variables[variable], inputs.fitted)
+        x, y = (curve.columns[name][~curve.held_out] for name in names)
+        title, boundaries = inputs.curve_label(curve), segmented.boundaries[variable]
+        made.append(SegmentCurve(curve.id, title, x, y, cell[~curve.held_out], boundaries))
+    return made
 
 
 def _variable_figure(inputs: ReportInputs, fusion: Fusion, variable: int, name: str) -> Drawing:
     every = segment_curves(inputs, variable)
-    shown = [every[i] for i in style.places(inputs, [curve.id for curve in every], MOST_CURVES)]
-    panels = tuple(
-        _panel(inputs, fusion, curve, inputs.dataset.quantities[name]) for curve in shown
-    )
-    grid = Grid(
-        style.columns_for(len(panels)),
-        style.width_for(len(panels)),
-        2.2,
-        (2.0, 0.8),
-        common_y="row",
-    )
+    shown = [every[i] for i in panels.places(inputs, [curve.id for curve in every])]
+    along, target = inputs.dataset.quantities[name], inputs.dataset.quantities[inputs.fitted]
+    labels = (inputs.axis_label(along), (inputs.axis_label(target), "Weight (–)"))
+    drawn = []
+    for curve in shown:
+        weights = cell_weights(curve.x, curve.boundaries, fusion.transition, fusion.z_s).T
+        data: dict[str, Values] = {
+            panels.heading(along): curve.x,
+            panels.heading(target): curve.y,
+            "segment": curve.cell,
+            **{f"weight of segment {place}": one for place, one in enumerate(weights, start=1)},
+        }
+        on = partial(draw_segments, curve=curve, fusion=fusion)
+        drawn.append(Panel(curve.id, on, *labels, data, panels.shorten(curve.title, 34)))
     caption = (
         f"Training samples by segment of {name}, and the segments' weights within their curve "
-        "below: boundaries as lines, transition zones "
-        f"shaded ({fusion.transition} transitions, z_s = "
-        f"{fusion.z_s:g}).{style.some_of(len(shown), len(every), 'curves')}"
+        "below: boundaries as lines, transition zones shaded "
+        f"({fusion.transition} transitions, z_s = {fusion.z_s:g})."
+        f"{panels.some_of(len(shown), len(every), 'curves')}"
     )
     spoken = "; ".join(
         f"{curve.title}: boundaries at {', '.join(f'{b:.3g}' for b in curve.boundaries)}"
         for curve in shown
     )
     stem = "segments" if variable == 0 else f"segments_{name}"
-    return Drawing(stem, caption, f"Segments of {name}. {spoken}.", panels, grid)
+    grid = Layout(2.2, (2.0, 0.8), common_y="row")
+    return Drawing(stem, caption, f"Segments of {name}. {spoken}.", tuple(drawn), grid)
 
 
-def _panel(inputs: ReportInputs, fusion: Fusion, curve: SegmentCurve, along: Quantity) -> Panel:
-    def on(axes: Sequence[Axes]) -> None:
-        draw_segments(axes[0], curve)
-        draw_weights(axes[1], curve, fusion.transition, fusion.z_s)
-        for ax in axes:
-            draw_zones(ax, curve.boundaries, fusion.z_s)
+def draw_segments(top: Axes, bottom: Axes, curve: SegmentCurve, fusion: Fusion) -> None:
+    """Draw the samples, coloured and marked by segment, and the weights below, where there are any.
 
-    target = inputs.dataset.quantities[inputs.fitted]
-    weights = cell_weights(curve.x, curve.boundaries, fusion.transition, fusion.z_s).T
-    data: dict[str, Values] = {
-        style.heading(along): curve.x,
-        style.heading(target): curve.y,
-        "segment": curve.cell,
-        **{f"weight of segment {place}": weight for place, weight in enumerate(weights, start=1)},
-    }
-    return Panel(
-        curve.id,
-        on,
-        inputs.axis_label(along),
-        (inputs.axis_label(target), "Weight (–)"),
-        data,
-        style.shortened(curve.title, 34),
-    )
+    Boundaries are vertical lines, transition zones are shaded (M2 eq 10 and 11).
+    """
+    starts, ends = zones(curve.boundaries, fusion.z_s)
+    grid = np.linspace(curve.boundaries[0], curve.boundaries[-1], GRID)
+    x = np.union1d(grid, np.concatenate([starts, ends]))
+    weights = cell_weights(x, curve.boundaries, fusion.transition, fusion.z_s).T
+    for place, weight in enumerate(weights, start=1):
+        colour, marker, line = LOOKS[(place - 1) % len(LOOKS)]
+        rows = curve.cell == place
+        dots = {"color": colour, "marker": marker, "markersize": 2.8}
+        most = panels.DOTS // len(weights)
+        panels.draw_dots(top, curve.x[rows], curve.y[rows], most, **dots)
+        positive = np.where(weight > 0, weight, np.nan)
+        bottom.plot(x, positive, color=colour, linestyle=line, linewidth=1.2)
+    bottom.set_yticks([0, 0.5, 1])
+    for ax in (top, bottom):
+        for start, end in zip(starts, ends, strict=True):
+            ax.axvspan(start, end, color=style.SHADE, linewidth=0, zorder=-1)
+        for boundary in curve.boundaries:
+            ax.axvline(boundary, color=style.GREY, linewidth=0.5, zorder=0)
 
 
-def level_figures(inputs: ReportInputs) -> list[Drawing]:
+def level_figures(inputs: ReportInputs, pieces: Pieces) -> list[Drawing]:
     """One figure where there are levels to interpolate between."""
-    pieces = inputs.model.pieces
-    if pieces is None or pieces.level is None or len(pieces.curves) < 2:
+    if pieces.level is None or len(pieces.curves) < 2:
         return []
     levels = np.array([curve.level for curve in pieces.curves], dtype=np.float64)
-    level = inputs.dataset.quantities[pieces.level]
-    return [_weights(pieces, inputs, level, levels)]
-
-
-def _weights(pieces: Pieces, inputs: ReportInputs, level: Quantity, levels: Array) -> Drawing:
-    x, weights = level_weights(pieces, levels)
-
-    def on(axes: Sequence[Axes]) -> None:
-        draw_levels(axes[0], levels, x, weights)
-        axes[0].set_yticks([0, 0.5, 1])
-
-    data: dict[str, Values] = {style.heading(level): x}
-    data |= {
-        f"weight of {value:g} {level.unit}": weight
-        for value, weight in zip(levels, weights, strict=True)
-    }
-    caption = (
-        f"Weights of the {len(levels)} training curves over {level.name}; a dot marks the "
-        "level of each."
+    level, along, output = (
+        inputs.dataset.quantities[pieces.level],
+        inputs.along,
+        inputs.model.output,
     )
-    if (share := pieces.fusion.shrink) < 1.0:
-        caption += (
-            f" Midway between levels, {share:.0%} of what the pieces explain on the backbone "
-            "is carried: the weights sum to less than one."
-        )
-    alt = f"Weights with their peaks at {', '.join(f'{value:g}' for value in levels)} {level.unit}."
-    panel = Panel("", on, inputs.axis_label(level), ("Weight (–)",), data)
-    return Drawing("segments_levels", caption, alt, (panel,), Grid(height=1.3))
-
-
-def draw_levels(ax: Axes, levels: Array, x: Array, weights: Array) -> None:
-    """Draw weights of the curves, `(levels, m)`, as the model has them at `x` between the levels
-    and beyond the outer ones.
-    """
-    for colour, level, weight in zip(
-        style.level_colours(len(levels)), levels, weights, strict=True
-    ):
-        ax.plot(x, weight, color=colour, linewidth=1.2)
-        ax.plot([level], [1.0], color=colour, marker="o", markersize=3)
-
-
-def level_weights(pieces: Pieces, levels: Array) -> tuple[Array, Array]:
-    """Values of the level quantity `(m,)`, and the weight of every curve there `(levels, m)`, in
-    the middle of the other inputs' ranges.
-    """
     x = _level_grid(pieces, levels)
-    middle = {
-        name: np.full(len(x), np.mean([curve.limits[name] for curve in pieces.curves]))
-        for name in pieces.curves[0].limits
+    courses = level_courses(inputs, pieces, x)
+    at = f"{along.name} {', '.join(f'{place:.3g}' for place in courses)}"
+    at += "" if along.unit == "1" else f" {along.unit}"
+    data: dict[str, Values] = {panels.heading(level): x}
+    for place, y in courses.items():
+        data[f"{inputs.own} at {along.name} {place:.6g} [{output.unit}]"] = y
+
+    def on(ax: Axes) -> None:
+        for colour, y in zip(style.level_colours(len(courses)), courses.values(), strict=True):
+            ax.plot(x, y, color=colour, linewidth=1.2)
+            ax.plot(levels, y[np.isin(x, levels)], color=colour, **panels.DOT)
+
+    what = f"{inputs.own} over {level.name} at {at}"
+    caption = f"{output.name} of {what}; dots mark the training levels."
+    if pieces.fusion.shrink < 1.0:
+        caption += (
+            f" Midway between levels, {pieces.fusion.shrink:.0%} of what the pieces explain on the "
+            "backbone is carried."
+        )
+    panel = Panel("", on, inputs.axis_label(level), (inputs.axis_label(output),), data)
+    return [Drawing("segments_levels", caption, f"{what}.", (panel,), Layout(2.0))]
+
+
+def level_courses(inputs: ReportInputs, pieces: Pieces, x: Array) -> dict[float, Array]:
+    """Return what the model says at the levels `x`, by place along the curves: at three places in
+    the range that all curves have in common, other inputs in the middle of their ranges.
+    """
+    model, along = inputs.model, inputs.along.name
+    limits = {
+        quantity.name: np.array([curve.limits[quantity.name] for curve in pieces.curves])
+        for quantity in model.inputs
     }
-    columns = {**middle, str(pieces.level): x}
-    return x, np.array(
-        [
-            weight_of(pieces, {segment.id for segment in curve.segments}, columns)
-            for curve in pieces.curves
-        ]
-    )
+    columns = {name: np.full(len(x), ends.mean()) for name, ends in limits.items()}
+    columns[str(pieces.level)] = x
+    low, high = limits[along][:, 0].max(), limits[along][:, 1].min()
+    courses = {}
+    for share in (0.1, 0.5, 0.9):
+        place = float(low + share * (high - low))
+        courses[place] = predict(model, {**columns, along: np.full(len(x), place)})
+    return courses
 
 
 def _level_grid(pieces: Pieces, levels: Array) -> Array:
     """Values of the level quantity, a little beyond the outer levels where the model is
     extrapolated, the levels among them.
     """
-    below, above = pieces.fusion.extrapolation[str(pieces.level)]
+    sides = pieces.fusion.extrapolation[str(pieces.level)]
     margin = 0.08 * (levels[-1] - levels[0])
-    low = levels[0] - (margin if isinstance(below, str) else 0.0)
-    high = levels[-1] + (margin if isinstance(above, str) else 0.0)
-    return np.union1d(np.linspace(low, high, GRID), levels)
+    below, above = (margin if isinstance(side, str) else 0.0 for side in sides)
+    return np.union1d(np.linspace(levels[0] - below, levels[-1] + above, GRID), levels)

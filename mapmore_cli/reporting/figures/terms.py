@@ -6,22 +6,29 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from matplotlib.axes import Axes
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.fits import SegmentFit
-from mapmore_cli.reporting.figures import style
-from mapmore_cli.reporting.figures.drawing import Drawing, Grid, Panel, Values
+from mapmore_cli.reporting.figures.drawing import DOUBLE, Drawing, Layout, Panel, Values
+from mapmore_cli.reporting.figures.panels import (
+    DOT,
+    evenly,
+    key,
+    label_rows,
+    plain_logarithm,
+    shorten,
+    some_of,
+    write_beside,
+)
+from mapmore_cli.reporting.figures.style import GREY, LIGHT, model_styles
 from mapmore_cli.reporting.inputs import ReportInputs
 
-MOST_SEGMENTS, MOST_SPOKEN = 40, 12
-LETTERS = 80
-"""Letters beside the axis in a figure of two columns' width."""
-MARKS = style.DOT | {"markersize": 4}
-LEAST = 1e-6
-"""Unexplained shares in per cent below this one are drawn at it."""
+MOST_SEGMENTS = 40
+RUNNER_UP = DOT | {"markersize": 4, "color": GREY, "markerfacecolor": "white"}
 
 
 @dataclass(frozen=True)
@@ -41,13 +48,9 @@ def term_steps(fit: SegmentFit) -> TermSteps:
     chosen = fit.selection
     left = 100 * (1 - np.cumsum(chosen.err))
     before = np.concatenate([[100.0], left[:-1]])
-    rival = [
-        chosen.err_all[step, second] if second >= 0 else np.nan
-        for step, second in enumerate(chosen.runner_up)
-    ]
-    return TermSteps(
-        fit.id, ", ".join(fit.terms), left, before - 100 * np.array(rival, dtype=float)
-    )
+    errs = chosen.err_all[np.arange(len(left)), chosen.runner_up]
+    rival = np.where(chosen.runner_up >= 0, errs, np.nan)
+    return TermSteps(fit.id, ", ".join(fit.terms), left, before - 100 * rival)
 
 
 def whole_curves(fits: Sequence[SegmentFit], most: int) -> list[SegmentFit]:
@@ -55,50 +58,8 @@ def whole_curves(fits: Sequence[SegmentFit], most: int) -> list[SegmentFit]:
     curves = list(dict.fromkeys(fit.curve for fit in fits))
     if len(fits) <= most:
         return list(fits)
-    chosen = {curves[i] for i in style.spread(len(curves), max(2, most * len(curves) // len(fits)))}
+    chosen = {curves[i] for i in evenly(len(curves), max(2, most * len(curves) // len(fits)))}
     return [fit for fit in fits if fit.curve in chosen]
-
-
-def draw_terms(ax: Axes, segments: Sequence[TermSteps], colour: str) -> None:
-    """Draw one row a segment: a filled dot for every chosen term, an open one for its runner-up,
-    the names at the right.
-    """
-    left_room, right_room = _room(ax, segments)
-    margins = [
-        [*one.left, np.nan, one.left[-1], one.left_by_runner_up[-1], np.nan] for one in segments
-    ]
-    ax.plot(*_in_rows(margins), color=style.LIGHT, linewidth=0.8, zorder=1)
-    ax.plot(
-        *_in_rows([one.left_by_runner_up for one in segments]),
-        zorder=2,
-        **MARKS | {"color": style.GREY, "markerfacecolor": "white"},
-    )
-    ax.plot(*_in_rows([one.left for one in segments]), color=colour, zorder=3, **MARKS)
-    for row, segment in enumerate(segments):
-        style.write_beside(ax, row, style.shortened(segment.terms, right_room), 6)
-    style.plain_logarithm(ax.xaxis)
-    low, high = np.log10(ax.get_xlim())
-    ax.set_xlim(10.0 ** np.floor(low), 10.0 ** np.ceil(high))
-    style.label_rows(ax, [style.shortened(segment.segment, left_room) for segment in segments])
-
-
-def _in_rows(shares: Sequence[Values]) -> tuple[Array, Array]:
-    """Shares of each segment as x and y in its row."""
-    return np.maximum(np.concatenate(shares), LEAST), np.repeat(
-        np.arange(len(shares)), [len(values) for values in shares]
-    )
-
-
-def _room(ax: Axes, segments: Sequence[TermSteps]) -> tuple[int, int]:
-    """Letters that the names of the segments may have at the left, and their terms at the right;
-    what the terms leave is the names'.
-    """
-    figure = ax.get_figure(root=True)
-    width = style.DOUBLE if figure is None else float(figure.get_figwidth())
-    letters = int(LETTERS * width / style.DOUBLE)
-    longest = max(len(segment.terms) for segment in segments)
-    left = max(letters * 2 // 5, letters - longest)
-    return left, letters - min(left, max(len(segment.segment) for segment in segments))
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
@@ -107,49 +68,48 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     segments = [term_steps(fit) for fit in whole_curves(fits, MOST_SEGMENTS) if fit.terms]
     if not segments:
         return []
-    own = style.model_styles([inputs.own], inputs.style.palette)[inputs.own].colour
-    handles = (
-        style.key("chosen term", color=own, **MARKS),
-        style.key("its runner-up", color=style.GREY, markerfacecolor="white", **MARKS),
-    )
+    own = model_styles([inputs.own], inputs.style.palette)[inputs.own].colour
+    sizes = [len(one.left) for one in segments]
+    data: dict[str, Values] = {
+        "segment": np.repeat([one.segment for one in segments], sizes),
+        "terms": np.repeat([one.terms for one in segments], sizes),
+        "step": np.concatenate([np.arange(size) + 1 for size in sizes]),
+        "left unexplained [%]": np.concatenate([one.left for one in segments]),
+        "left by the runner-up [%]": np.concatenate([one.left_by_runner_up for one in segments]),
+    }
     caption = (
         "What the chosen terms (named at the right, in the order of selection) leave "
         "unexplained in every segment, and what the runner-up "
         "of each step would have left: the distance is the margin of the "
-        f"choice.{style.some_of(len(segments), len(fits), 'segments')}"
+        f"choice.{some_of(len(segments), len(fits), 'segments')}"
     )
     spoken = "; ".join(
-        f"{segment.segment}: {segment.terms}, {segment.left[-1]:.2g} % left"
-        for segment in segments[:MOST_SPOKEN]
+        f"{one.segment}: {one.terms}, {one.left[-1]:.2g} % left" for one in segments[:12]
     )
-    panel = Panel(
-        "",
-        lambda axes: draw_terms(axes[0], segments, own),
-        "Sum of squares left unexplained (%)",
-        ("",),
-        _data(segments),
+    alt = f"Unexplained sum of squares by segment. {spoken}."
+    handles = (
+        key("chosen term", **DOT | {"markersize": 4, "color": own}),
+        key("its runner-up", **RUNNER_UP),
     )
-    grid = Grid(width=style.DOUBLE, height=0.3 + 0.17 * len(segments))
-    return [
-        Drawing(
-            "terms",
-            caption,
-            f"Unexplained sum of squares by segment. {spoken}.",
-            (panel,),
-            grid,
-            handles,
-        )
-    ]
+    on = partial(draw_terms, segments=segments, colour=own)
+    panel = Panel("", on, "Sum of squares left unexplained (%)", ("",), data)
+    grid = Layout(0.3 + 0.17 * len(segments), width=DOUBLE)
+    return [Drawing("terms", caption, alt, (panel,), grid, handles)]
 
 
-def _data(segments: Sequence[TermSteps]) -> dict[str, Values]:
-    steps = [(segment, step) for segment in segments for step in range(len(segment.left))]
-    return {
-        "segment": [segment.segment for segment, _ in steps],
-        "terms": [segment.terms for segment, _ in steps],
-        "step": [step + 1 for _, step in steps],
-        "left unexplained [%]": [float(segment.left[step]) for segment, step in steps],
-        "left by the runner-up [%]": [
-            float(segment.left_by_runner_up[step]) for segment, step in steps
-        ],
-    }
+def draw_terms(ax: Axes, segments: Sequence[TermSteps], colour: str) -> None:
+    """Draw one row a segment: a filled dot for every chosen term, an open one for its runner-up,
+    the names at the right.
+    """
+    for row, one in enumerate(segments):
+        # a share of zero has no place on a logarithmic axis
+        left, rival = np.maximum(one.left, 1e-6), np.maximum(one.left_by_runner_up, 1e-6)
+        rows = np.full(len(left), row)
+        ax.plot([*left, rival[-1]], [*rows, row], color=LIGHT, linewidth=0.8, zorder=1)
+        ax.plot(rival, rows, zorder=2, **RUNNER_UP)
+        ax.plot(left, rows, zorder=3, **DOT | {"markersize": 4, "color": colour})
+        write_beside(ax, row, shorten(one.terms, 40))
+    plain_logarithm(ax.xaxis)
+    low, high = np.log10(ax.get_xlim())
+    ax.set_xlim(10.0 ** np.floor(low), 10.0 ** np.ceil(high))
+    label_rows(ax, [shorten(one.segment, 40) for one in segments])

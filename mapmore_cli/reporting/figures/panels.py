@@ -1,0 +1,249 @@
+"""What panels are drawn of: lines, dots, bands and labels; and the sentences of captions that
+figures share.
+"""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib import rcParams
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+from mapmore_cli.domain.arrays import Array, IntArray
+from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.reporting.figures.style import GREY
+from mapmore_cli.reporting.inputs import INTERVAL, ReportInputs
+from mapmore_cli.reporting.table import title_of
+
+MOST_PANELS = 6
+"""Panels of curves in one figure; of more curves, some stand for all."""
+
+DOTS = 200
+POINTS = 2000
+"""Dots of a curve, and points of a line over time; of more samples some are drawn."""
+
+STRETCHES = 150
+"""A line of more than four samples a stretch of the axis is drawn as their means and their range.
+"""
+
+PALE = 0.15
+DOT: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 3}
+
+# Lines, dots and bands
+# --------------------------------------------------------------------------------------------------
+
+
+def draw_line(ax: Axes, x: Array, y: Array, sets_scale: bool = True, **look: Any) -> None:
+    """Draw a line or dots; axes do not grow for one that does not set the scale."""
+    if sets_scale:
+        ax.plot(x, y, **look)
+    else:
+        ax.add_artist(Line2D(x, y, **look))
+
+
+def draw_dots(ax: Axes, x: Array, y: Array, most: int = DOTS, **look: Any) -> None:
+    """Draw samples as dots, thinned so that the extremes remain."""
+    rows = cloud(y, most)
+    draw_line(ax, x[rows], y[rows], **DOT | {"markeredgewidth": 0} | look)
+
+
+def draw_trace(ax: Axes, x: Array, y: Array, **look: Any) -> None:
+    """Draw a line over time, thinned so that its peaks remain."""
+    rows = envelope(y, POINTS)
+    draw_line(ax, x[rows], y[rows], **look)
+
+
+def draw_band(ax: Axes, x: Array, y: Array, sets_scale: bool = True, **look: Any) -> None:
+    """Draw `y` over sorted `x` as a line; of many samples the mean, with their range as a pale
+    band.
+    """
+    if len(x) > 4 * STRETCHES:
+        x, y, low, high = band(x, y)
+        if sets_scale:
+            shade_between(ax, x, (low, high), look["color"])
+    draw_line(ax, x, y, sets_scale, **look)
+
+
+def shade_between(ax: Axes, x: Array, ends: tuple[Array, Array], colour: Any) -> None:
+    """Shade what lies between two ends, (n,) each."""
+    ax.fill_between(x, *ends, color=colour, alpha=PALE, linewidth=0, zorder=1)
+
+
+def zero_line(ax: Axes) -> None:
+    """Draw a thin line at an error of zero."""
+    ax.axhline(0.0, color=GREY, linewidth=0.5, zorder=0)
+
+
+def envelope(y: Array, limit: int) -> IntArray:
+    """Row numbers that draw a trace with at most `limit` points: the lowest and the highest sample
+    of each of `limit // 2` runs.
+
+    All rows where there are no more than `limit`.
+    """
+    if len(y) <= limit:
+        return np.arange(len(y))
+    rows = []
+    for run in np.array_split(np.arange(len(y)), limit // 2):
+        known = run[~np.isnan(y[run])]
+        if len(known):
+            rows += [known[np.argmin(y[known])], known[np.argmax(y[known])]]
+        else:
+            rows.append(run[0])  # a gap stays one
+    return np.unique(rows)
+
+
+def cloud(y: Array, limit: int) -> IntArray:
+    """Row numbers of at most `limit` finite samples, evenly spread, and the extremes among them."""
+    rows = np.flatnonzero(np.isfinite(y))
+    if len(rows) <= limit:
+        return rows
+    extremes = rows[[np.argmin(y[rows]), np.argmax(y[rows])]]
+    return np.union1d(rows[evenly(len(rows), limit - 2)], extremes)
+
+
+def band(x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
+    """Places, means, least and greatest values of `y` over sorted `x`, (m,) each: one for every
+    equal stretch of x that holds samples.
+    """
+    rows = np.flatnonzero(np.isfinite(y))
+    edges = np.linspace(x[0], x[-1], STRETCHES + 1)[1:-1]
+    starts = np.flatnonzero(np.diff(np.searchsorted(edges, x[rows], side="right"), prepend=-1))
+    count = np.diff(starts, append=len(rows))
+    x_mean, y_mean = (np.add.reduceat(values[rows], starts) / count for values in (x, y))
+    low, high = (extreme.reduceat(y[rows], starts) for extreme in (np.minimum, np.maximum))
+    return x_mean, y_mean, low, high
+
+
+def evenly(count: int, limit: int) -> list[int]:
+    """At most `limit` of `count` numbers, evenly spread, the first and the last among them."""
+    return sorted({int(i) for i in np.linspace(0, count - 1, min(count, limit)).round()})
+
+
+# Axes, legends and labels
+# --------------------------------------------------------------------------------------------------
+
+
+def plain_logarithm(axis: Axis, subs: Sequence[float] | None = None) -> None:
+    """Scale an axis by logarithms, labelled with plain numbers as 0.5, 1, 2; `subs` are the
+    labelled multiples of the powers of ten.
+    """
+    (axis.axes.set_xscale if axis is axis.axes.xaxis else axis.axes.set_yscale)("log")
+    if subs is not None:
+        axis.set_major_locator(LogLocator(subs=subs))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def label_rows(ax: Axes, names: Sequence[str]) -> None:
+    """Name the rows 0, 1, ... of a panel from its top down."""
+    ax.set_yticks(range(len(names)), names)
+    ax.tick_params(axis="y", length=0)
+    ax.set_ylim(len(names) - 0.45, -0.55)
+
+
+def write_beside(ax: Axes, row: float, text: str) -> None:
+    """Write at the right of a panel, a little beside it."""
+    write_at(ax, text, (1.0, row), (5, 0), xycoords=("axes fraction", "data"), va="center")
+
+
+def write_at(
+    ax: Axes, text: str, place: tuple[Any, Any], offset: tuple[int, int], **look: Any
+) -> None:
+    """Write small letters so many points beside a place."""
+    size = rcParams["xtick.labelsize"]
+    ax.annotate(text, place, offset, textcoords="offset points", fontsize=size, **look)
+
+
+def key(label: str, **look: Any) -> Line2D:
+    """Return the entry of a legend."""
+    return Line2D([], [], label=label, **look)
+
+
+def interval_key(colour: str) -> Patch:
+    """Return what the legend shows for an interval."""
+    return Patch(color=colour, alpha=PALE, linewidth=0, label=f"{INTERVAL:.0%} interval")
+
+
+def heading(quantity: Quantity) -> str:
+    """Return the heading of a quantity's column among the numbers of a panel."""
+    return f"{quantity.name} [{quantity.unit}]"
+
+
+def shorten(text: str, length: int) -> str:
+    """Return the text, its middle left out where it is longer than `length`."""
+    if len(text) <= length:
+        return text
+    head = (length - 1) // 2
+    return f"{text[:head]}…{text[head + 1 - length :]}"
+
+
+def two_lines(text: str, length: int) -> str:
+    """Return the text in two lines where it is longer than `length`; longer ones are shorten."""
+    if len(text) <= length:
+        return text
+    return textwrap.fill(shorten(text, 2 * length), length, max_lines=2, placeholder="…")
+
+
+# Captions, and what is left out
+# --------------------------------------------------------------------------------------------------
+
+
+def places(inputs: ReportInputs, ids: Sequence[str], most: int = MOST_PANELS) -> list[int]:
+    """Which of the curves or recordings of these ids are drawn: those that were asked for, else at
+    most so many, evenly spread.
+    """
+    if inputs.asked:
+        return [place for place, one in enumerate(ids) if one in inputs.asked]
+    return evenly(len(ids), most)
+
+
+def some_curves(inputs: ReportInputs, numbers: Sequence[int], most: int = MOST_PANELS) -> list[int]:
+    """Which of the curves of these numbers in the dataset are drawn, likewise."""
+    ids = [inputs.dataset.curves[i].id for i in numbers]
+    return [numbers[i] for i in places(inputs, ids, most)]
+
+
+def some_of(shown: int, count: int, what: str) -> str:
+    """Return a sentence that says what was left out; nothing where all is shown."""
+    return "" if shown == count else f" {shown} of {count} {what} are drawn, evenly spread."
+
+
+def best_of(shown: int, count: int) -> str:
+    """Return a sentence about the models that lines are drawn of; nothing where all are."""
+    if shown == count:
+        return ""
+    others = f"the run's own and the {shown - 1} others with the least error"
+    return f" Of {count} models, {others} are drawn."
+
+
+def beyond_scale(models: Sequence[str]) -> str:
+    """Return a sentence about the models that leave the panels; nothing where all are held."""
+    return f" Too far off for the scale: {', '.join(map(title_of, models))}." if models else ""
+
+
+def interval_words(inputs: ReportInputs) -> str:
+    """Return what a caption says of intervals, where there are any."""
+    if inputs.left_out is None:
+        return ""
+    return (
+        f" The band holds a sample of a new curve with a probability of {INTERVAL:.0%}, by "
+        f"left-out {inputs.left_out.kind} of training data."
+    )
+
+
+def thinned(sizes: Sequence[int]) -> str:
+    """Say how curves of so many samples are drawn; nothing where every sample is drawn."""
+    words = SOME_DOTS if max(sizes) > DOTS else ""
+    if max(sizes) > 4 * STRETCHES:
+        words += " Lines are means over short stretches, pale bands the range of the samples."
+    return words
+
+
+SOME_DOTS = " Dots are some of the samples, the extremes among them."
