@@ -15,7 +15,7 @@ FORWARD = (
     3  # terms chosen forward for each that is kept, where pruning follows and nothing else is said
 )
 
-Stop = Literal["tolerance", "bic", "free_run"]
+Stop = Literal["tolerance", "bic", "aicc", "press", "free_run"]
 """When fewer terms than `max_terms` are enough."""
 
 

@@ -19,8 +19,8 @@ from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
 from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.fits import Selection
 from mapmore_cli.modelling.frols.engine import frols
-from mapmore_cli.modelling.frols.moments import Moments
-from mapmore_cli.modelling.frols.select import widened
+from mapmore_cli.modelling.frols.moments import Blocks, Moments
+from mapmore_cli.modelling.frols.select import FULL_LEVERAGE, widened
 from mapmore_cli.modelling.selection import LEAST_RIDGE
 
 
@@ -141,3 +141,20 @@ def _left_out_error(
         - 2 * constant * (combination @ held.sums)
         + held.samples * constant**2
     )
+
+
+def ridge_press(blocks: Blocks, data: Regularised, subsets: Sequence[IntArray]) -> Array:
+    """Return `PRESS = sum_i (r_i / (1 - h_i))^2` of each subset, (m,), in one pass over
+    standardised blocks; infinite where a leverage is one.
+
+    The leverage is `h_i = 1/n + z_i' G^-1 z_i / n`: of the mean, and of the terms. A ridge makes it
+    exact but for the change of means and standard deviations by one sample.
+    """
+    total = np.zeros(len(subsets))
+    for P, y in blocks():
+        for place, kept in enumerate(subsets):
+            Z, gram = P[:, kept], data.gram[np.ix_(kept, kept)]
+            left = 1 - (1 + np.einsum("ij,ji->i", Z, np.linalg.solve(gram, Z.T))) / data.samples
+            residual = y - Z @ data.coefficients(kept)
+            total[place] += np.square(residual / np.where(left > FULL_LEVERAGE, left, np.nan)).sum()
+    return np.where(np.isnan(total), np.inf, total)

@@ -24,7 +24,7 @@ NO_GAIN = 1e-28
 # a regressor counts as dependent when `q'q <= RANK_TOLERANCE p'p`: what remains is then rounding
 # error
 RANK_TOLERANCE = 1e-24
-CRITERIA = ("tolerance", "bic")  # rules for the number of terms
+CRITERIA = ("tolerance", "bic", "aicc", "press")  # rules for the number of terms
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,8 @@ class Stopping:
     `tolerance` is explained.
 
     The fraction is one of `y'y`, or of the squares about the mean: see `to_explain`. The criterion
-    `bic` chooses the number of terms afterwards, among all that can be had: no tolerance ends it.
+    The other criteria choose the number of terms afterwards, among all that can be had: no
+    tolerance ends them.
     """
 
     max_terms: int | None
@@ -164,14 +165,43 @@ def to_explain(blocks: Blocks, samples: int, yy: float) -> float:
 ROUNDING = 1e-30
 
 
-def least_bic(unexplained: Array, n: int) -> int:
-    """Return the number of terms of least `n ln(SSE/n) + k ln n` (Schwarz 1978), the smaller of
-    equals.
+def fewest_terms(criterion: str, unexplained: Array, n: int) -> int:
+    """Return the number of terms at which a criterion is least, the smaller of equals.
 
     `unexplained` (k,) is `SSE / y'y` after 1, 2, ... terms of n samples.
+
+    - `bic`: `n ln(SSE/n) + k ln n` (Schwarz 1978);
+    - `aicc`: `n ln(SSE/n) + 2k + 2k(k+1)/(n-k-1)` (Hurvich and Tsai 1989).
     """
     k = np.arange(1, len(unexplained) + 1)
-    return int(np.argmin(n * np.log(np.maximum(unexplained, ROUNDING)) + k * np.log(n))) + 1
+    price = k * np.log(n)
+    if criterion == "aicc":
+        freedom = n - k - 1
+        price = np.where(freedom > 0, 2 * k + 2 * k * (k + 1) / np.maximum(freedom, 1), np.inf)
+    return int(np.argmin(n * np.log(np.maximum(unexplained, ROUNDING)) + price)) + 1
+
+
+FULL_LEVERAGE = 1e-8
+"""A sample with `1 - h` below this alone decides a coefficient; its error when left out is
+unknown.
+"""
+
+
+def press(blocks: Blocks, chosen: IntArray, factor: Array, projections: Array) -> Array:
+    """Return `PRESS_k = sum_i (r_ik / (1 - h_ik))^2` after 1, 2, ... terms (Allen 1974), (k,);
+    infinite where a sample has leverage one.
+
+    Of the `chosen` candidates (k,), `factor` is the upper triangular R, (k, k), and `projections`
+    are `c = U'y`, (k,), with `U = P_chosen R^-1`. Its first k columns give the leverages `h_ik =
+    sum_j U_ij^2` and the residuals `r_ik = y_i - sum_j U_ij c_j`.
+    """
+    total = np.zeros(len(chosen))
+    for P, y in blocks():
+        U = np.linalg.solve(factor.T, P[:, chosen].T).T
+        residual = y[:, None] - np.cumsum(U * projections, axis=1)
+        left = 1 - np.cumsum(U**2, axis=1)
+        total += np.square(residual / np.where(left > FULL_LEVERAGE, left, np.nan)).sum(axis=0)
+    return np.where(np.isnan(total), np.inf, total)
 
 
 def selected(
@@ -186,25 +216,34 @@ def selected(
     DigitsLost as `greedy`.
 
     The remainders are of columns of `Z = [P y]` divided by `scale`, (M+1,); `blocks` are the rows
-    of `Z`, read where the tolerance may end the choice.
+    of `Z`, read for `press`, and where the tolerance may end the choice.
     """
     whole = cache(lambda: to_explain(divided(blocks, scale), samples, remainders.yy))
     steps, stop = greedy(remainders, stopping, limit, whole)
     best = k = len(steps)
-    if k and stopping.criterion == "bic":
-        best = least_bic(np.array([step.sse for step in steps]) / remainders.yy, samples)
+    if k and stopping.criterion == "press":
+        errors = press(divided(blocks, scale), *_factor(steps, len(scale)))
+        best = int(np.argmin(errors)) + 1
+    elif k and stopping.criterion != "tolerance":
+        unexplained = np.array([step.sse for step in steps]) / remainders.yy
+        best = fewest_terms(stopping.criterion, unexplained, samples)
     return _selection_of_steps(
         steps[:best], stopping.criterion if best < k else stop, remainders.yy, scale, samples
     )
+
+
+def _factor(steps: Sequence[Iteration], width: int) -> tuple[IntArray, Array, Array]:
+    """Return the chosen candidates (k,), their triangular factor R (k, k), and `c = U'y` (k,)."""
+    chosen = np.array([step.pick for step in steps], dtype=np.int64)
+    rows = np.array([step.row for step in steps]).reshape(len(steps), width)
+    return chosen, np.triu(rows[:, chosen]), rows[:, -1]
 
 
 def _selection_of_steps(
     steps: Sequence[Iteration], stop: str, yy: float, scale: Array, samples: int
 ) -> Selection:
     k, M = len(steps), len(scale) - 1
-    chosen = np.array([step.pick for step in steps], dtype=np.int64)
-    rows = np.array([step.row for step in steps]).reshape(k, len(scale))
-    R, projections = np.triu(rows[:, chosen]), rows[:, -1]
+    chosen, R, projections = _factor(steps, len(scale))
     lengths, sse = np.diag(R), steps[-1].sse if k else yy
     variance = sse / (samples - k) if samples > k else np.nan
     found = Selection(

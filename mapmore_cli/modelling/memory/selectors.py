@@ -18,8 +18,8 @@ from mapmore_cli.modelling.expressions import Expression, dictionary_blocks, dic
 from mapmore_cli.modelling.expressions.families import fits_whole, refuse_beyond_memory
 from mapmore_cli.modelling.frols import frols, frols_streamed
 from mapmore_cli.modelling.frols.moments import moments, standard, standardised
-from mapmore_cli.modelling.frols.ridge import Regularised, choose_ridge, prune, select
-from mapmore_cli.modelling.frols.select import in_units, least_bic, widened
+from mapmore_cli.modelling.frols.ridge import Regularised, choose_ridge, prune, ridge_press, select
+from mapmore_cli.modelling.frols.select import fewest_terms, in_units, widened
 from mapmore_cli.modelling.memory.records import Record, complete
 from mapmore_cli.modelling.memory.states import evaluate_states
 from mapmore_cli.modelling.selection import MemoryRecipe, Stop
@@ -163,7 +163,8 @@ class _Ridged:
         refuse_beyond_memory(len(data.terms))
         self.recipe = recipe
         self.standard = standard(data.blocks)
-        total = moments(standardised(data.blocks, self.standard))
+        self.blocks = standardised(data.blocks, self.standard)
+        total = moments(self.blocks)
         ridge = recipe.ridge
         if ridge == "auto":
             edges = np.linspace(0, data.samples, min(FOLDS, data.samples) + 1).astype(np.int64)
@@ -181,8 +182,12 @@ class _Ridged:
         unexplained = np.array(
             [self.data.unexplained(kept, self.data.coefficients(kept)) for kept in self.sizes]
         )
-        if self.recipe.stop == "bic":
-            return self.among(self.sizes[least_bic(unexplained, self.data.samples) - 1], "bic")
+        stop, samples = self.recipe.stop, self.data.samples
+        if stop == "press":
+            errors = ridge_press(self.blocks, self.data, self.sizes)
+            return self.among(self.sizes[int(np.argmin(errors))], stop)
+        if stop in ("bic", "aicc"):
+            return self.among(self.sizes[fewest_terms(stop, unexplained, samples) - 1], stop)
         enough = np.flatnonzero(unexplained <= self.recipe.tolerance)
         if self.recipe.stop == "tolerance" and len(enough):
             return self.among(self.sizes[enough[0]], "tolerance")

@@ -109,18 +109,35 @@ def test_tables_hold_every_candidate_at_every_iteration():
         assert ours.runner_up[step] == np.argsort(np.nan_to_num(ours.err_all[step], nan=-1))[-2]
 
 
-def test_bic_finds_the_planted_number_of_terms():
+@pytest.mark.parametrize("stop", ["bic", "aicc", "press"])
+def test_stop_rules_find_the_planted_number_of_terms(stop):
     found = []
     for seed in range(20):
         rng = np.random.default_rng(seed)
         P = rng.normal(size=(400, 12))
         y = P[:, 2] - 2 * P[:, 5] + P[:, 9] + 0.3 * rng.normal(size=400)
-        ours = frols(P, y, 10, stop="bic")
+        ours = frols(P, y, 10, stop=stop)
         assert set(ours.chosen[:3].tolist()) == {2, 5, 9}
-        assert ours.stop == "bic"
+        assert ours.stop == stop
         assert len(ours.theta) == len(ours.chosen) == len(ours.a)
         found.append(len(ours.chosen))
-    assert np.median(found) == 3
+    assert np.median(found) <= (3 if stop == "bic" else 5)
+
+
+def test_press_is_the_leave_one_out_error():
+    rng = np.random.default_rng(1)
+    P = rng.normal(size=(25, 5))
+    y = P @ [3, 0, -1, 0, 0] + rng.normal(size=25)
+    order = frols(P, y).chosen
+    press = []
+    for k in range(1, 6):
+        left_out = []
+        for i in range(25):
+            rest = np.arange(25) != i
+            theta = np.linalg.lstsq(P[rest][:, order[:k]], y[rest], rcond=None)[0]
+            left_out.append(y[i] - P[i, order[:k]] @ theta)
+        press.append(np.sum(np.square(left_out)))
+    assert len(frols(P, y, 5, stop="press").chosen) == int(np.argmin(press)) + 1
 
 
 @pytest.mark.parametrize(

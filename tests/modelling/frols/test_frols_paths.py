@@ -68,7 +68,7 @@ def dictionaries(rng, kind, n, M):
     M=st.integers(1, 11),
     noise=st.sampled_from([0.0, 1e-12, 1e-6, 1e-3, 1.0]),
     tolerance=st.sampled_from([0.0, 1e-10, 1e-3]),
-    stop=st.sampled_from(["tolerance", "bic"]),
+    stop=st.sampled_from(["tolerance", "bic", "aicc", "press"]),
 )
 def test_every_form_makes_the_same_selection(seed, kind, n, M, noise, tolerance, stop):
     assume(
@@ -245,3 +245,16 @@ def test_unknown_rules_are_refused_before_anything_is_read():
         frols_streamed(unread, 2, stop="aic")
     with pytest.raises(ValueError, match="max_terms"):
         frols_streamed(unread, 0)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_sample_that_alone_decides_a_term_has_no_leave_one_out_error(form):
+    """Column 1 is nonzero in one sample only: PRESS is infinite once it is chosen."""
+    rng = np.random.default_rng(3)
+    P = np.column_stack([np.ones(30), np.arange(30) == 7, rng.normal(size=(30, 2))]).astype(float)
+    y = P @ [1, 50, 0.1, 0] + 0.1 * rng.normal(size=30)
+    assert fit_by(form, P, y, 4).chosen[0] == 1
+    assert len(fit_by(form, P, y, 4, stop="press").chosen) == 1
+    y -= 45 * P[:, 1]
+    assert fit_by(form, P, y, 4).chosen.tolist()[:2] == [0, 1]
+    assert fit_by(form, P, y, 4, stop="press").chosen.tolist() == [0]

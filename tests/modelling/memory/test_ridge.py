@@ -143,3 +143,24 @@ def test_without_anything_to_choose_between_the_ridge_is_weak():
     by = standard(blocks_of(P, y))
     total, half = (moments(standardised(blocks_of(P[:n], y[:n]), by)) for n in (8, 4))
     assert choose_ridge(total, [half], 2, 2) == RIDGES[0]
+
+
+@settings(deadline=None, max_examples=25)
+@given(
+    n=st.integers(8, 25),
+    M=st.integers(1, 4),
+    seed=st.integers(0, 10_000),
+    ridge=st.sampled_from([1e-6, 1e-3, 0.1]),
+)
+def test_press_is_the_error_of_models_fitted_without_the_sample(n, M, seed, ridge):
+    P, y = problem(n, M + 1, seed)
+    Z, z = (P[:, :M] - P[:, :M].mean(axis=0)) / P[:, :M].std(axis=0), (y - y.mean()) / y.std()
+    expected = 0.0
+    for left in range(n):
+        A = np.column_stack([np.ones(n - 1), np.delete(Z, left, axis=0)])
+        penalty = n * ridge * np.diag([0.0, *[1.0] * M])
+        theta = np.linalg.solve(A.T @ A + penalty, A.T @ np.delete(z, left))
+        expected += (z[left] - np.r_[1.0, Z[left]] @ theta) ** 2
+    data = regularised(P[:, :M], y, ridge)
+    errors = ridge_press(blocks_of(Z, z, 3), data, [np.arange(1), np.arange(M)])
+    assert errors[1] == pytest.approx(expected, rel=1e-6)
