@@ -16,6 +16,7 @@ from mapmore_cli.modelling.frols.ridge import (
     Regularised,
     choose_ridge,
     prune,
+    ridge_press,
     select,
 )
 
