@@ -71,6 +71,10 @@ def figure(
             help="One panel alone: of a curve (250 or pressure=250), a recording or a model.",
         ),
     ] = None,
+    models: Annotated[
+        str | None,
+        typer.Option(metavar="A,B", help="Competitors to draw, as sarosi,plane; else all."),
+    ] = None,
     data: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Also write what the panel was drawn from (CSV)."),
@@ -103,10 +107,10 @@ def figure(
     )
     if data is not None and curve is None:
         raise UsageError("--data needs one panel", "name it with --curve")
+    wanted = [one.strip() for one in (models or "").split(",") if one.strip()]
+    folder = run if run.is_dir() else runs / run
     with Reporter(quiet) as reporter:
-        drawn, numbers = drawn_figure(
-            run if run.is_dir() else runs / run, name, curve, suffix, reporter.warn, looks
-        )
+        drawn, numbers = drawn_figure(folder, name, curve, suffix, reporter.warn, looks, wanted)
     write_bytes(out, drawn)
     if data is not None and numbers is not None:
         write_text(data, numbers)

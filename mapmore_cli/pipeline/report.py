@@ -144,11 +144,13 @@ def drawn_figure(
     suffix: str,
     warn: Callable[[str], None],
     looks: Sequence[str] = (),
+    models: Sequence[str] = (),
 ) -> tuple[bytes, str | None]:
     """Draw a figure of a run as a file: all of it, or the panel of one curve (or model) as wide as
     the spec says, with its numbers as CSV.
 
     - `warn`: is told of a font that this machine does not have.
+    - `models`: competitors that are drawn, where that is not all of them.
     - `looks`: values that replace those of the run's spec, as `report.style.width=120 mm`.
 
     Raises DataError where the folder holds no finished run; UsageError where there is no such panel
@@ -172,6 +174,7 @@ def drawn_figure(
     inputs = collected(report_slice(load(run_dir / "experiment.yaml", looks).spec), run_dir)
     for warning in faults_of(inputs.style):
         warn(warning)
+    inputs = inputs.beside(models) if models else inputs
     with figure_style(inputs.style):
         drawing, panel = (
             (next(iter(drawings(name, inputs)), None), None)

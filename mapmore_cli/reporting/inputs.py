@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array, Ranges
+from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.fits import SegmentedCurve
 from mapmore_cli.domain.models import Equation, LeftOut, Model
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
 from mapmore_cli.domain.results import FitResult, Search, Validation
-from mapmore_cli.domain.scores import SIMPLE, Published, deciding
+from mapmore_cli.domain.scores import REPEATABILITY, SIMPLE, Published, deciding
 from mapmore_cli.modelling.kinds import outside_range, page_of, runs_over_time
 from mapmore_cli.modelling.validation.intervals import ends, half_widths_of
 
@@ -123,6 +124,22 @@ class ReportInputs:
     def own(self) -> str:
         """Name of the run's own model."""
         return self.models[0]
+
+    def beside(self, names: Sequence[str]) -> ReportInputs:
+        """Return the inputs with these models beside the run's own, in this order. Raises
+        UsageError for one that the run has not.
+        """
+        if unknown := [name for name in names if name not in self.models]:
+            raise UsageError(
+                f"the run compares no model called {unknown[0]!r}",
+                f"choose of {', '.join(self.models[1:])}",
+            )
+        predictions = {name: self.validation.predictions[name] for name in (self.own, *names)}
+        kept = {*predictions, REPEATABILITY}
+        scores = tuple(row for row in self.validation.scores if row.model in kept)
+        return replace(
+            self, validation=replace(self.validation, predictions=predictions, scores=scores)
+        )
 
     @property
     def lines(self) -> tuple[str, ...]:

@@ -85,3 +85,23 @@ def test_the_style_of_the_spec(tmp_path, mapmore):
     mapmore(
         "run", spec, "--runs", tmp_path / "runs", "-q", code=3, says="report.style.labels.strain"
     )
+
+
+def test_the_models_that_are_named_are_drawn_and_no_others(finished, tmp_path, mapmore):
+    arguments = (
+        "fit",
+        "--curve",
+        "200",
+        "-o",
+        tmp_path / "a.svg",
+        "--data",
+        tmp_path / "a.csv",
+        "--models",
+        "cubic, plane",
+    )
+    mapmore("figure", finished[1] / "bench", *arguments, code=0)
+    head = (tmp_path / "a.csv").read_text().splitlines()[0]
+    assert "mapmore [N]" in head
+    assert "polynomial_2" not in head
+    assert "polynomial_2" not in (tmp_path / "a.svg").read_text()
+    assert any(name in head for name in ("plane [N]", "cubic [N]"))
