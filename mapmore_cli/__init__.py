@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 __all__ = ["FROLS", "__version__", "fit", "load_model", "run"]
 
-__version__ = "0.1.0"
+__version__ = "1.0.0"
 
 
 def __getattr__(name: str) -> Any:

@@ -318,6 +318,8 @@ REMOVED = {
     },
     "family.dead": "remove it: fittings are 7.5 mm long",
     "family.rate": "remove it: the prior is that of our muscles",
+    "fit.select": "remove it: `stop: free_run` chooses the number of terms",
+    "fit.start": "remove it: free runs begin with measured outputs",
     "fuse.align": "use a `backbone`, as `sarosi_hinged`",
     "fuse.limits": "remove it: extrapolation begins at each curve's ends",
     "fuse.shrink": "remove it: left-out training data choose the share",
