@@ -13,7 +13,7 @@ import numpy as np
 
 from mapmore_cli.domain.errors import MapmoreError
 from mapmore_cli.domain.models import Model
-from mapmore_cli.modelling import kinds
+from mapmore_cli.modelling import kinds, literature
 from mapmore_cli.modelling.program.model import program_of
 from mapmore_cli.modelling.signals.rates import signal_values
 from mapmore_cli.modelling.validation.intervals import INTERVAL, half_widths_of
@@ -26,6 +26,9 @@ def unsound(model: Model) -> str | None:
     try:
         for one in model.every:
             fault = next(iter(kinds.kind_of(one).verb("faults", lambda _model: ())(one)), None)
+            inputs = {quantity.name for quantity in one.inputs}
+            if one.backbone and (missing := {*literature.of(one.backbone).inputs} - inputs):
+                fault = fault or f"{one.backbone.name} needs {min(missing)}, which it lacks"
             names = (quantity.name for quantity in (one.output, *one.inputs))
             if fault or len({*names}) <= len(one.inputs):
                 return f"of the model {one.name}: {fault or 'two quantities have one name'}"

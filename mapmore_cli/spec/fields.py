@@ -25,6 +25,7 @@ from pydantic import (
 
 from mapmore_cli.domain.declared import Contradiction, InUnit
 from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.modelling.literature.own import is_definition
 from mapmore_cli.spec.tree import Node, Written, written
 from mapmore_cli.spec.units import CANONICAL, default_unit, parse_quantity, split_quantity
 from mapmore_cli.spec.yaml_loader import VARIABLES, expand, variable_in
@@ -215,9 +216,11 @@ LONGEST_NAME, LONGEST_PATH = 255, 4000
 
 
 def possible_path(path: str) -> str:
-    """Return a path that a file system can take; ValueError for one with a name of more than 255
-    bytes, or a zero byte.
+    """Return a path that a file system can take, or the definition of a formula; ValueError for one
+    with a name of more than 255 bytes, or a zero byte.
     """
+    if is_definition(path):
+        return path
     longest = max(path.split("/"), key=len)
     if len(path) > LONGEST_PATH or len(longest.encode()) > LONGEST_NAME:
         raise ValueError(f"no path is as long as {longest[:40]!r}..., {len(path)} characters")

@@ -214,7 +214,7 @@ def floors(x: Sequence[Array], y: Sequence[Array]) -> list[float]:
     """Return the `monotone_floor` of every curve y(x) as a part of the largest target of all;
     nothing where none is worth a word.
     """
-    largest = max(float(np.abs(values).max()) for values in y)
+    largest = max(float(np.abs(values).max()) for values in y) or 1.0
     shares = [monotone_floor(*curve) / largest for curve in zip(x, y, strict=True)]
     return shares if max(shares) > WORTH else []
 
